@@ -220,18 +220,18 @@ class BatchDecoder:
         return self._decode(self._held.stop, final=True)
 
     def _decode(self, size: int, *, final: bool) -> FrameBatch:
-        found = scan(self._buffer, size, final=final, group=self._group)
+        result = scan(self._buffer, size, final=final, group=self._group)
         counters = self.counters
-        counters.crc_errors += found.crc_errors
-        counters.truncated += found.truncated
-        counters.noise_bytes += found.consumed - int(found.total.sum())
+        counters.crc_errors += result.crc_errors
+        counters.truncated += result.truncated
+        counters.noise_bytes += result.consumed - int(result.total.sum())
         # With a share d of frames damaged, one CRC over 1/sqrt(d) frames costs least.
-        if len(found.start):
-            self._group = min(max(isqrt(len(found.start) // (found.crc_errors + 1)), 1), MAX_GROUP)
-        start = found.start if self._gate is None else self._let_through(found.start, self._gate)
+        if len(result.start):
+            self._group = min(max(isqrt(len(result.start) // (result.crc_errors + 1)), 1), MAX_GROUP)
+        start = result.start if self._gate is None else self._let_through(result.start, self._gate)
         batch = FrameBatch(self._buffer, *self._select(start), self._offset)
-        self._held = slice(found.consumed, size)
-        self._offset += found.consumed
+        self._held = slice(result.consumed, size)
+        self._offset += result.consumed
         return batch
 
     def _select(self, start: Indices) -> tuple[Indices, Words, BySource]:
@@ -272,10 +272,10 @@ class BatchDecoder:
         """Return the offsets of the frames that the gate does not refuse; other major versions are not its business."""
         admitted = np.ones(len(start), np.bool_)
         buffer = self._buffer
-        for index, at in enumerate(start.tolist()):
-            if buffer[at + wire.VERSION_OFFSET] >> 4 == wire.VERSION_MAJOR:
-                end = at + wire.OVERHEAD_BYTES + int(buffer[at + wire.LENGTH_OFFSET])
-                admitted[index] = gate(buffer[at:end].tobytes())
+        for index, position in enumerate(start.tolist()):
+            if buffer[position + wire.VERSION_OFFSET] >> 4 == wire.VERSION_MAJOR:
+                end = position + wire.OVERHEAD_BYTES + int(buffer[position + wire.LENGTH_OFFSET])
+                admitted[index] = gate(buffer[position:end].tobytes())
         self.counters.refused += int(len(admitted) - np.count_nonzero(admitted))
         return start[admitted]
 
@@ -293,12 +293,12 @@ class BatchDecoder:
         fates[flags & _UNKNOWN_FLAGS != 0] = _Fate.UNKNOWN_FLAGS
         fates[versions > wire.VERSION_BYTE] = _Fate.NEWER_MINOR
         notices = []
-        for place in np.flatnonzero((expected == _ANY) & (fates == _Fate.READABLE)).tolist():
-            index = int(others[place])
-            payload = _payload(self._buffer, int(start[index]), int(lengths[place]))
-            valid, boot_count = _look_inside(int(types[place]), payload)
+        for position in np.flatnonzero((expected == _ANY) & (fates == _Fate.READABLE)).tolist():
+            index = int(others[position])
+            payload = _payload(self._buffer, int(start[index]), int(lengths[position]))
+            valid, boot_count = _look_inside(int(types[position]), payload)
             if not valid:
-                fates[place] = _Fate.BAD_PAYLOAD
+                fates[position] = _Fate.BAD_PAYLOAD
             elif boot_count is not None:
                 notices.append(BootNotice(index, boot_count))
         return fates, notices

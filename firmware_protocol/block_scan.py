@@ -136,8 +136,8 @@ def _check(buffer: Bytes, start: Indices, end: Indices, group: int) -> Flags:
 def _crcs(buffer: Bytes, start: Indices, end: Indices) -> NDArray[np.uint32]:
     view = buffer.data
     out = np.empty(len(start), np.uint32)
-    for at in range(0, len(start), _CHUNK):
-        chunk = slice(at, at + _CHUNK)
+    for index in range(0, len(start), _CHUNK):
+        chunk = slice(index, index + _CHUNK)
         out[chunk] = [crc32(view[a:b]) for a, b in zip(start[chunk].tolist(), end[chunk].tolist(), strict=True)]
     return out
 
@@ -190,17 +190,17 @@ def _scan_plainly(block: bytes, *, final: bool) -> Scan:
     """Parse frame by frame: where candidates crowd inside each other, the parser visits few of them."""
     starts: list[int] = []
     ends: list[int] = []
-    crc_errors = truncated = at = 0
+    crc_errors = truncated = offset = 0
     while True:
-        at, end, errors = next_frame(block, at)
+        offset, end, errors = next_frame(block, offset)
         crc_errors += errors
         if end:
-            starts.append(at)
+            starts.append(offset)
             ends.append(end)
-            at = end
-        elif final and at < len(block):
-            truncated += at + 1 < len(block)
-            at += 1
+            offset = end
+        elif final and offset < len(block):
+            truncated += offset + 1 < len(block)
+            offset += 1
         else:
             start = np.array(starts, np.int64)
-            return Scan(start, np.array(ends, np.int64) - start, crc_errors, truncated, at)
+            return Scan(start, np.array(ends, np.int64) - start, crc_errors, truncated, offset)

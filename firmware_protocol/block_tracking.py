@@ -79,7 +79,7 @@ def accept_batch(
     accepted = np.ones(len(keys), np.bool_)
     if not len(keys):
         return accepted
-    if tracker.restarts_within((int(keys[place]) & 0xFF, boot_count) for place, boot_count in notices):
+    if tracker.restarts_within((int(keys[position]) & 0xFF, boot_count) for position, boot_count in notices):
         # A reboot touches every source of the hub at one place of the stream: keep the order.
         _one_by_one(tracker, keys, seqs, readable, notices, np.arange(len(keys)), accepted)
         return accepted
@@ -100,12 +100,12 @@ def accept_batch(
     for notice in notices:
         by_key.setdefault(int(keys[notice.place]), []).append(notice)
     for index, (key, source) in enumerate(zip(sources.keys, trackers, strict=True)):
-        here = slice(sources.bounds[index], sources.bounds[index + 1])
+        current = slice(sources.bounds[index], sources.bounds[index + 1])
         hellos = by_key.get(key, [])
-        if least[index] < 1 or here.stop - here.start < _FEW_FRAMES:
-            _one_by_one(tracker, keys, seqs, readable, hellos, sources.order[here], accepted)
+        if least[index] < 1 or current.stop - current.start < _FEW_FRAMES:
+            _one_by_one(tracker, keys, seqs, readable, hellos, sources.order[current], accepted)
             continue
-        _all_ahead(source, ordered[here], moved[index])
+        _all_ahead(source, ordered[current], moved[index])
         source.counters.frames += delivered[index]
         for hello in hellos:
             tracker.hello(key, hello.boot_count)

@@ -296,7 +296,7 @@ _FRAMES: Final[dict[str, WireFrame]] = {
 }
 
 
-def _at(seq: int, wheel: int = 0, tick_us: int = 100) -> WireFrame:
+def _seq(seq: int, wheel: int = 0, tick_us: int = 100) -> WireFrame:
     return WireFrame(MessageType.SAMPLES, 0, wheel, seq, tick_us, _SMALL)
 
 
@@ -304,8 +304,8 @@ def _raw(seq: int, payload: bytes, type_: int = 0x77, **header: int) -> bytes:
     return build_raw(payload, WireFrame(type_, 0, 0, seq, 100, {}), **header)
 
 
-def _flip(data: bytes, place: int) -> bytes:
-    return data[:place] + bytes([data[place] ^ 1]) + data[place + 1 :]
+def _flip(data: bytes, index: int) -> bytes:
+    return data[:index] + bytes([data[index] ^ 1]) + data[index + 1 :]
 
 
 def _stream(
@@ -340,122 +340,127 @@ _COUNTERS: Final = (
 
 
 def _streams() -> list[dict[str, Any]]:
-    size = len(build(_at(0)))
+    size = len(build(_seq(0)))
     hello = WireFrame(MessageType.HELLO, 0, 0, 0, 50, _hello())
     rebooted = hello._replace(payload=_hello(boot_count=42))
     environment = WireFrame(MessageType.ENVIRONMENT, 0, 0, 5, 5, _environment())
-    inner = build(_at(9, wheel=9))
+    inner = build(_seq(9, wheel=9))
     return [
-        _stream("frames back to back", [hello, _at(1), _at(2), _at(3)]),
+        _stream("frames back to back", [hello, _seq(1), _seq(2), _seq(3)]),
         _stream(
             "frames before the first hello are delivered, and it restarts nothing",
-            [_at(7), environment._replace(seq=8), hello._replace(seq=9), _at(10)],
+            [_seq(7), environment._replace(seq=8), hello._replace(seq=9), _seq(10)],
         ),
         _stream(
             "samples of other axes than the hello's are delivered: the reader leaves them out",
-            [hello, WireFrame(MessageType.SAMPLES, 0, 0, 1, 100, _samples(0, 0b100, 2)), _at(2)],
+            [hello, WireFrame(MessageType.SAMPLES, 0, 0, 1, 100, _samples(0, 0b100, 2)), _seq(2)],
         ),
         _stream(
             "a new rate: its hello first, then sample number 0, counters go on",
             [
                 hello,
-                _at(1)._replace(payload=_SMALL | {"first_sample": 9600}),
+                _seq(1)._replace(payload=_SMALL | {"first_sample": 9600}),
                 hello._replace(seq=2, payload=_hello(rate_hz=4800.0)),
-                _at(3),
+                _seq(3),
             ],
         ),
         _stream(
             "a hub of number 255 is read like any other",
-            [hello._replace(hub=EVERY_HUB), _at(1)._replace(hub=EVERY_HUB), _at(3)._replace(hub=EVERY_HUB)],
+            [hello._replace(hub=EVERY_HUB), _seq(1)._replace(hub=EVERY_HUB), _seq(3)._replace(hub=EVERY_HUB)],
             lost=1,
         ),
-        _stream("noise between frames", [b"\x00\xff noise", _at(1), b"\xa5", _at(2), b"\x5a\xa5\xa5"], noise_bytes=12),
+        _stream(
+            "noise between frames", [b"\x00\xff noise", _seq(1), b"\xa5", _seq(2), b"\x5a\xa5\xa5"], noise_bytes=12
+        ),
         _stream(
             "one bit flipped: only this frame is lost",
-            [_at(1), _flip(build(_at(2)), 18), _at(3)],
+            [_seq(1), _flip(build(_seq(2)), 18), _seq(3)],
             crc_errors=1,
             noise_bytes=size,
             lost=1,
         ),
         _stream(
             "a byte missing: the next frame lies within the claimed length",
-            [_at(1), build(_at(2))[:-1], _at(3)],
+            [_seq(1), build(_seq(2))[:-1], _seq(3)],
             crc_errors=1,
             noise_bytes=size - 1,
             lost=1,
         ),
         _stream(
             "a false header whose length covers a frame",
-            [bytes.fromhex("a55a100210"), _at(1), bytes(40)],
+            [bytes.fromhex("a55a100210"), _seq(1), bytes(40)],
             crc_errors=1,
             noise_bytes=45,
         ),
-        _stream("an impossible length", [bytes.fromhex("a55a1002e1"), _at(1)], noise_bytes=5),
-        _stream("unknown type, skipped", [_at(1), _raw(2, b"\xa5\x5a?"), _at(3)], intact=3, unknown_type=1),
+        _stream("an impossible length", [bytes.fromhex("a55a1002e1"), _seq(1)], noise_bytes=5),
+        _stream("unknown type, skipped", [_seq(1), _raw(2, b"\xa5\x5a?"), _seq(3)], intact=3, unknown_type=1),
         _stream(
             "newer minor version, skipped",
-            [_at(1), _raw(2, inner, MessageType.SAMPLES, version=0x11), _at(3)],
+            [_seq(1), _raw(2, inner, MessageType.SAMPLES, version=0x11), _seq(3)],
             intact=3,
             newer_minor=1,
         ),
         _stream(
             "other major version: counter ignored",
-            [_at(1), _raw(900, b"?", MessageType.SAMPLES, version=0x20), _at(2)],
+            [_seq(1), _raw(900, b"?", MessageType.SAMPLES, version=0x20), _seq(2)],
             intact=3,
             other_major=1,
         ),
         _stream(
-            "unknown flag", [_at(1), _raw(2, b"?", MessageType.SAMPLES, flags=2), _at(3)], intact=3, unknown_flags=1
+            "unknown flag",
+            [_seq(1), _raw(2, b"?", MessageType.SAMPLES, flags=2), _seq(3)],
+            intact=3,
+            unknown_flags=1,
         ),
         _stream(
             "a signed frame, tag ignored",
-            [_at(1), build_raw(PAYLOADS[MessageType.SAMPLES].build(_SMALL) + bytes(8), _at(2), flags=1)],
-            [_at(2)],
+            [_seq(1), build_raw(PAYLOADS[MessageType.SAMPLES].build(_SMALL) + bytes(8), _seq(2), flags=1)],
+            [_seq(2)],
         ),
         _stream(
             "a signed frame too short for its tag",
-            [_at(1), _raw(2, bytes(7), MessageType.SAMPLES, flags=1), _at(3)],
+            [_seq(1), _raw(2, bytes(7), MessageType.SAMPLES, flags=1), _seq(3)],
             intact=3,
             bad_payload=1,
         ),
         _stream(
             "payload of a wrong length",
-            [_at(1), _raw(2, b"???", MessageType.ENVIRONMENT), _at(3)],
+            [_seq(1), _raw(2, b"???", MessageType.ENVIRONMENT), _seq(3)],
             intact=3,
             bad_payload=1,
         ),
         _stream(
             "a frame inside a log text is text",
-            [WireFrame(MessageType.LOG_TEXT, 0, 0, 1, 1, {"level": 1, "text": inner}), _at(2)],
+            [WireFrame(MessageType.LOG_TEXT, 0, 0, 1, 1, {"level": 1, "text": inner}), _seq(2)],
         ),
         _stream(
             "a frame inside a damaged log text is a frame",
             [_flip(build(WireFrame(MessageType.LOG_TEXT, 0, 0, 1, 1, {"level": 1, "text": inner})), 16)],
-            [_at(9, wheel=9)],
+            [_seq(9, wheel=9)],
             crc_errors=1,
             noise_bytes=21,
         ),
-        _stream("counters wrap", [_at(2**32 - 2), _at(2**32 - 1), _at(0), _at(1)]),
-        _stream("ticks wrap", [_at(1, tick_us=2**32 - 3750), _at(2, tick_us=0), _at(3, tick_us=3750)]),
-        _stream("a gap", [_at(1), _at(5)], lost=3),
-        _stream("sources have counters of their own", [_at(1), _at(7, wheel=1), _at(2), _at(9, wheel=1)], lost=1),
+        _stream("counters wrap", [_seq(2**32 - 2), _seq(2**32 - 1), _seq(0), _seq(1)]),
+        _stream("ticks wrap", [_seq(1, tick_us=2**32 - 3750), _seq(2, tick_us=0), _seq(3, tick_us=3750)]),
+        _stream("a gap", [_seq(1), _seq(5)], lost=3),
+        _stream("sources have counters of their own", [_seq(1), _seq(7, wheel=1), _seq(2), _seq(9, wheel=1)], lost=1),
         _stream(
             "a duplicate is not delivered",
-            [_at(1), _at(2), build(_at(1)), build(_at(2)), _at(3)],
+            [_seq(1), _seq(2), build(_seq(1)), build(_seq(2)), _seq(3)],
             intact=5,
             duplicates=2,
         ),
-        _stream("a late frame is not counted as lost", [_at(1), _at(4), _at(3)], lost=1, reordered=1),
-        _stream("late across the wrap", [_at(2**32 - 1), _at(1), _at(0)], reordered=1),
-        _stream("a counter far back is a restart", [_at(1000), _at(1001), _at(0), _at(1)], restarts=1),
+        _stream("a late frame is not counted as lost", [_seq(1), _seq(4), _seq(3)], lost=1, reordered=1),
+        _stream("late across the wrap", [_seq(2**32 - 1), _seq(1), _seq(0)], reordered=1),
+        _stream("a counter far back is a restart", [_seq(1000), _seq(1001), _seq(0), _seq(1)], restarts=1),
         _stream(
             "a new boot count restarts every source of the hub",
-            [hello, environment, _at(0, wheel=1), rebooted, _at(0, wheel=1)],
+            [hello, environment, _seq(0, wheel=1), rebooted, _seq(0, wheel=1)],
             lost=4,
             restarts=2,
         ),
-        _stream("a frame cut off by the end", [_at(1), build(_at(2))[:-3]], truncated=1, noise_bytes=size - 3),
-        _stream("a frame after a truncated header", [b"\xa5\x5a\x10\x02\xe0", _at(1)], truncated=1, noise_bytes=5),
+        _stream("a frame cut off by the end", [_seq(1), build(_seq(2))[:-3]], truncated=1, noise_bytes=size - 3),
+        _stream("a frame after a truncated header", [b"\xa5\x5a\x10\x02\xe0", _seq(1)], truncated=1, noise_bytes=5),
     ]
 
 

@@ -81,11 +81,11 @@ class FrameDecoder:
         start = wanted = 0
         # Fast path: sample frames of a known source, contiguous and in order. All other frames go through _read.
         while start < size:
-            left = size - start
-            if left >= quick_from:
-                if left < _MAX_FRAME:
+            remainder = size - start
+            if remainder >= quick_from:
+                if remainder < _MAX_FRAME:
                     total = _OVERHEAD + buffer[start + _LENGTH_OFFSET]
-                    if left < total <= _MAX_FRAME and buffer[start] == _SYNC_0 and buffer[start + 1] == _SYNC_1:
+                    if remainder < total <= _MAX_FRAME and buffer[start] == _SYNC_0 and buffer[start + 1] == _SYNC_1:
                         wanted = total
                         break
                 word, length, key, flags, seq, tick_us, first_sample, axes_n = _unpack_start(buffer, start)
@@ -123,14 +123,14 @@ class FrameDecoder:
             frames += self.feed(rest)
         return frames
 
-    def _read(self, buffer: bytes, at: int, end: int, frames: list[Frame]) -> None:
-        """Count the intact frame at `at`, and append it unless it is to be skipped."""
-        version, type_, _, key, flags, seq, tick_us = _HEADER.unpack_from(buffer, at)
+    def _read(self, buffer: bytes, offset: int, end: int, frames: list[Frame]) -> None:
+        """Count the intact frame at `offset`, and append it unless it is to be skipped."""
+        version, type_, _, key, flags, seq, tick_us = _HEADER.unpack_from(buffer, offset)
         counters = self.counters
         if version >> 4 != wire.VERSION_MAJOR:
             counters.other_major += 1
             return
-        if self._gate is not None and not self._gate(buffer[at:end]):
+        if self._gate is not None and not self._gate(buffer[offset:end]):
             counters.refused += 1
             return
         readable = version <= wire.VERSION_BYTE and not flags & ~wire.KNOWN_FLAGS
@@ -138,7 +138,7 @@ class FrameDecoder:
         if readable and type_ in DECODERS:
             behind = wire.CRC_BYTES + (wire.TAG_BYTES if flags & wire.SIGNED_FLAG else 0)
             with suppress(ValueError):
-                message = decode_payload(type_, buffer[at + wire.HEADER_BYTES : end - behind])
+                message = decode_payload(type_, buffer[offset + wire.HEADER_BYTES : end - behind])
         if isinstance(message, Hello):
             self._tracker.hello(key, message.boot_count)
         # The counter comes first: it counts even when the content cannot be read.

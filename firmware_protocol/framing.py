@@ -21,17 +21,17 @@ def next_frame(buffer: bytes, start: int) -> tuple[int, int, int]:
     size = len(buffer)
     crc_errors = 0
     while True:
-        at = buffer.find(_SYNC, start)
-        if at < 0:
+        offset = buffer.find(_SYNC, start)
+        if offset < 0:
             return size - buffer.endswith(_HALF_SYNC, start), 0, crc_errors
-        if at + wire.LENGTH_KNOWN_BYTES > size:
-            return at, 0, crc_errors
-        length = buffer[at + wire.LENGTH_OFFSET]
+        if offset + wire.LENGTH_KNOWN_BYTES > size:
+            return offset, 0, crc_errors
+        length = buffer[offset + wire.LENGTH_OFFSET]
         if length <= wire.MAX_PAYLOAD_BYTES:
-            end = at + wire.OVERHEAD_BYTES + length
+            end = offset + wire.OVERHEAD_BYTES + length
             if end > size:
-                return at, 0, crc_errors
-            if crc32(buffer[at:end]) == wire.CRC_RESIDUE:
-                return at, end, crc_errors
+                return offset, 0, crc_errors
+            if crc32(buffer[offset:end]) == wire.CRC_RESIDUE:
+                return offset, end, crc_errors
             crc_errors += 1
-        start = at + 1
+        start = offset + 1

@@ -21,13 +21,13 @@ def aes_cmac(key: bytes, data: bytes) -> bytes:
     last = first if whole else _doubled(first)
     padded = padded[:-_BLOCK] + _xor(padded[-_BLOCK:], last)
     state = bytes(_BLOCK)
-    for at in range(0, len(padded), _BLOCK):
-        state = _encrypt(round_keys, _xor(state, padded[at : at + _BLOCK]))
+    for index in range(0, len(padded), _BLOCK):
+        state = _encrypt(round_keys, _xor(state, padded[index : index + _BLOCK]))
     return state
 
 
-def _xor(one: bytes, other: bytes) -> bytes:
-    return bytes(a ^ b for a, b in zip(one, other, strict=True))
+def _xor(first: bytes, other: bytes) -> bytes:
+    return bytes(a ^ b for a, b in zip(first, other, strict=True))
 
 
 def _doubled(block: bytes) -> bytes:
@@ -62,7 +62,7 @@ def s_box() -> bytes:
 def _expand(key: bytes) -> tuple[bytes, ...]:
     if len(key) != _BLOCK:
         raise ValueError(f"a key has {_BLOCK} bytes, this one {len(key)}")
-    words = [key[at : at + 4] for at in range(0, _BLOCK, 4)]
+    words = [key[index : index + 4] for index in range(0, _BLOCK, 4)]
     constant = 1
     for index in range(4, 4 * (_ROUNDS + 1)):
         word = words[-1]
@@ -71,7 +71,7 @@ def _expand(key: bytes) -> tuple[bytes, ...]:
             word = bytes((turned[0] ^ constant, *turned[1:]))
             constant = _times_x(constant)
         words.append(_xor(words[-4], word))
-    return tuple(b"".join(words[at : at + 4]) for at in range(0, len(words), 4))
+    return tuple(b"".join(words[index : index + 4]) for index in range(0, len(words), 4))
 
 
 def _encrypt(round_keys: tuple[bytes, ...], block: bytes) -> bytes:
@@ -80,7 +80,7 @@ def _encrypt(round_keys: tuple[bytes, ...], block: bytes) -> bytes:
         state = state.translate(s_box())
         state = bytes(state[(index + 4 * (index % 4)) % _BLOCK] for index in range(_BLOCK))
         if number < _ROUNDS:
-            state = b"".join(_mixed(state[at : at + 4]) for at in range(0, _BLOCK, 4))
+            state = b"".join(_mixed(state[index : index + 4]) for index in range(0, _BLOCK, 4))
         state = _xor(state, round_key)
     return state
 

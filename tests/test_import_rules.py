@@ -112,34 +112,34 @@ def imports(path: Path) -> Iterator[str]:
 
 
 def forbidden_imports(name: str, path: Path) -> Iterator[str]:
-    own = layer_of(dotted(name))
-    if own is None:
+    selected = layer_of(dotted(name))
+    if selected is None:
         yield f"{name} belongs to no layer: add its folder to ALLOWED and to docs/contributing/architecture.md"
         return
-    allowed = ALLOWED.get(own, set()) | FRONT.get(dotted(name), set())
+    allowed = ALLOWED.get(selected, set()) | FRONT.get(dotted(name), set())
     for imported in imports(path):
         if imported.split(".")[0] not in ("gateway", "firmware_protocol") or "*" in allowed:
             continue
         target = layer_of(imported)
-        if target not in {own, "foundation", *allowed}:
-            yield f"{name} imports {imported}: {own} may not import {target}"
+        if target not in {selected, "foundation", *allowed}:
+            yield f"{name} imports {imported}: {selected} may not import {target}"
 
 
 def test_imports_run_in_one_direction():
-    found = [line for name, path in modules() for line in forbidden_imports(name, path)]
+    results = [line for name, path in modules() for line in forbidden_imports(name, path)]
     for path in sorted((ROOT / "tools").rglob("*.py")):
         tests = [other for other in imports(path) if other.split(".")[0] == "tests"]
-        found += [f"{path.relative_to(ROOT)} imports {other}: tools may not import tests" for other in tests]
-    assert found == []
+        results += [f"{path.relative_to(ROOT)} imports {other}: tools may not import tests" for other in tests]
+    assert results == []
 
 
 def test_one_clock_and_no_unseeded_randomness():
-    found = []
+    results = []
     for name, path in modules():
-        found += [f"{name} imports {other}" for other in imports(path) if name not in ONLY_IN.get(other, {name})]
+        results += [f"{name} imports {other}" for other in imports(path) if name not in ONLY_IN.get(other, {name})]
         text = path.read_text("utf-8")
-        found += [f"{name} uses {call}" for call in UNSEEDED if call in text]
-    assert found == []
+        results += [f"{name} uses {call}" for call in UNSEEDED if call in text]
+    assert results == []
 
 
 # Runs the help of a command, or a completion, and fails with the heavy packages that it imported.

@@ -116,17 +116,17 @@ def listed_names(node: ast.AST) -> Iterator[str]:
 
 def lists_of_quantities(source: str) -> list[str]:
     """Return `line: names` of every list of two quantities or more in a module."""
-    names = {name for one in declared() for name in (one.name, one.column)} - fields_of_a_revolution()
-    found = ((node, names.intersection(listed_names(node))) for node in ast.walk(ast.parse(source)))
-    return [f"{node.lineno}: {sorted(listed)}" for node, listed in found if len(listed) > 1]  # type: ignore[attr-defined]
+    names = {name for item in declared() for name in (item.name, item.column)} - fields_of_a_revolution()
+    result = ((node, names.intersection(listed_names(node))) for node in ast.walk(ast.parse(source)))
+    return [f"{node.lineno}: {sorted(listed)}" for node, listed in result if len(listed) > 1]  # type: ignore[attr-defined]
 
 
 SOURCES = {dotted(name): path.read_text("utf-8") for name, path in modules()}
 
 
 def test_no_other_module_lists_quantities_by_name() -> None:
-    found = {module: lists_of_quantities(source) for module, source in SOURCES.items() if not is_exempt(module)}
-    assert {module: lists for module, lists in found.items() if lists} == {}
+    results = {module: lists_of_quantities(source) for module, source in SOURCES.items() if not is_exempt(module)}
+    assert {module: lists for module, lists in results.items() if lists} == {}
 
 
 def test_exceptions_are_needed() -> None:

@@ -60,17 +60,17 @@ def _options() -> argparse.Namespace:
 
 def _measure_all(cases: list[Case], estimators: list[str], efforts: list[Effort], jobs: int) -> list[Outcome]:
     """Measure on several processes; progress goes to the terminal's error stream."""
-    found: dict[int, Outcome] = {}
+    results: dict[int, Outcome] = {}
     with ProcessPoolExecutor(jobs) as pool:
         waiting = {
-            pool.submit(measure, case, estimators, effort): place
-            for place, (case, effort) in enumerate(zip(cases, efforts, strict=True))
+            pool.submit(measure, case, estimators, effort): index
+            for index, (case, effort) in enumerate(zip(cases, efforts, strict=True))
         }
         for done in as_completed(waiting):
-            found[waiting[done]] = done.result()
-            print(f"\r{len(found)} of {len(cases)} cases", end="", file=sys.stderr, flush=True)
+            results[waiting[done]] = done.result()
+            print(f"\r{len(results)} of {len(cases)} cases", end="", file=sys.stderr, flush=True)
     print(file=sys.stderr)
-    return [found[place] for place in range(len(cases))]
+    return [results[index] for index in range(len(cases))]
 
 
 if __name__ == "__main__":

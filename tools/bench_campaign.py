@@ -110,19 +110,19 @@ def planned(folder: Path, count: int) -> list[Planned]:
     # The same wear, leak and distance whatever the number of recordings: fewer are further apart.
     interval = DAYS / max(each, 1)
     for number, vehicle in enumerate(FLEET):
-        for at in range(each):
-            days = at * interval + 0.2 + rng.uniform(0.0, 0.05)
+        for index in range(each):
+            days = index * interval + 0.2 + rng.uniform(0.0, 0.05)
             km = days * KM_A_DAY
-            changed = at >= vehicle.changed_at * each
+            changed = index >= vehicle.changed_at * each
             since_km = km - vehicle.changed_at * each * interval * KM_A_DAY if changed else km
             degc = 32.0 + 8.0 * math.sin(2.0 * math.pi * days / 365.25) + rng.normal(0.0, 4.0)
             warm = (degc + ZERO_CELSIUS_K) / (20.0 + ZERO_CELSIUS_K)
             cold_kpa = PRESSURE_KPA - vehicle.leak_kpa * days / DAYS_A_MONTH
             atmosphere_kpa = STANDARD_ATMOSPHERE_PA * 1e-3
-            outlier = vehicle.outliers and at % 50 == 25
+            outlier = vehicle.outliers and index % 50 == 25
             plans.append(
                 Planned(
-                    path=str(folder / f"{vehicle.name.replace(' ', '_')}_{at:04d}.mcap"),
+                    path=str(folder / f"{vehicle.name.replace(' ', '_')}_{index:04d}.mcap"),
                     vehicle=vehicle.name,
                     start_ns=BEGIN_NS + round(days * DAY_NS),
                     km=km,
@@ -132,7 +132,7 @@ def planned(folder: Path, count: int) -> list[Planned]:
                     temperature_degc=degc,
                     load_n=LOAD_N * (rng.normal(1.0, 0.01) if not outlier else 0.67),
                     speed_kmh=float(rng.uniform(35.0, 45.0)),
-                    noise_mg=5.0 * vehicle.noise ** (at / max(each - 1, 1)),
+                    noise_mg=5.0 * vehicle.noise ** (index / max(each - 1, 1)),
                     seed=int(rng.integers(1 << 31)),
                     outlier=outlier,
                 )
@@ -205,7 +205,7 @@ def estimate(folder: Path, jobs: int, limit_s: float | None) -> None:
     wall_s, after = time.monotonic() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
     cpu_s = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     sizes = {
-        name: [one.stat().st_size for one in (dataset / name).rglob("*.parquet")]
+        name: [item.stat().st_size for item in (dataset / name).rglob("*.parquet")]
         for name in ("recordings", "revolutions")
     }
     count = len(sizes["recordings"])
@@ -213,8 +213,8 @@ def estimate(folder: Path, jobs: int, limit_s: float | None) -> None:
     print("\n".join(f"  {line}" for line in printed.splitlines()))
     memory = f"coordinator or worker {after.ru_maxrss / 1e3:.0f} MB at most"
     print(f"  {count} recordings in the dataset; {wall_s:.0f} s, {cpu_s:.0f} s of CPU; {memory}")
-    for name, found in sizes.items():
-        print(f"  {name}: {sum(found) / 1e6:.1f} MB, {sum(found) / max(count, 1) / 1e3:.1f} kB a recording")
+    for name, result in sizes.items():
+        print(f"  {name}: {sum(result) / 1e6:.1f} MB, {sum(result) / max(count, 1) / 1e3:.1f} kB a recording")
 
 
 def check(folder: Path, jobs: int) -> None:
@@ -223,17 +223,17 @@ def check(folder: Path, jobs: int) -> None:
     dataset, page = folder / f"jobs{jobs}.dataset", folder / f"jobs{jobs}.html"
     histories = read_histories(dataset, read_odometer(folder / "odometer.csv"))
     begin = time.monotonic()
-    found = analyse(histories.tires, recordings=histories.recordings, failures=histories.failures)
+    result = analyse(histories.tires, recordings=histories.recordings, failures=histories.failures)
     analysed = time.monotonic()
-    write_trends_page(found, page, force=True)
+    write_trends_page(result, page, force=True)
     print(
-        f"{found.recordings} recordings, {found.failures} failures: trends {analysed - begin:.1f} s, "
+        f"{result.recordings} recordings, {result.failures} failures: trends {analysed - begin:.1f} s, "
         f"page {time.monotonic() - analysed:.1f} s, {page.stat().st_size / 1e6:.1f} MB"
     )
     print("| tire | recordings | wear, mm in 10,000 km | true | pressure loss, kPa a month | true | findings |")
     print("|---|---|---|---|---|---|---|")
-    for tire in found.tires:
-        vehicle = next(one for one in FLEET if one.name == tire.vehicle)
+    for tire in result.tires:
+        vehicle = next(item for item in FLEET if item.name == tire.vehicle)
         wear = number_of(tire.numbers, Quantity.WEAR_RATE)
         loss = number_of(tire.numbers, Quantity.PRESSURE_LOSS)
         words = "; ".join(str(finding.code) for finding in tire.findings) or "none"
@@ -241,7 +241,7 @@ def check(folder: Path, jobs: int) -> None:
             f"| {tire.vehicle} {tire.sensor_id} | {tire.recordings} | {10 * wear.value:.2f} ± {10 * wear.std:.2f} "
             f"| {vehicle.wear_mm} | {loss.value:.3f} ± {loss.std:.3f} | {vehicle.leak_kpa} | {words} |"
         )
-    named = {Path(one.path).name for one in found.outliers}
+    named = {Path(outlier.path).name for outlier in result.outliers}
     estimated = {Path(path).name for tire in histories.tires for path in tire.paths}
     true = {Path(plan.path).name for plan in plans if plan.outlier} & estimated
     share = 100.0 * len(named - true) / max(len(estimated - true), 1)

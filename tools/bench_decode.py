@@ -85,11 +85,11 @@ def damaged(stream: bytes, frames: int, share: float) -> bytes:
     rng = np.random.default_rng(2)
     each = round(frames * share / 2)
     data = np.frombuffer(stream, np.uint8).copy()
-    for place in rng.integers(0, len(data) - 3, each):
-        data[place : place + rng.integers(1, 4)] ^= rng.integers(1, 256, dtype=np.uint8)
+    for position in rng.integers(0, len(data) - 3, each):
+        data[position : position + rng.integers(1, 4)] ^= rng.integers(1, 256, dtype=np.uint8)
     keep = np.ones(len(data), np.bool_)
-    for place in rng.integers(0, len(data) - 100, each):
-        keep[place : place + rng.integers(1, 101)] = False
+    for position in rng.integers(0, len(data) - 100, each):
+        keep[position : position + rng.integers(1, 101)] = False
     return data[keep].tobytes()
 
 

@@ -72,19 +72,19 @@ def turns() -> tuple[list[Turn], np.ndarray, np.ndarray]:
     ring = solve_rolling_ring(BASE, LOAD_N, PRESSURE_PA, OMEGA, nodes=1440)
     samples, centres = sampled(ring, REVOLUTIONS + 2, seed=2)
     average = RunningAverage()
-    found = []
+    results = []
     for previous, start, end in zip(centres, centres[1:], centres[2:], strict=False):
         revolution = revolution_of(samples, start, end, previous)
-        found.append(Turn(revolution, extended(average, revolution)))
-    return found, samples, centres
+        results.append(Turn(revolution, extended(average, revolution)))
+    return results, samples, centres
 
 
-def print_stages(found: list[Turn], samples: np.ndarray, centres: np.ndarray) -> None:
+def print_stages(result: list[Turn], samples: np.ndarray, centres: np.ndarray) -> None:
     axes = np.stack([samples] * 3, axis=1)
     phase = fit_phase(centres[1], centres[2], centres[0])
     waves = resample_revolutions([axes], [phase])[:, 0]
     (clean,) = normalise_revolutions(waves, [phase]).radial_mps2
-    average, revolutions = RunningAverage(), itertools.cycle([turn.revolution for turn in found])
+    average, revolutions = RunningAverage(), itertools.cycle([turn.revolution for turn in result])
     rows = {
         "resample, 3 axes": microseconds(lambda: resample_revolutions([axes], [phase])),
         "gravity and drift": microseconds(lambda: normalise_revolutions(waves, [phase])),
@@ -92,7 +92,7 @@ def print_stages(found: list[Turn], samples: np.ndarray, centres: np.ndarray) ->
         "contact edges": microseconds(lambda: find_contact_edges(clean, phase.samples)),
         "running average": microseconds(lambda: extended(average, next(revolutions))),
     }
-    estimators = {name: update_times(name, found) for name in ESTIMATORS}
+    estimators = {name: update_times(name, result) for name in ESTIMATORS}
     used = rows | {name: float(np.median(estimators[name])) for name in DEFAULT_ESTIMATORS}
     total = sum(used.values())
     print(f"\nOne revolution of {phase.samples:.0f} samples, live, median, microseconds (share of {total:.0f})")
@@ -103,26 +103,26 @@ def print_stages(found: list[Turn], samples: np.ndarray, centres: np.ndarray) ->
         print(f"{name:>20}{np.median(times):10.0f}{np.mean(times):10.0f}{np.max(times):12.0f}")
 
 
-def update_times(name: str, found: list[Turn]) -> np.ndarray:
+def update_times(name: str, result: list[Turn]) -> np.ndarray:
     """Time of each update in turn, in microseconds, what it is given by others not counted."""
     names = [other for other in ESTIMATORS if other != "forward" or name == "forward"]
     chain: list[Estimator] = [make_estimator(other) for other in names[: names.index(name) + 1]]
     durations = []
-    for turn in found:
-        given: dict[str, dict[str, object]] = {}
+    for turn in result:
+        stated: dict[str, dict[str, object]] = {}
         for estimator in chain:
-            seeing = replace(CONDITIONS, given=given)  # type: ignore[arg-type]
+            seeing = replace(CONDITIONS, given=stated)  # type: ignore[arg-type]
             begin = time.perf_counter()
             estimates = estimator.update(turn.revolution, turn.average, seeing)
             elapsed = time.perf_counter() - begin
-            given[estimator.name] = {estimate.name: estimate for estimate in estimates}
+            stated[estimator.name] = {estimate.name: estimate for estimate in estimates}
         durations.append(1e6 * elapsed)
     return np.array(durations)
 
 
-def print_batch(found: list[Turn]) -> None:
-    waves = np.stack([turn.average.radial_mps2 for turn in itertools.islice(itertools.cycle(found[8:]), WAVEFORMS)])
-    last = found[-1].average
+def print_batch(result: list[Turn]) -> None:
+    waves = np.stack([turn.average.radial_mps2 for turn in itertools.islice(itertools.cycle(result[8:]), WAVEFORMS)])
+    last = result[-1].average
     centre = np.full(WAVEFORMS, 0.5 * (last.trailing_edge_rad + last.leading_edge_rad))
     half = np.full(WAVEFORMS, 0.5 * (last.trailing_edge_rad - last.leading_edge_rad))
     cost = microseconds(lambda: fit_waveforms(waves, last.orders_std_mps2, centre, half), 5) / WAVEFORMS
@@ -155,10 +155,10 @@ def main() -> None:
     cpu = platform.processor() or platform.machine()
     print(f"{cpu}, {os.cpu_count()} cores, one thread used; Python {platform.python_version()},")
     print(f"numpy {np.__version__}, scipy {scipy.__version__}")
-    found, samples, centres = turns()
-    print_stages(found, samples, centres)
-    print_batch(found)
-    print_scipy(found[-1])
+    result, samples, centres = turns()
+    print_stages(result, samples, centres)
+    print_batch(result)
+    print_scipy(result[-1])
 
 
 if __name__ == "__main__":

@@ -113,9 +113,9 @@ def numpy_tydex(path: Path) -> Any:
     lines = path.read_text("ascii").splitlines()
     channels = lines[lines.index("**MEASURCHANNELS") + 1 : lines.index("**MEASURDATA") - 1]
     key = next(line.split()[1].rstrip(":") for line in lines if line.endswith(f": {COLUMN}"))
-    place = [line.split()[0] for line in channels].index(key)
+    index = [line.split()[0] for line in channels].index(key)
     rows = lines[lines.index("**MEASURDATA") + 1 : lines.index("**END") - 1]
-    return np.loadtxt(rows, usecols=place)
+    return np.loadtxt(rows, usecols=index)
 
 
 def mcap_reader(path: Path) -> Any:
@@ -140,9 +140,9 @@ READERS: tuple[tuple[str, str, Callable[[Path], Any]], ...] = (
 )
 
 
-def agreement(found: Any, truth: Any) -> str:
+def agreement(result: Any, truth: Any) -> str:
     """Return the number of equal digits of the worst sample, relative to the largest."""
-    values = np.asarray(found, np.float64)
+    values = np.asarray(result, np.float64)
     if values.shape != truth.shape:
         return f"{len(values)} values instead of {len(truth)}"
     error = float(np.abs(values - truth).max())
@@ -179,14 +179,14 @@ def costs(folder: Path, short_s: float, long_s: float) -> Iterator[str]:
     yield "|---|---|---|---|---|---|"
     samples = 9600.0 * long_s
     for name in FORMATS:
-        found = []
+        results = []
         for recording in recordings:
             out = folder / f"{recording.stem}.out{FORMATS[name].suffixes[0]}"
             words = [sys.executable, "-c", _CHILD, str(recording), str(out), name, "samples"]
             done = subprocess.run(words, capture_output=True, text=True, check=True, cwd=ROOT)
-            found.append((out.stat().st_size, *map(float, done.stdout.split())))
+            results.append((out.stat().st_size, *map(float, done.stdout.split())))
             out.unlink()
-        (_, short_mb, _), (size, long_mb, cpu_s) = found
+        (_, short_mb, _), (size, long_mb, cpu_s) = results
         yield (f"| {name} | {size / 1e6:.1f} | {size / samples:.1f} | {cpu_s:.1f} | {long_mb:.0f} | {short_mb:.0f} |")
 
 

@@ -97,16 +97,16 @@ def costs(folder: Path, *options: str) -> dict[str, int]:
     image = build_board(folder, options, main="measure.c")
     command = ["qemu-system-arm", "-M", "mps2-an386", "-display", "none", "-monitor", "none", "-nodefaults"]
     command += ["-icount", "shift=0", "-serial", "stdio", "-kernel", str(image)]
-    found: dict[str, int] = {}
+    results: dict[str, int] = {}
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
         assert process.stdout is not None
         for line in process.stdout:
             if line.strip() == "end":
                 break
             key, value = line.split()
-            found[key] = int(value)
+            results[key] = int(value)
         process.kill()
-    return found
+    return results
 
 
 def instructions(software: dict[str, int], hardware: dict[str, int]) -> None:
@@ -118,26 +118,26 @@ def instructions(software: dict[str, int], hardware: dict[str, int]) -> None:
 
 def load(software: dict[str, int], hardware: dict[str, int]) -> None:
     print(f"{'load by a wheel: 3 axes, 9600 Hz, 64 MHz':52s} {'Minstr/s':>9s} {'1 cycle':>8s} {'1.5 cycles':>10s}")
-    for label, found, key in (
+    for label, result, key in (
         ("unsigned", software, "sample_unsigned"),
         ("signed, AES in C", software, "sample_signed"),
         ("signed, AES in hardware (its own time comes on top)", hardware, "sample_signed"),
     ):
-        rate = found[key] * RATE_HZ
-        one, more = (f"{100.0 * rate * cycles / CLOCK_HZ:.1f} %" for cycles in CYCLES)
-        print(f"{label:52s} {rate / 1e6:9.2f} {one:>8s} {more:>10s}")
+        rate = result[key] * RATE_HZ
+        single, more = (f"{100.0 * rate * cycles / CLOCK_HZ:.1f} %" for cycles in CYCLES)
+        print(f"{label:52s} {rate / 1e6:9.2f} {single:>8s} {more:>10s}")
     frames = RATE_HZ / 35.0
     print(f"AES blocks of a signed stream: {frames * AES_BLOCKS:.0f} per s\n")
 
 
-def memory(found: dict[str, int]) -> None:
+def memory(result: dict[str, int]) -> None:
     print("RAM, bytes")
     wheels = 4
     for label, value in (
-        (f"collector with {wheels} wheels and 16 frames of queue", found["ram_collector"]),
-        ("of these, a wheel", found["ram_wheel"]),
-        ("of these, the queue", found["ram_queue"]),
-        ("stack, greatest depth of all measured", found["stack_bytes"]),
+        (f"collector with {wheels} wheels and 16 frames of queue", result["ram_collector"]),
+        ("of these, a wheel", result["ram_wheel"]),
+        ("of these, the queue", result["ram_queue"]),
+        ("stack, greatest depth of all measured", result["stack_bytes"]),
     ):
         print(f"  {label:50s} {value:6d}")
     print()

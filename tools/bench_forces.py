@@ -74,9 +74,9 @@ def _tables(measured: Sequence[Measured], each: bool) -> list[Table]:
 
 def _spread(judge: Callable[[T], list[Measured]], orders: Sequence[T], jobs: int) -> list[Measured]:
     if jobs == 1:
-        return [one for order in orders for one in judge(order)]
+        return [measurement for order in orders for measurement in judge(order)]
     with ProcessPoolExecutor(jobs) as pool:
-        return [one for found in pool.map(judge, orders) for one in found]
+        return [measurement for result in pool.map(judge, orders) for measurement in result]
 
 
 def _one(seed: int, order: tuple[int, float]) -> list[Measured]:
@@ -90,19 +90,22 @@ def _corner(model: str, seed: int, index: int) -> list[Measured]:
 def each_table(measured: Sequence[Measured]) -> Table:
     """Return every tire: truth and estimates."""
     rows = []
-    names = list(dict.fromkeys(one.quantity for one in measured))
-    for (tire, case), members in groupby(measured, key=lambda one: (one.tire, one.case)):
-        group = {one.quantity: one for one in members}
+    names = list(dict.fromkeys(measurement.quantity for measurement in measured))
+    for (tire, case), members in groupby(measured, key=lambda measurement: (measurement.tire, measurement.case)):
+        group = {measurement.quantity: measurement for measurement in members}
         cells = []
         for name in names:
-            one = group.get(name)
-            if one is None:
+            measurement = group.get(name)
+            if measurement is None:
                 cells += ["-", "-"]
                 continue
             _, factor, digits = UNITS[name]
-            truth, value, std = (f"{factor * v:.{digits}f}" for v in (one.truth, one.estimate.value, one.estimate.std))
+            truth, value, std = (
+                f"{factor * v:.{digits}f}"
+                for v in (measurement.truth, measurement.estimate.value, measurement.estimate.std)
+            )
             text = f"{value} ± {std}"
-            cells += [truth, text if one.estimate.status is Status.VALID else f"({text})"]
+            cells += [truth, text if measurement.estimate.status is Status.VALID else f"({text})"]
         rows.append((tire, case, *cells))
     heads = [
         head
@@ -115,15 +118,21 @@ def each_table(measured: Sequence[Measured]) -> Table:
 def summary_table(measured: Sequence[Measured]) -> Table:
     """Return errors and pulls by quantity and case."""
     rows = []
-    for name in dict.fromkeys(one.quantity for one in measured):
-        cases = [case for case in CASES if any(one.case == case for one in measured)]
+    for name in dict.fromkeys(measurement.quantity for measurement in measured):
+        cases = [case for case in CASES if any(measurement.case == case for measurement in measured)]
         for case in (*cases, "all"):
-            chosen = [one for one in measured if one.quantity == name and case in (one.case, "all")]
+            chosen = [
+                measurement
+                for measurement in measured
+                if measurement.quantity == name and case in (measurement.case, "all")
+            ]
             if not chosen:
                 continue
             rms, largest, share, false = pulls(chosen)
-            valid = [one for one in chosen if one.estimate.status is Status.VALID]
-            errors = sorted(abs(one.estimate.value - one.truth) / one.unit for one in valid)
+            valid = [measurement for measurement in chosen if measurement.estimate.status is Status.VALID]
+            errors = sorted(
+                abs(measurement.estimate.value - measurement.truth) / measurement.unit for measurement in valid
+            )
             middle = f"{100.0 * errors[len(errors) // 2]:.2g}" if errors else "-"
             worst = f"{100.0 * errors[-1]:.2g}" if errors else "-"
             row = (_words(name), case, str(len(chosen)), f"{100.0 * share:.0f}", middle, worst, f"{rms:.2f}",

@@ -64,9 +64,9 @@ def read(path: Path, depth_mm: int) -> Rolled:
     """
     if not path.is_file():
         sys.exit(f"{path} is missing: make it with python -m independent_tire --cache {path.parent} --tire {path.stem}")
-    with np.load(path) as kept:
-        about = json.loads(str(kept["description"]))
-        radial, along, up_radial, up_along = kept[f"shape_{depth_mm}"].mean(axis=1)[:4]
+    with np.load(path) as remaining:
+        about = json.loads(str(remaining["description"]))
+        radial, along, up_radial, up_along = remaining[f"shape_{depth_mm}"].mean(axis=1)[:4]
     square = (about["speed_mps"] / about["radius_m"]) ** 2
     signal = np.full((3, len(radial)), np.nan)
     signal[RADIAL] = square * radial + STANDARD_GRAVITY_MPS2 * up_radial
@@ -82,7 +82,7 @@ def campaign_of(tires: Sequence[Rolled], depth_mm: int, noise_mps2: float, seed:
     groups = []
     for index, tire in enumerate(tires):
         about, truth = tire.about, waveform_orders(tire.signal_mps2)
-        here = GroupConditions(
+        current = GroupConditions(
             omega_radps=tire.omega_radps,
             omega_dot_radps2=0.0,
             radius_m=about["radius_m"],
@@ -97,14 +97,14 @@ def campaign_of(tires: Sequence[Rolled], depth_mm: int, noise_mps2: float, seed:
         for _ in range(_BLOCKS):
             real, imaginary = rng.normal(0.0, noise_mps2 / math.sqrt(_REVOLUTIONS), (2, 3, ORDERS))
             imaginary[:, 0] = 0.0
-            blocks.append(Block(_REVOLUTIONS, here, truth + real + 1j * imaginary))
+            blocks.append(Block(_REVOLUTIONS, current, truth + real + 1j * imaginary))
         leading, trailing = about["edges_rad"]
         groups.append(
             Group(
                 about["name"],
                 index,
                 0,
-                here,
+                current,
                 tuple(blocks),
                 variance,
                 0.5 * (trailing - leading),
@@ -114,17 +114,17 @@ def campaign_of(tires: Sequence[Rolled], depth_mm: int, noise_mps2: float, seed:
     return Campaign("FL", tuple(group.label for group in groups), tuple(groups), 1, {})
 
 
-def row_of(tires: Sequence[Rolled], found: Diagnosis) -> tuple[str, ...]:
+def row_of(tires: Sequence[Rolled], result: Diagnosis) -> tuple[str, ...]:
     """Return the row of one diagnosis."""
     truth = dict(zip(_NUMBERS, tires[0].about["numbers"], strict=True))
     numbers = []
     for name in _NUMBERS:
-        value = found.estimates_after[name]
+        value = result.estimates_after[name]
         text = f"{100.0 * (value.value / truth[name] - 1.0):+.1f} ± {100.0 * value.std / truth[name]:.1f}"
-        numbers.append(text if found.determined.get(name, False) else f"({text})")
-    named = [_with_values(finding) for finding in found.findings if finding.verdict is Verdict.NAMED]
-    opened = [finding.name for finding in found.findings if finding.verdict is Verdict.INDISTINGUISHABLE]
-    held = found.held_out
+        numbers.append(text if result.determined.get(name, False) else f"({text})")
+    named = [_with_values(finding) for finding in result.findings if finding.verdict is Verdict.NAMED]
+    opened = [finding.name for finding in result.findings if finding.verdict is Verdict.INDISTINGUISHABLE]
+    held = result.held_out
     return (
         " ".join(tire.about["name"] for tire in tires),
         "; ".join(named) or "nothing",
@@ -132,7 +132,7 @@ def row_of(tires: Sequence[Rolled], found: Diagnosis) -> tuple[str, ...]:
         *numbers,
         f"{held.rms_before_mps2:.2f}",
         f"{held.rms_after_mps2:.2f}",
-        f"{found.noise_floor_mps2:.2f}",
+        f"{result.noise_floor_mps2:.2f}",
     )
 
 
@@ -140,7 +140,7 @@ def _with_values(finding: Finding) -> str:
     """Return the name of an effect with its values, or their number if they are many."""
     if len(finding.parameters) > _MOST_VALUES:
         return f"{finding.name} ({len(finding.parameters)} parameters)"
-    values = ", ".join(f"{name} {one.value:.4g} ± {one.std:.2g}" for name, one in finding.parameters.items())
+    values = ", ".join(f"{name} {item.value:.4g} ± {item.std:.2g}" for name, item in finding.parameters.items())
     return f"{finding.name} {values}"
 
 
@@ -202,9 +202,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for joined in options.tire or _TIRES:
         tires = [read(options.rolled / f"{name}.npz", options.depth_mm) for name in joined.split(",")]
         begun = time.process_time()
-        found = diagnose(campaign_of(tires, options.depth_mm, options.noise, options.seed))
+        diagnosis = diagnose(campaign_of(tires, options.depth_mm, options.noise, options.seed))
         print(f"{joined}: {time.process_time() - begun:.0f} s", file=sys.stderr, flush=True)
-        rows.append(row_of(tires, found))
+        rows.append(row_of(tires, diagnosis))
     heads = ("tire", "named", "indistinguishable", "Bs, %", "Cw, %", "Rs, %", "Ts, %", "before", "after", "floor")
     note = "errors and stated standard errors; in brackets what is not determined; held-out rms in m/s^2"
     print(Table("Closure of the independent tire", note, heads, tuple(rows)).text(markdown=options.markdown))

@@ -145,13 +145,13 @@ def calibrated(case: Case, rng: np.random.Generator) -> SlipFit:
     parts = []
     for number, (slip, reverse) in enumerate([(s, False) for s in FORWARD_DEG] + [(s, True) for s in REVERSE_DEG]):
         true = slip + (-zero if reverse else zero) + rng.normal(0.0, SLIP_STD_DEG)
-        found = SlipRunRevolutions(roll)
+        actual = SlipRunRevolutions(roll)
         for result in case.revolutions(true, case.sensor.seed * 100 + number, reverse=reverse)[3:]:
-            found.add(result.revolution, result.conditions)
-        parts.append((found, slip, reverse))
+            actual.add(result.revolution, result.conditions)
+        parts.append((actual, slip, reverse))
     runs = [
-        found.run(f"{slip:+.1f}", math.radians(slip), math.radians(SLIP_STD_DEG), is_reverse=reverse)
-        for found, slip, reverse in parts
+        result.run(f"{slip:+.1f}", math.radians(slip), math.radians(SLIP_STD_DEG), is_reverse=reverse)
+        for result, slip, reverse in parts
     ]
     return fit_slip_calibration(runs, math.radians(ZERO_STD_DEG))
 
@@ -205,9 +205,9 @@ def calibration(count: int, seed: int) -> None:
         assert law.conicity_rad is not None
         add("ply steer, deg", law.ply_steer_rad, 0.5 * (ahead - back), law.ply_steer_std_rad, degree)
         add("conicity, deg", law.conicity_rad, 0.5 * (ahead + back), law.conicity_std_rad, degree)
-        found = used(case, fit, slip)
+        result = used(case, fit, slip)
         for name in (SLIP_NAME, MEAN_NAME):
-            estimate = found[name]
+            estimate = result[name]
             if estimate.status is Status.VALID:
                 add(name, estimate.value, math.radians(slip), estimate.std, degree)
             else:

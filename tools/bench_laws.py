@@ -71,21 +71,21 @@ class Bench:
 
     def __init__(self, cache: Path) -> None:
         self._cache = cache
-        self._here = conditions()
+        self._conditions = conditions()
         self._half_angle_rad = []
         self._plain = []
-        for here in self._here:
+        for item in self._conditions:
             solved = solve_rolling_ring(
-                _TIRE, here.load_n, _PRESSURE_PA, here.omega_radps, nodes=_NODES, sensor_offset_m=_DEPTH_M
+                _TIRE, item.load_n, _PRESSURE_PA, item.omega_radps, nodes=_NODES, sensor_offset_m=_DEPTH_M
             )
             self._half_angle_rad.append(solved.half_angle_rad)
             along_and_radial = np.zeros((3, _NODES))
-            radial, along = solved.sensor.specific_force(here.omega_radps, gravity_mps2=STANDARD_GRAVITY_MPS2)
+            radial, along = solved.sensor.specific_force(item.omega_radps, gravity_mps2=STANDARD_GRAVITY_MPS2)
             along_and_radial[RADIAL], along_and_radial[CIRCUMFERENTIAL] = radial, along
             self._plain.append(waveform_orders(along_and_radial))
 
-    def _rolling(self, here: GroupConditions) -> Rolling:
-        return Rolling(_TIRE, here.load_n, _PRESSURE_PA, here.omega_radps)
+    def _rolling(self, group_conditions: GroupConditions) -> Rolling:
+        return Rolling(_TIRE, group_conditions.load_n, _PRESSURE_PA, group_conditions.omega_radps)
 
     def in_library(self, number: int, rng: np.random.Generator) -> Case:
         """Return a case of a kind in the library in another form."""
@@ -94,30 +94,30 @@ class Bench:
         which = 5 * number % (len(belt) + len(chain))
         if which < len(chain):
             cause = chain[which]
-            orders = [through(cause.fault, o, h) for o, h in zip(self._plain, self._here, strict=True)]
+            orders = [through(cause.fault, o, h) for o, h in zip(self._plain, self._conditions, strict=True)]
             return Case(cause.name, cause.law, cause.size, orders)
-        one = belt[which - len(chain)]
+        case = belt[which - len(chain)]
         sensor, factor = int(rng.integers(SENSORS)), rng.uniform(0.4, 1.0)
         orders = []
-        for plain, here in zip(self._plain, self._here, strict=True):
-            rolling = self._rolling(here)
-            with_it = simulated(one.change, rolling, _DEPTH_M, self._cache, one.name.replace(" ", "_"))[sensor]
+        for plain, item in zip(self._plain, self._conditions, strict=True):
+            rolling = self._rolling(item)
+            with_it = simulated(case.change, rolling, _DEPTH_M, self._cache, case.name.replace(" ", "_"))[sensor]
             change = with_it - simulated(None, rolling, _DEPTH_M, self._cache, "nothing")[sensor]
             read = plain.copy()
-            read[[RADIAL, CIRCUMFERENTIAL]] += factor * here.omega_radps**2 * change
+            read[[RADIAL, CIRCUMFERENTIAL]] += factor * item.omega_radps**2 * change
             orders.append(read)
-        return Case(one.name, one.law, factor * one.size, orders)
+        return Case(case.name, case.law, factor * case.size, orders)
 
     def outside(self, number: int, rng: np.random.Generator) -> Case:
         """Return a case outside library and catalogue."""
         causes = outside_causes(rng)
         name, fault = causes[number % len(causes)]
-        orders = [through(fault, o, h) for o, h in zip(self._plain, self._here, strict=True)]
+        orders = [through(fault, o, h) for o, h in zip(self._plain, self._conditions, strict=True)]
         return Case(name, "", math.nan, orders)
 
     def nothing(self, number: int, rng: np.random.Generator) -> Case:  # noqa: ARG002 - alike
         """Return a case without anything."""
-        return Case("nothing", "", math.nan, [one.copy() for one in self._plain])
+        return Case("nothing", "", math.nan, [case.copy() for case in self._plain])
 
     def turned(self, number: int, rng: np.random.Generator) -> Case:
         """Return a case of the library whose cause is turned or scrambled, alike in all recordings."""
@@ -137,17 +137,17 @@ class Bench:
         variance = np.full((3, ORDERS), noise**2)
         variance[LATERAL] = math.nan
         groups = []
-        for index, (here, truth) in enumerate(zip(self._here, case.orders_mps2, strict=True)):
+        for index, (item, truth) in enumerate(zip(self._conditions, case.orders_mps2, strict=True)):
             blocks = []
             for _ in range(_BLOCKS):
                 real, imaginary = rng.normal(0.0, noise / math.sqrt(_REVOLUTIONS), (2, 3, ORDERS))
                 imaginary[:, 0] = 0.0
                 orders = truth + real + 1j * imaginary
                 orders[LATERAL] = complex(math.nan, math.nan)
-                blocks.append(Block(_REVOLUTIONS, here, orders))
-            state = [4500.0, 3600.0].index(here.load_n)
+                blocks.append(Block(_REVOLUTIONS, item, orders))
+            state = [4500.0, 3600.0].index(item.load_n)
             half = self._half_angle_rad[index]
-            group = Group(f"run {index + 1}", index, state, here, tuple(blocks), variance, half)
+            group = Group(f"run {index + 1}", index, state, item, tuple(blocks), variance, half)
             groups.append(replace(group, declared_offset_m=_DEPTH_M))
         return Campaign("W", tuple(group.label for group in groups), tuple(groups), 2, {})
 
@@ -185,7 +185,7 @@ def _outcome(part: int, case: Case, laws: tuple[Law, ...], cpu_s: float, ratio: 
     if "cosine_m" in law.parameters:
         other = law.parameters["sine_m"]
         size = math.copysign(math.hypot(size, other.value), case.size)
-    rises = max((one.after_mps2 / one.before_mps2 for one in law.unseen), default=math.nan)
+    rises = max((case.after_mps2 / case.before_mps2 for case in law.unseen), default=math.nan)
     return {
         **told,
         "said": law.name,
@@ -201,33 +201,33 @@ def _outcome(part: int, case: Case, laws: tuple[Law, ...], cpu_s: float, ratio: 
     }
 
 
-def summary(found: list[dict[str, Any]]) -> tuple[Table, Table]:
+def summary(result: list[dict[str, Any]]) -> tuple[Table, Table]:
     """Return the tables: by part, and by kind for those of the library."""
     rows = []
     titles = {1: "library, other forms", 2: "outside", 3: "nothing", 4: "turned, scrambled"}
     for part, title in titles.items():
-        own = [one for one in found if one["part"] == part]
-        if not own:
+        selected = [case for case in result if case["part"] == part]
+        if not selected:
             continue
-        laws = [one for one in own if one["said"] and one["certain"]]
-        clues = [one for one in own if one["said"] and not one["certain"]]
-        right, hints = (sum(one["said"] == one["right"] for one in some) for some in (laws, clues))
-        cpu = float(np.median([one["cpu_s"] for one in own]))
-        nothing = len(own) - len(laws) - len(clues)
-        rows.append((title, *map(str, (len(own), len(laws), right, len(clues), hints, nothing)), f"{cpu:.1f}"))
+        laws = [case for case in selected if case["said"] and case["certain"]]
+        clues = [case for case in selected if case["said"] and not case["certain"]]
+        right, hints = (sum(case["said"] == case["right"] for case in some) for some in (laws, clues))
+        cpu = float(np.median([case["cpu_s"] for case in selected]))
+        nothing = len(selected) - len(laws) - len(clues)
+        rows.append((title, *map(str, (len(selected), len(laws), right, len(clues), hints, nothing)), f"{cpu:.1f}"))
     heads = ("part", "cases", "laws", "right in kind", "clues", "right", "nothing", "CPU s")
     parts = Table("Laws", "CPU is the median of the search.", heads, tuple(rows))
     kinds = []
-    for law in sorted({one["right"] for one in found if one["right"]}):
-        own = [one for one in found if one["right"] == law and one["part"] == 1]
-        certain = [one for one in own if one["said"] and one["certain"]]
-        hits = [one for one in certain if one["said"] == law]
-        sized = [one for one in hits if math.isfinite(one["truth"])]
-        ratio = f"{np.median([one['size'] / one['truth'] for one in sized]):.3f}" if sized else "-"
-        rms = f"{math.sqrt(np.mean([one['pull'] ** 2 for one in sized])):.2f}" if sized else "-"
-        clue_count = sum(bool(one["said"]) and not one["certain"] for one in own)
+    for law in sorted({case["right"] for case in result if case["right"]}):
+        selected = [case for case in result if case["right"] == law and case["part"] == 1]
+        certain = [case for case in selected if case["said"] and case["certain"]]
+        hits = [case for case in certain if case["said"] == law]
+        sized = [case for case in hits if math.isfinite(case["truth"])]
+        ratio = f"{np.median([case['size'] / case['truth'] for case in sized]):.3f}" if sized else "-"
+        rms = f"{math.sqrt(np.mean([case['pull'] ** 2 for case in sized])):.2f}" if sized else "-"
+        clue_count = sum(bool(case["said"]) and not case["certain"] for case in selected)
         kinds.append(
-            (law.removeprefix("law: "), *map(str, (len(own), len(certain), len(hits), clue_count)), ratio, rms)
+            (law.removeprefix("law: "), *map(str, (len(selected), len(certain), len(hits), clue_count)), ratio, rms)
         )
     by_kind = ("kind", "cases", "laws", "right", "clues", "size over truth", "rms of pulls")
     return parts, Table("Kinds", "Cases of part 1; sizes of right laws.", by_kind, tuple(kinds))
@@ -243,13 +243,13 @@ def main() -> None:
     parser.add_argument("--cases", type=Path, help="write the outcome of each case to this file, a JSON object a line")
     chosen = parser.parse_args()
     bench = Bench(chosen.cache)
-    found = []
-    for one in outcomes(bench, [int(part) for part in chosen.parts.split(",")], chosen.count, chosen.seed):
-        found.append(one)
+    results = []
+    for case in outcomes(bench, [int(part) for part in chosen.parts.split(",")], chosen.count, chosen.seed):
+        results.append(case)
         if chosen.cases is not None:
             with chosen.cases.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(one) + "\n")
-    for table in summary(found):
+                file.write(json.dumps(case) + "\n")
+    for table in summary(results):
         print(table.text(markdown=True))
 
 

@@ -112,10 +112,10 @@ def recorded_estimates(scenario: Scenario, seed: int) -> dict[tuple[str, int], f
     if len(results) < AFTER[-1]:
         return {}
     values = [{estimate.name: estimate.value for estimate in result.estimates} for result in results]
-    found = {(name, count): values[count - 1][name] for name in values[0] for count in AFTER}
+    actual = {(name, count): values[count - 1][name] for name in values[0] for count in AFTER}
     # Each revolution has a speed of its own; the mean of several is planned.
     speeds = {("speed_mps", count): float(np.mean([row["speed_mps"] for row in values[:count]])) for count in AFTER}
-    return found | speeds
+    return actual | speeds
 
 
 def compared(plan: RandomPlan, wheels: int, seed: int) -> list[Comparison]:
@@ -137,15 +137,15 @@ def main() -> None:
     """Compare random plans and print the table."""
     options = _options()
     ends_s = time.monotonic() + 60.0 * options.minutes
-    kept = _kept(options)
+    remaining = _kept(options)
     plans: list[list[Comparison]] = []
     for number in range(options.plans):
-        if number not in kept:
+        if number not in remaining:
             if time.monotonic() > ends_s:
                 break
             plan = random_plan(np.random.default_rng([options.seed, number]))
-            _keep(options, number, compared(plan, options.wheels, number), kept)
-        plans.append(kept[number])
+            _keep(options, number, compared(plan, options.wheels, number), remaining)
+        plans.append(remaining[number])
         print(f"plan {number + 1} of {options.plans}: {len(plans[-1])} comparisons", flush=True)
     comparisons: dict[tuple[str, int], list[Comparison]] = defaultdict(list)
     for comparison in (comparison for of_plan in plans for comparison in of_plan):
@@ -174,10 +174,10 @@ def _kept(options: argparse.Namespace) -> dict[int, list[Comparison]]:
 
 
 def _keep(
-    options: argparse.Namespace, number: int, of_plan: list[Comparison], kept: dict[int, list[Comparison]]
+    options: argparse.Namespace, number: int, of_plan: list[Comparison], remaining: dict[int, list[Comparison]]
 ) -> None:
     """Keep the comparisons of a plan, in the file as well."""
-    kept[number] = of_plan
+    remaining[number] = of_plan
     if options.results is not None:
         row = {"of": _identity(options), "number": number, "comparisons": of_plan}
         with options.results.open("a", encoding="utf-8") as file:

@@ -148,13 +148,13 @@ def noise_table() -> None:
     ]
     for name, sensor, speed in cases:
         revolutions = run(ring, shape, sensor, 1610, speed)
-        one = singly(revolutions)
+        single = singly(revolutions)
         blocks = np.array([estimate(revolutions[i : i + 100])[0] for i in range(0, len(revolutions) - 99, 100)])
         stated = estimate(revolutions[:100])[1]
         omega = speed / 3.6 / RADIUS_M
         bound = sensor.noise_mg * 1e-3 * STANDARD_GRAVITY_MPS2 / math.sqrt(2 * math.pi / omega) / omega**2
         print(f"{name:36s} bound   {columns(np.degrees(np.linalg.norm(rows, axis=1) * bound))}")
-        print(f"{'':36s} 1 rev   {columns(one.std(axis=0, ddof=1))}   target 0.008")
+        print(f"{'':36s} 1 rev   {columns(single.std(axis=0, ddof=1))}   target 0.008")
         print(f"{'':36s} 100 rev {columns(blocks.std(axis=0, ddof=1))}   target 0.0015, with road 0.003")
         print(f"{'':36s} bias    {columns(blocks.mean(axis=0) - true)}")
         print(f"{'':36s} stated  {columns(stated)}   of 100 revolutions, mounting and edges included")
@@ -212,12 +212,12 @@ def slip_table() -> None:
         zero = estimate(revolutions[:59])[0][1]
         estimator = SlipAngleEstimator()
         conditions = TireConditions(RADIUS_M, tire=TireData(slip_calibration=zero_only(math.radians(zero))))
-        found = [estimator.update(r, average, conditions) for r in revolutions][62:77]
-        apparent = np.degrees([e[0].value for e in found])
-        right = np.mean([e[1].value == math.copysign(1.0, slip) for e in found])
+        result = [estimator.update(r, average, conditions) for r in revolutions][62:77]
+        apparent = np.degrees([e[0].value for e in result])
+        right = np.mean([e[1].value == math.copysign(1.0, slip) for e in result])
         print(
             f"{slip:7.1f} {apparent.mean():9.4f} {apparent.mean() / slip:11.3f} {apparent.std(ddof=1):20.4f}"
-            f" {right:20.0%} {np.mean([e[2].value for e in found]):18.2f}"
+            f" {right:20.0%} {np.mean([e[2].value for e in result]):18.2f}"
         )
 
 

@@ -189,7 +189,7 @@ def run(bench: Bench, stalls: list[Stall], listener: Listener) -> bool:
             break
         time.sleep(_POLL_S)
     received = [json.loads(payload) for topic, _, payload in listener.messages if topic.endswith("/revolution")]
-    distinct = len({found["index"] for found in received})
+    distinct = len({result["index"] for result in received})
     alarms = len(listener.of("bench/alarm"))
     total = snapshot.wheels[0].counters.revolutions
     print(f"revolutions of the session       {total}, {bench.revolutions} fetched by the view")

@@ -68,13 +68,13 @@ def main(arguments: list[str]) -> int:
 
 
 def _row(group: str, pulls: list[Pull]) -> str:
-    given = [pull for pull in pulls if pull.estimate is not None and pull.estimate.status is not Status.INVALID]
-    line = f"{group:<40} {len(pulls):4d}  {len(given) / len(pulls):5.0%}"
-    if not given:
+    stated = [pull for pull in pulls if pull.estimate is not None and pull.estimate.status is not Status.INVALID]
+    line = f"{group:<40} {len(pulls):4d}  {len(stated) / len(pulls):5.0%}"
+    if not stated:
         return line
-    errors = np.array([(pull.estimate.value - pull.truth) / pull.estimate.std for pull in given if pull.estimate])
-    stds = np.median([pull.estimate.std for pull in given if pull.estimate])
-    right = [pull.holds for pull in given if pull.holds is not None]
+    errors = np.array([(pull.estimate.value - pull.truth) / pull.estimate.std for pull in stated if pull.estimate])
+    stds = np.median([pull.estimate.std for pull in stated if pull.estimate])
+    right = [pull.holds for pull in stated if pull.holds is not None]
     return (
         f"{line} {math.sqrt(float(np.square(errors).mean())):10.2f} {errors[np.argmax(np.abs(errors))]:+9.2f} "
         f"{float((np.abs(errors) > 2.0).mean()):8.0%} {stds:11.3g}  {f'{np.mean(right):.0%}' if right else ''}"
@@ -148,7 +148,7 @@ pressure_kpa = {1e-3 * world.pressure_pa:.4f}
 
 def last(results: list[RevolutionResult], name: str) -> Estimate | None:
     """Return an estimate of the last revolution."""
-    return next((found for found in results[-1].estimates if found.name == name), None) if results else None
+    return next((estimate for estimate in results[-1].estimates if estimate.name == name), None) if results else None
 
 
 def road(seed: int, index: int) -> Iterator[Pull]:
@@ -170,13 +170,13 @@ def road(seed: int, index: int) -> Iterator[Pull]:
         f"damper_nspm = {damper:.3f}\n{jitter}"
     )
     results, _ = run(world, table, ("kinematic", "road"), 1000 * seed + index)
-    found = last(results, "road_class")
+    result = last(results, "road_class")
     truth = 1.0 + CLASSES.index(letter)
     holds = None
-    if found is not None and found.status is not Status.INVALID:
-        holds = CLASSES[min(max(round(found.value), 1), 8) - 1] == letter
-    yield Pull("road class", found, truth, holds)
-    yield Pull(f"road class {letter}", found, truth, holds)
+    if result is not None and result.status is not Status.INVALID:
+        holds = CLASSES[min(max(round(result.value), 1), 8) - 1] == letter
+    yield Pull("road class", result, truth, holds)
+    yield Pull(f"road class {letter}", result, truth, holds)
 
 
 def cavity(seed: int, index: int) -> Iterator[Pull]:
@@ -206,10 +206,10 @@ def cavity(seed: int, index: int) -> Iterator[Pull]:
         wheel = f"temperature_degc = {liner_degc:.3f}"
         results, _ = run(world, table, ("kinematic", "cavity"), 1000 * seed + index, tire=tire, wheel=wheel)
         name, truth = ("cavity_temperature_degc", gas_degc) if std < 0.005 else ("cavity_gas_ratio", ratio)
-        found = last(results, name)
-        flagged = found is not None and Code.CAVITY_CONTRADICTED in codes_of(found.reasons)
-        given = found is not None and found.status is not Status.INVALID
-        yield Pull(group, found, truth, flagged is not is_air if given else None)
+        result = last(results, name)
+        flagged = result is not None and Code.CAVITY_CONTRADICTED in codes_of(result.reasons)
+        is_valid = result is not None and result.status is not Status.INVALID
+        yield Pull(group, result, truth, flagged is not is_air if is_valid else None)
 
 
 def water(seed: int, index: int) -> Iterator[Pull]:
@@ -243,9 +243,9 @@ def water(seed: int, index: int) -> Iterator[Pull]:
         for result in results:
             at_s = result.revolution.start_s - shift_s
             if begin + 2.5 * turn_s < at_s < begin + 3.5 * turn_s:
-                found = next(one for one in result.estimates if one.name == "water_wedge_rad")
-                named = Code.LIKE_A_WATER_WEDGE in codes_of(found.reasons)
-                yield Pull(group, found, truth, named is (truth > 0.0))
+                actual = next(estimate for estimate in result.estimates if estimate.name == "water_wedge_rad")
+                named = Code.LIKE_A_WATER_WEDGE in codes_of(actual.reasons)
+                yield Pull(group, actual, truth, named is (truth > 0.0))
                 break
 
 
@@ -277,23 +277,23 @@ def load(seed: int, index: int) -> Iterator[Pull]:
     degc, wear_mm = float(rng.uniform(15.0, 65.0)), float(rng.uniform(0.0, 0.4)) * world.thickness_mm
     points = []
     for share in (0.7, 1.0, 1.3):
-        known = replace(world, load_n=share * world.load_n)
+        stated_world = replace(world, load_n=share * world.load_n)
         results, _ = run(
-            known,
+            stated_world,
             "",
             ("kinematic", "weak-form"),
             index,
             seconds=8.0,
             wheel="temperature_degc = 25",
-            stated=known.load_n,
+            stated=stated_world.load_n,
         )
         good = [result for result in results[5:] if not result.revolution.faults]
         if not good:
             return
-        halves = [0.5 * (one.revolution.trailing_edge_rad - one.revolution.leading_edge_rad) for one in good]
-        numbers = {found.name: found for found in good[-1].estimates}
+        halves = [0.5 * (item.revolution.trailing_edge_rad - item.revolution.leading_edge_rad) for item in good]
+        numbers = {estimate.name: estimate for estimate in good[-1].estimates}
         half = float(np.median(halves))
-        points.append(TirePoint("", known.load_n, 0.0, world.pressure_pa, half, numbers, temperature_degc=25.0))
+        points.append(TirePoint("", stated_world.load_n, 0.0, world.pressure_pa, half, numbers, temperature_degc=25.0))
     reference = reference_numbers(points, "weak-form")
     calibration = fit_load_calibration(points).calibration
     measured_rate = rate + rate_std * rng.standard_normal()

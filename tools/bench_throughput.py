@@ -241,17 +241,17 @@ def record(folder: Path, seconds: float, cases: tuple[Case, ...]) -> dict[tuple[
 @contextmanager
 def checked_out(revision: str | None) -> Iterator[dict[str, Path]]:
     """Yield the trees to measure by their names: the old one, when one is given, and this one."""
-    own = Path(__file__).resolve().parent.parent
+    selected = Path(__file__).resolve().parent.parent
     if revision is None:
-        yield {"now": own}
+        yield {"now": selected}
         return
     with tempfile.TemporaryDirectory() as folder:
-        archive = subprocess.run(["git", "archive", revision], cwd=own, check=True, capture_output=True)
+        archive = subprocess.run(["git", "archive", revision], cwd=selected, check=True, capture_output=True)
         subprocess.run(["tar", "-x", "-C", folder], input=archive.stdout, check=True)
         hook = Path(folder, "hatch_build.py")
         if hook.exists():
             subprocess.run([sys.executable, str(hook)], check=True)
-        yield {revision: Path(folder), "now": own}
+        yield {revision: Path(folder), "now": selected}
 
 
 def run_child(tree: Path, case: Case, path: Path, *, by_stage: bool) -> dict[str, Any]:
@@ -263,8 +263,8 @@ def run_child(tree: Path, case: Case, path: Path, *, by_stage: bool) -> dict[str
     done = subprocess.run(command, env=environment, cwd=tree, capture_output=True, text=True, check=False)
     if done.returncode:
         raise SystemExit(done.stderr)
-    found: dict[str, Any] = json.loads(done.stdout)
-    return found
+    estimated_loads: dict[str, Any] = json.loads(done.stdout)
+    return estimated_loads
 
 
 def best(runs: list[dict[str, Any]]) -> dict[str, Any]:
@@ -288,10 +288,10 @@ def print_cases(
                 runs[name].append(run_child(tree, case, path, by_stage=False))
         row, revolutions = f"{case!s:34}", 0
         for name in trees:
-            found = best(runs[name])
-            revolutions = found["revolutions"]
-            each = f"{1e3 * found['cpu_s'] / revolutions:8.3f}" if revolutions else f"{'':8}"
-            row += f"{seconds / found['cpu_s']:19.1f}{each}{found['peak_mb']:9.0f}"
+            result = best(runs[name])
+            revolutions = result["revolutions"]
+            each = f"{1e3 * result['cpu_s'] / revolutions:8.3f}" if revolutions else f"{'':8}"
+            row += f"{seconds / result['cpu_s']:19.1f}{each}{result['peak_mb']:9.0f}"
         print(f"{row}   {revolutions}", flush=True)
 
 
@@ -300,15 +300,15 @@ def print_stages(trees: dict[str, Path], path: Path, case: Case, rounds: int) ->
     for _ in range(rounds):
         for name, tree in trees.items():
             runs[name].append(run_child(tree, case, path, by_stage=True))
-    found = {name: best(runs[name]) for name in trees}
+    results = {name: best(runs[name]) for name in trees}
     print(f"\n{case}: microseconds of CPU a revolution, the clock of the stages included")
     print(f"{'':22}" + "".join(f"{name:>12}" for name in trees))
-    used = {stage for run in found.values() for stage, spent_s in run["stages"].items() if spent_s > 0.0}
-    for stage in [stage for stage in next(reversed(found.values()))["stages"] if stage in used]:
-        row = "".join(f"{1e6 * run['stages'].get(stage, 0.0) / run['revolutions']:12.0f}" for run in found.values())
+    used = {stage for run in results.values() for stage, spent_s in run["stages"].items() if spent_s > 0.0}
+    for stage in [stage for stage in next(reversed(results.values()))["stages"] if stage in used]:
+        row = "".join(f"{1e6 * run['stages'].get(stage, 0.0) / run['revolutions']:12.0f}" for run in results.values())
         print(f"{stage:22}{row}")
     rest = "".join(
-        f"{1e6 * (run['cpu_s'] - sum(run['stages'].values())) / run['revolutions']:12.0f}" for run in found.values()
+        f"{1e6 * (run['cpu_s'] - sum(run['stages'].values())) / run['revolutions']:12.0f}" for run in results.values()
     )
     print(f"{'decoding and the rest':22}{rest}")
 

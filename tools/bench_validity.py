@@ -61,23 +61,23 @@ def main(arguments: Sequence[str] | None = None) -> None:
         for tire in tires
     ]
     if options.kept:
-        judged = [one for path in options.kept for one in from_json(json.loads(path.read_text(encoding="utf-8")))]
+        judged = [entry for path in options.kept for entry in from_json(json.loads(path.read_text(encoding="utf-8")))]
     else:
-        judged = [one for found in _all(orders, options.jobs) for one in found]
-    judged = [one for one in judged if not options.quantity or one.quantity in options.quantity]
+        judged = [entry for result in _all(orders, options.jobs) for entry in result]
+    judged = [entry for entry in judged if not options.quantity or entry.quantity in options.quantity]
     if options.json:
         options.json.write_text(json.dumps(as_json(judged)), encoding="utf-8")
-    valid = [one for one in judged if one.valid]
+    valid = [entry for entry in judged if entry.valid]
     print(
-        f"{len({one.tire for one in judged})} tires, {len({one.case for one in judged})} cases, "
+        f"{len({entry.tire for entry in judged})} tires, {len({entry.case for entry in judged})} cases, "
         f"{len(judged)} estimates: "
-        f"{len(valid)} valid, {sum(one.falsely_valid for one in valid)} of them falsely.\n"
+        f"{len(valid)} valid, {sum(entry.falsely_valid for entry in valid)} of them falsely.\n"
     )
     tables = [
         kind_table(judged),
         quantity_table(judged),
-        well_table([one for one in judged if one.table == "true"]),
-        misstatement_table([one for one in judged if one.table == "one"]),
+        well_table([entry for entry in judged if entry.table == "true"]),
+        misstatement_table([entry for entry in judged if entry.table == "one"]),
         case_table(judged),
         estimator_table(judged),
         reference_table(judged),
@@ -131,12 +131,12 @@ def _all(orders: Sequence[Order], jobs: int) -> Iterator[list[Judged]]:
             print(f"\r{number} of {len(orders)} tires", end="", file=sys.stderr, flush=True)
     else:
         with ProcessPoolExecutor(jobs) as pool:
-            waiting = {pool.submit(judge_tire, order): place for place, order in enumerate(orders)}
-            found: dict[int, list[Judged]] = {}
+            waiting = {pool.submit(judge_tire, order): index for index, order in enumerate(orders)}
+            results: dict[int, list[Judged]] = {}
             for done in as_completed(waiting):
-                found[waiting[done]] = done.result()
-                print(f"\r{len(found)} of {len(orders)} tires", end="", file=sys.stderr, flush=True)
-        yield from (found[place] for place in range(len(orders)))
+                results[waiting[done]] = done.result()
+                print(f"\r{len(results)} of {len(orders)} tires", end="", file=sys.stderr, flush=True)
+        yield from (results[index] for index in range(len(orders)))
     print(file=sys.stderr)
 
 

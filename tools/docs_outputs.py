@@ -99,13 +99,19 @@ def run(command: str, folder: Path) -> str:
     words = shlex.split(command)
     if words[0] == "treadlink":
         resolved = [str((ROOT / word).resolve()) if word.startswith(("examples/", "../")) else word for word in words]
-        arguments, place = [sys.executable, "-m", "gateway.cli", *resolved[1:]], folder
+        arguments, position = [sys.executable, "-m", "gateway.cli", *resolved[1:]], folder
     else:
-        arguments, place = [sys.executable, *words[1:]], ROOT
+        arguments, position = [sys.executable, *words[1:]], ROOT
     path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH", ""))))
     environment = {**os.environ, "PYTHONPATH": path, "COLUMNS": "80"}
     done = subprocess.run(
-        arguments, cwd=place, env=environment, check=False, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+        arguments,
+        cwd=position,
+        env=environment,
+        check=False,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
     )
     if done.returncode not in (0, 1):
         raise subprocess.CalledProcessError(done.returncode, arguments, done.stdout)
@@ -114,21 +120,21 @@ def run(command: str, folder: Path) -> str:
 
 def numbers(text: str) -> list[float]:
     """Return the numbers in a text, in order."""
-    return [float(found.replace("\u2212", "-")) for found in _NUMBER.findall(text)]
+    return [float(result.replace("\u2212", "-")) for result in _NUMBER.findall(text)]
 
 
 def disagreement(quoted: str, printed: str) -> str:
     """Return the first quoted line whose numbers are not in the output in this order, empty where all are."""
-    found, place = numbers(printed), 0
+    result, position = numbers(printed), 0
     for line in quoted.splitlines():
         wanted = numbers(line)
         if not wanted or line.strip() == SKIPPED or line.startswith("$ "):
             continue
-        while place + len(wanted) <= len(found) and not _alike(wanted, found[place : place + len(wanted)]):
-            place += 1
-        if place + len(wanted) > len(found):
+        while position + len(wanted) <= len(result) and not _alike(wanted, result[position : position + len(wanted)]):
+            position += 1
+        if position + len(wanted) > len(result):
             return line.strip()
-        place += len(wanted)
+        position += len(wanted)
     return ""
 
 

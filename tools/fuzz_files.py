@@ -207,15 +207,15 @@ def main() -> None:
         f"{'failures':>10}{'slowest':>9}"
     )
     for kind in kinds:
-        found = run(kind, options.seed, options.count, 60 * options.minutes)
+        result = run(kind, options.seed, options.count, 60 * options.minutes)
         print(
-            f"{kind:<18}{found.cases:>9}{found.accepted:>10}{found.rejected:>10}{len(found.crashes):>9}"
-            f"{len(found.failures):>10}{found.slowest_s:>7.2f} s",
+            f"{kind:<18}{result.cases:>9}{result.accepted:>10}{result.rejected:>10}{len(result.crashes):>9}"
+            f"{len(result.failures):>10}{result.slowest_s:>7.2f} s",
             flush=True,
         )
-        crashed = [(number, "the parser crashed, which was a message") for number in found.crashes]
-        failed = failed or bool(found.failures)
-        for number, text in [*found.failures[:20], *crashed[:5]]:
+        crashed = [(number, "the parser crashed, which was a message") for number in result.crashes]
+        failed = failed or bool(result.failures)
+        for number, text in [*result.failures[:20], *crashed[:5]]:
             _SAVED.mkdir(parents=True, exist_ok=True)
             (_SAVED / f"{kind}-{options.seed}-{number}").write_bytes(case(kind, options.seed, number))
             print(f"  --kind {kind} --seed {options.seed} --only {number}: {text}", flush=True)

@@ -80,8 +80,8 @@ class Listener:
 
     def of(self, topic: str) -> list[Any]:
         """Return the JSON payloads of a topic; plain text as text."""
-        found = [payload for name, _, payload in tuple(self.messages) if name == topic]
-        return [json.loads(payload) if payload[:1] == b"{" else payload.decode() for payload in found]
+        results = [payload for name, _, payload in tuple(self.messages) if name == topic]
+        return [json.loads(payload) if payload[:1] == b"{" else payload.decode() for payload in results]
 
     def publish(self, topic: str, payload: bytes) -> None:
         """Publish a retained message."""

@@ -58,8 +58,8 @@ def judge(name: str, basis: FloatArray, angle_rad: FloatArray, folds: NDArray[np
     rows = columns / angle_rad[:, None]
     fold = np.arange(len(angle_rad)) if folds is None else folds
     errors = np.empty_like(angle_rad)
-    for left in np.unique(fold):
-        out = fold == left
+    for item in np.unique(fold):
+        out = fold == item
         constants = np.linalg.lstsq(rows[~out], np.ones(int((~out).sum())), rcond=None)[0]
         errors[out] = rows[out] @ constants - 1.0
     constants = np.linalg.lstsq(rows, np.ones(len(rows)), rcond=None)[0]
@@ -71,10 +71,12 @@ def sidewall(pressure_pa: FloatArray, stiffness_npm2: float, share: float) -> Fl
     return stiffness_npm2 * (1.0 + share * (pressure_pa / REFERENCE_PA - 1.0))
 
 
-def short_patch(at: Points, bending_nm2: float, share: float) -> FloatArray:
+def short_patch(points: Points, bending_nm2: float, share: float) -> FloatArray:
     """Turn of a short contact by a couple 2 a P, P = 1 N: a / sqrt(EI (T + 2 sqrt(ky EI)))."""
-    ky = sidewall(at.pressure_pa, NOMINAL.sidewall_stiffness_npm2, share)
-    result: FloatArray = at.half_length_m / np.sqrt(bending_nm2 * (at.tension_n + 2.0 * np.sqrt(ky * bending_nm2)))
+    ky = sidewall(points.pressure_pa, NOMINAL.sidewall_stiffness_npm2, share)
+    result: FloatArray = points.half_length_m / np.sqrt(
+        bending_nm2 * (points.tension_n + 2.0 * np.sqrt(ky * bending_nm2))
+    )
     return result
 
 
@@ -88,48 +90,48 @@ def beam_answer(x_m: FloatArray, bending_nm2: float, tension_n: FloatArray, ky_n
     return result
 
 
-def whole_patch(at: Points, bending_nm2: float, share: float) -> FloatArray:
+def whole_patch(points: Points, bending_nm2: float, share: float) -> FloatArray:
     """Mean slope between forces of 1 N one way and the other at the contact's two ends, whatever its length."""
-    ky = sidewall(at.pressure_pa, NOMINAL.sidewall_stiffness_npm2, share)
-    here = beam_answer(np.zeros_like(ky), bending_nm2, at.tension_n, ky)
-    there = beam_answer(2.0 * at.half_length_m, bending_nm2, at.tension_n, ky)
-    result: FloatArray = (here - there) / at.half_length_m
+    ky = sidewall(points.pressure_pa, NOMINAL.sidewall_stiffness_npm2, share)
+    current = beam_answer(np.zeros_like(ky), bending_nm2, points.tension_n, ky)
+    there = beam_answer(2.0 * points.half_length_m, bending_nm2, points.tension_n, ky)
+    result: FloatArray = (current - there) / points.half_length_m
     return result
 
 
-def string_laws(at: Points, stiffness_npm2: float, share: float) -> Iterator[tuple[str, FloatArray]]:
+def string_laws(points: Points, stiffness_npm2: float, share: float) -> Iterator[tuple[str, FloatArray]]:
     """Response of a string on the sidewall to a side force; the relaxation length is sqrt(T / ky)."""
-    ky = sidewall(at.pressure_pa, stiffness_npm2, share)
-    x = 2.0 * at.half_length_m * np.sqrt(ky / at.tension_n)
-    yield "slope at the edge, even force", (1.0 - np.exp(-x)) / np.sqrt(ky * at.tension_n)
+    ky = sidewall(points.pressure_pa, stiffness_npm2, share)
+    x = 2.0 * points.half_length_m * np.sqrt(ky / points.tension_n)
+    yield "slope at the edge, even force", (1.0 - np.exp(-x)) / np.sqrt(ky * points.tension_n)
     yield "slope at the leading edge, force grows rearward", (1.0 - (1.0 + x) * np.exp(-x)) / ky
     yield "even force, total as the relaxation length", 1.0 - np.exp(-x)
     yield "shift of the contact over a fixed length, even force", (1.0 - np.exp(-0.5 * x)) / ky
 
 
-def derived_laws(at: Points, angle_rad: FloatArray) -> list[Law]:
+def derived_laws(points: Points, angle_rad: FloatArray) -> list[Law]:
     """Return every law of a beam or string with a finite contact, best first."""
     laws = []
     for bending, share in itertools.product(BENDING_NM2, SHARES):
         what = f"EI {bending:g} N m^2, {share:.0%} of ky from pressure"
-        laws.append(judge(f"couple on a short contact, {what}", short_patch(at, bending, share), angle_rad))
-        laws.append(judge(f"couple on the whole contact, {what}", whole_patch(at, bending, share), angle_rad))
+        laws.append(judge(f"couple on a short contact, {what}", short_patch(points, bending, share), angle_rad))
+        laws.append(judge(f"couple on the whole contact, {what}", whole_patch(points, bending, share), angle_rad))
     for stiffness, share in itertools.product(SIDEWALL_NPM2, SHARES):
-        for name, value in string_laws(at, stiffness, share):
+        for name, value in string_laws(points, stiffness, share):
             laws.append(judge(f"string, {name}, ky {stiffness:g}, {share:.0%}", value, angle_rad))
-    one = np.ones_like(angle_rad)
-    for name, x in groups(at):
-        laws.append(judge(f"c0 + c1 {name}", np.stack([one, x], axis=1), angle_rad))
+    single = np.ones_like(angle_rad)
+    for name, x in groups(points):
+        laws.append(judge(f"c0 + c1 {name}", np.stack([single, x], axis=1), angle_rad))
     return sorted(laws, key=lambda law: law.left_out_rms)
 
 
-def groups(at: Points) -> Iterator[tuple[str, FloatArray]]:
+def groups(points: Points) -> Iterator[tuple[str, FloatArray]]:
     """Variables of which the angle may be a function."""
-    yield "a / sqrt(p)", at.half_length_m / np.sqrt(at.pressure_pa)
-    yield "a / p", at.half_length_m / at.pressure_pa
-    yield "Q / p", at.load_n / at.pressure_pa
-    yield "a", at.half_length_m
-    yield "Q / sqrt(p)", at.load_n / np.sqrt(at.pressure_pa)
+    yield "a / sqrt(p)", points.half_length_m / np.sqrt(points.pressure_pa)
+    yield "a / p", points.half_length_m / points.pressure_pa
+    yield "Q / p", points.load_n / points.pressure_pa
+    yield "a", points.half_length_m
+    yield "Q / sqrt(p)", points.load_n / np.sqrt(points.pressure_pa)
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,9 +182,9 @@ def _cornering_npdeg(ring: RingSolution, belt: LateralBelt) -> float:
     return (ends[1] - ends[0]) / math.degrees(_SLIP_RAD)
 
 
-def belt_answers(at: Points) -> list[BeltAnswer]:
+def belt_answers(points: Points) -> list[BeltAnswer]:
     """Return the answers of 36 belts, over stiffnesses far beyond any tire's."""
-    rings: list[RingSolution] = [roll_car_tire(q, p) for q, p in zip(at.load_n, at.pressure_pa, strict=True)]
+    rings: list[RingSolution] = [roll_car_tire(q, p) for q, p in zip(points.load_n, points.pressure_pa, strict=True)]
     answers = []
     for bending, shear, stiffness, tread, share in itertools.product(
         (10.0, 100.0, 1e3), (3e4, 1.6e6), (2.5e5,), (1e6, 8e6, 3e7), (0.0, 1.0)
@@ -197,7 +199,7 @@ def belt_answers(at: Points) -> list[BeltAnswer]:
         for ring in rings:
             ky = float(sidewall(np.array(ring.pressure_pa), stiffness, share))
             shape = solve_lateral_belt(ring, replace(nominal, sidewall_stiffness_npm2=ky))
-            slopes.append(np.abs(slopes_of(shape.y_m, at.radius_m, ring.leading_edge_rad, ring.trailing_edge_rad)))
+            slopes.append(np.abs(slopes_of(shape.y_m, points.radius_m, ring.leading_edge_rad, ring.trailing_edge_rad)))
             ahead.append(slope_ahead(ring, shape))
             forces.append(abs(shape.side_force_n))
         cornering = _cornering_npdeg(rings[1], nominal)
@@ -241,15 +243,17 @@ class Plane:
 _FREE = 3  # six points less three constants
 
 
-def plane(at: Points, angle_rad: FloatArray) -> Plane:
+def plane(points: Points, angle_rad: FloatArray) -> Plane:
     """Fit the plane to the logarithms of six angles."""
-    rows = np.stack([np.ones(len(angle_rad)), np.log(at.load_n), np.log(at.pressure_pa)], axis=1)
-    found = np.linalg.lstsq(rows, np.log(angle_rad), rcond=None)[0]
-    squares = float(np.sum(np.square(np.log(angle_rad) - rows @ found)))
+    rows = np.stack([np.ones(len(angle_rad)), np.log(points.load_n), np.log(points.pressure_pa)], axis=1)
+    result = np.linalg.lstsq(rows, np.log(angle_rad), rcond=None)[0]
+    squares = float(np.sum(np.square(np.log(angle_rad) - rows @ result)))
     covariance = squares / _FREE * np.linalg.inv(rows.T @ rows)
     scatter = math.sqrt(squares / _FREE)
     low, high = (scatter * math.sqrt(_FREE / stats.chi2.ppf(q, _FREE)) for q in (0.975, 0.025))
-    return Plane(found[1:], stats.t.ppf(0.975, _FREE) * np.sqrt(np.diag(covariance)[1:]), squares, scatter, (low, high))
+    return Plane(
+        result[1:], stats.t.ppf(0.975, _FREE) * np.sqrt(np.diag(covariance)[1:]), squares, scatter, (low, high)
+    )
 
 
 def rejection(values: FloatArray, angle_rad: FloatArray, of: Plane) -> float:
@@ -260,9 +264,9 @@ def rejection(values: FloatArray, angle_rad: FloatArray, of: Plane) -> float:
     return float(stats.f.sf((squares - of.squares) / extra / (of.squares / _FREE), extra, _FREE))
 
 
-def exponents_of(values: FloatArray, at: Points) -> FloatArray:
+def exponents_of(values: FloatArray, points: Points) -> FloatArray:
     """Return the exponents of load and pressure, (2,)."""
-    return plane(at, np.abs(values)).exponents
+    return plane(points, np.abs(values)).exponents
 
 
 @dataclass(frozen=True, slots=True)
@@ -303,11 +307,11 @@ class PropertyFile:
 
 def property_files(directory: Path) -> list[PropertyFile]:
     """Return the files of a directory by pressure; the file states it in bar."""
-    found = []
+    results = []
     for path in directory.glob("*.tir"):
         values = tir_values(path)
-        found.append(PropertyFile(values["INFLATION_PRESSURE"] * 1e5, values))
-    return sorted(found, key=lambda file: file.pressure_pa)
+        results.append(PropertyFile(values["INFLATION_PRESSURE"] * 1e5, values))
+    return sorted(results, key=lambda file: file.pressure_pa)
 
 
 PROPERTY_LOADS_N = (12e3, 17e3, 22e3)
@@ -397,29 +401,29 @@ LISTED_BELTS = ((100.0, 1e6), (100.0, 8e6), (1000.0, 1e6), (1000.0, 8e6))
 
 def print_rejections(points: Points, angle: FloatArray, answers: list[BeltAnswer]) -> None:
     """Print the plane and the laws of one constant that it rejects."""
-    found = plane(points, angle)
-    low, high = found.scatter_range
+    result = plane(points, angle)
+    low, high = result.scatter_range
     print(
-        f"\nplane: Q^{found.exponents[0]:.2f} ± {found.half_widths[0]:.2f}, p^{found.exponents[1]:.2f} ± "
-        f"{found.half_widths[1]:.2f} (95 %); scatter of a point {found.scatter:.1%}, {low:.1%} to {high:.1%}"
+        f"\nplane: Q^{result.exponents[0]:.2f} ± {result.half_widths[0]:.2f}, p^{result.exponents[1]:.2f} ± "
+        f"{result.half_widths[1]:.2f} (95 %); scatter of a point {result.scatter:.1%}, {low:.1%} to {high:.1%}"
     )
     ones = [law for law in compare(points, angle) if len(law.constants) == 1]
-    tests = {law.name: rejection(law.fitted_rad, angle, found) for law in ones}
+    tests = {law.name: rejection(law.fitted_rad, angle, result) for law in ones}
     beam = short_patch(points, NOMINAL.bending_stiffness_nm2, 0.5)
-    tests["couple on the nominal belt"] = rejection(beam, angle, found)
-    inside = [rejection(column, angle, found) for answer in answers for column in answer.slopes_rad.T]
-    ahead = [rejection(answer.ahead_rad, angle, found) for answer in answers]
+    tests["couple on the nominal belt"] = rejection(beam, angle, result)
+    inside = [rejection(column, angle, result) for answer in answers for column in answer.slopes_rad.T]
+    ahead = [rejection(answer.ahead_rad, angle, result) for answer in answers]
     print("probability of the fit of laws with one constant")
     for name, value in sorted(tests.items(), key=lambda item: -item[1]):
         print(f"  {name:40s}{value:7.3f}")
     for name, values in (("belts, inside the contact", inside), ("belts, slope ahead of the contact", ahead)):
-        kept = sum(value > 0.05 for value in values)
-        print(f"  {name:40s}{min(values):7.3f} to {max(values):.3f}, {kept} of {len(values)} above 0.05")
+        remaining = sum(value > 0.05 for value in values)
+        print(f"  {name:40s}{min(values):7.3f} to {max(values):.3f}, {remaining} of {len(values)} above 0.05")
 
 
 def print_ahead(points: Points, angle: FloatArray, answers: list[BeltAnswer]) -> None:
     """Print the slope ahead of the contact of the listed belts, and their side force at the measured angle."""
-    found = plane(points, angle)
+    result = plane(points, angle)
     every = np.array([exponents_of(answer.ahead_rad, points) for answer in answers])
     (low_q, low_p), (high_q, high_p) = every.min(axis=0), every.max(axis=0)
     print(f"\nslope ahead of the contact, {len(answers)} belts: ", end="")
@@ -436,12 +440,12 @@ def print_ahead(points: Points, angle: FloatArray, answers: list[BeltAnswer]) ->
         forces = " ".join(f"{scale * answer.side_force_n[i]:5.0f}" for i in (4, 1, 5))
         print(
             f"{belt.bending_stiffness_nm2:6g} {belt.tread_stiffness_npm2:7g} {100 * law.left_out_rms:11.1f} "
-            f"{rejection(answer.ahead_rad, angle, found):12.3f} {q:6.2f} {p:6.2f} "
+            f"{rejection(answer.ahead_rad, angle, result):12.3f} {q:6.2f} {p:6.2f} "
             f"{answer.ahead_rad[0] / answer.ahead_rad[3]:14.2f} {1e3 * scale * belt.coupling_length_m:6.2f} "
             f"{answer.cornering_npdeg:6.0f}  {forces}"
         )
     print(f"  measured: 1.8 / 2.7 bar {angle[0] / angle[3]:.2f}, side force {TABLE_FORCE_N} N")
-    factors = possible_force_factors(answers, angle, found)
+    factors = possible_force_factors(answers, angle, result)
     print(
         f"  {len(factors)} belts of more than {LEAST_CORNERING_NPDEG:.0f} N/deg and probability above 0.05: force "
         f"{min(factors):.1f} to {max(factors):.1f} times the measured one"
@@ -462,8 +466,8 @@ def possible_force_factors(answers: list[BeltAnswer], angle_rad: FloatArray, of:
     return factors
 
 
-def _couple(at: Points, law: Law) -> float:
-    return 2.0 * float(at.half_length_m[1]) * float(law.constants[0])
+def _couple(points: Points, law: Law) -> float:
+    return 2.0 * float(points.half_length_m[1]) * float(law.constants[0])
 
 
 def print_property_files(files: list[PropertyFile]) -> None:

@@ -23,30 +23,30 @@ def main() -> None:
         f"{'':34s}" + "".join(f"{names[number]:>17s}" for number in IN_PAPER) + f"{'Cw slope':>10s}{'residual %':>13s}"
     )
     for assumption in ASSUMPTIONS:
-        found = readings(assumption)
-        trends = [trend(number, found) for number in IN_PAPER]
-        cells = "".join(f"{one.exponent:+9.2f} ({one.correlation:+.2f})" for one in trends)
-        worst = max(one.residual_share for one in found)
-        mark = "*" if agrees(found) else " "
-        residuals = f"{100 * found[_NOMINAL].residual_share:8.1f}{100 * worst:6.1f}"
+        result = readings(assumption)
+        trends = [trend(number, result) for number in IN_PAPER]
+        cells = "".join(f"{entry.exponent:+9.2f} ({entry.correlation:+.2f})" for entry in trends)
+        worst = max(entry.residual_share for entry in result)
+        mark = "*" if agrees(result) else " "
+        residuals = f"{100 * result[_NOMINAL].residual_share:8.1f}{100 * worst:6.1f}"
         print(f"{assumption.name:32s}{mark} {cells}{trends[0].slope:+10.2f}{residuals}")
     print("\nWhat would decide: exponent of the weak form's Cw over Pn; length of the contact and between the steepest")
     print("slopes at 2.1 bar and 2000, 5000, 8000 N; pressure over the outer fifth of the contact over its mean")
     print(f"{'':34s}{'weak form':>10s}{'contact mm':>21s}{'steepest mm':>21s}{'outer fifth':>13s}")
     for assumption in ASSUMPTIONS:
-        found = readings(assumption)
-        middle = found[_NOMINAL - 1 : _NOMINAL + 2]
-        contact = "".join(f"{2e3 * RADIUS_M * one.solution.half_angle_rad:7.0f}" for one in middle)
-        steepest = "".join(f"{2e3 * RADIUS_M * one.steepest_rad:7.0f}" for one in middle)
-        growth = trend("Cw", found, weak_form=True).exponent
-        outer = edge_pressure(found[_NOMINAL].solution)
+        result = readings(assumption)
+        middle = result[_NOMINAL - 1 : _NOMINAL + 2]
+        contact = "".join(f"{2e3 * RADIUS_M * entry.solution.half_angle_rad:7.0f}" for entry in middle)
+        steepest = "".join(f"{2e3 * RADIUS_M * entry.steepest_rad:7.0f}" for entry in middle)
+        growth = trend("Cw", result, weak_form=True).exponent
+        outer = edge_pressure(result[_NOMINAL].solution)
         print(f"{assumption.name:34s}{growth:+10.2f}{contact}{steepest}{outer:13.2f}")
     worst = max(
         abs(value / true - 1.0)
         for assumption in ASSUMPTIONS
         if assumption.name != "sidewall softens"
-        for one in readings(assumption)
-        for value, true in ((one.weak_form[1], one.solution.numbers.Cw),)
+        for entry in readings(assumption)
+        for value, true in ((entry.weak_form[1], entry.solution.numbers.Cw),)
         if math.isfinite(value)
     )
     print(f"\nLargest error of the weak form's Cw, but for the softening sidewall: {100 * worst:.1f} %")

@@ -114,13 +114,15 @@ def sensitivities(step: float = 0.02) -> dict[str, float]:
         "Ts": "tangential_stiffness_npm2",
         "kt": "tread_stiffness_npm2",
     }
-    found = {}
+    results = {}
     for name, field in fields.items():
         ends = [solve(replace(BASE, **{field: getattr(BASE, field) * (1.0 + sign * step)})) for sign in (-1.0, 1.0)]
-        found[name] = math.log(ends[1].half_angle_rad / ends[0].half_angle_rad) / math.log((1.0 + step) / (1.0 - step))
+        results[name] = math.log(ends[1].half_angle_rad / ends[0].half_angle_rad) / math.log(
+            (1.0 + step) / (1.0 - step)
+        )
     low, high = solve(load_n=LOAD_N * (1.0 - step)), solve(load_n=LOAD_N * (1.0 + step))
-    found["load"] = math.log(high.half_angle_rad / low.half_angle_rad) / math.log((1.0 + step) / (1.0 - step))
-    return found
+    results["load"] = math.log(high.half_angle_rad / low.half_angle_rad) / math.log((1.0 + step) / (1.0 - step))
+    return results
 
 
 def flat_angle(kinematics: Kinematics) -> float:
@@ -129,7 +131,7 @@ def flat_angle(kinematics: Kinematics) -> float:
     It reads more than the centripetal R Omega^2 outside, and the sum of its orders must take all of that away.
     """
 
-    def left(half_angle_rad: float) -> float:
+    def remainder(half_angle_rad: float) -> float:
         orders = signal_orders(
             np.arange(1.0, 400.0),
             TABLE_3_NUMBERS,
@@ -142,7 +144,7 @@ def flat_angle(kinematics: Kinematics) -> float:
         )
         return RADIUS_M + float(orders.sum())
 
-    return float(brentq(left, 0.05, 0.5))
+    return float(brentq(remainder, 0.05, 0.5))
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,11 +186,12 @@ def tire_that_reads_table_3(tread_npm2: float, nodes: int = 720) -> Reading:
     return Reading(tread_npm2, solution.numbers, ratio * np.exp(best.x), residual, contact(solution))
 
 
-def _row(name: str, at: Contact, change: float | None = None) -> str:
+def _row(name: str, patch: Contact, change: float | None = None) -> str:
     moved = "" if change is None else f"{100 * change:8.1f}"
     return (
-        f"{name:32s}{at.half_angle_rad:8.4f}{1e3 * at.length_m:8.1f}{1e3 * at.deflection_m:8.2f}"
-        f"{at.peak_over_mean:8.2f}{at.centre_over_mean:8.2f}{100 * at.tension_loss:8.1f}{at.overshoot:8.3f}{moved}"
+        f"{name:32s}{patch.half_angle_rad:8.4f}{1e3 * patch.length_m:8.1f}{1e3 * patch.deflection_m:8.2f}"
+        f"{patch.peak_over_mean:8.2f}{patch.centre_over_mean:8.2f}{100 * patch.tension_loss:8.1f}"
+        f"{patch.overshoot:8.3f}{moved}"
     )
 
 
@@ -213,10 +216,10 @@ def main() -> None:
     print(f"\nThe paper's estimator on this ring, over Table 3: {np.round(ratio, 2)}, residual {100 * residual:.1f} %")
     print("Tires that it reads as Table 3 (numbers over Table 3; what it reads over Table 3; residual %; contact)")
     for tread in (1.5e7, 3e7, 7e7, 1.4e8):
-        found = tire_that_reads_table_3(tread)
-        numbers = np.round(np.array(found.numbers) / np.array(TABLE_3_NUMBERS), 2)
-        print(f"kt {tread:.1e}  {numbers}  {np.round(found.read_over_printed, 2)}  {100 * found.residual:.0f}")
-        print(_row("", found.contact))
+        result = tire_that_reads_table_3(tread)
+        numbers = np.round(np.array(result.numbers) / np.array(TABLE_3_NUMBERS), 2)
+        print(f"kt {tread:.1e}  {numbers}  {np.round(result.read_over_printed, 2)}  {100 * result.residual:.0f}")
+        print(_row("", result.contact))
 
 
 if __name__ == "__main__":

@@ -69,15 +69,15 @@ def test_arrow_round_trip_keeps_values_and_units(table, tmp_path):
         expected = table[name]
         if expected.dtype.kind == "M":
             expected = expected.astype(np.int64)
-            found = back[name].cast(pa.int64()).to_numpy()
+            result = back[name].cast(pa.int64()).to_numpy()
         elif expected.dtype.kind == "c":
             flat = np.array(back[name].to_pylist())
-            found = flat[..., 0] + 1j * flat[..., 1]
+            result = flat[..., 0] + 1j * flat[..., 1]
         elif expected.ndim > 1:
-            found = np.array(back[name].to_pylist())
+            result = np.array(back[name].to_pylist())
         else:
-            found = back[name].to_numpy(zero_copy_only=False)
-        np.testing.assert_array_equal(found, expected)
+            result = back[name].to_numpy(zero_copy_only=False)
+        np.testing.assert_array_equal(result, expected)
     assert json.loads(back.schema.metadata[METADATA_KEY])["wheel"] == "FL"
 
 
@@ -124,10 +124,10 @@ def test_estimates_become_long_and_wide_frames(recording):
     wide = table.to_pandas(wide=True)
     assert len(wide) == sum(len(recording[wheel].revolutions()) for wheel in recording)
     for wheel in recording:
-        own = wide[wide["wheel"] == wheel]
-        np.testing.assert_array_equal(own["speed_mps"], table.select("speed_mps", wheel=wheel).value)
-        np.testing.assert_array_equal(own["Bs/Cw_std"], table.select("Bs/Cw", wheel=wheel).std)
-        assert own["Cw_status"].tolist() == table.select("Cw", wheel=wheel).status.tolist()
+        selected = wide[wide["wheel"] == wheel]
+        np.testing.assert_array_equal(selected["speed_mps"], table.select("speed_mps", wheel=wheel).value)
+        np.testing.assert_array_equal(selected["Bs/Cw_std"], table.select("Bs/Cw", wheel=wheel).std)
+        assert selected["Cw_status"].tolist() == table.select("Cw", wheel=wheel).status.tolist()
     assert wide.attrs["units"]["speed_mps_std"] == "m/s"
     assert wide["host_utc"].dt.tz is not None
 

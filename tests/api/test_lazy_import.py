@@ -43,7 +43,7 @@ def test_type_checkers_see_the_same_names():
         for alias in node.names
     }
     # A strict checker exports `name as name` and names that are assigned.
-    typed = {name: place for name, (place, exported) in imported.items() if exported == name}
+    typed = {name: position for name, (position, exported) in imported.items() if exported == name}
     for node in block:
         if isinstance(node, ast.Assign):
             typed[ast.unparse(node.targets[0])] = imported[ast.unparse(node.value)][0]

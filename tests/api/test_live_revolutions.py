@@ -26,19 +26,19 @@ def recorded_live(tmp_path_factory):
     """Revolutions of a session, and the recording that it made."""
     path = tmp_path_factory.mktemp("live") / "live.mcap"
     with gateway.live(URI, record=path, estimators="kinematic") as session:
-        found = list(session)
-        yield found, path, session
+        results = list(session)
+        yield results, path, session
 
 
 def test_revolutions_equal_those_of_the_recording(recorded_live):
-    found, path, _ = recorded_live
+    result, path, _ = recorded_live
     again = list(gateway.open(path).stream("kinematic"))
-    assert len(found) == len(again) > 20
-    for one, other in zip(found, again, strict=True):
-        assert one.wheel == other.wheel
-        assert one.device_start_s == pytest.approx(other.device_start_s, abs=1e-9)
-        np.testing.assert_allclose(one.axes_mps2, other.axes_mps2, atol=1e-6)
-        values = [[revolution[name].value for name in one.estimates] for revolution in (one, other)]
+    assert len(result) == len(again) > 20
+    for first, other in zip(result, again, strict=True):
+        assert first.wheel == other.wheel
+        assert first.device_start_s == pytest.approx(other.device_start_s, abs=1e-9)
+        np.testing.assert_allclose(first.axes_mps2, other.axes_mps2, atol=1e-6)
+        values = [[revolution[name].value for name in first.estimates] for revolution in (first, other)]
         np.testing.assert_allclose(*values, rtol=1e-9)
 
 
@@ -124,11 +124,11 @@ def test_wrong_options_are_errors_at_the_call(arguments, options, message, sessi
 
 
 def test_duration_limits_the_data():
-    found = list(gateway.live("sim:lab?speed=max&seed=3", duration_s=2.0, estimators="kinematic"))
-    assert found[-1].device_start_s + found[-1].period_s < 2.0
-    assert found[-1].device_start_s > 1.5
+    results = list(gateway.live("sim:lab?speed=max&seed=3", duration_s=2.0, estimators="kinematic"))
+    assert results[-1].device_start_s + results[-1].period_s < 2.0
+    assert results[-1].device_start_s > 1.5
 
 
 def test_several_sources_come_together(recorded):
-    found = list(gateway.live(URI, f"replay:{recorded}?speed=max", estimators="kinematic"))
-    assert {"W1", "hub0.wheel1"} <= {revolution.wheel for revolution in found}
+    results = list(gateway.live(URI, f"replay:{recorded}?speed=max", estimators="kinematic"))
+    assert {"W1", "hub0.wheel1"} <= {revolution.wheel for revolution in results}

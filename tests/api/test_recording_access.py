@@ -96,8 +96,8 @@ def test_samples_have_their_gaps(recording):
     assert samples.gaps
     assert sum(lost for _, lost in samples.gaps) == samples.number[-1] - samples.number[0] + 1 - len(samples)
     for at_s, lost in samples.gaps:
-        place = int(np.flatnonzero(samples.device_s == at_s)[0])
-        assert samples.number[place] - samples.number[place - 1] == lost + 1
+        index = int(np.flatnonzero(samples.device_s == at_s)[0])
+        assert samples.number[index] - samples.number[index - 1] == lost + 1
 
 
 def test_saturated_samples_are_marked(recording):
@@ -125,34 +125,34 @@ def test_environment_holds_the_readings(recording):
 
 @pytest.mark.parametrize("wheel", ["FL", "FR"])
 def test_revolutions_equal_the_rows_of_estimate(recording, rows, wheel):
-    table, own = recording[wheel].revolutions(), rows_of(rows, wheel)
-    assert table.revolution.tolist() == [int(row["revolution"]) for row in own]
+    table, selected = recording[wheel].revolutions(), rows_of(rows, wheel)
+    assert table.revolution.tolist() == [int(row["revolution"]) for row in selected]
     for name in ("device_start_s", "device_end_s", "speed_mps", "pressure_pa", "temperature_degc", "load_n"):
-        np.testing.assert_array_equal(getattr(table, name), numbers(own, name))
-    assert table.host_utc.astype(np.int64).tolist() == [int(row["host_ns"]) for row in own]
-    assert table.missing_fraction.tolist() == numbers(own, "missing_fraction").tolist()
-    assert table.faults.tolist() == [row["faults"] for row in own]
-    assert table.usable.tolist() == [not row["faults"] for row in own]
+        np.testing.assert_array_equal(getattr(table, name), numbers(selected, name))
+    assert table.host_utc.astype(np.int64).tolist() == [int(row["host_ns"]) for row in selected]
+    assert table.missing_fraction.tolist() == numbers(selected, "missing_fraction").tolist()
+    assert table.faults.tolist() == [row["faults"] for row in selected]
+    assert table.usable.tolist() == [not row["faults"] for row in selected]
 
 
 @pytest.mark.parametrize("wheel", ["FL", "FR"])
 def test_estimates_equal_the_rows_of_estimate(recording, rows, wheel):
-    own = rows_of(rows, wheel)
-    names = [name.removesuffix("_status") for name in own[0] if name.endswith("_status")]
+    selected = rows_of(rows, wheel)
+    names = [name.removesuffix("_status") for name in selected[0] if name.endswith("_status")]
     table = recording[wheel].estimates()
     assert set(table.names) == set(names)
     for name in names:
-        one = table.select(name)
-        np.testing.assert_array_equal(one.value, numbers(own, name))
-        np.testing.assert_array_equal(one.std, numbers(own, f"{name}_std"))
-        assert one.status.tolist() == [row[f"{name}_status"] for row in own]
-        assert one.reasons.tolist() == [row[f"{name}_reason"] for row in own]
+        single = table.select(name)
+        np.testing.assert_array_equal(single.value, numbers(selected, name))
+        np.testing.assert_array_equal(single.std, numbers(selected, f"{name}_std"))
+        assert single.status.tolist() == [row[f"{name}_status"] for row in selected]
+        assert single.reasons.tolist() == [row[f"{name}_reason"] for row in selected]
 
 
 def test_estimates_are_selected_by_status_and_wheel(recording):
     table = recording.estimates()
     assert set(table.select(status="valid").status.tolist()) == {"valid"}
-    assert len(table) == sum(len(table.select(status=one)) for one in ("valid", "provisional", "invalid"))
+    assert len(table) == sum(len(table.select(status=item)) for item in ("valid", "provisional", "invalid"))
     assert set(table.select("speed_mps", wheel="FL").wheel.tolist()) == {"FL"}
     with pytest.raises(KeyError, match="no estimate has the name 'speed'"):
         table.select("speed")
@@ -228,11 +228,11 @@ def test_stream_equals_the_tables(recording, rows):
     streamed = list(recording.stream("kinematic"))
     assert len(streamed) == len(rows)
     for wheel in recording:
-        own = [revolution for revolution in streamed if revolution.wheel == wheel]
-        values = [revolution["contact_length_m"].value for revolution in own]
+        selected = [revolution for revolution in streamed if revolution.wheel == wheel]
+        values = [revolution["contact_length_m"].value for revolution in selected]
         expected = recording[wheel].estimates("kinematic").select("contact_length_m").value
         np.testing.assert_array_equal(values, expected)
-        assert [revolution.device_start_s for revolution in own] == recording[
+        assert [revolution.device_start_s for revolution in selected] == recording[
             wheel
         ].revolutions().device_start_s.tolist()
     with pytest.raises(KeyError, match="no estimate 'Bs'"):
@@ -248,11 +248,11 @@ def test_alarms_equal_those_of_estimate(recorded, tmp_path):
     done = CliRunner().invoke(treadlink, ["estimate", str(recorded), *options])
     records = [json.loads(line).get("alarm_record") for line in done.stdout.splitlines()]
     expected = [record for record in records if record]
-    found = opened.alarms()
-    assert found.name.tolist() == [record["name"] for record in expected]
-    assert found.reason.tolist() == [record["text"] for record in expected]
-    assert found.total_s.tolist() == [record["total_s"] for record in expected]
-    assert any("60" in text for text in found.reason.tolist())
+    result = opened.alarms()
+    assert result.name.tolist() == [record["name"] for record in expected]
+    assert result.reason.tolist() == [record["text"] for record in expected]
+    assert result.total_s.tolist() == [record["total_s"] for record in expected]
+    assert any("60" in text for text in result.reason.tolist())
     assert opened.vehicle == load_vehicle(config)
     assert gateway.open(recorded, config=load_vehicle(config)).vehicle == opened.vehicle
     tables = opened.vehicle.model_dump(mode="json")

@@ -106,16 +106,16 @@ def test_calibration_is_that_of_the_command(tmp_path):
         }
         paths.append(tmp_path / f"{load_n}.mcap")
         gateway.simulate(scenario, duration_s=4.0, out=paths[-1])
-    found = gateway.calibrate(paths)
-    assert [point.load_n for point in found.points] == [3000.0, 3800.0, 4600.0, 5400.0]
-    found.save(tmp_path / "tables.toml")
+    result = gateway.calibrate(paths)
+    assert [point.load_n for point in result.points] == [3000.0, 3800.0, 4600.0, 5400.0]
+    result.save(tmp_path / "tables.toml")
     done = subprocess.run(
         [sys.executable, "-m", "gateway.cli", "calibrate", *map(str, paths), "--out", "-"],
         capture_output=True, text=True, check=True,
     )  # fmt: skip
     assert (tmp_path / "tables.toml").read_text("utf-8") == done.stdout
-    assert "[tire.load_calibration]" in found.toml
-    assert str(found) in done.stderr
+    assert "[tire.load_calibration]" in result.toml
+    assert str(result) in done.stderr
     with pytest.raises(gateway.Error, match="no wheel"):
         gateway.calibrate(paths, wheels=["FL"])
 

@@ -77,8 +77,8 @@ def test_scan_without_adapter_continues(bus: PrivateBus) -> None:
 
 
 def test_doctor_checks_bluetooth(bluez: BluezStandIn, hub: Peripheral) -> None:
-    (found,) = check_bluetooth()
-    assert found.level is Level.OK
+    (result,) = check_bluetooth()
+    assert result.level is Level.OK
     (seen,) = check_source("ble://Treadlink-FL?scan=0.2", ManualClock())
     assert seen.level is Level.OK
     assert f"Treadlink-FL at {ADDRESSES[0]} (-57 dBm)" in seen.text

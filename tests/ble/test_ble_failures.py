@@ -47,20 +47,20 @@ def scan_in_a_new_process(address: str) -> dict[str, Any]:
         check=True,
     )
     assert done.stderr == ""
-    found: dict[str, Any] = json.loads(done.stdout)
-    return found
+    estimated_loads: dict[str, Any] = json.loads(done.stdout)
+    return estimated_loads
 
 
 def test_no_bluetooth_service(bus: PrivateBus) -> None:
-    found = scan_in_a_new_process(bus.address)
-    assert found["bluetooth_fault"]["text"] == "Bluetooth's service is not running"
-    assert "systemctl start bluetooth" in found["bluetooth_fault"]["remedy"]
+    result = scan_in_a_new_process(bus.address)
+    assert result["bluetooth_fault"]["text"] == "Bluetooth's service is not running"
+    assert "systemctl start bluetooth" in result["bluetooth_fault"]["remedy"]
 
 
 def test_no_d_bus(tmp_path: Path) -> None:
-    found = scan_in_a_new_process(f"unix:path={tmp_path}/none")
-    assert "no D-Bus here" in found["bluetooth_fault"]["text"]
-    assert isinstance(found["serial_ports"], list)
+    result = scan_in_a_new_process(f"unix:path={tmp_path}/none")
+    assert "no D-Bus here" in result["bluetooth_fault"]["text"]
+    assert isinstance(result["serial_ports"], list)
 
 
 def test_missing_adapter(bluez: BluezStandIn) -> None:

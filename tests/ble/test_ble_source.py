@@ -83,8 +83,8 @@ def test_twenty_thousand_notifications_by_socket(bluez: BluezStandIn, hub: Perip
     reader = read(opened("Treadlink-FL", f"{SCAN}&notify=socket"))
     reader.event(LinkEventKind.CONNECTED)
     # The buffer of the socket holds 167 of them, and BlueZ drops the rest: no larger bursts.
-    for at in range(0, len(payloads), 160):
-        burst = payloads[at : at + 160]
+    for index in range(0, len(payloads), 160):
+        burst = payloads[index : index + 160]
         send(bluez, hub, burst)
         assert data(reader, 244 * len(burst)) == b"".join(burst)
 
@@ -93,8 +93,8 @@ def test_frames_split_over_notifications_and_merged_in_one(bluez: BluezStandIn, 
     hub.mtu = 517
     sent = frames(40)
     stream = b"".join(sent)
-    split = [stream[at : at + 20] for at in range(0, len(stream) // 2, 20)]
-    merged = [stream[at : at + 514] for at in range(20 * len(split), len(stream), 514)]
+    split = [stream[index : index + 20] for index in range(0, len(stream) // 2, 20)]
+    merged = [stream[index : index + 514] for index in range(20 * len(split), len(stream), 514)]
     reader, decoder = read(opened("Treadlink-FL")), FrameDecoder()
     reader.event(LinkEventKind.CONNECTED)
     send(bluez, hub, split + merged)

@@ -109,7 +109,7 @@ def test_estimate_gives_the_silence_before_a_revolution(vehicle: Path, tmp_path:
     run("simulate", "lab", "--duration", 10, "--fault", fault, "--out", recording)
     printed = run("estimate", recording, "--json", rows)
     assert "hub 0 silent: from 6.0 s to 7." in printed
-    found = [json.loads(line) for line in rows.read_text().splitlines()]
-    silent = [row["silent_before_s"] for row in found if row["revolution"] is not None]
-    assert found[-1]["alarm_record"]["values"]["silence_s"] == pytest.approx(4.0, abs=0.1)
-    assert [round(one, 1) for one in silent if one] == [4.0]
+    results = [json.loads(line) for line in rows.read_text().splitlines()]
+    silent = [row["silent_before_s"] for row in results if row["revolution"] is not None]
+    assert results[-1]["alarm_record"]["values"]["silence_s"] == pytest.approx(4.0, abs=0.1)
+    assert [round(item, 1) for item in silent if item] == [4.0]

@@ -48,10 +48,10 @@ def test_calibration_gives_load_and_wear(recordings: list[Path], tmp_path: Path)
     results, _ = simulated(
         "[tire]\nwear_mm = 0.5", 10.0, setup, ("kinematic", "weak-form", "wear", "load"), "load_n = 5200"
     )
-    found = last(results)
-    assert found["load_by_angle_n"].value == pytest.approx(5200.0, rel=0.04)
-    assert found["load_n"].value == pytest.approx(5200.0, rel=0.02)
-    assert found["wear_mm"].value == pytest.approx(0.5, abs=0.15)
+    result = last(results)
+    assert result["load_by_angle_n"].value == pytest.approx(5200.0, rel=0.04)
+    assert result["load_n"].value == pytest.approx(5200.0, rel=0.02)
+    assert result["wear_mm"].value == pytest.approx(0.5, abs=0.15)
 
 
 def test_tables_are_printed_without_out(recordings: list[Path]) -> None:

@@ -62,12 +62,12 @@ def test_calibration_gives_force_and_moment(folder: Path, tmp_path: Path) -> Non
     (setup,) = vehicle.wheel_setups()
     names = ("kinematic", "longitudinal-force", "side-force", "friction")
     results, truth = simulated(TABLES, 4.0, setup, names, "load_n = 4000\nslip_angle_deg = 0.7")
-    found = {estimate.name: estimate for estimate in results[-1].estimates}
+    actual = {estimate.name: estimate for estimate in results[-1].estimates}
     true = cornering(truth, 0.7)
     for name, value in (("side_force_n", true.side_force_n), ("aligning_moment_nm", true.aligning_moment_nm)):
-        assert abs(found[name].value - value) < 3.0 * found[name].std
-    assert found["side_force_n"].std < 0.02 * 4000
-    assert abs(found["friction_used"].value - true.side_force_n / 4000) < 3.0 * found["friction_used"].std
+        assert abs(actual[name].value - value) < 3.0 * actual[name].std
+    assert actual["side_force_n"].std < 0.02 * 4000
+    assert abs(actual["friction_used"].value - true.side_force_n / 4000) < 3.0 * actual["friction_used"].std
 
 
 def test_equal_forces_are_refused(folder: Path) -> None:

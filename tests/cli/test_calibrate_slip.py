@@ -46,7 +46,7 @@ def test_calibration_gives_constant_slip(folder: Path, tmp_path: Path) -> None:
     text = run("calibrate", "slip", folder / "runs.toml", "--out", out)
     assert "chi-square" in text
     assert "degrees of freedom 1" in text
-    found = tomllib.loads(out.read_text())["tire"]["slip_calibration"]
+    result = tomllib.loads(out.read_text())["tire"]["slip_calibration"]
     wheel = "[tire]\nradius_mm = 320\n[[wheel]]\nposition = 'FL'\nhub = 0\nwheel = 0\nload_n = 4000\n"
     vehicle = parse_vehicle(wheel + out.read_text(), "test")
     assert parse_vehicle(vehicle.to_toml(), "again") == vehicle
@@ -56,10 +56,10 @@ def test_calibration_gives_constant_slip(folder: Path, tmp_path: Path) -> None:
     mean = estimates["slip_angle_mean_rad"]
     assert abs(mean.value - math.radians(0.6)) < 3.0 * mean.std < math.radians(0.4)
     # Ply steer and conicity of the true shapes.
-    zero, share = math.degrees(truth.ply_steer(1.0).first_half_rad), found["belt_share"]
-    assert abs(found["zero_deg"] - zero) < 3.0 * found["zero_std_deg"]
-    assert found["ply_steer_deg"] + found["conicity_deg"] == pytest.approx(found["zero_deg"], abs=1e-4)
-    assert found["conicity_deg"] == pytest.approx(-0.025, abs=0.01)
+    zero, share = math.degrees(truth.ply_steer(1.0).first_half_rad), result["belt_share"]
+    assert abs(result["zero_deg"] - zero) < 3.0 * result["zero_std_deg"]
+    assert result["ply_steer_deg"] + result["conicity_deg"] == pytest.approx(result["zero_deg"], abs=1e-4)
+    assert result["conicity_deg"] == pytest.approx(-0.025, abs=0.01)
     assert 0.19 < share < 0.24
 
 

@@ -100,9 +100,9 @@ def test_result_names_command_and_recordings(closed, recording, tmp_path):
     origin = json.loads(out.read_text())["origin"]
     words = f"{recording} --model paper --reverse {recording} --json '{out}' --empirical"
     assert origin["command"].split("diagnose ", 1)[1] == words
-    (one,) = origin["recordings"]
-    assert one["sha256"] == hashlib.sha256(Path(recording).read_bytes()).hexdigest()
-    assert 0.0 < one["first_s"] < one["last_s"]
+    (single,) = origin["recordings"]
+    assert single["sha256"] == hashlib.sha256(Path(recording).read_bytes()).hexdigest()
+    assert 0.0 < single["first_s"] < single["last_s"]
 
 
 def test_plug_in_is_refused_before_the_work(closed, recording, tmp_path):
@@ -153,9 +153,9 @@ def test_budget_counts_reading_and_says_how_long_each_part_took(monkeypatch, rec
 
     monkeypatch.setattr(campaign_diagnosis, "read_campaign", read)
     monkeypatch.setattr(campaign_diagnosis, "diagnose", diagnose)
-    found = campaign_diagnosis.diagnose_recordings([recording], budget_s=5.0, clock=clock)
+    result = campaign_diagnosis.diagnose_recordings([recording], budget_s=5.0, clock=clock)
     assert expired == [False, True]
-    early, spent, *_ = found.notes
+    early, spent, *_ = result.notes
     assert early.code is Code.SEARCH_ENDED_EARLY
     assert (spent.code, spent["limit_s"]) == (Code.TIME_LIMIT_SPENT, 5.0)
     assert (spent["reading_s"], spent["search_s"], spent["after_s"]) == pytest.approx((3.0, 2.0, 1.0))
@@ -372,17 +372,17 @@ def test_every_command_checks_the_effects_alike(recording, tmp_path, command):
     assert "is in mm, not in m" in refusal((CorrectedEffect("mounting offset", (in_mm,)),))
     far = replace(offset, value=0.4)
     assert "outside its plausible range" in refusal((CorrectedEffect("mounting offset", (far,)),))
-    known = (CorrectedEffect("mounting offset", (offset,)),)
-    assert "was edited after diagnose" in refusal(known, lambda text: text.replace("0.004", "0.008"))
+    reference = (CorrectedEffect("mounting offset", (offset,)),)
+    assert "was edited after diagnose" in refusal(reference, lambda text: text.replace("0.004", "0.008"))
 
 
 def test_list_effects_needs_no_recording():
     listed = run("--list-effects")
     assert listed.exit_code == 0, listed.output
     assert "SENSOR RESPONSE" in listed.output
-    one = run("--list-effects", "yaw")
-    assert "yaw tilt" in one.output
-    assert "SENSOR RESPONSE" not in one.output
+    single = run("--list-effects", "yaw")
+    assert "yaw tilt" in single.output
+    assert "SENSOR RESPONSE" not in single.output
     assert {"name", "equation", "confounders"} <= json.loads(run("--list-effects", "json").output)[0].keys()
     assert run("--list-effects", "markdown").output.startswith("# Effects\n")
     message, _ = refused("--list-effects", "nonsense")

@@ -52,9 +52,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     noise = np.random.default_rng(1).normal(0.0, 3.4, (19200, 1)) - 9.81
     counts = np.rint(noise / SCALE_MPS2).astype(np.int16)
     frames = [Frame(MessageType.HELLO, 0, 0, 0, 0, hello())]
-    for number, at in enumerate(range(0, len(counts), 32)):
-        block = SampleBlock(at, 0b100, counts[at : at + 32])
-        frames.append(Frame(MessageType.SAMPLES, 0, 0, number + 1, round(at / 9600.0 * 1e6), block))
+    for number, index in enumerate(range(0, len(counts), 32)):
+        block = SampleBlock(index, 0b100, counts[index : index + 32])
+        frames.append(Frame(MessageType.SAMPLES, 0, 0, number + 1, round(index / 9600.0 * 1e6), block))
     record(folder / "standing.mcap", *map(encode_frame, frames))
     record(folder / "noise.mcap", np.random.default_rng(1).bytes(5000))
     record(folder / "empty.mcap")
@@ -118,8 +118,8 @@ def run(folder: Path, line: str) -> tuple[int, str]:
     ],
 )
 def test_status_says_whether_there_is_a_result(folder: Path, line: str, status: int, words: str) -> None:
-    found, printed = run(folder, line)
-    assert found == status, printed
+    result, printed = run(folder, line)
+    assert result == status, printed
     assert words in printed
     assert "Traceback" not in printed
 

@@ -15,13 +15,13 @@ CHUNK = 0x06
 
 def chunks(data: bytes) -> list[tuple[int, int]]:
     """Return begin and end of the chunks."""
-    at, found = len(MAGIC), []
-    while at + RECORD_HEAD.size < len(data):
-        opcode, length = RECORD_HEAD.unpack_from(data, at)
+    offset, result = len(MAGIC), []
+    while offset + RECORD_HEAD.size < len(data):
+        opcode, length = RECORD_HEAD.unpack_from(data, offset)
         if opcode == CHUNK:
-            found.append((at, at + RECORD_HEAD.size + length))
-        at += RECORD_HEAD.size + length
-    return found
+            result.append((offset, offset + RECORD_HEAD.size + length))
+        offset += RECORD_HEAD.size + length
+    return result
 
 
 def cut(data: bytes) -> bytes:
@@ -92,7 +92,7 @@ def test_a_damaged_recording_is_told_by_word_and_status(whole, tmp_path, line, d
     assert COMMANDS[line] in printed
 
 
-@pytest.mark.parametrize("line", [one for one in LINES if not one.values[0].startswith("diagnose")])
+@pytest.mark.parametrize("line", [item for item in LINES if not item.values[0].startswith("diagnose")])
 def test_a_recording_without_damage_is_status_0(whole, tmp_path, line):
     path = tmp_path / "unfinished.mcap"
     for data in (whole, unfinished(whole)):

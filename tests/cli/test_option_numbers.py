@@ -20,21 +20,21 @@ def commands_below(command: click.Command, words: tuple[str, ...]) -> Iterator[t
 
 def float_parameters() -> dict[str, click.Parameter]:
     context = click.Context(treadlink)
-    found: dict[str, click.Parameter] = {}
+    results: dict[str, click.Parameter] = {}
     for name in COMMANDS:
         command = treadlink.get_command(context, name)
         assert command is not None
         for words, leaf in commands_below(command, (name,)):
             for parameter in leaf.params:
                 if isinstance(parameter.type, click.types.FloatParamType):
-                    found[f"{' '.join(words)} {parameter.name}"] = parameter
-    return found
+                    results[f"{' '.join(words)} {parameter.name}"] = parameter
+    return results
 
 
 def test_every_float_refuses_nan_and_infinity() -> None:
-    found = float_parameters()
-    assert {"diagnose budget_s", "simulate duration_s", "command rate rate_hz"} <= found.keys()
-    for name, parameter in found.items():
+    result = float_parameters()
+    assert {"diagnose budget_s", "simulate duration_s", "command rate rate_hz"} <= result.keys()
+    for name, parameter in result.items():
         assert isinstance(parameter.type, FiniteRange), name
         for text in ("nan", "-nan", "inf", "-inf", "1e999", "NaN", "Infinity"):
             with pytest.raises(click.BadParameter, match="not a finite number"):

@@ -59,32 +59,32 @@ def test_json_agrees_with_the_revolutions(recorded, tmp_path):
     path = tmp_path / "o.json"
     assert run(recorded, "--json", path, "--wheel", "W0").exit_code == 0
     (wheel,) = json.loads(path.read_text("utf-8"))["wheels"]
-    own = [
-        one.revolution
-        for one in revolutions(OpenedRecording(open_recorded_file(recorded)))
-        if one.position == "hub0.wheel0"
+    selected = [
+        speed.revolution
+        for speed in revolutions(OpenedRecording(open_recorded_file(recorded)))
+        if speed.position == "hub0.wheel0"
     ]
-    usable = [one for one in own if not one.faults]
-    orders = np.array([order_coefficients(one.axes_mps2, one.order_max) for one in usable])
+    usable = [speed for speed in selected if not speed.faults]
+    orders = np.array([order_coefficients(speed.axes_mps2, speed.order_max) for speed in usable])
     expected = np.sqrt(np.mean(np.abs(orders) ** 2, axis=0))
-    known = np.isfinite(expected[2])
-    found = np.array(wheel["amplitude_mps2"]["radial"], dtype=float)
-    np.testing.assert_allclose(found[known], expected[2][known], rtol=1e-9)
-    assert (wheel["revolutions"], wheel["revolutions_with_faults"]) == (len(usable), len(own) - len(usable))
+    reference = np.isfinite(expected[2])
+    result = np.array(wheel["amplitude_mps2"]["radial"], dtype=float)
+    np.testing.assert_allclose(result[reference], expected[2][reference], rtol=1e-9)
+    assert (wheel["revolutions"], wheel["revolutions_with_faults"]) == (len(usable), len(selected) - len(usable))
     assert 0.9 < wheel["integer_share"]["radial"] <= 1.0
     assert len(wheel["average"]["angle_rad"]) == 1024
-    assert sum(one["revolutions"] for one in wheel["speeds"]) == len(usable)
+    assert sum(speed["revolutions"] for speed in wheel["speeds"]) == len(usable)
 
 
 def test_json_has_a_spectrum_for_each_speed(two_speeds, tmp_path):
     assert run(two_speeds, "--speed-step", "20", "--json", tmp_path / "o.json").exit_code == 0
     wheel = json.loads((tmp_path / "o.json").read_text("utf-8"))["wheels"][0]
-    measured = [one for one in wheel["speeds"] if one["fine_blocks"]]
+    measured = [speed for speed in wheel["speeds"] if speed["fine_blocks"]]
     assert len(measured) >= 2
-    assert sum(one["fine_blocks"] for one in measured) == wheel["fine_blocks"]
-    for one in measured:
-        assert 0.9 < one["integer_share"]["radial"] <= 1.0
-        assert len(one["fine_mps2"]["radial"]) == len(wheel["fine_order"])
+    assert sum(speed["fine_blocks"] for speed in measured) == wheel["fine_blocks"]
+    for speed in measured:
+        assert 0.9 < speed["integer_share"]["radial"] <= 1.0
+        assert len(speed["fine_mps2"]["radial"]) == len(wheel["fine_order"])
 
 
 def test_terminal_shows_the_share_of_each_speed(two_speeds):
@@ -98,10 +98,10 @@ def test_csv_to_a_pipe_has_every_order_and_speed(recorded):
     done = run(recorded, "--csv", "-")
     rows = list(csv.DictReader(io.StringIO(done.stdout)))
     assert {row["wheel"] for row in rows} == {"W0", "W1"}
-    own = [row for row in rows if row["wheel"] == "W1" and row["order"] == "5"]
-    assert len(own) >= 2
-    assert all(row["lateral_mps2"] == "" for row in own)
-    assert float(own[0]["radial_repeated_mps2"]) <= float(own[0]["radial_mps2"])
+    selected = [row for row in rows if row["wheel"] == "W1" and row["order"] == "5"]
+    assert len(selected) >= 2
+    assert all(row["lateral_mps2"] == "" for row in selected)
+    assert float(selected[0]["radial_repeated_mps2"]) <= float(selected[0]["radial_mps2"])
     assert done.stderr.startswith("W0  ")
 
 

@@ -96,7 +96,9 @@ def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for name in ("keys", "effects.json", "rec.csv", "conditions.csv"):
         Path(name).write_text("kept")
     for name, key in (("slip", "slip_deg"), ("side-force", "side_force_n")):
-        runs = (f"[[run]]\nrecording = 'rec.mcap'\nfrom_s = {at}\nto_s = {at + 1}\n{key} = 0\n" for at in range(3))
+        runs = (
+            f"[[run]]\nrecording = 'rec.mcap'\nfrom_s = {index}\nto_s = {index + 1}\n{key} = 0\n" for index in range(3)
+        )
         Path(f"{name}.toml").write_text("".join(runs))
     Path("symbolic.mcap").symlink_to("rec.mcap")
     os.link("rec.mcap", "hard.mcap")
@@ -139,8 +141,8 @@ def test_existing_files_are_never_overwritten(files: Path, line: str) -> None:
 @pytest.mark.parametrize("command", ["diagnose", "estimate"])
 def test_default_key_file_is_never_overwritten(files: Path, command: str, monkeypatch: pytest.MonkeyPatch) -> None:
     # A command asks for it in its own module or where it runs.
-    for place in ("gateway.cli.diagnose", "gateway.security.key_file"):
-        monkeypatch.setattr(f"{place}.default_key_file", lambda: Path("keys").resolve())
+    for position in ("gateway.cli.diagnose", "gateway.security.key_file"):
+        monkeypatch.setattr(f"{position}.default_key_file", lambda: Path("keys").resolve())
     result = CliRunner().invoke(treadlink, f"{command} rec.mcap --json keys --force")
     assert "is an input" in str(result.exception)
     assert Path("keys").read_text() == "kept"
@@ -171,4 +173,4 @@ def _commands() -> Iterator[tuple[str, click.Command]]:
         assert command is not None
         yield name, command
         if isinstance(command, click.Group):
-            yield from ((f"{name} {under}", one) for under, one in command.commands.items())
+            yield from ((f"{name} {under}", item) for under, item in command.commands.items())

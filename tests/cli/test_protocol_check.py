@@ -71,11 +71,11 @@ def test_a_fault_is_named_with_its_bytes_and_ends_with_1(wrong_dump: str) -> Non
     result = run("check", wrong_dump)
     assert result.exit_code == 1
     lines = result.output.splitlines()
-    at = lines.index("  FAILED         counts are little endian [byte-order]")
-    assert "hub0.wheel1: the two bytes of its samples seem to be swapped" in lines[at + 1]
-    place, _, shown = lines[at + 2].strip().removeprefix("at byte ").partition(": ")
+    offset = lines.index("  FAILED         counts are little endian [byte-order]")
+    assert "hub0.wheel1: the two bytes of its samples seem to be swapped" in lines[offset + 1]
+    position, _, shown = lines[offset + 2].strip().removeprefix("at byte ").partition(": ")
     data = Path(wrong_dump).read_bytes()
-    assert bytes.fromhex(shown) == data[int(place) : int(place) + 48]
+    assert bytes.fromhex(shown) == data[int(position) : int(position) + 48]
 
 
 def test_junit_counts_and_names_the_failure(wrong_dump: str, tmp_path: Path) -> None:
@@ -94,9 +94,9 @@ def test_junit_counts_and_names_the_failure(wrong_dump: str, tmp_path: Path) -> 
 
 
 def test_json_has_every_clause(wrong_dump: str) -> None:
-    found = json.loads(run("check", wrong_dump, "--json").output)
-    assert [clause["clause"] for clause in found["clauses"]] == list(Clause)
-    failed = [clause for clause in found["clauses"] if clause["verdict"] == Verdict.FAILED]
+    estimated_loads = json.loads(run("check", wrong_dump, "--json").output)
+    assert [clause["clause"] for clause in estimated_loads["clauses"]] == list(Clause)
+    failed = [clause for clause in estimated_loads["clauses"] if clause["verdict"] == Verdict.FAILED]
     assert [clause["clause"] for clause in failed] == [Clause.BYTE_ORDER]
     assert failed[0]["findings"][0]["reason"]["code"] == "samples_bytes_swapped"
 

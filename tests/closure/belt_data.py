@@ -73,7 +73,7 @@ def block_of(
     return ModelledBlock(conditions, THETA, signal, shape, *edges, loaded_belt(ring))
 
 
-def at(speed_kmh: float) -> GroupConditions:
+def rolling_at(speed_kmh: float) -> GroupConditions:
     return replace(CONDITIONS, omega_radps=speed_kmh / 3.6 / RADIUS_M)
 
 

@@ -19,26 +19,26 @@ def covariance_of(applied: Applied, data: Whitened, *, shared_only: bool = False
     widths = [sum(len(factor) for factor in factors) for factors in data.factors]
     begins = np.concatenate([[0], np.cumsum(widths)]).astype(int)
     total = np.eye(int(begins[-1])) * (0.0 if shared_only else 1.0)
-    for at, (_, axis, place) in applied.discrepancy.enumerate():
+    for position, (_, axis, column) in applied.discrepancy.enumerate():
         rows, marked = [], []
-        for number, (index, scatter) in enumerate(zip(place.groups, place.scatters, strict=True)):
+        for number, (index, scatter) in enumerate(zip(column.groups, column.scatters, strict=True)):
             factor = scatter.factor
             first = begins[index] + sum(map(len, data.factors[index][:axis]))
-            for part in range(place.parts):
+            for part in range(column.parts):
                 wide = np.zeros((int(begins[-1]), factor.shape[1]))
                 wide[first : first + len(factor)] = factor
-                rows.append((part, place.scales[part, number] * wide))
-                marked.append((part, number, place.scales[part, number] * wide))
-        if len(place.groups) > 1 and not shared_only:
-            for number in range(len(place.groups)):
-                own = np.zeros_like(total)
-                for part in range(place.parts):
+                rows.append((part, column.scales[part, number] * wide))
+                marked.append((part, number, column.scales[part, number] * wide))
+        if len(column.groups) > 1 and not shared_only:
+            for number in range(len(column.groups)):
+                selected = np.zeros_like(total)
+                for part in range(column.parts):
                     (wide,) = [row for of, at_group, row in marked if of == part and at_group == number]
-                    own += wide @ np.tensordot(applied.amplitudes[at, part], place.kernels, axes=1) @ wide.T
-                total += criteria.OWN_SHARE * own
-        for part in range(place.parts):
+                    selected += wide @ np.tensordot(applied.amplitudes[position, part], column.kernels, axes=1) @ wide.T
+                total += criteria.OWN_SHARE * selected
+        for part in range(column.parts):
             seen = sum((row for of, row in rows if of == part), np.zeros_like(rows[0][1]))
-            kernel = np.tensordot(applied.amplitudes[at, part], place.kernels, axes=1)
+            kernel = np.tensordot(applied.amplitudes[position, part], column.kernels, axes=1)
             total += seen @ kernel @ seen.T
     return total
 

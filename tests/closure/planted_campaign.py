@@ -66,23 +66,23 @@ def ring(load_n: float = LOAD_N, radius_m: float = RADIUS_M, rs: float = 2.6) ->
     return solve_rolling_ring(tire, load_n, PRESSURE_PA, 55.0, nodes=NODES)
 
 
-def signal_of(here: GroupConditions, radius_m: float = RADIUS_M) -> FloatArray:
+def signal_of(group_conditions: GroupConditions, radius_m: float = RADIUS_M) -> FloatArray:
     """Return the sensor signal over the ring's angles, (3, NODES); the lateral axis is zero."""
-    wave, square = ring(here.load_n, radius_m).sensor, here.omega_radps**2
+    wave, square = ring(group_conditions.load_n, radius_m).sensor, group_conditions.omega_radps**2
     signal = np.zeros((3, NODES))
     signal[RADIAL] = square * wave.radial_m + G * wave.gravity_radial
     signal[CIRCUMFERENTIAL] = square * wave.circumferential_m + G * wave.gravity_circumferential
     return signal
 
 
-def nothing(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+def nothing(signal: FloatArray, theta: FloatArray, group_conditions: GroupConditions) -> FloatArray:
     return signal
 
 
 def turned(axis: int, angle_rad: float) -> Plant:
     """Return a sensor turned so that the radial axis leaks into another one."""
 
-    def plant(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+    def plant(signal: FloatArray, theta: FloatArray, group_conditions: GroupConditions) -> FloatArray:
         read = signal.copy()
         read[axis] = math.cos(angle_rad) * signal[axis] + math.sin(angle_rad) * signal[RADIAL]
         read[RADIAL] = math.cos(angle_rad) * signal[RADIAL] - math.sin(angle_rad) * signal[axis]
@@ -91,22 +91,22 @@ def turned(axis: int, angle_rad: float) -> Plant:
     return plant
 
 
-def gain(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+def gain(signal: FloatArray, theta: FloatArray, group_conditions: GroupConditions) -> FloatArray:
     return signal * np.array([[1.0], [1.0], [1.01]])
 
 
-def drift(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+def drift(signal: FloatArray, theta: FloatArray, group_conditions: GroupConditions) -> FloatArray:
     """A gain that is correct at 25 degC and varies with temperature."""
-    return signal * np.array([[1.0], [1.0], [1.0 + 5e-4 * (here.temperature_degc - 25.0)]])
+    return signal * np.array([[1.0], [1.0], [1.0 + 5e-4 * (group_conditions.temperature_degc - 25.0)]])
 
 
-def fast_clock(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+def fast_clock(signal: FloatArray, theta: FloatArray, group_conditions: GroupConditions) -> FloatArray:
     """A wheel that turns faster than its timing says."""
-    return signal_of(replace(here, omega_radps=1.008 * here.omega_radps))
+    return signal_of(replace(group_conditions, omega_radps=1.008 * group_conditions.omega_radps))
 
 
-def larger_belt(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
-    return signal_of(here, 1.016 * RADIUS_M)
+def larger_belt(signal: FloatArray, theta: FloatArray, group_conditions: GroupConditions) -> FloatArray:
+    return signal_of(group_conditions, 1.016 * RADIUS_M)
 
 
 def campaign_of(
@@ -129,24 +129,24 @@ def campaign_of(
         seed: of the noise.
     """
     rng = np.random.default_rng(seed)
-    states = sorted({(here.load_n, here.pressure_pa) for here in groups})
+    states = sorted({(item.load_n, item.pressure_pa) for item in groups})
     absent = [axis for axis in range(3) if axis not in axes]
     variance = np.full((3, ORDERS), noise_mps2**2, dtype=np.float64)
     variance[absent] = math.nan
     made = []
-    for index, here in enumerate(groups):
-        solved = ring(here.load_n)
-        truth = waveform_orders(plant(signal_of(here), solved.theta_rad, here))
+    for index, item in enumerate(groups):
+        solved = ring(item.load_n)
+        truth = waveform_orders(plant(signal_of(item), solved.theta_rad, item))
         blocks = []
         for _ in range(BLOCKS):
             real, imaginary = rng.normal(0.0, noise_mps2 / math.sqrt(REVOLUTIONS), (2, 3, ORDERS))
             imaginary[:, 0] = 0.0
             orders = truth + real + 1j * imaginary
             orders[absent] = complex(math.nan, math.nan)
-            blocks.append(Block(REVOLUTIONS, here, orders))
+            blocks.append(Block(REVOLUTIONS, item, orders))
         half_angle = 0.5 * (solved.trailing_edge_rad - solved.leading_edge_rad)
-        state = states.index((here.load_n, here.pressure_pa))
-        made.append(Group(f"run {index + 1}", index, state, here, tuple(blocks), variance, half_angle))
+        state = states.index((item.load_n, item.pressure_pa))
+        made.append(Group(f"run {index + 1}", index, state, item, tuple(blocks), variance, half_angle))
     return Campaign("W", tuple(group.label for group in made), tuple(made), len(states), {}, clock_error)
 
 
@@ -253,23 +253,23 @@ class Sideways(SignalEffect):
         self.goes_with = goes_with
         self._bent = bent
 
-    def contribution(self, here: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        return float(parameters[0]) * self.derivative(here, parameters)[0]
+    def contribution(self, group_conditions: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        return float(parameters[0]) * self.derivative(group_conditions, parameters)[0]
 
-    def derivative(self, here: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        row = np.zeros((1, *here.signal_mps2.shape))
+    def derivative(self, group_conditions: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        row = np.zeros((1, *group_conditions.signal_mps2.shape))
         # Chi-square counts a constant c as c^2, a wave of order 9 as its amplitude squared.
-        curve = math.cos(self._bent) + math.sin(self._bent) * np.cos(9.0 * here.theta_rad)
-        row[0, LATERAL] = self.goes_with(here.conditions) * curve
+        curve = math.cos(self._bent) + math.sin(self._bent) * np.cos(9.0 * group_conditions.theta_rad)
+        row[0, LATERAL] = self.goes_with(group_conditions.conditions) * curve
         return row
 
 
 def sideways(size_mps2: float, goes_with: Callable[[GroupConditions], float] = lambda _: 1.0) -> Plant:
     """Return a constant on the lateral axis that depends on the conditions."""
 
-    def plant(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+    def plant(signal: FloatArray, theta: FloatArray, group_conditions: GroupConditions) -> FloatArray:
         read = signal.copy()
-        read[LATERAL] += size_mps2 * goes_with(here)
+        read[LATERAL] += size_mps2 * goes_with(group_conditions)
         return read
 
     return plant
@@ -285,16 +285,16 @@ class WavePacket(Sideways):
         """Take places to start from instead."""
         super().__init__("wave packet")
         self.parameters = (*self.parameters, Parameter("place_rad", "rad", 0.0, 3.0, 0.3, 1e-4, prior_mean=1.0))
-        self.start_values = tuple((3.0, place) for place in places_rad) or self.start_values
+        self.start_values = tuple((3.0, position) for position in places_rad) or self.start_values
 
-    def contribution(self, here: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        change = here.zeros()
-        change[LATERAL] = float(parameters[0]) * self.packet(here.theta_rad - float(parameters[1]))[0]
+    def contribution(self, group_conditions: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        change = group_conditions.zeros()
+        change[LATERAL] = float(parameters[0]) * self.packet(group_conditions.theta_rad - float(parameters[1]))[0]
         return change
 
-    def derivative(self, here: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        rows = np.zeros((2, *here.signal_mps2.shape))
-        packet, slope = self.packet(here.theta_rad - float(parameters[1]))
+    def derivative(self, group_conditions: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        rows = np.zeros((2, *group_conditions.signal_mps2.shape))
+        packet, slope = self.packet(group_conditions.theta_rad - float(parameters[1]))
         rows[:, LATERAL] = packet, -float(parameters[0]) * slope
         return rows
 

@@ -85,8 +85,8 @@ def at_angles(field: np.ndarray, angle_rad: np.ndarray) -> np.ndarray:
 
 def tail(values: np.ndarray, omega_radps: float = OMEGA, rate_hz: float = RATE) -> tuple[np.ndarray, np.ndarray]:
     """Return the last 4000 samples and their angles."""
-    place = np.arange(len(values) - 4000, len(values))
-    return values[-4000:], omega_radps * place / rate_hz
+    position = np.arange(len(values) - 4000, len(values))
+    return values[-4000:], omega_radps * position / rate_hz
 
 
 def effect_of(name: str) -> SignalEffect:

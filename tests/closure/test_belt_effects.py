@@ -28,7 +28,17 @@ from gateway.closure.model.ring_options import RingOptions
 from gateway.closure.model.sensor_signal import base_signal
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.types import FloatArray
-from tests.closure.belt_data import CONDITIONS, EXTENSION_N, OMEGA, RADIUS_M, THETA, at, averaged, block_of, limited
+from tests.closure.belt_data import (
+    CONDITIONS,
+    EXTENSION_N,
+    OMEGA,
+    RADIUS_M,
+    THETA,
+    averaged,
+    block_of,
+    limited,
+    rolling_at,
+)
 from tests.closure.sensor_data import effect_of, rms
 
 MIRRORED = {
@@ -40,17 +50,17 @@ MIRRORED = {
 def unlike(simulated: FloatArray, ours: FloatArray, block: ModelledBlock, axes: tuple[int, ...] = (0, 2)) -> float:
     """Return the relative difference of a simulated change and ours, apart from a shift of the whole waveform."""
     rows = list(axes)
-    left = (limited(simulated) - limited(ours))[rows].reshape(-1)
+    remainder = (limited(simulated) - limited(ours))[rows].reshape(-1)
     slope = limited(slopes(block.signal_mps2)[0])[rows].reshape(-1)
-    left = left - slope * float(left @ slope) / float(slope @ slope)
-    return rms(left) / rms(limited(simulated)[rows])
+    remainder = remainder - slope * float(remainder @ slope) / float(slope @ slope)
+    return rms(remainder) / rms(limited(simulated)[rows])
 
 
 def test_corrected_models_contain_gravity_and_acceleration() -> None:
-    own = {"gravity", "speed drift"}
-    assert own <= set(candidates(BaselineModel.PAPER))
+    selected = {"gravity", "speed drift"}
+    assert selected <= set(candidates(BaselineModel.PAPER))
     for model in CORRECTED:
-        assert not own & set(candidates(model))
+        assert not selected & set(candidates(model))
         assert {"torsional ripple", "tread pitch"} <= set(candidates(model))
     assert "run-out" not in candidates(BaselineModel.SERIES)
 
@@ -106,8 +116,8 @@ def test_ripple_matches_the_simulator(order: int, phase_deg: float) -> None:
     begin = 0.0
     for _ in range(30):
         begin = -share / order * math.sin(order * begin + phase)
-    place = phase + order * begin
-    parameters = np.array([share * math.cos(place), -share * math.sin(place), order])
+    position = phase + order * begin
+    parameters = np.array([share * math.cos(position), -share * math.sin(position), order])
     ours = effect_of("torsional ripple").contribution(block_of(), parameters)
     assert unlike(averaged(table).axes_mps2 - averaged().axes_mps2, ours, block_of()) < 0.02
 
@@ -126,7 +136,7 @@ def test_ripple_of_two_percent_is_nonlinear_and_accurate() -> None:
 def test_imbalance_matches_the_simulator_at_any_speed(speed: str) -> None:
     table = "[wheel.vibration]\nimbalance_mps2 = 12.0\nimbalance_deg = 40.0"
     size, phase = 12.0 / OMEGA**2, math.radians(40.0)
-    conditions = at(float(speed))
+    conditions = rolling_at(float(speed))
     ours = effect_of("imbalance and hub motion").contribution(
         block_of(conditions), np.array([size * math.cos(phase), -size * math.sin(phase), 0.0])
     )

@@ -14,7 +14,7 @@ from gateway.closure.inference.likelihood import whiten
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
 from gateway.closure.model.exact_baseline import ExactCore
 from gateway.types import FloatArray
-from tests.closure.belt_data import at
+from tests.closure.belt_data import rolling_at
 
 # 100 revolutions of a 5 mg/rtHz sensor at 60 km/h.
 _STD_MPS2 = 0.015
@@ -27,7 +27,8 @@ def campaign(effect: AngleEffect, values: FloatArray, seed: int, speeds: tuple[f
     variance[1] = np.nan
     empty = np.zeros((3, ORDERS), complex)
     groups = tuple(
-        Group(f"{speed}", 0, 0, at(speed), (Block(1, at(speed), empty),) * 3, variance, 0.24) for speed in speeds
+        Group(f"{speed}", 0, 0, rolling_at(speed), (Block(1, rolling_at(speed), empty),) * 3, variance, 0.24)
+        for speed in speeds
     )
     plain = Campaign("FL", ("synthetic",), groups, 1, {})
     model = ClosureModel(plain, ExactCore(), [effect])
@@ -93,8 +94,8 @@ def test_effect_is_found_from_its_start_values(name: str, values: tuple[float, .
     where = fit.model.layout.effect(name)
     assert fit.misfit < 1.15 * data.size
     assert without.misfit - fit.misfit > 100.0
-    found, std = fit.vector[where], np.sqrt(np.diagonal(fit.covariance))[where]
-    assert (np.abs(found - truth) < 5.0 * std + 1e-3 * np.abs(truth)).all()
+    result, std = fit.vector[where], np.sqrt(np.diagonal(fit.covariance))[where]
+    assert (np.abs(result - truth) < 5.0 * std + 1e-3 * np.abs(truth)).all()
 
 
 def test_ripple_keeps_its_whole_order_beside_another_effect() -> None:

@@ -37,8 +37,8 @@ class TestGrouping:
         labels = modes(values, width)
         assert (labels >= 0).all()
         for label in np.unique(labels):
-            own = values[labels == label]
-            assert np.isnan(own).all() or np.ptp(own) <= width + 1e-12
+            selected = values[labels == label]
+            assert np.isnan(selected).all() or np.ptp(selected) <= width + 1e-12
 
     def test_plateau_beside_a_ramp_stays_whole(self):
         plateau = np.full(50, 1.0) + 0.004 * np.sin(np.arange(50))
@@ -77,8 +77,8 @@ class TestGrouping:
         load = np.array([4000, 4040, 5000, 4000, 4000, 4000.0])
         pressure = np.array([2.0e5, 2.01e5, 2e5, 2.4e5, 2e5, 2e5])
         angle = np.array([0.2, 0.2, 0.23, 0.18, 0.20, 0.26])
-        known = np.array([True, True, True, True, False, False])
-        assert tire_states(load, pressure, angle, known).tolist() == [0, 0, 1, 2, 3, 4]
+        reference = np.array([True, True, True, True, False, False])
+        assert tire_states(load, pressure, angle, reference).tolist() == [0, 0, 1, 2, 3, 4]
 
 
 class TestInformative:
@@ -147,8 +147,8 @@ class TestScatter:
         omega = np.full(count, 60.0) if omega is None else omega
         turned = jitter * rng.standard_normal(count)
         waves = []
-        for at in range(count):
-            wave = axes_of(tire(THETA + turned[at])) * (omega[at] / omega.mean()) ** 2
+        for index in range(count):
+            wave = axes_of(tire(THETA + turned[index])) * (omega[index] / omega.mean()) ** 2
             waves.append(waveform_orders(wave + sigma * math.sqrt(N / 2) * rng.standard_normal((3, N))))
         return np.stack(waves), omega, turned
 
@@ -159,24 +159,24 @@ class TestScatter:
         truth = waveform_orders(tire())
         high = slice(20, 80)
         smeared = np.abs(orders[:, 2].mean(axis=0) - truth)[high]
-        kept = np.abs(settled.orders_mps2[:, 2].mean(axis=0) * np.exp(-1j * ORDER * turned.mean()) - truth)[high]
-        assert np.sqrt(np.mean(smeared**2)) > 3 * np.sqrt(np.mean(kept**2))
+        remaining = np.abs(settled.orders_mps2[:, 2].mean(axis=0) * np.exp(-1j * ORDER * turned.mean()) - truth)[high]
+        assert np.sqrt(np.mean(smeared**2)) > 3 * np.sqrt(np.mean(remaining**2))
         # Noise contributes 0.4 / sqrt(80) in cosine and sine.
-        assert np.sqrt(np.mean(kept**2)) == pytest.approx(0.4 * math.sqrt(2 / 80), rel=0.3)
+        assert np.sqrt(np.mean(remaining**2)) == pytest.approx(0.4 * math.sqrt(2 / 80), rel=0.3)
         np.testing.assert_allclose(settled.shift_rad, turned - turned.mean(), atol=1.5e-3)
         assert settled.shift_rad.mean() == pytest.approx(0, abs=1e-12)
 
     @pytest.mark.parametrize("count", [4, 6, 30, 200])
     def test_variance_is_per_coefficient_and_revolution(self, count):
-        found = []
+        results = []
         for seed in range(8):
             orders, omega, _ = self.orders(count, np.random.default_rng(seed), jitter=0.002)
-            found.append(settle(orders, omega, np.zeros(count)).variance[2])
-        mean = np.mean(found, axis=0)
+            results.append(settle(orders, omega, np.zeros(count)).variance[2])
+        mean = np.mean(results, axis=0)
         assert mean[1:].mean() == pytest.approx(0.16, rel=0.06)
         assert mean[0] == pytest.approx(0.08, rel=0.5)
         # Neighbouring orders compensate for few revolutions.
-        assert np.std([one[60] for one in found]) < 0.16 * 0.45
+        assert np.std([item[60] for item in results]) < 0.16 * 0.45
 
     def test_speed_dependence_is_no_scatter(self):
         rng = np.random.default_rng(2)
@@ -233,12 +233,12 @@ class TestDeviations:
         rng = rng or np.random.default_rng(1)
         waves, period, begin = [], 2 * math.pi / omega, 0.0
         turned = shift * rng.standard_normal(len(omega))
-        for at, one in enumerate(omega):
-            time = begin + (THETA % (2 * math.pi)) / one
-            wave = (one / omega.mean()) ** 2 * tire(THETA + turned[at]) + 9.8 * np.cos(THETA)
+        for position, item in enumerate(omega):
+            time = begin + (THETA % (2 * math.pi)) / item
+            wave = (item / omega.mean()) ** 2 * tire(THETA + turned[position]) + 9.8 * np.cos(THETA)
             wave = wave + tone * math.sqrt(2) * np.sin(2 * math.pi * tone_hz * time)
             waves.append(np.stack([wave, np.full(N, np.nan), wave + noise * rng.standard_normal(N)]))
-            begin += period[at]
+            begin += period[position]
         index = np.arange(len(omega))
         if gap:
             index[len(omega) // 2 :] += 1

@@ -21,22 +21,22 @@ def watched(error, *, seconds=60.0, late_ms=1.0, seed=1, start_us=0, split=300):
     arrivals = ((host_s + 1e-3 * late_ms * rng.exponential(size=len(host_s))) * 1e9).astype(np.int64) + 10**18
     arrivals = np.maximum.accumulate(arrivals)
     clock = HubClockError()
-    for at in range(0, len(ticks), split):
-        clock.take("link", batch(ticks[at : at + split]), arrivals[at : at + split])
+    for index in range(0, len(ticks), split):
+        clock.take("link", batch(ticks[index : index + split]), arrivals[index : index + split])
     return clock.error(0)
 
 
 @pytest.mark.parametrize("error", [0.0, 50e-6, -3e-3])
 @pytest.mark.parametrize("start_us", [0, 2**32 - 5_000_000])
 def test_error_is_estimated(error, start_us):
-    found, std = watched(error, start_us=start_us)
-    assert found == pytest.approx(error, abs=5 * std)
+    result, std = watched(error, start_us=start_us)
+    assert result == pytest.approx(error, abs=5 * std)
     assert std < 3e-6
 
 
 @pytest.mark.parametrize("late_ms", [0.3, 5.0])
 def test_standard_error_is_calibrated(late_ms):
-    z = [(found - 2e-5) / std for found, std in (watched(2e-5, late_ms=late_ms, seed=seed) for seed in range(60))]
+    z = [(result - 2e-5) / std for result, std in (watched(2e-5, late_ms=late_ms, seed=seed) for seed in range(60))]
     assert 0.6 < math.sqrt(np.mean(np.square(z))) < 1.5
 
 
@@ -52,8 +52,8 @@ def test_restart_resets_the_estimate():
         ticks = np.round(host_s * (1 + 80e-6) * 1e6).astype(np.int64)
         arrivals = ((begin_s + host_s + 1e-4 * rng.exponential(size=len(host_s))) * 1e9).astype(np.int64)
         clock.take("link", batch(ticks), arrivals)
-    found, std = clock.error(0)
-    assert found == pytest.approx(80e-6, abs=5 * std)
+    result, std = clock.error(0)
+    assert result == pytest.approx(80e-6, abs=5 * std)
 
 
 def test_short_recordings_give_nothing():
@@ -87,15 +87,15 @@ def slotted(error, frame_ms, *, seconds, seed=1):
 @pytest.mark.parametrize("error", [-1e-3, -1.2e-4, 0.0, 4e-5, 1.2e-4, 3e-4])
 def test_slotted_link_is_limited_by_its_slots(error, seed):
     # 3.75 ms and 10 ms have the common divisor 1.25 ms: in 8 s a clock error of 150 ppm is undetectable.
-    found, std = slotted(error, 3.75, seconds=8.0, seed=seed)
-    assert abs(found - error) < 2.5 * std
+    result, std = slotted(error, 3.75, seconds=8.0, seed=seed)
+    assert abs(result - error) < 2.5 * std
     assert 5e-5 < std < 3e-4
-    found, std = slotted(error, 3.75, seconds=80.0, seed=seed)
-    assert abs(found - error) < 2.5 * std
+    result, std = slotted(error, 3.75, seconds=80.0, seed=seed)
+    assert abs(result - error) < 2.5 * std
     assert std < 3e-5
 
 
 def test_unslotted_arrivals_are_more_precise():
-    found, std = slotted(1.2e-4, 3.77, seconds=20.0)
-    assert found == pytest.approx(1.2e-4, abs=4 * std)
+    result, std = slotted(1.2e-4, 3.77, seconds=20.0)
+    assert result == pytest.approx(1.2e-4, abs=4 * std)
     assert std < 3e-5

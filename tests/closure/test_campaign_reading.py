@@ -74,7 +74,7 @@ class TestOneRecording:
         assert campaign.sensor_id == 0xB000
         assert campaign.assumed == ()
         (group,) = campaign.groups
-        good = [one for one in revolutions(slow) if not one.faults]
+        good = [revolution for revolution in revolutions(slow) if not revolution.faults]
         assert sum(block.count for block in group.blocks) + sum(campaign.rejected.values()) == len(good)
         assert len(group.blocks) == campaign.folds == 5
         assert group.load_known
@@ -83,12 +83,12 @@ class TestOneRecording:
 
     def test_conditions_match_the_revolutions(self, campaign, slow):
         (group,) = campaign.groups
-        here = group.conditions
-        assert here.omega_radps == pytest.approx(60 / 3.6 / 0.32, rel=1e-3)
-        assert (here.radius_m, here.load_n) == (0.32, 5000.0)
-        assert here.pressure_pa == pytest.approx(210e3, rel=0.01)
-        assert here.temperature_degc == pytest.approx(25, abs=1) == here.reference_degc
-        assert here.rate_hz == pytest.approx(9600, rel=1e-4)
+        current = group.conditions
+        assert current.omega_radps == pytest.approx(60 / 3.6 / 0.32, rel=1e-3)
+        assert (current.radius_m, current.load_n) == (0.32, 5000.0)
+        assert current.pressure_pa == pytest.approx(210e3, rel=0.01)
+        assert current.temperature_degc == pytest.approx(25, abs=1) == current.reference_degc
+        assert current.rate_hz == pytest.approx(9600, rel=1e-4)
         assert [block.conditions.time_s for block in group.blocks] == sorted(b.conditions.time_s for b in group.blocks)
         assert 0 < group.blocks[0].conditions.time_s < 3
         assert 13 < group.blocks[-1].conditions.time_s < 16
@@ -96,7 +96,7 @@ class TestOneRecording:
     def test_mean_matches_the_waveforms(self, campaign, slow):
         """Direct projection of the mean waveform; alignment is negligible here."""
         (group,) = campaign.groups
-        waves = np.mean([one.axes_mps2 for one in revolutions(slow) if not one.faults], axis=0)
+        waves = np.mean([revolution.axes_mps2 for revolution in revolutions(slow) if not revolution.faults], axis=0)
         theta = -math.pi + 2 * math.pi * np.arange(1024) / 1024
         weights = np.array([block.count for block in group.blocks]) / sum(b.count for b in group.blocks)
         mean = sum(weight * block.orders_mps2 for weight, block in zip(weights, group.blocks, strict=True))
@@ -135,14 +135,14 @@ class TestOneRecording:
 
 class TestSeveral:
     def test_each_has_its_own_conditions_and_state(self, both):
-        one, other = both.groups
-        assert (one.recording, other.recording) == (0, 1)
+        first, other = both.groups
+        assert (first.recording, other.recording) == (0, 1)
         assert both.states == 2
-        assert (one.state, other.state) == (0, 1)
-        assert (one.conditions.load_n, other.conditions.load_n) == (5000, 3500)
+        assert (first.state, other.state) == (0, 1)
+        assert (first.conditions.load_n, other.conditions.load_n) == (5000, 3500)
         assert other.conditions.temperature_degc == pytest.approx(40, abs=1)
-        assert one.conditions.reference_degc == other.conditions.reference_degc
-        assert 25 < one.conditions.reference_degc < 40
+        assert first.conditions.reference_degc == other.conditions.reference_degc
+        assert 25 < first.conditions.reference_degc < 40
         assert other.conditions.time_s == pytest.approx(104, abs=2)
         assert both.notes == ()
 
@@ -151,12 +151,12 @@ class TestSeveral:
         with Workers(1) as workers:
             again = read_campaign([slow, fast], workers=workers, on_bytes=progress.append)
         assert sum(progress) == slow.stat().st_size + fast.stat().st_size
-        for one, other in zip(both.groups, again.groups, strict=True):
-            assert one.label == other.label
-            assert one.conditions == other.conditions
+        for first, other in zip(both.groups, again.groups, strict=True):
+            assert first.label == other.label
+            assert first.conditions == other.conditions
             # The rounding of linear algebra depends on the alignment of arrays in memory.
-            np.testing.assert_allclose(one.variance, other.variance, rtol=1e-7)
-            for a, b in zip(one.blocks, other.blocks, strict=True):
+            np.testing.assert_allclose(first.variance, other.variance, rtol=1e-7)
+            for a, b in zip(first.blocks, other.blocks, strict=True):
                 np.testing.assert_allclose(a.orders_mps2, b.orders_mps2, rtol=1e-7, atol=1e-7)
         assert again.clock_error == both.clock_error
 
@@ -240,16 +240,16 @@ class TestConditions:
         assert len(campaign.groups[0].blocks) >= 3
 
     @pytest.mark.parametrize(
-        ("tables", "duration_s", "found", "remedy"),
+        ("tables", "duration_s", "result", "remedy"),
         [
             ("[motion]\nspeed_kmh = 0.0", 6.0, r"6\.0 s of samples", "Did the wheel roll"),
             ("[motion]\nspeed_kmh = 5.0", 0.5, r"0\.5 s of samples", "Record longer"),
         ],
         ids=["still", "short"],
     )
-    def test_recording_without_revolutions_is_an_error(self, tmp_path, tables, duration_s, found, remedy):
+    def test_recording_without_revolutions_is_an_error(self, tmp_path, tables, duration_s, result, remedy):
         path = write_recording(tmp_path / "none.mcap", tables, duration_s=duration_s)
-        with pytest.raises(RecordingError, match=f"no whole revolution in .*none.mcap': {found}(\n|$)") as caught:
+        with pytest.raises(RecordingError, match=f"no whole revolution in .*none.mcap': {result}(\n|$)") as caught:
             read_campaign([path])
         assert remedy in caught.value.remedy
 
@@ -268,9 +268,9 @@ class TestConditions:
         assert not plain.conditions.reverse
         assert turned.conditions.reverse
         assert "reverse" in turned.label
-        one, other = plain.blocks[0].orders_mps2, turned.blocks[0].orders_mps2
-        np.testing.assert_allclose(one[0], -other[0], rtol=1e-3, atol=1e-3)
-        np.testing.assert_allclose(one[1:], other[1:], rtol=1e-3, atol=1e-3)
+        first, other = plain.blocks[0].orders_mps2, turned.blocks[0].orders_mps2
+        np.testing.assert_allclose(first[0], -other[0], rtol=1e-3, atol=1e-3)
+        np.testing.assert_allclose(first[1:], other[1:], rtol=1e-3, atol=1e-3)
         assert turned.declared_pitch_rad == -plain.declared_pitch_rad == pytest.approx(math.radians(-2))
 
     def test_unlisted_recording_cannot_be_reverse(self, slow, fast):
@@ -281,8 +281,8 @@ class TestConditions:
         monkeypatch.chdir(slow.parent)
         (tmp_path / "link.mcap").symlink_to(slow)
         for other in (Path(slow.name), tmp_path / "link.mcap"):
-            for one, reverse in ((slow, other), (other, slow)):
-                assert read_campaign([one], reverse=[reverse]).groups[0].conditions.reverse
+            for item, reverse in ((slow, other), (other, slow)):
+                assert read_campaign([item], reverse=[reverse]).groups[0].conditions.reverse
 
 
 class TestRepetition:
@@ -354,7 +354,9 @@ class TestSensors:
     def test_occasional_clipping_is_left_out(self, folder):
         tables = "[motion]\nspeed_kmh = 60.0\n[road]\nrms_mps2 = 8.0"
         loud = read_campaign([write_recording(folder / "wide.mcap", tables)])
-        peaks = [one.axes_mps2[2].max() / STANDARD_GRAVITY_MPS2 for one in revolutions(folder / "wide.mcap")]
+        peaks = [
+            revolution.axes_mps2[2].max() / STANDARD_GRAVITY_MPS2 for revolution in revolutions(folder / "wide.mcap")
+        ]
         edge = float(np.quantile(peaks, 0.85))
         path = write_recording(folder / "narrow.mcap", tables, wheels=(f"[wheel.sensor]\nrange_g = {edge}",))
         campaign = read_campaign([path])
@@ -370,8 +372,10 @@ def measurement(folder: Path, name: str, bridged: bool) -> Path:
     samples = gateway.simulate(scenario, duration_s=9.0)["W1"].samples()
     columns = {name: np.array(samples[f"{axis}_mps2"]) for name, axis in zip("clr", AXIS_NAMES, strict=True)}
     for values in columns.values():
-        for at in range(2000, len(values) - 100, len(values) // 30):
-            values[at : at + 40] = np.linspace(values[at - 1], values[at + 40], 42)[1:-1] if bridged else np.nan
+        for index in range(2000, len(values) - 100, len(values) // 30):
+            values[index : index + 40] = (
+                np.linspace(values[index - 1], values[index + 40], 42)[1:-1] if bridged else np.nan
+            )
     pyarrow.parquet.write_table(pyarrow.table(columns), folder / f"{name}.parquet")
     axes = "".join(
         f'[axis.{axis}]\ncolumn = "{name}"\nunit = "m/s^2"\n' for name, axis in zip("clr", AXIS_NAMES, strict=True)

@@ -30,14 +30,14 @@ def dies(_: Campaign) -> None:
     os.kill(os.getpid(), signal.SIGTERM)
 
 
-def same(one: list[Trial], other: list[Trial]) -> bool:
+def same(first: list[Trial], other: list[Trial]) -> bool:
     """Return whether two scans agree to the last bit."""
-    return len(one) == len(other) > 0 and all(
+    return len(first) == len(other) > 0 and all(
         a.effect.name == b.effect.name
         and np.array_equal(a.start, b.start)
         and np.array_equal(a.vector, b.vector)
         and (a.cost, a.promise) == (b.cost, b.promise)
-        for a, b in zip(one, other, strict=True)
+        for a, b in zip(first, other, strict=True)
     )
 
 
@@ -57,11 +57,11 @@ def test_trials_of_another_process_are_equal_to_the_last_bit() -> None:
         with Workers(1) as workers:
             helpers = Helpers(workers)
             helpers.begin(campaign, make_core(BaselineModel.EXACT), data, effects, discrepancy)
-            scans = [helpers.scan(one, list(effects.values()), [0]) for one in fits]
+            scans = [helpers.scan(fit, list(effects.values()), [0]) for fit in fits]
             # Work is done in order, so that the process has made all trials of the scans before.
             assert len(helpers.ahead(references, campaign)()) == campaign.states
-            for one, scan in zip(fits, scans, strict=True):
-                assert same(scan.trials(), Scan(one, list(effects.values()), [0]).trials())
+            for item, scan in zip(fits, scans, strict=True):
+                assert same(scan.trials(), Scan(item, list(effects.values()), [0]).trials())
             helpers.ahead(dies, campaign)()
 
     with pytest.raises(TreadlinkError, match="terminated from outside"):

@@ -45,13 +45,13 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_exact_ring_gives_no_findings() -> None:
     """The whole catalogue on an exact ring's noise, one group of three axes."""
     notices: list[tuple[float, str]] = []
-    found = diagnose(campaign_of(ONE_SPEED, nothing, axes=ALL_AXES), on_progress=lambda *step: notices.append(step))
-    assert not found.named
-    assert all(finding.verdict is Verdict.REFUSED for finding in found.findings)
-    assert all(finding.probability < 0.5 for finding in found.findings if finding.lock == "angle")
-    assert found.held_out.rms_after_mps2 == found.held_out.rms_before_mps2
-    assert found.complete
-    assert all(found.determined[name] for name in ("Cw", "Rs", "contact_half_angle_rad"))
+    diagnosis = diagnose(campaign_of(ONE_SPEED, nothing, axes=ALL_AXES), on_progress=lambda *step: notices.append(step))
+    assert not diagnosis.named
+    assert all(finding.verdict is Verdict.REFUSED for finding in diagnosis.findings)
+    assert all(finding.probability < 0.5 for finding in diagnosis.findings if finding.lock == "angle")
+    assert diagnosis.held_out.rms_after_mps2 == diagnosis.held_out.rms_before_mps2
+    assert diagnosis.complete
+    assert all(diagnosis.determined[name] for name in ("Cw", "Rs", "contact_half_angle_rad"))
     shares = [share for share, _ in notices]
     assert all(earlier <= later for earlier, later in itertools.pairwise(shares))
     assert 0.0 <= shares[0] < shares[-1] == 1.0
@@ -61,12 +61,12 @@ def test_exact_ring_gives_no_findings() -> None:
 @pytest.mark.usefixtures("few")
 def test_simulations_of_a_result_are_diagnosed_as_they_were_made() -> None:
     notices: list[float] = []
-    found = diagnose(
+    diagnosis = diagnose(
         campaign_of(ONE_SPEED, turned(LATERAL, 0.03), axes=ALL_AXES),
         self_tests=1,
         on_progress=lambda share, _text: notices.append(share),
     )
-    tested = found.self_test
+    tested = diagnosis.self_test
     assert tested is not None
     assert (tested.count, tested.wrong, tested.false, tested.missed) == (1, 0, {}, {})
     # Numbers of the ring, and the tilt.
@@ -74,9 +74,9 @@ def test_simulations_of_a_result_are_diagnosed_as_they_were_made() -> None:
     assert 0.3 < tested.pull_rms < 2.5
     assert notices == sorted(notices)
     assert notices[-1] == pytest.approx(1.0)
-    lines = " ".join(line.strip() for line in closure_summary_lines(found))
+    lines = " ".join(line.strip() for line in closure_summary_lines(diagnosis))
     assert "0 of 1 simulation with a false effect" in lines
-    assert diagnosis_json(found)["self_test"]["count"] == 1
+    assert diagnosis_json(diagnosis)["self_test"]["count"] == 1
 
 
 @pytest.mark.usefixtures("few")
@@ -115,60 +115,60 @@ def test_simulation_holds_scatter_and_unexplained_of_the_recording() -> None:
     blocks, recorded = (np.stack([block.orders_mps2 for block in of.groups[0].blocks]) for of in (made, campaign))
     spread, recorded_spread = (np.abs(orders - orders.mean(axis=0)).std() for orders in (blocks, recorded))
     assert spread == pytest.approx(recorded_spread, rel=0.15)
-    left = blocks.mean(axis=0) - base.fit.model.predict_group(base.fit.vector, 0).mean(axis=0)
+    remainder = blocks.mean(axis=0) - base.fit.model.predict_group(base.fit.vector, 0).mean(axis=0)
     was_left = recorded.mean(axis=0) - base.fit.predicted[0]
-    assert np.abs(left[:, 40]) == pytest.approx(np.abs(was_left[:, 40]), rel=0.1)
-    assert np.abs(np.angle(left[0, 40] / was_left[0, 40])) > 0.1
+    assert np.abs(remainder[:, 40]) == pytest.approx(np.abs(was_left[:, 40]), rel=0.1)
+    assert np.abs(np.angle(remainder[0, 40] / was_left[0, 40])) > 0.1
 
 
 @pytest.mark.usefixtures("few")
 def test_planted_tilt_is_named_with_its_probability() -> None:
-    found = diagnose(campaign_of(ONE_SPEED, turned(LATERAL, 0.03), axes=ALL_AXES), empirical=True)
-    (tilt,) = found.named
+    diagnosis = diagnose(campaign_of(ONE_SPEED, turned(LATERAL, 0.03), axes=ALL_AXES), empirical=True)
+    (tilt,) = diagnosis.named
     assert tilt.name == "roll tilt"
     assert tilt.probability > 0.99
     assert tilt.log_odds > 50.0
     assert tilt.parameters["roll_rad"].value == pytest.approx(0.03, abs=4.0 * tilt.parameters["roll_rad"].std)
     assert tilt.rms_before_mps2 > 2.0 * tilt.rms_after_mps2
-    assert found.held_out.rms_after_mps2 == pytest.approx(found.noise_floor_mps2, rel=0.05)
-    assert found.empirical_rms_mps2 == pytest.approx(found.noise_floor_mps2, rel=0.05)
-    assert found.correction is not None
-    assert [effect.name for effect in found.correction.effects] == ["roll tilt"]
+    assert diagnosis.held_out.rms_after_mps2 == pytest.approx(diagnosis.noise_floor_mps2, rel=0.05)
+    assert diagnosis.empirical_rms_mps2 == pytest.approx(diagnosis.noise_floor_mps2, rel=0.05)
+    assert diagnosis.correction is not None
+    assert [effect.name for effect in diagnosis.correction.effects] == ["roll tilt"]
 
 
 @pytest.mark.usefixtures("few")
 def test_undecided_effects_widen_the_estimates() -> None:
-    found = diagnose(campaign_of(ONE_SPEED, larger_belt))
-    open_ = [finding for finding in found.findings if finding.verdict is Verdict.INDISTINGUISHABLE]
+    diagnosis = diagnose(campaign_of(ONE_SPEED, larger_belt))
+    open_ = [finding for finding in diagnosis.findings if finding.verdict is Verdict.INDISTINGUISHABLE]
     assert {finding.name for finding in open_} == {"rolling radius", "sample clock error"}
     assert all(finding.decide_with == Reason(Code.RECORD_LIVE) for finding in open_)
-    cw = found.estimates_after["Cw"]
+    cw = diagnosis.estimates_after["Cw"]
     assert cw.value == pytest.approx(0.21, abs=2.0 * cw.std)
 
 
 @pytest.mark.usefixtures("few")
 def test_estimates_before_are_judged_by_themselves() -> None:
     """A large tilt makes the numbers of the baseline model uncertain, those with the tilt are as good as ever."""
-    found = diagnose(campaign_of(ONE_SPEED, turned(CIRCUMFERENTIAL, 0.2)))
-    assert [finding.name for finding in found.named] == ["pitch tilt"]
-    assert found.determined["Rs"]
-    assert found.determined_before != found.determined
-    before, after = found.estimates_before["Rs"], found.estimates_after["Rs"]
+    diagnosis = diagnose(campaign_of(ONE_SPEED, turned(CIRCUMFERENTIAL, 0.2)))
+    assert [finding.name for finding in diagnosis.named] == ["pitch tilt"]
+    assert diagnosis.determined["Rs"]
+    assert diagnosis.determined_before != diagnosis.determined
+    before, after = diagnosis.estimates_before["Rs"], diagnosis.estimates_after["Rs"]
     assert before.std > 5.0 * after.std
 
 
 @pytest.mark.usefixtures("few")
 def test_expired_budget_reports_what_is_known() -> None:
-    found = diagnose(campaign_of(ONE_SPEED, turned(LATERAL, 0.03), axes=ALL_AXES), expired=lambda: True)
-    assert not found.complete
-    (note,) = [note for note in found.notes if note.code is Code.SEARCH_ENDED_EARLY]
+    diagnosis = diagnose(campaign_of(ONE_SPEED, turned(LATERAL, 0.03), axes=ALL_AXES), expired=lambda: True)
+    assert not diagnosis.complete
+    (note,) = [note for note in diagnosis.notes if note.code is Code.SEARCH_ENDED_EARLY]
     assert int(str(note["sets"])) >= 1
-    assert found.estimates_after["Cw"].std > 0.0
-    assert found.held_out.folds == 5
+    assert diagnosis.estimates_after["Cw"].std > 0.0
+    assert diagnosis.held_out.folds == 5
     # A tilt of 1.7 deg is left unexplained: what moves the lateral axis may move the numbers.
-    assert Code.LEFT_WHEN_ENDED in [note.code for note in found.notes]
-    assert not any(found.determined.values())
-    assert not any(found.determined_before.values())
+    assert Code.LEFT_WHEN_ENDED in [note.code for note in diagnosis.notes]
+    assert not any(diagnosis.determined.values())
+    assert not any(diagnosis.determined_before.values())
 
 
 def test_single_fold_has_a_remedy() -> None:

@@ -49,9 +49,9 @@ def wheel(
     # Wide enough to be constant where the signal is steep.
     felt = np.clip(np.abs(THETA) / (0.3 * HALF_RAD), 0.0, 1.0) * (np.abs(THETA) < HALF_RAD + 0.3)
     waves = np.empty((count, 3, len(THETA)))
-    for at in range(count):
-        moved = np.where(THETA < 0.0, early[at + 1, 0] - centre[at + 1], early[at, 1] - centre[at])
-        waves[at] = curve(THETA + moved * felt)
+    for index in range(count):
+        moved = np.where(THETA < 0.0, early[index + 1, 0] - centre[index + 1], early[index, 1] - centre[index])
+        waves[index] = curve(THETA + moved * felt)
     waves += NOISE_MPS2 * rng.standard_normal(waves.shape)
     period_s = (2.0 * math.pi - np.diff(centre)) / OMEGA
     return waves, period_s
@@ -88,9 +88,9 @@ def test_edges_are_corrected() -> None:
     edges = compared(waves, period_s)
     bent = orders_bent_back(orders, edges.early_rad, HALF_RAD)
     still = waveform_orders(wheel(600, 0.0, 0.0, 2)[0])
-    noise, moving, left = (o[:, 2].var(axis=0)[:60].mean() for o in (still, orders, bent))
+    noise, moving, remainder = (o[:, 2].var(axis=0)[:60].mean() for o in (still, orders, bent))
     # The wheel's edges move their surroundings differently from the model's.
-    assert left - noise < 0.05 * (moving - noise)
+    assert remainder - noise < 0.05 * (moving - noise)
     # The mean is sharp again.
     high = slice(30, 60)
     power, smeared, sharp = (np.square(np.abs(o[:, 2].mean(axis=0)))[high].sum() for o in (still, orders, bent))
@@ -152,8 +152,8 @@ def test_edges_of_five_revolutions_are_aligned_where_evident() -> None:
     assert edges.evident
     orders = waveform_orders(waves)
     scatter = [
-        float(np.square(np.abs(one - one.mean(axis=0))).sum())
-        for one in (orders, orders_bent_back(orders, edges.early_rad, HALF_RAD))
+        float(np.square(np.abs(item - item.mean(axis=0))).sum())
+        for item in (orders, orders_bent_back(orders, edges.early_rad, HALF_RAD))
     ]
     assert scatter[1] < 0.2 * scatter[0]
     still, period_s = wheel(5, 0.0, 0.0, 5)
@@ -186,8 +186,8 @@ def test_correction_reverses_a_shift() -> None:
     plain = np.cos(3.0 * THETA) + 0.3 * np.cos(40.0 * THETA)
     effect = catalogue()["contact edge scatter"]
     assert isinstance(effect, ScatterEffect)
-    place = THETA + early[0] @ effect.windows(THETA, HALF_RAD)
-    moved = np.cos(3.0 * place) + 0.3 * np.cos(40.0 * place)
+    position = THETA + early[0] @ effect.windows(THETA, HALF_RAD)
+    moved = np.cos(3.0 * position) + 0.3 * np.cos(40.0 * position)
     assert np.abs(moved - plain).max() > 0.03
     back = bent_back(moved[None, None], THETA, early, HALF_RAD)[0, 0]
     assert np.abs(back - plain).max() < 1e-3
@@ -222,23 +222,23 @@ def timing(scatter_mm: float, noise_mm: float = 0.05, *, left: float = 0.0) -> E
 
 
 def test_finding_has_sizes_and_evidence() -> None:
-    (found,) = edge_findings([group(timing(0.5)), group(timing(0.4)), group(EdgeTiming())])
-    assert found.verdict is Verdict.NAMED
-    assert found.name == "contact edge scatter"
+    (result,) = edge_findings([group(timing(0.5)), group(timing(0.4)), group(EdgeTiming())])
+    assert result.verdict is Verdict.NAMED
+    assert result.name == "contact edge scatter"
     mean = math.sqrt(0.5 * (0.25 + 0.16))
-    assert found.parameters["leading_m"].value == pytest.approx(1e-3 * mean * math.sqrt(0.8), rel=0.02)
-    assert found.parameters["trailing_m"].value == pytest.approx(1e-3 * mean * math.sqrt(0.2), rel=0.02)
-    assert 0.0 < found.parameters["leading_m"].std < 0.2 * found.parameters["leading_m"].value
-    assert found.probability >= criteria.NAMED
-    assert found.log_odds > 20.0
+    assert result.parameters["leading_m"].value == pytest.approx(1e-3 * mean * math.sqrt(0.8), rel=0.02)
+    assert result.parameters["trailing_m"].value == pytest.approx(1e-3 * mean * math.sqrt(0.2), rel=0.02)
+    assert 0.0 < result.parameters["leading_m"].std < 0.2 * result.parameters["leading_m"].value
+    assert result.probability >= criteria.NAMED
+    assert result.log_odds > 20.0
 
 
 def test_weak_jitter_has_a_probability_but_no_name() -> None:
-    (found,) = edge_findings([group(timing(0.035)), group(timing(0.035))])
-    assert found.verdict is Verdict.REFUSED
-    assert criteria.LISTED < found.probability < criteria.NAMED
-    assert found.reason is not None
-    assert found.reason.code is Code.PROBABILITY_TOO_LOW
+    (result,) = edge_findings([group(timing(0.035)), group(timing(0.035))])
+    assert result.verdict is Verdict.REFUSED
+    assert criteria.LISTED < result.probability < criteria.NAMED
+    assert result.reason is not None
+    assert result.reason.code is Code.PROBABILITY_TOO_LOW
 
 
 def test_no_finding_without_evidence() -> None:
@@ -263,22 +263,22 @@ def test_one_unsteady_stretch_is_no_jitter() -> None:
     ],
 )
 def test_failed_acceptance_test_is_refused(groups: list[Group], why: Code) -> None:
-    (found,) = edge_findings(groups)
-    assert found.verdict is Verdict.REFUSED
-    assert found.reason is not None
-    assert found.reason.code is why
+    (result,) = edge_findings(groups)
+    assert result.verdict is Verdict.REFUSED
+    assert result.reason is not None
+    assert result.reason.code is why
 
 
 @pytest.mark.parametrize(("size", "seed"), [(1, 21), (2, 22)])
 def test_jitter_is_found_in_recordings(tmp_path: Path, size: int, seed: int) -> None:
     case = draw(Order(Kind.EFFECT, seed, ("contact edge scatter",), size))
-    given = record(case, tmp_path, 5.0)
-    campaign = read_campaign(given.paths, reverse=given.reverse)
-    (found,) = edge_findings(campaign.groups)
-    assert found.verdict is Verdict.NAMED
+    stated = record(case, tmp_path, 5.0)
+    campaign = read_campaign(stated.paths, reverse=stated.reverse)
+    (result,) = edge_findings(campaign.groups)
+    assert result.verdict is Verdict.NAMED
     truth = case.tables["road"]["leading_jitter_mm"]
     # In a short contact each edge moves the other.
-    assert 0.5 * truth < 1e3 * found.parameters["leading_m"].value < 1.3 * truth
+    assert 0.5 * truth < 1e3 * result.parameters["leading_m"].value < 1.3 * truth
 
 
 @pytest.fixture(scope="module")
@@ -329,7 +329,7 @@ def test_jitter_that_goes_with_the_speed_is_corrected() -> None:
         folds=5,
     )
     same = compared(waves, period_s)
-    slopes = [np.polyfit(drift, one.early_rad[:, 0], 1)[0] for one in (edges, same)]
+    slopes = [np.polyfit(drift, item.early_rad[:, 0], 1)[0] for item in (edges, same)]
     assert abs(slopes[1]) > 0.02
     assert slopes[0] == pytest.approx(slopes[1], rel=0.25)
 
@@ -340,8 +340,8 @@ def test_mean_edges_make_the_mean_uncertain_not_its_orders(tmp_path: Path) -> No
     for name, tables in (("moving", case.tables), ("still", {})):
         folder = tmp_path / name
         folder.mkdir()
-        given = record(replace(case, tables=tables), folder, 4.0)
-        (group,) = read_campaign(given.paths[1:2]).groups
+        reading = record(replace(case, tables=tables), folder, 4.0)
+        (group,) = read_campaign(reading.paths[1:2]).groups
         assert bool(group.edges.explained_m2ps4) == (name == "moving")
         seen.append(group)
     moving, still = seen

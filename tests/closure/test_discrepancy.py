@@ -50,9 +50,9 @@ def draw(power: float, length_rad: float, seed: int) -> FloatArray:
 
 def test_kernels_are_positive_semidefinite() -> None:
     _, _, discrepancy = two_speeds()
-    for _, (_, _, place) in discrepancy.enumerate():
-        assert len(place.kernels) == 2 * len(criteria.LENGTHS_RAD)
-        for kernel in place.kernels:
+    for _, (_, _, index) in discrepancy.enumerate():
+        assert len(index.kernels) == 2 * len(criteria.LENGTHS_RAD)
+        for kernel in index.kernels:
             values = np.linalg.eigvalsh(kernel)
             assert values[0] > -1e-9 * values[-1]
 
@@ -60,8 +60,8 @@ def test_kernels_are_positive_semidefinite() -> None:
 def test_kernels_have_unit_power() -> None:
     _, _, discrepancy = two_speeds()
     power = np.where(np.arange(2 * ORDERS - 1) == 0, 1.0, 0.5)
-    (_, (_, _, place)), *_ = discrepancy.enumerate()
-    for kernel in place.kernels:
+    (_, (_, _, position)), *_ = discrepancy.enumerate()
+    for kernel in position.kernels:
         # Orders beyond the last are folded back by the shortest length.
         assert float(power @ np.diagonal(kernel)) == pytest.approx(1.0, rel=0.02)
 
@@ -120,12 +120,12 @@ def test_mean_equals_dense_regression() -> None:
     residual = joined(data, fit.residual)[0]
     # What the groups' common discrepancy is expected to be in the whitened data.
     expected = covariance_of(applied, data, shared_only=True) @ np.linalg.solve(dense, residual)
-    found = np.zeros_like(residual)
+    result = np.zeros_like(residual)
     width = sum(len(factor) for factor in data.factors[0])
     weighted = [rows[-1] for rows in fit.under(applied).weighted]
     for group, curves in enumerate(applied.mean(weighted)):
-        found[group * width : (group + 1) * width] = whitened(data, group, curves)
-    assert found == pytest.approx(expected, abs=1e-5 * np.abs(expected).max())
+        result[group * width : (group + 1) * width] = whitened(data, group, curves)
+    assert result == pytest.approx(expected, abs=1e-5 * np.abs(expected).max())
 
 
 def restricted(fit: Fit, applied: Applied) -> float:
@@ -170,19 +170,19 @@ def test_planted_amplitude_is_recovered(rms_mps2: float) -> None:
         campaign_of(ONE_SPEED),
         lambda _, orders: orders + (np.arange(3) == RADIAL)[:, None] * as_complex(curve),
     )
-    one, _ = evaluated(campaign)
-    assert one.fit.applied is not None
+    evaluation, _ = evaluated(campaign)
+    assert evaluation.fit.applied is not None
     power = dict.fromkeys(range(3), 0.0)
-    for at, (_, axis, _) in one.fit.applied.discrepancy.enumerate():
-        power[axis] += float(one.fit.applied.amplitudes[at, 0].sum())
+    for index, (_, axis, _) in evaluation.fit.applied.discrepancy.enumerate():
+        power[axis] += float(evaluation.fit.applied.amplitudes[index, 0].sum())
     # Places near the contact and away from it are windows of unit mean square each, so their sum counts twice.
     assert 0.5 * rms_mps2**2 < power[RADIAL] < 4.0 * rms_mps2**2
     assert power[0] < 0.05 * rms_mps2**2
 
 
 def test_undisturbed_ring_has_no_discrepancy() -> None:
-    one, data = evaluated(campaign_of(ONE_SPEED))
-    assert one.fit.applied is not None
+    evaluation, data = evaluated(campaign_of(ONE_SPEED))
+    assert evaluation.fit.applied is not None
     # The scatter of the mean waveform is 1.05 m/s^2.
-    assert np.sqrt(one.fit.applied.amplitudes[:, 0].sum(axis=1)).max() < 0.4
-    assert one.fit.misfit < 1.15 * data.size
+    assert np.sqrt(evaluation.fit.applied.amplitudes[:, 0].sum(axis=1)).max() < 0.4
+    assert evaluation.fit.misfit < 1.15 * data.size

@@ -47,8 +47,8 @@ def timed(campaign: Campaign) -> Campaign:
     return replace(campaign, groups=tuple(groups))
 
 
-def orders_of(plant: Plant, here: GroupConditions) -> ComplexArray:
-    return np.asarray(waveform_orders(plant(signal_of(here), ring(here.load_n).theta_rad, here)))
+def orders_of(plant: Plant, conditions: GroupConditions) -> ComplexArray:
+    return np.asarray(waveform_orders(plant(signal_of(conditions), ring(conditions.load_n).theta_rad, conditions)))
 
 
 def changed(plants: list[Plant]) -> Campaign:
@@ -66,7 +66,7 @@ def changed(plants: list[Plant]) -> Campaign:
 
 
 def scaled(size: float) -> Plant:
-    def plant(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+    def plant(signal: FloatArray, theta: FloatArray, conditions: GroupConditions) -> FloatArray:
         read = signal.copy()
         read[RADIAL] *= 1.0 + size
         return read
@@ -75,10 +75,10 @@ def scaled(size: float) -> Plant:
 
 
 def under_load(load_n: float) -> Plant:
-    return lambda signal, theta, here: signal_of(replace(here, load_n=load_n))
+    return lambda signal, theta, conditions: signal_of(replace(conditions, load_n=load_n))
 
 
-def found(campaign: Campaign, *effects: str) -> tuple[Drift, ...]:
+def drifts_found(campaign: Campaign, *effects: str) -> tuple[Drift, ...]:
     fit, data = fitted(campaign, *among(*effects).values())
     assert changing(fit, data)
     return drifts_of(fit, data, tuple(among(*NAMES).values()))
@@ -93,7 +93,7 @@ CREEP = np.radians([1.0, 1.1, 1.2, 1.3, 1.4])
 
 
 def test_tilt_that_creeps_has_its_ends_and_its_rate() -> None:
-    drifts = found(changed([turned(CIRCUMFERENTIAL, angle) for angle in CREEP.tolist()]), "pitch tilt")
+    drifts = drifts_found(changed([turned(CIRCUMFERENTIAL, angle) for angle in CREEP.tolist()]), "pitch tilt")
     assert {(drift.name, drift.parameter, drift.rivals) for drift in drifts} == {("pitch tilt", "pitch_rad", ())}
     for drift in drifts:
         rate = (CREEP[-1] - CREEP[0]) / ((BLOCKS - 1) * BLOCK_S / 60.0)
@@ -108,14 +108,14 @@ def test_tilt_that_creeps_has_its_ends_and_its_rate() -> None:
 
 
 def test_gain_that_drifts_needs_no_gain_on_average() -> None:
-    drifts = found(changed([scaled(0.005 * (number - 2.0)) for number in range(BLOCKS)]))
+    drifts = drifts_found(changed([scaled(0.005 * (number - 2.0)) for number in range(BLOCKS)]))
     assert {drift.name for drift in drifts} == {"gain"}
     assert [drift.end.value - drift.begin.value for drift in drifts] == pytest.approx([0.02] * 2, rel=0.1)
 
 
 def test_load_that_falls_is_load() -> None:
     loads = [4500.0 * (1.0 - 0.01 * (number - 2.0)) for number in range(BLOCKS)]
-    drifts = found(changed([under_load(load) for load in loads]))
+    drifts = drifts_found(changed([under_load(load) for load in loads]))
     assert {drift.name for drift in drifts} == {"load"}
     assert "drift of load: -" in sentence(drifts)
     for drift in drifts:

@@ -88,8 +88,8 @@ def fitted(recording: Path) -> Fitted:
     assert trial is not None
     # The trial's linear step bends the ring too far; the effect's own values are near enough.
     start = before.model.layout.moved(before.vector, trial.model.layout)
-    own = trial.model.layout.effect(WAVES)
-    start[own] = trial.vector[own]
+    selected = trial.model.layout.effect(WAVES)
+    start[selected] = trial.vector[selected]
     return Fitted(campaign, data, before, fit_model(trial.model, data, start))
 
 
@@ -112,8 +112,8 @@ def repeating(curves: FloatArray) -> float:
 
 
 def test_waves_travel_away_from_the_contact(fitted: Fitted) -> None:
-    left = fitted.left(fitted.before).mean(axis=0)
-    spectrum = np.fft.rfft(left, axis=-1)
+    remainder = fitted.left(fitted.before).mean(axis=0)
+    spectrum = np.fft.rfft(remainder, axis=-1)
     spectrum[:, :14] = 0.0
     spectrum[:, 55:] = 0.0
     band = np.fft.irfft(spectrum, n=len(THETA), axis=-1)
@@ -128,10 +128,10 @@ def test_waves_travel_away_from_the_contact(fitted: Fitted) -> None:
 
 
 def test_orders_and_decays_fit_one_belt(fitted: Fitted) -> None:
-    found = parameters(fitted.after)
+    result = parameters(fitted.after)
     conditions = fitted.campaign.groups[0].conditions
     names = ("blocks", "bending_over_mass_m4ps2", "tension_over_mass_m2ps2", "sidewall_loss_ps", "bending_loss_m4ps")
-    tread = BlockTread(*(found[name] for name in names))
+    tread = BlockTread(*(result[name] for name in names))
     before, after = (belt_wave(tread, side, conditions.omega_radps, conditions.radius_m) for side in (0, 1))
     second = belt_wave(replace(tread, blocks=2.0 * tread.blocks), 1, conditions.omega_radps, conditions.radius_m)
     assert (before.order, after.order) == pytest.approx((97.4, 52.4), abs=1.0)
@@ -149,10 +149,10 @@ def test_orders_and_decays_fit_one_belt(fitted: Fitted) -> None:
 
 def test_waves_reduce_the_misfit(fitted: Fitted) -> None:
     assert fitted.before.misfit - fitted.after.misfit == pytest.approx(2054.0, abs=60.0)
-    found = parameters(fitted.after)
-    assert (found["ahead_order"], found["ahead_place_rad"]) == pytest.approx((28.8, 0.241), rel=0.06)
+    result = parameters(fitted.after)
+    assert (result["ahead_order"], result["ahead_place_rad"]) == pytest.approx((28.8, 0.241), rel=0.06)
     # Of an acceleration, so that the second harmonic of the deflection is a sixth of the first.
-    first, second = (math.hypot(found[f"{name}_cosine"], found[f"{name}_sine"]) for name in ("after", "second"))
+    first, second = (math.hypot(result[f"{name}_cosine"], result[f"{name}_sine"]) for name in ("after", "second"))
     assert second / first == pytest.approx(0.8, abs=0.15)
 
 
@@ -176,9 +176,9 @@ def test_waves_explain_the_repeating_part(
 @pytest.mark.slow
 def test_diagnosis_names_the_waves(recording: Path) -> None:
     diagnosis = diagnose_recordings([recording])
-    found = {finding.name: finding for finding in diagnosis.findings if finding.verdict is Verdict.NAMED}
-    assert set(found) == {"mounting offset", WAVES}
-    assert all(finding.probability > 0.999 for finding in found.values())
+    results = {finding.name: finding for finding in diagnosis.findings if finding.verdict is Verdict.NAMED}
+    assert set(results) == {"mounting offset", WAVES}
+    assert all(finding.probability > 0.999 for finding in results.values())
     assert diagnosis.held_out.rms_before_mps2 == pytest.approx(88.5, abs=1.0)
     assert diagnosis.held_out.rms_after_mps2 == pytest.approx(53.2, abs=1.0)
     assert diagnosis.noise_floor_mps2 == pytest.approx(44.2, abs=1.5)
@@ -187,7 +187,7 @@ def test_diagnosis_names_the_waves(recording: Path) -> None:
     assert radial.with_discrepancy_mps2 == pytest.approx(72.9, abs=1.5)
     along = next(axis for axis in diagnosis.held_out.axes if axis.axis == "circumferential")
     assert (along.before_mps2, along.after_mps2) == pytest.approx((103.7, 36.7), abs=1.5)
-    offset = found["mounting offset"].parameters["offset_m"]
+    offset = results["mounting offset"].parameters["offset_m"]
     assert (offset.value, offset.std) == pytest.approx((6.36e-3, 0.32e-3), abs=2e-4)
     assert not any(diagnosis.determined.get(number, True) for number in ("Bs", "Cw", "Rs", "Ts"))
     assert diagnosis.determined["Bs/Cw"]
@@ -208,12 +208,12 @@ def test_three_revolutions_give_the_same(recording: Path) -> None:
         edge_errors_mps2=None if errors is None else errors * math.sqrt(5.0 / 3.0),
     )
     diagnosis = diagnose(replace(campaign, groups=(few,)))
-    found = {finding.name: finding for finding in diagnosis.findings if finding.verdict is Verdict.NAMED}
-    assert set(found) == {"mounting offset", WAVES}
-    assert found["mounting offset"].parameters["offset_m"].value == pytest.approx(6.1e-3, abs=3e-4)
-    second = [found[WAVES].parameters[f"second_{part}"].value for part in ("cosine", "sine")]
+    results = {finding.name: finding for finding in diagnosis.findings if finding.verdict is Verdict.NAMED}
+    assert set(results) == {"mounting offset", WAVES}
+    assert results["mounting offset"].parameters["offset_m"].value == pytest.approx(6.1e-3, abs=3e-4)
+    second = [results[WAVES].parameters[f"second_{part}"].value for part in ("cosine", "sine")]
     assert second == pytest.approx([0.14, -0.06], abs=0.04)
     # A second optimum of nearly the same evidence has 70 blocks, as the best one of all five revolutions has.
-    blocks = found[WAVES].parameters["blocks"]
+    blocks = results[WAVES].parameters["blocks"]
     assert blocks.value == pytest.approx(67.3, abs=0.5)
     assert 1.0 < blocks.std < 2.0

@@ -30,9 +30,9 @@ FINITE_ELEMENTS = BlockTread(67.0, 1.940, 1200.0, 17.1, 2.9e-5)
 
 
 def effect() -> SignalEffect:
-    found = catalogue()[WAVES]
-    assert isinstance(found, SignalEffect)
-    return found
+    result = catalogue()[WAVES]
+    assert isinstance(result, SignalEffect)
+    return result
 
 
 @pytest.mark.parametrize(
@@ -69,14 +69,14 @@ def test_losses_make_both_waves_decay(loss: tuple[float, float], most: str) -> N
 
 @pytest.mark.parametrize("side", [0, 1])
 def test_wave_derivatives_match_differences(side: int) -> None:
-    at, steps = np.array([67.0, 1.9, 1200.0, 40.0, 1e-4]), np.array([1e-3, 1e-4, 1e-1, 1e-2, 1e-8])
-    wave = belt_wave(BlockTread(*at), side, 60.0, 0.32)
-    for place, step in enumerate(steps):
-        change = np.eye(5)[place] * step
-        above, below = (belt_wave(BlockTread(*(at + way * change)), side, 60.0, 0.32) for way in (1.0, -1.0))
+    position, steps = np.array([67.0, 1.9, 1200.0, 40.0, 1e-4]), np.array([1e-3, 1e-4, 1e-1, 1e-2, 1e-8])
+    wave = belt_wave(BlockTread(*position), side, 60.0, 0.32)
+    for index, step in enumerate(steps):
+        change = np.eye(5)[index] * step
+        above, below = (belt_wave(BlockTread(*(position + way * change)), side, 60.0, 0.32) for way in (1.0, -1.0))
         for name in ("orders", "sizes", "shares"):
             numeric = (getattr(above, name) - getattr(below, name)) / (2.0 * step)
-            by = getattr(wave, f"{name}_by")[:, place]
+            by = getattr(wave, f"{name}_by")[:, index]
             assert np.abs(by - numeric).max() <= 1e-4 * np.abs(numeric).max()
 
 
@@ -137,7 +137,7 @@ def test_waves_and_near_field_are_those_of_a_forced_belt(place: int, ahead: bool
     ours = np.stack([limited(effect().contribution(block, row))[[RADIAL, CIRCUMFERENTIAL]] for row in parameters])
     sizes = np.linalg.lstsq(ours[:, 0].T, truth[0], rcond=None)[0]
     # The beam lacks the curvature of the ring. Without the near field a tenth to a half would be left.
-    error, size = (np.linalg.norm(one, axis=-1) for one in (np.tensordot(sizes, ours, 1) - truth, truth))
+    error, size = (np.linalg.norm(item, axis=-1) for item in (np.tensordot(sizes, ours, 1) - truth, truth))
     assert (error < 0.06 * size).all()
 
 
@@ -170,9 +170,9 @@ def test_tread_of_a_forced_belt_is_found() -> None:
     trial = try_effect(without, effect(), shapes_of(without, range(len(data.orders))))
     assert trial is not None
     fit = refit(trial, data)
-    found = fit.vector[fit.model.layout.effect(WAVES)]
-    assert found[6:9] == pytest.approx(truth[6:9], rel=0.03)
-    assert found[9] == pytest.approx(truth[9], rel=0.15)
+    result = fit.vector[fit.model.layout.effect(WAVES)]
+    assert result[6:9] == pytest.approx(truth[6:9], rel=0.03)
+    assert result[9] == pytest.approx(truth[9], rel=0.15)
     assert fit.misfit < 0.15 * without.misfit
 
 

@@ -36,10 +36,10 @@ def test_camber_matches_the_simulator(camber_deg: float) -> None:
     added = applied(block, camber=(math.radians(camber_deg),)).signal_mps2 - block.signal_mps2
     expected = at_angles(added, angle)
     assert expected[:, LATERAL] == pytest.approx(G * math.sin(math.radians(camber_deg)))
-    left = leaning - plain - expected
+    remainder = leaning - plain - expected
     # Two converters' steps of 0.075 m/s^2; the loss of gravity in the wheel's plane, g (1 - cos 5 deg), is as small.
-    assert np.abs(left).max() < 0.15
-    assert abs(float(left[:, LATERAL].mean())) < 0.06
+    assert np.abs(remainder).max() < 0.15
+    assert abs(float(remainder[:, LATERAL].mean())) < 0.06
 
 
 def test_ac_coupled_sensor_does_not_pass_camber() -> None:
@@ -51,14 +51,14 @@ def test_ac_coupled_sensor_does_not_pass_camber() -> None:
 
 def test_lateral_constant_is_camber_or_zero_g_offset() -> None:
     """No rolling tire separates them; a recording at rest does."""
-    found, _ = searched(campaign_of(TWO_SPEEDS, sideways(0.8), axes=ALL_AXES), EFFECTS)
-    assert [set(group) for group in found.alternatives()] == [{"camber", "zero-g offset"}]
-    for finding in findings_of(found, EFFECTS, {}):
+    posterior, _ = searched(campaign_of(TWO_SPEEDS, sideways(0.8), axes=ALL_AXES), EFFECTS)
+    assert [set(group) for group in posterior.alternatives()] == [{"camber", "zero-g offset"}]
+    for finding in findings_of(posterior, EFFECTS, {}):
         assert finding.decide_with == Reason(Code.RECORD_AT_REST)
 
 
 @pytest.mark.parametrize("plant", [sideways(2.0), on_all_axes], ids=["more than 6 deg", "on other axes too"])
 def test_implausible_camber_is_a_zero_g_offset(plant: Plant) -> None:
-    found, _ = searched(campaign_of(TWO_SPEEDS, plant, axes=ALL_AXES), EFFECTS)
-    assert found.identified() == ("zero-g offset",)
-    assert found.alternatives() == ()
+    posterior, _ = searched(campaign_of(TWO_SPEEDS, plant, axes=ALL_AXES), EFFECTS)
+    assert posterior.identified() == ("zero-g offset",)
+    assert posterior.alternatives() == ()

@@ -19,7 +19,7 @@ from gateway.closure.effects.effect import (
 )
 from gateway.closure.model.ring_options import RingOptions
 from gateway.types import FloatArray
-from tests.closure.belt_data import CONDITIONS, THETA, at, block_of
+from tests.closure.belt_data import CONDITIONS, THETA, block_of, rolling_at
 
 ALL = catalogue()
 RING = [name for name, effect in ALL.items() if isinstance(effect, RingEffect)]
@@ -101,16 +101,16 @@ def test_start_values_are_plausible(name: str) -> None:
     for start in starts:
         assert any(start)
         assert in_range(effect, start)
-    for place, tried in effect.scan:
-        assert all(in_range(effect, (*starts[0][:place], value, *starts[0][place + 1 :])) for value in tried)
+    for position, tried in effect.scan:
+        assert all(in_range(effect, (*starts[0][:position], value, *starts[0][position + 1 :])) for value in tried)
 
 
 @pytest.mark.parametrize("name", ALL)
 def test_whole_numbers_are_tried_one_by_one(name: str) -> None:
     effect = ALL[name]
-    for place, parameter in enumerate(effect.parameters):
+    for index, parameter in enumerate(effect.parameters):
         if parameter.whole:
-            tried = [start[place] for start in effect.starts(TWO_TEMPERATURES)]
+            tried = [start[index] for start in effect.starts(TWO_TEMPERATURES)]
             assert tried == list(range(round(parameter.low), round(parameter.high) + 1))
 
 
@@ -118,10 +118,10 @@ def test_whole_numbers_are_tried_one_by_one(name: str) -> None:
 def test_ring_options_change_only_with_the_effect(name: str) -> None:
     effect = ALL[name]
     assert isinstance(effect, RingEffect)
-    given = RingOptions(damping_time_s=1e-4, drum_curvature_pm=0.3, sensor_offset_m=0.004, pressure_p2=-0.1)
-    assert effect.options(given, np.zeros(len(effect.parameters)), CONDITIONS) == given
+    stated = RingOptions(damping_time_s=1e-4, drum_curvature_pm=0.3, sensor_offset_m=0.004, pressure_p2=-0.1)
+    assert effect.options(stated, np.zeros(len(effect.parameters)), CONDITIONS) == stated
     for start in effect.starts((CONDITIONS,)):
-        assert effect.options(given, np.array(start), CONDITIONS) != given
+        assert effect.options(stated, np.array(start), CONDITIONS) != stated
 
 
 @pytest.mark.parametrize("name", SIGNAL)
@@ -172,7 +172,7 @@ def difference(effect: SignalEffect, block: ModelledBlock, values: FloatArray, s
 
 @pytest.mark.parametrize("name", SPECTRUM)
 def test_density_derivative_matches_differences(name: str) -> None:
-    effect, conditions = ALL[name], at(80.0)
+    effect, conditions = ALL[name], rolling_at(80.0)
     assert isinstance(effect, SpectrumEffect)
     for start in effect.starts((conditions,))[:3]:
         values = np.array(start)
@@ -206,7 +206,7 @@ def test_stages_follow_the_rank() -> None:
 
 
 def test_order_within_stage_follows_sensor() -> None:
-    order = {name: place for place, name in enumerate(ALL)}
+    order = {name: index for index, name in enumerate(ALL)}
     # Ripple acts on the whole motion of the belt, but not on the constant of a camber angle.
     assert order["sample clock error"] < order["torsional ripple"] < order["camber"]
     assert order["yaw tilt"] < order["roll tilt"] < order["pitch tilt"]

@@ -21,40 +21,40 @@ LATE_S, LENGTH_M, CORNER_HZ, FRICTION_MPS2 = 90e-6, 0.022, 531.0, 4.0
 _POINTS, _HALVINGS, PRESLIDING = 65, 30, 30.0
 
 
-def at(signal: FloatArray, theta: FloatArray, angle: FloatArray) -> FloatArray:
+def sampled_at(signal: FloatArray, theta: FloatArray, angle: FloatArray) -> FloatArray:
     """Return a periodic signal (3, n) at angles by linear interpolation."""
     return np.stack([np.interp(angle, theta, row, period=2.0 * math.pi) for row in signal])
 
 
-def late(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+def late(signal: FloatArray, theta: FloatArray, group_conditions: GroupConditions) -> FloatArray:
     """A circumferential axis that is read after the others."""
     read = signal.copy()
-    read[CIRCUMFERENTIAL] = at(signal, theta, theta - here.omega_radps * LATE_S)[CIRCUMFERENTIAL]
+    read[CIRCUMFERENTIAL] = sampled_at(signal, theta, theta - group_conditions.omega_radps * LATE_S)[CIRCUMFERENTIAL]
     return read
 
 
-def long(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+def long(signal: FloatArray, theta: FloatArray, group_conditions: GroupConditions) -> FloatArray:
     """A board that reads the mean over points along its length."""
     reach = 0.5 * LENGTH_M / RADIUS_M * (1.0 - 1.0 / _POINTS)
-    points = [at(signal, theta, theta + shift) for shift in np.linspace(-reach, reach, _POINTS)]
+    points = [sampled_at(signal, theta, theta + shift) for shift in np.linspace(-reach, reach, _POINTS)]
     return np.asarray(np.mean(points, axis=0))
 
 
-def slow(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+def slow(signal: FloatArray, theta: FloatArray, group_conditions: GroupConditions) -> FloatArray:
     """A converter with a low-pass of two poles, stepped through time until it repeats."""
-    step = float(theta[1] - theta[0]) / here.omega_radps * 2.0 * math.pi * CORNER_HZ
+    step = float(theta[1] - theta[0]) / group_conditions.omega_radps * 2.0 * math.pi * CORNER_HZ
     read, value, rate = signal.copy(), signal[:, 0].copy(), np.zeros(3)
     for number in range(2 * len(theta)):
         rate += step * (signal[:, number % len(theta)] - value - math.sqrt(2.0) * rate)
         value = value + step * rate
         read[:, number % len(theta)] = value
     # The contact is timed behind the filter.
-    return at(read, theta, theta + here.omega_radps * math.sqrt(2.0) / (2.0 * math.pi * CORNER_HZ))
+    return sampled_at(read, theta, theta + group_conditions.omega_radps * math.sqrt(2.0) / (2.0 * math.pi * CORNER_HZ))
 
 
-def rubbing(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+def rubbing(signal: FloatArray, theta: FloatArray, group_conditions: GroupConditions) -> FloatArray:
     """An element held by friction that grows towards its limit with the element's own way (Dahl), way by way."""
-    read = sensor(DEPTH_M, 0.0)(signal, theta, here)
+    read = sensor(DEPTH_M, 0.0)(signal, theta, group_conditions)
     axis, force, moved = read[CIRCUMFERENTIAL].tolist(), 0.0, float(read[CIRCUMFERENTIAL, 0])
     for number in range(2 * len(axis)):
         change = axis[number % len(axis)] - moved - force
@@ -68,9 +68,9 @@ def rubbing(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> Flo
     return read
 
 
-def below(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+def below(signal: FloatArray, theta: FloatArray, group_conditions: GroupConditions) -> FloatArray:
     """A late axis of a sensor below the neutral layer, whose circumferential axis is not gravity alone."""
-    return late(sensor(DEPTH_M, 0.0)(signal, theta, here), theta, here)
+    return late(sensor(DEPTH_M, 0.0)(signal, theta, group_conditions), theta, group_conditions)
 
 
 @pytest.mark.parametrize(
@@ -90,15 +90,15 @@ def test_cause_is_identified_beside_its_rivals(plant: Plant, name: str, size: fl
         "circumferential hysteresis",
         "mounting offset",
     )
-    found, _ = searched(campaign_of(GROUPS, plant, noise_mps2=0.5), among(*rivals))
-    identified = set(found.identified()) - {"mounting offset"}
+    posterior, _ = searched(campaign_of(GROUPS, plant, noise_mps2=0.5), among(*rivals))
+    identified = set(posterior.identified()) - {"mounting offset"}
     assert identified == {name}
-    fit = found.best.fit
+    fit = posterior.best.fit
     assert float(fit.vector[fit.model.layout.effect(name)][0]) == pytest.approx(size, rel=0.05)
 
 
 def test_filter_at_a_single_speed_may_be_a_length() -> None:
     """What is locked to frequency is certain only if its rival locked to the angle loses."""
-    found, _ = searched(campaign_of(GROUPS[:1], slow, noise_mps2=0.5), among("sensor length", "anti-alias filter"))
-    assert not found.identified()
-    assert {"sensor length", "anti-alias filter"} in [set(names) for names in found.alternatives()]
+    posterior, _ = searched(campaign_of(GROUPS[:1], slow, noise_mps2=0.5), among("sensor length", "anti-alias filter"))
+    assert not posterior.identified()
+    assert {"sensor length", "anti-alias filter"} in [set(names) for names in posterior.alternatives()]

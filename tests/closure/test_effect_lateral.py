@@ -74,12 +74,12 @@ def on_belt(load: Load, belt: LateralBelt, load_n: float = 5000.0) -> tuple[np.n
     return on_grid(solved.lateral_m, FIELD_SIZE), size
 
 
-def left_over(target_m: np.ndarray, load: Load, at: ModelledBlock) -> tuple[float, float]:
+def left_over(target_m: np.ndarray, load: Load, modelled: ModelledBlock) -> tuple[float, float]:
     """Return the relative residual of the best size on the best plausible belt, and that size."""
     limits = np.array([(parameter.low, parameter.high) for parameter in EFFECTS[load].parameters[1:]])
 
     def fitted(stiffness: np.ndarray) -> tuple[float, np.ndarray]:
-        column = unit_response(at, load, Stiffness(*stiffness)).lateral_m
+        column = unit_response(modelled, load, Stiffness(*stiffness)).lateral_m
         size = float(column @ target_m / (column @ column))
         return size, (target_m - size * column) / np.linalg.norm(target_m)
 
@@ -114,9 +114,9 @@ def test_side_force_matches_the_lateral_belt() -> None:
 def test_other_belt_is_fitted_at_own_load_only(load: Load) -> None:
     """One direction of rotation separates the three: with three stiffnesses free none imitates another."""
     target, size = on_belt(load, OTHER)
-    own, found = left_over(target, load, block())
-    assert own < 0.015
-    assert found == pytest.approx(size, rel=0.35)
+    selected, result = left_over(target, load, block())
+    assert selected < 0.015
+    assert result == pytest.approx(size, rel=0.35)
     for other in Load:
         if other is not load:
             assert left_over(target, other, block())[0] > 0.6
@@ -135,28 +135,28 @@ def test_ply_steer_and_conicity_are_nearly_orthogonal() -> None:
 @pytest.mark.parametrize("load_n", [2000.0, 5000.0, 8000.0])
 def test_tilted_sensor_resembles_lateral_loads_but_differs(load_n: float) -> None:
     """Roll without its mean resembles conicity, yaw ply steer; plausible belts leave 1 to 4 %."""
-    at = block(load_n)
-    radial = at.shape.radial_m - at.shape.radial_m.mean()
+    position = block(load_n)
+    radial = position.shape.radial_m - position.shape.radial_m.mean()
     for leak, load in ((radial, Load.CONE), (np.gradient(radial, THETA), Load.PLY_STEER)):
-        column = unit_response(at, load, Stiffness()).lateral_m
+        column = unit_response(position, load, Stiffness()).lateral_m
         assert abs(leak @ column) > 0.95 * np.linalg.norm(leak) * np.linalg.norm(column)
-        assert 0.003 < left_over(leak, load, at)[0] < 0.06
+        assert 0.003 < left_over(leak, load, position)[0] < 0.06
 
 
 @pytest.mark.parametrize("reverse", [False, True])
 def test_yaw_turns_circumferential_into_lateral(reverse: bool) -> None:
-    at = block(reverse=reverse)
-    at.signal_mps2[CIRCUMFERENTIAL] = 9.8 * at.shape.gravity_circumferential
-    at.signal_mps2[LATERAL] = 3.0
+    position = block(reverse=reverse)
+    position.signal_mps2[CIRCUMFERENTIAL] = 9.8 * position.shape.gravity_circumferential
+    position.signal_mps2[LATERAL] = 3.0
     yaw = np.array([0.03])
     # The simulator's mounting acts on the sensor's own axes: rolling in reverse, its first one points back.
     back = np.diag([-1.0 if reverse else 1.0, 1.0, 1.0])
-    expected = back @ mounting_matrix(0.0, 0.0, math.degrees(0.03)) @ back @ at.signal_mps2
-    assert at.signal_mps2 + YAW_TILT.contribution(at, yaw) == pytest.approx(expected, abs=1e-9)
-    assert not YAW_TILT.contribution(at, np.zeros(1)).any()
+    expected = back @ mounting_matrix(0.0, 0.0, math.degrees(0.03)) @ back @ position.signal_mps2
+    assert position.signal_mps2 + YAW_TILT.contribution(position, yaw) == pytest.approx(expected, abs=1e-9)
+    assert not YAW_TILT.contribution(position, np.zeros(1)).any()
     step = 1e-5
-    numeric = (YAW_TILT.contribution(at, yaw + step) - YAW_TILT.contribution(at, yaw - step)) / (2.0 * step)
-    assert YAW_TILT.derivative(at, yaw)[0] == pytest.approx(numeric, abs=1e-6 * np.abs(numeric).max())
+    numeric = (YAW_TILT.contribution(position, yaw + step) - YAW_TILT.contribution(position, yaw - step)) / (2.0 * step)
+    assert YAW_TILT.derivative(position, yaw)[0] == pytest.approx(numeric, abs=1e-6 * np.abs(numeric).max())
 
 
 def test_response_follows_direction_and_speed() -> None:

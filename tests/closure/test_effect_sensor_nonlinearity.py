@@ -54,9 +54,9 @@ def test_nonlinearity_is_separated_from_scaling_effects(
     groups: tuple[GroupConditions, ...], square: float, cube: float
 ) -> None:
     """One speed is enough: the shares of overshoot and free arc differ."""
-    found, search = searched(campaign_of(groups, bent(square, cube)), EFFECTS)
-    assert found.identified() == (NAME,)
-    fit = found.best.fit
+    posterior, search = searched(campaign_of(groups, bent(square, cube)), EFFECTS)
+    assert posterior.identified() == (NAME,)
+    fit = posterior.best.fit
     assert fit.misfit < 1.05 * search.data.size
     where = fit.model.layout.effect(NAME)
     std = np.sqrt(np.diagonal(fit.covariance))[where]
@@ -65,24 +65,24 @@ def test_nonlinearity_is_separated_from_scaling_effects(
 
 @pytest.mark.parametrize(("plant", "name"), [(gain, "gain"), (larger_belt, "rolling radius")])
 def test_scaling_effects_are_not_taken_for_nonlinearity(plant: Plant, name: str) -> None:
-    found, _ = searched(campaign_of(TWO_SPEEDS, plant), EFFECTS)
-    assert name in found.best.names | set(*found.alternatives())
-    assert found.probability([NAME]) < 0.05
+    posterior, _ = searched(campaign_of(TWO_SPEEDS, plant), EFFECTS)
+    assert name in posterior.best.names | set(*posterior.alternatives())
+    assert posterior.probability([NAME]) < 0.05
 
 
 def test_two_scaling_effects_together_are_not_taken_for_nonlinearity() -> None:
     """At two speeds and two temperatures the nonlinearity alone explains what a gain and its drift do."""
     groups = (conditions(48.0, temperature_degc=25.0), conditions(67.0, temperature_degc=63.0))
 
-    def plant(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+    def plant(signal: FloatArray, theta: FloatArray, group_conditions: GroupConditions) -> FloatArray:
         read = signal.copy()
-        read[RADIAL] *= 1.005 + 5e-5 * (here.temperature_degc - 25.0)
+        read[RADIAL] *= 1.005 + 5e-5 * (group_conditions.temperature_degc - 25.0)
         return read
 
-    found, _ = searched(campaign_of(groups, plant), EFFECTS | among("gain-temperature drift"))
-    assert found.best.names == {"rolling radius", "gain-temperature drift"}
-    assert frozenset({"gain", "gain-temperature drift"}) in found.every
-    assert found.probability([NAME]) < 0.5
+    posterior, _ = searched(campaign_of(groups, plant), EFFECTS | among("gain-temperature drift"))
+    assert posterior.best.names == {"rolling radius", "gain-temperature drift"}
+    assert frozenset({"gain", "gain-temperature drift"}) in posterior.every
+    assert posterior.probability([NAME]) < 0.5
 
 
 def test_plausible_range_is_in_display_units() -> None:

@@ -45,7 +45,7 @@ from tests.closure.planted_campaign import (
 
 OMEGA = conditions().omega_radps
 NOISY = 7.0
-SPEED_SQUARED: Callable[[GroupConditions], float] = lambda here: (here.omega_radps / OMEGA) ** 2  # noqa: E731
+SPEED_SQUARED: Callable[[GroupConditions], float] = lambda group_conditions: (group_conditions.omega_radps / OMEGA) ** 2  # noqa: E731
 SLOWER = Reason(Code.RECORD_AT_SPEED, speed_ratio=0.25)
 FASTER = Reason(Code.RECORD_AT_SPEED, speed_ratio=1.5)
 REVERSED = Reason(Code.RECORD_REVERSED)
@@ -53,11 +53,17 @@ WARMER = Reason(Code.RECORD_WARMER, difference_k=20.0)
 CASES: list[tuple[Callable[[GroupConditions], float], Reason]] = [
     # At a quarter of the speed it vanishes; a true effect is largest at the highest speed.
     (SPEED_SQUARED, SLOWER),
-    (lambda here: 1.0 if here.omega_radps != 0.6 * OMEGA else -3.0, Reason(Code.RECORD_AT_SPEED, speed_ratio=0.6)),
-    (lambda here: -1.0 if here.reverse else 1.0, REVERSED),
-    (lambda here: (here.temperature_degc - 5.0) / 20.0, WARMER),
-    (lambda here: here.load_n / LOAD_N, Reason(Code.RECORD_AT_LOAD, load_ratio=1.4)),
-    (lambda here: here.pressure_pa / PRESSURE_PA, Reason(Code.RECORD_AT_PRESSURE, pressure_ratio=0.7)),
+    (
+        lambda group_conditions: 1.0 if group_conditions.omega_radps != 0.6 * OMEGA else -3.0,
+        Reason(Code.RECORD_AT_SPEED, speed_ratio=0.6),
+    ),
+    (lambda group_conditions: -1.0 if group_conditions.reverse else 1.0, REVERSED),
+    (lambda group_conditions: (group_conditions.temperature_degc - 5.0) / 20.0, WARMER),
+    (lambda group_conditions: group_conditions.load_n / LOAD_N, Reason(Code.RECORD_AT_LOAD, load_ratio=1.4)),
+    (
+        lambda group_conditions: group_conditions.pressure_pa / PRESSURE_PA,
+        Reason(Code.RECORD_AT_PRESSURE, pressure_ratio=0.7),
+    ),
 ]
 
 
@@ -87,7 +93,12 @@ def test_faster_recording_decides_when_effect_grows(size_mps2: float, recording:
 def test_most_informative_recording_is_chosen() -> None:
     """A warmer tire and the other direction both separate them; the direction is better."""
     constant, fit = with_constant()
-    other = Sideways("other", lambda here: (here.temperature_degc - 5.0) / 20.0 * (-1.0 if here.reverse else 1.0))
+    other = Sideways(
+        "other",
+        lambda group_conditions: (
+            (group_conditions.temperature_degc - 5.0) / 20.0 * (-1.0 if group_conditions.reverse else 1.0)
+        ),
+    )
     assert deciding_recording(fit, constant, other) == REVERSED
 
 
@@ -119,8 +130,8 @@ def test_pairs_of_the_catalogue(
 def test_clock_error_needs_another_clock(plant: Plant, name: str, rival: str) -> None:
     effects = among(name, rival)
     fit, _ = fitted(campaign_of(ONE_SPEED, plant), effects[name])
-    found = deciding_recording(fit, effects[name], effects[rival])
-    assert found == Reason(Code.RECORD_LIVE)
+    result = deciding_recording(fit, effects[name], effects[rival])
+    assert result == Reason(Code.RECORD_LIVE)
 
 
 @pytest.mark.parametrize(
@@ -131,33 +142,35 @@ def test_gravity_separates_gain_from_radius_when_slow(plant: Plant, name: str, r
     """At speed a share of gravity is less than what their equations leave, a hundredth of what they add."""
     effects = among(name, rival)
     campaign = campaign_of((conditions(90.0),), plant, noise_mps2=noise_mps2)
-    found, _ = evaluated(campaign, effects[name])
-    assert deciding_recording(found.fit, effects[name], effects[rival]) == SLOWER
+    result, _ = evaluated(campaign, effects[name])
+    assert deciding_recording(result.fit, effects[name], effects[rival]) == SLOWER
 
 
 def test_conditions_start_from_the_largest_group() -> None:
     constant = Sideways("constant")
-    other = Sideways("other", lambda here: -1.0 if here.temperature_degc == 45.0 else 1.0)
+    other = Sideways("other", lambda group_conditions: -1.0 if group_conditions.temperature_degc == 45.0 else 1.0)
     two = conditions(temperature_degc=30.0), conditions()
     campaign = campaign_of(two, sideways(20.0), noise_mps2=NOISY, axes=ALL_AXES)
-    found = []
+    results = []
     for more in range(2):
         groups = list(campaign.groups)
         blocks = groups[more].blocks
         groups[more] = replace(groups[more], blocks=tuple(replace(block, count=2 * block.count) for block in blocks))
         fit, _ = fitted(replace(campaign, groups=tuple(groups)), constant)
-        found.append(deciding_recording(fit, constant, other))
-    assert found == [NOTHING, WARMER]
+        results.append(deciding_recording(fit, constant, other))
+    assert results == [NOTHING, WARMER]
 
 
 class Stiffer(Sideways):
     """Change of the waveform by a softer radial sidewall, as if it were a sensor effect."""
 
-    def derivative(self, here: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        row = np.zeros((1, *here.signal_mps2.shape))
+    def derivative(self, group_conditions: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        row = np.zeros((1, *group_conditions.signal_mps2.shape))
         change = ring(rs=2.7).sensor.radial_m - ring().sensor.radial_m
-        there = np.interp(here.theta_rad, ring().theta_rad, change)
-        row[0, RADIAL] = self.goes_with(here.conditions) * here.conditions.omega_radps**2 * there
+        there = np.interp(group_conditions.theta_rad, ring().theta_rad, change)
+        row[0, RADIAL] = (
+            self.goes_with(group_conditions.conditions) * group_conditions.conditions.omega_radps**2 * there
+        )
         return row
 
 
@@ -166,18 +179,20 @@ class TestUndecidable:
         """Nor beside another effect, which grows with the conditions; nor where there is hardly any noise."""
         true, twin, beside = Sideways("true"), Sideways("twin"), among("pitch tilt")["pitch tilt"]
 
-        def both(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
-            return sideways(3.0)(turned(CIRCUMFERENTIAL, 0.01)(signal, theta, here), theta, here)
+        def both(signal: FloatArray, theta: FloatArray, group_conditions: GroupConditions) -> FloatArray:
+            return sideways(3.0)(
+                turned(CIRCUMFERENTIAL, 0.01)(signal, theta, group_conditions), theta, group_conditions
+            )
 
         fit, _ = fitted(campaign_of(ONE_SPEED, both, noise_mps2=0.2, axes=ALL_AXES), true, beside)
         assert deciding_recording(fit, true, twin) == NOTHING
 
     def test_another_load_has_its_own_ring_parameters(self) -> None:
         """The state's own parameters absorb the change that resembles a stiffer sidewall."""
-        true, other = Stiffer("true"), Stiffer("other", lambda here: here.load_n / LOAD_N)
+        true, other = Stiffer("true"), Stiffer("other", lambda group_conditions: group_conditions.load_n / LOAD_N)
         fit, _ = fitted(campaign_of(ONE_SPEED), true)
-        place = fit.model.layout.effect("true").start
-        fit = replace(fit, vector=np.where(np.arange(len(fit.vector)) == place, 6.0, fit.vector))
+        position = fit.model.layout.effect("true").start
+        fit = replace(fit, vector=np.where(np.arange(len(fit.vector)) == position, 6.0, fit.vector))
         assert deciding_recording(fit, true, other) == NOTHING
 
     def test_existing_evidence_is_not_counted(self) -> None:

@@ -50,8 +50,10 @@ def test_clock_comes_first(
     monkeypatch: pytest.MonkeyPatch, rivals: tuple[str, ...], asked: str, recording: Reason
 ) -> None:
     effects = {name: cast(AngleEffect, effect) for name, effect in catalogue().items()}
-    own = effects["rolling radius"]
-    inside: Any = SimpleNamespace(names={own.name}, fit=SimpleNamespace(model=SimpleNamespace(effects=(own,))))
+    selected = effects["rolling radius"]
+    inside: Any = SimpleNamespace(
+        names={selected.name}, fit=SimpleNamespace(model=SimpleNamespace(effects=(selected,)))
+    )
     posterior: Any = SimpleNamespace(with_effect=lambda _: inside)
     seen: list[str] = []
 
@@ -60,5 +62,5 @@ def test_clock_comes_first(
         return AGAIN
 
     monkeypatch.setattr(findings, "deciding_recording", deciding)
-    assert findings._decide(posterior, own.name, rivals, effects) == recording
+    assert findings._decide(posterior, selected.name, rivals, effects) == recording
     assert seen == [f"rolling radius or {asked}"]

@@ -41,7 +41,7 @@ NAMES = frozenset(["roll tilt"])
 POWER = np.where(np.arange(ORDERS) == 0, 1.0, 0.5)
 
 
-def bump(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+def bump(signal: FloatArray, theta: FloatArray, conditions: GroupConditions) -> FloatArray:
     """A bump on the belt that no effect of the catalogue describes."""
     read = signal.copy()
     read[RADIAL] += 60.0 * np.exp(-np.square((theta - 1.5) / 0.05))
@@ -49,8 +49,8 @@ def bump(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatA
 
 
 def held_out(campaign: Campaign) -> HeldOutErrors:
-    found, search = searched(campaign, EFFECTS)
-    return hold_out(found, search.data, tuple(found.every.values()))
+    posterior, search = searched(campaign, EFFECTS)
+    return hold_out(posterior, search.data, tuple(posterior.every.values()))
 
 
 @cache
@@ -61,8 +61,8 @@ def rolled() -> HeldOutErrors:
 def planted() -> float:
     """Return the mean square of what a roll tilt adds to the lateral axis, per axis and curve."""
     squares = [
-        float((POWER * np.abs(math.sin(ROLL_RAD) * waveform_orders(signal_of(here)[RADIAL])) ** 2).sum())
-        for here in TWO_SPEEDS
+        float((POWER * np.abs(math.sin(ROLL_RAD) * waveform_orders(signal_of(item)[RADIAL])) ** 2).sum())
+        for item in TWO_SPEEDS
     ]
     return sum(squares) / (3 * len(TWO_SPEEDS))
 
@@ -132,9 +132,9 @@ def test_effect_in_one_fold_does_not_predict_it() -> None:
     assert errors.with_discrepancy_mps2**2 - plain.with_discrepancy_mps2**2 > 0.9 * square
 
 
-def tread_void(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+def tread_void(signal: FloatArray, theta: FloatArray, conditions: GroupConditions) -> FloatArray:
     """A wave of the lateral axis, and a kink beside the contact that no effect describes."""
-    read = sideways(3.0)(signal, theta, here)
+    read = sideways(3.0)(signal, theta, conditions)
     square = np.square((theta - 0.3) / 0.09)
     kink = 300.0 * (1.0 - square) * np.exp(-0.5 * square)
     read[RADIAL] += kink
@@ -145,17 +145,21 @@ def tread_void(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> 
 def test_ring_is_taken_at_its_best_before_and_after() -> None:
     """The lateral effect is not credited with what a better fit of the ring's own parameters does."""
     campaign = campaign_of(ONE_SPEED, tread_void, axes=ALL_AXES)
-    found, search = searched(campaign, {"one": Sideways("one")})
-    assert found.best.names == {"one"}
-    errors = hold_out(found, search.data)
+    posterior, search = searched(campaign, {"one": Sideways("one")})
+    assert posterior.best.names == {"one"}
+    errors = hold_out(posterior, search.data)
 
-    def left(fit: Fit) -> float:
+    def remainder_mps2(fit: Fit) -> float:
         return math.sqrt(
-            sum(float((POWER * np.abs(one.orders_mps2) ** 2).sum()) for one in group_residuals(fit, search.data)) / 3.0
+            sum(
+                float((POWER * np.abs(group_residual.orders_mps2) ** 2).sum())
+                for group_residual in group_residuals(fit, search.data)
+            )
+            / 3.0
         )
 
-    least = left(baseline_fit(campaign, search.core, search.data))
-    assert left(found.baseline.fit) > 1.02 * least
+    least = remainder_mps2(baseline_fit(campaign, search.core, search.data))
+    assert remainder_mps2(posterior.baseline.fit) > 1.02 * least
     noise = errors.noise_mps2
     assert errors.summary.rms_before_mps2 == pytest.approx(math.hypot(least, noise), rel=0.01)
     assert errors.fit_of[frozenset()].applied is None
@@ -190,8 +194,8 @@ def test_group_with_fewer_folds_is_held_out_too() -> None:
 
 
 def test_absent_axes_have_no_error() -> None:
-    found, search = searched(campaign_of(ONE_SPEED), {})
-    errors = hold_out(found, search.data)
+    posterior, search = searched(campaign_of(ONE_SPEED), {})
+    errors = hold_out(posterior, search.data)
     assert [axis.axis for axis in errors.summary.axes] == ["circumferential", "radial"]
 
 
@@ -231,15 +235,15 @@ def test_every_block_has_its_error() -> None:
 def test_errors_of_the_errors_follow_the_scatter_of_blocks() -> None:
     """Mean squares of chi-square form: an rms of n blocks of k values has the relative error 1 / sqrt(2 n k)."""
     rng = np.random.default_rng(4)
-    found = []
+    results = []
     for _ in range(400):
         before = rng.chisquare(50, 10)
-        found.append(
-            (math.sqrt(before.sum() / 500), jackknife([np.array([one, 0.25 * one]) for one in before], [50.0] * 10))
+        results.append(
+            (math.sqrt(before.sum() / 500), jackknife([np.array([item, 0.25 * item]) for item in before], [50.0] * 10))
         )
-    spread = np.std([rms for rms, _ in found])
+    spread = np.std([rms for rms, _ in results])
     assert spread == pytest.approx(1.0 / math.sqrt(1000.0), rel=0.1)
-    assert np.sqrt(np.mean([errors[0] ** 2 for _, errors in found])) == pytest.approx(spread, rel=0.1)
+    assert np.sqrt(np.mean([errors[0] ** 2 for _, errors in results])) == pytest.approx(spread, rel=0.1)
     # Both go together: their ratio is certain.
-    assert max(errors[2] for _, errors in found) < 1e-9
-    assert all(math.isnan(one) for one in jackknife([np.ones(2)], [1.0]))
+    assert max(errors[2] for _, errors in results) < 1e-9
+    assert all(math.isnan(item) for item in jackknife([np.ones(2)], [1.0]))

@@ -70,12 +70,15 @@ def reading(change: Change, load_n: float, omega_radps: float) -> ComplexArray:
 def local(change: Change, size: float) -> Plant:
     """Return a box of the belt's angle that is different by a share."""
 
-    def plant(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+    def plant(signal: FloatArray, theta: FloatArray, group_conditions: GroupConditions) -> FloatArray:
         count = np.arange(PATTERNS)
         share = np.where(count > 0, 1.0, 0.5) / math.pi
         amplitude = size * share * np.sinc(count * WIDTH_RAD / (2.0 * math.pi)) * np.exp(-1j * count * PLACE_RAD)
-        turned = reading(change, here.load_n, here.omega_radps) * np.exp(-1j * np.outer(count, theta))[:, None]
-        added = here.omega_radps**2 * np.tensordot(amplitude, turned, 1).real
+        turned = (
+            reading(change, group_conditions.load_n, group_conditions.omega_radps)
+            * np.exp(-1j * np.outer(count, theta))[:, None]
+        )
+        added = group_conditions.omega_radps**2 * np.tensordot(amplitude, turned, 1).real
         result = signal.copy()
         result[[RADIAL, CIRCUMFERENTIAL]] += added
         return result
@@ -92,8 +95,8 @@ def found_in(campaign: Campaign, laws: Mapping[str, SignalEffect] | None = None)
 @lru_cache
 def block() -> ModelledBlock:
     core = make_core(BaselineModel.EXACT)
-    here = conditions(60.0)
-    return base_signal(core, core.shape(core.prior_mean, here, RingOptions(sensor_offset_m=0.004), 0.0), here)
+    current = conditions(60.0)
+    return base_signal(core, core.shape(core.prior_mean, current, RingOptions(sensor_offset_m=0.004), 0.0), current)
 
 
 @pytest.fixture(scope="module")
@@ -103,22 +106,22 @@ def laws() -> dict[str, SignalEffect]:
 
 @pytest.mark.parametrize("name", list(library()))
 def test_derivative_of_a_law_is_that_of_its_contribution(laws: Mapping[str, SignalEffect], name: str) -> None:
-    law, here = laws[name], block()
+    law, current = laws[name], block()
     start = np.array(law.start_values[0])
-    rows = law.derivative(here, start)
-    for place, one in enumerate(law.parameters):
+    rows = law.derivative(current, start)
+    for index, item in enumerate(law.parameters):
         step = np.zeros(len(start))
-        step[place] = one.step
-        slope = (law.contribution(here, start + step) - law.contribution(here, start - step)) / (2.0 * one.step)
-        assert np.abs(slope - rows[place]).max() <= 1e-3 * max(np.abs(slope).max(), 1e-9)
+        step[index] = item.step
+        slope = (law.contribution(current, start + step) - law.contribution(current, start - step)) / (2.0 * item.step)
+        assert np.abs(slope - rows[index]).max() <= 1e-3 * max(np.abs(slope).max(), 1e-9)
     start[: law.sizes] = 0.0
-    assert not law.contribution(here, start).any()
+    assert not law.contribution(current, start).any()
 
 
 @pytest.mark.parametrize("name", list(library()))
 def test_law_in_reverse_is_finite_and_says_what_it_is(laws: Mapping[str, SignalEffect], name: str) -> None:
-    law, here = laws[name], block()
-    backwards = replace(here, conditions=replace(here.conditions, reverse=True))
+    law, current = laws[name], block()
+    backwards = replace(current, conditions=replace(current.conditions, reverse=True))
     assert np.isfinite(law.contribution(backwards, np.array(law.start_values[0]))).all()
     assert all((law.equation, law.summary, law.scaling, law.source))
 
@@ -129,8 +132,8 @@ def splice_found() -> LawsFound:
 
 
 def test_splice_of_a_box_becomes_a_law_with_its_size() -> None:
-    found = splice_found()
-    (law,) = found.laws
+    result = splice_found()
+    (law,) = result.laws
     assert law.name == NAME
     assert law.certain
     assert not law.rivals
@@ -139,10 +142,10 @@ def test_splice_of_a_box_becomes_a_law_with_its_size() -> None:
     # A box has the second moment of a normal window of this width.
     assert law.parameters["width_rad"].value == pytest.approx(WIDTH_RAD / math.sqrt(12.0), abs=2e-3)
     assert law.share > 0.9
-    assert all(one.after_mps2 < 1.02 * max(one.before_mps2, one.noise_mps2) for one in law.unseen)
+    assert all(item.after_mps2 < 1.02 * max(item.before_mps2, item.noise_mps2) for item in law.unseen)
     assert law.held_out is not None
     assert law.held_out.rms_after_mps2 < 0.5 * law.held_out.rms_before_mps2
-    assert found.fit is not None
+    assert result.fit is not None
 
 
 def test_evidence_that_a_posterior_has_divided_changes_nothing() -> None:
@@ -169,8 +172,8 @@ def test_turned_waveform_of_a_splice_is_no_law() -> None:
             replace(
                 group,
                 blocks=tuple(
-                    replace(one, orders_mps2=b.orders_mps2 + np.exp(2j * order) * (one.orders_mps2 - b.orders_mps2))
-                    for one, b in zip(group.blocks, base, strict=True)
+                    replace(item, orders_mps2=b.orders_mps2 + np.exp(2j * order) * (item.orders_mps2 - b.orders_mps2))
+                    for item, b in zip(group.blocks, base, strict=True)
                 ),
             )
         )
@@ -189,16 +192,16 @@ def test_one_recording_gives_a_clue_at_most() -> None:
 def test_size_that_differs_between_recordings_is_a_clue() -> None:
     plant = local(Change.BENDING, SPLICE)
 
-    def growing(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
-        share = here.omega_radps / SPEEDS[0].omega_radps
-        return np.asarray(signal + share**2 * (plant(signal, theta, here) - signal))
+    def growing(signal: FloatArray, theta: FloatArray, group_conditions: GroupConditions) -> FloatArray:
+        share = group_conditions.omega_radps / SPEEDS[0].omega_radps
+        return np.asarray(signal + share**2 * (plant(signal, theta, group_conditions) - signal))
 
     some = {name: law for name, law in library().items() if "bending" in name}
-    found = found_in(campaign_of(SPEEDS, growing, noise_mps2=0.5), some)
-    assert found.laws
-    assert not found.laws[0].certain
-    assert found.fit is None
-    assert Code.LAW_SIZES_DIFFER in {reason.code for reason in found.laws[0].reasons}
+    result = found_in(campaign_of(SPEEDS, growing, noise_mps2=0.5), some)
+    assert result.laws
+    assert not result.laws[0].certain
+    assert result.fit is None
+    assert Code.LAW_SIZES_DIFFER in {reason.code for reason in result.laws[0].reasons}
 
 
 def test_law_is_judged_on_other_recordings() -> None:
@@ -206,13 +209,13 @@ def test_law_is_judged_on_other_recordings() -> None:
     other = campaign_of((conditions(70.0),), local(Change.BENDING, SPLICE), noise_mps2=0.5, seed=5)
     values = {"stiffening_rad": SPLICE, "place_rad": PLACE_RAD, "width_rad": 0.0173, "log_loss": -0.4}
     table = table_of({NAME: values})
-    units = {one.name: one.unit for one in library()[NAME].parameters}
+    units = {parameter.name: parameter.unit for parameter in library()[NAME].parameters}
     effects = tuple(
         replace(e, parameters=tuple(replace(p, unit=units[p.name]) for p in e.parameters)) for e in table.effects
     )
-    found = transfer(other, replace(table, effects=effects, radius_m=RADIUS_M))
-    assert found.held_out.rms_after_mps2 < 0.5 * found.held_out.rms_before_mps2
-    assert found.held_out.rms_after_mps2 < 1.3 * found.noise_floor_mps2
+    result = transfer(other, replace(table, effects=effects, radius_m=RADIUS_M))
+    assert result.held_out.rms_after_mps2 < 0.5 * result.held_out.rms_before_mps2
+    assert result.held_out.rms_after_mps2 < 1.3 * result.noise_floor_mps2
 
 
 def test_law_of_a_file_needs_the_exact_ring() -> None:
@@ -230,8 +233,8 @@ def test_plug_in_of_a_law_passes_its_own_test(tmp_path: Path, monkeypatch: pytes
     effect = runpy.run_path(str(tmp_path / "treadlink_splice" / "__init__.py"))["EFFECT"]
     assert (effect.name, effect.rank) == ("splice", 1234)
     assert effect.start_values[0][0] == pytest.approx(SPLICE, rel=0.03)
-    own = runpy.run_path(str(tmp_path / "test_splice.py"))
-    tests = [test for name, test in own.items() if name.startswith("test_")]
+    selected = runpy.run_path(str(tmp_path / "test_splice.py"))
+    tests = [test for name, test in selected.items() if name.startswith("test_")]
     assert len(tests) == 3
     for test in tests:
         test()
@@ -245,12 +248,12 @@ def test_command_writes_the_plug_in_of_a_law_alone(tmp_path: Path) -> None:
     clue = replace(empty(), laws=(replace(law, certain=False),))
     with pytest.raises(TreadlinkError, match="no law was found"):
         write_plugin(clue, tmp_path / "splice of 7", said.append)
-    found = replace(empty(), laws=(law,))
-    write_plugin(found, tmp_path / "splice of 7", said.append)
+    result = replace(empty(), laws=(law,))
+    write_plugin(result, tmp_path / "splice of 7", said.append)
     assert (tmp_path / "splice of 7" / "treadlink_splice_of_7" / "__init__.py").is_file()
     assert len(said) == 1
     with pytest.raises(TreadlinkError, match="exists"):
-        write_plugin(found, tmp_path / "splice of 7", said.append)
+        write_plugin(result, tmp_path / "splice of 7", said.append)
 
 
 def test_page_and_summary_tell_a_law_with_its_size() -> None:

@@ -83,14 +83,16 @@ def test_precision_equals_product_of_whitened_rows() -> None:
 
 def test_edge_scatter_lowers_weight_at_the_edges_only() -> None:
     """A curve away from the edges is as visible as without the edges' scatter; one at them is hidden."""
-    plain, placed = (whiten(one, ExactCore()) for one in (campaign_of(ONE_SPEED), with_profile(campaign_of(ONE_SPEED))))
+    plain, placed = (
+        whiten(item, ExactCore()) for item in (campaign_of(ONE_SPEED), with_profile(campaign_of(ONE_SPEED)))
+    )
 
     def seen(where_rad: float) -> float:
         curve = np.exp(-0.5 * np.square((ANGLES - where_rad) / 0.08))
         values = np.zeros((3, ORDERS), complex)
         values[RADIAL] = as_complex(FROM_FIELD @ curve)
-        there, here = (float(np.square(whitened(one, 0, as_real(values))).sum()) for one in (placed, plain))
-        return there / here
+        there, current = (float(np.square(whitened(item, 0, as_real(values))).sum()) for item in (placed, plain))
+        return there / current
 
     assert seen(EDGE_RAD) < 0.3
     assert seen(2.0) > 1.5
@@ -105,14 +107,14 @@ def test_scatter_profile_is_measured_from_revolutions() -> None:
     orders[:, RADIAL] += as_complex(scatter(rng, count))
     orders[:, CIRCUMFERENTIAL] += as_complex(rng.normal(size=(count, 2 * ORDERS - 1)))
     orders[:, LATERAL] = complex(np.nan, np.nan)
-    found = settle(orders, np.full(count, 50.0), np.zeros(count)).profile
-    assert found.shape == (3, PROFILE_SIZE)
-    assert found.mean(axis=1) == pytest.approx(1.0, abs=0.02)
+    result = settle(orders, np.full(count, 50.0), np.zeros(count)).profile
+    assert result.shape == (3, PROFILE_SIZE)
+    assert result.mean(axis=1) == pytest.approx(1.0, abs=0.02)
     truth = at_edges(PROFILE_ANGLES)
-    assert np.corrcoef(found[RADIAL], truth)[0, 1] > 0.95
+    assert np.corrcoef(result[RADIAL], truth)[0, 1] > 0.95
     near = np.abs(np.abs(PROFILE_ANGLES) - EDGE_RAD) < 0.03
-    assert found[RADIAL][near].mean() == pytest.approx(truth[near].mean(), rel=0.3)
-    assert found[CIRCUMFERENTIAL].max() < 1.5
+    assert result[RADIAL][near].mean() == pytest.approx(truth[near].mean(), rel=0.3)
+    assert result[CIRCUMFERENTIAL].max() < 1.5
 
 
 @pytest.mark.parametrize(("share", "expected"), [(1.0, 1.0), (0.75, 0.75), (0.0, 0.5)])

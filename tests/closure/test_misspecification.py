@@ -25,9 +25,11 @@ def judged(
     sets = {frozenset(names): Evaluated(frozenset(names), cast(Any, names), ratios[names][0]) for names in ratios}
 
     monkeypatch.setattr(misspecification, "ratios_by_part", lambda fit, data: ByPart(*ratios[fit][1:]))
-    found, temperatures = doubted_sets(sets, cast(Any, None))
-    assert all(reason.code is Code.LEAVES_MORE_THAN_WITHOUT for one in found.values() for _, reason in one.objections)
-    return {names: [name for name, _ in found[frozenset(names)].objections] for names in ratios}, temperatures
+    result, temperatures = doubted_sets(sets, cast(Any, None))
+    assert all(
+        reason.code is Code.LEAVES_MORE_THAN_WITHOUT for item in result.values() for _, reason in item.objections
+    )
+    return {names: [name for name, _ in result[frozenset(names)].objections] for names in ratios}, temperatures
 
 
 def test_effect_that_moves_the_fit_away_does_not_count(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,12 +18,12 @@ LAW = Law(
 TIME = Unexplained("lateral", "time", None, (47.0, 53.0), None, KNOWN, 3.0, 0.1)
 
 
-def step_for(left: Unexplained) -> str:
+def step_for(residual: Unexplained) -> str:
     diagnosis = replace(
         empty(),
         findings=(),
         notes=(),
-        unexplained=(left,),
+        unexplained=(residual,),
         estimates_after={"contact_half_angle_rad": Fitted(0.17, 0.001, "rad")},
         determined={},
     )
@@ -52,8 +52,8 @@ def step_for(left: Unexplained) -> str:
         (replace(TIME, speeds=(2, 2)), "keeps its frequency"),
     ],
 )
-def test_step_follows_from_the_residual(left: Unexplained, part: str) -> None:
-    assert part in step_for(left)
+def test_step_follows_from_the_residual(residual: Unexplained, part: str) -> None:
+    assert part in step_for(residual)
 
 
 def test_every_open_end_has_a_step() -> None:

@@ -54,14 +54,14 @@ def test_residual_following_speed_is_no_change():
             blocks = []
             for k, block in enumerate(group.blocks):
                 share = 1.0 + 0.01 * (k - 2.0)
-                here = replace(block.conditions, omega_radps=block.conditions.omega_radps * share)
+                current = replace(block.conditions, omega_radps=block.conditions.omega_radps * share)
                 orders = (block.orders_mps2 + 100.0 * LATERAL_ORDER_3) * share**2
-                blocks.append(replace(block, conditions=here, orders_mps2=orders))
+                blocks.append(replace(block, conditions=current, orders_mps2=orders))
             groups.append(replace(group, blocks=tuple(blocks)))
         return replace(campaign, groups=tuple(groups))
 
-    found = changing(*fitted(faster(campaign_of(ONE_SPEED, axes=ALL_AXES))))
-    assert [entry for entry in found if entry.axis == "lateral"] == []
+    result = changing(*fitted(faster(campaign_of(ONE_SPEED, axes=ALL_AXES))))
+    assert [entry for entry in result if entry.axis == "lateral"] == []
 
 
 def test_orders_of_a_change_are_listed_once():
@@ -77,8 +77,8 @@ def test_residual_seen_only_together_has_mean_size(monkeypatch):
     """No single recording shows it significantly."""
     order_2 = (np.arange(3) == 1)[:, None] * (np.arange(111) == 2)
     # A size of 1 and a scatter of 1: as in every one of forty recordings, two standard errors of noise.
-    one = residual.GroupResidual(2.0 * order_2.astype(np.complex128), order_2.astype(np.float64))
-    monkeypatch.setattr(residual, "group_residuals", lambda *_: (one,) * 40)
+    single = residual.GroupResidual(2.0 * order_2.astype(np.complex128), order_2.astype(np.float64))
+    monkeypatch.setattr(residual, "group_residuals", lambda *_: (single,) * 40)
     fit = SimpleNamespace(model=SimpleNamespace(campaign=campaign_of(ONE_SPEED * 40)))
     (entry,) = residual.unexplained(fit, None)
     assert entry.rms_mps2 == pytest.approx(1.0)

@@ -41,9 +41,9 @@ def noisy_group(speed_kmh: float, rng: np.random.Generator, seconds: float = 20.
     noise = rng.standard_normal((3, round(seconds * RATE_HZ))) * rng.uniform(0.5, 5.0, (3, 1))
     noise[[axis not in axes for axis in "clr"]] = np.nan
     flat = np.zeros((3, ORDERS), dtype=complex)
-    here = conditions(speed_kmh)
+    current = conditions(speed_kmh)
     return Group(
-        f"{speed_kmh} km/h", 0, 0, here, (Block(100, here, flat),), np.ones((3, ORDERS)), 0.24,
+        f"{speed_kmh} km/h", 0, 0, current, (Block(100, current, flat),), np.ones((3, ORDERS)), 0.24,
         deviations_mps2=(noise,), deviation_rate_hz=RATE_HZ,
     )  # fmt: skip
 
@@ -57,36 +57,36 @@ def named(result: TimeLocked) -> set[str]:
 
 
 def values(result: TimeLocked, name: str) -> dict[str, tuple[float, float]]:
-    found = next(finding for finding in result.findings if finding.name == name)
-    return {key: (one.value, one.std) for key, one in found.parameters.items()}
+    actual = next(finding for finding in result.findings if finding.name == name)
+    return {key: (item.value, item.std) for key, item in actual.parameters.items()}
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.name)
 class TestEffects:
     def test_derivative(self, effect: SpectrumEffect) -> None:
-        frequency, at = np.arange(2.0, 1600.0), np.array(AT[effect.name])
-        analytic = effect.density_derivative(conditions(), frequency, at)
+        frequency, position = np.arange(2.0, 1600.0), np.array(AT[effect.name])
+        analytic = effect.density_derivative(conditions(), frequency, position)
         for number, parameter in enumerate(effect.parameters):
-            step = np.zeros(len(at))
+            step = np.zeros(len(position))
             step[number] = parameter.step
-            numeric = effect.density(conditions(), frequency, at + step) - effect.density(
-                conditions(), frequency, at - step
+            numeric = effect.density(conditions(), frequency, position + step) - effect.density(
+                conditions(), frequency, position - step
             )
             numeric /= 2.0 * parameter.step
             assert np.abs(numeric - analytic[number]).max() < 1e-5 * np.abs(analytic[number]).max()
 
     def test_density_is_zero_at_zero_and_grows(self, effect: SpectrumEffect) -> None:
-        frequency, at = np.arange(0.05, 2e4, 0.1), np.array(AT[effect.name])
-        assert not effect.density(conditions(), frequency, np.append(0.0, at[1:])).any()
-        power = [effect.density(conditions(kmh), frequency, at).sum() for kmh in (50.0, 100.0)]
-        growth = at[3] if effect.name == "cavity resonance" else 1.0
+        frequency, position = np.arange(0.05, 2e4, 0.1), np.array(AT[effect.name])
+        assert not effect.density(conditions(), frequency, np.append(0.0, position[1:])).any()
+        power = [effect.density(conditions(kmh), frequency, position).sum() for kmh in (50.0, 100.0)]
+        growth = position[3] if effect.name == "cavity resonance" else 1.0
         assert power[1] / power[0] == pytest.approx(4.0**growth, rel=0.02)
 
     def test_power_matches_the_parameter(self, effect: SpectrumEffect) -> None:
-        frequency, at = np.arange(0.05, 2e4, 0.1), np.array(AT[effect.name])
-        power = effect.density(conditions(65.0), frequency, at).sum(axis=1) * 0.1
+        frequency, position = np.arange(0.05, 2e4, 0.1), np.array(AT[effect.name])
+        power = effect.density(conditions(65.0), frequency, position).sum(axis=1) * 0.1
         share = 0.5 if effect.name == "hub vibration" else 1.0
-        assert power[list(effect.axes)] == pytest.approx(share * at[0] ** 2, rel=0.01)
+        assert power[list(effect.axes)] == pytest.approx(share * position[0] ** 2, rel=0.01)
 
 
 class TestEmpty:
@@ -117,27 +117,27 @@ class TestNamed:
         result = diagnose_time_locked(simulated_groups("[road]\nrms_mps2 = 1\nbandwidth_hz = 350"))
         assert named(result) == {"road vibration"}
         assert not result.unexplained
-        found = values(result, "road vibration")
+        estimates = values(result, "road vibration")
         for name, true in (("rms_mps2", 1.0), ("corner_hz", 350.0), ("roll_off", 2.0)):
-            value, std = found[name]
+            value, std = estimates[name]
             assert abs(value - true) < 4.0 * std + 0.02 * true
 
     def test_the_hub(self) -> None:
         tables = "[vibration]\nhub_rms_mps2 = 1\nhub_hz = 12.5\nhub_bandwidth_hz = 4"
         result = diagnose_time_locked(simulated_groups(tables))
         assert named(result) == {"hub vibration"}
-        found = values(result, "hub vibration")
-        assert found["rms_mps2"][0] == pytest.approx(1.0, rel=0.12)
-        assert found["centre_hz"][0] == pytest.approx(12.5, abs=0.5)
-        assert found["width_hz"][0] == pytest.approx(4.0, abs=1.0)
+        estimates = values(result, "hub vibration")
+        assert estimates["rms_mps2"][0] == pytest.approx(1.0, rel=0.12)
+        assert estimates["centre_hz"][0] == pytest.approx(12.5, abs=0.5)
+        assert estimates["width_hz"][0] == pytest.approx(4.0, abs=1.0)
 
     def test_road_and_cavity_together(self) -> None:
         tables = "[road]\nrms_mps2 = 0.7\n[vibration]\ncavity_rms_mps2 = 0.6\ncavity_hz = 209"
         result = diagnose_time_locked(simulated_groups(tables))
         assert named(result) == {"road vibration", "cavity resonance"}
-        found = values(result, "cavity resonance")
+        estimates = values(result, "cavity resonance")
         for name, true in (("rms_mps2", 0.6), ("centre_hz", 209.0), ("width_hz", 6.0)):
-            value, std = found[name]
+            value, std = estimates[name]
             assert abs(value - true) < 4.0 * std + 0.05 * true * (name == "rms_mps2")
         gain = next(finding for finding in result.findings if finding.name == "cavity resonance")
         assert gain.lock == "time"
@@ -227,9 +227,9 @@ class TestNotNamed:
         assert not two.findings
         assert not two.unexplained
         assert any(note.code is Code.NOISE_ROLLS_OFF for note in two.notes)
-        one = diagnose_time_locked(simulated_groups("[sensor]\nbandwidth_hz = 700", (80.0,)))
-        assert not named(one)
-        assert not one.unexplained
+        single = diagnose_time_locked(simulated_groups("[sensor]\nbandwidth_hz = 700", (80.0,)))
+        assert not named(single)
+        assert not single.unexplained
 
     def test_broadband_noise_at_one_speed_names_nothing(self) -> None:
         tables = "[road]\nrms_mps2 = 0.9\nbandwidth_hz = 800\n[defect]\nloose_hz = 208.98486\nloose_q = 11.33815"
@@ -275,8 +275,8 @@ class TestLock:
         joint_m = 0.57
         groups = []
         for seed, kmh in enumerate((50.0, 80.0)):
-            here = conditions(kmh)
-            groups.append(self.line(kmh, here.omega_radps * here.radius_m / joint_m, seed))
+            current = conditions(kmh)
+            groups.append(self.line(kmh, current.omega_radps * current.radius_m / joint_m, seed))
         (entry,) = diagnose_time_locked(groups).unexplained
         assert entry.lock_known
         assert entry.road_m == pytest.approx(joint_m, rel=0.01)
@@ -294,15 +294,15 @@ class TestLock:
         time = np.arange(group.deviations_mps2[0].shape[1]) / RATE_HZ
         comb = sum(np.sin(2.0 * np.pi * wheel_hz * order * time + order) for order in range(3, 15))
         fading = np.linspace(-1.0, 1.0, len(time)) * comb
-        found = diagnose_time_locked([added(group, np.stack([0.0 * time, fading, 0.0 * time]))]).unexplained
-        assert found
-        assert not any(entry.lock_known for entry in found)
+        result = diagnose_time_locked([added(group, np.stack([0.0 * time, fading, 0.0 * time]))]).unexplained
+        assert result
+        assert not any(entry.lock_known for entry in result)
 
 
 def lateral_parts(power: np.ndarray) -> list[Part]:
     """Return the parts above even noise of a spectrum of the lateral axis from 3 Hz on, (1000,)."""
-    (one,) = simulated_groups(speeds_kmh=(80.0,))
-    spectra = group_spectra(one, 5)
+    (single,) = simulated_groups(speeds_kmh=(80.0,))
+    spectra = group_spectra(single, 5)
     assert spectra is not None
     frequency, folds = np.arange(3.0, 1003.0), 5
     every = np.ones((folds, 3, 1000))
@@ -345,11 +345,13 @@ def test_line_with_skirts_is_that_line() -> None:
 
 def rung(group: Group, frequency_hz: float, size_mps2: float, every_m: float, decay_s: float = 0.015) -> Group:
     """Add what a sensor reads of a belt that rings, vertically, at each joint of a drum."""
-    here = group.conditions
+    current = group.conditions
     time_s = np.arange(group.deviations_mps2[0].shape[1]) / RATE_HZ
-    since_s = np.mod(time_s, every_m / (here.omega_radps * here.radius_m))
-    blow = size_mps2 * here.omega_radps / 60.0 * np.exp(-since_s / decay_s) * np.sin(2 * np.pi * frequency_hz * since_s)
-    angle = here.omega_radps * time_s
+    since_s = np.mod(time_s, every_m / (current.omega_radps * current.radius_m))
+    blow = (
+        size_mps2 * current.omega_radps / 60.0 * np.exp(-since_s / decay_s) * np.sin(2 * np.pi * frequency_hz * since_s)
+    )
+    angle = current.omega_radps * time_s
     return added(group, blow * np.stack((np.sin(angle), np.zeros_like(angle), np.cos(angle))))
 
 
@@ -372,12 +374,12 @@ def test_effect_beside_something_larger_is_undecided() -> None:
     cavity = Finding("cavity resonance", Verdict.NAMED, {}, 1e3, 0.3)
     road = Finding("road vibration", Verdict.NAMED, {}, 1e3, 3.0)
     larger = {"cavity resonance": 2.2, "road vibration": 2.2}
-    doubted, kept = beside_larger((cavity, road), larger, several=False)
+    doubted, remaining = beside_larger((cavity, road), larger, several=False)
     assert doubted.verdict is Verdict.INDISTINGUISHABLE
     assert doubted.rivals == (UNKNOWN,)
     assert doubted.reason == Reason(Code.BESIDE_SOMETHING_LARGER, own_mps2=0.3, larger_mps2=2.2)
     assert doubted.decide_with == Reason(Code.RECORD_ROAD_AT_ANOTHER_SPEED)
-    assert kept == road
+    assert remaining == road
     (doubted,) = beside_larger((cavity,), larger, several=True)
     assert doubted.decide_with == Reason(Code.RECORD_ON_ANOTHER_ROAD)
     assert beside_larger((cavity, road), dict.fromkeys(larger, 0.0), several=True) == [cavity, road]
@@ -388,8 +390,8 @@ def test_undecided_effects_beside_something_larger_are_open_with_it() -> None:
     hub = Finding("hub vibration", Verdict.INDISTINGUISHABLE, {}, 1e3, 3.0, rivals=("cavity resonance",))
     refused = Finding("road vibration", Verdict.REFUSED, {}, 1.0, 0.1)
     larger = {"cavity resonance": 2.2, "hub vibration": 2.2, "road vibration": 2.2}
-    found = beside_larger((cavity, hub, refused), larger, several=True)
-    assert [one.rivals for one in found] == [("hub vibration", UNKNOWN), ("cavity resonance", UNKNOWN), ()]
-    assert found[0].reason == Reason(Code.BESIDE_SOMETHING_LARGER, own_mps2=0.3, larger_mps2=2.2)
-    assert found[1].reason is None
-    assert found[2] == refused
+    result = beside_larger((cavity, hub, refused), larger, several=True)
+    assert [item.rivals for item in result] == [("hub vibration", UNKNOWN), ("cavity resonance", UNKNOWN), ()]
+    assert result[0].reason == Reason(Code.BESIDE_SOMETHING_LARGER, own_mps2=0.3, larger_mps2=2.2)
+    assert result[1].reason is None
+    assert result[2] == refused

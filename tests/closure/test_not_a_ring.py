@@ -12,9 +12,9 @@ from gateway.views.report.phrases import why_undetermined
 from tests.closure.planted_campaign import ALL_AXES, ONE_SPEED, RADIUS_M, Plant, campaign_of, fitted, nothing, turned
 
 
-def dip(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+def dip(signal: FloatArray, theta: FloatArray, conditions: GroupConditions) -> FloatArray:
     """A smooth dip of 0.2 rad and a slope of its own: a half angle and a tread fit it, but no ring does."""
-    steady = here.omega_radps**2 * RADIUS_M
+    steady = conditions.omega_radps**2 * RADIUS_M
     bell = np.exp(-0.5 * (theta / 0.2) ** 2)
     read = np.zeros_like(signal)
     read[RADIAL] = steady * (1.0 - bell)

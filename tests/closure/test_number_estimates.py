@@ -54,10 +54,10 @@ NUMBERS = ("Bs", "Cw", "Rs", "Ts")
 RADIUS = among("rolling radius")["rolling radius"]
 
 
-def bent(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+def bent(signal: FloatArray, theta: FloatArray, group_conditions: GroupConditions) -> FloatArray:
     """A bump that no effect describes, at the highest load only."""
     bump = np.exp(-0.5 * np.square((theta - 0.4) / 0.08))
-    return signal + (22.0 * bump if here.load_n == 5500.0 else 0.0)
+    return signal + (22.0 * bump if group_conditions.load_n == 5500.0 else 0.0)
 
 
 def test_stiffnesses_fall_with_radius_squared() -> None:
@@ -84,30 +84,30 @@ def test_stiffnesses_fall_with_radius_squared() -> None:
 
 def test_numbers_refer_to_the_fitted_radius() -> None:
     fit, _ = fitted(campaign_of(TWO_SPEEDS, larger_belt, noise_mps2=0.2), RADIUS)
-    found, determined = estimates_of([(fit, 1.0)])
+    estimates, determined = estimates_of([(fit, 1.0)])
     for name, truth in TRUTH.items():
-        assert found[name].value == pytest.approx(truth, rel=0.01, abs=3.0 * found[name].std), name
+        assert estimates[name].value == pytest.approx(truth, rel=0.01, abs=3.0 * estimates[name].std), name
         assert determined[name]
     # As good as those of a ring that has the stated radius.
     plain, _ = estimates_of([(fitted(campaign_of(TWO_SPEEDS, nothing, noise_mps2=0.2))[0], 1.0)])
     for name in NUMBERS[:3]:
-        assert found[name].value == pytest.approx(plain[name].value, rel=0.004), name
+        assert estimates[name].value == pytest.approx(plain[name].value, rel=0.004), name
     true_angle = ring(LOAD_N, (1.0 + LARGER) * RADIUS_M).half_angle_rad
-    assert found["contact_half_angle_rad"].value == pytest.approx(true_angle, rel=2e-3)
+    assert estimates["contact_half_angle_rad"].value == pytest.approx(true_angle, rel=2e-3)
 
 
 def test_radius_error_is_propagated() -> None:
     fit, _ = fitted(campaign_of(TWO_SPEEDS, larger_belt, noise_mps2=0.2), RADIUS)
     covariance = np.zeros((len(fit.vector), len(fit.vector)))
-    place = fit.model.layout.effect("rolling radius").start
-    covariance[place, place] = 0.01**2
+    position = fit.model.layout.effect("rolling radius").start
+    covariance[position, position] = 0.01**2
     vars(fit)["covariance"] = covariance
-    found, _ = estimates_of([(fit, 1.0)])
+    estimates, _ = estimates_of([(fit, 1.0)])
     for name in TRUTH:
-        assert found[name].std / found[name].value == pytest.approx(2.0 * 0.01 / (1.0 + LARGER), rel=0.01), name
+        assert estimates[name].std / estimates[name].value == pytest.approx(2.0 * 0.01 / (1.0 + LARGER), rel=0.01), name
     # The solver's grid alone.
-    assert found["Rs/Cw"].std == pytest.approx(np.hypot(5e-5, 8e-5) * found["Rs/Cw"].value)
-    assert found["contact_half_angle_rad"].std == pytest.approx(4e-4 * found["contact_half_angle_rad"].value)
+    assert estimates["Rs/Cw"].std == pytest.approx(np.hypot(5e-5, 8e-5) * estimates["Rs/Cw"].value)
+    assert estimates["contact_half_angle_rad"].std == pytest.approx(4e-4 * estimates["contact_half_angle_rad"].value)
 
 
 def test_grid_error_is_within_the_stated_shares() -> None:
@@ -116,18 +116,18 @@ def test_grid_error_is_within_the_stated_shares() -> None:
     conditions = campaign_of(ONE_SPEED).groups[0].conditions
     shifts = []
     for _ in range(6):
-        at = 0.25 * rng.standard_normal(5)
-        core.refine(at, conditions, RingOptions())
+        position = 0.25 * rng.standard_normal(5)
+        core.refine(position, conditions, RingOptions())
         shape, tangents = (
-            core.shape(at, conditions, RingOptions(), 0.0),
-            core.tangent(at, conditions, RingOptions(), 0.0),
+            core.shape(position, conditions, RingOptions(), 0.0),
+            core.tangent(position, conditions, RingOptions(), 0.0),
         )
-        fine = ExactCore((7200,)).shape(at, conditions, RingOptions(), 0.0)
-        here = orders_of(shape, conditions)
-        rows = [orders_of(moved(shape, tangent, 1e-3), conditions) - here for tangent in tangents]
-        rows.append(-1e-3j * np.arange(here.shape[1]) * here)
+        fine = ExactCore((7200,)).shape(position, conditions, RingOptions(), 0.0)
+        current = orders_of(shape, conditions)
+        rows = [orders_of(moved(shape, tangent, 1e-3), conditions) - current for tangent in tangents]
+        rows.append(-1e-3j * np.arange(current.shape[1]) * current)
         columns = np.stack([1e3 * row.ravel() for row in rows], axis=1)
-        apart = (orders_of(fine, conditions) - here).ravel()
+        apart = (orders_of(fine, conditions) - current).ravel()
         both = np.concatenate([columns.real, columns.imag]), np.concatenate([apart.real, apart.imag])
         shifts.append(np.linalg.lstsq(*both, rcond=None)[0][:5])
     rms = np.sqrt(np.mean(np.square(shifts), axis=0))
@@ -141,16 +141,16 @@ def test_mixture_of_sets_widens_the_errors() -> None:
     campaign = campaign_of(ONE_SPEED, larger_belt)
     effects = among("sample clock error", "rolling radius")
     fits = [fitted(campaign, effect)[0] for effect in effects.values()]
-    one, other = (estimates_of([(fit, 1.0)])[0] for fit in fits)
+    first, other = (estimates_of([(fit, 1.0)])[0] for fit in fits)
     mixed, _ = estimates_of([(fits[0], 0.3), (fits[1], 0.7)])
     for name in TRUTH:
-        mean = 0.3 * one[name].value + 0.7 * other[name].value
-        apart = 0.21 * (one[name].value - other[name].value) ** 2
-        own = 0.3 * one[name].std ** 2 + 0.7 * other[name].std ** 2
+        mean = 0.3 * first[name].value + 0.7 * other[name].value
+        apart = 0.21 * (first[name].value - other[name].value) ** 2
+        selected = 0.3 * first[name].std ** 2 + 0.7 * other[name].std ** 2
         assert mixed[name].value == pytest.approx(mean), name
-        assert mixed[name].std == pytest.approx(np.sqrt(own + apart)), name
+        assert mixed[name].std == pytest.approx(np.sqrt(selected + apart)), name
     # With a clock that runs fast the numbers are those of the stated radius, 3 % apart.
-    assert abs(one["Cw"].value / other["Cw"].value - 1.0) == pytest.approx(2.0 * LARGER, rel=0.2)
+    assert abs(first["Cw"].value / other["Cw"].value - 1.0) == pytest.approx(2.0 * LARGER, rel=0.2)
 
 
 def test_open_effect_is_held_responsible_for_errors() -> None:
@@ -159,14 +159,14 @@ def test_open_effect_is_held_responsible_for_errors() -> None:
     without, with_it = fitted(campaign)[0], fitted(campaign, among("rotary inertia")["rotary inertia"])[0]
     sets = [(without, 0.9), (with_it, 0.1)]
     mixed, _ = estimates_of(sets)
-    (found,) = open_effects(sets, mixed)
-    assert (found.name, found.numbers) == ("rotary inertia", ("Bs",))
-    assert found.probability == pytest.approx(0.1)
+    (result,) = open_effects(sets, mixed)
+    assert (result.name, result.numbers) == ("rotary inertia", ("Bs",))
+    assert result.probability == pytest.approx(0.1)
     alone, _ = estimates_of([(without, 1.0)])
-    assert found.ratio == pytest.approx(mixed["Bs"].std / alone["Bs"].std)
+    assert result.ratio == pytest.approx(mixed["Bs"].std / alone["Bs"].std)
     assert open_effects([(without, 1.0)], alone) == ()
     # What widens the errors of all sets alike is not the effect's.
-    wide = {name: replace(one, std=one.std + 2.0 * mixed[name].std) for name, one in mixed.items()}
+    wide = {name: replace(item, std=item.std + 2.0 * mixed[name].std) for name, item in mixed.items()}
     assert open_effects(sets, wide) == ()
 
 
@@ -174,19 +174,19 @@ def test_likely_effect_makes_errors_by_its_possible_absence() -> None:
     campaign = campaign_of(ONE_SPEED, larger_belt, noise_mps2=0.2)
     sets = [(fitted(campaign)[0], 0.05), (fitted(campaign, RADIUS)[0], 0.95)]
     mixed, _ = estimates_of(sets)
-    (found,) = open_effects(sets, mixed)
-    assert found.name == "rolling radius"
-    known, _ = estimates_of(sets[1:])
-    assert found.ratio == pytest.approx(max(mixed[name].std / known[name].std for name in found.numbers))
+    (result,) = open_effects(sets, mixed)
+    assert result.name == "rolling radius"
+    reference, _ = estimates_of(sets[1:])
+    assert result.ratio == pytest.approx(max(mixed[name].std / reference[name].std for name in result.numbers))
     assert open_effects([(sets[0][0], 0.005), (sets[1][0], 0.995)], mixed) == (), "an identified one is not open"
 
 
 def test_undecided_sets_cover_the_truth() -> None:
-    found, _ = searched(
+    posterior, _ = searched(
         campaign_of(ONE_SPEED, larger_belt), among("rolling radius", "sample clock error", "zero-g offset")
     )
-    assert found.identified() == ()
-    values, _ = estimates_of([(one.fit, weight) for one, weight in found.considered])
+    assert posterior.identified() == ()
+    values, _ = estimates_of([(item.fit, weight) for item, weight in posterior.considered])
     for name in NUMBERS:
         assert values[name].value == pytest.approx(TRUTH[name], abs=2.0 * values[name].std), name
         assert values[name].std > 0.01 * values[name].value
@@ -242,9 +242,9 @@ def test_series_carries_the_error_of_its_equations() -> None:
     fit = fit_of_series(campaign)
     exact = on_exact_ring(fit)
     assert exact is not None
-    found, _ = estimates_of([(fit, 1.0)], [exact.numbers])
+    estimates, _ = estimates_of([(fit, 1.0)], [exact.numbers])
     for name in NUMBERS:
-        assert found[name].value == pytest.approx(TRUTH[name], abs=2.0 * found[name].std), name
+        assert estimates[name].value == pytest.approx(TRUTH[name], abs=2.0 * estimates[name].std), name
     assert on_exact_ring(fitted(campaign)[0]) is None
 
 
@@ -256,17 +256,19 @@ def test_effects_of_a_series_carry_the_error_of_its_equations() -> None:
     assert set(exact.parameters) == {name}
     layout = fit.model.layout
     places = range(*layout.effect(name).indices(len(fit.vector)))
-    own = {
-        parameter.name: Fitted(float(fit.vector[place]), float(np.sqrt(fit.covariance[place, place])))
-        for parameter, place in zip(catalogue()[name].parameters, places, strict=True)
+    selected = {
+        parameter.name: Fitted(float(fit.vector[position]), float(np.sqrt(fit.covariance[position, position])))
+        for parameter, position in zip(catalogue()[name].parameters, places, strict=True)
     }
-    given = [Finding(one, Verdict.NAMED, own, 1.0, 1.0) for one in (name, "gravity")]
-    found, unknown = apart_from(given, exact.parameters)
-    for one, there_value in zip(own, exact.parameters[name].tolist(), strict=True):
-        assert found.parameters[one].value == own[one].value
-        assert found.parameters[one].std == pytest.approx(np.hypot(own[one].std, own[one].value - there_value))
-        assert found.parameters[one].std > 1.05 * own[one].std
-    assert unknown == given[1]
+    stated = [Finding(item, Verdict.NAMED, selected, 1.0, 1.0) for item in (name, "gravity")]
+    result, unknown = apart_from(stated, exact.parameters)
+    for item, there_value in zip(selected, exact.parameters[name].tolist(), strict=True):
+        assert result.parameters[item].value == selected[item].value
+        assert result.parameters[item].std == pytest.approx(
+            np.hypot(selected[item].std, selected[item].value - there_value)
+        )
+        assert result.parameters[item].std > 1.05 * selected[item].std
+    assert unknown == stated[1]
 
 
 def test_number_worse_than_a_third_is_not_determined() -> None:
@@ -311,11 +313,11 @@ def test_a_load_stated_wrongly_is_in_the_errors() -> None:
     apart = belt_widths_apart(estimates)
     assert apart is not None
     assert (apart[0].value, apart[1].value) == (0.1755, 0.195)
-    found = widened(estimates, *apart)
+    result = widened(estimates, *apart)
     share = np.log(0.195 / 0.1755)
-    assert found["Bs"].std == pytest.approx(share * 3.08e-3, rel=1e-3)
-    assert found["Rs/Cw"] == estimates["Rs/Cw"]
-    assert still_determined(found, {"Bs": True, "Cw": False}) == {"Bs": True, "Cw": False}
+    assert result["Bs"].std == pytest.approx(share * 3.08e-3, rel=1e-3)
+    assert result["Rs/Cw"] == estimates["Rs/Cw"]
+    assert still_determined(result, {"Bs": True, "Cw": False}) == {"Bs": True, "Cw": False}
     estimates = of_states(0.13)
     far = belt_widths_apart(estimates)
     assert far is not None
@@ -337,7 +339,7 @@ def test_exact_ring_does_not_confirm_what_absorbs_errors_of_a_series() -> None:
     assert exact is not None
     assert set(exact.absent) == {"sensor nonlinearity"}
     assert exact.absent["sensor nonlinearity"] < 9.0
-    found = confirmed(
+    result = confirmed(
         [
             Finding("pitch tilt", Verdict.NAMED, {}, 100.0, 1.0),
             Finding("gain", Verdict.INDISTINGUISHABLE, {}, 100.0, 1.0, rivals=("sensor nonlinearity",)),
@@ -345,6 +347,6 @@ def test_exact_ring_does_not_confirm_what_absorbs_errors_of_a_series() -> None:
         ],
         exact.absent,
     )
-    assert [one.verdict for one in found] == [Verdict.NAMED, Verdict.REFUSED, Verdict.REFUSED]
-    assert [one.reason.code for one in found[1:] if one.reason is not None] == [Code.NOT_ON_EXACT_RING] * 2
-    assert found[1].rivals == ()
+    assert [item.verdict for item in result] == [Verdict.NAMED, Verdict.REFUSED, Verdict.REFUSED]
+    assert [item.reason.code for item in result[1:] if item.reason is not None] == [Code.NOT_ON_EXACT_RING] * 2
+    assert result[1].rivals == ()

@@ -23,9 +23,9 @@ SPEEDS = tuple(conditions(speed_kmh) for speed_kmh in (30.0, 45.0, 60.0, 75.0, 9
 def sideways(reversed_at: tuple[float, ...], size: float = 0.5) -> Plant:
     """Return a lateral axis that moves with the circumferential one, against it at some angular speeds."""
 
-    def plant(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+    def plant(signal: FloatArray, theta: FloatArray, group_conditions: GroupConditions) -> FloatArray:
         read = signal.copy()
-        sign = -1.0 if here.omega_radps in reversed_at else 1.0
+        sign = -1.0 if group_conditions.omega_radps in reversed_at else 1.0
         read[LATERAL] = sign * size * signal[CIRCUMFERENTIAL]
         return read
 
@@ -33,20 +33,20 @@ def sideways(reversed_at: tuple[float, ...], size: float = 0.5) -> Plant:
 
 
 def with_reversed(*numbers: int, count: int = 5, size: float = 0.5) -> Campaign:
-    here = SPEEDS[:count]
-    return campaign_of(here, sideways(tuple(here[number].omega_radps for number in numbers), size), axes=ALL_AXES)
+    current = SPEEDS[:count]
+    return campaign_of(current, sideways(tuple(current[number].omega_radps for number in numbers), size), axes=ALL_AXES)
 
 
 @pytest.mark.parametrize(
-    ("numbers", "count", "found"),
+    ("numbers", "count", "result"),
     [((), 5, []), ((2,), 5, [2]), ((0, 4), 5, [0, 4]), ((1,), 3, [1]), ((0, 1), 4, []), ((1,), 2, [])],
 )
-def test_a_reversed_lateral_axis_is_found_by_the_majority(numbers, count, found):
+def test_a_reversed_lateral_axis_is_found_by_the_majority(numbers, count, result):
     unlike = unlike_signals(with_reversed(*numbers, count=count))
-    assert sorted(unlike) == found
+    assert sorted(unlike) == result
     for reason in unlike.values():
         assert reason.code is Code.LATERAL_OPPOSITE_TO_OTHERS
-        assert reason["count"] == count - len(found)
+        assert reason["count"] == count - len(result)
 
 
 @pytest.mark.parametrize(
@@ -94,8 +94,8 @@ def test_another_contact_is_found_by_the_majority():
 
 def test_another_load_is_found_by_the_majority():
     loads = (LOAD_N, LOAD_N, 5500.0, LOAD_N)
-    here = tuple(conditions(60.0 + number, load_n=load) for number, load in enumerate(loads))
-    campaign = campaign_of(here)
+    current = tuple(conditions(60.0 + number, load_n=load) for number, load in enumerate(loads))
+    campaign = campaign_of(current)
     heavy = TireState(5500.0, PRESSURE_PA)
 
     def widths(value: float) -> dict[str, Fitted]:

@@ -47,49 +47,51 @@ SPEED = among("rolling radius", "sample clock error", "pitch tilt", "zero-g offs
 TWINS = {"one": Sideways("one"), "other": Sideways("other")}
 
 
-def same(one: Posterior, other: Posterior) -> bool:
+def same(first: Posterior, other: Posterior) -> bool:
     """Return whether two posteriors have the same sets, weights and parameters."""
     return (
-        [each.names for each in one.sets] == [each.names for each in other.sets]
-        and one.weights == other.weights
-        and all(np.array_equal(a.fit.vector, b.fit.vector) for a, b in zip(one.sets, other.sets, strict=True))
+        [each.names for each in first.sets] == [each.names for each in other.sets]
+        and first.weights == other.weights
+        and all(np.array_equal(a.fit.vector, b.fit.vector) for a, b in zip(first.sets, other.sets, strict=True))
     )
 
 
 def test_probabilities_add_up() -> None:
-    found, _ = searched(campaign_of(ONE_SPEED, sideways(1.0), axes=ALL_AXES), TWINS)
-    assert sum(found.weights) == pytest.approx(1.0)
-    assert sum(weight for _, weight in found.considered) == pytest.approx(1.0)
-    alone = [found.probability([name]) for name in TWINS]
-    both = sum(weight for one, weight in zip(found.sets, found.weights, strict=True) if len(one.names) == 2)
-    assert found.probability(TWINS) == pytest.approx(sum(alone) - both)
-    odds = found.log_odds("one")
+    posterior, _ = searched(campaign_of(ONE_SPEED, sideways(1.0), axes=ALL_AXES), TWINS)
+    assert sum(posterior.weights) == pytest.approx(1.0)
+    assert sum(weight for _, weight in posterior.considered) == pytest.approx(1.0)
+    alone = [posterior.probability([name]) for name in TWINS]
+    both = sum(weight for item, weight in zip(posterior.sets, posterior.weights, strict=True) if len(item.names) == 2)
+    assert posterior.probability(TWINS) == pytest.approx(sum(alone) - both)
+    odds = posterior.log_odds("one")
     assert math.isfinite(odds)
 
 
 def test_errors_of_an_effects_parameters_contain_the_choice_of_the_set() -> None:
     """With its twin in the set as well, an effect takes any share of what both explain."""
-    found, _ = searched(campaign_of(ONE_SPEED, sideways(3.0), axes=ALL_AXES), TWINS)
-    finding = next(finding for finding in findings_of(found, TWINS, {}) if finding.name == "one")
+    posterior, _ = searched(campaign_of(ONE_SPEED, sideways(3.0), axes=ALL_AXES), TWINS)
+    finding = next(finding for finding in findings_of(posterior, TWINS, {}) if finding.name == "one")
     (parameter,) = finding.parameters.values()
 
-    def alone(one: Evaluated) -> tuple[float, float]:
-        place = one.fit.model.layout.effect("one").start
-        return float(one.fit.vector[place]), float(one.fit.covariance[place, place])
+    def alone(evaluation: Evaluated) -> tuple[float, float]:
+        position = evaluation.fit.model.layout.effect("one").start
+        return float(evaluation.fit.vector[position]), float(evaluation.fit.covariance[position, position])
 
-    value, variance = alone(found.every[frozenset({"one"})])
-    both, wide = alone(found.every[frozenset(TWINS)])
-    share = found.masses[frozenset(TWINS)] / (found.masses[frozenset(TWINS)] + found.masses[frozenset({"one"})])
+    value, variance = alone(posterior.every[frozenset({"one"})])
+    both, wide = alone(posterior.every[frozenset(TWINS)])
+    share = posterior.masses[frozenset(TWINS)] / (
+        posterior.masses[frozenset(TWINS)] + posterior.masses[frozenset({"one"})]
+    )
     assert parameter.value == value
     assert parameter.std**2 == pytest.approx((1.0 - share) * variance + share * (wide + (both - value) ** 2))
     assert parameter.std > 2.0 * math.sqrt(variance)
 
 
 def test_indistinguishable_effects_are_reported_together() -> None:
-    found, _ = searched(campaign_of(ONE_SPEED, sideways(3.0), axes=ALL_AXES), TWINS)
-    assert found.identified() == ()
-    assert [set(group) for group in found.alternatives()] == [{"one", "other"}]
-    findings = findings_of(found, TWINS, {})
+    posterior, _ = searched(campaign_of(ONE_SPEED, sideways(3.0), axes=ALL_AXES), TWINS)
+    assert posterior.identified() == ()
+    assert [set(group) for group in posterior.alternatives()] == [{"one", "other"}]
+    findings = findings_of(posterior, TWINS, {})
     assert [finding.verdict for finding in findings] == [Verdict.INDISTINGUISHABLE] * 2
     for finding in findings:
         (rival,) = finding.rivals
@@ -101,9 +103,9 @@ def test_indistinguishable_effects_are_reported_together() -> None:
 
 def test_groups_of_causes_do_not_count_what_is_no_cause() -> None:
     """Where a band without a law is likely, no effect of the catalogue is certain to be present."""
-    found, _ = searched(campaign_of(ONE_SPEED, sideways(3.0), axes=ALL_AXES), TWINS)
-    assert found.alternatives({"one", "other"}) == found.alternatives()
-    assert found.alternatives({"one"}) == ()
+    posterior, _ = searched(campaign_of(ONE_SPEED, sideways(3.0), axes=ALL_AXES), TWINS)
+    assert posterior.alternatives({"one", "other"}) == posterior.alternatives()
+    assert posterior.alternatives({"one"}) == ()
 
 
 @pytest.mark.parametrize("reverse", [False, True])
@@ -118,11 +120,11 @@ def test_order_of_candidates_does_not_matter(reverse: bool) -> None:
 def test_impossible_set_has_no_weight() -> None:
     """Its finding says which value is out of range."""
     effects = {"small": Sideways("small", high=1.0)}
-    found, search = searched(campaign_of(ONE_SPEED, sideways(3.0), axes=ALL_AXES), effects)
+    posterior, search = searched(campaign_of(ONE_SPEED, sideways(3.0), axes=ALL_AXES), effects)
     assert frozenset(["small"]) in search.evaluations
-    assert found.probability(["small"]) == 0.0
-    assert found.best.names == frozenset()
-    (finding,) = findings_of(found, effects, {})
+    assert posterior.probability(["small"]) == 0.0
+    assert posterior.best.names == frozenset()
+    (finding,) = findings_of(posterior, effects, {})
     assert (finding.verdict, finding.probability) == (Verdict.REFUSED, 0.0)
     assert finding.reason is not None
     assert finding.reason.code is Code.IMPLAUSIBLE_PARAMETER
@@ -140,22 +142,22 @@ def test_no_name_rests_on_impossible_sets() -> None:
             (("filter", "waves"), 120.0, objection),
         )
     ]
-    found = over({one.names: one for one in sets})
-    assert found.identified() == ()
-    assert found.best.names == frozenset()
-    assert found.probability(["waves"]) == pytest.approx(1.0 / (1.0 + math.exp(2.0)))
+    posterior = over({effect_set.names: effect_set for effect_set in sets})
+    assert posterior.identified() == ()
+    assert posterior.best.names == frozenset()
+    assert posterior.probability(["waves"]) == pytest.approx(1.0 / (1.0 + math.exp(2.0)))
     # Nor is an effect named that impossible sets have no need for.
     sets[1].log_evidence = 50.0
     sets[2].log_evidence = 120.0
-    found = over({one.names: one for one in sets})
-    assert found.probability(["waves"]) == pytest.approx(0.5)
+    posterior = over({effect_set.names: effect_set for effect_set in sets})
+    assert posterior.probability(["waves"]) == pytest.approx(0.5)
 
 
 def test_evidence_counts_less_beside_a_large_unexplained_part() -> None:
     """A pattern that no effect describes has five times the power of the noise of the mean."""
     effects = {"small": Sideways("small")}
 
-    def strange(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+    def strange(signal: FloatArray, theta: FloatArray, conditions: GroupConditions) -> FloatArray:
         read = signal.copy()
         read[LATERAL] += 6.0 * np.cos(17.0 * theta + np.sin(theta))
         return read
@@ -177,40 +179,40 @@ def test_evidence_counts_less_beside_a_large_unexplained_part() -> None:
 
 def at_temperatures(search: SetSearch, plane: float, lateral: float) -> Posterior:
     """Return the posterior with the evidence of plane and lateral axis divided by these."""
-    return over({names: one.tempered(plane, lateral) for names, one in search.evaluations.items()})
+    return over({names: item.tempered(plane, lateral) for names, item in search.evaluations.items()})
 
 
 @pytest.mark.parametrize(("size_mps2", "named"), [(3.0, False), (6.0, True)])
 def test_effect_smaller_than_what_is_left_is_not_identified(size_mps2: float, named: bool) -> None:
     """Beside 4.2 m/s^2 of another kind, 3 m/s^2 may be the error of any equation."""
 
-    def strange(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
-        read = sideways(size_mps2)(signal, theta, here)
+    def strange(signal: FloatArray, theta: FloatArray, conditions: GroupConditions) -> FloatArray:
+        read = sideways(size_mps2)(signal, theta, conditions)
         read[LATERAL] += 6.0 * np.cos(17.0 * theta)
         return read
 
-    one, data = evaluated(campaign_of(ONE_SPEED, strange, axes=ALL_AXES), Sideways("small"))
-    (found,) = beside_more([Finding("small", Verdict.NAMED, {}, 100.0, size_mps2)], one.fit, data)
-    assert (found.verdict is Verdict.NAMED) == named
-    if found.reason is not None:
-        assert found.reason.code is Code.SMALLER_THAN_LEFT
-        assert found.reason["left_mps2"] == pytest.approx(6.0 / math.sqrt(2.0), rel=0.02)
-        assert found.reason["size_mps2"] == pytest.approx(size_mps2, rel=0.1)
+    evaluation, data = evaluated(campaign_of(ONE_SPEED, strange, axes=ALL_AXES), Sideways("small"))
+    (result,) = beside_more([Finding("small", Verdict.NAMED, {}, 100.0, size_mps2)], evaluation.fit, data)
+    assert (result.verdict is Verdict.NAMED) == named
+    if result.reason is not None:
+        assert result.reason.code is Code.SMALLER_THAN_LEFT
+        assert result.reason["left_mps2"] == pytest.approx(6.0 / math.sqrt(2.0), rel=0.02)
+        assert result.reason["size_mps2"] == pytest.approx(size_mps2, rel=0.1)
 
 
 def test_small_effect_at_the_noise_may_be_identified() -> None:
-    one, data = evaluated(campaign_of(ONE_SPEED, sideways(0.05), axes=ALL_AXES), Sideways("small"))
+    evaluation, data = evaluated(campaign_of(ONE_SPEED, sideways(0.05), axes=ALL_AXES), Sideways("small"))
     named = Finding("small", Verdict.NAMED, {}, 100.0, 0.05)
-    assert beside_more([named], one.fit, data) == [named]
+    assert beside_more([named], evaluation.fit, data) == [named]
 
 
 def test_weak_effect_is_refused_with_its_probability() -> None:
     effects = {"weak": Sideways("weak")}
     # Some four standard errors of the mean.
-    found, _ = searched(campaign_of(ONE_SPEED, sideways(0.5), axes=ALL_AXES), effects)
-    probability = found.probability(["weak"])
+    posterior, _ = searched(campaign_of(ONE_SPEED, sideways(0.5), axes=ALL_AXES), effects)
+    probability = posterior.probability(["weak"])
     assert criteria.LISTED < probability < criteria.NAMED
-    (finding,) = findings_of(found, effects, {})
+    (finding,) = findings_of(posterior, effects, {})
     assert finding.verdict is Verdict.REFUSED
     assert finding.reason == Reason(Code.PROBABILITY_TOO_LOW, probability=probability, needed=criteria.NAMED)
     assert finding.parameters["size_mps2"].value == pytest.approx(0.5, abs=3.0 * finding.parameters["size_mps2"].std)
@@ -220,8 +222,8 @@ def outcome(
     groups: tuple[GroupConditions, ...], plant: Plant, effects: Mapping[str, AngleEffect], **of: object
 ) -> object:
     """Return the identified effects and the groups of rivals."""
-    found, _ = searched(campaign_of(groups, plant, **of), effects)  # type: ignore[arg-type]
-    return found.identified(), [set(group) for group in found.alternatives()]
+    posterior, _ = searched(campaign_of(groups, plant, **of), effects)  # type: ignore[arg-type]
+    return posterior.identified(), [set(group) for group in posterior.alternatives()]
 
 
 @pytest.mark.parametrize(("plant", "name"), [(gain, "gain"), (drift, "gain-temperature drift")])
@@ -243,8 +245,8 @@ def test_tilt_and_offset_are_separated_by_two_speeds(plant: Plant, name: str) ->
 
 @pytest.mark.parametrize("plant", [fast_clock, pytest.param(larger_belt, marks=pytest.mark.slow)])
 def test_speed_does_not_separate_clock_from_radius(plant: Plant) -> None:
-    found = outcome(TWO_SPEEDS, plant, SPEED)
-    assert found == ((), [{"sample clock error", "rolling radius"}])
+    result = outcome(TWO_SPEEDS, plant, SPEED)
+    assert result == ((), [{"sample clock error", "rolling radius"}])
 
 
 @pytest.mark.parametrize(
@@ -268,9 +270,9 @@ def test_host_time_stamps_separate_clock_from_radius(plant: Plant, name: str, me
 def test_undisturbed_ring_lacks_only_model_terms(model: BaselineModel, lacking: set[str]) -> None:
     every = angle_effects(candidates(model))
     effects = {name: every[name] for name in (*lacking, "gain", "mounting offset", "clipping")}
-    found, search = searched(campaign_of(TWO_SPEEDS, noise_mps2=1.5), effects, model)
-    assert set(found.identified()) == lacking
-    assert found.best.fit.misfit < 1.15 * search.data.size
+    posterior, search = searched(campaign_of(TWO_SPEEDS, noise_mps2=1.5), effects, model)
+    assert set(posterior.identified()) == lacking
+    assert posterior.best.fit.misfit < 1.15 * search.data.size
 
 
 @pytest.mark.parametrize(("log_evidence", "doubted"), [(20.0, True), (2.0, False)])
@@ -278,6 +280,6 @@ def test_most_probable_impossible_set_casts_doubt_on_numbers(log_evidence: float
     reason = Reason(Code.LEAVES_MORE_THAN_WITHOUT, with_it=1.0, without=1.0)
     none = Evaluated(frozenset(), cast(Any, None), 0.0)
     beyond = Evaluated(frozenset("a"), cast(Any, None), log_evidence, (("a", reason),))
-    found = over({one.names: one for one in (none, beyond)})
-    assert found.best is none
-    assert found.impossible is (beyond if doubted else None)
+    posterior = over({item.names: item for item in (none, beyond)})
+    assert posterior.best is none
+    assert posterior.impossible is (beyond if doubted else None)

@@ -26,15 +26,19 @@ from tests.closure.planted_campaign import (
 SLOW = conditions(30.0).omega_radps
 
 
-def overloaded(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+def overloaded(signal: FloatArray, theta: FloatArray, group_conditions: GroupConditions) -> FloatArray:
     """The slow recording has a fifth more load than is stated."""
-    return signal_of(replace(here, load_n=1.2 * LOAD_N)) if here.omega_radps < 1.1 * SLOW else signal
+    return (
+        signal_of(replace(group_conditions, load_n=1.2 * LOAD_N))
+        if group_conditions.omega_radps < 1.1 * SLOW
+        else signal
+    )
 
 
-def humming(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+def humming(signal: FloatArray, theta: FloatArray, group_conditions: GroupConditions) -> FloatArray:
     """Waves behind the contact that nothing in the catalogue explains, at the faster speed only."""
     read = signal.copy()
-    if here.omega_radps > 1.1 * SLOW:
+    if group_conditions.omega_radps > 1.1 * SLOW:
         wave = 20.0 * np.exp(-np.square((theta - 0.6) / 0.3)) * np.cos(40.0 * theta)
         read[RADIAL] += wave
         read[CIRCUMFERENTIAL] += 0.4 * wave

@@ -26,8 +26,8 @@ MEASURE = (
 @pytest.fixture(scope="module")
 def chromium() -> str:
     for name in ("chromium", "chromium-browser", "google-chrome"):
-        if found := shutil.which(name):
-            return found
+        if result := shutil.which(name):
+            return result
     if os.environ.get("CI"):
         pytest.fail("chromium is missing; CI must have it")
     return pytest.skip("no chromium is installed")

@@ -91,8 +91,8 @@ def test_reasons_use_the_labels_of_the_table():
     inverse = Reason(
         Code.IMPLAUSIBLE_PARAMETER, parameter="inverse_limit_s2pm", value=0.02, low=0.0, high=0.01, unit="s^2/m"
     )
-    found = [refused, *(replace(refused, reason=reason) for reason in (pure, inverse))]
-    reasons = [row.reason for row in refused_rows(replace(empty(), findings=tuple(found)))]
+    results = [refused, *(replace(refused, reason=reason) for reason in (pure, inverse))]
+    reasons = [row.reason for row in refused_rows(replace(empty(), findings=tuple(results)))]
     assert reasons == [
         "leading edge would be 30 mm, outside its plausible range of 0 to 20 mm",
         "roll-off would be 0.56, outside its plausible range of 1 to 2",
@@ -118,8 +118,8 @@ def test_unexplained_residuals_are_listed_once():
     moving = replace(ordinary().unexplained[0], orders=(12, 13), speeds=None)
     text = diagnosis_html(replace(empty(), unexplained=(moving,)))
     assert Page(text).text.count("rises with the wheel's, but it does not repeat every turn") == 1
-    left = (replace(moving, lock_known=False), replace(ordinary().unexplained[1], changes=True))
-    rows = unexplained_rows(replace(empty(), unexplained=left))
+    remainder = (replace(moving, lock_known=False), replace(ordinary().unexplained[1], changes=True))
+    rows = unexplained_rows(replace(empty(), unexplained=remainder))
     assert [row.lock for row in rows] == ["not known", "wheel angle"]
     assert "time-locked, or angle-locked" in rows[0].remark
     assert rows[1].remark.startswith("changes during the recording")
@@ -198,7 +198,7 @@ def test_answer_says_on_which_axes_the_error_falls() -> None:
     diagnosis = ordinary()
     lateral = replace(diagnosis, held_out=replace(diagnosis.held_out, axes=axes))
     assert "the held-out error falls, on the lateral axis only, from 12.3" in Page(diagnosis_html(lateral)).text
-    every = replace(lateral.held_out, axes=tuple(replace(one, after_mps2=1.0) for one in axes))
+    every = replace(lateral.held_out, axes=tuple(replace(ax, after_mps2=1.0) for ax in axes))
     assert "the held-out error falls from 12.3" in Page(diagnosis_html(replace(lateral, held_out=every))).text
 
 
@@ -214,8 +214,8 @@ def test_errors_are_reported_by_axis():
 
 
 def test_unfitted_estimate_is_not_called_determined():
-    given = {"Bs": Fitted(0.003, 1e-5), "contact_half_angle_rad": Fitted(0.2, 0.0, "rad")}
-    rows = estimate_rows(replace(empty(), estimates_before=given, estimates_after=given))
+    stated = {"Bs": Fitted(0.003, 1e-5), "contact_half_angle_rad": Fitted(0.2, 0.0, "rad")}
+    rows = estimate_rows(replace(empty(), estimates_before=stated, estimates_after=stated))
     assert [row.determined_text for row in rows] == ["yes", "not fitted"]
 
 
@@ -291,9 +291,11 @@ def test_drawn_groups_are_limited(monkeypatch):
     diagnosis = ordinary(4)
     assert reference_group(diagnosis.curves) == 3
     monkeypatch.setattr(html, "MOST_GROUPS", 2)
-    found = chapters(replace(diagnosis, spectra=(), trends=()))
-    drawn = {chapter.id: chapter for chapter in found}
-    assert [one.title for one in drawn["groups"].drawings] == [diagnosis.curves[at].label for at in (0, 2)]
+    result = chapters(replace(diagnosis, spectra=(), trends=()))
+    drawn = {chapter.id: chapter for chapter in result}
+    assert [drawing.title for drawing in drawn["groups"].drawings] == [
+        diagnosis.curves[position].label for position in (0, 2)
+    ]
     assert "2 of 3 groups" in drawn["groups"].text
     assert {"spectra", "trends"}.isdisjoint(drawn)
     assert diagnosis.curves[3].label in drawn["waveforms"].text
@@ -302,7 +304,7 @@ def test_drawn_groups_are_limited(monkeypatch):
 def test_absent_axis_is_not_drawn():
     diagnosis = replace(nasty(), spectra=(), trends=())
     drawn = {chapter.id: chapter for chapter in chapters(diagnosis)}
-    assert [one.title for one in drawn["waveforms"].drawings] == [
+    assert [drawing.title for drawing in drawn["waveforms"].drawings] == [
         "Circumferential acceleration.",
         "Radial acceleration.",
     ]
@@ -319,26 +321,28 @@ def test_order_coefficients_agree_with_the_pipeline():
 
 
 def test_waveform_figure_draws_residuals():
-    one = curves("any", 80.0)
+    curve = curves("any", 80.0)
     with report_style():
-        figure = waveform_figure(one, 2)
+        figure = waveform_figure(curve, 2)
     middle, bottom = figure.axes[2], figure.axes[4]
     drawn = [np.asarray(line.get_ydata()) for line in middle.lines]
-    assert any(len(y) == 512 and np.array_equal(y, one.measured_mps2[2] - one.before_mps2[2]) for y in drawn)
+    assert any(len(y) == 512 and np.array_equal(y, curve.measured_mps2[2] - curve.before_mps2[2]) for y in drawn)
     low, high = bottom.get_ylim()
-    left = one.measured_mps2[2] - one.after_mps2[2]
-    assert low < left.min()
-    assert high > left.max()
-    assert high < 3.0 * left.max(), "the residual after has its own scale"
+    remainder = curve.measured_mps2[2] - curve.after_mps2[2]
+    assert low < remainder.min()
+    assert high > remainder.max()
+    assert high < 3.0 * remainder.max(), "the residual after has its own scale"
 
 
 @pytest.mark.parametrize(("factor", "scale"), [(1.0, "linear"), (1000.0, "symlog")])
 def test_order_figure_scale_shows_noise_and_maximum(factor, scale):
-    one = curves("any", 40.0)
-    before = one.measured_mps2 + factor * 0.1 * np.cos(3 * one.theta_rad)
-    one = type(one)(one.label, one.theta_rad, one.measured_mps2, before, before, one.noise_mps2, one.order_noise_mps2)
+    curve = curves("any", 40.0)
+    before = curve.measured_mps2 + factor * 0.1 * np.cos(3 * curve.theta_rad)
+    curve = type(curve)(
+        curve.label, curve.theta_rad, curve.measured_mps2, before, before, curve.noise_mps2, curve.order_noise_mps2
+    )
     with report_style():
-        figure = orders_figure(one, 2)
+        figure = orders_figure(curve, 2)
     panel = figure.axes[0]
     assert panel.get_yscale() == scale
     low, high = panel.get_ylim()
@@ -347,13 +351,19 @@ def test_order_figure_scale_shows_noise_and_maximum(factor, scale):
 
 
 def test_unknown_noise_is_not_drawn():
-    one = curves("any", 40.0)
-    unknown = np.full_like(one.order_noise_mps2, np.nan)
-    one = type(one)(
-        one.label, one.theta_rad, one.measured_mps2, one.before_mps2, one.after_mps2, np.full(3, np.nan), unknown
+    curve = curves("any", 40.0)
+    unknown = np.full_like(curve.order_noise_mps2, np.nan)
+    curve = type(curve)(
+        curve.label,
+        curve.theta_rad,
+        curve.measured_mps2,
+        curve.before_mps2,
+        curve.after_mps2,
+        np.full(3, np.nan),
+        unknown,
     )
     with report_style():
-        for figure in (waveform_figure(one, 0), orders_figure(one, 0)):
+        for figure in (waveform_figure(curve, 0), orders_figure(curve, 0)):
             assert "nan" not in inline_svg(figure, "x")
 
 

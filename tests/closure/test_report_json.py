@@ -28,21 +28,21 @@ def _written(diagnosis: Diagnosis, folder: Path) -> dict:
 
 def test_keys_are_stable(tmp_path):
     diagnosis = ordinary()
-    found = _written(diagnosis, tmp_path)
-    assert (found["format"], found["version"]) == (FORMAT, FORMAT_VERSION)
-    assert found["held_out"]["rms_before_mps2"] == 12.31
-    assert found["held_out"]["rms_after_mps2"] == 2.10
-    assert found["held_out"]["rms_empirical_mps2"] == 1.95
-    assert found["held_out"]["std_after_over_before"] == 0.006
-    assert found["held_out"]["as_recorded"]["rms_after_mps2"] == 3.15
-    assert [block["rms_after_mps2"] for block in found["held_out"]["blocks"]] == [2.11]
-    assert (found["origin"]["sensor_id"], found["origin"]["tire"]) == ("00c0ffee", "205/55R16")
-    assert found["origin"]["recordings"][0]["last_s"] == 1.76e9 + 61.0
-    assert found["noise_floor_mps2"] == 2.05
-    assert found["wheel"] == "FL"
-    assert found["revolutions"] == {"used": 1240, "rejected": 12}
+    result = _written(diagnosis, tmp_path)
+    assert (result["format"], result["version"]) == (FORMAT, FORMAT_VERSION)
+    assert result["held_out"]["rms_before_mps2"] == 12.31
+    assert result["held_out"]["rms_after_mps2"] == 2.10
+    assert result["held_out"]["rms_empirical_mps2"] == 1.95
+    assert result["held_out"]["std_after_over_before"] == 0.006
+    assert result["held_out"]["as_recorded"]["rms_after_mps2"] == 3.15
+    assert [block["rms_after_mps2"] for block in result["held_out"]["blocks"]] == [2.11]
+    assert (result["origin"]["sensor_id"], result["origin"]["tire"]) == ("00c0ffee", "205/55R16")
+    assert result["origin"]["recordings"][0]["last_s"] == 1.76e9 + 61.0
+    assert result["noise_floor_mps2"] == 2.05
+    assert result["wheel"] == "FL"
+    assert result["revolutions"] == {"used": 1240, "rejected": 12}
 
-    first = found["effects"][0]
+    first = result["effects"][0]
     assert (first["name"], first["verdict"]) == ("mounting offset", "named")
     assert first["parameters"] == {"offset_m": 5.02}
     assert first["std"] == {"offset_m": 0.11}
@@ -57,20 +57,20 @@ def test_keys_are_stable(tmp_path):
     }
     assert first["estimates"]["before"]["Bs"]["value"] == 2.61e-3
     assert first["estimates"]["after"]["Bs"]["value"] == 2.80e-3
-    verdicts = [effect["verdict"] for effect in found["effects"]]
+    verdicts = [effect["verdict"] for effect in result["effects"]]
     assert verdicts == [finding.verdict.value for finding in diagnosis.findings]
-    undecided = found["effects"][verdicts.index("indistinguishable")]
+    undecided = result["effects"][verdicts.index("indistinguishable")]
     assert undecided["rivals"] == ["run-out"]
     assert "20 K warmer" in undecided["decide_with"]
     assert undecided["deciding_recordings"] == [
         {"code": "record_warmer", "values": {"difference_k": 20.0}, "text": undecided["decide_with"]}
     ]
-    refused = found["effects"][verdicts.index("refused")]
+    refused = result["effects"][verdicts.index("refused")]
     assert "limit_mps2 would be" in refused["reason"]
     assert refused["reasons"][0]["values"]["value"] == 9000.0
-    assert found["notes"] == [found["reasons"]["notes"][0]["text"]]
+    assert result["notes"] == [result["reasons"]["notes"][0]["text"]]
 
-    tone, bump = found["unexplained"]
+    tone, bump = result["unexplained"]
     assert (tone["axis"], tone["lock"], tone["orders"], tone["hz"]) == (
         "circumferential",
         "time",
@@ -79,13 +79,13 @@ def test_keys_are_stable(tmp_path):
     )
     assert tone["angle_rad"] is None
     assert (tone["lock_known"], tone["changes"]) == (True, False)
-    left = (replace(diagnosis.unexplained[0], lock_known=False), replace(diagnosis.unexplained[1], changes=True))
-    tone, bump = diagnosis_json(replace(diagnosis, unexplained=left))["unexplained"]
+    remainder = (replace(diagnosis.unexplained[0], lock_known=False), replace(diagnosis.unexplained[1], changes=True))
+    tone, bump = diagnosis_json(replace(diagnosis, unexplained=remainder))["unexplained"]
     assert (tone["lock"], tone["lock_known"], bump["lock"], bump["changes"]) == ("time", False, "angle", True)
     assert (bump["hz"], bump["scaling"], bump["rms_mps2"], bump["std_mps2"]) == (None, "omega^2", 0.84, 0.05)
 
-    assert found["estimates"]["before"]["Bs"] == {"value": 2.61e-3, "std": 1.1e-5, "unit": "", "determined": True}
-    assert found["estimates"]["after"]["Ts"] == {"value": 2.41, "std": 0.9, "unit": "", "determined": False}
+    assert result["estimates"]["before"]["Bs"] == {"value": 2.61e-3, "std": 1.1e-5, "unit": "", "determined": True}
+    assert result["estimates"]["after"]["Ts"] == {"value": 2.41, "std": 0.9, "unit": "", "determined": False}
 
 
 def test_inverse_keeps_name_and_si_value():
@@ -100,30 +100,30 @@ def test_group_residuals_match_the_curves(tmp_path):
     diagnosis = ordinary(2)
     groups = _written(diagnosis, tmp_path)["groups"]
     for group, curves in zip(groups, diagnosis.curves, strict=True):
-        left = curves.measured_mps2[2] - curves.before_mps2[2]
-        assert group["residual"]["radial"]["rms_before_mps2"] == pytest.approx(math.sqrt(np.mean(left**2)))
+        remainder = curves.measured_mps2[2] - curves.before_mps2[2]
+        assert group["residual"]["radial"]["rms_before_mps2"] == pytest.approx(math.sqrt(np.mean(remainder**2)))
         assert group["residual"]["radial"]["noise_mps2"] == curves.noise_mps2[2]
 
 
 def test_unknown_numbers_are_null(tmp_path):
-    found = _written(nasty(), tmp_path)
-    assert found["noise_floor_mps2"] is None
-    assert found["held_out"]["rms_after_mps2"] is None
+    result = _written(nasty(), tmp_path)
+    assert result["noise_floor_mps2"] is None
+    assert result["held_out"]["rms_after_mps2"] is None
     name = NASTY.replace("\udcff", "\\udcff")
-    assert found["wheel"] == name
-    effect = found["effects"][0]
+    assert result["wheel"] == name
+    effect = result["effects"][0]
     assert effect["parameters"][name] is None
     assert effect["std"][name] is None
     assert effect["evidence"]["chi2"] is None
-    assert found["unexplained"][0]["hz"] == [None, 5.0]
-    assert "lateral" not in found["groups"][0]["residual"]
+    assert result["unexplained"][0]["hz"] == [None, 5.0]
+    assert "lateral" not in result["groups"][0]["residual"]
 
 
 def test_empty_diagnosis_has_empty_lists(tmp_path):
-    found = _written(empty(), tmp_path)
-    assert found["effects"] == found["unexplained"] == found["groups"] == found["trends"] == []
-    assert found["estimates"] == {"before": {}, "after": {}}
-    assert found["held_out"]["rms_empirical_mps2"] is None
+    result = _written(empty(), tmp_path)
+    assert result["effects"] == result["unexplained"] == result["groups"] == result["trends"] == []
+    assert result["estimates"] == {"before": {}, "after": {}}
+    assert result["held_out"]["rms_empirical_mps2"] is None
 
 
 def test_numpy_numbers_become_plain():

@@ -53,8 +53,8 @@ def test_summary_without_findings():
 def test_many_findings_are_counted():
     diagnosis = ordinary()
     many = tuple(replace(diagnosis.findings[0], name=f"effect {index}") for index in range(9))
-    left = diagnosis.unexplained * 3
-    lines = closure_summary_lines(replace(diagnosis, findings=many, unexplained=left, notes=("a", "b", "c")))
+    remainder = diagnosis.unexplained * 3
+    lines = closure_summary_lines(replace(diagnosis, findings=many, unexplained=remainder, notes=("a", "b", "c")))
     assert len(lines) <= 16
     text = "\n".join(lines)
     assert "(and 5 more)" in text
@@ -122,24 +122,26 @@ def test_probable_effects_are_in_the_summary():
 
 def test_implausible_effect_that_would_fit_better_is_in_the_summary():
     why = Reason(Code.IMPLAUSIBLE_PARAMETER, parameter="inertia_kgm", value=1308.33, low=0.0, high=1000.0, unit="mg m")
-    found = replace(ordinary().findings[0], name="rotary inertia", verdict=Verdict.REFUSED, probability=0.0, reason=why)
-    missing = replace(ordinary(), findings=(found,), noise_floor_mps2=1.8)
+    result = replace(
+        ordinary().findings[0], name="rotary inertia", verdict=Verdict.REFUSED, probability=0.0, reason=why
+    )
+    missing = replace(ordinary(), findings=(result,), noise_floor_mps2=1.8)
     text = " ".join(map(str.strip, closure_summary_lines(missing)))
     expected = "rejected     rotary inertia: inertia would be 1308 mg m, outside its plausible range"
     assert expected in text
-    rare = replace(found, reason=Reason(Code.PROBABILITY_TOO_LOW, probability=0.1, needed=0.99))
-    spectral = replace(found, lock="time")
-    none = [replace(missing, findings=(one,)) for one in (rare, spectral)]
+    rare = replace(result, reason=Reason(Code.PROBABILITY_TOO_LOW, probability=0.1, needed=0.99))
+    spectral = replace(result, lock="time")
+    none = [replace(missing, findings=(item,)) for item in (rare, spectral)]
     for other in (*none, replace(missing, noise_floor_mps2=2.05)):
         assert "rejected  " not in "\n".join(closure_summary_lines(other))
 
 
 def test_effect_that_the_exact_ring_does_not_confirm_is_in_the_summary():
     why = Reason(Code.NOT_ON_EXACT_RING, effect="gain-temperature drift", errors=0.3)
-    found = replace(
+    result = replace(
         ordinary().findings[0], name="gain-temperature drift", verdict=Verdict.REFUSED, probability=0.999, reason=why
     )
-    text = " ".join(map(str.strip, closure_summary_lines(replace(ordinary(), findings=(found,)))))
+    text = " ".join(map(str.strip, closure_summary_lines(replace(ordinary(), findings=(result,)))))
     assert "rejected     gain-temperature drift: it absorbs errors of this model's equations: on the exact ring" in text
     assert "gain-temperature drift is 0.3 errors from zero" in text
     assert "not certain" not in text
@@ -148,8 +150,8 @@ def test_effect_that_the_exact_ring_does_not_confirm_is_in_the_summary():
 def test_non_stationary_and_unknown_lock_are_marked():
     diagnosis = ordinary()
     line, wave = diagnosis.unexplained
-    left = (replace(wave, changes=True), replace(line, lock_known=False))
-    text = "\n".join(closure_summary_lines(replace(diagnosis, unexplained=left)))
+    remainder = (replace(wave, changes=True), replace(line, lock_known=False))
+    text = "\n".join(closure_summary_lines(replace(diagnosis, unexplained=remainder)))
     assert "orders 18 to 60, 81.4 to 90.5 deg  0.840±0.050 m/s²\n               changes during the recording\n" in text
     assert "1.210±0.060 m/s²\n               time-locked or angle-locked: not known\n" in text
 

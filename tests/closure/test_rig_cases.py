@@ -49,13 +49,13 @@ def test_seed_determines_case() -> None:
 
 
 def test_recordings_are_reproducible_and_readable(tmp_path: Path) -> None:
-    found = []
+    results = []
     for name in ("first", "second"):
         (tmp_path / name).mkdir()
         made = record(draw(Order(Kind.EFFECT, 1, ("imbalance and hub motion",), 2)), tmp_path / name, seconds=1.5)
         assert [path.name for path in made.reverse] == ["run-7.mcap"]
-        found.append([path.read_bytes() for path in made.paths])
-    assert found[0] == found[1]
+        results.append([path.read_bytes() for path in made.paths])
+    assert results[0] == results[1]
     recording = RecordingReader(tmp_path / "first" / "run-2.mcap")
     assert recording.vehicle_toml is not None
     vehicle = parse_vehicle(recording.vehicle_toml, "run")

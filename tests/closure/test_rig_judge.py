@@ -31,7 +31,7 @@ NOTHING = draw(Order(Kind.NOTHING, 1)).label
 
 
 @pytest.mark.parametrize(
-    ("label", "found", "outcome"),
+    ("label", "result", "outcome"),
     [
         (EFFECT, diagnosis(finding("roll tilt")), Outcome.EXACT),
         (EFFECT, diagnosis(finding("roll tilt"), finding("gain", "refused")), Outcome.EXACT),
@@ -63,8 +63,8 @@ NOTHING = draw(Order(Kind.NOTHING, 1)).label
         (OUTSIDE, diagnosis(finding("tread pitch"), unexplained=1), Outcome.WRONG),
     ],
 )
-def test_outcomes(label: dict[str, Any], found: dict[str, Any], outcome: Outcome) -> None:
-    assert judge(found, label).outcome is outcome
+def test_outcomes(label: dict[str, Any], result: dict[str, Any], outcome: Outcome) -> None:
+    assert judge(result, label).outcome is outcome
 
 
 def test_paper_model_always_lacks_corrections() -> None:
@@ -97,6 +97,6 @@ def test_computed_rival_may_be_left_open() -> None:
 
 
 def test_names_match_the_catalogue() -> None:
-    known = set(catalogue())
+    reference = set(catalogue())
     for names in (*CANNOT_TELL, *ALWAYS.values()):
-        assert names <= known, names - known
+        assert names <= reference, names - reference

@@ -80,8 +80,8 @@ def test_strength_is_in_proportion_to_the_size(strength: Strength, name: str) ->
 def test_tire_takes_its_own_parameters(strength: Strength) -> None:
     stiffer = replace(BENCH, numbers=(BENCH.numbers[0] * 1.003, *BENCH.numbers[1:]), tread_mpa=BENCH.tread_mpa * 1.01)
     changed = replace(NOTHING, bench=stiffer)
-    left = strength.contribution(changed)
-    assert float(left @ left) < 1.0
+    remainder = strength.contribution(changed)
+    assert float(remainder @ remainder) < 1.0
 
 
 def test_random_effects_grow_with_the_square_when_weak(strength: Strength) -> None:

@@ -16,7 +16,7 @@ from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rol
 from gateway.physics.rolling_ring.sensor_waveform import waveform_orders
 from gateway.types import FloatArray
 
-HERE = GroupConditions(56.0, 0.0, 0.32, 5000.0, 2.1e5, 25.0, 25.0, 9600.0, 0.0)
+STEADY = GroupConditions(56.0, 0.0, 0.32, 5000.0, 2.1e5, 25.0, 25.0, 9600.0, 0.0)
 SERIES_ONLY = ("belt kinematics (n^2-1)", "pressure shape", "geometric tension loss")
 EXACT = (
     "structural damping",
@@ -35,19 +35,25 @@ def ring_effect(name: str) -> RingEffect:
     return cast(RingEffect, catalogue()[name])
 
 
-def exact(name: str, value: float, core: ExactCore, at: GroupConditions = HERE) -> FloatArray:
+def exact(name: str, value: float, core: ExactCore, conditions: GroupConditions = STEADY) -> FloatArray:
     """Return the orders of both axes of the exact core with an effect, (2, 111) complex."""
-    options = ring_effect(name).options(RingOptions(), np.array([value]), at)
-    wave = core.shape(np.zeros(5), at, options, 0.24).waveform
+    options = ring_effect(name).options(RingOptions(), np.array([value]), conditions)
+    wave = core.shape(np.zeros(5), conditions, options, 0.24).waveform
     return waveform_orders(np.stack([wave.radial_m, wave.circumferential_m]), 110)
 
 
-def solved(at: GroupConditions = HERE, *, drum_radius_m: float = math.inf, torque_nm: float | None = None, **si: float):
+def solved(
+    conditions: GroupConditions = STEADY,
+    *,
+    drum_radius_m: float = math.inf,
+    torque_nm: float | None = None,
+    **si: float,
+):
     """Return the orders of Table 3's ring with SI fields, solved without the closure."""
     fields = {"extension_stiffness_n": 2e10, **si}
-    ring = RingParameters.from_numbers(*TABLE_3_NUMBERS, radius_m=0.32, pressure_pa=at.pressure_pa, **fields)
+    ring = RingParameters.from_numbers(*TABLE_3_NUMBERS, radius_m=0.32, pressure_pa=conditions.pressure_pa, **fields)
     solution: RingSolution = solve_rolling_ring(
-        ring, at.load_n, at.pressure_pa, at.omega_radps, nodes=960,
+        ring, conditions.load_n, conditions.pressure_pa, conditions.omega_radps, nodes=960,
         drum_radius_m=drum_radius_m, axle_torque_nm=torque_nm,
     )  # fmt: skip
     return waveform_orders(np.stack([solution.sensor.radial_m, solution.sensor.circumferential_m]), 110)
@@ -74,11 +80,11 @@ EI = TABLE_3_NUMBERS[0] * 0.32**4 * 2.1e5
     ],
 )
 def test_parameter_matches_the_solver_in_si_units(name: str, value: float, si: dict[str, float]) -> None:
-    found, true = exact(name, value, ExactCore()), solved(**si)
+    result, true = exact(name, value, ExactCore()), solved(**si)
     plain = solved()
     change = float(np.abs(true - plain).max())
     assert change > 1e-4 * float(np.abs(plain[0, 2:]).max())
-    assert np.abs(found - true).max() < 1e-4 * change
+    assert np.abs(result - true).max() < 1e-4 * change
 
 
 @pytest.mark.parametrize(
@@ -109,14 +115,14 @@ def test_waveform_is_smooth_from_zero(name: str) -> None:
 def test_change_for_a_trial_is_that_of_the_shape(name: str) -> None:
     """Shear flexibility has one more unknown than the ring without it."""
     effect, core = ring_effect(name), ExactCore()
-    after = effect.options(RingOptions(), np.array(effect.start_values[0]), HERE)
-    change = core.change(np.zeros(5), HERE, RingOptions(), after, 0.24)
-    plain, there = (core.shape(np.zeros(5), HERE, options, 0.24) for options in (RingOptions(), after))
-    found, true = (
-        waveform_orders(one, 60)
-        for one in (change.waveform.radial_m, there.waveform.radial_m - plain.waveform.radial_m)
+    after = effect.options(RingOptions(), np.array(effect.start_values[0]), STEADY)
+    change = core.change(np.zeros(5), STEADY, RingOptions(), after, 0.24)
+    plain, there = (core.shape(np.zeros(5), STEADY, options, 0.24) for options in (RingOptions(), after))
+    result, true = (
+        waveform_orders(item, 60)
+        for item in (change.waveform.radial_m, there.waveform.radial_m - plain.waveform.radial_m)
     )
-    assert np.abs(found - true).max() < 0.15 * np.abs(true).max()
+    assert np.abs(result - true).max() < 0.15 * np.abs(true).max()
 
 
 @pytest.mark.parametrize(
@@ -130,22 +136,22 @@ def test_change_for_a_trial_is_that_of_the_shape(name: str) -> None:
 )
 def test_losses_shift_the_contact_and_traction_is_antisymmetric(name: str, value: float) -> None:
     core = ExactCore()
-    options = ring_effect(name).options(RingOptions(), np.array([value]), HERE)
-    shape = core.shape(np.zeros(5), HERE, options, 0.24)
+    options = ring_effect(name).options(RingOptions(), np.array([value]), STEADY)
+    shape = core.shape(np.zeros(5), STEADY, options, 0.24)
     centre = 0.5 * (shape.leading_edge_rad + shape.trailing_edge_rad)
     orders = waveform_orders(shape.waveform.radial_m, 110)
     assert np.abs(orders.imag).max() > 1e-3 * np.abs(orders[2:].real).max()
     if name == "contact asymmetry":
-        braked = ring_effect(name).options(RingOptions(), np.array([-value]), HERE)
-        mirrored = waveform_orders(core.shape(np.zeros(5), HERE, braked, 0.24).waveform.radial_m, 110)
+        braked = ring_effect(name).options(RingOptions(), np.array([-value]), STEADY)
+        mirrored = waveform_orders(core.shape(np.zeros(5), STEADY, braked, 0.24).waveform.radial_m, 110)
         assert np.abs(orders - mirrored.conj()).max() < 1e-6
     else:
         assert centre < -1e-3
 
 
 def test_drum_reads_less_than_zero_in_the_contact() -> None:
-    options = ring_effect("drum curvature").options(RingOptions(), np.array([1.0 / 0.85]), HERE)
-    shape = ExactCore().shape(np.zeros(5), HERE, options, 0.24)
+    options = ring_effect("drum curvature").options(RingOptions(), np.array([1.0 / 0.85]), STEADY)
+    shape = ExactCore().shape(np.zeros(5), STEADY, options, 0.24)
     # V^2 kappa over omega^2 is -R^2 / Rd, and the tread lets the middle bend a little more.
     assert float(shape.waveform.radial_m[256]) == pytest.approx(-(0.32**2) / 0.85, rel=0.3)
 
@@ -153,7 +159,7 @@ def test_drum_reads_less_than_zero_in_the_contact() -> None:
 def test_pressure_shape_changes_with_load() -> None:
     effect = ring_effect("pressure shape")
     parameters = np.array([-0.36, -0.59, -0.1, 0.6, -0.3, -0.2])
-    nominal = effect.options(RingOptions(), parameters, HERE)
+    nominal = effect.options(RingOptions(), parameters, STEADY)
     assert (nominal.pressure_p2, nominal.pressure_p4, nominal.pressure_p6) == pytest.approx((-0.36, -0.59, -0.1))
     heavy = effect.options(
         RingOptions(), parameters, GroupConditions(56.0, 0.0, 0.32, 8000.0, 2.1e5, 25.0, 25.0, 9600.0, 0.0)
@@ -166,26 +172,26 @@ def test_pressure_shape_changes_with_load() -> None:
 @pytest.mark.parametrize("name", SERIES_ONLY)
 def test_series_corrections_leave_the_exact_ring_unchanged(name: str) -> None:
     effect = ring_effect(name)
-    options = effect.options(RingOptions(), np.array(effect.starts((HERE,))[0]), HERE)
+    options = effect.options(RingOptions(), np.array(effect.starts((STEADY,))[0]), STEADY)
     series = SeriesCore(BaselineModel.PAPER)
-    moved = series.shape(np.zeros(4), HERE, options, 0.24).waveform.radial_m
-    plain = series.shape(np.zeros(4), HERE, RingOptions(), 0.24).waveform.radial_m
+    moved = series.shape(np.zeros(4), STEADY, options, 0.24).waveform.radial_m
+    plain = series.shape(np.zeros(4), STEADY, RingOptions(), 0.24).waveform.radial_m
     assert np.linalg.norm(moved - plain) > 0.01 * np.linalg.norm(plain)
     core = ExactCore()
-    same = core.shape(np.zeros(5), HERE, options, 0.24).waveform.radial_m
-    assert same == pytest.approx(core.shape(np.zeros(5), HERE, RingOptions(), 0.24).waveform.radial_m, abs=1e-9)
+    same = core.shape(np.zeros(5), STEADY, options, 0.24).waveform.radial_m
+    assert same == pytest.approx(core.shape(np.zeros(5), STEADY, RingOptions(), 0.24).waveform.radial_m, abs=1e-9)
 
 
 def test_candidates_depend_on_the_baseline_model() -> None:
-    found = {model: set(candidates(model)) for model in BaselineModel}
-    assert found[BaselineModel.PAPER] >= set(SERIES_ONLY)
-    assert found[BaselineModel.SERIES] & set(SERIES_ONLY) == {"pressure shape", "geometric tension loss"}
-    assert not found[BaselineModel.EXACT] & set(SERIES_ONLY)
-    assert found[BaselineModel.EXACT] >= set(EXACT)
-    assert not (found[BaselineModel.PAPER] | found[BaselineModel.SERIES]) & set(EXACT)
+    results = {model: set(candidates(model)) for model in BaselineModel}
+    assert results[BaselineModel.PAPER] >= set(SERIES_ONLY)
+    assert results[BaselineModel.SERIES] & set(SERIES_ONLY) == {"pressure shape", "geometric tension loss"}
+    assert not results[BaselineModel.EXACT] & set(SERIES_ONLY)
+    assert results[BaselineModel.EXACT] >= set(EXACT)
+    assert not (results[BaselineModel.PAPER] | results[BaselineModel.SERIES]) & set(EXACT)
 
 
 @pytest.mark.parametrize(("name", "value"), [("belt extension", -1e-6), ("shear flexibility", -1e-6)])
 def test_impossible_values_raise(name: str, value: float) -> None:
     with pytest.raises(ValueError, match="must"):
-        ring_effect(name).options(RingOptions(), np.array([value]), HERE)
+        ring_effect(name).options(RingOptions(), np.array([value]), STEADY)

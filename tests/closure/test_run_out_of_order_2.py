@@ -43,23 +43,25 @@ def path(load_n: float) -> tuple[ComplexArray, ComplexArray]:
     return (weights * belts).sum(axis=0), along / np.abs(along)
 
 
-def oval(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
-    point, along = path(here.load_n)
+def oval(signal: FloatArray, theta: FloatArray, group_conditions: GroupConditions) -> FloatArray:
+    point, along = path(group_conditions.load_n)
     # The point itself rides on the radius that is larger by the height at the sensor.
-    felt = (1.0 + COSINE_M / RADIUS_M) * here.omega_radps**2 * derivatives(point)[1] + 1j * STANDARD_GRAVITY_MPS2
+    felt = (1.0 + COSINE_M / RADIUS_M) * group_conditions.omega_radps**2 * derivatives(point)[
+        1
+    ] + 1j * STANDARD_GRAVITY_MPS2
     read = signal.copy()
     read[RADIAL], read[CIRCUMFERENTIAL] = (felt * (1j * along).conj()).real, (felt * along.conj()).real
     return read
 
 
 def test_oval_tire_is_run_out_of_order_2() -> None:
-    found, _ = searched(campaign_of(GROUPS, oval, noise_mps2=0.02), EFFECTS)
-    assert found.identified() == (NAME,)
-    fit = found.best.fit
+    posterior, _ = searched(campaign_of(GROUPS, oval, noise_mps2=0.02), EFFECTS)
+    assert posterior.identified() == (NAME,)
+    fit = posterior.best.fit
     cosine, sine = fit.vector[fit.model.layout.effect(NAME)].tolist()
     assert math.hypot(cosine - COSINE_M, sine - SINE_M) < 0.05 * math.hypot(COSINE_M, SINE_M)
 
 
 def test_round_tire_has_none() -> None:
-    found, _ = searched(campaign_of(GROUPS, nothing, noise_mps2=0.02), EFFECTS)
-    assert found.identified() == ()
+    posterior, _ = searched(campaign_of(GROUPS, nothing, noise_mps2=0.02), EFFECTS)
+    assert posterior.identified() == ()

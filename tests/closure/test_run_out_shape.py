@@ -28,13 +28,15 @@ def test_each_angle_has_the_shape_under_its_own_load(height_mm: float, phase_deg
     swing = SWING_PM * height_m
     shares = np.linspace(-swing, swing, 9)
     solved = np.stack([shape_under(core, float(share)).waveform.radial_m for share in shares])
-    at = CubicSpline(shares, solved)(swing * np.cos(THETA - phase_rad))[np.arange(len(THETA)), np.arange(len(THETA))]
+    position = CubicSpline(shares, solved)(swing * np.cos(THETA - phase_rad))[
+        np.arange(len(THETA)), np.arange(len(THETA))
+    ]
     # An axle that sinks in proportion to the load.
     loaded = [LoadedShape(shape_under(core, share), 0.3 - share / SWING_PM) for share in load_steps(cosine_m, sine_m)]
-    found = out_of_round(loaded, CONDITIONS.radius_m, cosine_m, sine_m).waveform.radial_m
-    expected = at * (1.0 + cosine_m / CONDITIONS.radius_m)
+    result = out_of_round(loaded, CONDITIONS.radius_m, cosine_m, sine_m).waveform.radial_m
+    expected = position * (1.0 + cosine_m / CONDITIONS.radius_m)
     change = expected - loaded[2].shape.waveform.radial_m
-    assert rms(found - expected) < 2e-3 * rms(change)
+    assert rms(result - expected) < 2e-3 * rms(change)
 
 
 OPTIONS = RingOptions(runout_cosine_m=-1.5e-3, runout_sine_m=4e-4)
@@ -43,20 +45,20 @@ OPTIONS = RingOptions(runout_cosine_m=-1.5e-3, runout_sine_m=4e-4)
 def test_grid_error_is_measured_with_the_run_out() -> None:
     parameters, coarse, fine = np.zeros(5), ExactCore(), ExactCore((2880,))
     coarse.refine(parameters, CONDITIONS, OPTIONS)
-    found = coarse.shape(parameters, CONDITIONS, OPTIONS, 0.24).waveform.radial_m
+    result = coarse.shape(parameters, CONDITIONS, OPTIONS, 0.24).waveform.radial_m
     expected = fine.shape(parameters, CONDITIONS, OPTIONS, 0.24).waveform.radial_m
     coarse.refine(parameters, CONDITIONS, RingOptions())
     as_round = coarse.shape(parameters, CONDITIONS, OPTIONS, 0.24).waveform.radial_m
-    assert rms(found - expected) < 0.3 * rms(as_round - expected)
+    assert rms(result - expected) < 0.3 * rms(as_round - expected)
 
 
 def test_derivatives_are_those_with_run_out() -> None:
     parameters, core = np.zeros(5), ExactCore()
-    here = core.shape(parameters, CONDITIONS, OPTIONS, 0.24)
-    there = [core.shape(one, CONDITIONS, OPTIONS, 0.24) for one in stepped(parameters, core.steps)]
+    current = core.shape(parameters, CONDITIONS, OPTIONS, 0.24)
+    there = [core.shape(item, CONDITIONS, OPTIONS, 0.24) for item in stepped(parameters, core.steps)]
     round_slopes = core.tangent(parameters, CONDITIONS, RingOptions(), 0.24)
-    found = core.tangent(parameters, CONDITIONS, OPTIONS, 0.24)
-    for expected, own, as_round in zip(slopes(here, there, core.steps), found, round_slopes, strict=True):
-        wanted, got, plain = (one.waveform.radial_m for one in (expected, own, as_round))
+    result = core.tangent(parameters, CONDITIONS, OPTIONS, 0.24)
+    for expected, item, as_round in zip(slopes(current, there, core.steps), result, round_slopes, strict=True):
+        wanted, got, plain = (item.waveform.radial_m for item in (expected, item, as_round))
         assert rms(got - wanted) < 0.01 * rms(wanted)
         assert rms(plain - wanted) > 0.03 * rms(wanted)

@@ -22,8 +22,8 @@ def recording(folder: Path, keys: str = "") -> Path:
 
 def about(path: Path) -> list[Reason]:
     """Return the notes on the recording, without its name."""
-    found = [note["reason"] for note in read_campaign([path]).notes if note.code is Code.ABOUT_RECORDING]
-    return [reason for reason in found if isinstance(reason, Reason)]
+    results = [note["reason"] for note in read_campaign([path]).notes if note.code is Code.ABOUT_RECORDING]
+    return [reason for reason in results if isinstance(reason, Reason)]
 
 
 @pytest.mark.parametrize(

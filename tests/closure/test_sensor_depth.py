@@ -33,8 +33,8 @@ def at_depth(depth_m: float) -> Plant:
     """Return what a sensor at a depth reads; its lateral axis reads the same at any depth."""
     wave = sensor_waveform(ring().position_m, RADIUS_M, depth_m)
 
-    def plant(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
-        square, read = here.omega_radps**2, np.zeros_like(signal)
+    def plant(signal: FloatArray, theta: FloatArray, conditions: GroupConditions) -> FloatArray:
+        square, read = conditions.omega_radps**2, np.zeros_like(signal)
         read[RADIAL] = square * wave.radial_m + STANDARD_GRAVITY_MPS2 * wave.gravity_radial
         read[CIRCUMFERENTIAL] = square * wave.circumferential_m + STANDARD_GRAVITY_MPS2 * wave.gravity_circumferential
         read[LATERAL] = square * lateral().lateral_m
@@ -46,16 +46,16 @@ def at_depth(depth_m: float) -> Plant:
 @pytest.mark.parametrize("as_paper", [False, True])
 @pytest.mark.parametrize("depth_m", DEPTHS_M)
 def test_curvature_is_the_neutral_layers(depth_m: float, as_paper: bool) -> None:
-    at, plain = block_of(offset_m=depth_m), block_of()
+    position, plain = block_of(offset_m=depth_m), block_of()
     if as_paper:
         nothing = np.zeros(FIELD_SIZE)
-        radial, along = at.shape.radial_m, at.shape.circumferential_m
-        at = replace(at, shape=type(at.shape)(radial - radial.mean(), along, *(nothing,) * 4))
+        radial, along = position.shape.radial_m, position.shape.circumferential_m
+        position = replace(position, shape=type(position.shape)(radial - radial.mean(), along, *(nothing,) * 4))
     neutral = plain.shape.radial_m / BELT_RADIUS_M
-    assert relative_curvature(at) == pytest.approx(neutral, abs=2e-3)
+    assert relative_curvature(position) == pytest.approx(neutral, abs=2e-3)
     # Belt extension stretches what the sensor reads.
-    strain = at.conditions.load_n / TIRE.extension_stiffness_n
-    assert relative_offset(at) * BELT_RADIUS_M == pytest.approx(depth_m, abs=strain * BELT_RADIUS_M)
+    strain = position.conditions.load_n / TIRE.extension_stiffness_n
+    assert relative_offset(position) * BELT_RADIUS_M == pytest.approx(depth_m, abs=strain * BELT_RADIUS_M)
 
 
 @pytest.mark.parametrize("load", Load)

@@ -63,8 +63,8 @@ def test_core_matches_the_series(
     parameters = np.zeros(len(core.names))
     parameters[:4] = table_3_at(load_n) + shift
     numbers = tuple(np.array(TABLE_3_NUMBERS) * np.exp(shift))
-    found = core.numbers(parameters, conditions(load_n))
-    assert [found[name] for name in ("Bs", "Cw", "Rs", "Ts")] == pytest.approx(numbers, rel=1e-12)
+    result = core.numbers(parameters, conditions(load_n))
+    assert [result[name] for name in ("Bs", "Cw", "Rs", "Ts")] == pytest.approx(numbers, rel=1e-12)
     shape = core.shape(parameters, conditions(load_n), PLAIN, half_angle_rad)
     expected = signal_orders(
         np.arange(1, 111), numbers, load_n=load_n, pressure_pa=PRESSURE_PA, radius_m=RADIUS_M,
@@ -82,9 +82,9 @@ def test_shape_is_independent_of_load_and_size() -> None:
     core = SeriesCore(BaselineModel.SERIES)
     parameters = np.array([0.1, -0.2, 0.3, 0.2, 0.0])
     options = RingOptions(pressure_p2=-0.3, tension_loss=0.5)
-    one = core.shape(parameters, conditions(), options, 0.24).waveform.radial_m / RADIUS_M
+    single = core.shape(parameters, conditions(), options, 0.24).waveform.radial_m / RADIUS_M
     other = core.shape(parameters, conditions(3000.0, 0.3), options, 0.24).waveform.radial_m / 0.3
-    assert other == pytest.approx(one, abs=1e-12)
+    assert other == pytest.approx(single, abs=1e-12)
 
 
 def test_fifth_parameter_is_the_contact_half_angle() -> None:
@@ -174,9 +174,9 @@ def test_derivative_steps_are_accurate() -> None:
             fields.append(core.shape(parameters, conditions(), options, 0.24).waveform.radial_m)
         return (fields[1] - fields[0]) / step
 
-    for place, step in enumerate(core.steps):
-        one, half = slope(place, float(step)), slope(place, 0.5 * float(step))
-        assert np.linalg.norm(one - half) < 0.005 * np.linalg.norm(one)
+    for index, step in enumerate(core.steps):
+        single, half = slope(index, float(step)), slope(index, 0.5 * float(step))
+        assert np.linalg.norm(single - half) < 0.005 * np.linalg.norm(single)
 
 
 def test_paper_corrections_are_found() -> None:
@@ -195,13 +195,13 @@ def test_paper_corrections_are_found() -> None:
 
     def best(free: int) -> tuple[FloatArray, float]:
         start = np.concatenate([np.zeros(4), [1.0, -0.35, -0.5, 1.0]])[:free]
-        found = least_squares(lambda v: misfit(np.concatenate([v, np.zeros(8 - free)])), start, x_scale=0.3)
-        return found.x, math.sqrt(2.0 * found.cost)
+        result = least_squares(lambda v: misfit(np.concatenate([v, np.zeros(8 - free)])), start, x_scale=0.3)
+        return result.x, math.sqrt(2.0 * result.cost)
 
     _, before = best(4)
-    after, left = best(8)
+    after, remainder = best(8)
     assert before > 0.07
-    assert left < 0.001
+    assert remainder < 0.001
     assert np.exp(after[:4] - table_3_at(load_n)) == pytest.approx(1.0, abs=0.03)
     assert after[4] == pytest.approx(1.0, abs=0.05)
     assert after[5:7] == pytest.approx(legendre_amounts(ring), abs=0.05)

@@ -30,8 +30,8 @@ from tests.closure.planted_campaign import (
 def test_evidence_equals_exact_gaussian(groups: tuple[object, ...]) -> None:
     """The linearised model's evidence is that of a normal distribution with all parameters integrated out."""
     speeds = ONE_SPEED if len(groups) == 1 else TWO_SPEEDS
-    one, data = evaluated(campaign_of(speeds, sideways(2.0), axes=ALL_AXES), Sideways("constant"))
-    fit = one.fit
+    evaluation, data = evaluated(campaign_of(speeds, sideways(2.0), axes=ALL_AXES), Sideways("constant"))
+    fit = evaluation.fit
     assert fit.applied is not None
     rows = joined(data, fit.rows)
     spread = covariance_of(fit.applied, data) + rows.T @ np.linalg.solve(fit.prior_precision, rows)
@@ -49,34 +49,34 @@ def test_evidence_needs_a_discrepancy() -> None:
 
 def test_set_without_a_shape_keeps_estimates_and_its_objection() -> None:
     """An optimum may lie at a compliance below zero, at which no ring has a shape."""
-    one, _ = evaluated(campaign_of(ONE_SPEED), *among("shear flexibility").values())
-    change = np.zeros(len(one.fit.vector))
-    change[one.fit.model.layout.effect("shear flexibility")] = -1e-3
-    found = evaluated_at(one.fit.moved(change))
-    assert [name for name, _ in found.objections] == ["shear flexibility"]
-    estimates, _ = estimates_of([(found.fit, 1.0)])
+    evaluation, _ = evaluated(campaign_of(ONE_SPEED), *among("shear flexibility").values())
+    change = np.zeros(len(evaluation.fit.vector))
+    change[evaluation.fit.model.layout.effect("shear flexibility")] = -1e-3
+    result = evaluated_at(evaluation.fit.moved(change))
+    assert [name for name, _ in result.objections] == ["shear flexibility"]
+    estimates, _ = estimates_of([(result.fit, 1.0)])
     assert estimates["Bs"].value == pytest.approx(2.6e-3, rel=0.2)
 
 
 def test_settled_set_does_not_depend_on_the_way_there() -> None:
     """A kink that no effect describes; one discrepancy begins as the residual suggests, one a thousand times larger."""
 
-    def kinked(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+    def kinked(signal: FloatArray, theta: FloatArray, conditions: GroupConditions) -> FloatArray:
         read = signal.copy()
         read[[CIRCUMFERENTIAL, RADIAL]] += 30.0 * np.exp(-np.square((theta - 0.5) / 0.2))
         return read
 
-    one, data = evaluated(campaign_of(ONE_SPEED, kinked))
-    applied = one.fit.applied
+    evaluation, data = evaluated(campaign_of(ONE_SPEED, kinked))
+    applied = evaluation.fit.applied
     assert applied is not None
     larger = applied.discrepancy.applied(1e3 * applied.amplitudes)
-    other = evaluate(one.fit, data, applied.discrepancy, larger)
-    std = np.sqrt(np.diagonal(one.fit.covariance))
+    other = evaluate(evaluation.fit, data, applied.discrepancy, larger)
+    std = np.sqrt(np.diagonal(evaluation.fit.covariance))
 
     def apart(first: Evaluated, second: Evaluated) -> float:
         return float((np.abs(first.fit.vector - second.fit.vector) / std).max())
 
-    before, after = apart(one, other), apart(settled(one, data), settled(other, data))
+    before, after = apart(evaluation, other), apart(settled(evaluation, data), settled(other, data))
     assert after < 0.1
     assert before > 2.0 * after
 
@@ -106,9 +106,9 @@ def test_evidence_of_several_prior_widths_is_their_mean(size_mps2: float) -> Non
 
 @pytest.mark.parametrize(("high", "possible"), [(2.4, True), (1.6, False)])
 def test_value_beyond_its_range_is_impossible(high: float, possible: bool) -> None:
-    one, _ = evaluated(campaign_of(ONE_SPEED, sideways(2.0), axes=ALL_AXES), Sideways("constant", high=high))
-    found = [(name, reason.code) for name, reason in one.objections]
-    assert found == ([] if possible else [("constant", Code.IMPLAUSIBLE_PARAMETER)])
+    evaluation, _ = evaluated(campaign_of(ONE_SPEED, sideways(2.0), axes=ALL_AXES), Sideways("constant", high=high))
+    results = [(name, reason.code) for name, reason in evaluation.objections]
+    assert results == ([] if possible else [("constant", Code.IMPLAUSIBLE_PARAMETER)])
 
 
 def test_range_is_reported_in_display_units() -> None:

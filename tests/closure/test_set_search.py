@@ -52,7 +52,7 @@ def test_small_tilt_has_a_realistic_trial() -> None:
 
 
 def test_a_shape_far_from_the_usual_one_is_fitted_anew_from_there() -> None:
-    def plant(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+    def plant(signal: FloatArray, theta: FloatArray, conditions: GroupConditions) -> FloatArray:
         read = signal.copy()
         read[LATERAL] += 4.0 * WavePacket.packet(theta - 1.1)[0]
         return read
@@ -64,8 +64,8 @@ def test_a_shape_far_from_the_usual_one_is_fitted_anew_from_there() -> None:
     assert trial is not None
     stuck = refit(trial, data)
     assert stuck.vector[stuck.model.layout.effect(effect.name)][1] == pytest.approx(1.8, abs=0.1)
-    found, _ = searched(campaign, {effect.name: effect})
-    fit = found.best.fit
+    posterior, _ = searched(campaign, {effect.name: effect})
+    fit = posterior.best.fit
     assert fit.vector[fit.model.layout.effect(effect.name)] == pytest.approx([4.0, 1.1], rel=0.02)
 
 
@@ -80,16 +80,16 @@ def test_trial_beside_an_impossible_belt_fails_alone() -> None:
     assert not Scan(beyond, [angle_effect(name) for name in ("shear flexibility", "gain")], [0]).trials()
 
 
-def tilt_and_gain(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
-    return turned(LATERAL, 0.03)(gain(signal, theta, here), theta, here)
+def tilt_and_gain(signal: FloatArray, theta: FloatArray, conditions: GroupConditions) -> FloatArray:
+    return turned(LATERAL, 0.03)(gain(signal, theta, conditions), theta, conditions)
 
 
 def test_two_effects_are_found_together() -> None:
     effects = among("roll tilt", "gain", "pitch tilt", "zero-g offset")
-    found, search = searched(campaign_of(ONE_SPEED, tilt_and_gain, axes=ALL_AXES), effects)
-    assert found.best.names == {"roll tilt", "gain"}
-    assert set(found.identified()) == {"roll tilt", "gain"}
-    assert found.best.names == search.best.names
+    posterior, search = searched(campaign_of(ONE_SPEED, tilt_and_gain, axes=ALL_AXES), effects)
+    assert posterior.best.names == {"roll tilt", "gain"}
+    assert set(posterior.identified()) == {"roll tilt", "gain"}
+    assert posterior.best.names == search.best.names
     assert frozenset() in search.evaluations
     assert search.complete
 
@@ -97,7 +97,7 @@ def test_two_effects_are_found_together() -> None:
 def test_a_chain_ends_where_three_sets_in_a_row_bring_no_evidence(monkeypatch: pytest.MonkeyPatch) -> None:
     """Five waves around the lateral axis are no effect of these; a fit takes one more all the same."""
 
-    def five_waves(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+    def five_waves(signal: FloatArray, theta: FloatArray, conditions: GroupConditions) -> FloatArray:
         read = signal.copy()
         read[LATERAL] += 10.0 * np.cos(5.0 * theta)
         return read
@@ -110,9 +110,9 @@ def test_a_chain_ends_where_three_sets_in_a_row_bring_no_evidence(monkeypatch: p
         return [linearised(model, search.data, fit.model.layout.moved(fit.vector, model.layout))]
 
     monkeypatch.setattr(SetSearch, "_fitted", one_more)
-    found, search = searched(campaign_of(ONE_SPEED, five_waves, noise_mps2=0.3, axes=ALL_AXES), effects)
+    posterior, search = searched(campaign_of(ONE_SPEED, five_waves, noise_mps2=0.3, axes=ALL_AXES), effects)
     assert search.complete
-    assert found.best.names == frozenset()
+    assert posterior.best.names == frozenset()
     assert max(map(len, search.evaluations)) == 1 + criteria.STALLED
 
 
@@ -120,11 +120,13 @@ def test_few_sets_hold_the_inverse_of_their_covariance() -> None:
     """It takes megabytes a set."""
     effects = among("roll tilt", "gain", "pitch tilt", "zero-g offset")
     _, search = searched(campaign_of(ONE_SPEED, tilt_and_gain, axes=ALL_AXES), effects)
-    applied = [one.fit.applied for one in search.evaluations.values() if one.fit.applied is not None]
+    applied = [
+        evaluation.fit.applied for evaluation in search.evaluations.values() if evaluation.fit.applied is not None
+    ]
     assert len(applied) >= 8
-    assert sum("inverses" in vars(one) for one in applied) <= 4
+    assert sum("inverses" in vars(item) for item in applied) <= 4
     # It is worked out again where it is needed.
-    first = next(one for one in applied if "inverses" not in vars(one))
+    first = next(item for item in applied if "inverses" not in vars(item))
     again = first.discrepancy.applied(first.amplitudes)
     assert sum(inverse.log_determinant for inverse in first.inverses) == again.log_determinant
 
@@ -132,12 +134,12 @@ def test_few_sets_hold_the_inverse_of_their_covariance() -> None:
 def test_known_set_is_fitted_again_from_a_better_optimum() -> None:
     """A set stuck far from its optimum would give its credit to an effect that merely leads out of it."""
 
-    def plant(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
-        return turned(LATERAL, 5e-5)(gain(signal, theta, here), theta, here)
+    def plant(signal: FloatArray, theta: FloatArray, conditions: GroupConditions) -> FloatArray:
+        return turned(LATERAL, 5e-5)(gain(signal, theta, conditions), theta, conditions)
 
     campaign = campaign_of(TWO_SPEEDS, plant, noise_mps2=0.05, axes=ALL_AXES)
-    found, search = searched(campaign, among("roll tilt", "gain"))
-    assert found.best.names == {"roll tilt", "gain"}
+    posterior, search = searched(campaign, among("roll tilt", "gain"))
+    assert posterior.best.names == {"roll tilt", "gain"}
     alone = frozenset(["gain"])
     stuck = search.evaluations[alone]
     search.evaluations[alone] = replace(stuck, log_evidence=stuck.log_evidence - 50.0)
@@ -151,11 +153,11 @@ def test_known_set_stays_where_another_fit_of_it_fails(monkeypatch: pytest.Monke
 
     campaign = campaign_of(ONE_SPEED, tilt_and_gain, axes=ALL_AXES)
     _, search = searched(campaign, among("roll tilt", "gain"))
-    known = dict(search.evaluations)
+    reference = dict(search.evaluations)
     monkeypatch.setattr(set_search, "evaluate", fail)
     search.run(baseline_fit(campaign, search.core, search.data))
-    assert search.evaluations == known
-    assert not search.rejected & set(known)
+    assert search.evaluations == reference
+    assert not search.rejected & set(reference)
 
 
 def test_effects_without_a_chance_at_noise_are_not_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -169,27 +171,27 @@ def test_effects_without_a_chance_at_noise_are_not_tried_again(monkeypatch: pyte
     monkeypatch.setattr(candidate_scan, "try_effect", counted)
     effects = among("roll tilt", "gain", "pitch tilt", "tread pitch")
     campaign = campaign_of(ONE_SPEED, tilt_and_gain, axes=ALL_AXES)
-    found, _ = searched(campaign, effects)
+    posterior, _ = searched(campaign, effects)
     fewer = len(tried)
     tried.clear()
     monkeypatch.setattr(SetSearch, "_additions", lambda search, *_: list(search.effects))
     every, _ = searched(campaign, effects)
     assert fewer < len(tried)
-    assert found.best.names == every.best.names == {"roll tilt", "gain"}
-    assert found.weights == every.weights
+    assert posterior.best.names == every.best.names == {"roll tilt", "gain"}
+    assert posterior.weights == every.weights
 
 
 @pytest.mark.parametrize("answers", [0, 3])
 def test_expired_search_returns_what_is_known(answers: int) -> None:
     asked = itertools.count()
     effects = among("roll tilt", "gain")
-    found, search = searched(
+    posterior, search = searched(
         campaign_of(ONE_SPEED, tilt_and_gain, axes=ALL_AXES), effects, expired=lambda: next(asked) >= answers
     )
     assert not search.complete
-    assert found.best.names in search.evaluations
-    assert sum(found.weights) == pytest.approx(1.0)
-    assert found.baseline.names == frozenset()
+    assert posterior.best.names in search.evaluations
+    assert sum(posterior.weights) == pytest.approx(1.0)
+    assert posterior.baseline.names == frozenset()
 
 
 def test_rivals_are_those_of_what_an_effect_adds_to_its_set() -> None:
@@ -214,7 +216,7 @@ def test_scan_order_does_not_depend_on_the_catalogue() -> None:
     first, _ = searched(campaign, effects)
     again, _ = searched(campaign, dict(reversed(effects.items())))
     assert first.weights == again.weights
-    assert [one.names for one in first.sets] == [one.names for one in again.sets]
+    assert [effect_set.names for effect_set in first.sets] == [effect_set.names for effect_set in again.sets]
 
 
 @pytest.mark.parametrize(("curvature", "may_be"), [(0.003, True), (-0.0003, True), (-0.007, False), (-0.5, True)])

@@ -8,13 +8,13 @@ from gateway.reasons import Code, Reason
 from tests.closure.planted_campaign import ONE_SPEED, TWO_SPEEDS, among, campaign_of
 
 
-def found(name: str) -> Finding:
+def finding_of(name: str) -> Finding:
     return Finding(name, Verdict.NAMED, {}, 1e4, 1e4, 1e2, 3.0)
 
 
 @pytest.mark.parametrize("name", ["tire-locked edge waves", "tread pitch", "torsional ripple"])
 def test_order_at_one_speed_is_undecided(name: str) -> None:
-    named = [found(name), found("mounting offset")]
+    named = [finding_of(name), finding_of("mounting offset")]
     effects = list(among(name, "mounting offset").values())
     open_, offset = doubted(named, effects, campaign_of(ONE_SPEED), 3.3)
     assert open_.verdict is Verdict.INDISTINGUISHABLE

@@ -17,27 +17,27 @@ from gateway.closure.model.tire_state import shift, slopes
 from tests.closure.planted_campaign import LOAD_N, PLANE, campaign_of, conditions, searched
 
 NAMES = ExactCore.names
-HERE = conditions()
+STEADY = conditions()
 
 
 @pytest.mark.parametrize(("load", "pressure"), [(1.03, 1.0), (1.0, 1.009), (0.97, 0.995)])
 def test_stiffnesses_are_independent_of_load_and_pressure(load: float, pressure: float) -> None:
-    there = replace(HERE, load_n=load * HERE.load_n, pressure_pa=pressure * HERE.pressure_pa)
+    there = replace(STEADY, load_n=load * STEADY.load_n, pressure_pa=pressure * STEADY.pressure_pa)
     state = np.array([0.1, -0.2, 0.05, 0.3, -0.1])
-    known = ring_parameters(state, HERE, RingOptions())
-    ring = ring_parameters(state + shift(NAMES, there, HERE), there, RingOptions())
+    reference = ring_parameters(state, STEADY, RingOptions())
+    ring = ring_parameters(state + shift(NAMES, there, STEADY), there, RingOptions())
     for name in ("bending_stiffness_nm2", "tension_width_m", "tread_stiffness_npm2"):
-        assert getattr(ring, name) == pytest.approx(getattr(known, name), rel=1e-12)
+        assert getattr(ring, name) == pytest.approx(getattr(reference, name), rel=1e-12)
     grown = 1.0 + 0.5 * (pressure - 1.0)
-    assert ring.radial_stiffness_npm2 == pytest.approx(grown * known.radial_stiffness_npm2, rel=1e-12)
-    assert ring.tangential_stiffness_npm2 == pytest.approx(grown * known.tangential_stiffness_npm2, rel=1e-12)
+    assert ring.radial_stiffness_npm2 == pytest.approx(grown * reference.radial_stiffness_npm2, rel=1e-12)
+    assert ring.tangential_stiffness_npm2 == pytest.approx(grown * reference.tangential_stiffness_npm2, rel=1e-12)
 
 
 def test_slopes_match_the_shift() -> None:
     step = 1e-6
     for slope, name in zip(slopes(NAMES), ("load_n", "pressure_pa"), strict=True):
-        there = replace(HERE, **{name: getattr(HERE, name) * np.exp(step)})
-        assert slope == pytest.approx(shift(NAMES, there, HERE) / step, abs=1e-4)
+        there = replace(STEADY, **{name: getattr(STEADY, name) * np.exp(step)})
+        assert slope == pytest.approx(shift(NAMES, there, STEADY) / step, abs=1e-4)
 
 
 def test_state_boundaries() -> None:
@@ -55,20 +55,20 @@ def test_similar_loads_need_no_effect() -> None:
     """The ring of the test keeps its numbers at every load, which is what one tire does."""
     loads = (conditions(load_n=LOAD_N), conditions(load_n=1.02 * LOAD_N), conditions(load_n=0.98 * LOAD_N))
     campaign = one_state(campaign_of(loads, noise_mps2=1.0))
-    found, search = searched(campaign, angle_effects(candidates(BaselineModel.EXACT)))
-    assert found.identified() == ()
-    assert found.best.names == frozenset()
-    assert found.best.fit.misfit < 1.1 * search.data.size
+    posterior, search = searched(campaign, angle_effects(candidates(BaselineModel.EXACT)))
+    assert posterior.identified() == ()
+    assert posterior.best.names == frozenset()
+    assert posterior.best.fit.misfit < 1.1 * search.data.size
 
 
 def test_drifting_load_is_predicted_by_block() -> None:
     """A block's waveform follows its own load: the prediction by the group's mean is off by the drift."""
-    here = conditions(load_n=LOAD_N)
+    current = conditions(load_n=LOAD_N)
     core = make_core(BaselineModel.EXACT)
-    steady = campaign_of((here,), axes=PLANE)
+    steady = campaign_of((current,), axes=PLANE)
     (group,) = steady.groups
     drifting = [
-        replace(block, conditions=replace(here, load_n=LOAD_N * (1.0 + 0.004 * (number - 2))))
+        replace(block, conditions=replace(current, load_n=LOAD_N * (1.0 + 0.004 * (number - 2))))
         for number, block in enumerate(group.blocks)
     ]
     model = ClosureModel(replace(steady, groups=(replace(group, blocks=tuple(drifting)),)), core)
@@ -77,8 +77,8 @@ def test_drifting_load_is_predicted_by_block() -> None:
     for number, block in enumerate(drifting):
         alone = replace(group, conditions=block.conditions, blocks=(block,))
         there = ClosureModel(replace(steady, groups=(group, alone)), core)
-        at, _ = there.priors()
-        exact = there.predict_group(at, 1)[0]
+        position, _ = there.priors()
+        exact = there.predict_group(position, 1)[0]
         change = np.abs(exact[RADIAL] - predicted[2, RADIAL]).max()
         assert np.abs(exact[RADIAL] - predicted[number, RADIAL]).max() < 0.05 * change + 1e-9
 

@@ -24,7 +24,7 @@ ROLL_RAD = 0.03
 def unit_of(effect: str, parameter: str) -> str:
     """Return the catalogue's unit, empty for what it does not have."""
     parameters = catalogue()[effect].parameters if effect in catalogue() else ()
-    return next((one.unit for one in parameters if one.name == parameter), "")
+    return next((declared.unit for declared in parameters if declared.name == parameter), "")
 
 
 def table_of(effects: Mapping[str, Mapping[str, float]], **changes: Any) -> CorrectionTable:
@@ -52,13 +52,13 @@ def with_roll(angle_rad: float) -> Transfer:
 
 
 def test_right_effects_lower_the_error_to_the_noise() -> None:
-    found = with_roll(ROLL_RAD)
-    assert found.held_out.rms_before_mps2 > 2.0 * found.noise_floor_mps2
-    assert found.held_out.rms_after_mps2 == pytest.approx(found.noise_floor_mps2, rel=0.05)
-    assert "contact centre" in found.refitted
-    report = found.report
+    result = with_roll(ROLL_RAD)
+    assert result.held_out.rms_before_mps2 > 2.0 * result.noise_floor_mps2
+    assert result.held_out.rms_after_mps2 == pytest.approx(result.noise_floor_mps2, rel=0.05)
+    assert "contact centre" in result.refitted
+    report = result.report
     assert report is not None
-    assert (report.held_out, report.taken_from) == (found.held_out, "effects")
+    assert (report.held_out, report.taken_from) == (result.held_out, "effects")
     (effect,) = report.findings
     assert effect.parameters["roll_rad"].value == ROLL_RAD
     # sin(0.03) of the radial axis.
@@ -67,7 +67,7 @@ def test_right_effects_lower_the_error_to_the_noise() -> None:
     )
     assert report.determined["Cw"]
     assert report.unexplained == ()
-    assert "roll tilt" not in found.refitted
+    assert "roll tilt" not in result.refitted
 
 
 def test_page_says_where_the_effects_are_from() -> None:
@@ -85,9 +85,9 @@ def test_page_says_where_the_effects_are_from() -> None:
 
 def test_transferred_parameters_are_not_refitted() -> None:
     """Twice the tilt leaves as much as none: nothing moves it to the size that these recordings have."""
-    found = with_roll(2.0 * ROLL_RAD)
-    assert found.effects == {"roll tilt": {"roll_rad": 2.0 * ROLL_RAD}}
-    assert found.held_out.rms_after_mps2 == pytest.approx(found.held_out.rms_before_mps2, rel=0.1)
+    result = with_roll(2.0 * ROLL_RAD)
+    assert result.effects == {"roll tilt": {"roll_rad": 2.0 * ROLL_RAD}}
+    assert result.held_out.rms_after_mps2 == pytest.approx(result.held_out.rms_before_mps2, rel=0.1)
 
 
 @pytest.mark.parametrize(

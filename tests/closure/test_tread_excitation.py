@@ -17,9 +17,9 @@ TRUTH = np.array([0.035, -0.02, 71.0, 4.6, 2.5e-5, 4e-5])
 
 
 def effect() -> SignalEffect:
-    found = catalogue()[NAME]
-    assert isinstance(found, SignalEffect)
-    return found
+    result = catalogue()[NAME]
+    assert isinstance(result, SignalEffect)
+    return result
 
 
 @pytest.mark.parametrize("speeds", [(65.0,), (45.0, 75.0)])
@@ -31,20 +31,20 @@ def test_blocks_mass_and_losses_are_found(speeds: tuple[float, ...]) -> None:
 
 def test_numbers_of_blocks_are_tried_with_the_mass_of_the_same_wave() -> None:
     start = (0.03, 0.03, 64.0, 6.8, 1e-4, 0.0)
-    masses = [one[3] for one in effect().nearer(0, start, (CONDITIONS,))]
+    masses = [item[3] for item in effect().nearer(0, start, (CONDITIONS,))]
     assert min(masses) < 0.7 * 6.8 < 1.4 * 6.8 < max(masses)
-    found = {one[2]: one[3] for one in effect().nearer(1, start, (CONDITIONS,))}
-    assert set(found) >= {60.0, 64.0, 67.0, 70.0}
-    assert found[60.0] > 1.5 * found[64.0] > 1.5 * found[67.0]
-    assert found[67.0] == pytest.approx(3.7, rel=0.15)
+    results = {item[2]: item[3] for item in effect().nearer(1, start, (CONDITIONS,))}
+    assert set(results) >= {60.0, 64.0, 67.0, 70.0}
+    assert results[60.0] > 1.5 * results[64.0] > 1.5 * results[67.0]
+    assert results[67.0] == pytest.approx(3.7, rel=0.15)
 
 
 def test_mass_of_a_wave_is_that_of_its_belt() -> None:
     bending, tension, mass, omega, radius = 6.8, 4200.0, 3.5, 52.0, 0.32
     wave = belt_wave(BlockTread(67.0, bending / mass, tension / mass, 0.0, 0.0), 0, omega, radius)
     # The dispersion has a sidewall of its own, of little weight.
-    found = mass_of_wave(wave.order, 67.0, bending, tension, 1.8e5 * mass, omega, radius)
-    assert found == pytest.approx(mass, rel=0.01)
+    result = mass_of_wave(wave.order, 67.0, bending, tension, 1.8e5 * mass, omega, radius)
+    assert result == pytest.approx(mass, rel=0.01)
     assert np.isnan(mass_of_wave(67.0, 67.0, bending, tension, 6e5, omega, radius))
 
 

@@ -34,22 +34,22 @@ def group(
     # Noise of a sensor that has half as many samples as the grid.
     rough = np.fft.rfft(2.0 * math.sqrt(2.0) * rng.standard_normal((COUNT, 3, GRID)))
     rough[..., GRID // 4 :] = 0.0
-    left = np.fft.irfft(rough, n=GRID) + signal
+    remainder = np.fft.irfft(rough, n=GRID) + signal
     clipped = np.abs(THETA) > clipped_beyond_rad
-    left[:, 2, clipped] *= 1e-3
-    here = GroupConditions(kmh / 3.6 / 0.32, 0.0, 0.32, 4000.0, 2.1e5, 25.0, 25.0, 9600.0, 0.0, reverse=reverse)
-    flat = Block(COUNT, here, np.zeros((3, ORDERS), complex))
-    scatter = angle_scatter(left, np.ones(3, dtype=bool), np.arange(COUNT), clipped=bool(clipped.any()))
-    return Group(f"{kmh} km/h", 0, 0, here, (flat,), np.ones((3, ORDERS)), 0.2, by_angle=scatter)
+    remainder[:, 2, clipped] *= 1e-3
+    current = GroupConditions(kmh / 3.6 / 0.32, 0.0, 0.32, 4000.0, 2.1e5, 25.0, 25.0, 9600.0, 0.0, reverse=reverse)
+    flat = Block(COUNT, current, np.zeros((3, ORDERS), complex))
+    scatter = angle_scatter(remainder, np.ones(3, dtype=bool), np.arange(COUNT), clipped=bool(clipped.any()))
+    return Group(f"{kmh} km/h", 0, 0, current, (flat,), np.ones((3, ORDERS)), 0.2, by_angle=scatter)
 
 
 def burst(at_rad: float, size: float, *, seed: int = 5, axes: tuple[int, ...] = (0, 1, 2)) -> np.ndarray:
     """Return noise at one angle, another in each revolution."""
     rng = np.random.default_rng(seed)
-    found = np.zeros((COUNT, 3, GRID))
+    result = np.zeros((COUNT, 3, GRID))
     for axis in axes:
-        found[:, axis] = size * np.exp(-0.5 * ((THETA - at_rad) / 0.1) ** 2) * rng.standard_normal((COUNT, GRID))
-    return found
+        result[:, axis] = size * np.exp(-0.5 * ((THETA - at_rad) / 0.1) ** 2) * rng.standard_normal((COUNT, GRID))
+    return result
 
 
 def test_even_noise_has_nothing_unexplained() -> None:
@@ -65,10 +65,10 @@ def test_noise_where_a_clipped_signal_is_free_is_no_place(beyond_rad: float) -> 
 
 
 def test_place_is_found_beside_clipping() -> None:
-    (found,) = unexplained_revolutions([group(burst(1.2, 3.0, axes=(2,)), clipped_beyond_rad=2.5)])
-    assert (found.lock, found.axis) == ("place", "radial")
-    (found,) = unexplained_revolutions([group(burst(1.2, 3.0, axes=(1,)), clipped_beyond_rad=0.3)])
-    assert (found.lock, found.axis, found.other_axes) == ("place", "lateral", ())
+    (result,) = unexplained_revolutions([group(burst(1.2, 3.0, axes=(2,)), clipped_beyond_rad=2.5)])
+    assert (result.lock, result.axis) == ("place", "radial")
+    (result,) = unexplained_revolutions([group(burst(1.2, 3.0, axes=(1,)), clipped_beyond_rad=0.3)])
+    assert (result.lock, result.axis, result.other_axes) == ("place", "lateral", ())
 
 
 def test_a_few_odd_turns_are_no_place() -> None:
@@ -80,9 +80,9 @@ def test_a_few_odd_turns_are_no_place() -> None:
 
 def changed(at_rad: float, amounts: np.ndarray) -> np.ndarray:
     """Return one waveform at an angle, in each revolution by another amount."""
-    found = np.zeros((COUNT, 3, GRID))
-    found[:, 2] = amounts[:, None] * np.exp(-0.5 * ((THETA - at_rad) / 0.1) ** 2)
-    return found
+    result = np.zeros((COUNT, 3, GRID))
+    result[:, 2] = amounts[:, None] * np.exp(-0.5 * ((THETA - at_rad) / 0.1) ** 2)
+    return result
 
 
 def test_step_or_drift_of_a_waveform_is_no_place() -> None:
@@ -93,15 +93,15 @@ def test_step_or_drift_of_a_waveform_is_no_place() -> None:
 
 def test_rubbing_beside_a_step_is_found_at_its_own_place() -> None:
     step = changed(0.3, np.where(np.arange(COUNT) < 40, -20.0, 20.0))
-    (found,) = unexplained_revolutions([group(step + burst(1.5, 2.0))])
-    assert found.angle_rad is not None
-    assert found.angle_rad[0] < 1.5 < found.angle_rad[1]
+    (result,) = unexplained_revolutions([group(step + burst(1.5, 2.0))])
+    assert result.angle_rad is not None
+    assert result.angle_rad[0] < 1.5 < result.angle_rad[1]
 
 
 def test_one_waveform_by_random_amounts_is_a_place() -> None:
     amounts = np.random.default_rng(3).normal(0.0, 5.0, COUNT)
-    found = unexplained_revolutions([group(changed(0.3, amounts))])
-    assert found[0].lock == "place"
+    result = unexplained_revolutions([group(changed(0.3, amounts))])
+    assert result[0].lock == "place"
 
 
 def test_coarse_converter_is_no_place() -> None:
@@ -111,7 +111,9 @@ def test_coarse_converter_is_no_place() -> None:
     passing = np.abs(THETA - 0.8) < 0.4
     scatter = np.where(passing, rng.uniform(-0.5 * step, 0.5 * step, (COUNT, 3, GRID)), 0.0)
     coarse = group(scatter)
-    assert [one.lock for one in unexplained_revolutions([coarse])][:1] == ["place"]
+    assert [unexplained_revolution.lock for unexplained_revolution in unexplained_revolutions([coarse])][:1] == [
+        "place"
+    ]
     assert unexplained_revolutions([replace(coarse, step_mps2=(step, step, step))]) == ()
 
 
@@ -122,24 +124,24 @@ def test_few_revolutions_have_no_scatter_by_angle() -> None:
 
 def test_rubbing_at_one_place_has_angle_size_and_growth() -> None:
     groups = [group(burst(1.2, 2.0), kmh=60.0), group(burst(1.2, 3.0, seed=6), kmh=90.0, seed=2)]
-    (found,) = unexplained_revolutions(groups)
-    assert found.lock == "place"
-    assert found.angle_rad is not None
-    assert found.angle_rad[0] < 1.2 < found.angle_rad[1]
-    assert found.angle_rad[1] - found.angle_rad[0] < 0.6
-    assert len(found.other_axes) == 2
-    assert (found.scaling.status, found.scaling.exponent) == (ScalingStatus.KNOWN, 1.0)
+    (result,) = unexplained_revolutions(groups)
+    assert result.lock == "place"
+    assert result.angle_rad is not None
+    assert result.angle_rad[0] < 1.2 < result.angle_rad[1]
+    assert result.angle_rad[1] - result.angle_rad[0] < 0.6
+    assert len(result.other_axes) == 2
+    assert (result.scaling.status, result.scaling.exponent) == (ScalingStatus.KNOWN, 1.0)
     true = 3.0 * math.sqrt(0.1 * math.sqrt(math.pi) / (2.0 * math.pi))
-    assert abs(found.rms_mps2 - true) < 3.0 * found.std_mps2 + 0.03 * true
-    assert found.largest_in == "90.0 km/h"
+    assert abs(result.rms_mps2 - true) < 3.0 * result.std_mps2 + 0.03 * true
+    assert result.largest_in == "90.0 km/h"
 
 
 def test_weak_rubbing_is_found_by_all_groups_together() -> None:
     alone = [group(burst(-2.0, 0.75, seed=seed), kmh=60.0, seed=seed + 20) for seed in range(6)]
-    assert all(unexplained_revolutions([one]) == () for one in alone)
-    (found,) = unexplained_revolutions(alone)
-    assert found.angle_rad is not None
-    assert found.angle_rad[0] < -2.0 < found.angle_rad[1]
+    assert all(unexplained_revolutions([item]) == () for item in alone)
+    (result,) = unexplained_revolutions(alone)
+    assert result.angle_rad is not None
+    assert result.angle_rad[0] < -2.0 < result.angle_rad[1]
 
 
 def test_place_on_the_wheel_is_mirrored_in_reverse() -> None:
@@ -149,9 +151,9 @@ def test_place_on_the_wheel_is_mirrored_in_reverse() -> None:
 
 def test_place_may_lie_opposite_the_contact() -> None:
     wrapped = np.roll(burst(0.0, 3.0), GRID // 2, axis=-1)
-    (found,) = unexplained_revolutions([group(wrapped)])
-    assert found.angle_rad is not None
-    low, high = found.angle_rad
+    (result,) = unexplained_revolutions([group(wrapped)])
+    assert result.angle_rad is not None
+    low, high = result.angle_rad
     assert low < math.pi < high or low < -math.pi < high
 
 
@@ -159,31 +161,35 @@ def test_every_second_turn_is_recognised() -> None:
     pulse = 4.0 * np.exp(-0.5 * ((THETA + 0.9) / 0.1) ** 2) * np.sin(40.0 * THETA)
     signal = np.zeros((COUNT, 3, GRID))
     signal[::2, 2], signal[1::2, 2] = 0.5 * pulse, -0.5 * pulse
-    found = [one for one in unexplained_revolutions([group(signal)]) if one.lock == "turns"]
-    assert len(found) == 1
-    assert found[0].axis == "radial"
-    assert found[0].rms_mps2 == pytest.approx(math.sqrt(np.square(0.5 * pulse).mean()), rel=0.25)
+    results = [
+        unexplained_revolution
+        for unexplained_revolution in unexplained_revolutions([group(signal)])
+        if unexplained_revolution.lock == "turns"
+    ]
+    assert len(results) == 1
+    assert results[0].axis == "radial"
+    assert results[0].rms_mps2 == pytest.approx(math.sqrt(np.square(0.5 * pulse).mean()), rel=0.25)
 
 
 def test_random_bursts_are_not_every_second_turn() -> None:
     for seed in range(10):
-        found = unexplained_revolutions([group(burst(0.5, 6.0, seed=seed), seed=seed)])
-        assert {one.lock for one in found} == {"place"}
+        result = unexplained_revolutions([group(burst(0.5, 6.0, seed=seed), seed=seed)])
+        assert {item.lock for item in result} == {"place"}
 
 
 def test_corrected_contact_edges_may_leave_a_share() -> None:
     there = group(burst(0.3, 2.0))
-    (found,) = unexplained_revolutions([there])
-    explained = 40.0 * found.rms_mps2**2
+    (result,) = unexplained_revolutions([there])
+    explained = 40.0 * result.rms_mps2**2
     assert unexplained_revolutions([replace(there, edges=EdgeTiming(explained_m2ps4=explained))]) == ()
 
 
 def test_repeated_samples_are_listed_with_their_error() -> None:
     stuck = replace(group(), recording=1, repeats=Repeats(20, 90, 40_000, (0.1, 0.0, 0.8)))
-    (found,) = unexplained_revolutions([group(kmh=90.0), stuck])
-    assert (found.lock, found.axis, found.rms_mps2) == ("samples", "radial", 0.8)
-    assert found.other_axes == (("circumferential", 0.1),)
-    assert found.largest_in == stuck.label
+    (result,) = unexplained_revolutions([group(kmh=90.0), stuck])
+    assert (result.lock, result.axis, result.rms_mps2) == ("samples", "radial", 0.8)
+    assert result.other_axes == (("circumferential", 0.1),)
+    assert result.largest_in == stuck.label
 
 
 def test_cells_cover_the_revolution() -> None:
@@ -228,16 +234,16 @@ def steep(scatter: np.ndarray) -> Group:
 def test_timing_noise_is_told_by_the_slope_of_the_waveform() -> None:
     times_s = 12e-6 * np.random.default_rng(4).standard_normal((COUNT, GRID))
     late = np.stack([contact(axis, times_s) - contact(axis) for axis in range(3)], axis=1)
-    found = unexplained_revolutions([steep(late)])
-    assert len(found) == 2
-    for one in found:
-        assert one.timing_s == pytest.approx(12e-6, rel=0.15)
-        assert residual_remarks(one)[0].startswith("timing noise of 1")
+    result = unexplained_revolutions([steep(late)])
+    assert len(result) == 2
+    for item in result:
+        assert item.timing_s == pytest.approx(12e-6, rel=0.15)
+        assert residual_remarks(item)[0].startswith("timing noise of 1")
 
 
 @pytest.mark.parametrize(("at_rad", "axes"), [(-0.25, (0, 2)), (1.2, (0, 1, 2)), (-0.25, (1,))])
 def test_rubbing_is_no_timing_noise(at_rad: float, axes: tuple[int, ...]) -> None:
     """Not at a steep edge either, while the other edge or another axis is quiet."""
-    (found, *_) = unexplained_revolutions([steep(burst(at_rad, 3.0, axes=axes))])
-    assert math.isnan(found.timing_s)
-    assert "rubs" in residual_remarks(found)[0]
+    (result, *_) = unexplained_revolutions([steep(burst(at_rad, 3.0, axes=axes))])
+    assert math.isnan(result.timing_s)
+    assert "rubs" in residual_remarks(result)[0]

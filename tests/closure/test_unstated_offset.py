@@ -27,8 +27,8 @@ EFFECTS = among(OFFSET, NONLINEARITY, "belt extension", "gain")
 AT_60 = "[motion]\nspeed_kmh = 60.0"
 
 
-def at(speed_kmh: float, *, known: bool = False) -> GroupConditions:
-    return conditions(speed_kmh, offset_known=known)
+def rolling_at(speed_kmh: float, *, is_known: bool = False) -> GroupConditions:
+    return conditions(speed_kmh, offset_known=is_known)
 
 
 @pytest.mark.parametrize(
@@ -37,24 +37,24 @@ def at(speed_kmh: float, *, known: bool = False) -> GroupConditions:
     ids=["below, belt stretched", "below", "nonlinear"],
 )
 def test_offset_and_nonlinearity_are_left_open_at_one_speed(plant: Plant, speed_kmh: float, noise_mps2: float) -> None:
-    campaign = campaign_of((at(speed_kmh),), plant, axes=(RADIAL,), noise_mps2=noise_mps2, seed=2)
-    found, _ = searched(campaign, EFFECTS)
-    assert found.identified() == ()
-    assert {OFFSET, NONLINEARITY} <= set(*found.alternatives())
+    campaign = campaign_of((rolling_at(speed_kmh),), plant, axes=(RADIAL,), noise_mps2=noise_mps2, seed=2)
+    posterior, _ = searched(campaign, EFFECTS)
+    assert posterior.identified() == ()
+    assert {OFFSET, NONLINEARITY} <= set(*posterior.alternatives())
 
 
 def test_nothing_is_named_where_the_assumption_holds() -> None:
-    found, _ = searched(campaign_of((at(60.0),), nothing, axes=(RADIAL,)), EFFECTS)
-    assert found.identified() == ()
-    assert found.probability([OFFSET]) < criteria.SUPPORTED
+    posterior, _ = searched(campaign_of((rolling_at(60.0),), nothing, axes=(RADIAL,)), EFFECTS)
+    assert posterior.identified() == ()
+    assert posterior.probability([OFFSET]) < criteria.SUPPORTED
 
 
 def test_only_an_unstated_offset_is_expected() -> None:
     offset = EFFECTS[OFFSET]
-    assert not offset.expected((at(60.0, known=True), at(30.0, known=True)))
-    assert offset.expected((at(60.0, known=True), at(30.0)))
-    for known, odds in ((True, criteria.PRIOR_ODDS), (False, criteria.EXPECTED_ODDS)):
-        campaign = campaign_of((at(60.0, known=known),), axes=(RADIAL,))
+    assert not offset.expected((rolling_at(60.0, is_known=True), rolling_at(30.0, is_known=True)))
+    assert offset.expected((rolling_at(60.0, is_known=True), rolling_at(30.0)))
+    for item, odds in ((True, criteria.PRIOR_ODDS), (False, criteria.EXPECTED_ODDS)):
+        campaign = campaign_of((rolling_at(60.0, is_known=item),), axes=(RADIAL,))
         model = ClosureModel(campaign, make_core(BaselineModel.EXACT), (offset, EFFECTS["gain"]))
         assert log_prior_odds(model) == pytest.approx(math.log(odds * criteria.PRIOR_ODDS))
 
@@ -70,8 +70,8 @@ def test_unstated_offset_is_listed_as_assumed(tmp_path: Path) -> None:
     assert not any(group.conditions.offset_known for group in campaign.groups)
     assert all(reason.code is not Code.STATED_OFFSET for reason in campaign.stated)
 
-    own = RecordingReader(path).vehicle_toml or ""
-    text = own.replace("[wheel.mounting]", "[wheel.mounting]\noffset_mm = 3.0")
+    selected = RecordingReader(path).vehicle_toml or ""
+    text = selected.replace("[wheel.mounting]", "[wheel.mounting]\noffset_mm = 3.0")
     stated = read_campaign([path], vehicle=parse_vehicle(text, "test"))
     assert Reason(Code.ASSUMED_OFFSET) not in stated.assumed
     assert all(group.conditions.offset_known for group in stated.groups)

@@ -123,8 +123,8 @@ CALLS: dict[str, Callable[[np.random.Generator], list]] = {
 
 def disturbed(rng: np.random.Generator, arguments: list) -> list:
     """Return arguments of which one is wrong."""
-    place = int(rng.integers(len(arguments)))
-    value = arguments[place]
+    index = int(rng.integers(len(arguments)))
+    value = arguments[index]
     if isinstance(value, np.ndarray):
         wrong = [None, 3.0, value[:-1], np.append(value, value.ravel()[:1]), value.astype(np.float32), value.T[::-1]]
         odd = value.copy()
@@ -134,7 +134,7 @@ def disturbed(rng: np.random.Generator, arguments: list) -> list:
         value = wrong[rng.integers(len(wrong))]
     else:
         value = [None, "1", *ODD_NUMBERS][rng.integers(2 + len(ODD_NUMBERS))]
-    return [*arguments[:place], value, *arguments[place + 1 :]]
+    return [*arguments[:index], value, *arguments[index + 1 :]]
 
 
 def make(core: ModuleType, count: int, seed: int) -> int:

@@ -29,8 +29,8 @@ needs_compiler = pytest.mark.skipif(hatch_build.compiler() is None, reason="ther
 seeds = st.integers(0, 2**32 - 1).map(np.random.default_rng)
 
 
-def assert_equal(one: Any, other: Any, scale: float = 1.0) -> None:
-    np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-10 * scale, equal_nan=True)
+def assert_equal(first: Any, other: Any, scale: float = 1.0) -> None:
+    np.testing.assert_allclose(first, other, rtol=1e-10, atol=1e-10 * scale, equal_nan=True)
 
 
 @needs_core
@@ -99,16 +99,16 @@ def test_normalisation_is_that_in_numpy(rng, count, n, coupling, level, gravity,
         interiors = [None if rng.random() < 0.2 else slice(n // 2 - 3, n // 2 + 4) for _ in range(count)]
     steady = level * rng.uniform(0.9, 1.1, count) if coupling == "AC, steady value" else None
     with np.errstate(all="ignore"):
-        one = speed_normalisation._normalised_by_numpy(radial, phases, interiors, steady, gravity)
+        single = speed_normalisation._normalised_by_numpy(radial, phases, interiors, steady, gravity)
     # A view whose rows are apart, as that of an axis of three.
     apart = np.stack([radial, radial], axis=1)[:, 0]
     other = speed_normalisation._normalised_by_core(apart, phases, interiors, steady, gravity)
-    np.testing.assert_array_equal(one.used_belt_angle, other.used_belt_angle)
-    assert_equal(other.constant_mps2, one.constant_mps2, level + 10.0)
-    finite = np.isfinite(one.radial_mps2)
+    np.testing.assert_array_equal(single.used_belt_angle, other.used_belt_angle)
+    assert_equal(other.constant_mps2, single.constant_mps2, level + 10.0)
+    finite = np.isfinite(single.radial_mps2)
     np.testing.assert_array_equal(finite, np.isfinite(other.radial_mps2))
-    assert_equal(other.radial_mps2[finite], one.radial_mps2[finite], level + 10.0)
-    assert_equal(other.belt_angle_rad, one.belt_angle_rad)
+    assert_equal(other.radial_mps2[finite], single.radial_mps2[finite], level + 10.0)
+    assert_equal(other.belt_angle_rad, single.belt_angle_rad)
 
 
 @needs_core
@@ -126,8 +126,8 @@ def test_matching_is_that_in_numpy(rng, lengths, points):
     count = np.array(lengths, dtype=float)
     passages = np.stack([0.5 * count, 9.0 * count, rng.uniform(0.5, 4.0, len(count)) / count, 0.1 / count**2], axis=1)
     given_ = lines, count - 1.0, passages, rng.uniform(20.0, 60.0, len(count)) / passages[:, 2], region
-    one, other = contact_template._matched_by_numpy(*given_), contact_template._matched_by_core(*given_)
-    assert_equal(other, one, np.abs(one).max())
+    first, other = contact_template._matched_by_numpy(*given_), contact_template._matched_by_core(*given_)
+    assert_equal(other, first, np.abs(first).max())
 
 
 @needs_core
@@ -140,18 +140,18 @@ def test_matching_is_that_in_numpy(rng, lengths, points):
     is_broken=st.booleans(),
 )
 def test_refinement_is_that_in_numpy(rng, n, width, noise, first, is_broken):
-    place, depth = rng.uniform(0.0, max(n, 1)), rng.uniform(5.0, 4000.0)
-    radial = depth * np.tanh(np.abs(np.arange(n) - place) / (0.5 * width)) ** 4 + rng.normal(0.0, 1.0, n) * noise
+    position, depth = rng.uniform(0.0, max(n, 1)), rng.uniform(5.0, 4000.0)
+    radial = depth * np.tanh(np.abs(np.arange(n) - position) / (0.5 * width)) ** 4 + rng.normal(0.0, 1.0, n) * noise
     if is_broken and n:
         radial[rng.integers(n)] = math.nan
     # Counts are whole numbers, and so many differences are equal.
     radial = np.repeat(radial, 2)[::2] if noise else np.rint(radial)
-    guess = first + place + rng.normal(0.0, 0.1 * width)
+    guess = first + position + rng.normal(0.0, 0.1 * width)
     given_ = radial, segmentation.cumulative(radial), guess, width, first
-    one, other = segmentation._refined_by_numpy(*given_), segmentation._refined_by_core(*given_)
-    assert (one is None) is (other is None)
-    if one is not None and other is not None:
-        assert_equal(other, one)
+    by_numpy, other = segmentation._refined_by_numpy(*given_), segmentation._refined_by_core(*given_)
+    assert (by_numpy is None) is (other is None)
+    if by_numpy is not None and other is not None:
+        assert_equal(other, by_numpy)
 
 
 @needs_core
@@ -186,13 +186,13 @@ def test_small_systems_are_those_of_lapack(rng, n, more, k, is_singular):
     for transposed in (False, True):
         out = np.empty((2, n, k))
         calls = (small_systems._solved_by_lapack, small_systems._solved_by_core)
-        regular = [call(factor, right, transposed, one) for call, one in zip(calls, out, strict=True)]
+        regular = [call(factor, right, transposed, item) for call, item in zip(calls, out, strict=True)]
         assert regular == [not is_singular] * 2
         if not is_singular:
             assert_equal(out[1], out[0], np.abs(out[0]).max())
     out = np.empty((2, n, k))
     fits = (small_systems._fitted_by_lapack, small_systems._fitted_by_core)
-    independent = [call(np.asfortranarray(matrix), longer, one) for call, one in zip(fits, out, strict=True)]
+    independent = [call(np.asfortranarray(matrix), longer, item) for call, item in zip(fits, out, strict=True)]
     assert independent == [not is_singular] * 2
     if not is_singular:
         assert_equal(out[1], out[0], np.abs(out[0]).max())
@@ -219,13 +219,13 @@ def test_mounting_is_that_in_numpy(rng, count, with_mean, level, kind):
     omega = rng.uniform(1.0, 150.0, count)
     order_max = rng.integers(4, 9, count) if kind == "few orders" else rng.integers(20, 90, count)
     given_ = spectra, belt, omega, rng.normal(0.0, 10.0, count), 0.3, order_max, with_mean
-    one, other = sensor_mounting._rows_by_numpy(*given_), sensor_mounting._rows_by_core(*given_)
-    for equations, same in zip(one.sums, other.sums, strict=True):
+    first, other = sensor_mounting._rows_by_numpy(*given_), sensor_mounting._rows_by_core(*given_)
+    for equations, same in zip(first.sums, other.sums, strict=True):
         assert_equal(same, equations, np.nanmax(np.abs(equations), initial=1.0))
-    assert_equal(other.hub, one.hub, level)
+    assert_equal(other.hub, first.hub, level)
     # From the same sums, which differ in their last digits.
-    found, same = sensor_mounting._solutions_by_numpy(one.sums), sensor_mounting._solutions_by_core(one.sums)
-    for values, others in zip(found, same, strict=True):
+    result, same = sensor_mounting._solutions_by_numpy(first.sums), sensor_mounting._solutions_by_core(first.sums)
+    for values, others in zip(result, same, strict=True):
         assert_equal(others, values, np.nanmax(np.abs(values), initial=1.0))
 
 
@@ -238,8 +238,8 @@ def test_sensitivity_of_the_balance_is_that_in_numpy(rng, half_angle, numbers):
     tangent = np.exp(1j * np.cumsum(rng.uniform(0.0, 0.05, points)))
     out = np.empty((2, weak_form_rows.ROWS + 1, points))
     given_ = tangent, rng.normal(size=points), rotation, np.array(numbers)
-    for one, function in zip(out, (weak_form_rows._by_angle_by_numpy, weak_form_rows._by_angle_by_core), strict=True):
-        function(*given_, one)
+    for item, function in zip(out, (weak_form_rows._by_angle_by_numpy, weak_form_rows._by_angle_by_core), strict=True):
+        function(*given_, item)
     assert_equal(out[1], out[0])
 
 
@@ -251,10 +251,10 @@ def test_what_does_not_fit_together_is_refused(name):
     arguments = core_calls.CALLS[name](rng)
     with pytest.raises(TypeError, match="arguments are needed"):
         getattr(core, name)(*arguments[:-1])
-    for place, value in enumerate(arguments):
+    for index, value in enumerate(arguments):
         if isinstance(value, np.ndarray):
             with pytest.raises((TypeError, ValueError, BufferError)):
-                getattr(core, name)(*arguments[:place], value.astype(np.bool_), *arguments[place + 1 :])
+                getattr(core, name)(*arguments[:index], value.astype(np.bool_), *arguments[index + 1 :])
 
 
 @needs_core
@@ -358,8 +358,8 @@ def test_a_recording_gives_the_same_estimates_without_the_core(tmp_path):
         with table.open(newline="") as file:
             rows.append([line for line in csv.reader(file) if not line[0].startswith("#")])
     assert len(rows[0]) == len(rows[1]) > 20
-    for one, other in zip(*rows, strict=True):
-        for cell, same in zip(one, other, strict=True):
+    for first, other in zip(*rows, strict=True):
+        for cell, same in zip(first, other, strict=True):
             try:
                 assert float(cell) == pytest.approx(float(same), rel=2e-8, abs=1e-12, nan_ok=True)
             except ValueError:

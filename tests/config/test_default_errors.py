@@ -34,21 +34,21 @@ def test_load_and_pressure_without_an_error_have_one() -> None:
 @pytest.mark.parametrize("load", [4000.0, 5000.0, 6000.0])
 def test_numbers_of_a_wrong_load_are_true_within_its_default_error(load: float) -> None:
     results, truth = simulated("", 6.0, setup_of(load), ESTIMATORS)
-    numbers, found = truth.numbers(1.0), last(results)
+    numbers, result = truth.numbers(1.0), last(results)
     for name in RING_NUMBERS:
-        assert found[name].status is Status.VALID
-        assert found[name].std > 0.1 * found[name].value
-        assert abs(found[name].value - getattr(numbers, name)) < 2.5 * found[name].std
+        assert result[name].status is Status.VALID
+        assert result[name].std > 0.1 * result[name].value
+        assert abs(result[name].value - getattr(numbers, name)) < 2.5 * result[name].std
 
 
 def test_width_of_the_new_tire_caps_the_error() -> None:
-    found = last(simulated("", 6.0, setup_of(5000.0, reference=True), ESTIMATORS)[0])
-    assert Code.SCALE_BY_WIDTH in [reason.code for reason in found["Cw"].reasons]
+    result = last(simulated("", 6.0, setup_of(5000.0, reference=True), ESTIMATORS)[0])
+    assert Code.SCALE_BY_WIDTH in [reason.code for reason in result["Cw"].reasons]
     for name in ("Bs", "Cw", "Rs"):
-        assert found[name].std < 0.05 * found[name].value
+        assert result[name].std < 0.05 * result[name].value
     # The load by the width rests on pressure and radius, which the width does not know apart.
-    assert 0.05 * 5000.0 < found["load_by_width_n"].std < 0.07 * 5000.0
-    assert abs(found["load_by_width_n"].value - 5000.0) < 2.0 * found["load_by_width_n"].std
+    assert 0.05 * 5000.0 < result["load_by_width_n"].std < 0.07 * 5000.0
+    assert abs(result["load_by_width_n"].value - 5000.0) < 2.0 * result["load_by_width_n"].std
 
 
 def test_doctor_lists_errors_that_are_assumed(tmp_path: Path) -> None:

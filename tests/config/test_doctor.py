@@ -63,14 +63,14 @@ def test_missing_and_old_packages_are_reported(monkeypatch: pytest.MonkeyPatch) 
         return "7.9.1" if name == "textual" else real(name)
 
     monkeypatch.setattr(importlib.metadata, "version", version)
-    found = list(checks.check_packages())
-    by_text = {check.text: check for check in found}
+    results = list(checks.check_packages())
+    by_text = {check.text: check for check in results}
     assert by_text["pyarrow is missing"].level is Level.WARNING
     assert by_text["pyarrow is missing"].remedy.endswith("pip install 'treadlink[parquet]'")
     assert by_text["mcap is missing"].level is Level.FAULT
     assert by_text["mcap is missing"].remedy.endswith("pip install 'mcap>=1.5'")
     assert by_text["textual 7.9.1 is older than 8"].level is Level.FAULT
-    assert not any(check.level is Level.OK for check in found)
+    assert not any(check.level is Level.OK for check in results)
 
 
 def test_installed_packages_are_listed() -> None:
@@ -158,18 +158,18 @@ def test_terminal(is_terminal: bool, size: os.terminal_size, encoding: str, term
 def test_configuration_faults_and_unknowns_are_reported(tmp_path: Path) -> None:
     path = tmp_path / "car.toml"
     path.write_text(GOOD, encoding="utf-8")
-    found = list(checks.check_config(path))
-    assert [check.level for check in found] == [Level.OK] * 3 + [Level.WARNING]
-    assert "FL (hub 0, wheel 0)" in found[0].text
-    assert re.fullmatch(r"not stated: lateral_is_left, [^(]+\(FL\); bandwidth_hz, [^(]+\(FL\)", found[2].text)
-    assert found[3].text.startswith("pressure of FL is unknown")
+    results = list(checks.check_config(path))
+    assert [check.level for check in results] == [Level.OK] * 3 + [Level.WARNING]
+    assert "FL (hub 0, wheel 0)" in results[0].text
+    assert re.fullmatch(r"not stated: lateral_is_left, [^(]+\(FL\); bandwidth_hz, [^(]+\(FL\)", results[2].text)
+    assert results[3].text.startswith("pressure of FL is unknown")
     stated = "mounting = { lateral_is_left = true }\nsensor = { bandwidth_hz = 2000 }\n"
     path.write_text(GOOD + stated, encoding="utf-8")
     assert not any(check.text.startswith("not stated") for check in checks.check_config(path))
     path.write_text(GOOD.replace("320", "0.32").replace("4000", "4"), encoding="utf-8")
-    found = list(checks.check_config(path))
-    assert [check.level for check in found] == [Level.FAULT] * 2
-    assert all(str(path) in check.text for check in found)
+    results = list(checks.check_config(path))
+    assert [check.level for check in results] == [Level.FAULT] * 2
+    assert all(str(path) in check.text for check in results)
 
 
 def test_sources(device: Path, tmp_path: Path) -> None:

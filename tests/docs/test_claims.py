@@ -75,12 +75,12 @@ def imported(module: str) -> frozenset[str]:
     """Return the modules of the project that a module imports, directly or not."""
     path = ROOT / module.replace(".", "/")
     file = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
-    found: set[str] = set()
+    results: set[str] = set()
     if file.is_file():
         for name in imports(file):
             if name.startswith("gateway"):
-                found |= {name, *imported(name)}
-    return frozenset(found)
+                results |= {name, *imported(name)}
+    return frozenset(results)
 
 
 def uses_solver(module: str) -> bool:
@@ -88,7 +88,7 @@ def uses_solver(module: str) -> bool:
 
 
 def test_only_the_forward_estimator_shares_the_simulators_solver():
-    sharing = {name for name, place in ESTIMATORS.items() if uses_solver(place.partition(":")[0])}
+    sharing = {name for name, position in ESTIMATORS.items() if uses_solver(position.partition(":")[0])}
     assert sharing == {"forward"}
 
 

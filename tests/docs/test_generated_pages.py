@@ -118,10 +118,10 @@ def test_every_layer_has_an_api_page():
 
 def test_docstrings_hold_no_accidental_cross_references():
     """`[a] [b]` is a link to b in Markdown: formulas with brackets are code."""
-    found = []
+    results = []
     for name, path in modules():
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
             if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
                 text = re.sub(r"`[^`]*`|^ {4,}.*$", "", ast.get_docstring(node) or "", flags=re.MULTILINE)
-                found += [f"{name}: {link}" for link in re.findall(r"\] ?\[[^\[\]]+\]", text)]
-    assert found == []
+                results += [f"{name}: {link}" for link in re.findall(r"\] ?\[[^\[\]]+\]", text)]
+    assert results == []

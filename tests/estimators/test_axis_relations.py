@@ -36,19 +36,19 @@ def codes_of(snapshot: WheelSnapshot) -> list[Code]:
 def test_axes_in_order_and_in_time_raise_nothing(speed_kmh: float) -> None:
     results, snapshot = rolled(speed_kmh)
     assert codes_of(snapshot) == []
-    found = last(results)
-    assert found["ply_steer_contact_line_rad"].status is Status.VALID
-    assert found["sensor_offset_m"].status is Status.VALID
+    result = last(results)
+    assert result["ply_steer_contact_line_rad"].status is Status.VALID
+    assert result["sensor_offset_m"].status is Status.VALID
 
 
 @pytest.mark.parametrize("speed_kmh", [40.0, 120.0])
 def test_swapped_axes_are_seen_at_every_speed(speed_kmh: float) -> None:
     results, snapshot = rolled(speed_kmh, channels=(1, 0, 2))
     assert Code.AXES_SWAPPED in codes_of(snapshot)
-    found = last(results)
+    result = last(results)
     for name in (*SLOPES, "pitch_tilt_rad", "sensor_offset_m"):
-        assert found[name].status is Status.INVALID, name
-    assert found["speed_mps"].status is Status.VALID
+        assert result[name].status is Status.INVALID, name
+    assert result["speed_mps"].status is Status.VALID
     # The axis along the belt is there, under another name.
     conditions = results[-1].conditions
     assert conditions.sensor_offset_m == pytest.approx(2e-3, abs=1e-4)
@@ -61,10 +61,10 @@ def test_late_lateral_axis_has_no_slopes(speed_kmh: float, samples: int) -> None
     (reason,) = (flag.reason for flag in snapshot.flags if flag.reason.code is Code.AXIS_LATE)
     assert reason["axis"] == "lateral"
     assert reason["late_s"] == pytest.approx(samples / 4800.0, rel=0.15)
-    found = last(results)
+    result = last(results)
     for name in SLOPES:
-        assert found[name].status is Status.INVALID, name
-    assert found["sensor_offset_m"].status is Status.VALID
+        assert result[name].status is Status.INVALID, name
+    assert result["sensor_offset_m"].status is Status.VALID
 
 
 @pytest.mark.parametrize("samples", [5, 12])
@@ -73,10 +73,10 @@ def test_late_circumferential_axis_gives_no_depth(samples: int) -> None:
     (reason,) = (flag.reason for flag in snapshot.flags if flag.reason.code is Code.AXIS_LATE)
     assert reason["axis"] == "circumferential"
     assert reason["late_s"] == pytest.approx(samples / 4800.0, rel=0.1)
-    found = last(results)
-    assert found["sensor_offset_m"].status is Status.INVALID
-    assert found["pitch_tilt_rad"].status is Status.INVALID
-    assert found["ply_steer_contact_line_rad"].status is Status.VALID
+    result = last(results)
+    assert result["sensor_offset_m"].status is Status.INVALID
+    assert result["pitch_tilt_rad"].status is Status.INVALID
+    assert result["ply_steer_contact_line_rad"].status is Status.VALID
 
 
 @pytest.mark.parametrize("amplitude_mps2", [1.0, 3.0])
@@ -87,12 +87,12 @@ def test_motion_of_the_hub_is_in_the_errors(amplitude_mps2: float) -> None:
     conditions = moved[-1].conditions
     assert conditions.hub_mps2 == pytest.approx(0.5 * amplitude_mps2, rel=0.2)
     assert still[-1].conditions.hub_mps2 < 0.12
-    numbers, found, before = truth.numbers(1.0), last(moved), last(still)
+    numbers, result, before = truth.numbers(1.0), last(moved), last(still)
     for name in ("Bs/Cw", "Rs/Cw", "Ts/Cw"):
         true = getattr(numbers, name[:2]) / numbers.Cw
-        assert abs(found[name].value - true) < 3.0 * found[name].std, name
-        assert found[name].std > before[name].std, name
-    assert abs(found["longitudinal_force_n"].value) < 3.0 * found["longitudinal_force_n"].std
+        assert abs(result[name].value - true) < 3.0 * result[name].std, name
+        assert result[name].std > before[name].std, name
+    assert abs(result["longitudinal_force_n"].value) < 3.0 * result["longitudinal_force_n"].std
 
 
 @pytest.mark.parametrize(("along_g", "lateral_g"), [(0.0, 1.0), (0.0, 2.0), (1.8, 0.6)])

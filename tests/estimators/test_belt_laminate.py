@@ -30,23 +30,23 @@ def test_two_crossed_plies_follow_the_closed_form() -> None:
 
 def test_tolerances_match_random_belts() -> None:
     rng = np.random.default_rng(5)
-    found = []
+    results = []
     for _ in range(400):
         plies = tuple(
             replace(
-                one,
-                angle_rad=rng.normal(one.angle_rad, one.angle_std_rad),
-                thickness_m=rng.normal(one.thickness_m, one.thickness_std_m),
-                cord_pa=rng.normal(one.cord_pa, one.cord_std_pa),
-                cord_share=rng.normal(one.cord_share, one.cord_share_std),
+                layer,
+                angle_rad=rng.normal(layer.angle_rad, layer.angle_std_rad),
+                thickness_m=rng.normal(layer.thickness_m, layer.thickness_std_m),
+                cord_pa=rng.normal(layer.cord_pa, layer.cord_std_pa),
+                cord_share=rng.normal(layer.cord_share, layer.cord_share_std),
             )
-            for one in BELT.plies
+            for layer in BELT.plies
         )
         laminate = replace(BELT, plies=plies, rubber_pa=rng.normal(6e6, 1.2e6)).laminate()
-        found.append((laminate.coupling[0, 2], laminate.stretching[2, 2], laminate.coupling_length_m))
+        results.append((laminate.coupling[0, 2], laminate.stretching[2, 2], laminate.coupling_length_m))
     law = coupling_law(BELT)
     stds = (law.b16_n.std, law.a66_npm.std, law.length_m.std)
-    assert stds == pytest.approx(np.std(found, axis=0, ddof=1), rel=0.12)
+    assert stds == pytest.approx(np.std(results, axis=0, ddof=1), rel=0.12)
 
 
 def test_exact_statement_has_no_error() -> None:

@@ -21,19 +21,19 @@ def test_shared_causes_connect_quantities_as_random_errors_do() -> None:
     rng = np.random.default_rng(1)
     drawn = np.cov((relative(rng.normal(0.0, ERRORS, (200_000, 5))) * VALUES).T)
     constant = np.sqrt(np.diagonal(drawn))
-    given = covariance(NAMES, VALUES, constant, np.zeros(4), ERRORS, np.eye(4))
+    stated = covariance(NAMES, VALUES, constant, np.zeros(4), ERRORS, np.eye(4))
     scale = np.multiply.outer(VALUES, VALUES)
-    np.testing.assert_allclose(given / scale, drawn / scale, atol=2e-6)
+    np.testing.assert_allclose(stated / scale, drawn / scale, atol=2e-6)
 
 
 def test_errors_beyond_the_causes_and_scatter_weaken_the_correlation() -> None:
     constant, scatter = 0.02 * VALUES, 0.01 * VALUES
-    given = covariance(NAMES, VALUES, constant, scatter, ERRORS, np.eye(4))
-    assert np.diagonal(given) == pytest.approx(constant**2 + scatter**2)
-    assert (np.linalg.eigvalsh(given / np.multiply.outer(VALUES, VALUES)) >= 0.0).all()
-    assert given[0, 1] == pytest.approx(0.01**2 * VALUES[0] * VALUES[1])
+    stated = covariance(NAMES, VALUES, constant, scatter, ERRORS, np.eye(4))
+    assert np.diagonal(stated) == pytest.approx(constant**2 + scatter**2)
+    assert (np.linalg.eigvalsh(stated / np.multiply.outer(VALUES, VALUES)) >= 0.0).all()
+    assert stated[0, 1] == pytest.approx(0.01**2 * VALUES[0] * VALUES[1])
     # Bs is better known than load, pressure and radius together, by the belt width of the new tire.
-    assert abs(given[0, 2]) < 0.01 * 0.02 * VALUES[0] * VALUES[2]
+    assert abs(stated[0, 2]) < 0.01 * 0.02 * VALUES[0] * VALUES[2]
 
 
 def test_scatter_is_correlated_by_what_changes_neither_steadily_nor_alone() -> None:

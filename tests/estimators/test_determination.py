@@ -32,13 +32,13 @@ def fitted(relative_noise: object, relative_model: object = 0.0, values: np.ndar
 
 def test_determined_means_three_standard_errors_with_model_error() -> None:
     numbers = fitted([0.1, 0.3, 0.3, 0.2], [0.1, 0.1, 0.2, 0.5])
-    found = determination(numbers)
-    np.testing.assert_allclose(found.relative_error, [0.14142, 0.31623, 0.36056, 0.53852], rtol=1e-4)
-    assert found.determined.tolist() == [True, True, False, False]
+    result = determination(numbers)
+    np.testing.assert_allclose(result.relative_error, [0.14142, 0.31623, 0.36056, 0.53852], rtol=1e-4)
+    assert result.determined.tolist() == [True, True, False, False]
     estimates = {e.name: e for e in number_estimates("weak-form", numbers, CONDITIONS, ())}
     assert [estimates[name].status for name in RING_NUMBERS] == [Status.VALID] * 2 + [Status.PROVISIONAL] * 2
     undetermined, share = estimates["Ts"].reasons
-    assert undetermined == Reason(Code.NOT_DETERMINED, relative_error=found.relative_error[3])
+    assert undetermined == Reason(Code.NOT_DETERMINED, relative_error=result.relative_error[3])
     assert share["share"] == pytest.approx(0.5**2 / (0.2**2 + 0.5**2))
     assert estimates["Rs"].reasons[1]["share"] < 0.5
     assert estimates["Ts"].std == pytest.approx(0.53852 * 2.5, rel=1e-4)
@@ -46,10 +46,10 @@ def test_determined_means_three_standard_errors_with_model_error() -> None:
 
 def test_ratio_needs_its_own_determination() -> None:
     """Bs is determined to 20 %, but Cw to 50 % only, and so their ratio."""
-    found = {e.name: e for e in number_estimates("weak-form", fitted([0.2, 0.5, 0.1, 0.1]), CONDITIONS, ())}
-    assert found["Bs"].status is Status.VALID
-    assert found["Bs/Cw"].status is Status.PROVISIONAL
-    assert codes_of(found["Bs/Cw"].reasons)[0] is Code.NOT_DETERMINED
+    results = {e.name: e for e in number_estimates("weak-form", fitted([0.2, 0.5, 0.1, 0.1]), CONDITIONS, ())}
+    assert results["Bs"].status is Status.VALID
+    assert results["Bs/Cw"].status is Status.PROVISIONAL
+    assert codes_of(results["Bs/Cw"].reasons)[0] is Code.NOT_DETERMINED
 
 
 def test_weak_bending_needs_a_smaller_error() -> None:
@@ -61,14 +61,14 @@ def test_weak_bending_needs_a_smaller_error() -> None:
 
 def test_number_on_its_bound_is_invalid_others_valid() -> None:
     held = replace(fitted(0.1), values=VALUES * [1, 1, 1, 0], free=np.array([True, True, True, False]))
-    found = {e.name: e for e in number_estimates("weak-form", held, CONDITIONS, ())}
-    assert found["Ts"].status is found["Ts/Cw"].status is Status.INVALID
-    assert found["Ts"].reasons == (Reason(Code.FIT_AT_ZERO, number="Ts"),)
-    assert found["Rs"].status is found["Rs/Cw"].status is Status.VALID
+    results = {e.name: e for e in number_estimates("weak-form", held, CONDITIONS, ())}
+    assert results["Ts"].status is results["Ts/Cw"].status is Status.INVALID
+    assert results["Ts"].reasons == (Reason(Code.FIT_AT_ZERO, number="Ts"),)
+    assert results["Rs"].status is results["Rs/Cw"].status is Status.VALID
     without_cw = replace(fitted(0.1), values=VALUES * [1, 0, 1, 1], free=np.array([True, False, True, True]))
-    found = {e.name: e for e in number_estimates("weak-form", without_cw, CONDITIONS, ())}
-    assert {found[name].status for name in RING_RATIOS} == {Status.INVALID}
-    assert {found[name].reasons for name in RING_RATIOS} == {(Reason(Code.FIT_AT_ZERO, number="Cw"),)}
+    results = {e.name: e for e in number_estimates("weak-form", without_cw, CONDITIONS, ())}
+    assert {results[name].status for name in RING_RATIOS} == {Status.INVALID}
+    assert {results[name].reasons for name in RING_RATIOS} == {(Reason(Code.FIT_AT_ZERO, number="Cw"),)}
 
 
 def test_correlated_numbers_are_reported() -> None:
@@ -76,9 +76,9 @@ def test_correlated_numbers_are_reported() -> None:
     correlation = np.eye(4)
     correlation[1, 2] = correlation[2, 1] = -0.98
     both = FittedNumbers(VALUES, FREE, correlation * np.outer(std, std), np.zeros((4, 4)))
-    found = determination(both)
-    assert found.condition == pytest.approx(1.98 / 0.02)
-    confounded = found.why_not(1)[-1]
+    result = determination(both)
+    assert result.condition == pytest.approx(1.98 / 0.02)
+    confounded = result.why_not(1)[-1]
     assert (confounded.code, confounded["number"]) == (Code.CORRELATED, "Rs")
     assert confounded["correlation"] == pytest.approx(-0.98)
     assert Code.CORRELATED not in codes_of(determination(fitted(0.5)).why_not(1))
@@ -89,12 +89,12 @@ def test_correlated_numbers_are_reported() -> None:
 def test_ratio_errors_follow_from_the_covariance(entries: list[float], size: float) -> None:
     root = np.array(entries).reshape(4, 4) * size * 1e-2 * VALUES[:, np.newaxis]
     numbers = FittedNumbers(VALUES, FREE, root @ root.T, np.zeros((4, 4)))
-    found = {e.name: e for e in number_estimates("weak-form", numbers, CONDITIONS, ())}
+    results = {e.name: e for e in number_estimates("weak-form", numbers, CONDITIONS, ())}
     for name, i in zip(RING_RATIOS, (0, 2, 3), strict=True):
         gradient = np.zeros(4)
         gradient[i], gradient[1] = 1.0 / VALUES[1], -VALUES[i] / VALUES[1] ** 2
-        assert found[name].value == pytest.approx(VALUES[i] / VALUES[1])
-        assert found[name].std == pytest.approx(math.sqrt(gradient @ root @ root.T @ gradient), rel=1e-6, abs=1e-12)
+        assert results[name].value == pytest.approx(VALUES[i] / VALUES[1])
+        assert results[name].std == pytest.approx(math.sqrt(gradient @ root @ root.T @ gradient), rel=1e-6, abs=1e-12)
 
 
 def test_scale_doubts_notes_and_invalid_estimates() -> None:

@@ -20,14 +20,17 @@ def numbers(width: float) -> dict[str, Estimate]:
         0.32, 5000.0, 210e3, load_std_n=50.0, pressure_std_pa=1e3, tire=TireData(reference=reference)
     )
     fitted = FittedNumbers(VALUES, np.ones(4, dtype=np.bool_), np.diag((0.002 * VALUES) ** 2), np.zeros((4, 4)))
-    return {found.name: found for found in number_estimates("weak-form", fitted, conditions, ())}
+    return {
+        number_estimate.name: number_estimate
+        for number_estimate in number_estimates("weak-form", fitted, conditions, ())
+    }
 
 
 def test_disagreement_grows_towards_a_contradiction() -> None:
-    found = [disagreement_std(errors * 0.02, 0.02) for errors in (1.01, 1.5, 2.0, 2.9)]
-    assert found == sorted(found)
-    assert found[0] < 0.02 * 0.02
-    assert found[2] == pytest.approx(0.24 * 0.04, rel=0.02)
+    results = [disagreement_std(errors * 0.02, 0.02) for errors in (1.01, 1.5, 2.0, 2.9)]
+    assert results == sorted(results)
+    assert results[0] < 0.02 * 0.02
+    assert results[2] == pytest.approx(0.24 * 0.04, rel=0.02)
 
 
 def test_disagreement_within_one_error_adds_nothing() -> None:

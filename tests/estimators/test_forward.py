@@ -42,19 +42,19 @@ def fit(ring: RingSolution, *, waves: EdgeWaves | None = None, std: float = STD,
     size = MAX_ORDER + 1
     orders = waveform_orders(wave, MAX_ORDER) + std * (rng.normal(size=size) + 1j * rng.normal(size=size))
     orders[0] = orders[0].real
-    found = fit_forward(orders, np.full(size, std), 1.03 * ring.half_angle_rad, ForwardModel(MAX_ORDER, shear=True))
-    assert found is not None
-    assert found.converged
-    return found
+    result = fit_forward(orders, np.full(size, std), 1.03 * ring.half_angle_rad, ForwardModel(MAX_ORDER, shear=True))
+    assert result is not None
+    assert result.converged
+    return result
 
 
 def assert_all(condition: np.ndarray, message: str = "") -> None:
     assert bool(np.all(condition)), message
 
 
-def check(found: ForwardFit, ring: RingSolution, percent: tuple[float, float, float, float]) -> None:
-    numbers = found.numbers(ring.load_n / (ring.pressure_pa * RADIUS_M**2))
-    std = np.sqrt(np.diagonal(found.noise + found.model))[:4]
+def check(result: ForwardFit, ring: RingSolution, percent: tuple[float, float, float, float]) -> None:
+    numbers = result.numbers(ring.load_n / (ring.pressure_pa * RADIUS_M**2))
+    std = np.sqrt(np.diagonal(result.noise + result.model))[:4]
     error = np.log(numbers / np.array(ring.numbers))
     assert_all(np.abs(error) < 3.0 * std + 0.001, f"{error} against {std}")
     assert_all(100.0 * std < np.array(percent), f"standard errors {std}")
@@ -66,11 +66,11 @@ SMALL = (0.3, 0.7, 0.7, 4.0)
 @pytest.mark.parametrize("load_n", [2000.0, 8000.0])
 def test_numbers_are_recovered_at_any_load(load_n: float) -> None:
     ring = solved(load_n=load_n)
-    found = fit(ring)
-    check(found, ring, SMALL)
-    assert found.half_angle_rad == pytest.approx(ring.half_angle_rad, rel=1e-3)
-    assert found.parameters[P.ROAD_CURVATURE] == 0.0
-    assert 0.5 < found.misfit < 1.6
+    fitted = fit(ring)
+    check(fitted, ring, SMALL)
+    assert fitted.half_angle_rad == pytest.approx(ring.half_angle_rad, rel=1e-3)
+    assert fitted.parameters[P.ROAD_CURVATURE] == 0.0
+    assert 0.5 < fitted.misfit < 1.6
 
 
 @pytest.mark.parametrize(
@@ -89,40 +89,40 @@ def test_numbers_are_recovered_on_other_tires(change: dict[str, float]) -> None:
 
 def test_numbers_are_recovered_on_an_unstated_drum() -> None:
     ring = solved(drum_radius_m=0.85)
-    found = fit(ring)
-    check(found, ring, SMALL)
-    assert found.parameters[P.ROAD_CURVATURE] == pytest.approx(RADIUS_M / 0.85, rel=0.02)
-    assert found.half_angle_rad == pytest.approx(ring.half_angle_rad, rel=2e-3)
+    fitted = fit(ring)
+    check(fitted, ring, SMALL)
+    assert fitted.parameters[P.ROAD_CURVATURE] == pytest.approx(RADIUS_M / 0.85, rel=0.02)
+    assert fitted.half_angle_rad == pytest.approx(ring.half_angle_rad, rel=2e-3)
 
 
 def test_numbers_are_recovered_on_a_driven_wheel() -> None:
     ring = solved(axle_torque_nm=300.0)
-    found = fit(ring)
-    check(found, ring, SMALL)
-    assert found.parameters[P.TRACTION] == pytest.approx(300.0 / (5000.0 * RADIUS_M), rel=0.03)
+    fitted = fit(ring)
+    check(fitted, ring, SMALL)
+    assert fitted.parameters[P.TRACTION] == pytest.approx(300.0 / (5000.0 * RADIUS_M), rel=0.03)
 
 
 def test_worn_tire_gets_a_finer_grid() -> None:
     ring = solved(replace(BASE_RING, bending_stiffness_nm2=0.19 * BASE_RING.bending_stiffness_nm2), load_n=8000.0)
-    found = fit(ring)
-    check(found, ring, SMALL)
-    assert len(found.solution.ring.theta_rad) > COARSE_NODES
+    fitted = fit(ring)
+    check(fitted, ring, SMALL)
+    assert len(fitted.solution.ring.theta_rad) > COARSE_NODES
 
 
 def test_bending_and_shear_are_separated_on_a_pure_ring() -> None:
     ring = solved(replace(BASE_RING, shear_stiffness_n=1e5))
-    found = fit(ring)
-    check(found, ring, SMALL)
+    fitted = fit(ring)
+    check(fitted, ring, SMALL)
     # EI / (GA R^2) over 1e-4.
     truth = math.log(BASE_RING.bending_stiffness_nm2 / (1e5 * RADIUS_M**2) / 1e-4)
-    assert found.parameters[P.SHEAR] == pytest.approx(truth, abs=0.2)
+    assert fitted.parameters[P.SHEAR] == pytest.approx(truth, abs=0.2)
 
 
 def test_edge_waves_do_not_change_the_numbers() -> None:
     ring = solved()
-    found = fit(ring, waves=EdgeWaves(0.05, order_before=33.0, order_after=46.0, decay_rad=0.8, phase_rad=0.6))
-    check(found, ring, SMALL)
-    before, after = found.solution.packets()
+    fitted = fit(ring, waves=EdgeWaves(0.05, order_before=33.0, order_after=46.0, decay_rad=0.8, phase_rad=0.6))
+    check(fitted, ring, SMALL)
+    before, after = fitted.solution.packets()
     assert (before.order, after.order) == pytest.approx((33.0, 46.0), abs=0.2)
     assert (before.amplitude, after.amplitude) == pytest.approx((0.05, 0.05), rel=0.05)
     assert after.decay_rad == pytest.approx(0.8, rel=0.05)
@@ -138,35 +138,35 @@ def test_unmodelled_waves_widen_the_errors() -> None:
     wave = ring.sensor.radial_m / RADIUS_M
     for waves in (other, both):
         wave = wave + waves.radial(theta, ring.leading_edge_rad, ring.trailing_edge_rad)
-    found = fit_forward(
+    result = fit_forward(
         waveform_orders(wave, MAX_ORDER),
         np.full(MAX_ORDER + 1, STD),
         ring.half_angle_rad,
         ForwardModel(MAX_ORDER, shear=True),
     )
-    assert found is not None
-    std, clean_std = (np.sqrt(np.diagonal(one.noise + one.model))[:4] for one in (found, clean))
+    assert result is not None
+    std, clean_std = (np.sqrt(np.diagonal(item.noise + item.model))[:4] for item in (result, clean))
     assert_all(std[:3] > 3.0 * clean_std[:3])
-    error = np.log(found.numbers(ring.load_n / (PRESSURE_PA * RADIUS_M**2)) / np.array(ring.numbers))
+    error = np.log(result.numbers(ring.load_n / (PRESSURE_PA * RADIUS_M**2)) / np.array(ring.numbers))
     assert_all(np.abs(error) < 4.0 * std, f"{error} against {std}")
 
 
 def test_derivatives_match_differences_of_the_model() -> None:
     model = ForwardModel(40, shear=True, offset=0.01, nodes=240)
-    at = PRIOR_MEAN.copy()
-    at[[P.BENDING_DAMPING, P.TRACTION, P.ROAD_CURVATURE]] = 0.01, 0.02, 0.3
-    at[[P.BEFORE_COSINE, P.BEFORE_SINE, P.AFTER_COSINE, P.AFTER_SINE]] = 0.03, -0.02, 0.01, 0.04
-    here = model.solve(at)
-    rows, half_angle = model.derivatives(here)
-    for place in P:
+    position = PRIOR_MEAN.copy()
+    position[[P.BENDING_DAMPING, P.TRACTION, P.ROAD_CURVATURE]] = 0.01, 0.02, 0.3
+    position[[P.BEFORE_COSINE, P.BEFORE_SINE, P.AFTER_COSINE, P.AFTER_SINE]] = 0.03, -0.02, 0.01, 0.04
+    current = model.solve(position)
+    rows, half_angle = model.derivatives(current)
+    for index in P:
         step = 1e-4
-        moved = at.copy()
-        moved[place] += step
-        there = model.solve(moved, here.ring)
-        error = np.abs((there.orders - here.orders) / step - rows[place]).max()
-        assert error < 0.02 * np.abs(rows[place]).max() + 1e-6, place.name
-        if place is P.CW:
-            assert half_angle[place] == pytest.approx((there.half_angle_rad - here.half_angle_rad) / step, rel=1e-3)
+        moved = position.copy()
+        moved[index] += step
+        there = model.solve(moved, current.ring)
+        error = np.abs((there.orders - current.orders) / step - rows[index]).max()
+        assert error < 0.02 * np.abs(rows[index]).max() + 1e-6, index.name
+        if index is P.CW:
+            assert half_angle[index] == pytest.approx((there.half_angle_rad - current.half_angle_rad) / step, rel=1e-3)
 
 
 def test_wave_packets_end_at_the_contact() -> None:
@@ -220,7 +220,7 @@ def test_measured_tire_leaves_numbers_undetermined() -> None:
         pytest.skip("the measured recording is not part of the repository; it is expected in ../shared/measured")
     samples = np.loadtxt(MEASURED, delimiter=",", skiprows=1)[:, 3] * STANDARD_GRAVITY_MPS2
     contacts, sign = find_contacts(samples, 25600.0)
-    refined = [refine_contact(sign * samples, at, width) for at, _, width in contacts]
+    refined = [refine_contact(sign * samples, position, width) for position, _, width in contacts]
     centres = [contact.centre for contact in refined if contact is not None]
     average = RunningAverage()
     for previous, start, end in zip(centres, centres[1:], centres[2:], strict=False):
@@ -230,12 +230,12 @@ def test_measured_tire_leaves_numbers_undetermined() -> None:
         wave = normalise_radial(raw, phase, ac_coupled=True, steady_mps2=0.3 * omega**2).radial_mps2
         revolution = replace(make_revolution(wave), omega_radps=omega, ac_coupled=True)
         result = extended(average, revolution)
-    found = named(ForwardEstimator().update(revolution, result, TireConditions(0.3, 3500.0, 2.2e5)))
+    actual = named(ForwardEstimator().update(revolution, result, TireConditions(0.3, 3500.0, 2.2e5)))
     for name in ("Bs", "Ts", "Bs/Cw", "Ts/Cw"):
-        assert found[name].status is not Status.VALID
-        assert {Code.NOT_DETERMINED, Code.FIT_AT_ZERO} & {*codes_of(found[name].reasons)}, name
+        assert actual[name].status is not Status.VALID
+        assert {Code.NOT_DETERMINED, Code.FIT_AT_ZERO} & {*codes_of(actual[name].reasons)}, name
     # Only the order of magnitude is checked: this tire's numbers are not known, and the fit has two minima, at about 7
     # and 13, of which the edges that it starts from decide.
-    assert found["Rs/Cw"].value == pytest.approx(10.0, rel=0.5)
-    assert found["half_angle_rad"].value == pytest.approx(0.205, abs=0.005)
-    assert found["edge_wave_after"].value > 3.0 * found["edge_wave_after"].std
+    assert actual["Rs/Cw"].value == pytest.approx(10.0, rel=0.5)
+    assert actual["half_angle_rad"].value == pytest.approx(0.205, abs=0.005)
+    assert actual["edge_wave_after"].value > 3.0 * actual["edge_wave_after"].std

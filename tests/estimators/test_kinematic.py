@@ -117,9 +117,9 @@ def test_nan_waveform_does_not_raise() -> None:
 def test_radius_error_scales_speed_and_length() -> None:
     revolution = make_revolution(WAVE, period_std_s=2e-5)
     conditions = replace(CONDITIONS, radius_std_m=0.01 * CONDITIONS.radius_m)
-    found = {e.name: e for e in KinematicEstimator().update(revolution, settled(revolution), conditions)}
+    results = {e.name: e for e in KinematicEstimator().update(revolution, settled(revolution), conditions)}
     without = estimates_of(revolution)
     for name in ("speed_mps", "contact_length_m"):
-        assert found[name].std == pytest.approx(math.hypot(without[name].std, 0.01 * found[name].value))
+        assert results[name].std == pytest.approx(math.hypot(without[name].std, 0.01 * results[name].value))
     for name in ("leading_edge_rad", "contact_fraction"):
-        assert found[name] == without[name]
+        assert results[name] == without[name]

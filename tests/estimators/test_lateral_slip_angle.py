@@ -48,13 +48,13 @@ def follow(
 @lru_cache(maxsize=1)
 def calibration() -> SlipCalibration:
     """Return the calibration of BELT from its true shapes."""
-    found = [first_half(slip) for slip in (-0.1, 0.0, 0.1)]
+    results = [first_half(slip) for slip in (-0.1, 0.0, 0.1)]
     ring = radial(4000.0)
     half = ring.half_angle_rad
     return SlipCalibration(
-        belt_share=(found[2] - found[0]) / math.radians(0.2),
+        belt_share=(results[2] - results[0]) / math.radians(0.2),
         belt_share_std=0.004,
-        zero_rad=found[1],
+        zero_rad=results[1],
         zero_std_rad=math.radians(0.008),
         saturation_prad=2.0,
         saturation_std_prad=1.0,
@@ -76,40 +76,42 @@ ZIGZAG = ((60, 0.0), (12, 1.0), (12, 0.0), (12, -1.0), (12, 0.0))
 LEFT, RIGHT = slice(63, 70), slice(87, 94)
 
 
-def mean_of(found: list[dict[str, Estimate]], where: slice, name: str) -> float:
-    return float(np.mean([estimates[name].value for estimates in found[where]]))
+def mean_of(result: list[dict[str, Estimate]], where: slice, name: str) -> float:
+    return float(np.mean([estimates[name].value for estimates in result[where]]))
 
 
 def test_apparent_slip_has_the_belts_share_and_direction() -> None:
-    found = follow(drive(ZIGZAG), SlipAngleEstimator())
-    straight, left, right = (math.degrees(mean_of(found, where, NAMES[0])) for where in (slice(40, 58), LEFT, RIGHT))
+    result = follow(drive(ZIGZAG), SlipAngleEstimator())
+    straight, remainder, right = (
+        math.degrees(mean_of(result, where, NAMES[0])) for where in (slice(40, 58), LEFT, RIGHT)
+    )
     assert abs(straight) < 0.01
-    assert 0.17 < left < 0.26
+    assert 0.17 < remainder < 0.26
     assert -0.26 < right < -0.17
-    assert {e[NAMES[1]].value for e in found[LEFT]} == {1.0}
-    assert {e[NAMES[1]].value for e in found[RIGHT]} == {-1.0}
-    assert np.mean([e[NAMES[1]].value == 0.0 for e in found[20:58]]) > 0.9
+    assert {e[NAMES[1]].value for e in result[LEFT]} == {1.0}
+    assert {e[NAMES[1]].value for e in result[RIGHT]} == {-1.0}
+    assert np.mean([e[NAMES[1]].value == 0.0 for e in result[20:58]]) > 0.9
 
 
 def test_apparent_slip_error_is_the_scatter() -> None:
     exact = replace(calibration(), zero_std_rad=0.0)
-    found = follow(drive(ZIGZAG), SlipAngleEstimator(), exact)
-    values = [e[NAMES[0]].value for e in found[10:58]]
-    assert found[57][NAMES[0]].std == pytest.approx(np.std(values, ddof=1), rel=0.35)
-    assert found[57][NAMES[0]].status is Status.VALID
-    assert found[57][NAMES[0]].scatter_std == found[57][NAMES[0]].std
+    result = follow(drive(ZIGZAG), SlipAngleEstimator(), exact)
+    values = [e[NAMES[0]].value for e in result[10:58]]
+    assert result[57][NAMES[0]].std == pytest.approx(np.std(values, ddof=1), rel=0.35)
+    assert result[57][NAMES[0]].status is Status.VALID
+    assert result[57][NAMES[0]].scatter_std == result[57][NAMES[0]].std
 
 
 def test_slip_angle_follows_from_the_belts_share() -> None:
-    found = follow(drive(ZIGZAG), SlipAngleEstimator(), calibration())
-    assert math.degrees(mean_of(found, LEFT, SLIP_NAME)) == pytest.approx(1.0, abs=0.12)
-    assert math.degrees(mean_of(found, RIGHT, SLIP_NAME)) == pytest.approx(-1.0, abs=0.12)
-    errors = [(e[SLIP_NAME].value - math.radians(1.0)) / e[SLIP_NAME].std for e in found[LEFT]]
+    result = follow(drive(ZIGZAG), SlipAngleEstimator(), calibration())
+    assert math.degrees(mean_of(result, LEFT, SLIP_NAME)) == pytest.approx(1.0, abs=0.12)
+    assert math.degrees(mean_of(result, RIGHT, SLIP_NAME)) == pytest.approx(-1.0, abs=0.12)
+    errors = [(e[SLIP_NAME].value - math.radians(1.0)) / e[SLIP_NAME].std for e in result[LEFT]]
     assert np.abs(errors).max() < 3.5
-    assert {e[SLIP_NAME].status for e in found[LEFT]} == {Status.VALID}
-    straight = found[57][SLIP_NAME]
+    assert {e[SLIP_NAME].status for e in result[LEFT]} == {Status.VALID}
+    straight = result[57][SLIP_NAME]
     assert straight.scatter_std < straight.std
-    assert straight.scatter_std == pytest.approx(np.std([e[SLIP_NAME].value for e in found[10:58]], ddof=1), rel=0.35)
+    assert straight.scatter_std == pytest.approx(np.std([e[SLIP_NAME].value for e in result[10:58]], ddof=1), rel=0.35)
 
 
 def test_constant_slip_is_measured_with_a_calibration() -> None:
@@ -121,36 +123,36 @@ def test_constant_slip_is_measured_with_a_calibration() -> None:
 
 
 def test_constant_slip_is_not_reported_as_zero_without_one() -> None:
-    found = follow(drive(((60, 0.8),)), SlipAngleEstimator())[-1]
-    assert abs(found[NAMES[0]].value) < math.radians(0.05)
+    result = follow(drive(((60, 0.8),)), SlipAngleEstimator())[-1]
+    assert abs(result[NAMES[0]].value) < math.radians(0.05)
     for name in NAMES[:2]:
-        assert found[name].status is Status.PROVISIONAL
-        assert Code.ZERO_SLIP_IS_MEAN in codes_of(found[name].reasons)
-    assert SLIP_NAME not in found
+        assert result[name].status is Status.PROVISIONAL
+        assert Code.ZERO_SLIP_IS_MEAN in codes_of(result[name].reasons)
+    assert SLIP_NAME not in result
 
 
 def test_slip_outside_the_calibration_is_provisional() -> None:
     law = replace(
         calibration(), slip_range_rad=(math.radians(-0.3), math.radians(0.3)), half_angle_range_rad=(0.1, 0.12)
     )
-    found = follow(drive(((60, 0.8),)), SlipAngleEstimator(), law)[-1][MEAN_NAME]
-    assert found.status is Status.PROVISIONAL
-    assert {Code.SLIP_OUTSIDE_CALIBRATION, Code.HALF_ANGLE_OUTSIDE_CALIBRATION} <= set(codes_of(found.reasons))
+    result = follow(drive(((60, 0.8),)), SlipAngleEstimator(), law)[-1][MEAN_NAME]
+    assert result.status is Status.PROVISIONAL
+    assert {Code.SLIP_OUTSIDE_CALIBRATION, Code.HALF_ANGLE_OUTSIDE_CALIBRATION} <= set(codes_of(result.reasons))
 
 
 def test_slip_beyond_the_law_is_invalid() -> None:
     law = replace(calibration(), saturation_prad=40.0)
-    found = follow(drive(((60, 0.8),)), SlipAngleEstimator(), law)[-1][MEAN_NAME]
-    assert found.status is Status.INVALID
-    assert codes_of(found.reasons) == (Code.SLIP_BEYOND_LAW,)
+    result = follow(drive(((60, 0.8),)), SlipAngleEstimator(), law)[-1][MEAN_NAME]
+    assert result.status is Status.INVALID
+    assert codes_of(result.reasons) == (Code.SLIP_BEYOND_LAW,)
 
 
 def test_left_right_asymmetry_needs_ply_steer() -> None:
-    found = follow(drive(ZIGZAG), SlipAngleEstimator())
+    result = follow(drive(ZIGZAG), SlipAngleEstimator())
     # One extremum at right slip, two at left, as in Fig. 2 of the paper.
-    assert mean_of(found, RIGHT, NAMES[2]) > 0.6
-    assert -0.65 < mean_of(found, LEFT, NAMES[2]) < -0.3
-    steered = found[-1][NAMES[3]]
+    assert mean_of(result, RIGHT, NAMES[2]) > 0.6
+    assert -0.65 < mean_of(result, LEFT, NAMES[2]) < -0.3
+    steered = result[-1][NAMES[3]]
     assert steered.status is Status.VALID
     assert steered.value > 0.15
     assert steered.value > 5 * steered.std
@@ -165,19 +167,19 @@ def test_one_side_only_has_no_left_right_asymmetry() -> None:
 
 
 def test_learnt_zero_is_provisional_until_settled() -> None:
-    found = follow(drive(ZIGZAG), SlipAngleEstimator())
-    assert found[1][NAMES[0]].status is Status.PROVISIONAL
-    assert found[20][NAMES[0]].status is Status.PROVISIONAL
-    assert found[int(REFERENCE_SETTLED) + 2][NAMES[2]].status is Status.VALID
-    assert codes_of(found[int(REFERENCE_SETTLED) + 2][NAMES[0]].reasons) == (Code.ZERO_SLIP_IS_MEAN,)
+    result = follow(drive(ZIGZAG), SlipAngleEstimator())
+    assert result[1][NAMES[0]].status is Status.PROVISIONAL
+    assert result[20][NAMES[0]].status is Status.PROVISIONAL
+    assert result[int(REFERENCE_SETTLED) + 2][NAMES[2]].status is Status.VALID
+    assert codes_of(result[int(REFERENCE_SETTLED) + 2][NAMES[0]].reasons) == (Code.ZERO_SLIP_IS_MEAN,)
 
 
 def test_faulty_revolutions_are_rejected() -> None:
     revolution = drive(ZIGZAG)[0]
     bad = replace(revolution, faults=(Reason(Code.SAMPLES_LOST),))
-    found = follow((bad,), SlipAngleEstimator(), calibration())[0]
-    assert set(found) == {*NAMES, SLIP_NAME, MEAN_NAME}
-    assert all(e.status is Status.INVALID and Code.SAMPLES_LOST in codes_of(e.reasons) for e in found.values())
+    result = follow((bad,), SlipAngleEstimator(), calibration())[0]
+    assert set(result) == {*NAMES, SLIP_NAME, MEAN_NAME}
+    assert all(e.status is Status.INVALID and Code.SAMPLES_LOST in codes_of(e.reasons) for e in result.values())
 
 
 def test_asymmetry_of_a_waveform() -> None:

@@ -47,13 +47,13 @@ def ring(torque_nm: float | None, parameters: RingParameters = LOSSY) -> RingSol
     return solve_rolling_ring(parameters, LOAD_N, PRESSURE_PA, omega_at(65.0), nodes=960, axle_torque_nm=torque_nm)
 
 
-def orders(found: RingSolution, offset_m: float = 0.0) -> np.ndarray:
-    centre = found.contact_centre_rad
-    return curvature_from_signal(orders_about(found.sensor.radial_m, centre, 90), offset_m / RADIUS_M)
+def orders(result: RingSolution, offset_m: float = 0.0) -> np.ndarray:
+    centre = result.contact_centre_rad
+    return curvature_from_signal(orders_about(result.sensor.radial_m, centre, 90), offset_m / RADIUS_M)
 
 
 def estimates(
-    found: RingSolution,
+    result: RingSolution,
     *,
     noise_mps2: float = 0.5,
     revolutions: int = 16,
@@ -66,7 +66,7 @@ def estimates(
     average, estimator = RunningAverage(), LongitudinalForceEstimator()
     last: tuple[Estimate, ...] = ()
     for _ in range(revolutions):
-        wave = OMEGA**2 * on_grid(found.sensor.radial_m + waves_m) + rng.normal(0.0, noise_mps2, 1024)
+        wave = OMEGA**2 * on_grid(result.sensor.radial_m + waves_m) + rng.normal(0.0, noise_mps2, 1024)
         revolution = make_revolution(wave)
         revolution.axes_mps2[LATERAL] = lateral_mps2
         last = estimator.update(revolution, extended(average, revolution), conditions)
@@ -75,17 +75,17 @@ def estimates(
 
 def test_lateral_axis_in_a_rolled_sensor_is_in_the_errors() -> None:
     """A belt that is steered by its plies bends sideways at both edges of the contact, and opposite at them."""
-    found = ring(None)
+    ring_result = ring(None)
 
     def lateral_mps2(n: int) -> np.ndarray:
-        ends_rad = [angle_grid(n) - sign * found.half_angle_rad for sign in (-1.0, 1.0)]
+        ends_rad = [angle_grid(n) - sign * ring_result.half_angle_rad for sign in (-1.0, 1.0)]
         return 60.0 * np.subtract(*(np.exp(-0.5 * (end_rad / 0.05) ** 2) for end_rad in ends_rad))
 
-    plain = estimates(found)["longitudinal_force_n"]
+    plain = estimates(ring_result)["longitudinal_force_n"]
     rolled = estimates(
-        found,
+        ring_result,
         conditions=replace(CONDITIONS, tilt=Tilt(roll_rad=0.1)),
-        waves_m=-0.1 * lateral_mps2(len(found.sensor.radial_m)) / OMEGA**2,
+        waves_m=-0.1 * lateral_mps2(len(ring_result.sensor.radial_m)) / OMEGA**2,
         lateral_mps2=lateral_mps2(1024),
     )["longitudinal_force_n"]
     assert abs(rolled.value - plain.value) > 5.0 * plain.std
@@ -94,33 +94,33 @@ def test_lateral_axis_in_a_rolled_sensor_is_in_the_errors() -> None:
 
 @pytest.mark.parametrize("torque_nm", [-500.0, None, 60.0, 400.0])
 def test_exact_ring_returns_its_force_and_torque(torque_nm: float | None) -> None:
-    found = ring(torque_nm)
-    forces = solve_asymmetric(orders(found), STD, found.half_angle_rad).forces
+    ring_result = ring(torque_nm)
+    forces = solve_asymmetric(orders(ring_result), STD, ring_result.half_angle_rad).forces
     assert forces[Force.LOAD] == pytest.approx(1.0, abs=1e-3)
-    assert forces[Force.LONGITUDINAL] * LOAD_N == pytest.approx(found.longitudinal_force_n, rel=0.01, abs=3.0)
-    assert forces[Force.TORQUE] * LOAD_N * RADIUS_M == pytest.approx(found.axle_torque_nm, rel=0.01, abs=1.0)
+    assert forces[Force.LONGITUDINAL] * LOAD_N == pytest.approx(ring_result.longitudinal_force_n, rel=0.01, abs=3.0)
+    assert forces[Force.TORQUE] * LOAD_N * RADIUS_M == pytest.approx(ring_result.axle_torque_nm, rel=0.01, abs=1.0)
 
 
 def test_loss_is_rolling_resistance_of_sidewall() -> None:
-    found = ring(None)
-    forces = solve_asymmetric(orders(found), STD, found.half_angle_rad).forces
-    assert forces[Force.LOSS] == pytest.approx(found.rolling_resistance, rel=0.05)
-    assert forces[Force.TORQUE] - forces[Force.LONGITUDINAL] == pytest.approx(found.rolling_resistance, rel=0.1)
+    ring_result = ring(None)
+    forces = solve_asymmetric(orders(ring_result), STD, ring_result.half_angle_rad).forces
+    assert forces[Force.LOSS] == pytest.approx(ring_result.rolling_resistance, rel=0.05)
+    assert forces[Force.TORQUE] - forces[Force.LONGITUDINAL] == pytest.approx(ring_result.rolling_resistance, rel=0.1)
 
 
 def test_tread_damping_counts_in_resistance_only() -> None:
     damped = replace(STIFF, tread_damping_nspm2=1e4)
-    found = ring(None, damped)
-    forces = solve_asymmetric(orders(found), STD, found.half_angle_rad).forces
-    assert forces[Force.TORQUE] - forces[Force.LONGITUDINAL] == pytest.approx(found.rolling_resistance, abs=3e-4)
-    assert abs(forces[Force.LOSS]) < 0.1 * found.rolling_resistance
+    ring_result = ring(None, damped)
+    forces = solve_asymmetric(orders(ring_result), STD, ring_result.half_angle_rad).forces
+    assert forces[Force.TORQUE] - forces[Force.LONGITUDINAL] == pytest.approx(ring_result.rolling_resistance, abs=3e-4)
+    assert abs(forces[Force.LOSS]) < 0.1 * ring_result.rolling_resistance
 
 
 def test_extension_of_the_belt_is_within_the_stated_error() -> None:
-    found = ring(400.0, replace(LOSSY, extension_stiffness_n=8e6))
-    forces = solve_asymmetric(orders(found), STD, found.half_angle_rad).forces
-    assert forces[Force.LONGITUDINAL] * LOAD_N == pytest.approx(found.longitudinal_force_n, rel=0.03)
-    assert forces[Force.TORQUE] * LOAD_N * RADIUS_M == pytest.approx(found.axle_torque_nm, rel=0.03)
+    ring_result = ring(400.0, replace(LOSSY, extension_stiffness_n=8e6))
+    forces = solve_asymmetric(orders(ring_result), STD, ring_result.half_angle_rad).forces
+    assert forces[Force.LONGITUDINAL] * LOAD_N == pytest.approx(ring_result.longitudinal_force_n, rel=0.03)
+    assert forces[Force.TORQUE] * LOAD_N * RADIUS_M == pytest.approx(ring_result.axle_torque_nm, rel=0.03)
 
 
 def test_deep_sensor_gives_the_same_forces() -> None:
@@ -128,39 +128,40 @@ def test_deep_sensor_gives_the_same_forces() -> None:
         LOSSY, LOAD_N, PRESSURE_PA, omega_at(65.0), nodes=960, axle_torque_nm=60.0, sensor_offset_m=6e-3
     )
     plain = solve_asymmetric(orders(ring(60.0)), STD, deep.half_angle_rad).forces
-    found = solve_asymmetric(orders(deep, 6e-3), STD, deep.half_angle_rad).forces
-    assert found[:3] == pytest.approx(plain[:3], abs=2e-3)
+    result = solve_asymmetric(orders(deep, 6e-3), STD, deep.half_angle_rad).forces
+    assert result[:3] == pytest.approx(plain[:3], abs=2e-3)
 
 
 def test_sensitivity_is_the_derivative_of_the_rows() -> None:
-    found = ring(60.0)
-    at = solve_asymmetric(orders(found), STD, found.half_angle_rad).unknowns.copy()
+    ring_result = ring(60.0)
+    position = solve_asymmetric(orders(ring_result), STD, ring_result.half_angle_rad).unknowns.copy()
     # The derivative leaves sidewall damping out.
-    at[U.DAMPING] = 0.0
-    level, motion = 0.5 * found.half_angle_rad, free_motion(free_begin(found.half_angle_rad))
-    rows, forces = row_sensitivity(asymmetric_shape(orders(found), level), motion, at)
-    for place in (1, 5, 20, MAX_ORDER + 2, MAX_ORDER + 12):
+    position[U.DAMPING] = 0.0
+    level, motion = 0.5 * ring_result.half_angle_rad, free_motion(free_begin(ring_result.half_angle_rad))
+    rows, forces = row_sensitivity(asymmetric_shape(orders(ring_result), level), motion, position)
+    for index in (1, 5, 20, MAX_ORDER + 2, MAX_ORDER + 12):
         step = np.zeros(2 * MAX_ORDER)
-        step[place] = 1e-5
+        step[index] = 1e-5
         above, below = (
-            asymmetric_rows(asymmetric_shape(orders(found) + sign * step, level), motion, at) for sign in (1.0, -1.0)
+            asymmetric_rows(asymmetric_shape(orders(ring_result) + sign * step, level), motion, position)
+            for sign in (1.0, -1.0)
         )
         change = (above.balance - below.balance) / 2e-5
-        assert rows[:, place] == pytest.approx(change, abs=0.02 * float(np.abs(change).max()))
+        assert rows[:, index] == pytest.approx(change, abs=0.02 * float(np.abs(change).max()))
         pulled = (above.forces - below.forces)[:3] / 2e-5
-        assert forces[:3, place] == pytest.approx(pulled, abs=0.02 * float(np.abs(pulled).max()) + 1e-3)
+        assert forces[:3, index] == pytest.approx(pulled, abs=0.02 * float(np.abs(pulled).max()) + 1e-3)
 
 
 @pytest.mark.parametrize("torque_nm", [-300.0, 60.0])
 def test_noisy_revolutions_give_force_within_errors(torque_nm: float) -> None:
-    truth, found = ring(torque_nm), estimates(ring(torque_nm))
+    truth, result = ring(torque_nm), estimates(ring(torque_nm))
     for name, value in (
         ("longitudinal_force_n", truth.longitudinal_force_n),
         ("axle_torque_nm", truth.axle_torque_nm),
         ("rolling_resistance", truth.rolling_resistance),
     ):
-        assert abs(found[name].value - value) < 3.0 * found[name].std
-    force = found["longitudinal_force_n"]
+        assert abs(result[name].value - value) < 3.0 * result[name].std
+    force = result["longitudinal_force_n"]
     assert force.status is Status.VALID
     assert force.std < 0.01 * LOAD_N + 0.03 * abs(force.value)
     assert math.copysign(1.0, force.value) == math.copysign(1.0, torque_nm)
@@ -179,33 +180,33 @@ def test_scattering_part_is_what_repeated_drives_scatter() -> None:
 
 def test_waves_of_tread_blocks_are_in_the_errors() -> None:
     """A free tire with 67 blocks of 10 %: no force, but waves that repeat each revolution."""
-    found = ring(None)
+    ring_result = ring(None)
     blocks = TreadBlocks(67.0, BASE_RING.mass_kgpm, 1e-6, 0.0)
-    response = block_response(loaded_belt(found), blocks, found.omega_radps).signal[0]
-    waves_m = 0.1 * (response * np.exp(-1j * blocks.count * found.theta_rad)).real
-    calm, waving = estimates(found), estimates(found, waves_m=waves_m)
-    for name, true in (("longitudinal_force_n", 0.0), ("axle_torque_nm", found.axle_torque_nm)):
+    response = block_response(loaded_belt(ring_result), blocks, ring_result.omega_radps).signal[0]
+    waves_m = 0.1 * (response * np.exp(-1j * blocks.count * ring_result.theta_rad)).real
+    calm, waving = estimates(ring_result), estimates(ring_result, waves_m=waves_m)
+    for name, true in (("longitudinal_force_n", 0.0), ("axle_torque_nm", ring_result.axle_torque_nm)):
         assert abs(waving[name].value - true) < 2.0 * waving[name].std
         assert waving[name].std > 1.2 * calm[name].std
 
 
 def test_without_load_only_the_ratio_is_given() -> None:
-    found = estimates(ring(60.0), revolutions=4, conditions=TireConditions(radius_m=RADIUS_M))
-    assert codes_of(found["longitudinal_force_n"].reasons) == (Code.NEEDS_LOAD,)
-    assert codes_of(found["axle_torque_nm"].reasons) == (Code.NEEDS_LOAD,)
-    assert found["longitudinal_ratio"].value == pytest.approx(ring(60.0).longitudinal_force_n / LOAD_N, abs=0.02)
+    result = estimates(ring(60.0), revolutions=4, conditions=TireConditions(radius_m=RADIUS_M))
+    assert codes_of(result["longitudinal_force_n"].reasons) == (Code.NEEDS_LOAD,)
+    assert codes_of(result["axle_torque_nm"].reasons) == (Code.NEEDS_LOAD,)
+    assert result["longitudinal_ratio"].value == pytest.approx(ring(60.0).longitudinal_force_n / LOAD_N, abs=0.02)
 
 
 def test_strong_noise_leaves_force_not_determined() -> None:
-    found = estimates(ring(60.0), noise_mps2=60.0, revolutions=8)
-    force = found["longitudinal_force_n"]
+    result = estimates(ring(60.0), noise_mps2=60.0, revolutions=8)
+    force = result["longitudinal_force_n"]
     assert force.status is not Status.VALID
     assert Code.FORCE_NOT_DETERMINED in codes_of(force.reasons)
 
 
 def test_first_revolutions_are_provisional() -> None:
-    found = estimates(ring(60.0), revolutions=3)
-    assert Code.NOT_SETTLED in codes_of(found["longitudinal_ratio"].reasons)
+    result = estimates(ring(60.0), revolutions=3)
+    assert Code.NOT_SETTLED in codes_of(result["longitudinal_ratio"].reasons)
 
 
 def test_revolution_that_is_not_used_leaves_the_forces_as_they_are() -> None:
@@ -230,6 +231,6 @@ def test_no_belt_shape_is_invalid_and_not_solved_each_time(monkeypatch: pytest.M
         raise np.linalg.LinAlgError
 
     monkeypatch.setattr(longitudinal_force, "solve_asymmetric", fails)
-    found = estimates(ring(60.0), revolutions=7)
-    assert codes_of(found["longitudinal_ratio"].reasons) == (Code.NO_BELT_SHAPE,)
+    result = estimates(ring(60.0), revolutions=7)
+    assert codes_of(result["longitudinal_ratio"].reasons) == (Code.NO_BELT_SHAPE,)
     assert len(calls) < 11

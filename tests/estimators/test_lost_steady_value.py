@@ -31,9 +31,9 @@ def test_undeclared_ac_coupling_leaves_times_only(corner_hz: float, axes: str) -
         of = {estimate.name: estimate for estimate in result.estimates}
         assert all(of[name].status is Status.INVALID for name in (*RING_NUMBERS, *RING_RATIOS, "gain"))
         assert abs(of["speed_mps"].value - 65.0 / 3.6) < 3.0 * of["speed_mps"].std
-    found = last(results)
-    assert {name for name, estimate in found.items() if estimate.status is Status.VALID} == {*TIMES, "rotation_rpm"}
-    (why,) = found["Cw"].reasons
+    actual = last(results)
+    assert {name for name, estimate in actual.items() if estimate.status is Status.VALID} == {*TIMES, "rotation_rpm"}
+    (why,) = actual["Cw"].reasons
     assert why.code is Code.NOTHING_FOLLOWS
     assert why["why"].code is Code.COUPLING_CONTRADICTED
     assert why["why"]["share"] == pytest.approx(0.0, abs=0.1)
@@ -60,11 +60,11 @@ def test_offset_within_its_tolerance_is_no_coupling(motion: str) -> None:
 
 def _lost(shares: list[float], steady_mps2: float = 1000.0) -> list[bool]:
     check = SteadyValueCheck()
-    found = []
+    results = []
     for share in shares:
         check._take(share * steady_mps2, (share - 1.0) * steady_mps2, steady_mps2)
-        found.append(check._is_lost)
-    return found
+        results.append(check._is_lost)
+    return results
 
 
 def test_decaying_steady_value_is_lost() -> None:

@@ -73,8 +73,8 @@ def test_few_revolutions_count_by_students_t():
 
 
 def test_more_comparisons_need_more_significance():
-    one = compared_means({("FL", "Cw"): mean([0.0], 1.0)}, {("FL", "Cw"): mean([4.2], 1.0)})
+    single = compared_means({("FL", "Cw"): mean([0.0], 1.0)}, {("FL", "Cw"): mean([4.2], 1.0)})
     many = {("FL", f"q{number}"): mean([0.0], 1.0) for number in range(99)}
     among = compared_means({("FL", "Cw"): mean([0.0], 1.0), **many}, {("FL", "Cw"): mean([4.2], 1.0), **many})
-    assert one[0].is_significant
+    assert single[0].is_significant
     assert not any(difference.is_significant for difference in among)

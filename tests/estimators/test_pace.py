@@ -51,12 +51,12 @@ def estimated(
     return results
 
 
-def difference(one: Estimate, other: Estimate) -> float:
+def difference(first: Estimate, other: Estimate) -> float:
     """Return the difference in standard errors; relative where there is none."""
-    assert (one.name, one.status) == (other.name, other.status)
-    if one.status is Status.INVALID or one.value == other.value:
+    assert (first.name, first.status) == (other.name, other.status)
+    if first.status is Status.INVALID or first.value == other.value:
         return 0.0
-    return abs(one.value - other.value) / (one.std if one.std > 0.0 else abs(one.value))
+    return abs(first.value - other.value) / (first.std if first.std > 0.0 else abs(first.value))
 
 
 def test_renewals_are_sparse_and_never_stop() -> None:
@@ -78,12 +78,12 @@ def test_block_sizes_do_not_change_estimates(revolutions: list[Revolution], size
         for index, revolution in enumerate(revolutions)
     ]
     single, block = estimated(faulty, 1), estimated(faulty, sizes)
-    for one, other in zip(single, block, strict=True):
-        assert len(one.estimates) == len(other.estimates)
-        assert max(difference(a, b) for a, b in zip(one.estimates, other.estimates, strict=True)) < 1e-9
-        stds = [(a.std, b.std) for a, b in zip(one.estimates, other.estimates, strict=True) if a.std > 0.0]
+    for first, other in zip(single, block, strict=True):
+        assert len(first.estimates) == len(other.estimates)
+        assert max(difference(a, b) for a, b in zip(first.estimates, other.estimates, strict=True)) < 1e-9
+        stds = [(a.std, b.std) for a, b in zip(first.estimates, other.estimates, strict=True) if a.std > 0.0]
         assert max(abs(b / a - 1.0) for a, b in stds) < 1e-9
-        assert [codes_of(e.reasons) for e in one.estimates] == [codes_of(e.reasons) for e in other.estimates]
+        assert [codes_of(e.reasons) for e in first.estimates] == [codes_of(e.reasons) for e in other.estimates]
 
 
 def test_lag_of_the_pace_is_far_below_the_error(revolutions: list[Revolution], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -95,8 +95,8 @@ def test_lag_of_the_pace_is_far_below_the_error(revolutions: list[Revolution], m
     fresh = estimated(revolutions, 16, names)
     apart: dict[str, list[float]] = {}
     stds: dict[str, list[float]] = {}
-    for one, other in zip(fresh[8:], paced[8:], strict=True):
-        for a, b in zip(one.estimates, other.estimates, strict=True):
+    for first, other in zip(fresh[8:], paced[8:], strict=True):
+        for a, b in zip(first.estimates, other.estimates, strict=True):
             if Status.INVALID not in (a.status, b.status):
                 apart.setdefault(a.name, []).append(abs(a.value - b.value) / a.std)
                 stds.setdefault(a.name, []).append(b.std / a.std)
@@ -110,44 +110,44 @@ def test_lag_of_the_pace_is_far_below_the_error(revolutions: list[Revolution], m
 
 
 def test_fault_applies_in_its_own_revolution(revolutions: list[Revolution]) -> None:
-    at = 110
-    assert not is_due(at)
+    position = 110
+    assert not is_due(position)
     faulty = list(revolutions)
-    faulty[at] = replace(revolutions[at], faults=(Reason(Code.RADIAL_CLIPPED),))
+    faulty[position] = replace(revolutions[position], faults=(Reason(Code.RADIAL_CLIPPED),))
     results = estimated(faulty, 16, ("weak-form", "ply-steer"))
-    for estimate in results[at].estimates:
+    for estimate in results[position].estimates:
         assert estimate.status is not Status.VALID or estimate.name == "sensor_roll_rad"
-    for before, after in zip(results[at - 1].estimates, results[at + 1].estimates, strict=True):
+    for before, after in zip(results[position - 1].estimates, results[position + 1].estimates, strict=True):
         assert before.status is after.status
 
 
 def test_doubt_applies_in_its_own_revolution(revolutions: list[Revolution]) -> None:
-    at = 110
+    position = 110
     doubt = Reason(Code.AXIS_READS)
-    doubts = [(Doubt(Basis.SAMPLES, doubt),) if index == at else () for index in range(len(revolutions))]
+    doubts = [(Doubt(Basis.SAMPLES, doubt),) if index == position else () for index in range(len(revolutions))]
     results = estimated(revolutions, 16, ("kinematic", "weak-form"), doubts)
-    assert [e.name for e in results[at].estimates if doubt not in e.reasons] == [
+    assert [e.name for e in results[position].estimates if doubt not in e.reasons] == [
         "speed_mps",
         "angular_speed_radps",
         "rotation_rpm",
     ]
-    assert not any(doubt in e.reasons for e in results[at + 1].estimates)
+    assert not any(doubt in e.reasons for e in results[position + 1].estimates)
 
 
 def test_contradiction_applies_in_its_own_revolution(
     revolutions: list[Revolution], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    at, seen = 110, iter(range(len(revolutions)))
+    position, seen = 110, iter(range(len(revolutions)))
     assess = tire_estimates.assess
     against = Contradiction(Subject.STEADY, Reason(Code.NO_SINGLE_CAUSE), {Basis.RADIUS: 1.3})
 
     def contradicted(*args: object, **options: object) -> Evidence:
         evidence = assess(*args, **options)  # type: ignore[arg-type]
-        return evidence._replace(contradictions=(against,)) if next(seen) >= at else evidence
+        return evidence._replace(contradictions=(against,)) if next(seen) >= position else evidence
 
     monkeypatch.setattr(tire_estimates, "assess", contradicted)
     results = estimated(revolutions, 16, ("kinematic", "weak-form"))
-    before, after = ({e.name: e for e in results[index].estimates} for index in (at - 1, at))
+    before, after = ({e.name: e for e in results[index].estimates} for index in (position - 1, position))
     assert before["Bs"].status is Status.VALID
     assert after["Bs"].status is Status.INVALID
     assert after["Bs/Cw"].status is Status.VALID

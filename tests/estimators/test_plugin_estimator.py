@@ -109,7 +109,9 @@ def test_estimates_are_usable_whatever_a_plugin_returns(returned: Any) -> None:
 def test_what_an_estimator_raises_makes_its_estimates_invalid(error: BaseException) -> None:
     estimates = updated(lambda: raising(error))
     check(estimates)
-    assert [(one.name, one.reasons[0].code) for one in estimates] == [(name, Code.PLUGIN_FAILED) for name in NAMES]
+    assert [(estimate.name, estimate.reasons[0].code) for estimate in estimates] == [
+        (name, Code.PLUGIN_FAILED) for name in NAMES
+    ]
 
 
 @given(ERRORS)
@@ -164,7 +166,7 @@ def test_endless_and_undeclared_estimates_are_refused() -> None:
 @pytest.fixture
 def _catalogue(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setattr(quantity_catalogue, "_OF_PLUGINS", {})
-    monkeypatch.setattr(quantity_catalogue, "_BY_NAME", {one.name: one for one in quantity_catalogue.declared()})
+    monkeypatch.setattr(quantity_catalogue, "_BY_NAME", {item.name: item for item in quantity_catalogue.declared()})
     yield
     quantity_catalogue.quantity_of.cache_clear()
 

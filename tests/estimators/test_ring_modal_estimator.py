@@ -74,9 +74,9 @@ def test_light_loads_give_all_numbers() -> None:
         exact_wave(ring), edges=(ring.leading_edge_rad, ring.trailing_edge_rad), edge_std=0.002
     )
     conditions = replace(CONDITIONS, load_n=300.0)
-    found = {e.name: e for e in RingModalEstimator().update(revolution, settled(revolution), conditions)}
+    results = {e.name: e for e in RingModalEstimator().update(revolution, settled(revolution), conditions)}
     for name, number in zip(("Bs", "Cw", "Rs"), TABLE_3_NUMBERS, strict=False):
-        assert found[name].value == pytest.approx(number, rel=0.06)
+        assert results[name].value == pytest.approx(number, rel=0.06)
 
 
 def test_gain_and_speed_do_not_change_the_fit() -> None:
@@ -91,6 +91,6 @@ def test_non_ring_signals_are_rejected() -> None:
     rng = np.random.default_rng(1)
     for other in (wave - 2.0 * wave.mean(), wave.mean() + rng.normal(0.0, 500.0, 1024)):
         revolution = make_revolution(other, edges=(-0.2, 0.2), edge_std=0.005)
-        found = RingModalEstimator().update(revolution, settled(revolution), CONDITIONS)
-        assert all(e.status is Status.INVALID for e in found)
+        result = RingModalEstimator().update(revolution, settled(revolution), CONDITIONS)
+        assert all(e.status is Status.INVALID for e in result)
     assert fit_modal(ORDERS[1:], np.zeros(59, complex), np.ones(59), edges_rad=(-0.2, 0.2), edge_std_rad=0.01) is None

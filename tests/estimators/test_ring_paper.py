@@ -168,7 +168,7 @@ def test_stated_half_angle_replaces_the_edges_with_its_own_error() -> None:
     wave = series_wave()
     wrong_edges = {"edges": (-1.1 * HALF, 1.1 * HALF)}
     stated = replace(CONDITIONS, tire=replace(CONDITIONS.tire, half_angle_rad=HALF, half_angle_std_rad=0.0))
-    by_edges, by_statement = (estimate_once(wave, at, **wrong_edges) for at in (CONDITIONS, stated))
+    by_edges, by_statement = (estimate_once(wave, position, **wrong_edges) for position in (CONDITIONS, stated))
     np.testing.assert_allclose(values(by_statement), TABLE_3_NUMBERS, rtol=2e-3)
     assert np.abs(values(by_edges) / TABLE_3_NUMBERS - 1.0).max() > 0.05
     vague = replace(CONDITIONS, tire=replace(stated.tire, half_angle_std_rad=0.02))
@@ -190,7 +190,7 @@ def test_built_in_signal_of_the_paper_returns_table_3_without_an_alarm() -> None
 def test_standard_errors_cover_noise(noise: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """On data of the model itself the stated error without model error is the scatter."""
     monkeypatch.setattr(ring_paper, "MODEL_ERRORS", np.zeros(4))
-    found, stated = [], []
+    actual, stated = [], []
     for seed in range(60):
         rng = np.random.default_rng(seed)
         average = RunningAverage()
@@ -200,9 +200,9 @@ def test_standard_errors_cover_noise(noise: float, monkeypatch: pytest.MonkeyPat
         # The edges are exact here, so the error of their definition is left out.
         result = replace(result, leading_edge_std_rad=0.0, trailing_edge_std_rad=0.0)
         estimates = RingPaperEstimator().update(revolution, result, CONDITIONS)
-        found.append([e.value for e in estimates])
+        actual.append([e.value for e in estimates])
         stated.append([e.std for e in estimates])
-    ratio = np.sqrt(np.mean(np.square(stated), axis=0)) / np.std(found, axis=0)
+    ratio = np.sqrt(np.mean(np.square(stated), axis=0)) / np.std(actual, axis=0)
     assert (ratio > 0.8).all(), ratio
     assert (ratio < 1.6).all(), ratio
 
@@ -221,12 +221,12 @@ def test_provisional_until_settled_and_on_faults() -> None:
 
 def test_known_bias_is_in_the_error() -> None:
     """Bs, Cw and Ts of the linear ring are not determined, because the model's own error is too large."""
-    found = estimate_once(exact_wave(solution()))
+    result = estimate_once(exact_wave(solution()))
     for name, true in zip(RING_NUMBERS, TABLE_3_NUMBERS, strict=True):
-        assert abs(found[name].value - true) < 3.0 * found[name].std
+        assert abs(result[name].value - true) < 3.0 * result[name].std
     for name in ("Bs", "Cw", "Ts"):
-        assert found[name].status is Status.PROVISIONAL
-        assert codes_of(found[name].reasons)[:2] == (Code.NOT_DETERMINED, Code.MODEL_ERROR_SHARE)
+        assert result[name].status is Status.PROVISIONAL
+        assert codes_of(result[name].reasons)[:2] == (Code.NOT_DETERMINED, Code.MODEL_ERROR_SHARE)
 
 
 def test_number_at_zero_is_not_determined() -> None:
@@ -244,9 +244,9 @@ def test_number_at_zero_is_not_determined() -> None:
         assert estimates[name].status is Status.PROVISIONAL
 
 
-def with_orders(average: AngleAverage, kept: int) -> AngleAverage:
+def with_orders(average: AngleAverage, remaining: int) -> AngleAverage:
     orders = average.orders_mps2.copy()
-    orders[kept + 1 :] = complex(math.nan, math.nan)
+    orders[remaining + 1 :] = complex(math.nan, math.nan)
     return replace(average, orders_mps2=orders)
 
 

@@ -34,18 +34,18 @@ def driven(tables: str, seconds: float, estimator: str, wheel: str = "", setup: 
 
 @pytest.mark.parametrize("letter", ["A", "C"])
 def test_road_class_is_found(letter: str) -> None:
-    found = last(driven(f"[road]\nprofile = '{letter}'", 9.0, "road"))["road_class"]
-    assert found.status is Status.VALID
-    assert abs(found.value - (1.0 + "ABCD".index(letter))) < 2.0 * found.std
-    assert 0.15 < found.std < 0.45
-    assert class_letter(found.value) == found.reasons[0]["letter"] == letter
+    result = last(driven(f"[road]\nprofile = '{letter}'", 9.0, "road"))["road_class"]
+    assert result.status is Status.VALID
+    assert abs(result.value - (1.0 + "ABCD".index(letter))) < 2.0 * result.std
+    assert 0.15 < result.std < 0.45
+    assert class_letter(result.value) == result.reasons[0]["letter"] == letter
 
 
 def test_road_roughness_is_not_determined_on_an_even_road() -> None:
-    found = last(driven("[road]\nleading_jitter_mm = 0.8\ntrailing_jitter_mm = 0.8", 9.0, "road"))
-    assert found["road_class"].status is Status.INVALID
-    assert codes_of(found["road_class"].reasons) == (Code.ROAD_BELOW_NOISE,)
-    assert found["road_class"].reasons[0]["letter"] == "A"
+    result = last(driven("[road]\nleading_jitter_mm = 0.8\ntrailing_jitter_mm = 0.8", 9.0, "road"))
+    assert result["road_class"].status is Status.INVALID
+    assert codes_of(result["road_class"].reasons) == (Code.ROAD_BELOW_NOISE,)
+    assert result["road_class"].reasons[0]["letter"] == "A"
 
 
 def test_road_needs_speed_and_revolutions() -> None:
@@ -98,29 +98,29 @@ def in_cavity(hertz: float, length_m: float | None, std_m: float, measured: str 
 
 
 def test_cavity_gives_the_temperature_of_the_gas() -> None:
-    found = in_cavity(air_hz(43.0, 1.65), 1.65, 0.003)
-    warm = found["cavity_temperature_degc"]
+    result = in_cavity(air_hz(43.0, 1.65), 1.65, 0.003)
+    warm = result["cavity_temperature_degc"]
     assert warm.status is not Status.INVALID
     assert abs(warm.value - 43.0) < 2.0 * warm.std < 12.0
-    ratio = found["cavity_gas_ratio"]
+    ratio = result["cavity_gas_ratio"]
     assert abs(ratio.value - 1.0) < 2.0 * ratio.std
     assert Code.CAVITY_CONTRADICTED not in codes_of(ratio.reasons)
 
 
 def test_other_gas_contradicts_the_temperature() -> None:
-    found = in_cavity(air_hz(40.0, 1.65) * math.sqrt(1.4), 1.65, 0.01)
-    assert found["cavity_gas_ratio"].value == pytest.approx(1.4, abs=0.08)
-    assert found["cavity_gas_ratio"].status is Status.PROVISIONAL
+    result = in_cavity(air_hz(40.0, 1.65) * math.sqrt(1.4), 1.65, 0.01)
+    assert result["cavity_gas_ratio"].value == pytest.approx(1.4, abs=0.08)
+    assert result["cavity_gas_ratio"].status is Status.PROVISIONAL
     # Whether it is another gas or the line of a motor, the frequency may not be the cavity's.
     for name in ("cavity_hz", "cavity_temperature_degc", "cavity_gas_ratio"):
-        assert found[name].status is Status.PROVISIONAL
-        assert found[name].reasons[0].code is Code.CAVITY_CONTRADICTED
+        assert result[name].status is Status.PROVISIONAL
+        assert result[name].reasons[0].code is Code.CAVITY_CONTRADICTED
 
 
 def test_unknown_cavity_length_gives_the_frequency_alone() -> None:
-    found = in_cavity(214.0, None, 0.0)
-    assert found["cavity_hz"].value == pytest.approx(214.0, abs=1.5)
-    assert codes_of(found["cavity_temperature_degc"].reasons) == (Code.NEEDS_CAVITY_LENGTH,)
+    result = in_cavity(214.0, None, 0.0)
+    assert result["cavity_hz"].value == pytest.approx(214.0, abs=1.5)
+    assert codes_of(result["cavity_temperature_degc"].reasons) == (Code.NEEDS_CAVITY_LENGTH,)
 
 
 @pytest.mark.parametrize(("size", "inches"), [("205/55 R16", 16.0), ("195R14C", 14.0), ("335/65R22.5", 22.5)])
@@ -132,14 +132,14 @@ def test_cavity_length_follows_from_the_rim_of_the_size(size: str, inches: float
 
 
 def test_cavity_waits_for_uninterrupted_rolling() -> None:
-    found = CavityEstimator().update(REVOLUTION, AVERAGE, TireConditions(0.32))
-    assert {codes_of(one.reasons) for one in found} == {(Code.NEEDS_UNINTERRUPTED_ROLLING,)}
+    result = CavityEstimator().update(REVOLUTION, AVERAGE, TireConditions(0.32))
+    assert {codes_of(item.reasons) for item in result} == {(Code.NEEDS_UNINTERRUPTED_ROLLING,)}
 
 
 def during(results: tuple[RevolutionResult, ...], first_s: float, last_s: float) -> list[dict[str, Estimate]]:
     start = results[0].revolution.start_s
     return [
-        {one.name: one for one in result.estimates}
+        {estimate.name: estimate for estimate in result.estimates}
         for result in results
         if first_s < result.revolution.start_s - start < last_s
     ]
@@ -148,23 +148,23 @@ def during(results: tuple[RevolutionResult, ...], first_s: float, last_s: float)
 def test_moved_leading_edge_is_like_a_water_wedge() -> None:
     shift = "[road]\nleading_shift_mm = [[0, 0], [6, 0], [6.05, 20], [6.6, 20], [6.65, 0]]"
     results = driven(shift, 7.5, "water-wedge")
-    for found in during(results, 6.05, 6.3):
-        leading, trailing = found["leading_edge_shift_rad"], found["trailing_edge_shift_rad"]
+    for result in during(results, 6.05, 6.3):
+        leading, trailing = result["leading_edge_shift_rad"], result["trailing_edge_shift_rad"]
         assert 320.0 * leading.value == pytest.approx(20.0, abs=2.5)
         assert abs(320.0 * trailing.value) < 1.0
         assert leading.status is Status.PROVISIONAL
         assert codes_of(leading.reasons) == (Code.LIKE_A_WATER_WEDGE, Code.NOT_VERIFIED_BY_MEASUREMENT)
-    for found in during(results, 5.0, 5.8):
-        assert codes_of(found["water_wedge_rad"].reasons) == (Code.NOT_VERIFIED_BY_MEASUREMENT,)
+    for result in during(results, 5.0, 5.8):
+        assert codes_of(result["water_wedge_rad"].reasons) == (Code.NOT_VERIFIED_BY_MEASUREMENT,)
 
 
 def test_smaller_load_is_not_like_a_water_wedge() -> None:
     results = driven("", 7.5, "water-wedge", "load_n = [[0, 5000], [6, 5000], [6.2, 3500]]")
-    found = during(results, 6.0, 7.0)
-    assert max(one["leading_edge_shift_rad"].value for one in found) > 0.03
-    assert all(Code.LIKE_A_WATER_WEDGE not in codes_of(one["water_wedge_rad"].reasons) for one in found)
+    result = during(results, 6.0, 7.0)
+    assert max(item["leading_edge_shift_rad"].value for item in result) > 0.03
+    assert all(Code.LIKE_A_WATER_WEDGE not in codes_of(item["water_wedge_rad"].reasons) for item in result)
 
 
 def test_water_wedge_needs_contacts_before() -> None:
-    found = WaterWedgeEstimator().update(REVOLUTION, AVERAGE, CONDITIONS)
-    assert {codes_of(one.reasons) for one in found} == {(Code.NEEDS_REVOLUTIONS,)}
+    result = WaterWedgeEstimator().update(REVOLUTION, AVERAGE, CONDITIONS)
+    assert {codes_of(item.reasons) for item in result} == {(Code.NEEDS_REVOLUTIONS,)}

@@ -35,8 +35,8 @@ def within(estimate, truth: float, errors: float = 3.0) -> bool:
 
 
 def test_two_speeds_separate_gain_and_offset() -> None:
-    found = last(simulated(TWO_SPEEDS, 20.0, SETUP, ESTIMATORS)[0])
-    gain, offset = found["gain"], found["zero_g_offset_mps2"]
+    result = last(simulated(TWO_SPEEDS, 20.0, SETUP, ESTIMATORS)[0])
+    gain, offset = result["gain"], result["zero_g_offset_mps2"]
     assert gain.status is Status.VALID
     assert within(gain, TRUE_GAIN)
     assert gain.std < 5e-4
@@ -46,27 +46,27 @@ def test_two_speeds_separate_gain_and_offset() -> None:
 
 
 def test_tilts_and_mounting_offset_are_recovered() -> None:
-    found = last(simulated(TWO_SPEEDS, 20.0, SETUP, ESTIMATORS)[0])
-    assert within(found["roll_tilt_rad"], math.radians(2))
+    result = last(simulated(TWO_SPEEDS, 20.0, SETUP, ESTIMATORS)[0])
+    assert within(result["roll_tilt_rad"], math.radians(2))
     # A yaw, which nothing measures, turns a part of the pitch into it.
-    assert math.radians(0.03) < found["roll_tilt_rad"].std < math.radians(0.06)
-    assert within(found["pitch_tilt_rad"], math.radians(-1.5))
-    assert found["pitch_tilt_rad"].std < math.radians(0.05)
-    assert within(found["sensor_offset_m"], 0.005)
-    assert found["sensor_offset_m"].std < 0.0002
+    assert math.radians(0.03) < result["roll_tilt_rad"].std < math.radians(0.06)
+    assert within(result["pitch_tilt_rad"], math.radians(-1.5))
+    assert result["pitch_tilt_rad"].std < math.radians(0.05)
+    assert within(result["sensor_offset_m"], 0.005)
+    assert result["sensor_offset_m"].std < 0.0002
 
 
 def test_one_speed_leaves_gain_provisional() -> None:
-    found = last(simulated(FAULTY, 12.0, SETUP, ESTIMATORS)[0])
-    assert found["zero_g_offset_mps2"].status is Status.INVALID
-    assert codes_of(found["zero_g_offset_mps2"].reasons) == (Code.NEEDS_TWO_SPEEDS,)
-    assert found["gain"].status is Status.PROVISIONAL
-    assert codes_of(found["gain"].reasons) == (Code.NEEDS_TWO_SPEEDS,)
-    assert within(found["gain"], TRUE_GAIN)
-    assert 0.002 < found["gain"].std < 0.012
-    assert found["roll_tilt_rad"].status is Status.PROVISIONAL
-    assert within(found["roll_tilt_rad"], math.radians(2))
-    assert found["gain_per_degc"].status is Status.INVALID
+    result = last(simulated(FAULTY, 12.0, SETUP, ESTIMATORS)[0])
+    assert result["zero_g_offset_mps2"].status is Status.INVALID
+    assert codes_of(result["zero_g_offset_mps2"].reasons) == (Code.NEEDS_TWO_SPEEDS,)
+    assert result["gain"].status is Status.PROVISIONAL
+    assert codes_of(result["gain"].reasons) == (Code.NEEDS_TWO_SPEEDS,)
+    assert within(result["gain"], TRUE_GAIN)
+    assert 0.002 < result["gain"].std < 0.012
+    assert result["roll_tilt_rad"].status is Status.PROVISIONAL
+    assert within(result["roll_tilt_rad"], math.radians(2))
+    assert result["gain_per_degc"].status is Status.INVALID
 
 
 def test_gain_follows_temperature() -> None:
@@ -74,64 +74,64 @@ def test_gain_follows_temperature() -> None:
         "[sensor]\nrange_g = 1000\ngain_drift_percent_per_k = 0.04\n[motion]\nspeed_kmh = [[0, 40], [10, 90], [30, 50]]"
     )
     results, _ = simulated(tables, 30.0, SETUP, ESTIMATORS, "temperature_degc = [[0, 20], [30, 60]]")
-    found = last(results)
-    assert found["gain_per_degc"].status is Status.VALID
-    assert found["gain_per_degc"].value == pytest.approx(4e-4, abs=max(5e-5, 3 * found["gain_per_degc"].std))
+    result = last(results)
+    assert result["gain_per_degc"].status is Status.VALID
+    assert result["gain_per_degc"].value == pytest.approx(4e-4, abs=max(5e-5, 3 * result["gain_per_degc"].std))
     # The simulated gain holds at the reference temperature, 25 degC.
-    assert found["gain"].value == pytest.approx(1.0 + 4e-4 * 35.0, abs=1e-3)
+    assert result["gain"].value == pytest.approx(1.0 + 4e-4 * 35.0, abs=1e-3)
 
 
 def test_ac_coupling_leaves_only_the_gain() -> None:
     tables = FAULTY + "coupling = 'ac'\nhighpass_hz = 0.05"
     setup = WheelSetup("FL", 0, 0, 0.32, sensor=SensorClaims(offset_m=0.005))
-    found = last(simulated(tables, 16.0, setup, ESTIMATORS)[0])
+    result = last(simulated(tables, 16.0, setup, ESTIMATORS)[0])
     for name in ("zero_g_offset_mps2", "roll_tilt_rad", "gain_per_degc"):
-        assert found[name].status is Status.INVALID
-        assert codes_of(found[name].reasons) == (Code.AC_COUPLED,)
-    assert found["gain"].status is Status.PROVISIONAL
-    assert within(found["gain"], TRUE_GAIN, 2.0)
-    assert within(found["pitch_tilt_rad"], math.radians(-1.5))
-    assert within(found["sensor_offset_m"], 0.005)
+        assert result[name].status is Status.INVALID
+        assert codes_of(result[name].reasons) == (Code.AC_COUPLED,)
+    assert result["gain"].status is Status.PROVISIONAL
+    assert within(result["gain"], TRUE_GAIN, 2.0)
+    assert within(result["pitch_tilt_rad"], math.radians(-1.5))
+    assert within(result["sensor_offset_m"], 0.005)
 
 
 def test_saturated_signal_is_rejected() -> None:
-    found = last(simulated("[sensor]\nrange_g = 132", 8.0, SETUP, ESTIMATORS)[0])
+    result = last(simulated("[sensor]\nrange_g = 132", 8.0, SETUP, ESTIMATORS)[0])
     for name in ("gain", "pitch_tilt_rad", "sensor_offset_m", "roll_tilt_rad"):
-        assert found[name].status is Status.INVALID
-        assert Code.RADIAL_SATURATED in codes_of(found[name].reasons)
+        assert result[name].status is Status.INVALID
+        assert Code.RADIAL_SATURATED in codes_of(result[name].reasons)
 
 
 def test_radial_axis_alone_gives_the_gain() -> None:
-    found = last(simulated("[sensor]\naxes = ['radial']", 8.0, SETUP, ESTIMATORS)[0])
-    assert within(found["gain"], 1.0)
-    assert found["sensor_offset_m"].reasons == (Reason(Code.AXIS_MISSING, axis="circumferential"),)
-    assert found["roll_tilt_rad"].reasons == (Reason(Code.AXIS_MISSING, axis="lateral"),)
+    result = last(simulated("[sensor]\naxes = ['radial']", 8.0, SETUP, ESTIMATORS)[0])
+    assert within(result["gain"], 1.0)
+    assert result["sensor_offset_m"].reasons == (Reason(Code.AXIS_MISSING, axis="circumferential"),)
+    assert result["roll_tilt_rad"].reasons == (Reason(Code.AXIS_MISSING, axis="lateral"),)
 
 
 def test_wrong_stated_offset_is_reported() -> None:
     setup = WheelSetup("FL", 0, 0, 0.32, sensor=SensorClaims(offset_m=0.001))
-    found = last(simulated(FAULTY, 12.0, setup, ESTIMATORS)[0])
-    assert found["sensor_offset_m"].reasons == (Reason(Code.OTHER_OFFSET_STATED, stated_m=0.001),)
-    assert found["sensor_offset_m"].status is Status.VALID
+    result = last(simulated(FAULTY, 12.0, setup, ESTIMATORS)[0])
+    assert result["sensor_offset_m"].reasons == (Reason(Code.OTHER_OFFSET_STATED, stated_m=0.001),)
+    assert result["sensor_offset_m"].status is Status.VALID
 
 
 def test_offset_known_no_better_than_a_contradicting_statement_is_provisional() -> None:
     setup = WheelSetup("FL", 0, 0, 0.32, sensor=SensorClaims(offset_m=0.001, offset_std_m=1e-4))
-    found = last(simulated(FAULTY, 12.0, setup, ESTIMATORS)[0])["sensor_offset_m"]
-    assert found.status is Status.PROVISIONAL
-    assert within(found, 0.005)
+    result = last(simulated(FAULTY, 12.0, setup, ESTIMATORS)[0])["sensor_offset_m"]
+    assert result.status is Status.PROVISIONAL
+    assert within(result, 0.005)
 
 
 @pytest.mark.parametrize("offset_mm", [0.0, 5.0])
 def test_reverse_rolling_gives_offset_and_pitch(offset_mm: float) -> None:
     tables = FAULTY.replace("offset_mm = 5", f"offset_mm = {offset_mm}") + "[motion]\ndirection = 'reverse'"
     results, _ = simulated(tables, 5.0, SETUP, ESTIMATORS)
-    for found in (last(results[:10]), last(results)):
-        offset = found["sensor_offset_m"]
+    for result in (last(results[:10]), last(results)):
+        offset = result["sensor_offset_m"]
         assert offset.status is Status.VALID
         assert codes_of(offset.reasons) == (Code.AXIS_AGAINST_ROLLING,)
         assert within(offset, 1e-3 * offset_mm)
-        assert within(found["pitch_tilt_rad"], math.radians(-1.5))
+        assert within(result["pitch_tilt_rad"], math.radians(-1.5))
 
 
 def test_change_of_direction_starts_calibration_again() -> None:
@@ -142,37 +142,37 @@ def test_change_of_direction_starts_calibration_again() -> None:
         revolution = result.revolution
         if number >= 20:
             revolution = replace(revolution, axes_mps2=revolution.axes_mps2 * turned)
-        found = estimator.update(revolution, extended(average, revolution), result.conditions)
-        offset = {estimate.name: estimate for estimate in found}["sensor_offset_m"]
+        actual = estimator.update(revolution, extended(average, revolution), result.conditions)
+        offset = {estimate.name: estimate for estimate in actual}["sensor_offset_m"]
         assert (Code.AXIS_AGAINST_ROLLING in codes_of(offset.reasons)) is (number >= 31)
     assert within(offset, 0.005)
 
 
 @pytest.mark.parametrize("yaw_deg", [40.0, -40.0])
 def test_yawed_axis_still_turns_in_gravity(yaw_deg: float) -> None:
-    found = last(simulated(f"[sensor]\nyaw_deg = {yaw_deg}\n[motion]\nspeed_kmh = 50", 4.0, SETUP, ESTIMATORS)[0])
-    assert found["sensor_offset_m"].status is Status.VALID
+    result = last(simulated(f"[sensor]\nyaw_deg = {yaw_deg}\n[motion]\nspeed_kmh = 50", 4.0, SETUP, ESTIMATORS)[0])
+    assert result["sensor_offset_m"].status is Status.VALID
 
 
 def test_axis_without_gravity_gives_no_offset() -> None:
     """A sensor that is turned by 90 deg has its circumferential and lateral axes swapped."""
     tables = "[sensor]\noffset_mm = 5\nyaw_deg = 90\n[motion]\nspeed_kmh = 50"
     results, _ = simulated(tables, 4.0, SETUP, (*ESTIMATORS, "ply-steer"))
-    found = last(results)
+    result = last(results)
     for name in ("sensor_offset_m", "pitch_tilt_rad"):
-        assert codes_of(found[name].reasons) == (Code.GRAVITY_ABSENT,)
-        assert found[name].status is Status.INVALID
-    assert found["ply_steer_peak_rad"].status is Status.INVALID
-    assert Code.MAY_CHANGE_BY in codes_of(found["ply_steer_peak_rad"].reasons)
-    assert found["contact_length_m"].status is not Status.INVALID
+        assert codes_of(result[name].reasons) == (Code.GRAVITY_ABSENT,)
+        assert result[name].status is Status.INVALID
+    assert result["ply_steer_peak_rad"].status is Status.INVALID
+    assert Code.MAY_CHANGE_BY in codes_of(result["ply_steer_peak_rad"].reasons)
+    assert result["contact_length_m"].status is not Status.INVALID
 
 
 def test_errors_cover_road_noise() -> None:
     tables = "[sensor]\noffset_mm = 8\nrange_g = 1000\n[road]\nrms_mps2 = 5\n[motion]\nspeed_kmh = [[0, 50], [16, 90]]"
-    found = last(simulated(tables, 16.0, SETUP, ESTIMATORS)[0])
-    assert within(found["gain"], 1.0, 4.0)
-    assert within(found["sensor_offset_m"], 0.008)
-    assert within(found["pitch_tilt_rad"], 0.0)
+    result = last(simulated(tables, 16.0, SETUP, ESTIMATORS)[0])
+    assert within(result["gain"], 1.0, 4.0)
+    assert within(result["sensor_offset_m"], 0.008)
+    assert within(result["pitch_tilt_rad"], 0.0)
 
 
 @pytest.mark.parametrize(

@@ -32,8 +32,8 @@ def belt(slip_deg: float, stiffness: float = 1e3, friction: float = 1.0) -> Late
     return solve_lateral_belt(solution(), lateral, slip_angle_rad=math.radians(slip_deg))
 
 
-def displaced(found: LateralSolution) -> np.ndarray:
-    return displacement_rows(solution().half_angle_rad) @ lateral_coefficients(on_grid(found.lateral_m), ORDERS)
+def displaced(result: LateralSolution) -> np.ndarray:
+    return displacement_rows(solution().half_angle_rad) @ lateral_coefficients(on_grid(result.lateral_m), ORDERS)
 
 
 def calibration() -> SideForceCalibration:
@@ -62,11 +62,11 @@ def follow(slip_deg: float, conditions: TireConditions, revolutions: int = 16, s
 
 @pytest.mark.parametrize("stiffness", [200.0, 1e3, 4e3])
 def test_force_and_moment_are_linear_in_displacement(stiffness: float) -> None:
-    found = [belt(slip, stiffness) for slip in SLIPS_DEG]
-    shift, yaw = np.array([displaced(one) for one in found]).T
+    results = [belt(slip, stiffness) for slip in SLIPS_DEG]
+    shift, yaw = np.array([displaced(item) for item in results]).T
     for displacement, force, share in (
-        (shift, [one.side_force_n for one in found], 0.005),
-        (yaw, [one.aligning_moment_nm for one in found], 0.005),
+        (shift, [item.side_force_n for item in results], 0.005),
+        (yaw, [item.aligning_moment_nm for item in results], 0.005),
     ):
         line = np.polyval(np.polyfit(displacement, force, 1), displacement)
         assert line == pytest.approx(force, abs=share * float(np.ptp(force)))
@@ -83,8 +83,8 @@ def test_gravity_of_order_one_does_not_matter() -> None:
 @pytest.mark.parametrize("slip_deg", [-4.0, 0.5, 4.0])
 def test_calibrated_force_is_within_errors(slip_deg: float) -> None:
     conditions = replace(CONDITIONS, tire=TireData(side_force_calibration=calibration()))
-    found, truth = follow(slip_deg, conditions), belt(slip_deg)
-    force, moment = found["side_force_n"], found["aligning_moment_nm"]
+    result, truth = follow(slip_deg, conditions), belt(slip_deg)
+    force, moment = result["side_force_n"], result["aligning_moment_nm"]
     assert force.status is Status.VALID
     assert abs(force.value - truth.side_force_n) < 3.0 * force.std
     assert abs(moment.value - truth.aligning_moment_nm) < 3.0 * moment.std
@@ -102,17 +102,17 @@ def test_scattering_part_is_what_repeated_drives_scatter() -> None:
 
 
 def test_force_needs_a_calibration() -> None:
-    found = follow(1.0, CONDITIONS)
-    assert found["belt_shift_m"].status is Status.VALID
-    assert codes_of(found["side_force_n"].reasons) == (Code.NEEDS_SIDE_FORCE_CALIBRATION,)
+    result = follow(1.0, CONDITIONS)
+    assert result["belt_shift_m"].status is Status.VALID
+    assert codes_of(result["side_force_n"].reasons) == (Code.NEEDS_SIDE_FORCE_CALIBRATION,)
 
 
 def test_other_contact_length_makes_force_provisional() -> None:
     law = calibration()
     elsewhere = replace(law, half_angle_range_rad=(0.1, 0.12))
-    found = follow(1.0, replace(CONDITIONS, tire=TireData(side_force_calibration=elsewhere)))
-    assert found["side_force_n"].status is Status.PROVISIONAL
-    assert Code.HALF_ANGLE_OUTSIDE_CALIBRATION in codes_of(found["side_force_n"].reasons)
+    result = follow(1.0, replace(CONDITIONS, tire=TireData(side_force_calibration=elsewhere)))
+    assert result["side_force_n"].status is Status.PROVISIONAL
+    assert Code.HALF_ANGLE_OUTSIDE_CALIBRATION in codes_of(result["side_force_n"].reasons)
 
 
 def test_force_at_another_pressure_has_the_error_of_the_sidewalls() -> None:
@@ -130,9 +130,9 @@ def test_force_at_another_pressure_has_the_error_of_the_sidewalls() -> None:
 
 def test_calibration_of_unknown_pressure_makes_force_provisional() -> None:
     unknown = replace(calibration(), pressure_range_pa=None)
-    found = follow(1.0, replace(CONDITIONS, tire=TireData(side_force_calibration=unknown)))
-    assert codes_of(found["side_force_n"].reasons) == (Code.SIDE_FORCE_PRESSURE_UNKNOWN,)
-    assert found["belt_shift_m"].status is Status.VALID
+    result = follow(1.0, replace(CONDITIONS, tire=TireData(side_force_calibration=unknown)))
+    assert codes_of(result["side_force_n"].reasons) == (Code.SIDE_FORCE_PRESSURE_UNKNOWN,)
+    assert result["belt_shift_m"].status is Status.VALID
 
 
 def test_no_lateral_axis_gives_nothing() -> None:
@@ -142,10 +142,10 @@ def test_no_lateral_axis_gives_nothing() -> None:
 def test_fit_returns_the_law_it_was_made_from() -> None:
     law = LinearLaw(5e5, 0.0, 1e-4, 0.0)
     shifts = [-2e-3, 0.0, 1e-3, 3e-3]
-    found = fit_linear_law(shifts, [1e-5] * 4, [law.force(s, 0.0)[0] for s in shifts], [10.0] * 4)
-    assert found.factor == pytest.approx(5e5)
-    assert found.zero == pytest.approx(1e-4)
-    assert 0.0 < found.factor_std < 1e4
+    result = fit_linear_law(shifts, [1e-5] * 4, [law.force(s, 0.0)[0] for s in shifts], [10.0] * 4)
+    assert result.factor == pytest.approx(5e5)
+    assert result.zero == pytest.approx(1e-4)
+    assert 0.0 < result.factor_std < 1e4
 
 
 def test_fit_needs_two_points() -> None:

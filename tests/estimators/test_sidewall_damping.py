@@ -33,18 +33,18 @@ def orders_of(ring: RingSolution) -> np.ndarray:
 def test_damping_is_proportional_to_the_true_one(loss: float) -> None:
     """The linear ring takes the damping of a loaded belt for 1.3 times what it is."""
     damping = loss * BASE_RING.radial_stiffness_npm2 / OMEGA
-    found = sidewall_damping(orders_of(rolling(foundation_damping_nspm2=damping)), NUMBERS, MAX_ORDER)
-    assert found is not None
+    result = sidewall_damping(orders_of(rolling(foundation_damping_nspm2=damping)), NUMBERS, MAX_ORDER)
+    assert result is not None
     true = damping * OMEGA / PRESSURE_PA / TABLE_3_LOAD_NUMBER
-    assert found.damping == pytest.approx(1.3 * true, rel=0.02)
+    assert result.damping == pytest.approx(1.3 * true, rel=0.02)
 
 
 def test_no_damping_needs_no_correction() -> None:
-    found = sidewall_damping(orders_of(rolling()), NUMBERS, MAX_ORDER)
-    assert found is not None
-    assert found.damping < 1e-3
-    assert abs(found.shift_rad) < 1e-4
-    assert np.abs(found.correction).max() < 1e-6
+    result = sidewall_damping(orders_of(rolling()), NUMBERS, MAX_ORDER)
+    assert result is not None
+    assert result.damping < 1e-3
+    assert abs(result.shift_rad) < 1e-4
+    assert np.abs(result.correction).max() < 1e-6
 
 
 def test_orders_that_are_not_finite_give_none() -> None:
@@ -63,11 +63,11 @@ def test_numbers_hold_with_rolling_resistance(loss: float, ratio: float) -> None
     damping = loss * BASE_RING.radial_stiffness_npm2 / OMEGA
     ring = rolling(foundation_damping_nspm2=damping, tangential_damping_ratio=ratio)
     assert ring.rolling_resistance > 0.25 * loss
-    found = estimates_of(exact_wave(ring), edges=(ring.leading_edge_rad, ring.trailing_edge_rad))
+    estimates = estimates_of(exact_wave(ring), edges=(ring.leading_edge_rad, ring.trailing_edge_rad))
     for name, true in zip(RING_NUMBERS, TABLE_3_NUMBERS, strict=True):
-        assert found[name].status is Status.VALID
-        assert abs(found[name].value - true) < 2.0 * found[name].std
-        assert abs(found[name].value / true - 1.0) < 0.05
+        assert estimates[name].status is Status.VALID
+        assert abs(estimates[name].value - true) < 2.0 * estimates[name].std
+        assert abs(estimates[name].value / true - 1.0) < 0.05
 
 
 @pytest.mark.parametrize("sidewall", [0.0, 60.0, 200.0])
@@ -76,13 +76,13 @@ def test_errors_cover_a_belt_that_loses_energy_in_bending(bending: float, sidewa
     """Bs falls by up to 3.6 % at 4e-3 N m^2 s; beside damping of the sidewall phases show least of it."""
     wave = exact_wave(rolling(bending_damping_nm2s=bending, foundation_damping_nspm2=sidewall))
     edges = find_contact_edges(wave, 1024.0, 1e-6)
-    found = estimates_of(wave, edges=(edges.leading_rad, edges.trailing_rad))
+    estimates = estimates_of(wave, edges=(edges.leading_rad, edges.trailing_rad))
     for name, true in zip(RING_NUMBERS, TABLE_3_NUMBERS, strict=True):
-        assert found[name].status is Status.VALID
-        assert abs(found[name].value - true) < 2.5 * found[name].std
+        assert estimates[name].status is Status.VALID
+        assert abs(estimates[name].value - true) < 2.5 * estimates[name].std
 
 
 def test_bending_hardly_widens_the_errors_of_a_belt_without_losses() -> None:
-    found = sidewall_damping(orders_of(rolling()), NUMBERS, MAX_ORDER)
-    assert found is not None
-    assert np.abs(found.by_bending).max() < 1e-5 * BASE_RING.radius_m * OMEGA**2
+    result = sidewall_damping(orders_of(rolling()), NUMBERS, MAX_ORDER)
+    assert result is not None
+    assert np.abs(result.by_bending).max() < 1e-5 * BASE_RING.radius_m * OMEGA**2

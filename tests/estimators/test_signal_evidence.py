@@ -29,10 +29,10 @@ def reasons_by_code(reasons: tuple[Reason, ...]) -> dict[Code, Reason]:
 
 def test_half_the_rate_makes_speed_invalid() -> None:
     results, snapshot = restated(PLAIN, 4.0, SETUP, (*DEFAULT, "self-calibration"), rate_factor=0.5)
-    found = last(results)
-    assert found["speed_mps"].status is Status.INVALID
-    assert found["gain"].status is Status.INVALID
-    (reason,) = found["speed_mps"].reasons
+    result = last(results)
+    assert result["speed_mps"].status is Status.INVALID
+    assert result["gain"].status is Status.INVALID
+    (reason,) = result["speed_mps"].reasons
     assert reason.code is Code.MAY_CHANGE_BY
     assert reason["effect"] == pytest.approx(1.0, abs=0.01)
     contradiction = reason["why"]
@@ -57,22 +57,22 @@ def test_metres_taken_for_g_are_named() -> None:
 
 def test_wrong_radius_makes_speed_provisional() -> None:
     results, _ = simulated(PLAIN, 4.0, replace(SETUP, radius_m=0.30, radius_std_m=0.003), DEFAULT)
-    found = last(results)
+    result = last(results)
     for name in ("speed_mps", "contact_length_m", *RING_NUMBERS):
-        assert found[name].status is Status.PROVISIONAL
-    causes = {cause.code: cause for cause in found["speed_mps"].reasons[0]["why"]["causes"]}
+        assert result[name].status is Status.PROVISIONAL
+    causes = {cause.code: cause for cause in result["speed_mps"].reasons[0]["why"]["causes"]}
     assert causes[Code.RADIUS_WOULD_FIT]["radius_m"] == pytest.approx(0.32, abs=0.001)
-    assert found["Bs/Cw"].status is Status.VALID
-    assert found["leading_edge_rad"].status is Status.VALID
+    assert result["Bs/Cw"].status is Status.VALID
+    assert result["leading_edge_rad"].status is Status.VALID
 
 
 def test_all_stated_well_contradicts_nothing() -> None:
     results, truth = simulated(PLAIN, 4.0, SETUP, DEFAULT)
-    found = last(results)
+    result = last(results)
     for name in ("speed_mps", "leading_edge_rad", *RING_NUMBERS, "Bs/Cw"):
-        assert found[name].status is Status.VALID, found[name]
+        assert result[name].status is Status.VALID, result[name]
     for name in RING_NUMBERS:
-        assert abs(found[name].value - getattr(truth.numbers(3.0), name)) < 3.0 * found[name].std
+        assert abs(result[name].value - getattr(truth.numbers(3.0), name)) < 3.0 * result[name].std
 
 
 @pytest.mark.parametrize("claims", [SensorClaims(), SensorClaims(offset_m=0.008)])
@@ -82,24 +82,24 @@ def test_depth_is_measured_and_used(claims: SensorClaims) -> None:
     conditions = results[-1].conditions
     assert conditions.sensor_offset_m == pytest.approx(0.008, abs=3.0 * conditions.sensor_offset_std_m)
     assert conditions.sensor_offset_std_m < 3e-4
-    found = last(results)
+    result = last(results)
     for name in RING_NUMBERS:
-        assert found[name].status is Status.VALID
-        assert abs(found[name].value - getattr(truth.numbers(5.0), name)) < 3.0 * found[name].std
+        assert result[name].status is Status.VALID
+        assert abs(result[name].value - getattr(truth.numbers(5.0), name)) < 3.0 * result[name].std
 
 
 @pytest.mark.parametrize("stated_m", [0.0, 0.003])
 def test_wrong_depth_makes_numbers_provisional(stated_m: float) -> None:
     setup = replace(SETUP, sensor=SensorClaims(offset_m=stated_m))
     results, truth = simulated(DEEP, 6.0, setup, (*DEFAULT, "self-calibration"))
-    found = last(results)
+    result = last(results)
     for name in (*RING_NUMBERS, "Bs/Cw"):
-        assert found[name].status is Status.PROVISIONAL
-        assert codes_of(found[name].reasons)[:2] == (Code.ERROR_COVERS, Code.OFFSET_CONTRADICTED)
+        assert result[name].status is Status.PROVISIONAL
+        assert codes_of(result[name].reasons)[:2] == (Code.ERROR_COVERS, Code.OFFSET_CONTRADICTED)
     for name in RING_NUMBERS:
-        assert abs(found[name].value - getattr(truth.numbers(5.0), name)) < 3.0 * found[name].std
-    assert found["speed_mps"].status is Status.VALID
-    assert found["sensor_offset_m"].status is Status.VALID
+        assert abs(result[name].value - getattr(truth.numbers(5.0), name)) < 3.0 * result[name].std
+    assert result["speed_mps"].status is Status.VALID
+    assert result["sensor_offset_m"].status is Status.VALID
 
 
 def test_depth_unknown_to_all_widens_the_error() -> None:
@@ -107,10 +107,10 @@ def test_depth_unknown_to_all_widens_the_error() -> None:
     tables = DEEP + '\naxes = ["radial"]'
     results, truth = simulated(tables, 6.0, SETUP, DEFAULT)
     assert results[-1].conditions.sensor_offset_std_m == UNKNOWN_OFFSET_STD_M
-    found = last(results)
+    result = last(results)
     for name in RING_NUMBERS:
-        assert abs(found[name].value - getattr(truth.numbers(5.0), name)) < 3.0 * found[name].std
-    assert Code.OFFSET_UNKNOWN in codes_of(found["Cw"].reasons)
+        assert abs(result[name].value - getattr(truth.numbers(5.0), name)) < 3.0 * result[name].std
+    assert Code.OFFSET_UNKNOWN in codes_of(result["Cw"].reasons)
 
 
 def test_unknown_radius_is_measured() -> None:
@@ -124,11 +124,11 @@ def test_unknown_radius_is_measured() -> None:
 def test_zero_offset_is_contradicted_by_two_speeds() -> None:
     tables = PLAIN + "\nzero_g_offset_g = [0, 0, 1.5]\n[motion]\nspeed_kmh = [[0, 40], [12, 90]]"
     results, truth = simulated(tables, 12.0, SETUP, DEFAULT)
-    found = last(results)
-    assert Code.ZERO_CONTRADICTED in reasons_by_code(found["Cw"].reasons)
+    result = last(results)
+    assert Code.ZERO_CONTRADICTED in reasons_by_code(result["Cw"].reasons)
     for name in RING_NUMBERS:
-        assert found[name].status is Status.PROVISIONAL
-        assert abs(found[name].value - getattr(truth.numbers(11.0), name)) < 3.0 * found[name].std
+        assert result[name].status is Status.PROVISIONAL
+        assert abs(result[name].value - getattr(truth.numbers(11.0), name)) < 3.0 * result[name].std
 
 
 @pytest.mark.parametrize("load_n", [4000.0, 6000.0])
@@ -136,13 +136,13 @@ def test_wrong_load_is_contradicted_by_the_width(load_n: float) -> None:
     """The width of the belt is that of the new tire, whatever its wear."""
     reference = ReferenceNumbers(3.08e-3, 0.195, 2.97, 2.53, pressure_pa=210e3)
     setup = replace(SETUP, load_n=load_n, tire=TireData(reference=reference))
-    found = last(simulated(PLAIN, 4.0, setup, (*DEFAULT, "load"))[0])
+    result = last(simulated(PLAIN, 4.0, setup, (*DEFAULT, "load"))[0])
     for name in RING_NUMBERS:
-        assert found[name].status is Status.PROVISIONAL
-        assert codes_of(found[name].reasons) == (Code.WIDTH_CONTRADICTED,)
-    assert found["pressure_number"].status is Status.PROVISIONAL
-    assert Code.WIDTH_CONTRADICTED in codes_of(found["pressure_number"].reasons)
-    assert found["Bs/Cw"].status is Status.VALID
+        assert result[name].status is Status.PROVISIONAL
+        assert codes_of(result[name].reasons) == (Code.WIDTH_CONTRADICTED,)
+    assert result["pressure_number"].status is Status.PROVISIONAL
+    assert Code.WIDTH_CONTRADICTED in codes_of(result["pressure_number"].reasons)
+    assert result["Bs/Cw"].status is Status.VALID
 
 
 CONDITIONS = TireConditions(0.32, 4200.0, 210e3, radius_std_m=0.0032)
@@ -201,7 +201,7 @@ def test_speed_by_gravity_is_compared_with_that_by_the_radius(gain: float, contr
     conditions = replace(CONDITIONS, radius_std_m=0.001)
     seen = measured(1.04, gain=gain)
     evidence = assess(seen, conditions, 1000.0, ac_coupled=False)
-    assert [found.subject for found in evidence.contradictions] == [Subject.STEADY] * contradicted
+    assert [contradiction.subject for contradiction in evidence.contradictions] == [Subject.STEADY] * contradicted
     # What moves the hub may be in gravity's order too.
     moving = assess(seen._replace(hub_mps2=1.0), conditions, 1000.0, ac_coupled=False)
     assert moving.contradictions == ()
@@ -232,12 +232,12 @@ def test_rate_near_a_contradiction_widens_the_measured_depth() -> None:
     """A rate of 9984 Hz for 9600 Hz is within three errors of a gain known to 3 %."""
     claims = SensorClaims(gain_std=0.03)
     setup = replace(SETUP, sensor=claims)
-    found = last(restated(DEEP, 4.0, setup, ("kinematic", "self-calibration"), rate_factor=1.04)[0])
+    result = last(restated(DEEP, 4.0, setup, ("kinematic", "self-calibration"), rate_factor=1.04)[0])
     for name, true in (("sensor_offset_m", 0.008), ("speed_mps", 65.0 / 3.6)):
-        assert found[name].status is Status.VALID
-        assert abs(found[name].value - true) < 3.0 * found[name].std
+        assert result[name].status is Status.VALID
+        assert abs(result[name].value - true) < 3.0 * result[name].std
     # Beyond the gains of two axes, 4.2 %.
-    assert found["sensor_offset_m"].std > 0.048 * found["sensor_offset_m"].value
+    assert result["sensor_offset_m"].std > 0.048 * result["sensor_offset_m"].value
 
 
 def test_agreeing_depths_are_averaged() -> None:
@@ -281,8 +281,8 @@ def test_zero_that_no_sensor_has_does_not_move_the_steady_value() -> None:
         sum(a * a for a, _, _ in rows),
         sum(a * b for a, b, _ in rows),
         sum(b * b for _, b, _ in rows),
-        sum(a * left for a, _, left in rows),
-        sum(b * left for _, b, left in rows),
+        sum(a * item for a, _, item in rows),
+        sum(b * item for _, b, item in rows),
     )
     evidence = assess(measured(1.0)._replace(by_mean=sums, steady_mps2=1950.0), CONDITIONS, 1950.0, ac_coupled=False)
     assert evidence.contradictions == ()
@@ -292,9 +292,9 @@ def test_zero_that_no_sensor_has_does_not_move_the_steady_value() -> None:
 def test_error_by_the_shape_is_bounded() -> None:
     """A waveform without a steady value has any mean square; it must not hide the contradiction."""
     flat = measured(0.01, offset_m=None)._replace(mean_square=5000.0)
-    assert [found.subject for found in assess(flat, CONDITIONS, 1000.0, ac_coupled=False).contradictions] == [
-        Subject.STEADY
-    ]
+    assert [
+        contradiction.subject for contradiction in assess(flat, CONDITIONS, 1000.0, ac_coupled=False).contradictions
+    ] == [Subject.STEADY]
 
 
 def test_notes_stand_beside_a_contradiction() -> None:
@@ -304,9 +304,9 @@ def test_notes_stand_beside_a_contradiction() -> None:
     evidence = assess(None, CONDITIONS, 1000.0, ac_coupled=False)._replace(
         contradictions=(contradiction,), offset_is_known=False, hub_motion=moving
     )
-    found = evidence.qualified(Estimate("Ts", 2.5, 0.05, Status.VALID, (note,)))
-    assert found.status is Status.PROVISIONAL
-    assert [reason.code for reason in found.reasons] == [
+    result = evidence.qualified(Estimate("Ts", 2.5, 0.05, Status.VALID, (note,)))
+    assert result.status is Status.PROVISIONAL
+    assert [reason.code for reason in result.reasons] == [
         Code.MAY_CHANGE_BY, note.code, Code.OFFSET_UNKNOWN, moving.code,
     ]  # fmt: skip
 
@@ -315,9 +315,9 @@ def test_change_without_bound_has_no_size() -> None:
     """A gain of a tenth would need a tenfold radius."""
     contradiction = Contradiction(Subject.GRAVITY, Reason(Code.NO_SINGLE_CAUSE), {Basis.RADIUS: 10.0})
     evidence = assess(None, CONDITIONS, 1000.0, ac_coupled=False)._replace(contradictions=(contradiction,))
-    found = evidence.qualified(SPEED)
-    assert found.status is Status.INVALID
-    assert found.reasons[0].code is Code.NOTHING_FOLLOWS
+    result = evidence.qualified(SPEED)
+    assert result.status is Status.INVALID
+    assert result.reasons[0].code is Code.NOTHING_FOLLOWS
 
 
 @pytest.mark.parametrize("revolutions", [1, 7, 8])

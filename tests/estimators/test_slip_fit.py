@@ -104,9 +104,9 @@ def test_slope_beyond_the_law_has_no_slip() -> None:
 def test_ranges_are_those_of_the_runs() -> None:
     law = fitted(BOTH).calibration
     assert law.outside(0.2, 2e5, 0.5 * DEG) == ()
-    found = [reason.code for reason in law.outside(0.3, 1.5e5, 3.0 * DEG)]
+    results = [reason.code for reason in law.outside(0.3, 1.5e5, 3.0 * DEG)]
     expected = [Code.HALF_ANGLE_OUTSIDE_CALIBRATION, Code.PRESSURE_OUTSIDE_CALIBRATION, Code.SLIP_OUTSIDE_CALIBRATION]
-    assert found == expected
+    assert results == expected
 
 
 def test_contradicting_run_is_refused_by_name() -> None:
@@ -141,7 +141,7 @@ def test_runs_at_different_loads_are_refused() -> None:
 
 
 def test_turned_sign_of_slip_is_refused() -> None:
-    turned = [replace(one, slip_rad=-one.slip_rad) for one in runs(FORWARD)]
+    turned = [replace(drive, slip_rad=-drive.slip_rad) for drive in runs(FORWARD)]
     with pytest.raises(CalibrationError, match="share is negative"):
         fit_slip_calibration(turned, ZERO_STD)
 

@@ -57,9 +57,9 @@ def test_stated_wear_makes_the_load_more_certain() -> None:
 
 def test_unknown_temperature_is_in_the_error_of_the_load() -> None:
     tire = replace(TIRE, wear_m=0.0, wear_std_m=1e-4)
-    known, unknown = (by_angle(replace(CONDITIONS, tire=tire, temperature_degc=degc)) for degc in (25.0, None))
-    assert unknown.value == known.value
-    assert unknown.std > known.std
+    reference, unknown = (by_angle(replace(CONDITIONS, tire=tire, temperature_degc=degc)) for degc in (25.0, None))
+    assert unknown.value == reference.value
+    assert unknown.std > reference.std
     assert codes_of(unknown.reasons) == (Code.TEMPERATURE_NOT_COMPENSATED,)
 
 
@@ -91,16 +91,16 @@ def test_measured_softening_makes_wear_better_than_published() -> None:
     # 20 K warmer: an assumed coefficient leaves 0.3 mm, a calibrated one less than the paper's 0.42 mm by far.
     measured = replace(REFERENCE, softening_per_k=0.004, softening_std_per_k=3e-4)
     softer = {"Bs": Estimate("Bs", 3.08e-3 * math.exp(-0.004 * 20.0), 1e-5, Status.VALID)}
-    found, assumed = (
+    result, assumed = (
         WearEstimator().update(
             REVOLUTION,
             AVERAGE,
-            replace(CONDITIONS, temperature_degc=45.0, given={"weak-form": softer}, tire=replace(TIRE, reference=one)),
+            replace(CONDITIONS, temperature_degc=45.0, given={"weak-form": softer}, tire=replace(TIRE, reference=item)),
         )[0]
-        for one in (measured, REFERENCE)
+        for item in (measured, REFERENCE)
     )
-    assert found.value == pytest.approx(0.0, abs=1e-9)
-    assert found.std < 0.06
+    assert result.value == pytest.approx(0.0, abs=1e-9)
+    assert result.std < 0.06
     assert assumed.value == pytest.approx(-0.2, abs=0.01)
     assert abs(assumed.value) < assumed.std
 
@@ -111,9 +111,9 @@ def test_wear_against_the_stated_wear_is_provisional() -> None:
         given={"weak-form": {"Bs": Estimate("Bs", 3.08e-3, 1e-5, Status.VALID)}},
         tire=replace(TIRE, wear_m=3e-3, wear_std_m=2e-4),
     )
-    found = WearEstimator().update(REVOLUTION, AVERAGE, conditions)[0]
-    assert found.status is Status.PROVISIONAL
-    assert found.reasons[0].code is Code.WEAR_CONTRADICTED
+    result = WearEstimator().update(REVOLUTION, AVERAGE, conditions)[0]
+    assert result.status is Status.PROVISIONAL
+    assert result.reasons[0].code is Code.WEAR_CONTRADICTED
 
 
 def points(softening: float, degrees: list[float], error: float, seed: int) -> list[TirePoint]:

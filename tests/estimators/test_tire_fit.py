@@ -26,13 +26,13 @@ GRID = [(load, pressure) for load in (2500.0, 4000.0, 5500.0, 7000.0) for pressu
 
 
 def test_calibration_fits_the_exact_ring() -> None:
-    fit = fit_load_calibration([point(*at) for at in GRID])
+    fit = fit_load_calibration([point(*position) for position in GRID])
     assert np.abs(fit.residuals).max() < 0.03
     assert fit.calibration.relative_std < 0.02
     for load_n, pressure_pa in ((3200.0, 1.95e5), (6200.0, 2.25e5), (4700.0, 1.85e5)):
         there = point(load_n, pressure_pa)
-        found = fit.calibration.load_at(there.half_angle_rad, pressure_pa)
-        assert found == pytest.approx(load_n, rel=3.0 * fit.calibration.relative_std)
+        result = fit.calibration.load_at(there.half_angle_rad, pressure_pa)
+        assert result == pytest.approx(load_n, rel=3.0 * fit.calibration.relative_std)
 
 
 def test_left_out_error_predicts_new_loads() -> None:
@@ -51,12 +51,12 @@ def test_one_recording_gives_uncertain_scale() -> None:
     assert fit.calibration.relative_std > 0.05
     for load_n, pressure_pa in ((4000.0, 2.1e5), (7000.0, 2.1e5), (5500.0, 1.8e5)):
         there = point(load_n, pressure_pa)
-        found = fit.calibration.load_at(there.half_angle_rad, pressure_pa)
-        assert found == pytest.approx(load_n, rel=2.0 * fit.calibration.relative_std)
+        result = fit.calibration.load_at(there.half_angle_rad, pressure_pa)
+        assert result == pytest.approx(load_n, rel=2.0 * fit.calibration.relative_std)
 
 
 def test_uncertain_load_has_less_weight() -> None:
-    good = [point(*at) for at in GRID]
+    good = [point(*position) for position in GRID]
     wrong = replace(point(5500.0, 2.1e5), load_n=6600.0, load_std_n=1200.0)
     fit = fit_load_calibration([*good, wrong])
     clean = fit_load_calibration(good)
@@ -81,14 +81,14 @@ def test_uncertain_half_angle_has_less_weight() -> None:
 
 
 def test_one_load_does_not_determine_the_exponent() -> None:
-    same = [replace(point(4200.0, 2.1e5), half_angle_rad=0.21 + 1e-4 * place) for place in range(3)]
+    same = [replace(point(4200.0, 2.1e5), half_angle_rad=0.21 + 1e-4 * index) for index in range(3)]
     fit = fit_load_calibration(same)
     assert not fit.is_angle_exponent_determined
     assert not fit.is_pressure_exponent_determined
     assert not fit.is_error_measured
     assert fit.calibration.angle_exponent == pytest.approx(1.4, abs=0.02)
     assert fit.angle_exponent_std == pytest.approx(0.15, rel=0.05)
-    full = fit_load_calibration([point(*at) for at in GRID])
+    full = fit_load_calibration([point(*position) for position in GRID])
     assert full.is_angle_exponent_determined
     assert full.is_pressure_exponent_determined
     assert full.angle_exponent_std < 0.05
@@ -103,7 +103,7 @@ def test_contradicting_points_are_not_believed() -> None:
 
 
 def test_range_check_and_slope() -> None:
-    calibration = fit_load_calibration([point(*at) for at in GRID]).calibration
+    calibration = fit_load_calibration([point(*position) for position in GRID]).calibration
     assert calibration.outside(0.2, 2.1e5) == ()
     assert codes_of(calibration.outside(0.2, 3.0e5)) == (Code.PRESSURE_OUTSIDE_CALIBRATION,)
     assert codes_of(calibration.outside(0.6, 2.1e5)) == (Code.HALF_ANGLE_OUTSIDE_CALIBRATION,)
@@ -121,13 +121,13 @@ def test_reference_uses_points_of_one_pressure() -> None:
         replace(point(5500.0, 2.1e5), numbers=numbers(3.0e-3, 0.197, 3.0)),
         replace(point(5500.0, 2.4e5), numbers=numbers(2.625e-3, 0.193, 2.7)),
     ]
-    found = reference_numbers(points, "weak-form")
-    assert found.pressure_pa == 2.1e5
-    assert found.Bs == pytest.approx(3.0e-3, rel=1e-9)
-    assert found.Bs_std == pytest.approx(3.0e-5 / math.sqrt(3.0), rel=1e-6)
-    assert found.Cw == pytest.approx(0.195, rel=2e-3)
-    assert found.Rs == pytest.approx(3.0)
-    assert found.Ts is None
+    result = reference_numbers(points, "weak-form")
+    assert result.pressure_pa == 2.1e5
+    assert result.Bs == pytest.approx(3.0e-3, rel=1e-9)
+    assert result.Bs_std == pytest.approx(3.0e-5 / math.sqrt(3.0), rel=1e-6)
+    assert result.Cw == pytest.approx(0.195, rel=2e-3)
+    assert result.Rs == pytest.approx(3.0)
+    assert result.Ts is None
 
 
 def test_reference_uses_valid_numbers_only() -> None:

@@ -38,8 +38,8 @@ def errors_of(
 ) -> np.ndarray:
     """Return the relative errors of the four numbers."""
     conditions = conditions or TireConditions(RADIUS_M, ring.load_n, ring.pressure_pa)
-    found = estimates_of(exact_wave(ring) if wave is None else wave, conditions)
-    return np.array([found[name].value for name in ("Bs", "Cw", "Rs", "Ts")]) / np.array(ring.numbers) - 1.0
+    estimates = estimates_of(exact_wave(ring) if wave is None else wave, conditions)
+    return np.array([estimates[name].value for name in ("Bs", "Cw", "Rs", "Ts")]) / np.array(ring.numbers) - 1.0
 
 
 def fits_of(waves: np.ndarray, order_std: float) -> WaveformFits:
@@ -117,16 +117,16 @@ def test_known_sensor_offset_is_corrected() -> None:
 
 def test_numbers_scale_with_load_pressure_and_radius() -> None:
     wave = exact_wave(solution())
-    found = estimates_of(wave)
+    estimates = estimates_of(wave)
     doubled = estimates_of(wave, replace(CONDITIONS, load_n=10000.0))
-    assert doubled["Rs"].value == pytest.approx(2.0 * found["Rs"].value, rel=1e-9)
+    assert doubled["Rs"].value == pytest.approx(2.0 * estimates["Rs"].value, rel=1e-9)
     uncertain = replace(CONDITIONS, load_std_n=100.0, pressure_std_pa=2.1e3, radius_std_m=0.0032)
     with_errors = estimates_of(wave, uncertain)
     scale = math.hypot(0.02, 0.01, 0.02)
     for name in ("Bs", "Cw", "Rs", "Ts"):
-        expected = math.hypot(found[name].std, scale * found[name].value)
+        expected = math.hypot(estimates[name].std, scale * estimates[name].value)
         assert with_errors[name].std == pytest.approx(expected, rel=1e-9)
-        assert with_errors[f"{name}/Cw"].std == found[f"{name}/Cw"].std if name != "Cw" else True
+        assert with_errors[f"{name}/Cw"].std == estimates[f"{name}/Cw"].std if name != "Cw" else True
 
 
 def test_ratios_need_neither_load_nor_pressure() -> None:
@@ -146,8 +146,8 @@ def test_known_belt_width_gives_the_load() -> None:
         wave = on_grid(ring.sensor.radial_m)[np.newaxis]
         half = np.array([ring.half_angle_rad])
         fits = fit_waveforms(wave, np.full(61, 1e-6), np.zeros(1), half)
-        found, std = fits.load_n(BASE_RING.tension_width_m, PRESSURE_PA, RADIUS_M)
-        assert found[0] == pytest.approx(load, rel=0.003)
+        result, std = fits.load_n(BASE_RING.tension_width_m, PRESSURE_PA, RADIUS_M)
+        assert result[0] == pytest.approx(load, rel=0.003)
         assert 0.0 < std[0] < 0.01 * load
 
 
@@ -179,9 +179,9 @@ def test_batch_matches_single_fits() -> None:
     spoiled = waves.copy()
     spoiled[3] = np.nan
     spoiled[4] = -1.0
-    found = fits_of(spoiled, 0.1 * NOISE * RADIUS_M)
-    assert np.isnan(found.values[[3, 4]]).all()
-    assert np.isfinite(np.delete(found.values, [3, 4], axis=0)).all()
+    result = fits_of(spoiled, 0.1 * NOISE * RADIUS_M)
+    assert np.isnan(result.values[[3, 4]]).all()
+    assert np.isfinite(np.delete(result.values, [3, 4], axis=0)).all()
 
 
 def test_repeating_errors_leave_bending_unbiased() -> None:
@@ -241,15 +241,15 @@ def test_few_orders_are_rejected() -> None:
     assert all(e.status is Status.INVALID and e.reasons[0]["orders"] == 14 for e in refused.values())
     spectrum = np.fft.rfft(wave)
     spectrum[41:] = 0.0
-    found = estimates_of(np.fft.irfft(spectrum, n=1024), order_max=40)
+    estimates = estimates_of(np.fft.irfft(spectrum, n=1024), order_max=40)
     for name, true in zip(("Bs", "Cw", "Rs", "Ts"), TRUTH, strict=True):
-        assert abs(found[name].value - true) < 4.0 * found[name].std + 0.03 * true
+        assert abs(estimates[name].value - true) < 4.0 * estimates[name].std + 0.03 * true
 
 
 @pytest.mark.parametrize("wave", [np.zeros(1024), np.full(1024, -5.0), np.full(1024, 900.0)])
 def test_non_tire_signals_are_rejected(wave: np.ndarray) -> None:
-    found = estimates_of(wave, edges=(-0.2, 0.2))
-    assert all(e.status is not Status.VALID for e in found.values())
+    estimates = estimates_of(wave, edges=(-0.2, 0.2))
+    assert all(e.status is not Status.VALID for e in estimates.values())
 
 
 def test_clipped_signal_does_not_balance() -> None:
@@ -267,10 +267,10 @@ def test_waves_of_tread_blocks_do_not_bend_the_numbers(orders: tuple[float, floa
     ahead = np.cos(orders[0] * theta + phase_rad) * np.exp(-before / 1.2) * (before > 0.0)
     after = 0.4 * np.cos(orders[1] * theta + phase_rad) * np.exp(-behind) * (behind > 0.0)
     spectrum = np.fft.rfft(ahead + after) * np.exp(-0.5 * (np.arange(513) / 80.0) ** 2)
-    found = estimates_of(wave + 0.04 * wave.mean() * np.fft.irfft(spectrum, n=1024))
+    estimates = estimates_of(wave + 0.04 * wave.mean() * np.fft.irfft(spectrum, n=1024))
     for name, true in zip(("Bs", "Cw", "Rs", "Ts"), TRUTH, strict=True):
-        assert found[name].status is Status.VALID
-        assert abs(found[name].value - true) < 2.5 * found[name].std
+        assert estimates[name].status is Status.VALID
+        assert abs(estimates[name].value - true) < 2.5 * estimates[name].std
 
 
 def test_waves_are_told_from_damping_and_clipping() -> None:
@@ -282,9 +282,9 @@ def test_waves_are_told_from_damping_and_clipping() -> None:
     waves[39:] += 1e-3 * (rng.normal(size=52) + 1j * rng.normal(size=52))
     assert not wave_std(damped, noise, 90).any()
     assert not wave_std(clipped, noise, 90).any()
-    found = wave_std(7.0 * waves, noise, 90)
-    assert not found[:39].any()
-    assert found[39:] == pytest.approx(np.full(22, 1e-3), rel=0.5)
+    result = wave_std(7.0 * waves, noise, 90)
+    assert not result[:39].any()
+    assert result[39:] == pytest.approx(np.full(22, 1e-3), rel=0.5)
     assert wave_std(waves, np.full(61, 1e-3), 90) == pytest.approx(np.zeros(61))
     # Where the sampling carries no higher orders, sines alone show waves.
     assert wave_std(waves, noise, 50)[48:].all()

@@ -26,17 +26,17 @@ def wheel(load_n: float | None, tire: TireData = NEW) -> WheelSetup:
 
 @pytest.mark.parametrize("wear_mm", [0.0, 2.9, 6.4])
 def test_wear_follows_from_bending(wear_mm: float) -> None:
-    found = last(simulated(f"[tire]\nwear_mm = {wear_mm}", 14.0, wheel(5000.0), ESTIMATORS)[0])["wear_mm"]
-    assert found.status is Status.VALID
-    assert found.value == pytest.approx(wear_mm, abs=0.03)
-    assert found.std < 0.1
+    result = last(simulated(f"[tire]\nwear_mm = {wear_mm}", 14.0, wheel(5000.0), ESTIMATORS)[0])["wear_mm"]
+    assert result.status is Status.VALID
+    assert result.value == pytest.approx(wear_mm, abs=0.03)
+    assert result.std < 0.1
 
 
 def test_wear_without_load_uses_the_ratio() -> None:
-    found = last(simulated("[tire]\nwear_mm = 4", 14.0, wheel(None), ESTIMATORS)[0])
-    assert Reason(Code.FROM_RATIO, ratio="Bs/Cw") in found["wear_mm"].reasons
-    assert found["wear_mm"].value == pytest.approx(4.0, abs=0.05)
-    assert found["wear_number"].value == pytest.approx(4.0 / 320.0, abs=2e-4)
+    result = last(simulated("[tire]\nwear_mm = 4", 14.0, wheel(None), ESTIMATORS)[0])
+    assert Reason(Code.FROM_RATIO, ratio="Bs/Cw") in result["wear_mm"].reasons
+    assert result["wear_mm"].value == pytest.approx(4.0, abs=0.05)
+    assert result["wear_number"].value == pytest.approx(4.0 / 320.0, abs=2e-4)
 
 
 def test_pressure_is_not_mistaken_for_wear() -> None:
@@ -45,9 +45,9 @@ def test_pressure_is_not_mistaken_for_wear() -> None:
     # Without compensation 180 kPa would look like a stiffer ring: (210 / 180)^(1/3) is 0.8 mm of 15.
     uncompensated = replace(NEW, reference=replace(NEW.reference, pressure_pa=None))
     results, _ = simulated("", 14.0, wheel(5000.0, uncompensated), ESTIMATORS, "pressure_kpa = 180")
-    found = last(results)["wear_mm"]
-    assert Code.PRESSURE_NOT_COMPENSATED in codes_of(found.reasons)
-    assert found.value < -0.6
+    result = last(results)["wear_mm"]
+    assert Code.PRESSURE_NOT_COMPENSATED in codes_of(result.reasons)
+    assert result.value < -0.6
 
 
 def test_wear_shows_in_the_snapshot() -> None:
@@ -87,39 +87,39 @@ def wear_of(conditions: TireConditions) -> Estimate:
 
 def test_wear_error_combines_all_sources() -> None:
     ratio = (2e-3 / 3.08e-3) ** (1 / 3)
-    own = 15.0 * ratio / 3.0
+    selected = 15.0 * ratio / 3.0
     softening = 0.006 * 2.0
     assert wear_of(CONDITIONS).value == pytest.approx(15.0 * (1.0 - ratio))
-    assert wear_of(CONDITIONS).std == pytest.approx(own * math.hypot(0.02, softening))
+    assert wear_of(CONDITIONS).std == pytest.approx(selected * math.hypot(0.02, softening))
     reference = replace(CONDITIONS, tire=replace(NEW, reference=replace(NEW.reference, Bs_std=3.08e-5)))
-    assert wear_of(reference).std == pytest.approx(own * math.hypot(0.02, 0.01, softening))
+    assert wear_of(reference).std == pytest.approx(selected * math.hypot(0.02, 0.01, softening))
     thickness = replace(CONDITIONS, tire=replace(NEW, ring_thickness_std_m=0.001))
-    assert wear_of(thickness).std == pytest.approx(math.hypot(own * math.hypot(0.02, softening), 1.0 - ratio))
+    assert wear_of(thickness).std == pytest.approx(math.hypot(selected * math.hypot(0.02, softening), 1.0 - ratio))
 
 
 @pytest.mark.parametrize("warmer_k", [-20.0, 20.0])
 def test_wear_is_corrected_for_temperature(warmer_k: float) -> None:
     softer = {"Bs": Estimate("Bs", 3.08e-3 * math.exp(-0.006 * warmer_k), 3e-5, Status.VALID)}
-    found = wear_of(replace(CONDITIONS, given={"weak-form": softer}, temperature_degc=25.0 + warmer_k))
-    assert found.value == pytest.approx(0.0, abs=1e-9)
-    assert found.std == pytest.approx(5.0 * math.hypot(3.0 / 308.0, 0.003 * warmer_k, 0.012), rel=5e-3)
+    result = wear_of(replace(CONDITIONS, given={"weak-form": softer}, temperature_degc=25.0 + warmer_k))
+    assert result.value == pytest.approx(0.0, abs=1e-9)
+    assert result.std == pytest.approx(5.0 * math.hypot(3.0 / 308.0, 0.003 * warmer_k, 0.012), rel=5e-3)
 
 
 @pytest.mark.parametrize("known", [{"temperature_degc": None}, {"tire": replace(NEW, reference=UNDATED)}])
 def test_unknown_temperature_is_in_the_error_of_the_wear(known: dict[str, object]) -> None:
     # 10 % softer rubber is half a millimetre of a ring of 15 mm.
     softer = {"Bs": Estimate("Bs", 0.9 * 3.08e-3, 3e-6, Status.VALID)}
-    found = wear_of(replace(CONDITIONS, given={"weak-form": softer}, **known))
-    assert Code.TEMPERATURE_NOT_COMPENSATED in codes_of(found.reasons)
-    assert found.value == pytest.approx(0.5, abs=0.03)
-    assert found.value < 1.5 * found.std
+    result = wear_of(replace(CONDITIONS, given={"weak-form": softer}, **known))
+    assert Code.TEMPERATURE_NOT_COMPENSATED in codes_of(result.reasons)
+    assert result.value == pytest.approx(0.5, abs=0.03)
+    assert result.value < 1.5 * result.std
 
 
 def test_unknown_pressure_makes_the_wear_provisional() -> None:
-    found = wear_of(replace(CONDITIONS, pressure_pa=None))
-    assert found.status is Status.PROVISIONAL
-    assert Code.PRESSURE_NOT_COMPENSATED in codes_of(found.reasons)
-    assert found.std > 0.1 / 3.0 * 15.0 * 0.85
+    result = wear_of(replace(CONDITIONS, pressure_pa=None))
+    assert result.status is Status.PROVISIONAL
+    assert Code.PRESSURE_NOT_COMPENSATED in codes_of(result.reasons)
+    assert result.std > 0.1 / 3.0 * 15.0 * 0.85
 
 
 @pytest.mark.parametrize(
@@ -134,16 +134,16 @@ def test_unknown_pressure_makes_the_wear_provisional() -> None:
     ],
 )
 def test_missing_wear_inputs_are_reported(change: dict[str, object], code: Code) -> None:
-    found = wear_of(replace(CONDITIONS, **change))
-    assert found.status is Status.INVALID
-    assert codes_of(found.reasons) == (code,)
+    result = wear_of(replace(CONDITIONS, **change))
+    assert result.status is Status.INVALID
+    assert codes_of(result.reasons) == (code,)
 
 
 @pytest.mark.parametrize("load", [1.0, 1.05, 1.3])
 def test_wears_that_disagree_include_their_difference(load: float) -> None:
     """A stated load that is wrong changes Bs and not its ratio to Cw."""
-    given = {**GIVEN, "Bs": Estimate("Bs", 2e-3 * load, 4e-5 * load, Status.VALID)}
-    by_number, exact = wear_of(replace(CONDITIONS, given={"weak-form": given})), wear_of(CONDITIONS)
+    stated = {**GIVEN, "Bs": Estimate("Bs", 2e-3 * load, 4e-5 * load, Status.VALID)}
+    by_number, exact = wear_of(replace(CONDITIONS, given={"weak-form": stated})), wear_of(CONDITIONS)
     assert (Code.WEARS_DISAGREE in codes_of(by_number.reasons)) == (load > 1.2)
     assert abs(by_number.value - exact.value) <= 1.05 * by_number.std
     assert load > 1.0 or by_number.std == exact.std
@@ -153,12 +153,12 @@ def test_wear_drift_follows_the_wear() -> None:
     estimator = WearEstimator()
     for index in range(1001):
         worn = (1.0 - 0.0002 * index / 15.0) ** 3 * 3.08e-3
-        given = {"weak-form": {"Bs": Estimate("Bs", worn, 1e-6, Status.VALID)}}
-        found = estimator.update(replace(REVOLUTION, index=index), AVERAGE, replace(CONDITIONS, given=given))[2]
-        assert (found.status is Status.INVALID) == (index < 300)
-    assert found.value == pytest.approx(0.2, rel=1e-6)
-    assert found.std == pytest.approx(5.0 * 0.012)
-    assert found.reasons == (Reason(Code.OVER_REVOLUTIONS, revolutions=1000.0),)
+        stated = {"weak-form": {"Bs": Estimate("Bs", worn, 1e-6, Status.VALID)}}
+        result = estimator.update(replace(REVOLUTION, index=index), AVERAGE, replace(CONDITIONS, given=stated))[2]
+        assert (result.status is Status.INVALID) == (index < 300)
+    assert result.value == pytest.approx(0.2, rel=1e-6)
+    assert result.std == pytest.approx(5.0 * 0.012)
+    assert result.reasons == (Reason(Code.OVER_REVOLUTIONS, revolutions=1000.0),)
 
 
 CALIBRATION = LoadCalibration(4093.0, 0.20787, 209e3, 1.340, 0.237, 0.382, 0.006, (0.135, 0.311), (190e3, 230e3))
@@ -168,12 +168,12 @@ CALIBRATED = replace(NEW, load_calibration=CALIBRATION)
 @pytest.mark.parametrize("load_n", [3000.0, 6500.0])
 def test_load_from_angle_and_from_width(load_n: float) -> None:
     results, _ = simulated("", 14.0, wheel(None, CALIBRATED), ESTIMATORS, f"load_n = {load_n}")
-    found = last(results)
-    assert found["load_by_angle_n"].value == pytest.approx(load_n, rel=0.03)
-    assert abs(found["load_by_angle_n"].value - load_n) < 3.0 * found["load_by_angle_n"].std
-    assert found["load_by_width_n"].value == pytest.approx(load_n, rel=0.01)
-    assert found["load_n"].value == found["load_by_width_n"].value
-    assert Code.FROM_BELT_WIDTH in codes_of(found["load_n"].reasons)
+    result = last(results)
+    assert result["load_by_angle_n"].value == pytest.approx(load_n, rel=0.03)
+    assert abs(result["load_by_angle_n"].value - load_n) < 3.0 * result["load_by_angle_n"].std
+    assert result["load_by_width_n"].value == pytest.approx(load_n, rel=0.01)
+    assert result["load_n"].value == result["load_by_width_n"].value
+    assert Code.FROM_BELT_WIDTH in codes_of(result["load_n"].reasons)
 
 
 def test_load_follows_every_revolution() -> None:
@@ -181,48 +181,50 @@ def test_load_follows_every_revolution() -> None:
         "", 14.0, wheel(None, CALIBRATED), ("kinematic", "load"), "load_n = [[0, 4000], [6, 4000], [8, 6000]]"
     )
     for result in results[40:]:
-        found = {estimate.name: estimate for estimate in result.estimates}["load_by_angle_n"]
+        actual = {estimate.name: estimate for estimate in result.estimates}["load_by_angle_n"]
         true = truth.load_n(result.revolution.start_s)
-        assert found.value == pytest.approx(true, rel=0.06)
-        assert abs(found.value - true) < 2.0 * found.std
+        assert actual.value == pytest.approx(true, rel=0.06)
+        assert abs(actual.value - true) < 2.0 * actual.std
 
 
 def test_stated_load_does_not_set_the_estimate() -> None:
     # The wheel carries 6000 N, the vehicle file states 5000 N.
-    found = last(simulated("", 14.0, wheel(5000.0), ESTIMATORS, "load_n = 6000")[0])
-    assert found["load_n"].value == pytest.approx(6000.0, rel=0.01)
-    assert found["load_n"].status is Status.PROVISIONAL
-    assert Code.LOAD_CONTRADICTED in codes_of(found["load_n"].reasons)
-    assert Code.WIDTH_CONTRADICTED in codes_of(found["Bs"].reasons)
-    assert Code.WIDTH_CONTRADICTED not in codes_of(found["load_by_width_n"].reasons)
+    result = last(simulated("", 14.0, wheel(5000.0), ESTIMATORS, "load_n = 6000")[0])
+    assert result["load_n"].value == pytest.approx(6000.0, rel=0.01)
+    assert result["load_n"].status is Status.PROVISIONAL
+    assert Code.LOAD_CONTRADICTED in codes_of(result["load_n"].reasons)
+    assert Code.WIDTH_CONTRADICTED in codes_of(result["Bs"].reasons)
+    assert Code.WIDTH_CONTRADICTED not in codes_of(result["load_by_width_n"].reasons)
 
 
 def test_load_near_a_contradiction_widens_errors() -> None:
     # The wheel carries 5000 N: three standard errors more, less than three of load, pressure and radius together.
     setup = replace(wheel(4850.0), load_std_n=48.5, radius_std_m=0.001)
-    found = last(simulated("", 8.0, setup, ESTIMATORS)[0])
+    result = last(simulated("", 8.0, setup, ESTIMATORS)[0])
     for name in ("Bs", "Cw", "Rs", "load_by_width_n", "pressure_number"):
-        assert found[name].status is Status.VALID, found[name]
-        assert found[name].std > 0.013 * found[name].value
-    assert Code.WIDTH_DISAGREES in codes_of(found["Cw"].reasons)
+        assert result[name].status is Status.VALID, result[name]
+        assert result[name].std > 0.013 * result[name].value
+    assert Code.WIDTH_DISAGREES in codes_of(result["Cw"].reasons)
 
 
 def test_assumed_load_is_not_compared_with_the_width() -> None:
     """Without a stated load 4000 N are assumed, which a load of 4100 N nearly contradicts."""
     near, far = (last(simulated("", 8.0, wheel(None), ESTIMATORS, f"load_n = {load_n}")[0]) for load_n in (4100, 5000))
-    found = near["load_by_width_n"]
-    assert Code.WIDTH_DISAGREES not in codes_of(found.reasons)
-    assert found.std / found.value == pytest.approx(far["load_by_width_n"].std / far["load_by_width_n"].value, rel=0.2)
+    result = near["load_by_width_n"]
+    assert Code.WIDTH_DISAGREES not in codes_of(result.reasons)
+    assert result.std / result.value == pytest.approx(
+        far["load_by_width_n"].std / far["load_by_width_n"].value, rel=0.2
+    )
 
 
 def test_load_by_angle_is_corrected_for_wear() -> None:
-    found = last(simulated("[tire]\nwear_mm = 5", 14.0, wheel(None, CALIBRATED), ESTIMATORS)[0])
-    by_angle = found["load_by_angle_n"]
-    (softer,) = (one for one in by_angle.reasons if one.code is Code.CORRECTED_FOR_BENDING)
+    result = last(simulated("[tire]\nwear_mm = 5", 14.0, wheel(None, CALIBRATED), ESTIMATORS)[0])
+    by_angle = result["load_by_angle_n"]
+    (softer,) = (reason for reason in by_angle.reasons if reason.code is Code.CORRECTED_FOR_BENDING)
     assert softer["change"] == pytest.approx((10.0 / 15.0) ** 3 - 1.0, abs=0.01)
     assert abs(by_angle.value - 5000.0) < 2.0 * by_angle.std < 1000.0
-    assert found["load_n"].value == pytest.approx(5000.0, rel=0.01)
-    assert Code.FROM_BELT_WIDTH in codes_of(found["load_n"].reasons)
+    assert result["load_n"].value == pytest.approx(5000.0, rel=0.01)
+    assert Code.FROM_BELT_WIDTH in codes_of(result["load_n"].reasons)
 
 
 def test_unknown_wear_is_in_the_error_of_the_load() -> None:
@@ -234,10 +236,10 @@ def test_unknown_wear_is_in_the_error_of_the_load() -> None:
 
 
 def test_pressure_number() -> None:
-    found = LoadEstimator().update(REVOLUTION, AVERAGE, CONDITIONS)[3]
+    result = LoadEstimator().update(REVOLUTION, AVERAGE, CONDITIONS)[3]
     half = 0.5 * (REVOLUTION.trailing_edge_rad - REVOLUTION.leading_edge_rad)
-    assert found.value == pytest.approx(5000.0 / (2.0 * 210e3 * half * 0.32**2))
-    assert found.value == pytest.approx(0.485, rel=0.025)  # physics notes, section 1
+    assert result.value == pytest.approx(5000.0 / (2.0 * 210e3 * half * 0.32**2))
+    assert result.value == pytest.approx(0.485, rel=0.025)  # physics notes, section 1
 
 
 @pytest.mark.parametrize(
@@ -253,17 +255,17 @@ def test_pressure_number() -> None:
     ],
 )
 def test_missing_load_inputs_are_reported(conditions: TireConditions, code: Code) -> None:
-    found = LoadEstimator().update(REVOLUTION, AVERAGE, conditions)[0]
-    assert found.status is Status.INVALID
-    assert code in codes_of(found.reasons)
+    result = LoadEstimator().update(REVOLUTION, AVERAGE, conditions)[0]
+    assert result.status is Status.INVALID
+    assert code in codes_of(result.reasons)
 
 
 def test_calibration_outside_its_range_is_provisional() -> None:
     narrow = replace(CALIBRATION, half_angle_range_rad=(0.3, 0.4))
     conditions = replace(CONDITIONS, tire=replace(NEW, load_calibration=narrow), given={})
-    found = LoadEstimator().update(REVOLUTION, AVERAGE, conditions)[1]
-    assert found.status is Status.PROVISIONAL
-    assert codes_of(found.reasons) == (
+    result = LoadEstimator().update(REVOLUTION, AVERAGE, conditions)[1]
+    assert result.status is Status.PROVISIONAL
+    assert codes_of(result.reasons) == (
         Code.HALF_ANGLE_OUTSIDE_CALIBRATION,
         Code.WEAR_UNKNOWN,
         Code.TEMPERATURE_NOT_COMPENSATED,

@@ -53,11 +53,11 @@ def test_running_average_counts_as_few_values() -> None:
 
 
 def test_a_single_value_has_its_own_error_and_no_scatter() -> None:
-    one = mean_of(np.array([2.0]), 0.3)
-    assert (one.value, one.std, one.count, one.freedom) == (2.0, 0.3, 1, math.inf)
-    assert math.isnan(one.scatter)
+    single = mean_of(np.array([2.0]), 0.3)
+    assert (single.value, single.std, single.count, single.freedom) == (2.0, 0.3, 1, math.inf)
+    assert math.isnan(single.scatter)
     with pytest.raises(ValueError, match="within 0 and 1"):
-        one.expanded(95.0)
+        single.expanded(95.0)
 
 
 def test_scattering_part_of_the_errors_falls_and_the_constant_part_stays() -> None:

@@ -29,20 +29,20 @@ def vehicle(recorded):
 def truth(recorded, vehicle):
     """Samples of each wheel as read, by name of their column."""
     blocks = list(sample_blocks(OpenedRecording(open_recorded_file(recorded), vehicle)))
-    found = {}
+    actual = {}
     for wheel in ("W0", "W1"):
-        own = [block for block in blocks if block.wheel == wheel]
-        axes = np.concatenate([block.axes_mps2 for block in own])
-        found[wheel] = {
+        selected = [block for block in blocks if block.wheel == wheel]
+        axes = np.concatenate([block.axes_mps2 for block in selected])
+        actual[wheel] = {
             "circumferential_mps2": axes[:, 0],
             "lateral_mps2": axes[:, 1],
             "radial_mps2": axes[:, 2],
-            "device_s": np.concatenate([block.hub_time_s for block in own]),
-            "host_ns": np.concatenate([block.host_time_ns for block in own]),
-            "saturated": np.concatenate([block.saturated for block in own]),
-            "number": np.concatenate([block.first_sample + np.arange(len(block)) for block in own]),
+            "device_s": np.concatenate([block.hub_time_s for block in selected]),
+            "host_ns": np.concatenate([block.host_time_ns for block in selected]),
+            "saturated": np.concatenate([block.saturated for block in selected]),
+            "number": np.concatenate([block.first_sample + np.arange(len(block)) for block in selected]),
         }
-    return found
+    return actual
 
 
 @pytest.fixture(scope="session")

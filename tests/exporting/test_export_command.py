@@ -44,12 +44,12 @@ ROWS = 200
 
 
 def block(number):
-    at = np.arange(ROWS, dtype=np.int64) + number * ROWS
+    position = np.arange(ROWS, dtype=np.int64) + number * ROWS
     return {
-        "time_s": at * 1e-4,
-        "radial_mps2": np.sin(at.astype(float)),
-        "host_ns": at,
-        "saturated": at % 2 == 0,
+        "time_s": position * 1e-4,
+        "radial_mps2": np.sin(position.astype(float)),
+        "host_ns": position,
+        "saturated": position % 2 == 0,
         "note": np.full(ROWS, "a note", object),
     }
 

@@ -36,8 +36,8 @@ def test_csv_of_samples_reads_in_pandas(export, truth):
 def test_csv_of_samples_reads_in_polars(export, truth):
     polars = pytest.importorskip("polars")
     frame = polars.read_csv(export("csv", "samples"), comment_prefix="#", infer_schema_length=None)
-    own = {wheel: frame.filter(polars.col("wheel") == wheel) for wheel in truth}
-    read = {wheel: {name: one[name].to_numpy() for name in one.columns} for wheel, one in own.items()}
+    selected = {wheel: frame.filter(polars.col("wheel") == wheel) for wheel in truth}
+    read = {wheel: {name: item[name].to_numpy() for name in item.columns} for wheel, item in selected.items()}
     read["W1"]["lateral_mps2"] = read["W1"]["lateral_mps2"].astype(float)
     check_samples(read, truth)
 
@@ -79,9 +79,9 @@ def test_parquet_of_samples_reads_in_duckdb(export, truth):
     duckdb = pytest.importorskip("duckdb")
     path = export("parquet", "samples", name="out.parquet")
     rows = duckdb.sql(f"select wheel, sum(radial_mps2), count(lateral_mps2) from '{path}' group by wheel").fetchall()
-    found = {wheel: (total, count) for wheel, total, count in rows}
-    assert found["W0"] == (pytest.approx(truth["W0"]["radial_mps2"].sum(), rel=1e-12), len(truth["W0"]["number"]))
-    assert found["W1"][1] == 0  # an axis that the sensor lacks is null
+    results = {wheel: (total, count) for wheel, total, count in rows}
+    assert results["W0"] == (pytest.approx(truth["W0"]["radial_mps2"].sum(), rel=1e-12), len(truth["W0"]["number"]))
+    assert results["W1"][1] == 0  # an axis that the sensor lacks is null
 
 
 def test_npz_of_samples_reads_in_numpy(export, truth):
@@ -96,9 +96,9 @@ def test_npz_of_samples_reads_in_numpy(export, truth):
 def test_npz_of_estimates_keeps_every_text(export, results):
     with np.load(export("npz", "estimates"), allow_pickle=False) as archive:
         statuses, reasons = archive["W0/Bs_status"].tolist(), archive["W0/Bs_reason"].tolist()
-    own = [result for result in results if result.position == "W0"]
-    estimates = [next(one for one in result.estimates if one.name == "Bs") for result in own]
-    assert statuses == [str(one.status) for one in estimates]
+    selected = [result for result in results if result.position == "W0"]
+    estimates = [next(estimate for estimate in result.estimates if estimate.name == "Bs") for result in selected]
+    assert statuses == [str(estimate.status) for estimate in estimates]
     assert any(len(reason) > 20 for reason in reasons)
 
 
@@ -115,10 +115,10 @@ def test_mat_of_samples_reads_in_scipy(export, truth):
 
 def test_mat_of_estimates_keeps_texts_as_cells(export, results):
     read = scipy.io.loadmat(export("mat", "estimates"), simplify_cells=True)["W0"]["Data"]
-    own = [result for result in results if result.position == "W0"]
-    estimates = [next(one for one in result.estimates if one.name == "Bs/Cw") for result in own]
-    np.testing.assert_array_equal(read["Bs_over_Cw"], [one.value for one in estimates])
-    assert [str(text) for text in read["Bs_over_Cw_status"]] == [str(one.status) for one in estimates]
+    selected = [result for result in results if result.position == "W0"]
+    estimates = [next(estimate for estimate in result.estimates if estimate.name == "Bs/Cw") for result in selected]
+    np.testing.assert_array_equal(read["Bs_over_Cw"], [estimate.value for estimate in estimates])
+    assert [str(text) for text in read["Bs_over_Cw_status"]] == [str(estimate.status) for estimate in estimates]
 
 
 def test_mat_states_the_length_of_names_as_octave_reads_it(export):
@@ -179,8 +179,8 @@ def test_mcap_of_samples_and_estimates_reads_in_mcap(export, truth, results, mon
         radial = [row["radial_mps2"] for _, row in rows]
         np.testing.assert_allclose(radial, truth[wheel]["radial_mps2"], rtol=1e-8)
     assert "lateral_mps2" not in read["W1"][0][1]
-    own = [one.estimates[0].value for one in results if one.position == "W0"]
-    np.testing.assert_allclose(speeds, own, rtol=1e-8)
+    selected = [result.estimates[0].value for result in results if result.position == "W0"]
+    np.testing.assert_allclose(speeds, selected, rtol=1e-8)
     assert json.loads(conditions[0]["load_n"])["value"] == 4200.0
 
 
@@ -205,15 +205,15 @@ def parsed_tydex(text):
 def test_tydex_of_estimates_follows_the_columns_of_the_manual(export, results):
     text = export("tydex", "estimates", wheels=["W0"]).read_bytes().decode("ascii")
     head, constants, channels, factors, data = parsed_tydex(text)
-    own = [result for result in results if result.position == "W0"]
+    selected = [result for result in results if result.position == "W0"]
     assert head["RELEASE"] == "1.3"
     assert head["DATE"] == "14.11.2023"
     assert constants["FZW"] == ("N", "4200.0")
     assert set(factors) == {(1.0, 0.0, 0.0)}
-    assert data.shape == (len(own), len(channels))
+    assert data.shape == (len(selected), len(channels))
     assert all(key.isalnum() and key == key.upper() and len(key) <= 8 for key in channels)
-    np.testing.assert_array_equal(data[:, channels.index("MEASNUMB")], [one.revolution.index for one in own])
-    np.testing.assert_array_equal(data[:, channels.index("LONGVEL")], [one.estimates[0].value for one in own])
+    np.testing.assert_array_equal(data[:, channels.index("MEASNUMB")], [item.revolution.index for item in selected])
+    np.testing.assert_array_equal(data[:, channels.index("LONGVEL")], [item.estimates[0].value for item in selected])
     assert f"channel {channels[channels.index('LONGVEL')]}: speed_mps" in text
     assert "left out: Bs_status" in text
 
@@ -227,17 +227,17 @@ def test_tydex_keys_are_short_and_distinct():
 def test_contents_in_angle_agree_with_the_revolutions(export, results, content):
     with np.load(export("npz", content), allow_pickle=False) as archive:
         read = {name.removeprefix("W0/"): archive[name] for name in archive.files if name.startswith("W0/")}
-    own = [result.revolution for result in results if result.position == "W0"]
+    selected = [result.revolution for result in results if result.position == "W0"]
     if content == "angle":
-        turned = np.concatenate([np.roll(one.radial_mps2, -512) for one in own])
+        turned = np.concatenate([np.roll(item.radial_mps2, -512) for item in selected])
         np.testing.assert_array_equal(read["normalised_mps2"], turned)
         np.testing.assert_allclose(read["angle_rad"][[0, 512]], [0.0, -math.pi])
-        assert (np.diff(read["time_s"].reshape(len(own), -1), axis=1) > 0.0).all()
+        assert (np.diff(read["time_s"].reshape(len(selected), -1), axis=1) > 0.0).all()
     elif content == "orders":
-        found = read["order_07_cosine_mps2"] - 1j * read["order_07_sine_mps2"]
-        np.testing.assert_array_equal(found, [one.orders_mps2[7] for one in own])
+        actual = read["order_07_cosine_mps2"] - 1j * read["order_07_sine_mps2"]
+        np.testing.assert_array_equal(actual, [item.orders_mps2[7] for item in selected])
     else:
-        usable = np.array([one.radial_mps2 / one.omega_radps**2 for one in own if not one.faults])
+        usable = np.array([item.radial_mps2 / item.omega_radps**2 for item in selected if not item.faults])
         mean = usable.mean(axis=0) * read["omega_radps"] ** 2
         np.testing.assert_allclose(read["normalised_mps2"], mean, rtol=1e-9, atol=1e-9)
         np.testing.assert_array_equal(read["revolutions"], len(usable))

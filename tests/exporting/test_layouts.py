@@ -40,9 +40,9 @@ def foxglove_fields():
     for panel in layout["configById"].values():
         paths = [*panel.get("paths", ()), *([panel["xAxisPath"]] if "xAxisPath" in panel else ())]
         for path in paths:
-            found = re.fullmatch(r"(/[^.]+)\.(\w+)(\[:\])?", path["value"])
-            assert found is not None, path
-            yield found[1], found[2]
+            result = re.fullmatch(r"(/[^.]+)\.(\w+)(\[:\])?", path["value"])
+            assert result is not None, path
+            yield result[1], result[2]
 
 
 def plotjuggler_fields():

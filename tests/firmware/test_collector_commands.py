@@ -36,12 +36,12 @@ from tests.testkit.collector_bench import (
     SIGNING_WHEEL,
     WHEEL,
     arriving,
-    at,
     blocks,
     command_bytes,
     delivered,
     seconds,
     started,
+    tick,
 )
 
 Run = Callable[..., bytes]
@@ -54,7 +54,7 @@ def test_collector_passes_the_command_vectors(run: Run) -> None:
     starts = record(Kind.START) * 40
     records = [started(SIGNING_HUB, [wheel]), starts]
     for second, vector in enumerate(vectors, 1):
-        records += [at(second), *arriving([bytes.fromhex(vector["hex"])]), at(second)]
+        records += [tick(second), *arriving([bytes.fromhex(vector["hex"])]), tick(second)]
     got = delivered(run(*records))
     assert got.boot_counts[-1] == 41
     replies = [f for f in got.frames if isinstance(f.message, CommandResult | ChallengeAnswer)]
@@ -114,12 +114,12 @@ def test_damaged_commands_are_dropped_and_intact_ones_executed(run: Run) -> None
     damaged += [b"\xa5" * 7, b"\xa5\x5a\x10\x20\xff", bytes(300)]
     records, expected, time_s = [started()], [], 1.0
     for number, frame in enumerate(damaged):
-        records += [*arriving([frame]), at(time_s)]
+        records += [*arriving([frame]), tick(time_s)]
         # What a damaged header claims is given up after a while.
         time_s += 0.3
-        records += [at(time_s), at(time_s + 0.01), at(time_s + 0.2), at(time_s + 0.4), at(time_s + 0.6)]
+        records += [tick(time_s), tick(time_s + 0.01), tick(time_s + 0.2), tick(time_s + 0.4), tick(time_s + 0.6)]
         time_s += 0.7
-        records += [*arriving([command_bytes(SetStream(True), number)]), at(time_s)]
+        records += [*arriving([command_bytes(SetStream(True), number)]), tick(time_s)]
         expected.append((number, Outcome.DONE))
     got = delivered(run(*records))
     assert got.results == expected
@@ -139,7 +139,7 @@ def test_values_out_of_range_and_other_addressees(run: Run) -> None:
     every_hub = command_bytes(SetTime(1), 7, hub=255)
     no_rate = command_bytes(SetRate(5000.0), 8)
     wheels = [WHEEL._replace(rates_hz=())]
-    data = run(started(HUB, wheels), *arriving([bytes(low), other_hub, absent_wheel, every_hub, no_rate]), at(0.1))
+    data = run(started(HUB, wheels), *arriving([bytes(low), other_hub, absent_wheel, every_hub, no_rate]), tick(0.1))
     got = delivered(data)
     assert got.results == [(4, Outcome.FAILED), (6, Outcome.FAILED), (7, Outcome.DONE), (8, Outcome.FAILED)]
     assert {hello.rate_hz for hello in got.messages(Hello)} == {9600.0}
@@ -149,8 +149,8 @@ def test_refused_commands_are_reported_and_answers_limited(run: Run) -> None:
     burst = [command_bytes(SetStream(False), seq) for seq in range(50)]
     data = run(
         started(SIGNING_HUB, [SIGNING_WHEEL]),
-        at(1),
-        *(r for f in burst for r in (*arriving([f]), at(1))),
+        tick(1),
+        *(r for f in burst for r in (*arriving([f]), tick(1))),
         seconds(2, 14),
     )
     got = delivered(data)

@@ -14,7 +14,7 @@ from gateway.security.key_file import hub_identity, sensor_identity
 from gateway.session.commands import Executed, execute
 from gateway.simulator.firmware import bench_records
 from gateway.simulator.firmware.bench_records import Kind, record
-from tests.testkit.collector_bench import HUB, HUB_KEY, SENSOR_KEY, SIGNING_HUB, SIGNING_WHEEL, WHEEL, at, started
+from tests.testkit.collector_bench import HUB, HUB_KEY, SENSOR_KEY, SIGNING_HUB, SIGNING_WHEEL, WHEEL, started, tick
 
 Run = Callable[..., bytes]
 KEYS = {hub_identity(HUB.hub_id): Key(HUB_KEY), sensor_identity(WHEEL.sensor_id): Key(SENSOR_KEY)}
@@ -29,7 +29,7 @@ class CollectorLink:
 
     def __init__(self, run: Run) -> None:
         self._run = run
-        self._records = [started(SIGNING_HUB, [SIGNING_WHEEL]), at(1)]
+        self._records = [started(SIGNING_HUB, [SIGNING_WHEEL]), tick(1)]
         self._time_s = 1.0
         self._delivered = 0
         self.sent: list[bytes] = []
@@ -43,7 +43,7 @@ class CollectorLink:
 
     def later(self, seconds: float) -> None:
         self._time_s += seconds
-        self._records.append(at(self._time_s))
+        self._records.append(tick(self._time_s))
 
     def items(self, stop: threading.Event) -> Iterator[LinkItem]:
         yield LinkEvent(self.link, 0, LinkEventKind.CONNECTED)
@@ -107,12 +107,12 @@ def test_collector_refuses_a_command_kept_back_until_the_next_challenge(run: Run
     link.listens_to = lambda data: data[7] == 0  # the challenge arrives, the signed command does not
     with pytest.raises(SourceError, match="did not reply"):
         command(link, False)
-    kept = link.sent[-1]
+    remaining = link.sent[-1]
     link.listens_to = lambda data: True
     link.later(2.0)
     assert command(link, True).signed
     link.sent.clear()
-    link.send(kept)
+    link.send(remaining)
     link.later(1.0)
     refused = run(*link._records)
     assert bytes((32, 5)) in refused  # command 32, outcome 5

@@ -13,13 +13,13 @@ from tests.testkit.collector_bench import (
     SIGNING_HUB,
     SIGNING_WHEEL,
     WHEEL,
-    at,
     block,
     blocks,
     delivered,
     rows_of,
     seconds,
     started,
+    tick,
 )
 
 Run = Callable[..., bytes]
@@ -43,7 +43,7 @@ def test_reset_in_the_middle_of_a_frame(run: Run) -> None:
 def test_boot_count_survives_power_cuts_at_random_moments(run: Run) -> None:
     rng = np.random.default_rng(14)
     cuts = [number(Kind.CUT, int(step)) for step in rng.integers(1, STEPS, 1000)]
-    got = delivered(run(started(), *(cut + at(0.0) for cut in cuts)))
+    got = delivered(run(started(), *(cut + tick(0.0) for cut in cuts)))
     starts = got.boot_counts
     assert len(starts) > 900
     assert all(later > earlier for earlier, later in zip(starts, starts[1:], strict=False))
@@ -52,8 +52,8 @@ def test_boot_count_survives_power_cuts_at_random_moments(run: Run) -> None:
 
 def test_boot_count_survives_a_power_cut_at_every_step(run: Run) -> None:
     """A page holds 16 records, so 16 starts bring each step to every kind of page: new, part full, full."""
-    cuts = [number(Kind.CUT, step) + at(0.0) + record(Kind.START) * 15 for step in range(1, STEPS)]
-    starts = delivered(run(started(), *cuts, at(0.0))).boot_counts
+    cuts = [number(Kind.CUT, step) + tick(0.0) + record(Kind.START) * 15 for step in range(1, STEPS)]
+    starts = delivered(run(started(), *cuts, tick(0.0))).boot_counts
     assert starts == sorted(set(starts))
     assert len(starts) >= STEPS
     assert starts[-1] >= 16 * (STEPS - 1)
@@ -65,7 +65,7 @@ def test_invalid_configuration_does_not_start(run: Run, change: dict[str, object
 
 
 def test_repeated_cuts_in_one_start_lose_nothing(run: Run) -> None:
-    data = run(started(), b"".join(number(Kind.CUT, step) for step in range(1, 200)), at(0.0))
+    data = run(started(), b"".join(number(Kind.CUT, step) for step in range(1, 200)), tick(0.0))
     (count,) = delivered(data).boot_counts[-1:]
     assert count >= 2
 
@@ -77,14 +77,14 @@ def test_hub_with_broken_flash_sends_unsigned_and_reports_it(run: Run) -> None:
     got = delivered(data)
     assert any("boot count not stored" in line for line in got.log)
     assert len(set(got.boot_counts)) == len(got.boot_counts) >= 2
-    repaired = delivered(run(started(), broken, restart, record(Kind.FLASH, bytes((Flash.WORKS,))), restart, at(0.0)))
+    repaired = delivered(run(started(), broken, restart, record(Kind.FLASH, bytes((Flash.WORKS,))), restart, tick(0.0)))
     assert repaired.boot_counts[-1] == 2
 
 
 def test_signing_hub_restarts_before_its_counter_wraps(run: Run) -> None:
     """(boot_count, seq) must not repeat under a key."""
     near = Counters(2**32 - 4100, 0, 0, 0, 0, 0)
-    got = delivered(run(started(SIGNING_HUB, [SIGNING_WHEEL]), counters(near), blocks(0, 12), at(0.1), blocks(0, 6)))
+    got = delivered(run(started(SIGNING_HUB, [SIGNING_WHEEL]), counters(near), blocks(0, 12), tick(0.1), blocks(0, 6)))
     assert got.boot_counts == [1, 2]
     highest = [frame.seq for frame in got.frames if frame.wheel == 0 and frame.seq > 2**31]
     assert highest

@@ -24,7 +24,6 @@ from tests.testkit.collector_bench import (
     HUB,
     WHEEL,
     arriving,
-    at,
     block,
     blocks,
     command_bytes,
@@ -34,6 +33,7 @@ from tests.testkit.collector_bench import (
     rows_of,
     seconds,
     started,
+    tick,
 )
 
 Run = Callable[..., bytes]
@@ -43,20 +43,20 @@ WRAP = 2**32
 @pytest.mark.parametrize("axes", range(1, 8))
 def test_every_sample_arrives_with_its_number(run: Run, axes: int) -> None:
     channels = axes.bit_count()
-    wheels = [WHEEL._replace(wheel=place * 3, axes=axes) for place in range(4)]
+    wheels = [WHEEL._replace(wheel=index * 3, axes=axes) for index in range(4)]
     rng = np.random.default_rng(axes)
     records, firsts = [started(HUB, wheels)], [0] * 4
     for _ in range(200):
-        place, n = int(rng.integers(4)), int(rng.integers(1, 120 // channels + 1))
-        records.append(block(firsts[place], n, place=place, channels=channels))
-        firsts[place] += n
+        position, n = int(rng.integers(4)), int(rng.integers(1, 120 // channels + 1))
+        records.append(block(firsts[position], n, place=position, channels=channels))
+        firsts[position] += n
     got = delivered(run(*records))
     assert got.counters.lost == got.counters.noise_bytes == got.counters.crc_errors == 0
-    for place in range(4):
-        rows = got.samples(wheel=3 * place)
+    for position in range(4):
+        rows = got.samples(wheel=3 * position)
         full = {1: 109, 2: 54, 3: 36}[channels]
-        assert len(rows) == firsts[place] // full * full > 0
-        assert rows == {k: v for k, v in rows_of(0, firsts[place], channels).items() if k in rows}
+        assert len(rows) == firsts[position] // full * full > 0
+        assert rows == {k: v for k, v in rows_of(0, firsts[position], channels).items() if k in rows}
 
 
 def test_samples_are_dated_by_their_first(run: Run) -> None:
@@ -117,12 +117,12 @@ def test_hello_and_reply_pass_during_an_overrun(run: Run) -> None:
 def test_rate_changes_while_streaming(run: Run) -> None:
     wheels = [WHEEL._replace(rates_hz=(9600.0, 4800.0)), WHEEL._replace(wheel=1, rates_hz=(9600.0, 4800.0))]
     change = b"".join(arriving([command_bytes(SetRate(4700.0), 1)]))
-    old = b"".join(block(first, 30, place=place) for first in range(0, 300, 30) for place in (0, 1))
+    old = b"".join(block(first, 30, place=position) for first in range(0, 300, 30) for position in (0, 1))
     begin_us = 40_000
     new = b"".join(
-        bench_records.samples(place, begin_us + round(k * 30 / 4800.0 * 1e6), counts_of(300 + 30 * k, 30))
+        bench_records.samples(position, begin_us + round(k * 30 / 4800.0 * 1e6), counts_of(300 + 30 * k, 30))
         for k in range(12)
-        for place in (0, 1)
+        for position in (0, 1)
     )
     got = delivered(run(started(HUB, wheels), old, change, new))
     for wheel in (0, 1):
@@ -143,9 +143,11 @@ def test_rate_changes_while_streaming(run: Run) -> None:
 
 def test_stream_stops_and_starts_by_wheel(run: Run) -> None:
     wheels = [WHEEL, WHEEL._replace(wheel=1)]
-    both = b"".join(block(first, place=place) for first in range(0, 10 * BLOCK, BLOCK) for place in (0, 1))
+    both = b"".join(block(first, place=position) for first in range(0, 10 * BLOCK, BLOCK) for position in (0, 1))
     stop = b"".join(arriving([command_bytes(SetStream(False), 0, wheel=1)]))
-    more = b"".join(block(first, place=place) for first in range(10 * BLOCK, 20 * BLOCK, BLOCK) for place in (0, 1))
+    more = b"".join(
+        block(first, place=position) for first in range(10 * BLOCK, 20 * BLOCK, BLOCK) for position in (0, 1)
+    )
     got = delivered(run(started(HUB, wheels), both, stop, more, seconds(1, 3)))
     assert len(got.samples(0)) == 20 * BLOCK
     assert set(got.samples(1)) == set(range(10 * BLOCK))
@@ -202,5 +204,5 @@ def test_watchdog_restarts_a_hanging_collector(run: Run) -> None:
 def test_damaged_records_change_nothing(run: Run) -> None:
     damaged = bytearray(block(0))
     damaged[20] ^= 1
-    got = delivered(run(started(), b"noise", bytes(damaged), block(0), at(1)))
+    got = delivered(run(started(), b"noise", bytes(damaged), block(0), tick(1)))
     assert got.samples() == rows_of(0, BLOCK)

@@ -46,12 +46,12 @@ from tests.testkit.collector_bench import (
     SIGNING_WHEEL,
     WHEEL,
     Delivery,
-    at,
     block,
     blocks,
     command_bytes,
     delivered,
     rows_of,
+    tick,
 )
 
 ROOT = Path(__file__).parents[2]
@@ -117,9 +117,9 @@ class Link:
     def until(self, enough: Callable[[Delivery], bool]) -> Delivery:
         """Read until the delivery is enough."""
         while True:
-            found = Delivery(self._frames, self._decoder.counters)
-            if enough(found):
-                return found
+            result = Delivery(self._frames, self._decoder.counters)
+            if enough(result):
+                return result
             received = self.socket.recv(1 << 16)
             assert received
             self.data += received
@@ -161,14 +161,14 @@ def test_simulated_tires_arrive_to_the_bit_with_their_estimates(board: EmulatedB
 
     def results(data: bytes) -> list:
         core = SessionCore(parse_vehicle(vehicle_toml(scenario), "test"))
-        found = [result for chunk in chunks_of(data) for result in core.take(chunk)]
-        return [*found, *core.finish()]
+        results = [result for chunk in chunks_of(data) for result in core.take(chunk)]
+        return [*results, *core.finish()]
 
     framed, direct = results(link.data), results(simulated)
     assert len(framed) == len(direct) > 20
-    for one, other in zip(framed, direct, strict=True):
-        assert one.revolution.omega_radps == pytest.approx(other.revolution.omega_radps, rel=1e-6)
-        for got_value, expected in zip(one.estimates, other.estimates, strict=True):
+    for first, other in zip(framed, direct, strict=True):
+        assert first.revolution.omega_radps == pytest.approx(other.revolution.omega_radps, rel=1e-6)
+        for got_value, expected in zip(first.estimates, other.estimates, strict=True):
             assert (got_value.name, got_value.status) == (expected.name, expected.status)
             assert got_value.value == pytest.approx(expected.value, rel=1e-4, abs=1e-9, nan_ok=True), got_value.name
     names = {estimate.name for estimate in framed[-1].estimates if np.isfinite(estimate.value)}
@@ -178,11 +178,11 @@ def test_simulated_tires_arrive_to_the_bit_with_their_estimates(board: EmulatedB
 def test_overrun_shows_as_gaps_in_seq(board: EmulatedBoard, link: Link) -> None:
     board.provision(HUB, [WHEEL])
     board.send(0, blocks(0, 10) + number(Kind.STALL, 500) + blocks(360, 60))
-    board.send(0, number(Kind.STALL, bench_records.UNLIMITED) + blocks(70 * 36, 30) + at(2) + at(3))
+    board.send(0, number(Kind.STALL, bench_records.UNLIMITED) + blocks(70 * 36, 30) + tick(2) + tick(3))
     last = 99 * 36
 
-    def is_complete(found: Delivery) -> bool:
-        return last in found.samples() and any(frame.tick_us == 3_000_000 for frame in found.of(HubStatus))
+    def is_complete(result: Delivery) -> bool:
+        return last in result.samples() and any(frame.tick_us == 3_000_000 for frame in result.of(HubStatus))
 
     got = link.until(is_complete)
     assert got.counters.lost == got.status.frames_dropped > 20
@@ -259,7 +259,7 @@ def test_commands_over_tcp_are_signed(board: EmulatedBoard) -> None:
         now = 0.0
         while not stop.wait(0.01):
             now += 0.2
-            board.send(0, at(now))
+            board.send(0, tick(now))
 
     thread = threading.Thread(target=time_passes)
     thread.start()

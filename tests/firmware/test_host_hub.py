@@ -81,7 +81,7 @@ def test_hub_sends_hello_and_the_samples_of_its_file(uri: str, written: Path) ->
     text = (written / "hub/ports/host/wheel.csv").read_text("utf-8").splitlines()
     rows = [[int(word) for word in line.split(",")] for line in text if not line.startswith("#")]
     places = [(block.first_sample + k) % len(rows) for k in range(len(block.counts))]
-    assert block.counts.tolist() == [rows[place] for place in places]
+    assert block.counts.tolist() == [rows[position] for position in places]
 
 
 def test_every_start_has_a_higher_boot_count(program: Path, written: Path, tmp_path: Path) -> None:

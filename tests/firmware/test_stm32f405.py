@@ -222,7 +222,7 @@ def test_damaged_calibration_and_silence_are_refused(drivers: Drivers) -> None:
     class Damaged(Ms5803):
         @property
         def prom(self) -> list[int]:
-            return [word ^ (0x10 if place == 3 else 0) for place, word in enumerate(super().prom)]
+            return [word ^ (0x10 if index == 3 else 0) for index, word in enumerate(super().prom)]
 
     drivers.connect(Damaged(CALIBRATION, (1, 1)))
     assert not drivers.c.ms5803_open(ctypes.byref(state), 1)

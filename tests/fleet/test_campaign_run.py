@@ -36,11 +36,11 @@ EFFECTS = CorrectionTable(
 
 def rows(tmp_path: Path, table: str) -> list[dict[str, Any]]:
     """Return all rows of a table."""
-    found = []
+    results = []
     for path in sorted((tmp_path / "dataset" / table).rglob("*.parquet")):
         with pq.ParquetFile(path) as file:
-            found += file.read().to_pylist()
-    return found
+            results += file.read().to_pylist()
+    return results
 
 
 def names(tmp_path: Path, table: str = "recordings") -> list[str]:
@@ -52,11 +52,11 @@ def is_whole(tmp_path: Path) -> bool:
     dataset = tmp_path / "dataset"
     summaries = Counter(row["recording_id"] for row in rows(tmp_path, "recordings"))
     of_revolutions = {row["recording_id"] for row in rows(tmp_path, "revolutions")}
-    known = {".lock", "treadlink-dataset.json", "recordings", "revolutions", "failures"}
+    reference = {".lock", "treadlink-dataset.json", "recordings", "revolutions", "failures"}
     return (
         set(summaries.values()) <= {1}
         and of_revolutions == set(summaries)
-        and {path.name for path in dataset.iterdir()} <= known
+        and {path.name for path in dataset.iterdir()} <= reference
     )
 
 
@@ -64,10 +64,10 @@ def test_rows_equal_those_of_estimate(campaign, recordings, tmp_path):
     path = recordings / "drive0.mcap"
     progress = campaign(path, rows=RowsKept.ALL)
     direct = list(RecordingPass(open_recording(RecordingReader(path)), ESTIMATORS, is_watched=False))
-    found = sorted(rows(tmp_path, "revolutions"), key=lambda row: row["revolution"])
+    results = sorted(rows(tmp_path, "revolutions"), key=lambda row: row["revolution"])
     assert progress.estimated == 1
-    assert len(found) == len(direct) > 10
-    for row, result in zip(found, direct, strict=True):
+    assert len(results) == len(direct) > 10
+    for row, result in zip(results, direct, strict=True):
         fixed, named = row_of(result, path.name)
         assert row["host_ns"] == fixed["host_ns"]
         assert row["position"] == "W0"
@@ -80,7 +80,7 @@ def test_rows_equal_those_of_estimate(campaign, recordings, tmp_path):
     assert summary["speed_mps"] == pytest.approx(80.0 / 3.6, rel=1e-3)
     assert summary["Bs"] == pytest.approx(3.08e-3, rel=0.1)
     assert summary["Bs_status"] == "valid"
-    assert min(row["Bs_std"] for row in found if row["Bs_std"]) <= summary["Bs_std"]
+    assert min(row["Bs_std"] for row in results if row["Bs_std"]) <= summary["Bs_std"]
     assert summary["start_utc"].isoformat().startswith("2023-11-14T22:13:20")
 
 
@@ -96,8 +96,8 @@ def test_renamed_copied_and_changed_files(campaign, recordings, made, tmp_path):
     campaign(recordings / "drive0.mcap")
     (recordings / "drive0.mcap").rename(recordings / "moved.mcap")
     shutil.copy(recordings / "moved.mcap", recordings / "copy.mcap")
-    found = campaign(recordings / "moved.mcap", recordings / "copy.mcap", recordings / "drive1.mcap")
-    assert (found.estimated, found.done_before, found.copies) == (1, 1, 1)
+    campaign_read = campaign(recordings / "moved.mcap", recordings / "copy.mcap", recordings / "drive1.mcap")
+    assert (campaign_read.estimated, campaign_read.done_before, campaign_read.copies) == (1, 1, 1)
     assert names(tmp_path) == ["drive0.mcap", "drive1.mcap"]
     # The renamed file changes: its old rows go, wherever they came from.
     shutil.copy(made / "drive2.mcap", recordings / "moved.mcap")
@@ -138,8 +138,8 @@ def test_bad_file_is_a_failure_row(campaign, recordings, made, tmp_path):
     bad.write_text("no recording")
     (recordings / "empty.mcap").write_bytes(b"")
     failures: list[Path] = []
-    found = campaign(recordings, on_failure=lambda path, _: failures.append(path))
-    assert (found.estimated, found.failed) == (3, 2)
+    campaign_read = campaign(recordings, on_failure=lambda path, _: failures.append(path))
+    assert (campaign_read.estimated, campaign_read.failed) == (3, 2)
     assert sorted(path.name for path in failures) == ["bad.mcap", "empty.mcap"]
     row = next(row for row in rows(tmp_path, "failures") if row["recording"] == "bad.mcap")
     assert row["code"] == "recording_not_read"
@@ -161,8 +161,8 @@ def test_a_link_to_nothing_is_a_failure(campaign, recordings, tmp_path):
     (recordings / "gone.mcap").symlink_to(recordings / "nothing")
     (recordings / "folder.mcap").mkdir()
     assert [path.name for path in find_recordings([recordings])][-1] == "gone.mcap"
-    found = campaign(recordings / "drive0.mcap", recordings)
-    assert (found.estimated, found.failed) == (3, 1)
+    campaign_read = campaign(recordings / "drive0.mcap", recordings)
+    assert (campaign_read.estimated, campaign_read.failed) == (3, 1)
     (row,) = rows(tmp_path, "failures")
     assert (row["recording"], row["is_final"]) == ("gone.mcap", False)
 
@@ -176,8 +176,12 @@ def test_damaged_and_standing_recordings_have_rows(campaign, recordings, tmp_pat
         wheels=("load_n = 4000\n",),
         duration_s=2.5,
     )
-    found = campaign(recordings / "cut.mcap", recordings / "standing.mcap")
-    assert (found.estimated, found.failed, [path.name for path in found.damaged]) == (2, 0, ["cut.mcap"])
+    campaign_read = campaign(recordings / "cut.mcap", recordings / "standing.mcap")
+    assert (campaign_read.estimated, campaign_read.failed, [path.name for path in campaign_read.damaged]) == (
+        2,
+        0,
+        ["cut.mcap"],
+    )
     cut, standing = sorted(rows(tmp_path, "recordings"), key=lambda row: row["recording"])
     assert json.loads(cut["damage"])["code"] == "recording_cut_off"
     assert cut["revolutions"] > 3
@@ -185,22 +189,22 @@ def test_damaged_and_standing_recordings_have_rows(campaign, recordings, tmp_pat
     assert json.loads(standing["missing"])["code"] == "no_revolution"
     assert standing["damage"] is None
     assert standing["samples"] > 4000
-    assert [(path.name, position) for path, position, _ in found.standing] == [("standing.mcap", "W0")]
-    assert "the wheel stands still" in found.standing[0][2]
+    assert [(path.name, position) for path, position, _ in campaign_read.standing] == [("standing.mcap", "W0")]
+    assert "the wheel stands still" in campaign_read.standing[0][2]
     again = campaign(recordings / "standing.mcap", recordings / "cut.mcap")
-    assert (again.done_before, again.damaged, again.standing) == (2, found.damaged, found.standing)
+    assert (again.done_before, again.damaged, again.standing) == (2, campaign_read.damaged, campaign_read.standing)
 
 
 def test_effects_of_another_vehicle_are_noted(campaign, recordings, tmp_path):
-    found = campaign(recordings, effects=(EFFECTS,))
-    assert (found.estimated, found.failed) == (3, 0)
+    campaign_read = campaign(recordings, effects=(EFFECTS,))
+    assert (campaign_read.estimated, campaign_read.failed) == (3, 0)
     noted = {
         row["recording"]: [alarm["text"] for alarm in json.loads(row["alarms"] or "[]")]
         for row in rows(tmp_path, "recordings")
         if row["alarm_count"]
     }
     assert noted == {"drive2.mcap": ["the effects were found on vehicle van 7, but this is a/b=c ü"]}
-    assert found.alarms == {"effects of another tire": 1}
+    assert campaign_read.alarms == {"effects of another tire": 1}
 
 
 def test_effects_of_a_silent_wheel_are_noted_on_no_other(campaign, tmp_path):
@@ -214,9 +218,9 @@ def test_effects_of_a_silent_wheel_are_noted_on_no_other(campaign, tmp_path):
         duration_s=1.6,
         change=lambda toml: toml.replace('name = ""', 'name = "bus"') + silent,
     )
-    found = campaign(folder, effects=(replace(EFFECTS, position="W9"),))
-    assert found.estimated == 1
-    assert "effects of another tire" not in found.alarms
+    campaign_read = campaign(folder, effects=(replace(EFFECTS, position="W9"),))
+    assert campaign_read.estimated == 1
+    assert "effects of another tire" not in campaign_read.alarms
 
 
 def test_effects_need_a_configuration(campaign, tmp_path):
@@ -236,9 +240,9 @@ def test_damaged_or_missing_rows_are_estimated_again(campaign, recordings, tmp_p
     first.write_bytes(first.read_bytes()[:-20])
     if table == "revolutions":
         second.unlink()
-    found = campaign(recordings)
+    campaign_read = campaign(recordings)
     lost = 1 + (table == "revolutions")
-    assert (found.restored, found.estimated, found.done_before) == (lost, lost, 3 - lost)
+    assert (campaign_read.restored, campaign_read.estimated, campaign_read.done_before) == (lost, lost, 3 - lost)
     assert len(names(tmp_path)) == 3
     assert is_whole(tmp_path)
 
@@ -246,8 +250,8 @@ def test_damaged_or_missing_rows_are_estimated_again(campaign, recordings, tmp_p
 def test_killed_worker_is_tried_once_more(campaign, recordings, tmp_path):
     shutil.move(recordings / "drive0.mcap", recordings / "killed_once.mcap")
     shutil.move(recordings / "drive1.mcap", recordings / "killed.mcap")
-    found = campaign(recordings, work=faulty_work)
-    assert (found.estimated, found.failed) == (2, 1)
+    campaign_read = campaign(recordings, work=faulty_work)
+    assert (campaign_read.estimated, campaign_read.failed) == (2, 1)
     (row,) = rows(tmp_path, "failures")
     assert (row["recording"], row["code"], row["attempts"]) == ("killed.mcap", "worker_ended", 2)
     assert not row["is_final"]
@@ -261,8 +265,8 @@ def test_killed_worker_is_tried_once_more(campaign, recordings, tmp_path):
 @pytest.mark.slow
 def test_worker_out_of_memory_is_a_failure(campaign, recordings, tmp_path):
     shutil.move(recordings / "drive0.mcap", recordings / "hog.mcap")
-    found = campaign(recordings, work=faulty_work)
-    assert (found.estimated, found.failed) == (2, 1)
+    campaign_read = campaign(recordings, work=faulty_work)
+    assert (campaign_read.estimated, campaign_read.failed) == (2, 1)
     (row,) = rows(tmp_path, "failures")
     assert (row["code"], row["attempts"]) == ("worker_memory_above_limit", 2)
     assert "500 MB" in row["text"]

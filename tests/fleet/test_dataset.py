@@ -76,9 +76,9 @@ def test_three_programs_read_it_in_one_line(campaign, recordings, tmp_path, monk
     assert len(pandas.read_parquet("dataset/revolutions")) == polars.read_parquet("dataset/revolutions/").height > 3
     (query,) = re.findall(r"```sql\n(.*?)```", page, re.DOTALL)
     query = query.replace("2026-01", "2023-11").replace("r.estimated_load_n", "r.load_n")
-    found = duckdb.sql(query).df()
-    assert len(found) > 0
-    assert set(found["load_n"]) == {4000.0}
+    result = duckdb.sql(query).df()
+    assert len(result) > 0
+    assert set(result["load_n"]) == {4000.0}
 
 
 def test_metadata_state_units_and_time_zone(campaign, recordings, tmp_path):
@@ -104,7 +104,7 @@ def test_reference_page_lists_all_columns():
     assert "| `rms_mps2` | m/s^2 |" in sections["diagnoses"]
     assert set(re.findall(r"^\| `(\w+)` \|", sections["Trends"], re.MULTILINE)) == {
         *Quantity,
-        *(rate_of(one.watch) for one in followed_by(Trend.SENSOR) if one.name in recording_columns(())),
+        *(rate_of(item.watch) for item in followed_by(Trend.SENSOR) if item.name in recording_columns(())),
     }
 
 
@@ -200,12 +200,12 @@ def test_a_dataset_whose_making_was_killed_is_taken_up(tmp_path):
     root = tmp_path / "ds"
     (root / ".incoming").mkdir(parents=True)
     (root / ".lock").touch()
-    left = root / f".treadlink-dataset.json.{10**8 * 5}.part"
-    left.write_text("{")
+    remainder = root / f".treadlink-dataset.json.{10**8 * 5}.part"
+    remainder.write_text("{")
     with opened(root, DESCRIPTION, lambda _: False):
         pass
     assert (root / "treadlink-dataset.json").is_file()
-    assert not left.exists()
+    assert not remainder.exists()
 
 
 def test_other_folders_are_not_taken(tmp_path, files):

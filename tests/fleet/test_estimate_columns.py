@@ -22,13 +22,13 @@ COLUMN_PREFIX = "estimated_"
 
 @pytest.mark.parametrize("name", list(ESTIMATORS))
 def test_every_estimate_of_an_estimator_has_a_column(name: str) -> None:
-    known = {column.removeprefix(COLUMN_PREFIX) for column in estimate_names((name,))}
+    reference = {column.removeprefix(COLUMN_PREFIX) for column in estimate_names((name,))}
     for revolution, average, conditions in CASES.values():
         wave = np.nan_to_num(revolution.radial_mps2)
         for axes in (revolution.axes_mps2, np.stack([0.1 * wave, 0.01 * wave, wave])):
             for stated in (conditions, replace(conditions, tire=_EVERYTHING_STATED)):
-                found = make_estimator(name).update(replace(revolution, axes_mps2=axes), average, stated)
-                assert {estimate.name for estimate in found} <= known
+                result = make_estimator(name).update(replace(revolution, axes_mps2=axes), average, stated)
+                assert {estimate.name for estimate in result} <= reference
 
 
 @pytest.mark.parametrize("name", ["ply-steer", "slip-angle", "side-force"])
@@ -52,14 +52,14 @@ def test_left_against_right_goes_from_campaign_to_a_number(campaign, tmp_path):
             change=lambda toml: toml.replace('name = ""', 'name = "van 7"'),
         )
     campaign(folder, estimators=CAMPAIGN_ESTIMATORS)
-    found = rows(tmp_path, "recordings")
-    assert all(math.isfinite(row["ply_steer_contact_line_rad"]) for row in found)
-    assert all(row["other_estimates"] is None for row in found)
+    result = rows(tmp_path, "recordings")
+    assert all(math.isfinite(row["ply_steer_contact_line_rad"]) for row in result)
+    assert all(row["other_estimates"] is None for row in result)
     (pair,) = analyse(read_histories(tmp_path / "dataset").tires, recordings=4).pairs
     steer = next(number for number in pair.numbers if number.quantity == "ply_steer_asymmetry")
     assert steer.count == 4
     assert abs(steer.value) > 3.0 * steer.std  # the belts have opposite cord angles
-    by_path = {(row["path"], row["position"]): row["ply_steer_contact_line_rad"] for row in found}
+    by_path = {(row["path"], row["position"]): row["ply_steer_contact_line_rad"] for row in result}
     paths = {path for path, _ in by_path}
     mean = np.mean([by_path[path, "FL"] - by_path[path, "FR"] for path in paths])
     assert steer.value == pytest.approx(math.degrees(mean), abs=2.0 * steer.std)

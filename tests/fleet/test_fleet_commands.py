@@ -132,17 +132,17 @@ def test_no_worker_starts_when_nothing_is_to_do(campaign, recordings, tmp_path, 
     campaign(recordings, estimators=("kinematic", "weak-form"))
     runner = CliRunner()
     monkeypatch.setattr("gateway.fleet.local_tasks.LocalTasks", no_workers)
-    found = runner.invoke(treadlink, ["campaign", str(recordings), "--out", str(tmp_path / "dataset"), *FEW])
-    assert found.exit_code == 0, found.output
-    assert "3 done before" in found.output
+    result = runner.invoke(treadlink, ["campaign", str(recordings), "--out", str(tmp_path / "dataset"), *FEW])
+    assert result.exit_code == 0, result.output
+    assert "3 done before" in result.output
 
 
 def test_unreachable_scheduler_is_an_error(recordings, tmp_path, monkeypatch):
     monkeypatch.setattr("gateway.fleet.scheduler_tasks._CONNECT_S", 0.5)
     arguments = ["campaign", str(recordings), "--out", str(tmp_path / "dataset"), "--scheduler", "tcp://127.0.0.1:9"]
-    found = CliRunner().invoke(treadlink, arguments)
+    result = CliRunner().invoke(treadlink, arguments)
     assert CliRunner().invoke(treadlink, [*arguments, "--jobs", "2"]).exit_code == 2
-    assert "no dask scheduler answers at 'tcp://127.0.0.1:9'" in str(found.exception)
+    assert "no dask scheduler answers at 'tcp://127.0.0.1:9'" in str(result.exception)
 
 
 def end_at_once() -> None:
@@ -187,7 +187,11 @@ def sockets(parent: int, _report: object) -> list[str]:
         mine.bind(("127.0.0.1", 0))
         mine.listen()
         assert psutil.Process().net_connections()
-    return [str(one) for pid in (parent, os.getpid()) for one in psutil.Process(pid).net_connections("inet")]
+    return [
+        str(net_connection)
+        for pid in (parent, os.getpid())
+        for net_connection in psutil.Process(pid).net_connections("inet")
+    ]
 
 
 def done(tasks: LocalTasks, work: object, order: object) -> object:
@@ -240,12 +244,12 @@ def test_campaign_diagnoses_tires(recordings, tmp_path):
     runner = CliRunner()
     first = runner.invoke(treadlink, arguments)
     assert "tires: 2 diagnosed, 0 done before, 0 without a diagnosis" in first.output, first.output
-    found = rows(tmp_path, "diagnoses")
-    assert {row["position"] for row in found} == {"W0"}
-    assert all(row["held_out_after_mps2"] > 0.0 for row in found)
-    whole = [json.loads(row["diagnosis"]) for row in found if row["diagnosis"]]
+    result = rows(tmp_path, "diagnoses")
+    assert {row["position"] for row in result} == {"W0"}
+    assert all(row["held_out_after_mps2"] > 0.0 for row in result)
+    whole = [json.loads(row["diagnosis"]) for row in result if row["diagnosis"]]
     assert len(whole) == 2
-    assert {len(one["recordings"]) for one in whole} == {1, 2}
+    assert {len(item["recordings"]) for item in whole} == {1, 2}
     assert "0 diagnosed, 2 done before" in runner.invoke(treadlink, arguments).output
 
 
@@ -278,8 +282,8 @@ def test_unknown_tires_are_not_diagnosed_together(tmp_path, monkeypatch):
 
 def test_recordings_that_a_diagnosis_leaves_out_are_in_its_row(tmp_path, monkeypatch):
     reason = Reason(Code.RECORDING_LEFT_OUT, recording="b.mcap", reason=Reason(Code.CIRCUMFERENTIAL_REVERSED))
-    found = replace(undrawn(), recordings=("a.mcap",), left_out=(reason,))
-    monkeypatch.setattr("gateway.session.campaign_diagnosis.diagnose_agreeing", lambda *_, **__: found)
+    result = replace(undrawn(), recordings=("a.mcap",), left_out=(reason,))
+    monkeypatch.setattr("gateway.session.campaign_diagnosis.diagnose_agreeing", lambda *_, **__: result)
     part = tmp_path / "part.parquet"
     order = DiagnosisOrder("v", "FL", "", (Path("a.mcap"), Path("b.mcap")), 0, None, None, part)
     outcome = diagnose_tire(order)

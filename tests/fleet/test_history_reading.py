@@ -27,19 +27,19 @@ def test_dataset_becomes_histories(campaign, recordings, tmp_path):
     (recordings / "bad.mcap").write_text("no recording")
     campaign(recordings)
     (tmp_path / "odometer.csv").write_text(ODOMETER)
-    found = read_histories(tmp_path / "dataset", read_odometer(tmp_path / "odometer.csv"))
-    assert (found.recordings, found.failures) == (3, 1)
-    assert [(tire.vehicle, tire.position, tire.sensor_id) for tire in found.tires] == [
+    histories = read_histories(tmp_path / "dataset", read_odometer(tmp_path / "odometer.csv"))
+    assert (histories.recordings, histories.failures) == (3, 1)
+    assert [(tire.vehicle, tire.position, tire.sensor_id) for tire in histories.tires] == [
         ("a/b=c ü", "W0", "0000b000"), ("van 7", "W0", "0000b000")
     ]  # fmt: skip
-    van = found.tires[1]
+    van = histories.tires[1]
     assert van.has_odometer
     assert van.time_ns[0] == START_NS
     assert van.km[0] == pytest.approx(1000.0 + 50.0 * (22 + 13 / 60 + 20 / 3600) / 24, abs=0.01)
     assert np.diff(van.km)[0] == pytest.approx(50.0, abs=0.01)
     assert van.column("Bs") == pytest.approx(3.08e-3, rel=0.1)
-    assert [str(note.code) for note in found.notes] == ["trend_vehicle_without_odometer"]
-    assert len(analyse(found.tires, recordings=3).tires) == 2
+    assert [str(note.code) for note in histories.notes] == ["trend_vehicle_without_odometer"]
+    assert len(analyse(histories.tires, recordings=3).tires) == 2
 
 
 @pytest.mark.parametrize(("vehicle", "sensor_id", "known"), [
@@ -68,29 +68,29 @@ def test_recordings_of_unknown_tires_are_said_to_be(campaign, recordings, tmp_pa
         return [{**row, "sensor_id": ""} for row in read_rows(*arguments) or ()]
 
     monkeypatch.setattr("gateway.fleet.history_reading.read_rows", without_sensor)
-    found = read_histories(tmp_path / "dataset")
-    assert {tire.vehicle: tire.is_identified for tire in found.tires} == {
+    histories = read_histories(tmp_path / "dataset")
+    assert {tire.vehicle: tire.is_identified for tire in histories.tires} == {
         "a/b=c ü": True, "van 7": True, "unknown": False
     }  # fmt: skip
-    assert [(str(note.code), note["recordings"]) for note in found.notes] == [("trend_tires_unidentified", 2)]
+    assert [(str(note.code), note["recordings"]) for note in histories.notes] == [("trend_tires_unidentified", 2)]
 
 
 def test_unreadable_file_is_left_out(campaign, recordings, tmp_path):
     campaign(recordings)
     first, *_ = (tmp_path / "dataset" / "recordings").rglob("*.parquet")
     first.write_bytes(b"PAR1 nothing")
-    found = read_histories(tmp_path / "dataset")
-    assert found.recordings == 2
-    assert str(found.notes[0].code) == "trend_unreadable_file"
+    histories = read_histories(tmp_path / "dataset")
+    assert histories.recordings == 2
+    assert str(histories.notes[0].code) == "trend_unreadable_file"
 
 
 def test_a_compacted_recording_counts_once(campaign, recordings, tmp_path):
     compact_recording(recordings / "drive0.mcap", recordings / "small.mcap")
     campaign(recordings)
-    found = read_histories(tmp_path / "dataset")
-    assert found.recordings == 3
-    assert sum(len(tire.recordings) for tire in found.tires) == 3
-    (note,) = found.notes
+    histories = read_histories(tmp_path / "dataset")
+    assert histories.recordings == 3
+    assert sum(len(tire.recordings) for tire in histories.tires) == 3
+    (note,) = histories.notes
     assert (str(note.code), note["count"]) == ("trend_repeated", 1)
 
 
@@ -101,10 +101,10 @@ def test_foreign_and_copied_files_are_named_and_left_out(campaign, recordings, t
     shutil.copytree(first.parent, first.parent.with_name("day=2020-01-01"))
     pq.write_table(pa.table({"x": [1]}), first.with_name("mine.parquet"))
     pq.write_table(pa.table({"x": [1]}), first.with_name("a-b-c.parquet"))
-    found = read_histories(tmp_path / "dataset")
-    assert found.recordings == 3
-    assert sum(len(tire.recordings) for tire in found.tires) == 3
-    said = Counter(str(note.code) for note in found.notes)
+    histories = read_histories(tmp_path / "dataset")
+    assert histories.recordings == 3
+    assert sum(len(tire.recordings) for tire in histories.tires) == 3
+    said = Counter(str(note.code) for note in histories.notes)
     assert said == {"trend_foreign_file": 4, "trend_unreadable_file": 1}
 
 
@@ -147,7 +147,7 @@ def test_a_radius_in_use_that_differs_is_no_statement(campaign, recordings, tmp_
             for row in read_rows(path, ["radius_m"]) or ()]  # fmt: skip
     assert len(set(used)) == 3  # measured in each recording
     assert tire.stated[Statement.RADIUS] == (("0.325",) * 3 if is_loose else ("",) * 3)
-    assert not [one for one in stated_changes(tire) if one.statement is Statement.RADIUS]
+    assert not [stated_change for stated_change in stated_changes(tire) if stated_change.statement is Statement.RADIUS]
 
 
 @pytest.mark.parametrize("start_ns", [0, 946_684_800 * 10**9, START_NS + 3 * 86_400 * 10**9])
@@ -161,10 +161,10 @@ def test_a_recording_with_a_wrong_clock_is_left_out(campaign, recordings, tmp_pa
         seed=9,
     )
     campaign(recordings)
-    found = read_histories(tmp_path / "dataset", clock=ManualClock(START_NS + 86_400 * 10**9))
-    assert [str(note.code) for note in found.notes] == ["trend_clock_wrong"]
-    assert str(found.notes[0]["path"]).endswith("lost_time.mcap")
-    assert sum(len(tire.recordings) for tire in found.tires) == 3
+    histories = read_histories(tmp_path / "dataset", clock=ManualClock(START_NS + 86_400 * 10**9))
+    assert [str(note.code) for note in histories.notes] == ["trend_clock_wrong"]
+    assert str(histories.notes[0]["path"]).endswith("lost_time.mcap")
+    assert sum(len(tire.recordings) for tire in histories.tires) == 3
 
 
 def test_only_wrong_clocks_are_an_error(campaign, recordings, tmp_path):

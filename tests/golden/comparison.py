@@ -39,12 +39,12 @@ _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 
 
 def differences(
-    stored: Any, made: Any, place: str = "", *, texts: bool = True, tolerance: Tolerance = OF_ESTIMATES
+    stored: Any, made: Any, path: str = "", *, texts: bool = True, tolerance: Tolerance = OF_ESTIMATES
 ) -> Iterator[str]:
     """Yield one line for each field that differs between two JSON-like values; without `texts`, wordings may differ."""
     if isinstance(stored, dict) and isinstance(made, dict):
         for key in stored.keys() | made.keys():
-            where = f"{place}.{key}" if place else str(key)
+            where = f"{path}.{key}" if path else str(key)
             if key not in made:
                 yield f"{where}: missing, was {_short(stored[key])}"
             elif key not in stored:
@@ -56,16 +56,16 @@ def differences(
                 yield from differences(stored[key], made[key], where, texts=texts, tolerance=tolerance)
     elif isinstance(stored, list) and isinstance(made, list):
         if len(stored) != len(made):
-            yield f"{place}: {len(made)} entries, were {len(stored)}"
+            yield f"{path}: {len(made)} entries, were {len(stored)}"
         for index, (before, after) in enumerate(zip(stored, made, strict=False)):
-            yield from differences(before, after, f"{place}[{index}]", texts=texts, tolerance=tolerance)
+            yield from differences(before, after, f"{path}[{index}]", texts=texts, tolerance=tolerance)
     elif not texts and isinstance(stored, str) and isinstance(made, str):
         return
     elif _is_number(stored) and _is_number(made):
         if not _close(stored, made, "", 0.0, tolerance):
-            yield f"{place}: {_short(made)}, was {_short(stored)}"
+            yield f"{path}: {_short(made)}, was {_short(stored)}"
     elif type(stored) is not type(made) or stored != made:
-        yield f"{place}: {_short(made)}, was {_short(stored)}"
+        yield f"{path}: {_short(made)}, was {_short(stored)}"
 
 
 def table(text: str) -> list[dict[str, Any]]:
@@ -75,13 +75,13 @@ def table(text: str) -> list[dict[str, Any]]:
 
 def words_and_numbers(text: str) -> list[Any]:
     """Return a text as the sequence of its words and numbers, so that numbers are compared as numbers."""
-    found: list[Any] = []
+    results: list[Any] = []
     end = 0
     for match in _NUMBER.finditer(text):
-        found += text[end : match.start()].split()
-        found.append(float(match.group()))
+        results += text[end : match.start()].split()
+        results.append(float(match.group()))
         end = match.end()
-    return [*found, *text[end:].split()]
+    return [*results, *text[end:].split()]
 
 
 def _is_number(value: Any) -> bool:

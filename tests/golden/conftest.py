@@ -26,14 +26,14 @@ def compare(request: pytest.FixtureRequest, capsys: pytest.CaptureFixture[str]) 
         stored = json.loads(path.read_text("utf-8")) if path.exists() else None
         tolerance = {"diagnose": OF_A_DIAGNOSIS, "report": OF_A_REPORT}.get(name.partition("-")[0], OF_ESTIMATES)
         texts = not request.config.getoption("--golden-numbers")
-        found = sorted(differences(stored, made, texts=texts, tolerance=tolerance))
-        if found and request.config.getoption("--update-golden"):
+        results = sorted(differences(stored, made, texts=texts, tolerance=tolerance))
+        if results and request.config.getoption("--update-golden"):
             path.write_text(json.dumps(made, indent=0, ensure_ascii=False) + "\n", "utf-8")
             with capsys.disabled():
-                print(f"\n{name}: {len(found)} fields changed", *found[:SHOWN], sep="\n  ")
+                print(f"\n{name}: {len(results)} fields changed", *results[:SHOWN], sep="\n  ")
             return
-        assert not found, "\n".join(
-            [f"{name}: {len(found)} fields differ; accept them with --update-golden", *found[:SHOWN]]
+        assert not results, "\n".join(
+            [f"{name}: {len(results)} fields differ; accept them with --update-golden", *results[:SHOWN]]
         )
 
     return run

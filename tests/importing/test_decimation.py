@@ -58,21 +58,21 @@ def test_result_does_not_depend_on_blocks() -> None:
 def test_gap_widens_by_the_filter_only() -> None:
     values = np.ones(4000)
     values[2000] = np.nan
-    found = decimated(values, 4)
-    missing = np.flatnonzero(np.isnan(found))
+    result = decimated(values, 4)
+    missing = np.flatnonzero(np.isnan(result))
     assert 500 in missing
     assert missing[0] >= 500 - 27
     assert missing[-1] <= 500 + 27
-    np.testing.assert_allclose(found[~np.isnan(found)], 1.0)
+    np.testing.assert_allclose(result[~np.isnan(result)], 1.0)
 
 
 def test_overload_stays_an_overload() -> None:
     values = np.zeros(4000)
     values[2000:2003] = -100.0
-    found = decimated(values, 4, limit=100.0)
-    assert found[500] == -100.0
-    assert np.abs(found).max() == 100.0
-    assert np.count_nonzero(np.abs(found) == 100.0) <= 4
+    result = decimated(values, 4, limit=100.0)
+    assert result[500] == -100.0
+    assert np.abs(result).max() == 100.0
+    assert np.count_nonzero(np.abs(result) == 100.0) <= 4
 
 
 @pytest.mark.parametrize(

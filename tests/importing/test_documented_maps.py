@@ -27,8 +27,8 @@ def test_documented_map_is_valid() -> None:
 
 
 def test_documented_map_of_several_wheels_is_valid() -> None:
-    found = parse_map(toml_of("how-to/import-measurements.md", 1), "map.md")
-    assert found.columns() == ("FL z", "FR z", "FR p", "v drum")
+    result = parse_map(toml_of("how-to/import-measurements.md", 1), "map.md")
+    assert result.columns() == ("FL z", "FR z", "FR p", "v drum")
 
 
 def test_example_vehicle_is_valid() -> None:

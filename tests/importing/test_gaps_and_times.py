@@ -31,13 +31,13 @@ def imported(tmp_path: Path, lines: list[str], sampling: str = "rate_hz = 10000"
 
 def numbered(decoded: Decoded) -> dict[int, float]:
     """Return the samples by their number."""
-    found = {}
+    results = {}
     scale = decoded.hello.scale_mps2[2]
     for block in decoded.blocks:
         assert isinstance(block.message, SampleBlock)
         for k, count in enumerate(block.message.counts[:, 0]):
-            found[block.message.first_sample + k] = float(count) * scale
-    return found
+            results[block.message.first_sample + k] = float(count) * scale
+    return results
 
 
 @pytest.mark.parametrize("empty", ["", " ", "nan", '""'])
@@ -202,8 +202,10 @@ def test_exact_times_are_not_called_rounded(tmp_path: Path) -> None:
 
 def bridged_lines(starts: range, length: int, decimals: int) -> list[str]:
     values = 100.0 + 20.0 * np.random.default_rng(3).standard_normal(9000)
-    for at in starts:
-        values[at : at + length] = np.linspace(values[at - 1], values[at + length], length + 2)[1:-1]
+    for position in starts:
+        values[position : position + length] = np.linspace(values[position - 1], values[position + length], length + 2)[
+            1:-1
+        ]
     return [f"{k},{value:.{decimals}f}" for k, value in enumerate(values)]
 
 
@@ -213,7 +215,7 @@ def test_bridged_gaps_are_gaps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, 
     monkeypatch.setattr("gateway.importing.csv_columns.BLOCK_ROWS", block_rows)
     starts = range(200, 8000, 700)
     report, decoded = imported(tmp_path, bridged_lines(starts, 30, decimals))
-    assert set(range(9000)) - set(numbered(decoded)) == {at + k for at in starts for k in range(30)}
+    assert set(range(9000)) - set(numbered(decoded)) == {position + k for position in starts for k in range(30)}
     (wheel,) = report.wheels
     assert (wheel.gaps, wheel.bridged, wheel.bridges) == (0, 30 * len(starts), len(starts))
     assert any(line.startswith("360 samples on 12 straight lines") for line in report_lines(report))

@@ -113,9 +113,9 @@ def test_file_that_is_cut_off_keeps_its_columns(tmp_path: Path) -> None:
     path = write_csv(tmp_path / "run.csv", named(" (g)"))
     text = path.read_text(encoding="utf-8")
     path.write_text(text[: text.rindex(",") - 4], encoding="utf-8")
-    found = guess_map(path)
-    assert chosen(found)["radial"] == "acc z (g)"
-    assert f"line {len(WHEEL.times_s) + 1}: has 3 cells" in line_of(found, 'column = "acc z (g)"')
+    result = guess_map(path)
+    assert chosen(result)["radial"] == "acc z (g)"
+    assert f"line {len(WHEEL.times_s) + 1}: has 3 cells" in line_of(result, 'column = "acc z (g)"')
 
 
 def test_axis_chosen_beside_one_that_cannot_be_read_is_marked(tmp_path: Path) -> None:
@@ -163,9 +163,9 @@ def test_time_that_repeats_is_marked(tmp_path: Path) -> None:
 def test_unit_of_another_quantity_beats_the_name(tmp_path: Path, unit: str, name: str) -> None:
     slow = 20.0 + np.sin(WHEEL.times_s)
     columns = {"time": WHEEL.times_s, f"{name} ({unit})": slow, **AXES}
-    found = tomllib.loads(guess_map(write_csv(tmp_path / "run.csv", columns)))
-    assert "environment" not in found
-    quantities = [one["quantity"] for one in found.get("reference", [])]
+    estimated_loads = tomllib.loads(guess_map(write_csv(tmp_path / "run.csv", columns)))
+    assert "environment" not in estimated_loads
+    quantities = [item["quantity"] for item in estimated_loads.get("reference", [])]
     assert quantities == (["rotation"] if unit == "Hz" else [])
 
 

@@ -57,9 +57,9 @@ def plain(tmp_path: Path) -> Path:
 def test_columns_of_groups_matrices_tables_and_links(plain: Path, processes: ReaderProcesses) -> None:
     data = waveform(500)
     names = ("run/z", "packed(:,2)", "counts", "table.z", "digital", "link")
-    found = values(plain, processes, *names)
+    estimates = values(plain, processes, *names)
     expected = [data[:, 2], data[:, 1], np.trunc(data[:, 2] * 10), data[:, 2], data[:, 2] > 0, data[:, 2]]
-    np.testing.assert_array_equal(found, np.column_stack(expected))
+    np.testing.assert_array_equal(estimates, np.column_stack(expected))
 
 
 def test_import_gives_the_samples_of_the_file(plain: Path, tmp_path: Path) -> None:
@@ -84,8 +84,8 @@ def test_matlab_73_has_the_names_of_matlab(tmp_path: Path, processes: ReaderProc
         file["empty"] = np.array([0, 0], dtype="u8")
         file["empty"].attrs["MATLAB_empty"] = np.uint8(1)
     as_matlab(path)
-    found = values(path, processes, "t", "data(:,2)", "run.acc(:,3)", "cell{1}")
-    np.testing.assert_array_equal(found, np.column_stack((np.arange(300.0), data[:, 1], data[:, 2], data[:, 2])))
+    estimates = values(path, processes, "t", "data(:,2)", "run.acc(:,3)", "cell{1}")
+    np.testing.assert_array_equal(estimates, np.column_stack((np.arange(300.0), data[:, 1], data[:, 2], data[:, 2])))
     text = simple_map(
         **{"axis.circumferential": "", "axis.lateral": "", "axis.radial": 'column = "run.acc(:,3)"\nunit = "g"'}
     )

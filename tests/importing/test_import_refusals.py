@@ -193,9 +193,9 @@ def test_damaged_files_are_rejected(tmp_path: Path) -> None:
     mat, parquet = tmp_path / "run.mat", tmp_path / "run.parquet"
     scipy_io.savemat(mat, columns, do_compression=True)
     pq.write_table(pa.table(columns), parquet)
-    for path, place in ((mat, 5000), (parquet, 4)):
+    for path, position in ((mat, 5000), (parquet, 4)):
         good = path.read_bytes()
-        for damaged in (good[: len(good) // 2], good[:place] + bytes(300) + good[place + 300 :]):
+        for damaged in (good[: len(good) // 2], good[:position] + bytes(300) + good[position + 300 :]):
             path.write_bytes(damaged)
             refusal(path, simple_map())
 

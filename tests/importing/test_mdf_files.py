@@ -54,24 +54,24 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_channels_are_scaled_and_invalid_values_missing(measured: Path, processes: ReaderProcesses) -> None:
     reader = ProcessColumns(measured, FileFormat.MF4, processes)
-    found = np.concatenate([block.values for block in reader.blocks(["z", "x (group 0)", "time"])])
+    result = np.concatenate([block.values for block in reader.blocks(["z", "x (group 0)", "time"])])
     assert reader.facts.units["z"] == "g"
     reader.close()
     times = np.arange(70_000) / RATE_HZ
-    np.testing.assert_allclose(found[:, 2], times, atol=1e-12)
-    np.testing.assert_allclose(found[:, 1], np.trunc(100 * np.sin(50 * times)) * 0.01 + 1.0)
-    assert np.flatnonzero(np.isnan(found[:, 0])).tolist() == list(range(1000, 1010))
+    np.testing.assert_allclose(result[:, 2], times, atol=1e-12)
+    np.testing.assert_allclose(result[:, 1], np.trunc(100 * np.sin(50 * times)) * 0.01 + 1.0)
+    assert np.flatnonzero(np.isnan(result[:, 0])).tolist() == list(range(1000, 1010))
 
 
 def test_slow_channel_is_interpolated_to_the_axes(measured: Path, processes: ReaderProcesses) -> None:
     reader = ProcessColumns(measured, FileFormat.MF4, processes)
-    found = np.concatenate([block.values for block in reader.blocks(["z", "p"])])
+    result = np.concatenate([block.values for block in reader.blocks(["z", "p"])])
     with pytest.raises(ImportDataError, match="'state' is text"):
         list(reader.blocks(["z", "state"]))
     with pytest.raises(ImportDataError, match=r"'x \(group 2\)' has 70000 samples at times of its own"):
         list(reader.blocks(["z", "x (group 2)"]))
     reader.close()
-    assert found[25_000, 1] == pytest.approx(222.5)
+    assert result[25_000, 1] == pytest.approx(222.5)
 
 
 def test_import_takes_time_start_and_gaps_from_the_file(measured: Path, tmp_path: Path) -> None:

@@ -78,16 +78,16 @@ def test_recording_keeps_the_values_with_their_errors(tmp_path: Path) -> None:
     assert result.exit_code == 0
     items = ReferenceReader(tmp_path / "o.mcap")
     assert list(items.items())
-    found = {reference.name: reference for reference in items.references()}
-    assert set(found) == set(REFERENCES)
-    speed = found["speed"]
+    results = {reference.name: reference for reference in items.references()}
+    assert set(results) == set(REFERENCES)
+    speed = results["speed"]
     assert (speed.position, speed.quantity) == ("W1", "speed")
     assert speed.value_std == pytest.approx(0.01 / 3.6)
     expected = np.interp(speed.times_s, wheel().times_s, wheel().speed_mps * 1.002)
     np.testing.assert_allclose(speed.values, expected, rtol=1e-4)
-    turned = np.interp(found["tacho"].times_s, wheel().times_s, wheel().angle_rad / (2 * np.pi))
+    turned = np.interp(results["tacho"].times_s, wheel().times_s, wheel().angle_rad / (2 * np.pi))
     np.testing.assert_allclose(turned - np.rint(turned), 0.0, atol=2e-3)
-    np.testing.assert_allclose(np.diff(found["tacho"].values), 1.0)
+    np.testing.assert_allclose(np.diff(results["tacho"].values), 1.0)
 
 
 def channel(**keys: object) -> ReferenceChannel:
@@ -104,8 +104,8 @@ def test_values_do_not_depend_on_blocks(cuts: tuple[int, ...]) -> None:
     for keys in ({"quantity": "pulses"}, {"quantity": "speed", "unit": "m/s"}, {"quantity": "angle", "unit": "turns"}):
         whole = list(channel(**keys).feed(signal))
         split = channel(**keys)
-        found = [value for part in np.split(signal, cuts) for value in split.feed(part)]
-        np.testing.assert_allclose(found, whole)
+        results = [value for part in np.split(signal, cuts) for value in split.feed(part)]
+        np.testing.assert_allclose(results, whole)
 
 
 def test_noise_at_the_threshold_makes_no_pulses() -> None:
@@ -117,8 +117,8 @@ def test_noise_at_the_threshold_makes_no_pulses() -> None:
 
 def test_encoder_that_runs_backward_counts_the_same_turns() -> None:
     angle = (-np.arange(1000) * 7.2) % 360
-    found = list(channel(quantity="angle", unit="deg").feed(angle))
-    assert found[-1][1] - found[0][1] == pytest.approx(-7.2 / 360 * (found[-1][0] - found[0][0]) * 1000)
+    results = list(channel(quantity="angle", unit="deg").feed(angle))
+    assert results[-1][1] - results[0][1] == pytest.approx(-7.2 / 360 * (results[-1][0] - results[0][0]) * 1000)
 
 
 @pytest.mark.parametrize(

@@ -49,8 +49,8 @@ def write_uff(path: Path, *, binary: bool) -> Path:
         )
         for k, name in enumerate(("acc x", "acc y", "NONE"))
     ]  # fmt: skip
-    for one in sets:
-        pyuff.UFF(str(path)).write_sets(one, "add")
+    for dataset in sets:
+        pyuff.UFF(str(path)).write_sets(dataset, "add")
     return path
 
 

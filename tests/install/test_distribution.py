@@ -81,7 +81,7 @@ def test_locks_have_hashes_and_no_address(name):
         head, *hashes = entry.split(" \\\n")
         assert re.fullmatch(r"[\w.-]+==\S+( ; .+)?", head), head
         assert hashes, head
-        assert all(re.fullmatch(r" +--hash=sha256:[0-9a-f]{64}", one) for one in hashes), head
+        assert all(re.fullmatch(r" +--hash=sha256:[0-9a-f]{64}", hashe) for hashe in hashes), head
 
 
 def test_every_dependency_is_explained():

@@ -23,9 +23,9 @@ def unit() -> configparser.ConfigParser:
 def test_unit_calls_record_with_options_that_exist() -> None:
     program, command, *arguments = shlex.split(unit()["Service"]["ExecStart"])
     assert Path(program).name == "treadlink"
-    found = treadlink.get_command(click.Context(treadlink), command)
-    assert found is not None
-    context = found.make_context(command, arguments)
+    result = treadlink.get_command(click.Context(treadlink), command)
+    assert result is not None
+    context = result.make_context(command, arguments)
     assert context.params["sources"] == ("serial:///dev/treadlink",)
     assert is_live(context.params["sources"][0])
     # A folder takes a new file at every start: nothing is overwritten.

@@ -38,8 +38,8 @@ def test_wheel_holds_both_packages_with_their_data(wheel: Path) -> None:
 
 def test_wheel_states_who_it_is(wheel: Path) -> None:
     archive = zipfile.ZipFile(wheel)
-    (place,) = (name for name in archive.namelist() if name.endswith(".dist-info/METADATA"))
-    facts = email.message_from_bytes(archive.read(place))
+    (position,) = (name for name in archive.namelist() if name.endswith(".dist-info/METADATA"))
+    facts = email.message_from_bytes(archive.read(position))
     assert facts["Name"] == "treadlink"
     assert facts["Requires-Python"] == ">=3.11"
     assert facts["License-Expression"] == "MIT"
@@ -57,7 +57,7 @@ def test_wheel_states_who_it_is(wheel: Path) -> None:
         "plot",
         "web",
     } <= set(facts.get_all("Provides-Extra", []))
-    entries = archive.read(place.replace("METADATA", "entry_points.txt")).decode()
+    entries = archive.read(position.replace("METADATA", "entry_points.txt")).decode()
     assert "treadlink = gateway.cli:main" in entries
 
 

@@ -8,16 +8,16 @@ from gateway.papers.damping_figure import damping_bound, fitted_dampings
 
 
 def test_noise_alone_parts_both_dampings() -> None:
-    known = damping_bound(torque_known=True)
-    assert known.radial == pytest.approx(0.016, abs=0.001)
-    assert known.tangential == pytest.approx(0.136, abs=0.01)
-    assert math.isnan(known.torque_nm)
+    reference = damping_bound(torque_known=True)
+    assert reference.radial == pytest.approx(0.016, abs=0.001)
+    assert reference.tangential == pytest.approx(0.136, abs=0.01)
+    assert math.isnan(reference.torque_nm)
 
 
 def test_unknown_torque_costs_a_factor_of_three() -> None:
-    known, free = damping_bound(torque_known=True), damping_bound(torque_known=False)
-    assert free.radial == pytest.approx(3.1 * known.radial, rel=0.1)
-    assert free.tangential == pytest.approx(3.0 * known.tangential, rel=0.1)
+    reference, free = damping_bound(torque_known=True), damping_bound(torque_known=False)
+    assert free.radial == pytest.approx(3.1 * reference.radial, rel=0.1)
+    assert free.tangential == pytest.approx(3.0 * reference.tangential, rel=0.1)
     assert free.torque_nm == pytest.approx(28.0, abs=2.0)
 
 

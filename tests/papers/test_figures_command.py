@@ -64,9 +64,9 @@ def test_command_writes_files_and_replaces_none(tmp_path: Path, suffix: str) -> 
 
 @NEEDS_PLOT
 def test_figure_files_are_reproducible(tmp_path: Path) -> None:
-    for place in ("a", "b"):
-        draw_figures(chosen(("ring-fig-11",)), tmp_path / place, suffix="svg", write=Path.write_bytes)
-    first, second = ((tmp_path / place / "ring-fig-11.svg").read_bytes() for place in ("a", "b"))
+    for position in ("a", "b"):
+        draw_figures(chosen(("ring-fig-11",)), tmp_path / position, suffix="svg", write=Path.write_bytes)
+    first, second = ((tmp_path / position / "ring-fig-11.svg").read_bytes() for position in ("a", "b"))
     assert first == second
 
 
@@ -109,12 +109,12 @@ def test_axes_have_labels_with_units() -> None:
 
 
 def test_fig_11_reports_good_fit_with_wrong_numbers(captions: dict[str, str]) -> None:
-    left = re.search(r"with a residual of (\d+)%", captions["ring-fig-11"])
-    assert left
-    assert int(left[1]) < 8
-    found = re.search(r"are ([\d., ]+) of the true", captions["ring-fig-11"])
-    assert found
-    cw, ts = (float(found[1].split(", ")[i]) for i in (1, 3))
+    remainder = re.search(r"with a residual of (\d+)%", captions["ring-fig-11"])
+    assert remainder
+    assert int(remainder[1]) < 8
+    search_result = re.search(r"are ([\d., ]+) of the true", captions["ring-fig-11"])
+    assert search_result
+    cw, ts = (float(search_result[1].split(", ")[i]) for i in (1, 3))
     assert cw < 0.75
     assert ts > 1.8
 
@@ -128,9 +128,9 @@ def test_captions_report_what_is_reproduced(captions: dict[str, str]) -> None:
 
 
 def test_fig_13_bending_falls_with_wear(captions: dict[str, str]) -> None:
-    found = re.search(r"means of Eq. 28: ([\d., ]+), times", captions["ring-fig-13"])
-    assert found
-    means = [float(mean) for mean in found[1].split(", ")]
+    search_result = re.search(r"means of Eq. 28: ([\d., ]+), times", captions["ring-fig-13"])
+    assert search_result
+    means = [float(mean) for mean in search_result[1].split(", ")]
     assert means == sorted(means, reverse=True)
     assert means[2] < 0.5 * means[0]
     weak = re.search(r"stays within ([\d.]+)%", captions["ring-fig-13"])
@@ -146,10 +146,12 @@ def test_fig_7_has_its_power_on_integer_orders(captions: dict[str, str]) -> None
 
 
 def test_fig_9_forces_vanish_at_different_orders(captions: dict[str, str]) -> None:
-    found = re.search(r"π / θr = ([\d.]+); the pressure of the exact ring at ([\d.]+)\.", captions["ring-fig-9"])
-    assert found
-    assert float(found[1]) == pytest.approx(13.1, abs=0.1)
-    assert float(found[2]) == pytest.approx(14.1, abs=0.1)
+    search_result = re.search(
+        r"π / θr = ([\d.]+); the pressure of the exact ring at ([\d.]+)\.", captions["ring-fig-9"]
+    )
+    assert search_result
+    assert float(search_result[1]) == pytest.approx(13.1, abs=0.1)
+    assert float(search_result[2]) == pytest.approx(14.1, abs=0.1)
 
 
 def test_fig_10_gives_each_number_its_orders(captions: dict[str, str]) -> None:
@@ -159,10 +161,12 @@ def test_fig_10_gives_each_number_its_orders(captions: dict[str, str]) -> None:
 
 
 def test_trends_caption_names_what_decides(captions: dict[str, str]) -> None:
-    found = re.search(r"has exponent ([-+\d.]+) where the width is constant, ([-+\d.]+) where", captions["ring-trends"])
-    assert found
-    assert abs(float(found[1])) < 0.02
-    assert float(found[2]) > 0.3
+    search_result = re.search(
+        r"has exponent ([-+\d.]+) where the width is constant, ([-+\d.]+) where", captions["ring-trends"]
+    )
+    assert search_result
+    assert abs(float(search_result[1])) < 0.02
+    assert float(search_result[2]) > 0.3
 
 
 QUOTED = {

@@ -42,13 +42,13 @@ def test_captions_report_the_papers_phenomena() -> None:
 
 
 def test_laminate_figure_compares_stated_plies_with_the_peak() -> None:
-    found = re.search(r"is (\d\.\d+) to (\d\.\d+) of it", caption("laminate"))
-    assert found
-    assert 0.8 < float(found[1]) <= float(found[2]) < 1.0
+    search_result = re.search(r"is (\d\.\d+) to (\d\.\d+) of it", caption("laminate"))
+    assert search_result
+    assert 0.8 < float(search_result[1]) <= float(search_result[2]) < 1.0
 
 
 def test_slope_ahead_follows_the_pressure_and_the_peak_does_not() -> None:
-    found = re.search(r"\((\d\.\d+), peak\).* has a trend \((\d\.\d+)\)", caption("fig-14"))
-    assert found
-    assert abs(float(found[1]) - 1.0) < 0.05
-    assert float(found[2]) > 1.25
+    search_result = re.search(r"\((\d\.\d+), peak\).* has a trend \((\d\.\d+)\)", caption("fig-14"))
+    assert search_result
+    assert abs(float(search_result[1]) - 1.0) < 0.05
+    assert float(search_result[2]) > 1.25

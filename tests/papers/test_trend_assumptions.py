@@ -22,11 +22,11 @@ BASE = "constant width"
 
 
 def test_constant_width_has_no_trend_of_the_paper() -> None:
-    found = readings(BY_NAME[BASE])
-    assert len(found) == 9
-    assert trend("Cw", found).correlation < -0.5
-    assert trend("Rs", found).correlation > 0.5
-    assert trend("Ts", found).correlation < -0.5
+    result = readings(BY_NAME[BASE])
+    assert len(result) == 9
+    assert trend("Cw", result).correlation < -0.5
+    assert trend("Rs", result).correlation > 0.5
+    assert trend("Ts", result).correlation < -0.5
 
 
 @pytest.mark.parametrize("name", ["width of MF-Tyre", "width of Eq. 31", "sidewall softens"])
@@ -39,25 +39,25 @@ def test_tire_alone_does_not_give_the_trends(name: str) -> None:
     ["edge pressure", "steepest slope, MF width", "steepest slope, firm tread", "steepest, firm tread, MF width"],
 )
 def test_edge_pressure_or_edges_give_all_three_trends(name: str) -> None:
-    found = readings(BY_NAME[name])
-    assert agrees(found)
-    assert max(one.residual_share for one in found) < 0.12
+    result = readings(BY_NAME[name])
+    assert agrees(result)
+    assert max(item.residual_share for item in result) < 0.12
 
 
 def test_weak_form_finds_the_width_whatever_the_tread() -> None:
     for name in (BASE, "edge pressure", "steepest slope, firm tread"):
         assert abs(trend("Cw", readings(BY_NAME[name]), weak_form=True).exponent) < 0.01
     assert trend("Cw", readings(BY_NAME["width of Eq. 31"]), weak_form=True).exponent == pytest.approx(1.0, abs=0.02)
-    for one in readings(BY_NAME["steepest, firm tread, MF width"]):
-        assert one.weak_form[1] == pytest.approx(one.solution.numbers.Cw, rel=0.005)
+    for reading in readings(BY_NAME["steepest, firm tread, MF width"]):
+        assert reading.weak_form[1] == pytest.approx(reading.solution.numbers.Cw, rel=0.005)
 
 
 def test_width_of_mf_tyre_grows_with_load() -> None:
     """Pacejka 2012, Eq. A3.8, with the deflection of the tire of constant width."""
     places = slice(3, 6)
-    x = np.array([one.solution.deflection_m / 0.32 for one in readings(BY_NAME[BASE])[places]])
+    x = np.array([item.solution.deflection_m / 0.32 for item in readings(BY_NAME[BASE])[places]])
     expected = 1.059 * np.cbrt(x) - 1.1878 * x
-    widths = np.array([one.solution.numbers.Cw for one in readings(BY_NAME["width of MF-Tyre"])[places]])
+    widths = np.array([item.solution.numbers.Cw for item in readings(BY_NAME["width of MF-Tyre"])[places]])
     np.testing.assert_allclose(widths / 0.1953, expected / expected[1], rtol=1e-3)
     assert widths[2] / widths[0] == pytest.approx(1.23, abs=0.01)
 

@@ -75,11 +75,11 @@ def test_orders_are_those_of_a_belt_of_finite_elements(speed_kmh: float) -> None
     load_n, orders = FINITE_ELEMENTS[speed_kmh]
     solution = rolling(speed_kmh, load_n)
     steady = solution.omega_radps**2 * np.stack([solution.sensor.radial_m, solution.sensor.circumferential_m])
-    found = waveform_orders(steady + (0.05 * seen(solution, LOSSES)).real, 110)[:, list(orders)]
+    result = waveform_orders(steady + (0.05 * seen(solution, LOSSES)).real, 110)[:, list(orders)]
     true, without = np.array(list(orders.values())).T, waveform_orders(steady, 110)[:, list(orders)]
     for axis, share in ((0, 0.03), (1, 0.08)):
         size = np.linalg.norm(true[axis])
-        assert np.linalg.norm(found[axis] - true[axis]) < share * size
+        assert np.linalg.norm(result[axis] - true[axis]) < share * size
         assert np.linalg.norm(without[axis] - true[axis]) > 0.9 * size
 
 
@@ -99,13 +99,13 @@ def test_free_belt_has_the_waves_of_its_dispersion(speed_kmh: float) -> None:
     theta = np.mod(solution.theta_rad, 2.0 * math.pi)
     along = np.argsort(theta)
     free = along[(theta[along] > 0.4) & (theta[along] < 2.0 * math.pi - 0.4)][::4]
-    found = exponents(seen(solution, lossy, 0.0)[0][free], 4.0 * 2.0 * math.pi / len(theta), 4)
+    result = exponents(seen(solution, lossy, 0.0)[0][free], 4.0 * 2.0 * math.pi / len(theta), 4)
     tension = PRESSURE_PA * TABLE_3_NUMBERS[1] * RADIUS_M**2
     tread = BlockTread(BLOCKS, EI / MASS_KGPM, tension / MASS_KGPM, 60.0 / MASS_KGPM, losses_nm2s / MASS_KGPM)
     for side in (0, 1):
         wave = belt_wave(tread, side, solution.omega_radps, RADIUS_M)
         # The complex curve turns with minus the order; the wave ahead of the contact grows towards it.
-        nearest = found[np.argmin(np.abs(found.imag + wave.order))]
+        nearest = result[np.argmin(np.abs(result.imag + wave.order))]
         assert nearest.imag == pytest.approx(-wave.order, abs=0.2)
         assert abs(nearest.real) == pytest.approx(wave.decay_per_rad, rel=0.1)
         assert (nearest.real > 0.0) == (side == 0)
@@ -139,11 +139,11 @@ def test_largest_where_the_blocks_come_by_at_the_belts_frequency_on_its_tread() 
 )
 def test_derivatives_match_differences(field: str, step: float) -> None:
     belt, omega = loaded_belt(rolling(75.0)), rolling(75.0).omega_radps
-    at = {"count": 67.3, "mass_kgpm": 3.8, "bending_time_s": 2e-5, "tread_time_s": 1e-5}
+    position = {"count": 67.3, "mass_kgpm": 3.8, "bending_time_s": 2e-5, "tread_time_s": 1e-5}
     above, below = (
-        block_response(belt, TreadBlocks(**{**at, field: at[field] + way * step}), omega, OFFSET_M).signal
+        block_response(belt, TreadBlocks(**{**position, field: position[field] + way * step}), omega, OFFSET_M).signal
         for way in (1.0, -1.0)
     )
-    place = list(at).index(field)
-    row = block_response(belt, TreadBlocks(**at), omega, OFFSET_M).by[place]
+    index = list(position).index(field)
+    row = block_response(belt, TreadBlocks(**position), omega, OFFSET_M).by[index]
     assert np.abs(row - (above - below) / (2.0 * step)).max() < 1e-5 * np.abs(row).max()

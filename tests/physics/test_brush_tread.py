@@ -85,6 +85,6 @@ def test_frictionless_bristles_stay_undeflected() -> None:
 
 
 def test_opposite_slip_mirrors_deflection() -> None:
-    _, left = solve(3000.0)
+    _, remainder = solve(3000.0)
     _, right = solve(3000.0, -0.02)
-    assert left.deflection_m == pytest.approx(-right.deflection_m)
+    assert remainder.deflection_m == pytest.approx(-right.deflection_m)

@@ -50,11 +50,11 @@ def test_derivative_by_half_angle() -> None:
 def test_exact_ring_pressure_has_documented_shape() -> None:
     ring = RingParameters.from_numbers(*TABLE_3_NUMBERS, radius_m=0.32, pressure_pa=2.1e5)
     for load, second, fourth in ((1000.0, -0.98, -0.02), (5000.0, -0.36, -0.59), (8000.0, -0.17, -0.60)):
-        found = solve_rolling_ring(ring, load, 2.1e5, 56.4, nodes=3600)
-        x = found.theta_rad[found.in_contact] / found.half_angle_rad
-        q = found.contact_pressure_npm[found.in_contact]
+        result = solve_rolling_ring(ring, load, 2.1e5, 56.4, nodes=3600)
+        x = result.theta_rad[result.in_contact] / result.half_angle_rad
+        q = result.contact_pressure_npm[result.in_contact]
         amounts = [
             (2 * m + 1) * float(q @ np.polynomial.legendre.Legendre.basis(m)(x)) / float(q.sum()) for m in (2, 4)
         ]
         assert amounts == pytest.approx([second, fourth], abs=0.03)
-    assert math.isclose(found.contact_centre_rad, 0.0, abs_tol=1e-6)
+    assert math.isclose(result.contact_centre_rad, 0.0, abs_tol=1e-6)

@@ -93,9 +93,9 @@ def test_lightly_loaded_exact_ring_is_linear(damping: float, ratio: float) -> No
     kernel = (np.cos(theta) + 1j * np.sin(theta) / n) * np.exp(-1j * n * theta)
     road = kernel @ exact.contact_pressure_npm * step
     expected = signal_orders(n[:, 0], ring, PRESSURE_PA, OMEGA, road)
-    found = 2.0 / 3600 * np.exp(-1j * n * theta) @ exact.sensor.radial_m
-    assert np.abs(found - expected).max() < 6e-3 * np.abs(expected).max()
+    result = 2.0 / 3600 * np.exp(-1j * n * theta) @ exact.sensor.radial_m
+    assert np.abs(result - expected).max() < 6e-3 * np.abs(expected).max()
     if damping and ratio <= 1.0:
-        assert np.abs(found.imag).max() > 0.03 * np.abs(found.real).max()
+        assert np.abs(result.imag).max() > 0.03 * np.abs(result.real).max()
     # A wrong share of one of the dampings would turn the low orders by more than 10 mrad.
-    assert np.abs(np.angle(found[:4] / expected[:4])).max() < 3e-3
+    assert np.abs(np.angle(result[:4] / expected[:4])).max() < 3e-3

@@ -85,8 +85,8 @@ def test_extrema_depend_on_sign_of_slip() -> None:
 def test_no_coupling_gives_symmetric_slip() -> None:
     plain = replace(BELT, coupling_length_m=0.0)
     assert not solve(plain).y_m.any()
-    left, right = solve(plain, 1.0), solve(plain, -1.0)
-    assert left.lateral_mps2 == pytest.approx(-right.lateral_mps2, abs=1e-9)
+    remainder, right = solve(plain, 1.0), solve(plain, -1.0)
+    assert remainder.lateral_mps2 == pytest.approx(-right.lateral_mps2, abs=1e-9)
 
 
 def test_other_ply_order_mirrors_solution() -> None:
@@ -135,7 +135,7 @@ def test_harmonic_forcing_matches_timoshenko_beam() -> None:
     ring = solve_rolling_ring(RING, 20.0, PRESSURE_PA, OMEGA_RADPS, nodes=2880)
     shape = solve_lateral_belt(ring, BELT, rolling=False)
     curvature = np.fft.rfft(ring.curvature_pm - 1.0 / RADIUS_M)
-    found = np.fft.rfft(shape.y_m)
+    result = np.fft.rfft(shape.y_m)
     n = np.arange(1, 21)
     k = n / RADIUS_M
     tension = PRESSURE_PA * RING.tension_width_m * RADIUS_M
@@ -144,7 +144,7 @@ def test_harmonic_forcing_matches_timoshenko_beam() -> None:
     effective = shear * bend * k**2 / (shear + bend * k**2)
     forcing = 1j * k * effective * BELT.coupling_length_m * curvature[1:21]
     expected = forcing / ((effective + tension) * k**2 + BELT.sidewall_stiffness_npm2)
-    assert np.abs(found[1:21] - expected).max() < 5e-3 * np.abs(expected).max()
+    assert np.abs(result[1:21] - expected).max() < 5e-3 * np.abs(expected).max()
 
 
 def test_solution_does_not_depend_on_grid_and_speed() -> None:

@@ -42,16 +42,16 @@ def few_patterns(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def response(change: Change) -> ComplexArray:
-    found: ComplexArray = local_response(belt(), OMEGA_RADPS, 1e-6, 0.0, (change,))[0]
-    return found
+    result: ComplexArray = local_response(belt(), OMEGA_RADPS, 1e-6, 0.0, (change,))[0]
+    return result
 
 
 def test_steady_rim_moves_the_belt_as_another_load_does() -> None:
     """Pattern 0 of the axle's height is the change of the shape between two loads, over that of the height."""
     low, high = solved(4480.0), solved(4520.0)
     slope = (high.sensor.radial_m - low.sensor.radial_m) / (high.axle_height_m - low.axle_height_m)
-    found = response(Change.RIM)[0, 0].real
-    assert np.linalg.norm(found - slope) < 0.05 * np.linalg.norm(slope)
+    result = response(Change.RIM)[0, 0].real
+    assert np.linalg.norm(result - slope) < 0.05 * np.linalg.norm(slope)
 
 
 def test_tread_all_around_is_an_axle_that_is_lower() -> None:
@@ -65,10 +65,10 @@ def test_mass_all_around_changes_nothing_of_an_inextensible_belt() -> None:
 
 
 def test_push_of_tread_blocks_is_answered_as_their_stiffness_is() -> None:
-    here, blocks = belt(), TreadBlocks(7.0, 3.5, 3e-5, 3e-5)
+    current, blocks = belt(), TreadBlocks(7.0, 3.5, 3e-5, 3e-5)
     grid = ring_grid(NODES)
-    push = belt_balance(here.law, grid, here.state, here.height_m, here.traction).road.force_npm
-    forces = push * here.law.radius_m * grid.step_rad * np.exp(7j * grid.theta_rad)[:, None]
-    found = pushed_response(here, blocks, OMEGA_RADPS, forces[None], np.zeros(1), 0.004)[0]
-    known = block_response(here, blocks, OMEGA_RADPS, 0.004).signal
-    assert np.abs(found - known).max() < 1e-6 * np.abs(known).max()
+    push = belt_balance(current.law, grid, current.state, current.height_m, current.traction).road.force_npm
+    forces = push * current.law.radius_m * grid.step_rad * np.exp(7j * grid.theta_rad)[:, None]
+    result = pushed_response(current, blocks, OMEGA_RADPS, forces[None], np.zeros(1), 0.004)[0]
+    reference = block_response(current, blocks, OMEGA_RADPS, 0.004).signal
+    assert np.abs(result - reference).max() < 1e-6 * np.abs(reference).max()

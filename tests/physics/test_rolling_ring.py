@@ -166,9 +166,9 @@ def test_extreme_conditions_converge(load_n: float, pressure_pa: float) -> None:
 def test_stiff_tread_at_light_bending_converges() -> None:
     """Full Newton steps alternate between two extents of this contact."""
     ring = RingParameters(0.29382, 0.048364, 3.3723, 7.01526e5, 7.96964e5, 3.6754, 2e10, 1.03892e8)
-    found = solve_rolling_ring(ring, 5414.2, 242487.0, 34.08, nodes=2880)
-    step = found.theta_rad[1] - found.theta_rad[0]
-    assert found.contact_pressure_npm.sum() * ring.radius_m * step == pytest.approx(5414.2, rel=1e-9)
+    result = solve_rolling_ring(ring, 5414.2, 242487.0, 34.08, nodes=2880)
+    step = result.theta_rad[1] - result.theta_rad[0]
+    assert result.contact_pressure_npm.sum() * ring.radius_m * step == pytest.approx(5414.2, rel=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -72,10 +72,10 @@ def to_frames() -> Callable[..., list[Frame]]:
 
         add(MessageType.HELLO, start_us, hello(rate_hz, **changes))
         add(MessageType.ENVIRONMENT, start_us, Environment(pressure_pa, 35.0, 3.0))
-        for at in range(0, len(counts) - block + 1, block):
-            tick_us = start_us + round(at / rate_hz * 1e6)
-            number = (first_sample + at) & 0xFFFFFFFF
-            add(MessageType.SAMPLES, tick_us, SampleBlock(number, 0b100, counts[at : at + block]))
+        for index in range(0, len(counts) - block + 1, block):
+            tick_us = start_us + round(index / rate_hz * 1e6)
+            number = (first_sample + index) & 0xFFFFFFFF
+            add(MessageType.SAMPLES, tick_us, SampleBlock(number, 0b100, counts[index : index + block]))
         return frames
 
     return make

@@ -34,12 +34,12 @@ def add(wheel, host, axes, counts, first, end):
 def whole(frames, sizes):
     """Return the results when blocks of samples come `sizes()` at a time, each completed at once."""
     wheel, host, axes, counts = prepared(frames)
-    results, at, last = [], 0, len(counts) // BLOCK
-    while at < last:
-        end = min(at + sizes(), last)
-        add(wheel, host, axes, counts, at, end)
+    results, position, last = [], 0, len(counts) // BLOCK
+    while position < last:
+        end = min(position + sizes(), last)
+        add(wheel, host, axes, counts, position, end)
         results += wheel.complete()
-        at = end
+        position = end
     return results + wheel.finish(host)
 
 
@@ -86,9 +86,9 @@ def test_waiting_revolutions_keep_their_samples(frames) -> None:
 def test_memory_does_not_grow_with_the_recording(frames) -> None:
     wheel, host, axes, counts = prepared(frames, ("kinematic",))
     held, step = [], 150
-    for at in range(0, len(counts) // BLOCK - step, step):
-        add(wheel, host, axes, counts, at, at + step)
-        if at == 8 * step:  # the average and most lists are full
+    for index in range(0, len(counts) // BLOCK - step, step):
+        add(wheel, host, axes, counts, index, index + step)
+        if index == 8 * step:  # the average and most lists are full
             tracemalloc.start()
         wheel.complete()
         if tracemalloc.is_tracing():

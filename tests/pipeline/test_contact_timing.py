@@ -31,14 +31,14 @@ def errors(tables: str = "", duration_s: float = 16.0):
     rows = []
     for result in results[12:]:
         revolution = result.revolution
-        at = int(np.argmin(np.abs(bottoms - revolution.start_s)))
-        if at + 1 >= len(bottoms):
+        index = int(np.argmin(np.abs(bottoms - revolution.start_s)))
+        if index + 1 >= len(bottoms):
             continue
         leading, trailing = truth.contact_edges_rad(revolution.start_s)
         half = revolution.trailing_edge_rad - revolution.leading_edge_rad
         rows.append(
             (
-                revolution.period_s / (bottoms[at + 1] - bottoms[at]) - 1.0,
+                revolution.period_s / (bottoms[index + 1] - bottoms[index]) - 1.0,
                 half / (trailing - leading) - 1.0,
                 revolution.period_std_s / revolution.period_s,
             )
@@ -123,9 +123,9 @@ def first_errors(seed: int):
     pulls = []
     for result in results:
         revolution = result.revolution
-        at = int(np.argmin(np.abs(bottoms - revolution.start_s)))
-        if at + 1 < len(bottoms):
-            pulls.append((revolution.period_s - bottoms[at + 1] + bottoms[at]) / revolution.period_std_s)
+        index = int(np.argmin(np.abs(bottoms - revolution.start_s)))
+        if index + 1 < len(bottoms):
+            pulls.append((revolution.period_s - bottoms[index + 1] + bottoms[index]) / revolution.period_std_s)
     return np.array(pulls)
 
 

@@ -31,8 +31,8 @@ ESTIMATORS = ("kinematic", "weak-form")
 
 
 def mean_orders(results):
-    good = [one.revolution for one in results if not one.revolution.faults][5:]
-    return waveform_orders(np.mean([one.axes_mps2 for one in good], axis=0))
+    good = [result.revolution for result in results if not result.revolution.faults][5:]
+    return waveform_orders(np.mean([item.axes_mps2 for item in good], axis=0))
 
 
 @pytest.fixture(scope="module")
@@ -60,11 +60,11 @@ def numbers(results):
 
 class TestTable:
     def test_table_interpolates_in_squared_speed(self, table):
-        at = table.contribution_mps2(OMEGA)
-        assert at.shape == (3, 1024)
-        np.testing.assert_allclose(table.contribution_mps2(1.2 * OMEGA), 1.44 * at, rtol=1e-9, atol=1e-9)
-        np.testing.assert_allclose(table.contribution_mps2(9 * OMEGA), 2.25 * at, rtol=1e-9, atol=1e-9)
-        np.testing.assert_allclose(table.contribution_mps2(0.1 * OMEGA), 0.25 * at, rtol=1e-9, atol=1e-9)
+        position = table.contribution_mps2(OMEGA)
+        assert position.shape == (3, 1024)
+        np.testing.assert_allclose(table.contribution_mps2(1.2 * OMEGA), 1.44 * position, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(table.contribution_mps2(9 * OMEGA), 2.25 * position, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(table.contribution_mps2(0.1 * OMEGA), 0.25 * position, rtol=1e-9, atol=1e-9)
 
     def test_contribution_has_the_tables_orders(self, table):
         orders = waveform_orders(table.contribution_mps2(OMEGA))
@@ -76,8 +76,8 @@ class TestTable:
         assert np.abs(table.contribution_mps2(OMEGA, ac_coupled=True).mean(axis=1)).max() < 1e-9
 
     def test_table_with_one_speed(self, table):
-        one = replace(table, omega_radps=table.omega_radps[1:2], orders_mps2=table.orders_mps2[1:2])
-        np.testing.assert_allclose(one.contribution_mps2(0.9 * OMEGA), table.contribution_mps2(OMEGA), atol=1e-9)
+        single = replace(table, omega_radps=table.omega_radps[1:2], orders_mps2=table.orders_mps2[1:2])
+        np.testing.assert_allclose(single.contribution_mps2(0.9 * OMEGA), table.contribution_mps2(OMEGA), atol=1e-9)
 
     @pytest.mark.parametrize(
         ("omega", "load", "pressure", "code"),
@@ -116,7 +116,7 @@ class TestTakenOff:
         clean, _ = simulated(STEADY, 10.0, SETUP, ESTIMATORS, seed=9)
         having, _ = simulated(STEADY, 10.0, SETUP, ESTIMATORS, wheel=EFFECT, seed=9)
         corrected, _ = simulated(STEADY, 10.0, replace(SETUP, correction=table), ESTIMATORS, wheel=EFFECT, seed=9)
-        assert all(not one.revolution.uncorrected for one in corrected)
+        assert all(not item.revolution.uncorrected for item in corrected)
         before = np.abs(mean_orders(having) - mean_orders(clean))[2]
         after = np.abs(mean_orders(corrected) - mean_orders(clean))[2]
         assert np.linalg.norm(after[:61]) < 0.05 * np.linalg.norm(before[:61])
@@ -128,21 +128,21 @@ class TestTakenOff:
     def test_correction_keeps_contact_times(self, table):
         having, _ = simulated(STEADY, 10.0, SETUP, ESTIMATORS, wheel=EFFECT, seed=9)
         corrected, _ = simulated(STEADY, 10.0, replace(SETUP, correction=table), ESTIMATORS, wheel=EFFECT, seed=9)
-        for one, other in zip(having[5:], corrected[5:], strict=True):
-            assert other.revolution.start_s == pytest.approx(one.revolution.start_s, abs=2e-6)
+        for first, other in zip(having[5:], corrected[5:], strict=True):
+            assert other.revolution.start_s == pytest.approx(first.revolution.start_s, abs=2e-6)
 
     def test_uncorrected_revolutions_mark_estimates(self, table):
         narrow = replace(table, omega_range_radps=(0.9 * OMEGA, 1.1 * OMEGA))
         ramp = "[motion]\nspeed_kmh = [[0.0, 70.0], [5.0, 70.0], [8.0, 90.0], [12.0, 90.0], [15.0, 70.0], [20.0, 70.0]]"
         results, _ = simulated(ramp, 20.0, replace(SETUP, correction=narrow), ESTIMATORS, wheel=EFFECT)
-        outside = [one for one in results if one.revolution.uncorrected]
-        inside = [one for one in results if not one.revolution.uncorrected]
+        outside = [result for result in results if result.revolution.uncorrected]
+        inside = [result for result in results if not result.revolution.uncorrected]
         assert len(outside) > 30
         assert len(inside) > 80
-        for one in outside:
-            assert one.revolution.uncorrected.code is Code.EFFECTS_OUTSIDE_SPEEDS
-            if 8.2 < one.revolution.start_s < 11.5:
-                assert one.revolution.uncorrected["speed_mps"] == pytest.approx(90 / 3.6, rel=5e-3)
+        for item in outside:
+            assert item.revolution.uncorrected.code is Code.EFFECTS_OUTSIDE_SPEEDS
+            if 8.2 < item.revolution.start_s < 11.5:
+                assert item.revolution.uncorrected["speed_mps"] == pytest.approx(90 / 3.6, rel=5e-3)
         of_shape = numbers(outside)["Bs"]
         assert of_shape.status is not Status.VALID
         assert Code.EFFECTS_NOT_SUBTRACTED in codes_of(of_shape.reasons)
@@ -164,7 +164,7 @@ class TestTakenOff:
     def test_other_sensor_is_not_corrected(self, table):
         other = replace(table, sensor_id=0xDEAD)
         results, _ = simulated(STEADY, 3.0, replace(SETUP, correction=other), ESTIMATORS)
-        assert all(one.revolution.uncorrected["found_on"] == "0000dead" for one in results)
+        assert all(result.revolution.uncorrected["found_on"] == "0000dead" for result in results)
 
 
 def test_live_and_batch_apply_the_same_correction(table):

@@ -53,8 +53,8 @@ def run(frames: Sequence[Frame]) -> tuple[WheelSnapshot, set[str]]:
     """Return the state of the wheel at the end, and the names of all flags that it had every 0.1 s."""
     pipeline = Pipeline((SETUP,), SETUP, ("kinematic",))
     flags: set[str] = set()
-    for at in range(0, len(frames), 27):
-        pipeline.frames("link", frames[at : at + 27], 10**18)
+    for index in range(0, len(frames), 27):
+        pipeline.frames("link", frames[index : index + 27], 10**18)
         flags |= {flag.name for flag in pipeline.wheels()[0].flags}
     pipeline.finish()
     return pipeline.wheels()[0], flags
@@ -158,8 +158,8 @@ def test_stretches_between_gaps_are_too_short(roll: Roll, to_frames: ToFrames) -
     frames = to_frames(roll(30.0, 6.0).radial_mps2)
     # 0.5 s of samples, then 0.5 s without: a revolution takes 0.24 s.
     blocks = round(0.5 * RATE_HZ / 36)
-    kept = [frame for frame in frames if frame.type != MessageType.SAMPLES or frame.seq // blocks % 2 == 0]
-    wheel, _ = run(kept)
+    remaining = [frame for frame in frames if frame.type != MessageType.SAMPLES or frame.seq // blocks % 2 == 0]
+    wheel, _ = run(remaining)
     assert main_reason(wheel).code is Code.SAMPLES_INTERRUPTED
 
 
@@ -188,9 +188,9 @@ def test_swapped_axes_are_the_reason(roll: Roll) -> None:
     counts = np.rint(channels / SCALE_MPS2).astype(np.int16)
     described = hello(axes=0b111, range_mps2=(1600.0,) * 3, scale_mps2=(SCALE_MPS2,) * 3)
     frames = [Frame(MessageType.HELLO, 0, 0, 0, 0, described)]
-    for at in range(0, len(counts) - 36, 36):
-        block = SampleBlock(at, 0b111, counts[at : at + 36])
-        frames.append(Frame(MessageType.SAMPLES, 0, 0, len(frames), round(at / RATE_HZ * 1e6), block))
+    for index in range(0, len(counts) - 36, 36):
+        block = SampleBlock(index, 0b111, counts[index : index + 36])
+        frames.append(Frame(MessageType.SAMPLES, 0, 0, len(frames), round(index / RATE_HZ * 1e6), block))
     wheel, flags = run(frames)
     assert main_reason(wheel).code is Code.SENSOR_TILTED
     assert flags == {"mounting"}
@@ -230,14 +230,14 @@ def test_stop_and_go_has_no_reason(roll: Roll, to_frames: ToFrames) -> None:
 
 def test_chunks_do_not_change_the_reason(to_frames: ToFrames) -> None:
     frames = to_frames(on_the_rim(65.0, 13.0))
-    found = []
+    results = []
     for size in (1, 100, len(frames)):
         pipeline = Pipeline((SETUP,), SETUP, ("kinematic",))
-        for at in range(0, len(frames), size):
-            pipeline.frames("link", frames[at : at + size], 10**18)
+        for index in range(0, len(frames), size):
+            pipeline.frames("link", frames[index : index + size], 10**18)
         pipeline.finish()
-        found.append((pipeline.wheels()[0].missing, pipeline.wheels()[0].flags))
-    assert found[0] == found[1] == found[2]
+        results.append((pipeline.wheels()[0].missing, pipeline.wheels()[0].flags))
+    assert results[0] == results[1] == results[2]
 
 
 def test_period_is_the_first_of_its_multiples(roll: Roll) -> None:

@@ -28,30 +28,30 @@ def with_cavity(roll, to_frames, frequency_hz: float, rms: float, noise: float =
 
 @pytest.mark.parametrize(("frequency_hz", "rms"), [(221.7, 5.0), (231.2, 1.0), (60.3, 2.0)])
 def test_cavity_resonance_is_found(roll, to_frames, frequency_hz: float, rms: float) -> None:
-    found = with_cavity(roll, to_frames, frequency_hz, rms)
-    assert found[NAMES[1]].status is Status.VALID
-    assert found[NAMES[1]].value == pytest.approx(frequency_hz, abs=0.2)
-    assert found[NAMES[2]].value == pytest.approx(rms, rel=0.1)
+    result = with_cavity(roll, to_frames, frequency_hz, rms)
+    assert result[NAMES[1]].status is Status.VALID
+    assert result[NAMES[1]].value == pytest.approx(frequency_hz, abs=0.2)
+    assert result[NAMES[2]].value == pytest.approx(rms, rel=0.1)
 
 
 def test_line_at_wheel_order_is_provisional(roll, to_frames) -> None:
     order_25 = 25 * 65.0 / 3.6 / 0.32 / (2.0 * math.pi)
-    found = with_cavity(roll, to_frames, order_25 + 0.3, 3.0)
-    assert found[NAMES[1]].status is Status.PROVISIONAL
-    assert found[NAMES[1]].reasons == (Reason(Code.AT_WHEEL_ORDER, order=25),)
+    result = with_cavity(roll, to_frames, order_25 + 0.3, 3.0)
+    assert result[NAMES[1]].status is Status.PROVISIONAL
+    assert result[NAMES[1]].reasons == (Reason(Code.AT_WHEEL_ORDER, order=25),)
 
 
 def test_smooth_road_gives_sensor_noise() -> None:
-    found = last(simulated("", 16.0, SETUP, ("kinematic", "asynchronous"))[0])
+    result = last(simulated("", 16.0, SETUP, ("kinematic", "asynchronous"))[0])
     density = 5e-3 * STANDARD_GRAVITY_MPS2
-    assert found[NAMES[0]].value == pytest.approx(density * math.sqrt(795.0), rel=0.08)
-    assert found[NAMES[1]].status is Status.INVALID
-    assert codes_of(found[NAMES[1]].reasons) == (Code.NO_LINE,)
+    assert result[NAMES[0]].value == pytest.approx(density * math.sqrt(795.0), rel=0.08)
+    assert result[NAMES[1]].status is Status.INVALID
+    assert codes_of(result[NAMES[1]].reasons) == (Code.NO_LINE,)
 
 
 def test_road_vibration_is_measured() -> None:
-    found = last(simulated("[road]\nrms_mps2 = 5", 16.0, SETUP, ("kinematic", "asynchronous"))[0])
-    assert found[NAMES[0]].value == pytest.approx(5.15, rel=0.06)
+    result = last(simulated("[road]\nrms_mps2 = 5", 16.0, SETUP, ("kinematic", "asynchronous"))[0])
+    assert result[NAMES[0]].value == pytest.approx(5.15, rel=0.06)
 
 
 def test_too_few_revolutions_are_invalid() -> None:
@@ -67,5 +67,5 @@ def test_gap_restarts_the_spectrum() -> None:
     for result in results:
         if result.revolution.index % 10 == 0:
             continue
-        found = estimator.update(result.revolution, settled(result.revolution, 20), result.conditions)
-    assert all(estimate.status is Status.INVALID for estimate in found)
+        actual = estimator.update(result.revolution, settled(result.revolution, 20), result.conditions)
+    assert all(estimate.status is Status.INVALID for estimate in actual)

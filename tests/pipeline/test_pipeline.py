@@ -41,9 +41,9 @@ def arrivals_ns(packets, hold_s):
     pipeline, decoder = Pipeline((SETUP,), UNKNOWN, hold_s=hold_s), FrameDecoder()
     results, came_ns = [], []
     for data, host_ns in packets:
-        found = pipeline.frames("link", decoder.feed(data), host_ns)
-        results += found
-        came_ns += [host_ns] * len(found)
+        result = pipeline.frames("link", decoder.feed(data), host_ns)
+        results += result
+        came_ns += [host_ns] * len(result)
     return results, came_ns, pipeline.finish()
 
 
@@ -59,8 +59,8 @@ def run_batch(packets, setups=(SETUP,), block=50_000):
             host = arrivals[np.minimum(np.searchsorted(ends, batch.end_offset), len(arrivals) - 1)]
             results.extend(pipeline.batch("link", batch, host))
 
-    for at in range(0, len(whole), block):
-        take(decoder.feed(whole[at : at + block]))
+    for index in range(0, len(whole), block):
+        take(decoder.feed(whole[index : index + block]))
     take(decoder.finish())
     return results + pipeline.finish(), pipeline
 
@@ -119,12 +119,12 @@ def test_batch_equals_live_when_block_size_changes(roll, to_frames):
     signal = roll(65.0, 4.0).radial_mps2
     rng = random.Random(8)
     frames = to_frames(signal)[:2]
-    at = 0
-    while at + 109 <= len(signal):
+    position = 0
+    while position + 109 <= len(signal):
         n = rng.choice((1, 20, 36, 109))
-        (block,) = to_frames(signal[at : at + n], block=n, first_sample=at)[2:]
-        frames.append(block._replace(seq=len(frames), tick_us=round(at / 9600 * 1e6)))
-        at += n
+        (block,) = to_frames(signal[position : position + n], block=n, first_sample=position)[2:]
+        frames.append(block._replace(seq=len(frames), tick_us=round(position / 9600 * 1e6)))
+        position += n
     packets = stream(frames)
     live, _ = run_live(packets)
     assert len(live) >= 33
@@ -147,11 +147,11 @@ def test_frames_of_one_chunk_join_without_changing_results(roll, to_frames) -> N
     del frames[700]
 
     def results(together: int):
-        pipeline, found = Pipeline((SETUP,), UNKNOWN), []
-        for at in range(0, len(frames), together):
-            found += pipeline.frames("link", frames[at : at + together], 10**18)
-        found += pipeline.finish()
-        return found, pipeline.wheels()[0].counters
+        pipeline, result = Pipeline((SETUP,), UNKNOWN), []
+        for index in range(0, len(frames), together):
+            result += pipeline.frames("link", frames[index : index + together], 10**18)
+        result += pipeline.finish()
+        return result, pipeline.wheels()[0].counters
 
     (single, counted), (joined, counted_together) = results(1), results(40)
     assert len(single) > 25
@@ -262,9 +262,11 @@ def test_unknown_load_gives_ratios_only(roll, to_frames):
 
 def test_pressure_applies_from_its_time(roll, to_frames):
     frames = to_frames(roll(65.0, 3.0).radial_mps2)
-    at = 400
-    later = frames[at]._replace(type=int(MessageType.ENVIRONMENT), message=Environment(190e3, 41.0, None), seq=10**6)
-    results, _ = run_live(stream([*frames[:at], later, *frames[at:]]))
+    position = 400
+    later = frames[position]._replace(
+        type=int(MessageType.ENVIRONMENT), message=Environment(190e3, 41.0, None), seq=10**6
+    )
+    results, _ = run_live(stream([*frames[:position], later, *frames[position:]]))
     pressures = [result.conditions.pressure_pa for result in results]
     assert set(pressures) == {210e3, 190e3}
     assert pressures == sorted(pressures, reverse=True)
@@ -298,9 +300,9 @@ def test_jump_of_sample_numbers_loses_no_samples(roll, to_frames):
     half = len(frames) // 2
     jumped = [
         frame._replace(message=frame.message._replace(first_sample=frame.message.first_sample + 2**30))
-        if at > half
+        if index > half
         else frame
-        for at, frame in enumerate(frames)
+        for index, frame in enumerate(frames)
     ]
     pipeline = Pipeline((), UNKNOWN)
     results = pipeline.frames("x", jumped, 0) + pipeline.finish()
@@ -339,11 +341,11 @@ def test_held_revolutions_agree_and_come_in_time(four_wheels):
     at_once, came_ns, rest = arrivals_ns(packets, 0.0)
     held, later_ns, held_rest = arrivals_ns(packets, 0.2)
     assert_agree([*held, *held_rest], [*at_once, *rest])
-    first_ns = {(r.position, r.revolution.index): at for r, at in zip(at_once, came_ns, strict=True)}
-    waits = [at - first_ns[r.position, r.revolution.index] for r, at in zip(held, later_ns, strict=True)]
+    first_ns = {(r.position, r.revolution.index): position for r, position in zip(at_once, came_ns, strict=True)}
+    waits = [position - first_ns[r.position, r.revolution.index] for r, position in zip(held, later_ns, strict=True)]
     assert min(waits) >= 0
     assert max(waits) <= 0.2e9 + 20e6
-    assert max(later_ns.count(at) for at in later_ns) > 1
+    assert max(later_ns.count(position) for position in later_ns) > 1
 
 
 def test_wheels_of_a_hub_come_together(four_wheels):
@@ -369,9 +371,9 @@ def test_revolutions_of_a_silent_wheel_do_not_wait(four_wheels):
     pipeline = Pipeline((SETUP,), UNKNOWN, hold_s=0.2)
     stops = len(four_wheels) // 2
     results = []
-    for at, frame in enumerate(four_wheels):
-        if at < stops or frame.wheel:
-            results += pipeline.frames("link", [frame], 10**18 + at * 938_000)
+    for index, frame in enumerate(four_wheels):
+        if index < stops or frame.wheel:
+            results += pipeline.frames("link", [frame], 10**18 + index * 938_000)
     of_wheel = [result for result in results if result.position == "FL"]
     assert len(of_wheel) > 10
     assert not [result for result in pipeline.complete("link") if result.position == "FL"]
@@ -381,6 +383,6 @@ def test_revolutions_do_not_wait_for_a_hub_clock_that_stands_still(four_wheels):
     pipeline = Pipeline((SETUP,), UNKNOWN, hold_s=0.2)
     first = four_wheels[0].tick_us
     results = []
-    for at, frame in enumerate(four_wheels):
-        results += pipeline.frames("link", [frame._replace(tick_us=first)], 10**18 + at * 938_000)
+    for index, frame in enumerate(four_wheels):
+        results += pipeline.frames("link", [frame._replace(tick_us=first)], 10**18 + index * 938_000)
     assert len(results) > 0.85 * len([*results, *pipeline.finish()])

@@ -86,10 +86,10 @@ def test_a_reason_is_given_once() -> None:
 @pytest.mark.parametrize("verified", [False, True])
 def test_sign_of_an_unverified_lateral_axis_is_noted(verified: bool) -> None:
     setup = WheelSetup("FL", 0, 0, 0.32, sensor=SensorClaims(lateral_is_left=verified))
-    found = last(simulated("[tire]\ncord_angle_deg = 20", 4.0, setup, ("kinematic", "ply-steer"))[0])
-    for name, estimate in found.items():
+    result = last(simulated("[tire]\ncord_angle_deg = 20", 4.0, setup, ("kinematic", "ply-steer"))[0])
+    for name, estimate in result.items():
         noted = Code.LATERAL_SIGN_UNVERIFIED in codes_of(estimate.reasons)
         rests = Basis.SIGN in quantity_of(name).rests_on and estimate.status is not Status.INVALID
         assert noted == (rests and not verified), name
     # The size holds.
-    assert found["ply_steer_contact_line_rad"].status is Status.VALID
+    assert result["ply_steer_contact_line_rad"].status is Status.VALID

@@ -15,7 +15,7 @@ BLOCKS = 16
 Words = NDArray[np.int16]
 
 
-def found(words: Words, **hello: object) -> set[Code]:
+def codes_of(words: Words, **hello: object) -> set[Code]:
     content, codes = SampleContent(), set()
     for rows in np.array_split(words.astype("<i2"), BLOCKS):
         codes |= {code for code, _ in content.block(HELLO._replace(**hello), rows)}
@@ -33,19 +33,19 @@ def wheel(seed: int, noise: float, steady: float) -> Words:
 @given(st.integers(0, 2**31), st.floats(0.6, 300.0), st.floats(-15_000.0, 15_000.0))
 def test_right_bytes_pass_and_swapped_ones_are_named(seed: int, noise: float, steady: float) -> None:
     words = wheel(seed, noise, steady)
-    assert found(words) == set()
-    assert found(words.byteswap()) == {Code.SAMPLES_BYTES_SWAPPED}
+    assert codes_of(words) == set()
+    assert codes_of(words.byteswap()) == {Code.SAMPLES_BYTES_SWAPPED}
 
 
 @given(st.integers(0, 2**31), st.integers(1, 15))
 def test_left_aligned_words_of_fewer_bits_pass(seed: int, shift: int) -> None:
     words = np.random.default_rng(seed).integers(-(2 ** (15 - shift)), 2 ** (15 - shift), (864, 3)) << shift
-    assert found(words.astype("<i2")) == set()
+    assert codes_of(words.astype("<i2")) == set()
 
 
 def test_noise_over_the_full_scale_and_still_samples_pass() -> None:
-    assert found(np.random.default_rng(1).integers(-32768, 32768, (864, 3)).astype("<i2")) == set()
-    assert found(np.full((864, 3), 1000, "<i2")) == set()
+    assert codes_of(np.random.default_rng(1).integers(-32768, 32768, (864, 3)).astype("<i2")) == set()
+    assert codes_of(np.full((864, 3), 1000, "<i2")) == set()
 
 
 @pytest.mark.parametrize(
@@ -62,13 +62,13 @@ def test_noise_over_the_full_scale_and_still_samples_pass() -> None:
 )
 def test_a_steady_value_contradicts_ac_coupling(hello: dict[str, object], named: bool) -> None:
     words = wheel(1, 20.0, 7600.0)
-    assert found(words, **hello) == ({Code.HELLO_AC_WITH_STEADY_VALUE} if named else set())
+    assert codes_of(words, **hello) == ({Code.HELLO_AC_WITH_STEADY_VALUE} if named else set())
 
 
 def test_ac_coupled_wheel_and_gravity_alone_pass() -> None:
     words = wheel(1, 20.0, 7600.0).astype(float)
-    assert found(np.round(words - words.mean(axis=0)), coupling=Coupling.AC) == set()
-    assert found(wheel(1, 2.0, 9.81 / 0.125), coupling=Coupling.AC) == set()
+    assert codes_of(np.round(words - words.mean(axis=0)), coupling=Coupling.AC) == set()
+    assert codes_of(wheel(1, 2.0, 9.81 / 0.125), coupling=Coupling.AC) == set()
 
 
 def test_the_level_between_contacts_is_no_steady_value() -> None:
@@ -76,7 +76,7 @@ def test_the_level_between_contacts_is_no_steady_value() -> None:
     words = wheel(1, 20.0, 7600.0).astype(float)
     between = (words - words.mean(axis=0))[words[:, 2] > 7500]
     assert between[:, 2].mean() > 300
-    assert found(np.round(between), coupling=Coupling.AC) == set()
+    assert codes_of(np.round(between), coupling=Coupling.AC) == set()
 
 
 def test_one_block_in_32_is_chosen_at_distances_that_differ() -> None:

@@ -221,9 +221,9 @@ def test_same_hub_number_on_two_links(to_frames):
         (link, to_frames(make_signal(Case(kmh=kmh, duration_s=3.0, seed=1)).radial_mps2))
         for link, kmh in (("a", 40.0), ("b", 90.0))
     ]
-    for place in range(0, len(streams[0][1]), 10):
+    for index in range(0, len(streams[0][1]), 10):
         for link, frames in streams:
-            results += pipeline.frames(link, frames[place : place + 10], 10**18 + place * 3_750_000)
+            results += pipeline.frames(link, frames[index : index + 10], 10**18 + index * 3_750_000)
     results += pipeline.finish()
     periods: dict[str, list[float]] = {}
     for result in results:

@@ -20,8 +20,8 @@ SPEED = "[motion]\nspeed_kmh = 65\n"
 
 
 def statuses(tables: str, setup: WheelSetup = SETUP) -> dict[str, tuple[Status, tuple[Code, ...]]]:
-    found = last(simulated(tables + SPEED, 4.0, setup, ESTIMATORS)[0])
-    return {name: (estimate.status, codes_of(estimate.reasons)) for name, estimate in found.items()}
+    result = last(simulated(tables + SPEED, 4.0, setup, ESTIMATORS)[0])
+    return {name: (estimate.status, codes_of(estimate.reasons)) for name, estimate in result.items()}
 
 
 def test_limits_begin_where_a_number_is_biased_by_a_percent() -> None:
@@ -35,26 +35,26 @@ def test_limits_begin_where_a_number_is_biased_by_a_percent() -> None:
 
 @pytest.mark.parametrize(("corner_hz", "doubted"), [(0.5, False), (2.0, True)])
 def test_high_corner_doubts_numbers_and_not_the_contact(corner_hz: float, doubted: bool) -> None:
-    found = statuses(f"[sensor]\nrange_g = 1000\ncoupling = 'ac'\nhighpass_hz = {corner_hz}\n")
-    assert (Code.SENSOR_AC_CORNER in found["Ts"][1]) == doubted
-    assert found["Ts"][0] is not Status.VALID or not doubted
-    assert found["contact_length_m"][0] is Status.VALID
-    assert found["speed_mps"][0] is Status.VALID
+    result = statuses(f"[sensor]\nrange_g = 1000\ncoupling = 'ac'\nhighpass_hz = {corner_hz}\n")
+    assert (Code.SENSOR_AC_CORNER in result["Ts"][1]) == doubted
+    assert result["Ts"][0] is not Status.VALID or not doubted
+    assert result["contact_length_m"][0] is Status.VALID
+    assert result["speed_mps"][0] is Status.VALID
 
 
 @pytest.mark.parametrize(("step_mg", "doubted"), [(10.0, False), (1000.0, True)])
 def test_steps_that_no_noise_blurs_doubt_the_waveform(step_mg: float, doubted: bool) -> None:
-    found = statuses(f"[sensor]\nrange_g = 400\nnoise_mg_rthz = [0.5, 0.5, 0.5]\nresolution_mg = {step_mg}\n")
-    assert (Code.SENSOR_STEPS in found["Ts"][1]) == doubted
-    assert found["contact_length_m"][0] is Status.VALID
+    result = statuses(f"[sensor]\nrange_g = 400\nnoise_mg_rthz = [0.5, 0.5, 0.5]\nresolution_mg = {step_mg}\n")
+    assert (Code.SENSOR_STEPS in result["Ts"][1]) == doubted
+    assert result["contact_length_m"][0] is Status.VALID
 
 
 def test_narrow_band_doubts_all_but_times() -> None:
     setup = replace(SETUP, sensor=SensorClaims(bandwidth_hz=300.0))
-    found = statuses("[sensor]\nrange_g = 1000\nbandwidth_hz = 300\n", setup)
-    assert found["contact_length_m"] == (Status.PROVISIONAL, (Code.SENSOR_BAND,))
-    assert Code.SENSOR_BAND in found["Bs"][1]
-    assert found["speed_mps"][0] is Status.VALID
+    result = statuses("[sensor]\nrange_g = 1000\nbandwidth_hz = 300\n", setup)
+    assert result["contact_length_m"] == (Status.PROVISIONAL, (Code.SENSOR_BAND,))
+    assert Code.SENSOR_BAND in result["Bs"][1]
+    assert result["speed_mps"][0] is Status.VALID
 
 
 def test_bias_by_a_band_has_a_size_where_a_contact_was_lost() -> None:
@@ -82,8 +82,8 @@ def test_bias_by_a_limit_is_within_three_errors(sensor: str, claims: SensorClaim
     tables = f"{quiet}noise_mg_rthz = [2, 2, 2]\n{SPEED}"
     true = last(simulated(tables, 4.0, SETUP, ESTIMATORS)[0])
     setup = replace(SETUP, sensor=claims)
-    found = last(simulated(f"{quiet}{sensor}{SPEED}", 4.0, setup, ESTIMATORS)[0])
+    result = last(simulated(f"{quiet}{sensor}{SPEED}", 4.0, setup, ESTIMATORS)[0])
     for name in biased:
-        bias = found[name].value - true[name].value
+        bias = result[name].value - true[name].value
         assert abs(bias) > 0.05 * true[name].value
-        assert abs(bias) < 3.0 * found[name].std
+        assert abs(bias) < 3.0 * result[name].std

@@ -23,12 +23,12 @@ def test_implausible_rate_is_ignored():
 
 
 def test_time_does_not_change_with_later_stamps():
-    one, other = SampleClock(9600.0), SampleClock(9600.0)
+    first, other = SampleClock(9600.0), SampleClock(9600.0)
     stamps = [(index, round(index / 9612.0 * 1e6)) for index in range(0, 300_000, 36)]
     answers = []
     for index, tick in stamps:
-        one.stamp(index, tick)
-        answers.append(one.hub_us(index))
+        first.stamp(index, tick)
+        answers.append(first.hub_us(index))
     for index, tick in stamps:
         other.stamp(index, tick)
     late = [other.hub_us(index) for index, _ in stamps[-3000:]]
@@ -77,13 +77,13 @@ def test_latency_is_relative_to_fastest_frames():
 
 
 def test_frames_that_arrive_together_count_as_one_by_one():
-    one, other = HostClock(), HostClock()
+    first, other = HostClock(), HostClock()
     stamps = arrivals(12, 30e-6)
-    for at in range(0, len(stamps), 7):
-        together = [tick_us for tick_us, _ in stamps[at : at + 7]]
-        host_ns = stamps[min(at + 6, len(stamps) - 1)][1]
+    for index in range(0, len(stamps), 7):
+        together = [tick_us for tick_us, _ in stamps[index : index + 7]]
+        host_ns = stamps[min(index + 6, len(stamps) - 1)][1]
         for tick_us in together:
-            one.stamp(tick_us, host_ns)
+            first.stamp(tick_us, host_ns)
         other.stamp_arrival(together, host_ns)
     times_us = range(stamps[0][0], stamps[-1][0], 500_000)
-    assert [one.host_ns(time_us) for time_us in times_us] == [other.host_ns(time_us) for time_us in times_us]
+    assert [first.host_ns(time_us) for time_us in times_us] == [other.host_ns(time_us) for time_us in times_us]

@@ -30,8 +30,8 @@ OF_LOSS = (Code.SAMPLES_LOST_UNMARKED, Code.SAMPLES_REPEATED_UNMARKED)
 def faults_of(results: tuple[RevolutionResult, ...]) -> dict[int, tuple[Code, float]]:
     """Return code and number of samples of the unmarked losses, by revolution."""
     return {
-        place: (fault.code, float(fault["count"]))
-        for place, result in enumerate(results)
+        index: (fault.code, float(fault["count"]))
+        for index, result in enumerate(results)
         for fault in result.revolution.faults
         if fault.code in OF_LOSS
     }
@@ -45,13 +45,13 @@ def test_one_loss_is_a_fault_of_its_revolution_alone(count: int, axes: str) -> N
     results, snapshot = restated(
         tables, 4.0, SETUP, ESTIMATORS, lost=(span,) if count > 0 else (), repeated=() if count > 0 else (span,)
     )
-    ((place, (code, found)),) = faults_of(results).items()
+    ((position, (code, actual)),) = faults_of(results).items()
     assert code is (Code.SAMPLES_LOST_UNMARKED if count > 0 else Code.SAMPLES_REPEATED_UNMARKED)
-    assert found == pytest.approx(abs(count), rel=0.1, abs=1.5)
+    assert actual == pytest.approx(abs(count), rel=0.1, abs=1.5)
     assert snapshot.flags == ()
     for other, result in enumerate(results):
         speed, *_ = result.estimates
-        assert (speed.status is Status.VALID) is (other != place)
+        assert (speed.status is Status.VALID) is (other != position)
         assert abs(speed.value - 25.0) < 3.0 * speed.std
     last = {estimate.name: estimate for estimate in results[-1].estimates}
     assert last["Rs"].status is Status.VALID
@@ -71,14 +71,14 @@ def test_braking_and_rough_roads_lose_nothing(tables: str) -> None:
 def test_loss_while_braking_is_found() -> None:
     """At 1 g the speed falls by 3 % in a revolution, about what the loss adds."""
     check, speed, period = UnmarkedLossCheck(), 25.0, 0.0
-    found = []
+    results = []
     for turn in range(12):
         period = 2.0 * math.pi * 0.32 / speed * 9600.0
         lost = 30.0 if turn == 8 else 0.0
-        found.append(check.missing(period - lost, speed * speed / 0.32))
+        results.append(check.missing(period - lost, speed * speed / 0.32))
         speed -= 9.81 * period / 9600.0
-    assert [turn for turn, count in enumerate(found) if count] == [8]
-    assert found[8] == pytest.approx(30.0, rel=0.1)
+    assert [turn for turn, count in enumerate(results) if count] == [8]
+    assert results[8] == pytest.approx(30.0, rel=0.1)
 
 
 def test_skidding_wheel_loses_nothing() -> None:
@@ -96,9 +96,9 @@ def test_another_gain_is_no_loss() -> None:
 def test_a_lasting_change_is_no_loss() -> None:
     """The sampling rate is another one from the fifth revolution on; three revolutions later that is the new state."""
     check = UnmarkedLossCheck()
-    found = [check.missing(period, 1950.0) for period in [772.0] * 5 + [740.0] * 10]
-    assert found[5] == pytest.approx(32.0, rel=0.05)
-    assert not any(found[8:])
+    results = [check.missing(period, 1950.0) for period in [772.0] * 5 + [740.0] * 10]
+    assert results[5] == pytest.approx(32.0, rel=0.05)
+    assert not any(results[8:])
 
 
 def test_product_of_several_turns_tells_how_many() -> None:
@@ -125,16 +125,16 @@ def test_wheel_without_load_loses_neither_distance_nor_averages() -> None:
         speed = result.estimates[0]
         assert speed.status is Status.PROVISIONAL
         assert speed.value == pytest.approx(truth.speed_mps(3.7), rel=0.02)
-    found = {estimate.name: estimate for estimate in results[-1].estimates}
+    actual = {estimate.name: estimate for estimate in results[-1].estimates}
     first, end = results[0].revolution, results[-1].revolution
     turns = len(truth.bottom_times_s(first.start_s - 0.02, end.start_s + end.period_s + 0.02)) - 1
-    assert found["distance_m"].value == pytest.approx(2.0 * math.pi * 0.32 * turns, rel=0.012)
+    assert actual["distance_m"].value == pytest.approx(2.0 * math.pi * 0.32 * turns, rel=0.012)
     numbers = truth.numbers(8.0)
     for name in ("Bs/Cw", "Rs/Cw"):
         true = getattr(numbers, name[:2]) / numbers.Cw
-        assert found[name].status is Status.VALID
-        assert abs(found[name].value - true) < 3.0 * found[name].std
-    assert found["contact_length_m"].std < 0.05 * found["contact_length_m"].value
+        assert actual[name].status is Status.VALID
+        assert abs(actual[name].value - true) < 3.0 * actual[name].std
+    assert actual["contact_length_m"].std < 0.05 * actual["contact_length_m"].value
 
 
 @pytest.mark.parametrize("reach_turns", [0.047, 0.06])

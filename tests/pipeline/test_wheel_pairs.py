@@ -44,16 +44,16 @@ BACK = [-turn for turn in TURNS]
 
 
 @pytest.mark.parametrize(("left", "right"), [("FL", "FR"), ("rear.left", "rear.right")])
-def test_opposite_slip_is_an_alarm_at_both_wheels(left: str, right: str) -> None:
-    opposite = dict.fromkeys((left, right), Code.LATERAL_SLIP_APART)
-    assert alarms(*results(left, TURNS), *results(right, BACK, 0.01)) == opposite
-    assert alarms(*results(left, TURNS), *results(right, TURNS, 0.01)) == {}
+def test_opposite_slip_is_an_alarm_at_both_wheels(front_left: str, right: str) -> None:
+    opposite = dict.fromkeys((front_left, right), Code.LATERAL_SLIP_APART)
+    assert alarms(*results(front_left, TURNS), *results(right, BACK, 0.01)) == opposite
+    assert alarms(*results(front_left, TURNS), *results(right, TURNS, 0.01)) == {}
 
 
 def test_order_of_the_revolutions_does_not_matter() -> None:
-    left, right = results("FL", TURNS), results("FR", BACK, 0.02)
-    alternating = list(chain.from_iterable(zip(left, right, strict=True)))
-    assert alarms(*alternating) == alarms(*right, *left) == alarms(*left, *right) != {}
+    remainder, right = results("FL", TURNS), results("FR", BACK, 0.02)
+    alternating = list(chain.from_iterable(zip(remainder, right, strict=True)))
+    assert alarms(*alternating) == alarms(*right, *remainder) == alarms(*remainder, *right) != {}
 
 
 def test_few_revolutions_or_another_axle_say_nothing() -> None:
@@ -64,13 +64,13 @@ def test_few_revolutions_or_another_axle_say_nothing() -> None:
 
 
 def test_revolutions_without_host_times_say_nothing() -> None:
-    left, right = (
-        [replace(one, host_ns=0) for one in results(*given)] for given in (("FL", [1.0] * 12), ("FR", [-1.0] * 12))
+    remainder, right = (
+        [replace(result, host_ns=0) for result in results(*item)] for item in (("FL", [1.0] * 12), ("FR", [-1.0] * 12))
     )
-    assert alarms(*left, *right) == {}
+    assert alarms(*remainder, *right) == {}
 
 
 def test_wheels_that_slip_by_chance_say_nothing() -> None:
     rng = np.random.default_rng(1)
-    left, right = (rng.choice([-1.0, 1.0], 200).tolist() for _ in range(2))
-    assert alarms(*results("FL", left), *results("FR", right)) == {}
+    remainder, right = (rng.choice([-1.0, 1.0], 200).tolist() for _ in range(2))
+    assert alarms(*results("FL", remainder), *results("FR", right)) == {}

@@ -30,7 +30,7 @@ from tests.closure.planted_campaign import (
 
 OMEGA = conditions().omega_radps
 CONSTANT = Sideways("constant")
-GROWING = Sideways("growing", lambda here: (here.omega_radps / OMEGA) ** 2)
+GROWING = Sideways("growing", lambda group_conditions: (group_conditions.omega_radps / OMEGA) ** 2)
 RIVALS = CONSTANT, GROWING
 # The plan's recordings last longer than those of the planted campaigns: the errors are compared at equal revolutions.
 TURNS = BLOCKS * REVOLUTIONS
@@ -58,12 +58,13 @@ def plan_between_rivals() -> RecordingPlan:
 
 
 def at_speed(plan: RecordingPlan, kmh: float) -> list:
-    here = conditions()
+    current = conditions()
     return [
         recording
         for recording in plan.recordings
         if math.isclose(3.6 * recording.speed_mps, kmh)
-        and (recording.load_n, recording.pressure_pa, recording.is_reversed) == (here.load_n, here.pressure_pa, False)
+        and (recording.load_n, recording.pressure_pa, recording.is_reversed)
+        == (current.load_n, current.pressure_pa, False)
     ]
 
 

@@ -134,10 +134,10 @@ def test_doctor_lists_plugins(example: Path) -> None:
 
 
 def test_doctor_refuses_what_does_not_fit(bad: Path) -> None:
-    found = plugin_checks(bad)
-    assert found.pop("plug-in raising") == ("ok", "estimators of bad-plugin 9")
-    assert {level for level, _ in found.values()} == {"fault"}
-    reasons = {name.removeprefix("plug-in "): text.partition("refused: ")[2] for name, (_, text) in found.items()}
+    result = plugin_checks(bad)
+    assert result.pop("plug-in raising") == ("ok", "estimators of bad-plugin 9")
+    assert {level for level, _ in result.values()} == {"fault"}
+    reasons = {name.removeprefix("plug-in "): text.partition("refused: ")[2] for name, (_, text) in result.items()}
     assert reasons.pop("late").startswith("it cannot be imported: AttributeError")
     assert reasons.pop("torn").startswith("it cannot be imported: ModuleNotFoundError")
     assert reasons.pop("leaving") == reasons.pop("gone") == "it cannot be imported: SystemExit: 0"
@@ -161,9 +161,9 @@ def test_two_packages_of_one_name_are_both_refused(example: Path, bad: Path, tmp
     shutil.copytree(bad, copy)
     points = copy / "bad_plugin-9.dist-info" / "entry_points.txt"
     points.write_text("[treadlink.estimators]\nrotation = bad_plugin:Raising\n")
-    found = plugin_checks(example, copy)
-    assert "plug-in rotation" in found
-    assert "taken by" in found["plug-in rotation"][1]
+    result = plugin_checks(example, copy)
+    assert "plug-in rotation" in result
+    assert "taken by" in result["plug-in rotation"][1]
 
 
 def test_estimator_of_a_plugin_is_in_the_table(example: Path, recording: Path, tmp_path: Path) -> None:
@@ -171,8 +171,8 @@ def test_estimator_of_a_plugin_is_in_the_table(example: Path, recording: Path, t
     treadlink("estimate", str(recording), "--estimator", "rotation", "--csv", str(table), folders=(example,))
     header, *rows = table.read_text().splitlines()
     columns = header.split(",")
-    place = columns.index("wheel_hz")
-    values = [float(row.split(",")[place]) for row in rows]
+    index = columns.index("wheel_hz")
+    values = [float(row.split(",")[index]) for row in rows]
     # 65 km/h on a radius of 0.32 m
     assert values[-1] == pytest.approx(65 / 3.6 / 0.32 / 6.2832, rel=0.05)
 
@@ -288,9 +288,9 @@ def test_live_output_of_a_plugin_gets_estimates(example: Path, recording: Path) 
 
 
 def frames_of(data: bytes, count: int) -> list[bytes]:
-    frames, at = [], 0
+    frames, position = [], 0
     for _ in range(count):
-        end = at + wire.OVERHEAD_BYTES + data[at + wire.LENGTH_OFFSET]
-        frames.append(data[at:end])
-        at = end
+        end = position + wire.OVERHEAD_BYTES + data[position + wire.LENGTH_OFFSET]
+        frames.append(data[position:end])
+        position = end
     return frames

@@ -77,11 +77,11 @@ def framed(draw: st.DrawFn, content: st.SearchStrategy[bytes]) -> bytes:
 @st.composite
 def damaged(draw: st.DrawFn, content: st.SearchStrategy[bytes]) -> bytes:
     frame = bytearray(draw(framed(content)))
-    place = draw(st.integers(0, len(frame) - 1))
+    position = draw(st.integers(0, len(frame) - 1))
     if draw(st.booleans()):
-        frame[place] ^= draw(st.integers(1, 255))
+        frame[position] ^= draw(st.integers(1, 255))
     else:
-        del frame[place : place + draw(st.integers(1, 60))]
+        del frame[position : position + draw(st.integers(1, 60))]
     return bytes(frame)
 
 
@@ -119,31 +119,31 @@ def batched(
     data: bytes, cuts: list[int], block_bytes: int, gate: Gate | None = None
 ) -> tuple[list[tuple[object, ...]], LinkCounters]:
     decoder = BatchDecoder(block_bytes, gate)
-    found: list[tuple[object, ...]] = []
+    results: list[tuple[object, ...]] = []
     for piece in pieces(data, cuts):
-        found += map(comparable, decoder.feed(piece).frames())
-    return found + [comparable(frame) for frame in decoder.finish().frames()], decoder.counters
+        results += map(comparable, decoder.feed(piece).frames())
+    return results + [comparable(frame) for frame in decoder.finish().frames()], decoder.counters
 
 
 def intact_frames(data: bytes) -> tuple[list[tuple[int, int]], int, int]:
     """The rule of the specification in its own words: intact frames, CRC errors, truncated frames of a stream."""
-    found, crc_errors, truncated, at = [], 0, 0, 0
-    while (at := data.find(wire.SYNC, at)) >= 0:
-        length = data[at + 4] if at + 4 < len(data) else None
+    result, crc_errors, truncated, offset = [], 0, 0, 0
+    while (offset := data.find(wire.SYNC, offset)) >= 0:
+        length = data[offset + 4] if offset + 4 < len(data) else None
         if length is not None and length > 224:
-            at += 1
-        elif length is None or at + 20 + length > len(data):
+            offset += 1
+        elif length is None or offset + 20 + length > len(data):
             truncated += 1
-            at += 1
-        elif zlib.crc32(data[at : at + 16 + length]) != int.from_bytes(
-            data[at + 16 + length : at + 20 + length], "little"
+            offset += 1
+        elif zlib.crc32(data[offset : offset + 16 + length]) != int.from_bytes(
+            data[offset + 16 + length : offset + 20 + length], "little"
         ):
             crc_errors += 1
-            at += 1
+            offset += 1
         else:
-            found.append((at, at + 20 + length))
-            at += 20 + length
-    return found, crc_errors, truncated
+            result.append((offset, offset + 20 + length))
+            offset += 20 + length
+    return result, crc_errors, truncated
 
 
 def long_stream(seed: int, frames: int, signed_share: float = 0.0) -> bytes:

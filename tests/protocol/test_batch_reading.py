@@ -53,23 +53,23 @@ def test_end_offsets_are_places_in_the_whole_stream(block_bytes: int) -> None:
     for end in range(1, len(data) + 1):
         expected += [end] * len(decoder.feed(data[end - 1 : end]))
     batch = BatchDecoder(block_bytes)
-    found: list[int] = []
+    results: list[int] = []
     for start in range(0, len(data), 3000):
-        found += batch.feed(data[start : start + 3000]).end_offset.tolist()
-    assert found == expected
+        results += batch.feed(data[start : start + 3000]).end_offset.tolist()
+    assert results == expected
 
 
 def test_blocks_can_be_read_in_place() -> None:
     data = long_stream(3, 300)
     batch = BatchDecoder(4096)
-    found: list[tuple[object, ...]] = []
+    results: list[tuple[object, ...]] = []
     for start in range(0, len(data), 4096):
         room = batch.writable()
         piece = data[start : start + len(room)]
         room[: len(piece)] = piece
-        found += map(comparable, batch.commit(len(piece)).frames())
-    found += map(comparable, batch.finish().frames())
-    assert (found, batch.counters) == streamed(data, [])
+        results += map(comparable, batch.commit(len(piece)).frames())
+    results += map(comparable, batch.finish().frames())
+    assert (results, batch.counters) == streamed(data, [])
 
 
 @pytest.mark.parametrize("kind", [bytes, bytearray, memoryview])

@@ -149,9 +149,9 @@ def payload_bytes(type_: MessageType):
     @st.composite
     def bent(draw):
         payload = bytearray(declaration.PAYLOADS[type_].build(draw(FIELDS[type_])))
-        for place, value in draw(st.lists(st.tuples(st.integers(0, 80), U8), max_size=3)):
+        for position, value in draw(st.lists(st.tuples(st.integers(0, 80), U8), max_size=3)):
             if payload:
-                payload[place % len(payload)] = value
+                payload[position % len(payload)] = value
         return (bytes(payload) + draw(st.binary(max_size=2)))[: draw(st.integers(0, 224))]
 
     return bent()

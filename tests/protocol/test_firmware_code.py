@@ -78,12 +78,12 @@ int main(void) {{
 
 @pytest.fixture(scope="module")
 def compiler() -> str:
-    found = shutil.which("gcc")
-    if found is None:
+    result = shutil.which("gcc")
+    if result is None:
         if os.environ.get("CI"):
             pytest.fail("gcc is missing; CI must have it")
         pytest.skip("gcc is not installed")
-    return found
+    return result
 
 
 @pytest.fixture
@@ -234,8 +234,8 @@ def test_c_reads_commands(compiler: str, code: Path) -> None:
                 continue
             holds = " && ".join(f"message.{key} == {c_value(value)}" for key, value in vector["payload"].items())
             changed = [bytearray.fromhex(vector["hex"]) for _ in range(3)]
-            for data, place in zip(changed, (2, 4, 7), strict=True):
-                data[place] += 1
+            for data, position in zip(changed, (2, 4, 7), strict=True):
+                data[position] += 1
             body.append(f"""    {{
         tl_{name} message = {{0}};
         expect("{vector["name"]}", tl_decode_{name}({frame}, &message) && {holds});

@@ -60,12 +60,12 @@ def test_fields_equal_those_of_the_vector(parse: Parser, vector: dict[str, Any])
     expected = dict(vector["payload"])
     if "text" in expected:
         expected["text"] = expected["text"].encode()
-    found = values_of(frame.payload, list(expected))
+    result = values_of(frame.payload, list(expected))
     for name, value in expected.items():
         if isinstance(value, float) or (isinstance(value, list) and value and isinstance(value[0], float)):
-            assert np.array_equal(np.float32(value), np.float32(found[name])), name
+            assert np.array_equal(np.float32(value), np.float32(result[name])), name
         else:
-            assert found[name] == value, name
+            assert result[name] == value, name
 
 
 def test_all_vectors_are_one_stream(parse: Parser) -> None:

@@ -70,6 +70,6 @@ def test_unwrap_finds_the_nearest(last: int, step: int) -> None:
 @given(st.integers(2, 40), st.integers(0, 2**50), st.data())
 def test_unwrap_of_other_widths(bits: int, last: int, data: st.DataObject) -> None:
     value = data.draw(st.integers(0, 2**bits - 1))
-    found = unwrap(last, value, bits)
-    assert found % 2**bits == value
-    assert abs(found - last) <= 2 ** (bits - 1)
+    result = unwrap(last, value, bits)
+    assert result % 2**bits == value
+    assert abs(result - last) <= 2 ** (bits - 1)

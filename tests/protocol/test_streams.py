@@ -159,6 +159,8 @@ def test_both_decoders_continue_after_finish() -> None:
     stream, batch = FrameDecoder(), BatchDecoder()
     for data in (first, second):
         expected = [comparable(frame) for frame in stream.feed(data) + stream.finish()]
-        found = [comparable(frame) for part in (batch.feed, lambda _: batch.finish()) for frame in part(data).frames()]
-        assert found == expected
+        results = [
+            comparable(frame) for part in (batch.feed, lambda _: batch.finish()) for frame in part(data).frames()
+        ]
+        assert results == expected
     assert batch.counters == stream.counters

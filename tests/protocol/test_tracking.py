@@ -76,14 +76,14 @@ def sessions(seed: int) -> bytes:
         first = rng.choice([0, 0, 5, 300])
         seqs = list(range(first, first + rng.randrange(1, 150)))
         for _ in range(rng.choice([0, 0, 4])):
-            here = rng.randrange(len(seqs))
+            current = rng.randrange(len(seqs))
             match rng.randrange(3):
                 case 0:
-                    seqs.insert(here, seqs[rng.randrange(len(seqs))])
+                    seqs.insert(current, seqs[rng.randrange(len(seqs))])
                 case 1:
-                    seqs.insert(here, seqs.pop(max(here - rng.randrange(9), 0)))
+                    seqs.insert(current, seqs.pop(max(current - rng.randrange(9), 0)))
                 case _:
-                    del seqs[here : here + rng.choice([1, 3, 70])]
+                    del seqs[current : current + rng.choice([1, 3, 70])]
                     seqs = seqs or [first]
         say = rng.random() < 0.7
         for seq in seqs:
@@ -103,12 +103,12 @@ def test_blocks_count_as_single_frames_do(seed: int) -> None:
     expected = [frame[:5] for frame in decoder.feed(stream)]
     for block_bytes in (len(stream), rng.randrange(1000, 4000), rng.randrange(2000, 8000)):
         batch = BatchDecoder()
-        found = [
+        results = [
             frame[:5]
             for start in range(0, len(stream), block_bytes)
             for frame in batch.feed(stream[start : start + block_bytes]).frames()
         ]
-        assert found == expected
+        assert results == expected
         assert batch.counters == decoder.counters
 
 

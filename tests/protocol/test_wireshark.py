@@ -40,9 +40,9 @@ def dissect(tmp_path: Path) -> Dissect:
         dump = tmp_path / "dump.txt"
         edges = [0, *segments, len(data)]
         rows = [
-            f"{at - begin:06x} {data[at : min(at + 16, end)].hex(' ')}" + ("\n" if at + 16 >= end else "")
+            f"{index - begin:06x} {data[index : min(index + 16, end)].hex(' ')}" + ("\n" if index + 16 >= end else "")
             for begin, end in zip(edges, edges[1:], strict=False)
-            for at in range(begin, end, 16)
+            for index in range(begin, end, 16)
         ]
         dump.write_text("\n".join(rows) + "\n")
         capture = tmp_path / "capture.pcap"
@@ -51,20 +51,20 @@ def dissect(tmp_path: Path) -> Dissect:
         shown = subprocess.run([*command, *options], capture_output=True, text=True, check=True)
         assert "Lua" not in shown.stderr.replace("Lua: ", ""), shown.stderr
         packets = json.loads(shown.stdout, object_pairs_hook=list)
-        return [found for packet in packets for found in trees(packet)]
+        return [tree for packet in packets for tree in trees(packet)]
 
     return run
 
 
 def trees(node: Any) -> list[Dissected]:
     """Return the fields of every tree named "treadlink" in the JSON of a packet."""
-    found: list[Dissected] = []
+    results: list[Dissected] = []
     for name, value in node:
         if name == "treadlink" and isinstance(value, list):
-            found.append(flat(value))
+            results.append(flat(value))
         elif isinstance(value, list) and value and isinstance(value[0], list | tuple):
-            found += trees(value)
-    return found
+            results += trees(value)
+    return results
 
 
 def flat(node: Any) -> Dissected:
@@ -93,12 +93,12 @@ def test_fields_equal_those_of_the_vectors(dissect: Dissect) -> None:
         assert not [name for name, _ in tree if name.startswith("_ws.expert")]
         part = MessageType(vector["type"]).name.lower()
         for name, value in vector["payload"].items():
-            found = all_of(tree, f"{part}.{name}")
+            result = all_of(tree, f"{part}.{name}")
             if name == "text":
-                assert bytes.fromhex("".join(found).replace(":", "")).decode() == value
+                assert bytes.fromhex("".join(result).replace(":", "")).decode() == value
                 continue
             wanted = value if isinstance(value, list) else [value]
-            np.testing.assert_allclose(np.array(found, float), wanted, rtol=1e-5, err_msg=f"{vector['name']}: {name}")
+            np.testing.assert_allclose(np.array(result, float), wanted, rtol=1e-5, err_msg=f"{vector['name']}: {name}")
 
 
 def test_stream_may_be_cut_anywhere(dissect: Dissect) -> None:
@@ -121,8 +121,8 @@ def test_damaged_frame_has_its_verdict(dissect: Dissect) -> None:
 
 
 def test_bytes_between_frames_are_marked(dissect: Dissect) -> None:
-    one = bytes.fromhex(FRAMES[0]["hex"])
-    shown = dissect(one + b"noise" + one, [], "-d", "tcp.port==5005,treadlink")
+    single = bytes.fromhex(FRAMES[0]["hex"])
+    shown = dissect(single + b"noise" + single, [], "-d", "tcp.port==5005,treadlink")
     assert [all_of(tree, "noise") for tree in shown] == [[], ["6e:6f:69:73:65"], []]
     assert [all_of(tree, "seq") for tree in shown] == [["7"], [], ["7"]]
 

@@ -51,11 +51,11 @@ def received(bus: can.BusABC) -> list[can.Message]:
 
 
 def decoded(dbc, frames):
-    found = {}
+    results = {}
     for frame in frames:
         message = dbc.get_message_by_frame_id(frame.arbitration_id)
-        found.setdefault(message.name, []).append(message.decode(frame.data))
-    return found
+        results.setdefault(message.name, []).append(message.decode(frame.data))
+    return results
 
 
 def test_frames_carry_estimates_within_one_count(items, dbc) -> None:
@@ -63,12 +63,14 @@ def test_frames_carry_estimates_within_one_count(items, dbc) -> None:
         worker = publish("can:virtual:estimates", items)
         frames = received(bus)
     assert (worker.snapshot().published, worker.snapshot().dropped) == (len(items) - 1, 0)
-    found = decoded(dbc, frames)
+    actual = decoded(dbc, frames)
     results = [item.result for item in items[:-3] if item.result.position == "FL"]
-    motion = found["FL_Motion"]
+    motion = actual["FL_Motion"]
     assert len(motion) == len(results)
     assert [frame["Counter"] for frame in motion] == [index % 16 for index in range(len(motion))]
-    for result, speed, belt, conditions in zip(results, motion, found["FL_Belt"], found["FL_Conditions"], strict=True):
+    for result, speed, belt, conditions in zip(
+        results, motion, actual["FL_Belt"], actual["FL_Conditions"], strict=True
+    ):
         estimates = {estimate.name: estimate for estimate in result.estimates}
         assert speed["Revolution"] == result.revolution.index
         assert speed["Speed"] == pytest.approx(estimates["speed_mps"].value, abs=0.005)
@@ -78,8 +80,8 @@ def test_frames_carry_estimates_within_one_count(items, dbc) -> None:
         assert belt["BsStatus"] == str(estimates["Bs"].status)
         assert conditions["Pressure"] == pytest.approx(result.conditions.pressure_pa, abs=5.0)
         assert conditions["PressureStatus"] == "valid"
-    assert found["Treadlink_Gateway"][0]["RollingWheels"] == 4
-    alarms = found["FL_Alarms"]
+    assert actual["Treadlink_Gateway"][0]["RollingWheels"] == 4
+    alarms = actual["FL_Alarms"]
     assert [frame["PressureAlarm"] for frame in alarms] == [1, 0, 0]
 
 
@@ -91,8 +93,8 @@ def test_frames_cross_a_network(items, dbc) -> None:
         pytest.skip(f"no multicast here: {error}")
     with bus:
         publish("can:udp_multicast:239.74.163.2?port=43213&hop_limit=0", items[:4])
-        found = decoded(dbc, received(bus))
-    assert {name.split("_")[1] for name in found} == set(LAYOUTS) - {"Alarms"}
+        result = decoded(dbc, received(bus))
+    assert {name.split("_")[1] for name in result} == set(LAYOUTS) - {"Alarms"}
 
 
 def test_unknown_and_impossible_values_are_not_available(dbc) -> None:
@@ -120,11 +122,11 @@ def test_resting_wheel_states_that_it_has_no_speed(items, dbc) -> None:
     wheels = tuple(replace(wheel, state=WheelState.STANDSTILL) for wheel in state.snapshot.wheels)
     with can.Bus(interface="virtual", channel="resting") as bus:
         publish("can:virtual:resting", [replace(state, snapshot=replace(state.snapshot, wheels=wheels))])
-        found = decoded(dbc, received(bus))
-    (motion,) = found["RR_Motion"]
+        result = decoded(dbc, received(bus))
+    (motion,) = result["RR_Motion"]
     assert (motion["State"], motion["Speed"], motion["SpeedStatus"]) == ("standstill", "not_available", "not_available")
-    assert found["RR_Conditions"][0]["PressureStatus"] == "valid"
-    assert found["Treadlink_Gateway"][0]["RollingWheels"] == 0
+    assert result["RR_Conditions"][0]["PressureStatus"] == "valid"
+    assert result["Treadlink_Gateway"][0]["RollingWheels"] == 0
 
 
 def test_dbc_states_ranges_units_and_no_overlap(dbc) -> None:

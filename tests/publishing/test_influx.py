@@ -31,9 +31,9 @@ def worker_of(uri: str) -> SinkWorker:
 def test_points_are_what_the_json_lines_say(items) -> None:
     for item in items:
         expected = list(messages(item))
-        found = [parse_line(line) for line in lines(item)]
-        assert [point["measurement"] for point in found] == [f"treadlink_{message['type']}" for message in expected]
-        for point, message in zip(found, expected, strict=True):
+        results = [parse_line(line) for line in lines(item)]
+        assert [point["measurement"] for point in results] == [f"treadlink_{message['type']}" for message in expected]
+        for point, message in zip(results, expected, strict=True):
             assert point["time"] == item.host_ns
             numbers = {k: v for k, v in message.items() if type(v) in (int, float) and k not in ("time_s", "link")}
             assert {k: point["fields"][k] for k in numbers} == pytest.approx(numbers)

@@ -29,9 +29,9 @@ def worker_of(uri: str) -> SinkWorker:
 
 
 def checked(line: str | bytes) -> dict:
-    found = json.loads(line)
-    VALIDATOR.validate(found)
-    return found
+    estimated_loads = json.loads(line)
+    VALIDATOR.validate(estimated_loads)
+    return estimated_loads
 
 
 def test_every_line_is_valid_by_the_schema(items, tmp_path) -> None:
@@ -154,9 +154,9 @@ def test_reader_of_a_pipe_may_stall_leave_and_return(items, tmp_path) -> None:
     assert worker.join(TIMEOUT_S)
     thread.join(TIMEOUT_S)
     assert lines[-1]["type"] == "alarm"
-    found = worker.snapshot()
-    assert found.dropped == 0
-    assert found.published == 3 * (len(items) - 1) + 1
+    result = worker.snapshot()
+    assert result.dropped == 0
+    assert result.published == 3 * (len(items) - 1) + 1
 
 
 def test_full_disk_is_waited_for(items) -> None:

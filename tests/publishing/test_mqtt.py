@@ -63,9 +63,9 @@ def test_topics_payloads_and_retained_states(items, broker, listener) -> None:
     assert (worker.snapshot().published, worker.snapshot().dropped) == (len(items) - 1, 0)
     until(lambda: listener.of("car/1/status")[-1:] == ["offline"])
     wheels = ("FL", "FR", "RL", "RR")
-    revolutions = [found for wheel in wheels for found in listener.of(f"car/1/wheel/{wheel}/revolution")]
+    revolutions = [result for wheel in wheels for result in listener.of(f"car/1/wheel/{wheel}/revolution")]
     assert len(revolutions) == len(items) - 3
-    assert [found["raised"] for found in listener.of("car/1/alarm")] == [True, False]
+    assert [result["raised"] for result in listener.of("car/1/alarm")] == [True, False]
     assert listener.of("car/1/status") == ["online", "offline"]
     state, _ = listener.of("car/1/wheel/FL/state")
     link, _ = listener.of("car/1/link/sim%3Ademo/state")
@@ -75,9 +75,9 @@ def test_topics_payloads_and_retained_states(items, broker, listener) -> None:
     late = Listener(broker.port)
     until(lambda: late.of("car/1/session"))
     late.close()
-    kept = {topic for topic, retained, _ in late.messages if retained and topic.startswith("car")}
+    remaining = {topic for topic, retained, _ in late.messages if retained and topic.startswith("car")}
     states = {f"car/1/wheel/{wheel}/state" for wheel in ("FL", "FR", "RL", "RR")}
-    assert kept == states | {"car/1/link/sim%3Ademo/state", "car/1/session", "car/1/status"}
+    assert remaining == states | {"car/1/link/sim%3Ademo/state", "car/1/session", "car/1/status"}
 
 
 def test_home_assistant_finds_numbers_that_are_published(items, broker, listener) -> None:
@@ -86,10 +86,10 @@ def test_home_assistant_finds_numbers_that_are_published(items, broker, listener
     finish(worker)
     until(lambda: listener.of("car/status")[-1:] == ["offline"])
     topics = {topic for topic, _, _ in listener.messages if topic.startswith("homeassistant/")}
-    found = {topic: listener.of(topic)[0] for topic in topics}
-    assert len(found) == 4 * 8 + 4
-    assert len({entity["unique_id"] for entity in found.values()}) == len(found)
-    for topic, entity in found.items():
+    results = {topic: listener.of(topic)[0] for topic in topics}
+    assert len(results) == 4 * 8 + 4
+    assert len({entity["unique_id"] for entity in results.values()}) == len(results)
+    for topic, entity in results.items():
         assert re.fullmatch(r"homeassistant/(sensor|binary_sensor)/[a-zA-Z0-9_-]+/[a-zA-Z0-9_-]+/config", topic)
         assert entity["availability_topic"] == "car/status"
         state, _ = listener.of(entity["state_topic"])
@@ -97,7 +97,7 @@ def test_home_assistant_finds_numbers_that_are_published(items, broker, listener
         schema = line_schema()["$defs"][state["type"]]
         assert field in schema["properties"]
         assert field in state or field == "wear_mm"
-    speed = found["homeassistant/sensor/car_wheel_FL/speed_mps/config"]
+    speed = results["homeassistant/sensor/car_wheel_FL/speed_mps/config"]
     assert (speed["unit_of_measurement"], speed["device_class"], speed["state_class"]) == (
         "m/s",
         "speed",
@@ -194,8 +194,8 @@ def test_stalled_broker_loses_nothing(items, broker, listener) -> None:
     broker.signal(signal.SIGCONT)
     finish(worker)
     until(lambda: listener.of("car/status")[-1] == "offline")
-    indices = [(found["wheel"], found["index"]) for topic, _, payload in listener.messages
-               if topic.endswith("/revolution") for found in [json.loads(payload)]]  # fmt: skip
+    indices = [(result["wheel"], result["index"]) for topic, _, payload in listener.messages
+               if topic.endswith("/revolution") for result in [json.loads(payload)]]  # fmt: skip
     assert len(set(indices)) == len(items) - 3
     assert (worker.snapshot().published, worker.snapshot().dropped) == (len(items) - 1, 0)
 
@@ -225,7 +225,9 @@ def test_killed_broker_is_reached_again(items, broker) -> None:
     until(lambda: listener.of("car/status")[-1:] == ["offline"])
     listener.close()
     revolutions = [json.loads(payload) for topic, _, payload in listener.messages if topic.endswith("/revolution")]
-    assert len({(found["wheel"], found["index"]) for found in revolutions}) == len(items) - 4, "all but the first"
+    assert len({(revolution["wheel"], revolution["index"]) for revolution in revolutions}) == len(items) - 4, (
+        "all but the first"
+    )
     assert (worker.snapshot().published, worker.snapshot().dropped) == (len(items) - 1, 0)
 
 

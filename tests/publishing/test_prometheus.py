@@ -29,31 +29,31 @@ def scraped(item: PublishedState | None) -> dict[str, dict[tuple, float]]:
             text = answer.read().decode()
     finally:
         endpoint.close()
-    found: dict[str, dict[tuple, float]] = {}
+    results: dict[str, dict[tuple, float]] = {}
     for family in parser.text_string_to_metric_families(text):
         for sample in family.samples:
-            found.setdefault(sample.name, {})[tuple(sample.labels[k] for k in sorted(sample.labels, reverse=True))] = (
-                sample.value
-            )
-    return found
+            results.setdefault(sample.name, {})[
+                tuple(sample.labels[k] for k in sorted(sample.labels, reverse=True))
+            ] = sample.value
+    return results
 
 
 def test_numbers_are_those_of_the_states(items) -> None:
     state = items[-1]
-    found = scraped(state)
+    result = scraped(state)
     for message in messages(state):
         if message["type"] != "wheel":
             continue
         for field in ("speed_mps", "pressure_pa", "load_n"):
-            assert found[f"treadlink_wheel_{field}"][(message["wheel"],)] == message[field]
-        assert found["treadlink_wheel_samples_total"][(message["wheel"],)] == message["samples"]
-    assert set(found["treadlink_link_connected"].values()) == {1.0}
+            assert result[f"treadlink_wheel_{field}"][(message["wheel"],)] == message[field]
+        assert result["treadlink_wheel_samples_total"][(message["wheel"],)] == message["samples"]
+    assert set(result["treadlink_link_connected"].values()) == {1.0}
     first = state.snapshot.wheels[0]
     estimates = {estimate.name: estimate for estimate in first.last.estimates}
-    place = (first.position, "speed_mps")
-    assert found["treadlink_estimate"][place] == estimates["speed_mps"].value
-    assert found["treadlink_estimate_std"][place] == estimates["speed_mps"].std
-    assert found["treadlink_estimate_valid"][place] == 1.0
+    position = (first.position, "speed_mps")
+    assert result["treadlink_estimate"][position] == estimates["speed_mps"].value
+    assert result["treadlink_estimate_std"][position] == estimates["speed_mps"].std
+    assert result["treadlink_estimate_valid"][position] == 1.0
 
 
 def test_invalid_estimates_are_left_out(items) -> None:

@@ -21,10 +21,10 @@ def states(drive, *silences: Silence, **of_link) -> tuple[dict, dict]:
     snapshot = drive[1]
     wheels = tuple(replace(wheel, silences=silences) for wheel in snapshot.wheels)
     links = tuple(replace(link, **of_link) for link in snapshot.links)
-    found = list(messages(PublishedState(1, replace(snapshot, wheels=wheels, links=links))))
-    for payload in found:
+    results = list(messages(PublishedState(1, replace(snapshot, wheels=wheels, links=links))))
+    for payload in results:
         jsonschema.Draft202012Validator(line_schema()).validate(payload)
-    return found[0], next(payload for payload in found if payload["type"] == "link")
+    return results[0], next(payload for payload in results if payload["type"] == "link")
 
 
 def silence(part: SilentPart) -> Silence:

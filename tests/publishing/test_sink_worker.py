@@ -31,9 +31,9 @@ def test_receiver_gets_items_in_order(items) -> None:
     assert worker.join(TIMEOUT_S)
     assert receiver.taken == list(items[:-1])
     assert receiver.states == 1
-    found = worker.snapshot()
-    assert (found.published, found.dropped, found.waiting) == (len(items) - 1, 0, 0)
-    assert found.note.code is Code.SINK_CLOSED
+    result = worker.snapshot()
+    assert (result.published, result.dropped, result.waiting) == (len(items) - 1, 0, 0)
+    assert result.note.code is Code.SINK_CLOSED
 
 
 def test_stalled_receiver_is_bounded_and_counted(items) -> None:
@@ -45,12 +45,12 @@ def test_stalled_receiver_is_bounded_and_counted(items) -> None:
     for item in items[1:61]:
         worker.offer(item)
     clock.advance_ns(1_500_000_000)
-    found = worker.snapshot()
-    assert (found.state, found.note.code) == (SinkState.STALLED, Code.SINK_STALLED)
-    assert found.since_s == pytest.approx(1.5, abs=0.01)
-    assert found.is_dropping
+    result = worker.snapshot()
+    assert (result.state, result.note.code) == (SinkState.STALLED, Code.SINK_STALLED)
+    assert result.since_s == pytest.approx(1.5, abs=0.01)
+    assert result.is_dropping
     # One in the hand of the thread, 19 of 20 places: the last one is for alarms.
-    assert (found.published, found.waiting, found.dropped) == (0, 20, 41)
+    assert (result.published, result.waiting, result.dropped) == (0, 20, 41)
     worker.offer(items[-3])
     assert worker.snapshot().waiting == 21
     receiver.gate.set()
@@ -198,10 +198,10 @@ def test_published_revolutions_carry_no_waveforms(items) -> None:
     ],
 )
 def test_wrong_addresses_are_refused_before_the_session(uri: str, message: str) -> None:
-    with pytest.raises(SinkError, match=message.replace("'", ".")) as found:
+    with pytest.raises(SinkError, match=message.replace("'", ".")) as result:
         open_sink(uri, SinkSetting())
-    assert found.value.remedy
-    assert "secret" not in str(found.value) + found.value.remedy
+    assert result.value.remedy
+    assert "secret" not in str(result.value) + result.value.remedy
 
 
 def test_an_output_given_twice_is_refused(tmp_path) -> None:
@@ -218,9 +218,9 @@ def test_missing_package_names_the_extra(monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "paho.mqtt", None)
     monkeypatch.setitem(sys.modules, "paho.mqtt.client", None)
     monkeypatch.delitem(sys.modules, "gateway.publishing.mqtt", raising=False)
-    with pytest.raises(SinkError) as found:
+    with pytest.raises(SinkError) as result:
         open_sink("mqtts://host/x", SinkSetting())
-    assert "treadlink[mqtt]" in found.value.remedy
+    assert "treadlink[mqtt]" in result.value.remedy
 
 
 def test_states_are_wanted_at_the_interval_of_the_output() -> None:

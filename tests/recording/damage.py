@@ -75,15 +75,15 @@ def untouched(recorded: Recorded, touched: NDArray[np.bool_]) -> dict[str, set[b
 
 def rescued(path: Path) -> dict[str, set[bytes]]:
     """Return the decoded frames of a recording, encoded again, by link."""
-    found: dict[str, set[bytes]] = {}
+    results: dict[str, set[bytes]] = {}
     decoders: dict[str, FrameDecoder] = {}
     for item in RecordingReader(path).items():
         if isinstance(item, Chunk):
             decoder = decoders.setdefault(item.link, FrameDecoder())
-            found.setdefault(item.link, set()).update(encode_frame(frame) for frame in decoder.feed(item.data))
+            results.setdefault(item.link, set()).update(encode_frame(frame) for frame in decoder.feed(item.data))
     for link, decoder in decoders.items():
-        found[link].update(encode_frame(frame) for frame in decoder.finish())
-    return found
+        results[link].update(encode_frame(frame) for frame in decoder.finish())
+    return results
 
 
 def cut(file: bytes, places: list[tuple[int, int]]) -> tuple[bytes, NDArray[np.bool_]]:

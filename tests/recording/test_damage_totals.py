@@ -50,8 +50,8 @@ def test_the_rest_behind_a_gap_counts(whole: Path, tmp_path: Path) -> None:
 def test_all_damaged_chunks_count(whole: Path, tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     content = bytearray(whole.read_bytes())
-    for place in rng.integers(5_000, len(content) - 5_000, 40).tolist():
-        content[place] ^= 1
+    for position in rng.integers(5_000, len(content) - 5_000, 40).tolist():
+        content[position] ^= 1
     path = tmp_path / "flip.mcap"
     path.write_bytes(content)
     reader = RecordingReader(path)
@@ -80,7 +80,7 @@ def test_one_damaged_part_keeps_its_own_words(whole: Path, tmp_path: Path) -> No
 
 def test_export_of_a_file_whose_readable_part_is_empty_names_the_damage(whole: Path, tmp_path: Path) -> None:
     path = changed(whole, tmp_path / "zeros.mcap", 3_000, 60_000)
-    found = CliRunner().invoke(treadlink, ["export", str(path), str(tmp_path / "out.csv")])
-    assert isinstance(found.exception, TreadlinkError)
-    assert "bytes are not read" in str(found.exception)
-    assert "treadlink repair" in found.exception.remedy
+    result = CliRunner().invoke(treadlink, ["export", str(path), str(tmp_path / "out.csv")])
+    assert isinstance(result.exception, TreadlinkError)
+    assert "bytes are not read" in str(result.exception)
+    assert "treadlink repair" in result.exception.remedy

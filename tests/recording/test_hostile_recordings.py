@@ -178,8 +178,8 @@ def test_repair_does_not_parse_metadata_of_others(tmp_path: Path, monkeypatch: p
 def test_inspection_keeps_a_limited_number_of_events(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(inspection, "MAX_EVENTS", 100)
     mark = message(3, b'{"link": "", "kind": "mark", "text": "x"}')
-    found = inspect_recording(write(tmp_path / "r.mcap", chunk(channel(3, "/marks", "json") + mark * 250)))
-    assert (len(found.events), found.events_omitted) == (100, 150)
+    result = inspect_recording(write(tmp_path / "r.mcap", chunk(channel(3, "/marks", "json") + mark * 250)))
+    assert (len(result.events), result.events_omitted) == (100, 150)
 
 
 def test_unread_records_may_be_large(tmp_path: Path) -> None:

@@ -36,23 +36,23 @@ def frames(boot_count, blocks, wheel=0):
 def recording(tmp_path):
     path = tmp_path / "day.mcap"
     writer = RecordingWriter(path, start_ns=START_NS, sources=["serial:///dev/ttyUSB0"])
-    at = START_NS
+    position = START_NS
     lost = {40, 41, 333}
     for boot, blocks in ((7, 400), (8, 300)):
         for i, frame in enumerate(frames(boot, blocks)):
-            at += 10_000_000
+            position += 10_000_000
             if boot == 8 or i not in lost:
-                writer.write(Chunk("serial:hub", at, encode_frame(frame)))
+                writer.write(Chunk("serial:hub", position, encode_frame(frame)))
         if boot == 7:
-            at += 2_000_000_000
-    writer.write(LinkEvent("user", at, LinkEventKind.MARK, "curb \x1b[31m"))
+            position += 2_000_000_000
+    writer.write(LinkEvent("user", position, LinkEventKind.MARK, "curb \x1b[31m"))
     writer.close()
     return path
 
 
 def test_losses_rates_restarts_and_events(recording):
-    found = inspect_recording(recording)
-    link = found.links["serial:hub"]
+    result = inspect_recording(recording)
+    link = result.links["serial:hub"]
     wheel = link.wheels[(0, 0)]
     assert wheel.samples == (400 - 3 + 300) * 50
     assert wheel.samples_lost == 3 * 50
@@ -63,8 +63,8 @@ def test_losses_rates_restarts_and_events(recording):
     assert link.longest_silence_s == pytest.approx(2.01)
     assert sum(samples for samples, _ in wheel.seconds.values()) == wheel.samples
     assert sum(missing for _, missing in wheel.seconds.values()) == wheel.samples_lost
-    assert [event.kind for event in found.events] == [LinkEventKind.MARK]
-    assert found.damage is None
+    assert [event.kind for event in result.events] == [LinkEventKind.MARK]
+    assert result.damage is None
 
 
 def test_text_and_json_agree_and_are_clean(recording):
@@ -98,9 +98,9 @@ def test_event_just_before_the_first_chunk_is_at_zero(tmp_path):
 def test_truncated_recording_is_shown_to_its_end(recording, tmp_path):
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(recording.read_bytes()[: recording.stat().st_size // 2])
-    found = inspect_recording(cut)
-    assert not found.info.finished
-    assert found.links["serial:hub"].wheels[(0, 0)].samples > 5000
+    result = inspect_recording(cut)
+    assert not result.info.finished
+    assert result.links["serial:hub"].wheels[(0, 0)].samples > 5000
     output = CliRunner().invoke(inspect, [str(cut)]).output
     assert "treadlink repair" in output
 

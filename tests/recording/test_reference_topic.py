@@ -26,10 +26,10 @@ def recording(path: Path) -> Path:
 def assert_kept(path: Path) -> None:
     items = ReferenceReader(path)
     assert list(items.items()) == []
-    (found,) = items.references()
-    assert (found.position, found.name, found.quantity, found.value_std) == ("FL", "drum", "speed", 0.5)
-    assert found.values == [20.0 + number for number in range(20)]
-    assert found.times_s == pytest.approx([0.1 * number for number in range(20)])
+    (result,) = items.references()
+    assert (result.position, result.name, result.quantity, result.value_std) == ("FL", "drum", "speed", 0.5)
+    assert result.values == [20.0 + number for number in range(20)]
+    assert result.times_s == pytest.approx([0.1 * number for number in range(20)])
 
 
 def test_compaction_and_repair_keep_references(tmp_path: Path) -> None:

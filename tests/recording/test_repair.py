@@ -33,10 +33,10 @@ def faults(recorded: damage.Recorded, touched: np.ndarray, path: Path) -> tuple[
     gone = wrong = 0
     for link, frames in recorded.frames.items():
         # With one link its name may be lost.
-        found = got.get(link, set()) if len(recorded.frames) > 1 else set().union(*got.values())
-        gone += len({frame for frame, positions in frames if not touched[positions].any()} - found)
+        result = got.get(link, set()) if len(recorded.frames) > 1 else set().union(*got.values())
+        gone += len({frame for frame, positions in frames if not touched[positions].any()} - result)
         # A frame that lost a few bytes may pass again where equal ones stand beside it; it is right then.
-        wrong += len(found - {frame for frame, _ in frames})
+        wrong += len(result - {frame for frame, _ in frames})
     return gone, wrong
 
 
@@ -65,7 +65,7 @@ def trial(folder: Path, seed: list[int], links: int) -> tuple[int, int]:
     if kind == "missing":
         file, touched = damage.cut(recorded.file, places)
     else:
-        stuff = [(at, rng.bytes(size) if kind == "noise" else bytes(size)) for at, size in places]
+        stuff = [(position, rng.bytes(size) if kind == "noise" else bytes(size)) for position, size in places]
         file, touched = damage.overwrite(recorded.file, stuff)
     return faults(recorded, touched, repaired(folder, file))
 
@@ -81,15 +81,15 @@ def test_only_damaged_frames_are_lost(tmp_path: Path, links: int, seed: int) -> 
 def test_random_damage_loses_only_damaged_frames(tmp_path: Path, links: int, most: float) -> None:
     """The figures in docs/reference/recording-format.md: chance may hide a frame, but never add one."""
     count = 2000
-    found = []
+    results = []
     for seed in range(count):
         folder = tmp_path / str(seed)
         folder.mkdir()
-        found.append(trial(folder, [seed, links, 1], links))
+        results.append(trial(folder, [seed, links, 1], links))
         shutil.rmtree(folder)
-    unlucky = [gone for gone, _ in found if gone]
+    unlucky = [gone for gone, _ in results if gone]
     print(f"{links} links: {len(unlucky)} of {count} recordings lack frames that lost no byte: {unlucky}")
-    assert not any(wrong for _, wrong in found)
+    assert not any(wrong for _, wrong in results)
     assert len(unlucky) <= most * count
 
 
@@ -130,8 +130,8 @@ def test_complete_messages_keep_times_and_topics(tmp_path: Path) -> None:
     assert reader.info.finished
     assert reader.vehicle_toml == streams.TOML
     assert reader.info.sources == ("sim:test",)
-    kept = [item for item in items if item in recorded.items]
-    assert len(kept) >= len(recorded.items) - 6
+    remaining = [item for item in items if item in recorded.items]
+    assert len(remaining) >= len(recorded.items) - 6
     assert [item for item in recorded.items if not isinstance(item, Chunk)] == [
         item for item in items if not isinstance(item, Chunk)
     ]
@@ -231,9 +231,9 @@ def test_undamaged_recording_needs_no_repair(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="being recorded"):
         needs_repair(unfinished.path)
     # As a killed writer leaves it.
-    left = tmp_path / "left.mcap"
-    left.write_bytes(unfinished.path.read_bytes())
-    assert needs_repair(left)
+    remainder = tmp_path / "left.mcap"
+    remainder.write_bytes(unfinished.path.read_bytes())
+    assert needs_repair(remainder)
 
 
 def test_repair_never_overwrites(tmp_path: Path) -> None:

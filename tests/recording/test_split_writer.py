@@ -61,14 +61,14 @@ def test_every_frame_is_whole_in_one_file_and_each_begins_with_hello(tmp_path: P
     for path in paths:
         reader, decoder = RecordingReader(path), FrameDecoder()
         assert reader.info.vehicle_toml == "x = 1"
-        known = set()
+        reference = set()
         for item in reader.items():
             for frame in decoder.feed(item.data):
                 frames.append(frame)
                 if isinstance(frame.message, Hello):
-                    known.add(frame.wheel)
+                    reference.add(frame.wheel)
                 if isinstance(frame.message, SampleBlock):
-                    assert frame.wheel in known, "samples before what they need"
+                    assert frame.wheel in reference, "samples before what they need"
         decoder.finish()
         assert (decoder.counters.lost, decoder.counters.crc_errors, decoder.counters.noise_bytes) == (0, 0, 0)
         assert reader.damage is None
@@ -85,8 +85,8 @@ def test_links_without_hello_go_on_at_a_chunk(tmp_path: Path) -> None:
     writer.close()
     names = sorted(path.name for path in tmp_path.iterdir())
     assert names == ["r-2.mcap", "r-3.mcap", "r-4.mcap", "r.mcap"] or names == ["r-2.mcap", "r-3.mcap", "r.mcap"]
-    kept = [item for name in ("r.mcap", *sorted(names)[:-1]) for item in RecordingReader(tmp_path / name).items()]
-    bytes_of = [item.data for item in kept if isinstance(item, Chunk) and item.link == "serial:silent"]
+    remaining = [item for name in ("r.mcap", *sorted(names)[:-1]) for item in RecordingReader(tmp_path / name).items()]
+    bytes_of = [item.data for item in remaining if isinstance(item, Chunk) and item.link == "serial:silent"]
     assert bytes_of == [bytes([second]) for second in range(40)]
 
 

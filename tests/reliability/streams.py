@@ -25,13 +25,13 @@ def chunks_of(items: Iterable[LinkItem]) -> list[Chunk]:
 
 def raw_frames(data: bytes) -> Iterator[bytes]:
     """Yield every intact frame of bytes as bytes."""
-    at = 0
+    position = 0
     while True:
-        at, end, _ = next_frame(data, at)
+        position, end, _ = next_frame(data, position)
         if not end:
             return
-        yield data[at:end]
-        at = end
+        yield data[position:end]
+        position = end
 
 
 def readdressed(frame: bytes, *, version: int = wire.VERSION_BYTE, flags: int = 0, type_: int | None = None) -> bytes:

@@ -51,13 +51,13 @@ def test_packed_indexes_are_lossless(entries: list[ChunkIndex], times: int) -> N
 def test_hour_of_chunks_takes_little_memory() -> None:
     rng = np.random.default_rng(1)
     packed = PackedIndexes("")
-    at = 0
+    position = 0
     for number in range(36_000):
         size = 26_000 + int(rng.integers(0, 3000))
-        offsets = {channel: at + size + 40 * channel for channel in range(1, 8)}
+        offsets = {channel: position + size + 40 * channel for channel in range(1, 8)}
         now_ns = 1_700_000_000_000_000_000 + number * 100_000_000 + int(rng.integers(0, 1_000_000))
-        packed.append(ChunkIndex(size, at, "", size - 60, now_ns + 99_000_000, 300, offsets, now_ns, size - 60))
-        at += size + 300
+        packed.append(ChunkIndex(size, position, "", size - 60, now_ns + 99_000_000, 300, offsets, now_ns, size - 60))
+        position += size + 300
     held = sum(map(sys.getsizeof, packed._packs)) + sys.getsizeof(packed._open)
     assert held < 2_000_000
 
@@ -67,9 +67,9 @@ def test_chunk_indexes_of_mcap_are_replaced(tmp_path) -> None:
     writer = RecordingWriter(tmp_path / "r.mcap", start_ns=0)
     for number in range(3):
         writer.write(Chunk("a:b", number * 200_000_000, b"bytes"))
-    kept = getattr(writer._output._writer, _CHUNK_INDEXES, None)
-    assert isinstance(kept, PackedIndexes), f"mcap.writer.Writer has no attribute {_CHUNK_INDEXES} that it uses"
-    assert len(kept) >= 2
+    remaining = getattr(writer._output._writer, _CHUNK_INDEXES, None)
+    assert isinstance(remaining, PackedIndexes), f"mcap.writer.Writer has no attribute {_CHUNK_INDEXES} that it uses"
+    assert len(remaining) >= 2
     writer.close()
 
 
@@ -119,7 +119,7 @@ def test_items_are_written_within_chunk_and_poll(tmp_path) -> None:
     rng = np.random.default_rng(1)
     writer = RecordingWriter(tmp_path / "r.mcap", start_ns=0)
     arrivals_ns = np.unique(np.cumsum(rng.choice([1_000_000, 15_000_000, 90_000_000, 400_000_000], 150)))
-    waiting = [Chunk("a:b", int(at), bytes(50)) for at in arrivals_ns]
+    waiting = [Chunk("a:b", int(position), bytes(50)) for position in arrivals_ns]
     taken: list[Chunk] = []
     last_poll_ns = int(arrivals_ns[-1]) + 200_000_000
     for now_ns in range(0, last_poll_ns, 20_000_000):
@@ -145,7 +145,7 @@ def test_soak_measures_times_in_constant_memory() -> None:
     assert measured._counts.sum() == 10_000
     tenths = measured.by_tenth()
     assert len(tenths) == 10
-    for (middle, spread), own in zip(tenths, errors_s.reshape(10, 1000), strict=True):
-        low, median, high = np.percentile(own, (1, 50, 99))
+    for (middle, spread), item in zip(tenths, errors_s.reshape(10, 1000), strict=True):
+        low, median, high = np.percentile(item, (1, 50, 99))
         assert middle == pytest.approx(median, abs=1e-4)
         assert spread == pytest.approx(high - low, abs=1e-4)

@@ -65,7 +65,7 @@ def test_memory_is_bounded(name: str) -> None:
         b"[" * 20_000,
         b"a=1\n" * 5000,
     ]
-    inputs += [seed[:at] + b"\xff" * 8 + seed[at + 8 :] for at in range(0, len(seed), max(1, len(seed) // 20))]
+    inputs += [seed[:index] + b"\xff" * 8 + seed[index + 8 :] for index in range(0, len(seed), max(1, len(seed) // 20))]
     target.run(seed)
     tracemalloc.start()
     try:

@@ -35,8 +35,8 @@ def paced(data: bytes, seconds: float = 10.0, link: str = LINK) -> list[Chunk]:
     size = max(1, len(data) // 500)
     count = -(-len(data) // size)
     return [
-        Chunk(link, START_NS + round(at * seconds / count * 1e9), data[at * size : (at + 1) * size])
-        for at in range(count)
+        Chunk(link, START_NS + round(index * seconds / count * 1e9), data[index * size : (index + 1) * size])
+        for index in range(count)
     ]
 
 
@@ -191,14 +191,14 @@ def test_open_but_silent_link() -> None:
 
 def test_repeated_hub_restarts_are_summarised() -> None:
     items, toml = simulated("sim:lab?speed=max&duration=40&seed=4&fault=reboot:at=6,every=6,gap=1")
-    found = codes(of_links(SessionCore(parse_vehicle(toml, "lab")), chunks_of(items)))
-    assert found == 3 * [Code.HUB_RESTARTED] + [Code.HUB_RESTARTS_REPEATEDLY]
+    result = codes(of_links(SessionCore(parse_vehicle(toml, "lab")), chunks_of(items)))
+    assert result == 3 * [Code.HUB_RESTARTED] + [Code.HUB_RESTARTS_REPEATEDLY]
 
 
 def test_many_damaged_frames_are_reported_once() -> None:
     items, toml = simulated("sim:lab?speed=max&duration=20&seed=4&fault=flip:rate=0.2")
-    found = of_links(SessionCore(parse_vehicle(toml, "lab")), chunks_of(items))
-    assert codes(found) == [Code.FRAMES_DAMAGED]
+    result = of_links(SessionCore(parse_vehicle(toml, "lab")), chunks_of(items))
+    assert codes(result) == [Code.FRAMES_DAMAGED]
 
 
 def test_findings_are_repeated_after_reconnection_and_recorded(tmp_path) -> None:
@@ -219,6 +219,8 @@ def test_findings_are_independent_of_chunk_boundaries() -> None:
     noise = np.random.default_rng(2).bytes(30_000)
     whole = [Chunk(LINK, START_NS + i * SECOND_NS, noise[i * 3000 : (i + 1) * 3000]) for i in range(10)]
     fine = [
-        Chunk(LINK, chunk.host_ns, chunk.data[at : at + 7]) for chunk in whole for at in range(0, len(chunk.data), 7)
+        Chunk(LINK, chunk.host_ns, chunk.data[index : index + 7])
+        for chunk in whole
+        for index in range(0, len(chunk.data), 7)
     ]
     assert notices_of(SessionCore(None), whole) == notices_of(SessionCore(None), fine)

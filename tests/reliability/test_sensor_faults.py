@@ -131,7 +131,7 @@ def test_loose_sensor_is_flagged_with_larger_errors(ride, good: Ride, hertz: int
 @pytest.mark.parametrize(("axis", "name"), [("roll_deg", "lateral"), ("pitch_deg", "circumferential")])
 def test_tilted_sensor_is_flagged_and_measures_speed(ride, axis: str, name: str) -> None:
     tilted = ride(f"sensor = {{{axis} = 30}}")
-    (notice,) = [one for one in tilted.notices if one.reason["alarm"].code is Code.SENSOR_TILTED]
+    (notice,) = [notice for notice in tilted.notices if notice.reason["alarm"].code is Code.SENSOR_TILTED]
     assert f"the {name} axis" in notice_text(notice)
     assert "tilted by 30 deg" in notice_text(notice)
     assert tilted.flags() == {"mounting", "steady value"}
@@ -206,14 +206,14 @@ def test_standstill_is_not_a_fault() -> None:
 @pytest.mark.parametrize("angle_deg", [-170, -40, 0, 10, 19, 21, 45, 120])
 def test_tilt_is_reported_from_20_degrees(angle_deg: float) -> None:
     angle = math.radians(angle_deg)
-    found = tilt_rad(np.array([0.0, 1000.0 * math.sin(angle), 1000.0 * math.cos(angle)]))
+    result = tilt_rad(np.array([0.0, 1000.0 * math.sin(angle), 1000.0 * math.cos(angle)]))
     folded = min(abs(angle_deg), 180 - abs(angle_deg))
     if folded < 20:
-        assert found is None
+        assert result is None
     else:
-        assert found is not None
-        assert found[0] is Axis.LATERAL
-        assert math.degrees(found[1]) == pytest.approx(folded)
+        assert result is not None
+        assert result[0] is Axis.LATERAL
+        assert math.degrees(result[1]) == pytest.approx(folded)
 
 
 def test_measured_tire_shows_no_ringing(tmp_path: Path) -> None:

@@ -71,10 +71,10 @@ def test_disk_stuck_too_long_loses_topics_first(lab, monkeypatch) -> None:
     assert live.wait(TIMEOUT_S)
     dropped = live.close().links[0].queue_dropped
     chunks = [item for item in items if isinstance(item, Chunk)]
-    kept = [item for item in writer.items if isinstance(item, Chunk)]
-    assert dropped[Stage.RECORDING] == len(chunks) - len(kept) > 0
-    assert len(link_bytes(kept)) > 0.7 * size
-    assert kept == chunks[: len(kept)]
+    remaining = [item for item in writer.items if isinstance(item, Chunk)]
+    assert dropped[Stage.RECORDING] == len(chunks) - len(remaining) > 0
+    assert len(link_bytes(remaining)) > 0.7 * size
+    assert remaining == chunks[: len(remaining)]
     assert dropped[Stage.TOPICS] > 0
     assert Stage.DECODING not in dropped
     notices += live.notices()

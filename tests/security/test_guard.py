@@ -173,10 +173,12 @@ def test_replaced_hub_with_lower_boot_count_is_named(tmp_path: Path) -> None:
     assert not any(map(gate, [sender.hello(), sender.samples(), sender.samples()]))
     assert gate.counts == {Verdict.EARLIER_START: 3}
     (notice,) = watching.take_notices()
-    at = Reason(Code.SIGNER_AT_HUB, signer=Reason(Code.SIGNER_SENSOR, identity="0000a001"), hub=hub_identity(HUB + 1))
+    position = Reason(
+        Code.SIGNER_AT_HUB, signer=Reason(Code.SIGNER_SENSOR, identity="0000a001"), hub=hub_identity(HUB + 1)
+    )
     ignored = Reason(Code.FRAMES_IGNORED)
     assert notice.reason == Reason(
-        Code.FRAME_EARLIER_START, signer=at, start=3, latest=41, identity="0000a001", count=1, consequence=ignored
+        Code.FRAME_EARLIER_START, signer=position, start=3, latest=41, identity="0000a001", count=1, consequence=ignored
     )
     assert "treadlink keys new 0000a001 --replace" in notice_text(notice)
 
@@ -215,22 +217,22 @@ def test_replayed_earlier_start_does_not_displace_the_sensor(tmp_path: Path) -> 
 
 def test_earlier_start_on_another_link_is_refused() -> None:
     watching = guard()
-    one, other = watching.gate("one"), watching.gate("other")
+    first, other = watching.gate("one"), watching.gate("other")
     old, new = Sender(7), Sender(8)
-    assert one(old.hello())
+    assert first(old.hello())
     assert other(new.hello())
-    assert not one(old.samples())
-    assert one.counts[Verdict.EARLIER_START] == 1
+    assert not first(old.samples())
+    assert first.counts[Verdict.EARLIER_START] == 1
     assert [notice.reason.code for notice in watching.take_notices()] == [Code.FRAME_EARLIER_START]
 
 
 def test_two_sessions_keep_the_higher_counter(tmp_path: Path) -> None:
     path = tmp_path / "counters"
-    one, other = Ledger(path), Ledger(path)
-    one.counter("0000a001", "c0ffee").take(1000)
+    first, other = Ledger(path), Ledger(path)
+    first.counter("0000a001", "c0ffee").take(1000)
     other.counter("0000a001", "c0ffee").take(10)
     other.counter("0000a002", "c0ffee").take(5)
-    one.save()
+    first.save()
     other.save()
     assert Ledger(path).counter("0000a001", "c0ffee").highest == 1000
     assert Ledger(path).counter("0000a002", "c0ffee").highest == 5
@@ -252,8 +254,8 @@ def test_swapped_sensors_are_reported_and_ignored() -> None:
     assert gate.counts == {Verdict.NOT_ADMITTED: 4}
     notices = {notice.subject: notice.reason for notice in watching.take_notices()}
     ignored = Reason(Code.FRAMES_IGNORED)
-    for at, sensor, owner in (("FL", "0000a002", "FR"), ("FR", "0000a001", "FL")):
-        assert notices[f"link, {at}"] == Reason(
+    for position, sensor, owner in (("FL", "0000a002", "FR"), ("FR", "0000a001", "FL")):
+        assert notices[f"link, {position}"] == Reason(
             Code.SENSOR_NOT_ADMITTED_SWAPPED, sensor=sensor, owner=owner, count=1, consequence=ignored
         )
 

@@ -97,7 +97,7 @@ def test_paths_in_a_recording_write_nothing(tmp_path: Path) -> None:
     repair_recording(path, inside / "repaired.mcap")
     list(RecordingReader(inside / "repaired.mcap").items())
     treadlink("estimate", "x.mcap", "--csv", "out.csv", cwd=inside)
-    everything = {str(found.relative_to(tmp_path)) for found in tmp_path.rglob("*") if found.is_file()}
+    everything = {str(result.relative_to(tmp_path)) for result in tmp_path.rglob("*") if result.is_file()}
     assert everything == {"a/b/x.mcap", "a/b/compact.mcap", "a/b/repaired.mcap", "a/b/out.csv"}
 
 

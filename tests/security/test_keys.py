@@ -134,7 +134,7 @@ def test_failed_write_keeps_the_old_file(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr("os.fsync", full)
     assert "No space left" in run("new", "2", "--file", path, fails=True)
     assert path.read_bytes() == before
-    assert [found.name for found in tmp_path.iterdir()] == ["keys"]
+    assert [result.name for result in tmp_path.iterdir()] == ["keys"]
 
 
 _MAKER = """
@@ -150,7 +150,7 @@ def test_eight_processes_keep_every_key(tmp_path: Path) -> None:
     makers = [subprocess.Popen([sys.executable, "-c", _MAKER, f"{number:x}", path]) for number in range(8)]
     assert [maker.wait() for maker in makers] == [0] * 8
     assert set(KeyFile(path).keys) == {f"{maker:x}{number}".rjust(8, "0") for maker in range(8) for number in range(6)}
-    assert [found.name for found in tmp_path.iterdir()] == ["keys"]
+    assert [result.name for result in tmp_path.iterdir()] == ["keys"]
 
 
 def test_lock_held_for_long_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -176,7 +176,7 @@ def test_symbolic_link_stays_and_its_target_changes(tmp_path: Path) -> None:
     assert not target.is_symlink()
     assert set(KeyFile(target).keys) == {"00000001", "00000002", "00000003"}
     assert target.stat().st_mode & 0o777 == 0o600
-    assert {found.name for found in target.parent.iterdir()} == {"real"}
+    assert {result.name for result in target.parent.iterdir()} == {"real"}
 
 
 @pytest.mark.parametrize("mode", [0o400, 0o600, 0o700])

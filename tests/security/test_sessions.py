@@ -88,10 +88,10 @@ def under_attack(chunks: list[Chunk], seed: int) -> list[Chunk]:
 def test_attacker_does_not_change_estimates(signed: tuple[list[Chunk], str], key_file: Path) -> None:
     chunks, toml = signed
     alone, plain, notices = run(chunks, toml, key_file)
-    attacked, kept, warned = run(under_attack(chunks, 5), toml, key_file)
+    attacked, remaining, warned = run(under_attack(chunks, 5), toml, key_file)
     assert len(plain) > 40
     assert [(r.position, r.host_ns, values_of(r.estimates)) for r in plain] == [
-        (r.position, r.host_ns, values_of(r.estimates)) for r in kept
+        (r.position, r.host_ns, values_of(r.estimates)) for r in remaining
     ]
     assert not [notice for notice in notices if notice.level is Level.SECURITY]
     link = attacked.snapshot(1.0).links[0]
@@ -135,13 +135,13 @@ def test_recording_keeps_refused_frames_but_no_key(
 
 def test_counters_are_saved_and_stop_a_replay(signed: tuple[list[Chunk], str], key_file: Path, tmp_path: Path) -> None:
     chunks, toml = signed
-    own = KeyFile(tmp_path / "keys")
-    own.add(KeyFile(key_file).keys)
-    own.save()
+    selected = KeyFile(tmp_path / "keys")
+    selected.add(KeyFile(key_file).keys)
+    selected.save()
     vehicle = parse_vehicle(toml, "test")
 
     def session() -> tuple[SessionCore, int]:
-        core = SessionCore(vehicle, guard=open_guard(vehicle, own.path, remembers=True))
+        core = SessionCore(vehicle, guard=open_guard(vehicle, selected.path, remembers=True))
         for chunk in chunks[:100]:
             core.take(chunk)
             core.tick(chunk.host_ns)
@@ -149,9 +149,9 @@ def test_counters_are_saved_and_stop_a_replay(signed: tuple[list[Chunk], str], k
         return core, core.snapshot(1.0).links[0].judged.get("verified", 0)
 
     assert session()[1] > 500
-    assert counters_file(own.path).stat().st_mode & 0o777 == 0o600
+    assert counters_file(selected.path).stat().st_mode & 0o777 == 0o600
     assert session()[1] == 0
-    counters_file(own.path).unlink()
+    counters_file(selected.path).unlink()
     assert session()[1] > 500
 
 
@@ -159,11 +159,11 @@ def test_unsaved_counters_are_reported_once(
     signed: tuple[list[Chunk], str], key_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     chunks, toml = signed
-    own = KeyFile(tmp_path / "keys")
-    own.add(KeyFile(key_file).keys)
-    own.save()
+    selected = KeyFile(tmp_path / "keys")
+    selected.add(KeyFile(key_file).keys)
+    selected.save()
     vehicle = parse_vehicle(toml, "test")
-    core = SessionCore(vehicle, guard=open_guard(vehicle, own.path, remembers=True))
+    core = SessionCore(vehicle, guard=open_guard(vehicle, selected.path, remembers=True))
 
     def full(_: int) -> None:
         raise OSError(28, "No space left on device")
@@ -255,14 +255,14 @@ LISTENERS = {"bind", "create_server", "start_server", "start_unix_server", "HTTP
 
 def test_sockets_listen_on_loopback_only() -> None:
     """Every call that could open a listening socket must give the loopback address."""
-    found = []
+    results = []
     for path in [*(ROOT / "gateway").rglob("*.py"), *(ROOT / "firmware_protocol").rglob("*.py")]:
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
             if isinstance(node, ast.Call):
                 name = getattr(node.func, "attr", getattr(node.func, "id", ""))
                 text = ast.unparse(node)
                 if name in LISTENERS and "127.0.0.1" not in text and "::1" not in text:
-                    found.append(f"{path.relative_to(ROOT)}: {text}")
+                    results.append(f"{path.relative_to(ROOT)}: {text}")
             if isinstance(node, ast.Constant) and node.value in ("0.0.0.0", "::"):
-                found.append(f"{path.relative_to(ROOT)}: {node.value}")
-    assert [one for one in found if not one.startswith(STATED_ADDRESSES)] == []
+                results.append(f"{path.relative_to(ROOT)}: {node.value}")
+    assert [item for item in results if not item.startswith(STATED_ADDRESSES)] == []

@@ -55,7 +55,7 @@ def judged(monkeypatch) -> Callable[..., list[tuple[str, ...]]]:
 
 
 def left_out(diagnosis: Diagnosis) -> dict[str, Code]:
-    return {Path(str(one["recording"])).stem: one["reason"].code for one in diagnosis.left_out}
+    return {Path(str(item["recording"])).stem: item["reason"].code for item in diagnosis.left_out}
 
 
 def test_recordings_that_cannot_be_read_are_left_out(paths, judged, tmp_path):
@@ -63,9 +63,9 @@ def test_recordings_that_cannot_be_read_are_left_out(paths, judged, tmp_path):
     text = tmp_path / "text.mcap"
     text.write_text("no recording")
     other = write_recording(tmp_path / "other.mcap", duration_s=1.6, change=lambda toml: toml.replace("W0", "FL"))
-    found = diagnose_agreeing([paths[0], text, other, tmp_path / "gone.mcap", paths[1]], "W0")
-    assert [Path(path).stem for path in found.recordings] == ["0", "1"]
-    assert left_out(found) == {
+    diagnosis = diagnose_agreeing([paths[0], text, other, tmp_path / "gone.mcap", paths[1]], "W0")
+    assert [Path(path).stem for path in diagnosis.recordings] == ["0", "1"]
+    assert left_out(diagnosis) == {
         "text": Code.RECORDING_NOT_USED, "other": Code.RECORDING_WITHOUT_WHEEL, "gone": Code.RECORDING_NOT_USED
     }  # fmt: skip
 
@@ -77,25 +77,25 @@ def test_reversed_recordings_are_left_out(paths, judged):
         return {}
 
     seen = judged(judge)
-    found = diagnose_agreeing(paths, "W0")
+    diagnosis = diagnose_agreeing(paths, "W0")
     assert seen == [("0", "1", "2", "3"), ("0", "2", "3")]
-    assert left_out(found) == {"1": Code.CIRCUMFERENTIAL_REVERSED}
+    assert left_out(diagnosis) == {"1": Code.CIRCUMFERENTIAL_REVERSED}
 
 
 def test_outvoted_recordings_are_left_out_and_the_rest_diagnosed_again(paths, judged):
     load = Reason(Code.WIDTH_UNLIKE_OTHERS, value=0.3, other=0.2, count=3)
     seen = judged(lambda names: {names.index("2"): load} if "2" in names else {})
-    found = diagnose_agreeing(paths, "W0")
+    diagnosis = diagnose_agreeing(paths, "W0")
     assert seen == [("0", "1", "2", "3"), ("0", "1", "3")]
-    assert left_out(found) == {"2": Code.WIDTH_UNLIKE_OTHERS}
+    assert left_out(diagnosis) == {"2": Code.WIDTH_UNLIKE_OTHERS}
 
 
 def test_another_stated_radius_is_left_out_before_the_diagnosis(paths, judged, tmp_path):
     seen = judged(lambda _: {})
     wrong = write_recording(tmp_path / "wrong.mcap", duration_s=1.6, change=lambda toml: toml.replace("320.0", "350.0"))
-    found = diagnose_agreeing([*paths[:2], wrong], "W0")
+    diagnosis = diagnose_agreeing([*paths[:2], wrong], "W0")
     assert seen == [("0", "1")]
-    assert left_out(found) == {"wrong": Code.RADIUS_UNLIKE_OTHERS}
+    assert left_out(diagnosis) == {"wrong": Code.RADIUS_UNLIKE_OTHERS}
 
 
 def test_recordings_without_a_fit_are_left_out(paths, judged, monkeypatch):
@@ -106,9 +106,9 @@ def test_recordings_without_a_fit_are_left_out(paths, judged, monkeypatch):
 
     seen = judged(judge)
     monkeypatch.setattr(campaign_diagnosis, "baseline_fits", lambda campaign: "3.mcap" not in campaign.recordings[0])
-    found = diagnose_agreeing(paths, "W0")
+    diagnosis = diagnose_agreeing(paths, "W0")
     assert seen[-1] == ("0", "1", "2")
-    assert left_out(found) == {"3": Code.BASELINE_UNFITTED}
+    assert left_out(diagnosis) == {"3": Code.BASELINE_UNFITTED}
 
 
 def test_what_is_wrong_with_all_is_an_error(paths, judged, monkeypatch, tmp_path):

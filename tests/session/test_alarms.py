@@ -87,8 +87,8 @@ def test_link_alarm(change: dict[str, object], name: AlarmName, code: Code) -> N
 def test_alarm_is_over_beyond_a_margin_only() -> None:
     stood = {("FL", AlarmName.PRESSURE): Code.PRESSURE_BELOW_LIMIT}
     for pressure_pa, stands in ((179e3, True), (181e3, True), (183e3, True), (185e3, False)):
-        found = alarms([replace(WHEEL, pressure_pa=pressure_pa)], [], LIMITS, standing=stood)
-        assert bool(found) is stands
+        result = alarms([replace(WHEEL, pressure_pa=pressure_pa)], [], LIMITS, standing=stood)
+        assert bool(result) is stands
         if pressure_pa > 180e3:
             assert alarms([replace(WHEEL, pressure_pa=pressure_pa)], [], LIMITS) == ()
     # The margin belongs to the limit that was crossed, not to the other one.

@@ -143,8 +143,8 @@ class RawHub(Hub):
         if refused is not None:
             self.answer(shown._replace(seq=self.highest or 0) if refused == Outcome.REPEATED else shown, refused)
         elif not decoded:
-            known = type_ in (32, 33, 34)
-            self.answer(shown, self.outcome_of_value() if known else self.outcome_of_unknown())
+            reference = type_ in (32, 33, 34)
+            self.answer(shown, self.outcome_of_value() if reference else self.outcome_of_unknown())
         else:
             self.command(decoded[0])
 
@@ -340,7 +340,7 @@ class TakesReplays(RawHub):
 def test_every_wrong_hub_is_named_by_its_clause(make: Callable[[], Hub], clause: Clause) -> None:
     hub = make()
     report = tried(hub, KEYS if hub.signs else None, seconds=20.0)
-    assert {found for found in failed(report) if found in CLAUSES} == {clause}
+    assert {result for result in failed(report) if result in CLAUSES} == {clause}
     result = next(result for result in report.clauses if result.clause is clause)
     assert all(finding.example or finding.reason.code in ABSENT for finding in result.findings)
 

@@ -94,13 +94,13 @@ def test_set_system_time_is_reported_recorded_and_inspected(recorded, clock) -> 
     until(lambda: seen.extend(computer_notices(live)) or len(seen) == 2)
     live.close()
     assert [notice.level for notice in seen] == [Level.WARNING] * 2
-    found = inspect_recording(path)
-    events = [event for event in found.events if event.kind is LinkEventKind.COMPUTER]
+    result = inspect_recording(path)
+    events = [event for event in result.events if event.kind is LinkEventKind.COMPUTER]
     assert [dict(event.details[0].values) for event in events] == [
         {"step_s": 3600.0, "ahead_s": 3600.0},
         {"step_s": -2.0, "ahead_s": 3598.0},
     ]
-    assert set(found.links) == {LINK}
+    assert set(result.links) == {LINK}
     printed = CliRunner().invoke(treadlink, ["inspect", str(path)], catch_exceptions=False)
     assert "this computer: its system time jumped by +3600.0 s" in printed.output
     core = SessionCore(None)

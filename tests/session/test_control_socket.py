@@ -169,22 +169,22 @@ def test_other_links_and_strange_requests_are_refused(served, runtime: Path) -> 
 def test_socket_of_a_killed_session_is_removed(served, runtime: Path) -> None:
     with socket.socket(socket.AF_UNIX) as dead:
         dead.bind(str(runtime / "session-17.sock"))
-    found = session_of(Stream.link)
-    assert found is not None
-    assert found.process == 4242
-    found.connection.close()
+    result = session_of(Stream.link)
+    assert result is not None
+    assert result.process == 4242
+    result.connection.close()
     assert [path.name for path in runtime.iterdir()] == ["session-4242.sock"]
 
 
 def test_reader_that_is_too_slow_does_not_hold_the_session_up(served) -> None:
     stream, link, _ = served
-    found = session_of(stream.link)
+    result = session_of(stream.link)
     stop, items = threading.Event(), link.items(threading.Event())
     until(lambda: link._readers)
     for _ in range(200):  # far more than a socket holds
         next(items)
     assert not link._readers
-    source = SessionSource(stream.link, found.connection, SystemClock())
+    source = SessionSource(stream.link, result.connection, SystemClock())
     kinds = [getattr(item, "kind", "data") for item in source.items(stop)]
     assert kinds[0] == "connected"
     assert kinds[-1] == "lost"
@@ -192,8 +192,8 @@ def test_reader_that_is_too_slow_does_not_hold_the_session_up(served) -> None:
 
 def test_command_ends_when_the_session_does(served) -> None:
     stream, _, control = served
-    found = session_of(stream.link)
-    source = SessionSource(stream.link, found.connection, SystemClock())
+    result = session_of(stream.link)
+    source = SessionSource(stream.link, result.connection, SystemClock())
     until(lambda: served[1]._readers)
     control.close()
     with pytest.raises(TreadlinkError, match=r"has ended|did not reply"):

@@ -51,8 +51,8 @@ signal = "Winkel"
 """
     toml = open_source("sim:lab?speed=max&duration=1&seed=2", ManualClock()).vehicle_toml
     vehicle = parse_vehicle((toml or "") + mapping, "car.toml")
-    given = [open_source(f"can:{log}?dbc={path}", ManualClock()).dbc_text] if place == "source" else []
-    decoder = open_decoder(vehicle, tmp_path / "car.toml", given, [])
+    stated = [open_source(f"can:{log}?dbc={path}", ManualClock()).dbc_text] if place == "source" else []
+    decoder = open_decoder(vehicle, tmp_path / "car.toml", stated, [])
     assert decoder is not None
     assert decoder.dbc_text == text
     items = list(open_source(f"can:{log}?speed=max", ManualClock()).items(threading.Event()))

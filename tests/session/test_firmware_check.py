@@ -50,7 +50,7 @@ def check(stream: Stream, *, piece: int | None = None, dated: bool = True, **opt
     firmware = FirmwareCheck("tcp:hub", options.pop("keys", {}), **options)
     if piece is not None:
         data = b"".join(data for _, data in stream)
-        stream = [(1.0, data[at : at + piece]) for at in range(0, len(data), piece)]
+        stream = [(1.0, data[index : index + piece]) for index in range(0, len(data), piece)]
     for time_s, data in stream:
         firmware.chunk(Chunk("tcp:hub", START_NS + round(time_s * 1e9) if dated else 0, data))
     return firmware.finish()
@@ -165,9 +165,9 @@ def test_the_link_must_carry_the_samples() -> None:
 def signed(stream: Stream, secrets: dict[int, bytes], *, every: int = 1) -> Stream:
     """Sign the frames of wheel 0 and of the hub; blocks keep their length, so only short frames are signed."""
     result = []
-    for place, (time_s, data) in enumerate(stream):
+    for index, (time_s, data) in enumerate(stream):
         secret = secrets.get(data[6])
-        if secret is not None and data[4] <= 216 and place % every == 0:
+        if secret is not None and data[4] <= 216 and index % every == 0:
             identity = HELLO.hub_id if data[6] == 255 else HELLO.sensor_id
             data = sign(data, identity, HELLO.boot_count, lambda body, secret=secret: aes_cmac(secret, body))
         result.append((time_s, data))

@@ -25,20 +25,24 @@ FLOOD = 1000
 
 SENDERS: dict[str, Callable[[HubFrames, int], None]] = {
     "hello": lambda hub, _: hub.hello(),
-    "hello of another sensor": lambda hub, at: hub.hello(sensor_id=at),
-    "hello of another rate": lambda hub, at: hub.hello(rate_hz=2000.0 + at),
-    "hello of another start": lambda hub, at: hub.hello(boot_count=at),
-    "samples": lambda hub, at: hub.samples(36 / 9600, first=36 * at, start_us=3750 * at),
+    "hello of another sensor": lambda hub, position: hub.hello(sensor_id=position),
+    "hello of another rate": lambda hub, position: hub.hello(rate_hz=2000.0 + position),
+    "hello of another start": lambda hub, position: hub.hello(boot_count=position),
+    "samples": lambda hub, position: hub.samples(36 / 9600, first=36 * position, start_us=3750 * position),
     "samples of one block": lambda hub, _: hub.samples(36 / 9600),
-    "samples of any number": lambda hub, at: hub.samples(36 / 9600, first=at * 2654435761, start_us=at),
-    "environment": lambda hub, at: hub.environment(2e5 + at),
-    "hub status": lambda hub, at: hub.send(
-        MessageType.HUB_STATUS, HubStatus(at, 50, 3.0, 0.1, -60, at, 0, 0, 0), HUB_ITSELF
+    "samples of any number": lambda hub, position: hub.samples(
+        36 / 9600, first=position * 2654435761, start_us=position
     ),
-    "time sync": lambda hub, at: hub.send(MessageType.TIME_SYNC, TimeSync(at, 0), HUB_ITSELF, at),
-    "log text": lambda hub, at: hub.add(MessageType.LOG_TEXT, encode_payload(LogText(1, f"{at}\n")), HUB_ITSELF),
-    "command result": lambda hub, at: hub.send(
-        MessageType.COMMAND_RESULT, CommandResult(at, 33, Outcome.FAILED), HUB_ITSELF
+    "environment": lambda hub, position: hub.environment(2e5 + position),
+    "hub status": lambda hub, position: hub.send(
+        MessageType.HUB_STATUS, HubStatus(position, 50, 3.0, 0.1, -60, position, 0, 0, 0), HUB_ITSELF
+    ),
+    "time sync": lambda hub, position: hub.send(MessageType.TIME_SYNC, TimeSync(position, 0), HUB_ITSELF, position),
+    "log text": lambda hub, position: hub.add(
+        MessageType.LOG_TEXT, encode_payload(LogText(1, f"{position}\n")), HUB_ITSELF
+    ),
+    "command result": lambda hub, position: hub.send(
+        MessageType.COMMAND_RESULT, CommandResult(position, 33, Outcome.FAILED), HUB_ITSELF
     ),
     "command": lambda hub, _: hub.send(MessageType.SET_RATE, SetRate(9600.0), HUB_ITSELF),
     "unknown type": lambda hub, _: hub.add(99, b"?"),
@@ -72,8 +76,8 @@ def session(stream: list[bytes], step_ns: int = 1_000_000) -> SessionCore:
 def test_flood_has_few_notices_and_is_named(name: str) -> None:
     hub = HubFrames()
     hub.hello()
-    for at in range(FLOOD):
-        SENDERS[name](hub, at)
+    for index in range(FLOOD):
+        SENDERS[name](hub, index)
     core = session(hub.stream)
     codes = [notice.reason.code for notice in core.take_notices()]
     assert len(codes) <= 25, codes
@@ -87,12 +91,12 @@ def test_flood_has_few_notices_and_is_named(name: str) -> None:
 def test_frame_that_comes_twice_counts_once(name: str) -> None:
     hub = HubFrames()
     hub.hello()
-    for at in range(40):
-        SENDERS[name](hub, at)
+    for index in range(40):
+        SENDERS[name](hub, index)
     once = session(hub.stream)
     twice = session([data for data in hub.stream for _ in range(2)])
-    (one,), (other,) = once.snapshot(1.0).links, twice.snapshot(1.0).links
-    assert (other.frames, other.frames_lost) == (one.frames, one.frames_lost)
+    (single,), (other,) = once.snapshot(1.0).links, twice.snapshot(1.0).links
+    assert (other.frames, other.frames_lost) == (single.frames, single.frames_lost)
     assert other.duplicates == len(hub.stream)
     assert [wheel.counters for wheel in twice.snapshot(1.0).wheels] == [
         wheel.counters for wheel in once.snapshot(1.0).wheels
@@ -105,10 +109,10 @@ def test_flood_does_not_disturb_another_wheel() -> None:
     quiet.hello()
     quiet.samples(2.0)
     noisy.hello()
-    for at, data in enumerate(quiet.stream[1:]):
+    for index, data in enumerate(quiet.stream[1:]):
         noisy.stream.append(data)
-        noisy.hello(7, rate_hz=3000.0 + at)
-        noisy.samples(36 / 9600, wheel=7, first=at * 10**6)
+        noisy.hello(7, rate_hz=3000.0 + index)
+        noisy.samples(36 / 9600, wheel=7, first=index * 10**6)
     noisy.stream = [quiet.stream[0], *noisy.stream[1:]]
     alone = session(quiet.stream).snapshot(1.0).wheels[0]
     beside = next(wheel for wheel in session(noisy.stream).snapshot(1.0).wheels if wheel.position == alone.position)

@@ -241,12 +241,12 @@ def test_paused_replay_stands_still(demo):
     clock.advance_ns(500_000_000)
     until(lambda: source.given and live.snapshot().elapsed_s == 0.5)
     assert live.pause(True)
-    given = source.given
+    stated = source.given
     clock.advance_ns(60_000_000_000)
     until(lambda: live._clock.now_ns() == clock.now_ns())
     for _ in range(20):
         threading.Event().wait(0.01)
-        assert source.given <= given + 1, "the item in hand may pass"
+        assert source.given <= stated + 1, "the item in hand may pass"
     assert live.snapshot().elapsed_s == pytest.approx(0.5)
     assert not live.snapshot().alarms, "a pause is no silence"
     assert live.pause(False)

@@ -100,16 +100,16 @@ def test_revolutions_have_position_and_ground_speed(drive) -> None:
     results, _ = live(items, vehicle_of(toml))
     assert len(results) > 80
     for result in results[20:]:
-        found = values(result)
+        estimates = values(result)
         at_s = (result.host_ns - START_NS) * 1e-9 - 0.5 * result.revolution.period_s
-        north_m = math.radians(found["latitude_deg"].value - START_DEG[0]) * EARTH_RADIUS_M
+        north_m = math.radians(estimates["latitude_deg"].value - START_DEG[0]) * EARTH_RADIUS_M
         # Delay 0.1 s, and a position error of 2.1 m that wanders.
         assert north_m == pytest.approx(SPEED_MPS * (at_s - 0.1), abs=10.0)
-        assert found["latitude_deg"].std * 111_200.0 == pytest.approx(2.1, abs=0.1)
-        assert found["longitude_deg"].value == pytest.approx(START_DEG[1], abs=2e-4)
-        assert found["ground_speed_mps"].value == pytest.approx(SPEED_MPS, abs=0.25)
-        assert found["ground_speed_age_s"].value < 1.1
-        assert found["speed_mps"].status == "valid"
+        assert estimates["latitude_deg"].std * 111_200.0 == pytest.approx(2.1, abs=0.1)
+        assert estimates["longitude_deg"].value == pytest.approx(START_DEG[1], abs=2e-4)
+        assert estimates["ground_speed_mps"].value == pytest.approx(SPEED_MPS, abs=0.25)
+        assert estimates["ground_speed_age_s"].value < 1.1
+        assert estimates["speed_mps"].status == "valid"
 
 
 def test_live_and_batch_give_the_same_positions(drive) -> None:
@@ -118,11 +118,11 @@ def test_live_and_batch_give_the_same_positions(drive) -> None:
     batch = RecordingPass(OpenedRecording(Recorded(items), vehicle_of(toml)), FEW, signals=SignalDecoder())
     of_batch = list(batch)
     names = ("latitude_deg", "longitude_deg", "ground_speed_mps", "latitude_age_s")
-    one, other = (
+    first, other = (
         [[values(result)[name].value for name in names if name in values(result)] for result in results]
         for results in (of_live, of_batch)
     )
-    assert one == other
+    assert first == other
 
 
 def test_revolutions_before_the_first_sentence_have_no_position(drive) -> None:
@@ -402,8 +402,8 @@ def test_wrong_clock_is_named_and_set_afterwards(drive, tmp_path) -> None:
     assert "set-clock" not in runner.invoke(treadlink, ["inspect", str(dated)]).output
     again = runner.invoke(treadlink, ["set-clock", str(dated), "--out", str(tmp_path / "b.mcap")])
     assert "agree with its receiver's" in str(again.exception)
-    one, other = (list(RecordingPass(OpenedRecording(RecordingReader(p)), FEW)) for p in (path, dated))
-    assert [b.host_ns - a.host_ns for a, b in zip(one, other, strict=True)] == [moved_ns] * len(one)
+    first, other = (list(RecordingPass(OpenedRecording(RecordingReader(p)), FEW)) for p in (path, dated))
+    assert [b.host_ns - a.host_ns for a, b in zip(first, other, strict=True)] == [moved_ns] * len(first)
 
 
 def test_clock_is_set_by_the_step_of_the_system_time(drive, tmp_path) -> None:
@@ -420,10 +420,10 @@ def test_clock_is_set_by_the_step_of_the_system_time(drive, tmp_path) -> None:
     assert run.exit_code == 0, run.output
     dated = tmp_path / "r.dated.mcap"
     assert RecordingReader(dated).info.start_ns == START_NS + 3600 * S
-    (kept,) = [
+    (remaining,) = [
         i for i in RecordingReader(dated).items() if isinstance(i, LinkEvent) and i.kind is LinkEventKind.COMPUTER
     ]
-    assert kept.details[0]["ahead_s"] == 0.0
+    assert remaining.details[0]["ahead_s"] == 0.0
     assert CliRunner().invoke(treadlink, ["set-clock", str(dated), "--out", str(tmp_path / "b.mcap")]).exit_code != 0
     far = CliRunner().invoke(treadlink, ["set-clock", str(path), "--ahead=-4e9", "--out", str(tmp_path / "c.mcap")])
     assert "1970" in str(far.exception)

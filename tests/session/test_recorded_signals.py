@@ -60,13 +60,13 @@ def simulated(uri):
 
 
 def joined(blocks, wheel):
-    own = [block for block in blocks if block.wheel == wheel]
+    selected = [block for block in blocks if block.wheel == wheel]
     return {
-        "number": np.concatenate([block.first_sample + np.arange(len(block)) for block in own]),
-        "hub_s": np.concatenate([block.hub_time_s for block in own]),
-        "host_ns": np.concatenate([block.host_time_ns for block in own]),
-        "axes": np.concatenate([block.axes_mps2 for block in own]),
-        "saturated": np.concatenate([block.saturated for block in own]),
+        "number": np.concatenate([block.first_sample + np.arange(len(block)) for block in selected]),
+        "hub_s": np.concatenate([block.hub_time_s for block in selected]),
+        "host_ns": np.concatenate([block.host_time_ns for block in selected]),
+        "axes": np.concatenate([block.axes_mps2 for block in selected]),
+        "saturated": np.concatenate([block.saturated for block in selected]),
     }
 
 
@@ -84,21 +84,21 @@ def frames(two_wheels):
 
 
 def test_samples_equal_the_counts_of_the_frames(two_wheels, frames):
-    found = joined(sample_blocks(OpenedRecording(*two_wheels)), "FR")
+    result = joined(sample_blocks(OpenedRecording(*two_wheels)), "FR")
     hello = next(f.message for f in frames if f.wheel == 1 and isinstance(f.message, Hello))
     sent = [f.message for f in frames if f.wheel == 1 and isinstance(f.message, SampleBlock)]
     counts = np.concatenate([block.counts for block in sent])
     scale, offset = np.array(hello.scale_mps2), np.array(hello.offset_counts)
-    np.testing.assert_array_equal(found["axes"], (counts - offset) * scale)
-    np.testing.assert_array_equal(found["number"], np.arange(sent[0].first_sample, sent[0].first_sample + len(counts)))
+    np.testing.assert_array_equal(result["axes"], (counts - offset) * scale)
+    np.testing.assert_array_equal(result["number"], np.arange(sent[0].first_sample, sent[0].first_sample + len(counts)))
 
 
 def test_hub_times_follow_the_time_stamps_from_the_first_sample(two_wheels, frames):
-    found = joined(sample_blocks(OpenedRecording(*two_wheels)), "FL")
+    result = joined(sample_blocks(OpenedRecording(*two_wheels)), "FL")
     stamps = {f.message.first_sample: f.tick_us for f in frames if f.wheel == 0 and isinstance(f.message, SampleBlock)}
-    at = np.searchsorted(found["number"], list(stamps))
-    assert np.abs(found["hub_s"][at] * 1e6 - np.array(list(stamps.values()))).max() < 3.0
-    assert np.diff(found["hub_s"]).min() > 0.0
+    index = np.searchsorted(result["number"], list(stamps))
+    assert np.abs(result["hub_s"][index] * 1e6 - np.array(list(stamps.values()))).max() < 3.0
+    assert np.diff(result["hub_s"]).min() > 0.0
 
 
 def test_rate_is_measured_against_the_hub_clock(two_wheels):
@@ -107,9 +107,9 @@ def test_rate_is_measured_against_the_hub_clock(two_wheels):
 
 
 def test_host_times_are_the_arrival_of_the_fastest_frames(two_wheels):
-    found = joined(sample_blocks(OpenedRecording(*two_wheels)), "FL")
-    true_ns = START_NS + found["number"] / RATE_HZ / (1 + 250e-6) * 1e9
-    delay_s = (found["host_ns"] - true_ns)[-9600:] * 1e-9
+    result = joined(sample_blocks(OpenedRecording(*two_wheels)), "FL")
+    true_ns = START_NS + result["number"] / RATE_HZ / (1 + 250e-6) * 1e9
+    delay_s = (result["host_ns"] - true_ns)[-9600:] * 1e-9
     # A block is sent when the last of its 36 samples is taken.
     assert delay_s.min() > 36 / RATE_HZ
     assert delay_s.max() < 36 / RATE_HZ + 2e-3
@@ -126,11 +126,11 @@ def test_chunks_do_not_change_samples(two_wheels, monkeypatch):
     ]
     monkeypatch.setattr("gateway.recording.decoder_blocks._BLOCK_BYTES", 5000)
     cut = joined(sample_blocks(OpenedRecording(Held(pieces), two_wheels[1])), "FL")
-    known = len(cut["number"])
-    assert known > 0.99 * len(whole["number"])
+    reference = len(cut["number"])
+    assert reference > 0.99 * len(whole["number"])
     for name in ("number", "axes", "saturated"):
-        np.testing.assert_array_equal(cut[name], whole[name][:known])
-    np.testing.assert_allclose(cut["hub_s"][:-9600], whole["hub_s"][: known - 9600], atol=1e-9)
+        np.testing.assert_array_equal(cut[name], whole[name][:reference])
+    np.testing.assert_allclose(cut["hub_s"][:-9600], whole["hub_s"][: reference - 9600], atol=1e-9)
 
 
 def test_late_samples_find_their_place():
@@ -149,9 +149,9 @@ def test_lost_samples_are_counted_before_the_block_that_follows():
     items, vehicle = simulated("sim:lab?speed=max&duration=5&seed=2&fault=drop:rate=0.01")
     blocks = list(sample_blocks(OpenedRecording(items, vehicle)))
     assert sum(block.lost_before for block in blocks) > 0
-    for one, other in pairwise(blocks):
-        assert other.first_sample == one.first_sample + len(one) + other.lost_before
-        assert other.segment == one.segment
+    for first, other in pairwise(blocks):
+        assert other.first_sample == first.first_sample + len(first) + other.lost_before
+        assert other.segment == first.segment
 
 
 def test_restart_of_the_hub_begins_a_segment():
@@ -166,21 +166,21 @@ def test_restart_of_the_hub_begins_a_segment():
 
 def test_long_gap_begins_a_segment():
     items, vehicle = simulated("sim:lab?speed=max&duration=6&seed=2&fault=silence:part=2,at=2,for=1.5")
-    one, other = (list(sample_blocks(OpenedRecording(items, vehicle)))[place] for place in (0, -1))
-    assert (one.segment, other.segment) == (0, 1)
+    first, other = (list(sample_blocks(OpenedRecording(items, vehicle)))[position] for position in (0, -1))
+    assert (first.segment, other.segment) == (0, 1)
     lost = next(block.lost_before for block in sample_blocks(OpenedRecording(items, vehicle)) if block.segment == 1)
     assert lost == pytest.approx(1.5 * 9600, rel=0.02)
 
 
 def test_contacts_of_revolutions_lie_in_the_samples():
     items, vehicle = simulated("sim:lab?speed=max&duration=4&seed=2")
-    found = joined(sample_blocks(OpenedRecording(items, vehicle)), vehicle.wheel[0].position)
+    actual = joined(sample_blocks(OpenedRecording(items, vehicle)), vehicle.wheel[0].position)
     results = list(revolutions(OpenedRecording(items, vehicle)))
     assert len(results) > 20
     for result in results:
-        at = np.searchsorted(found["hub_s"], result.revolution.start_s)
+        index = np.searchsorted(actual["hub_s"], result.revolution.start_s)
         # In the contact the belt is straight, so the radial acceleration is small.
-        assert abs(found["axes"][at, 2]) < 0.1 * np.median(found["axes"][:, 2])
+        assert abs(actual["axes"][index, 2]) < 0.1 * np.median(actual["axes"][:, 2])
 
 
 def test_only_chosen_wheels_are_read(two_wheels):

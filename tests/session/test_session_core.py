@@ -125,10 +125,10 @@ def test_marks_and_link_events_are_recorded_and_reported(demo, tmp_path):
     items, vehicle = demo
     recorder = RecordingWriter(tmp_path / "marks.mcap", start_ns=items[0].host_ns)
     core = SessionCore(vehicle, recorder=recorder)
-    at = items[5].host_ns
+    position = items[5].host_ns
     events = [
-        LinkEvent("user", at, LinkEventKind.MARK, "curb hit"),
-        LinkEvent("sim:demo", at, LinkEventKind.LOST, "unplugged"),
+        LinkEvent("user", position, LinkEventKind.MARK, "curb hit"),
+        LinkEvent("sim:demo", position, LinkEventKind.LOST, "unplugged"),
     ]
     for item in (*items[:5], *events):
         core.take(item)
@@ -139,8 +139,10 @@ def test_marks_and_link_events_are_recorded_and_reported(demo, tmp_path):
     notices = core.take_notices()
     assert Notice("", Reason(Code.MARK, text="curb hit")) in notices
     assert Notice("sim:demo", lost, Level.WARNING) in notices
-    kept = [item for item in RecordingReader(tmp_path / "marks.mcap").items() if isinstance(item, LinkEvent)]
-    assert [(event.kind, event.text) for event in kept if event.kind in (LinkEventKind.MARK, LinkEventKind.LOST)] == [
+    remaining = [item for item in RecordingReader(tmp_path / "marks.mcap").items() if isinstance(item, LinkEvent)]
+    assert [
+        (event.kind, event.text) for event in remaining if event.kind in (LinkEventKind.MARK, LinkEventKind.LOST)
+    ] == [
         (LinkEventKind.MARK, "curb hit"),
         (LinkEventKind.LOST, "unplugged"),
     ]
@@ -175,9 +177,9 @@ def test_two_links_with_one_hub_number_are_recorded(demo, tmp_path):
     """Wheels of the second link are named for it; the path of a device has slashes, which separate topics."""
     items, vehicle = demo
     both = [
-        replace(item, link=link, host_ns=item.host_ns + at)
+        replace(item, link=link, host_ns=item.host_ns + index)
         for item in items
-        for at, link in enumerate(("serial:/dev/ttyUSB0", "serial:/dev/ttyUSB1"))
+        for index, link in enumerate(("serial:/dev/ttyUSB0", "serial:/dev/ttyUSB1"))
     ]
     path = tmp_path / "two.mcap"
     results, core = run(both, vehicle, RecordingWriter(path, start_ns=items[0].host_ns))

@@ -31,10 +31,10 @@ def test_work_gives_each_result_and_all_bytes(others):
 
 def test_this_process_works_too_and_the_largest_is_taken_first():
     with Workers(1) as workers:
-        found = dict(workers.work_on(own_process, [1, 2, 3], lambda _: None, sizes=[1, 5, 2]))
+        results = dict(workers.work_on(own_process, [1, 2, 3], lambda _: None, sizes=[1, 5, 2]))
     # The other process was given the largest before this one took any.
-    assert found[1] != os.getpid()
-    assert found[2] == os.getpid()
+    assert results[1] != os.getpid()
+    assert results[2] == os.getpid()
 
 
 def test_a_single_recording_needs_no_other_process():
@@ -61,11 +61,11 @@ def test_process_lost_between_two_recordings_is_reported(monkeypatch):
     def work() -> None:
         with Workers(1) as workers:
             (worker,) = workers.each
-            submit, given = worker.submit, []
+            submit, stated = worker.submit, []
 
             def lost_after_one(*work):
-                given.append(work)
-                if len(given) > 1:
+                stated.append(work)
+                if len(stated) > 1:
                     LOST.set()
                     raise BrokenProcessPool
                 return submit(*work)
@@ -89,10 +89,10 @@ def test_processes_of_a_background_command_ignore_ctrl_c_as_it_does():
 def test_closed_work_and_workers_leave_no_process():
     with Workers(1) as workers:
         work = workers.work_on(own_process, [1, 2, 3], lambda _: None)
-        found = {pid for _, pid in work} - {os.getpid()}
+        result = {pid for _, pid in work} - {os.getpid()}
         work = workers.work_on(own_process, [1, 2, 3], lambda _: None)
         next(work)
         work.close()
-    (other,) = found
+    (other,) = result
     with pytest.raises(ProcessLookupError):
         os.kill(other, 0)

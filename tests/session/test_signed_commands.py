@@ -141,8 +141,8 @@ def test_older_protocol_is_reported_once() -> None:
     hub, core = Hub(minor=0, signs=False), SessionCore(None)
     for _ in range(3):
         core.take(Chunk("test", 1, hub.hello()))
-    found = [notice.reason for notice in core.take_notices() if notice.reason.code is Code.OLDER_PROTOCOL]
-    assert list(map(text, found)) == [
+    results = [notice.reason for notice in core.take_notices() if notice.reason.code is Code.OLDER_PROTOCOL]
+    assert list(map(text, results)) == [
         "its firmware uses protocol 1.0, older than treadlink's 1.1: it takes only unsigned commands"
     ]
 

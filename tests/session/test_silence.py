@@ -43,15 +43,15 @@ def run(items, vehicle, **kwargs):
 
 def changed(items, change):
     """Return items with every frame replaced by the frames that `change` returns."""
-    decoder, kept = FrameDecoder(), []
+    decoder, remaining = FrameDecoder(), []
     for item in items:
         if not isinstance(item, Chunk):
-            kept.append(item)
+            remaining.append(item)
             continue
         frames = [new for frame in decoder.feed(item.data) for new in change(frame, (item.host_ns - START_NS) / S)]
         if frames:
-            kept.append(Chunk(item.link, item.host_ns, b"".join(map(encode_frame, frames))))
-    return kept
+            remaining.append(Chunk(item.link, item.host_ns, b"".join(map(encode_frame, frames))))
+    return remaining
 
 
 def alarms_of(core):
@@ -88,8 +88,8 @@ def test_silence_is_raised_once_and_its_end_reported(hub) -> None:
     items, vehicle = hub
     gone = [item for item in items if not 2.2 * S < item.host_ns - START_NS < 5.7 * S]
     core = run(gone, vehicle)
-    found = [notice.reason for notice in core.take_notices() if notice.subject == "hub 0"]
-    raised, over = (reason for reason in found if reason.code is not Code.HUB_LOG)
+    results = [notice.reason for notice in core.take_notices() if notice.subject == "hub 0"]
+    raised, over = (reason for reason in results if reason.code is not Code.HUB_LOG)
     assert raised.code is Code.ALARM_RAISED
     # The last message other than samples came at 2 s: 3 s later the hub is known to be silent.
     assert raised["alarm"]["silence_s"] == pytest.approx(2.8, abs=0.05)
@@ -197,7 +197,7 @@ def test_silent_hub_of_a_lost_link_is_not_over(hub) -> None:
     core.take(LinkEvent("sim:lab", items[-1].host_ns + 6 * S, LinkEventKind.LOST))
     core.tick(items[-1].host_ns + 7 * S)
     assert Code.ALARM_CLEARED not in {notice.reason.code for notice in core.take_notices()}
-    assert [(one.position, one.is_standing) for one in core.snapshot(0.0).alarm_records] == [
+    assert [(alarm_record.position, alarm_record.is_standing) for alarm_record in core.snapshot(0.0).alarm_records] == [
         ("hub 0", True),
         ("sim:lab", True),
     ]
@@ -265,11 +265,11 @@ def test_live_replay_and_batch_report_the_same_alarms(part: int, tmp_path) -> No
     batch = RecordingPass(OpenedRecording(RecordingReader(path), vehicle), FEW)
     results = list(batch)
     for others in (played.snapshot(0.0, ended=True).alarm_records, batch.alarms()):
-        assert [(one.position, one.name, one.reason.code, one.count) for one in others] == [
-            (one.position, one.name, one.reason.code, one.count) for one in live
+        assert [(other.position, other.name, other.reason.code, other.count) for other in others] == [
+            (item.position, item.name, item.reason.code, item.count) for item in live
         ]
-        assert [one.first_s for one in others] == pytest.approx([one.first_s for one in live], abs=1e-6)
-        assert [one.total_s for one in others] == pytest.approx([one.total_s for one in live], abs=0.2)
+        assert [other.first_s for other in others] == pytest.approx([item.first_s for item in live], abs=1e-6)
+        assert [other.total_s for other in others] == pytest.approx([item.total_s for item in live], abs=0.2)
     silent_s = max(result.silent_before_s for result in results)
     assert silent_s == pytest.approx(7.5, abs=0.1) if part < 3 else silent_s == 0.0
     if part == 3:

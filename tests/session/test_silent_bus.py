@@ -105,10 +105,15 @@ def test_recording_has_the_alarm_of_the_session(drive, recording) -> None:
     (live,) = [record for record in core.snapshot(0.0).alarm_records if record.position == BUS]
     batch = RecordingPass(OpenedRecording(RecordingReader(recording), vehicle), FEW)
     assert list(batch)
-    (found,) = [record for record in batch.alarms() if record.position == BUS]
-    assert (found.name, found.reason.code, found.count, found.is_standing) == ("silent", Code.BUS_SILENT, 1, False)
-    assert (found.first_s, found.total_s) == pytest.approx((live.first_s, live.total_s), abs=0.2)
-    assert found.first_s == pytest.approx(6.0, abs=0.2)
+    (results,) = [record for record in batch.alarms() if record.position == BUS]
+    assert (results.name, results.reason.code, results.count, results.is_standing) == (
+        "silent",
+        Code.BUS_SILENT,
+        1,
+        False,
+    )
+    assert (results.first_s, results.total_s) == pytest.approx((live.first_s, live.total_s), abs=0.2)
+    assert results.first_s == pytest.approx(6.0, abs=0.2)
 
 
 def test_gap_reaches_to_the_end_of_the_recording(recording, drive, tmp_path) -> None:

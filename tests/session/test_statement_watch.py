@@ -39,8 +39,8 @@ def streamed(hub: HubFrames) -> list[Notice]:
 def batched(hub: HubFrames, block_bytes: int) -> list[Notice]:
     watch, decoder = StatementWatch(FL), BatchDecoder()
     data = b"".join(hub.stream)
-    for at in range(0, len(data), block_bytes):
-        watch.batch("x", decoder.feed(data[at : at + block_bytes]))
+    for index in range(0, len(data), block_bytes):
+        watch.batch("x", decoder.feed(data[index : index + block_bytes]))
     watch.batch("x", decoder.finish())
     watch.counters("x", decoder.counters)
     return watch.contradictions()
@@ -137,8 +137,8 @@ def impossible_temperature(hub: HubFrames) -> None:
 
 
 def changing_hello(hub: HubFrames) -> None:
-    for at in range(20):
-        hub.hello(rate_hz=4800.0 + at)
+    for index in range(20):
+        hub.hello(rate_hz=4800.0 + index)
 
 
 def repeated_samples(hub: HubFrames) -> None:
@@ -246,10 +246,10 @@ def test_hub_that_follows_the_protocol_is_not_named() -> None:
     hub.samples(3.0, first=77, start_us=1e5, rate_hz=9600.0 * 1.0005)
     hub.environment()
     hub.send(MessageType.TIME_SYNC, TimeSync(2**32 + 7, 0), HUB_ITSELF, 7)
-    kept = [data for data in hub.stream if rng.random() > 0.02]
-    for at in range(10, len(kept) - 3, 97):
-        kept[at : at + 3] = kept[at : at + 3][::-1]
-    hub.stream = [hub.stream[0], *kept]
+    remaining = [data for data in hub.stream if rng.random() > 0.02]
+    for index in range(10, len(remaining) - 3, 97):
+        remaining[index : index + 3] = remaining[index : index + 3][::-1]
+    hub.stream = [hub.stream[0], *remaining]
     assert streamed(hub) == []
     assert batched(hub, 9999) == []
 

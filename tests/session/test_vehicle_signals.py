@@ -59,14 +59,14 @@ def drive(wheel, quantities=None, **false):
     """Return the items of wheel and bus, and the configuration, which maps all signals or some."""
     items, toml, position, radius_m = wheel
     omega = SPEED_MPS / radius_m
-    found = frames(items[0].host_ns, items[-1].host_ns, omega, SPEED_MPS, **false)
-    return merged(items, blocks(found)), with_signals(toml, position, quantities)
+    result = frames(items[0].host_ns, items[-1].host_ns, omega, SPEED_MPS, **false)
+    return merged(items, blocks(result)), with_signals(toml, position, quantities)
 
 
 def decoder(vehicle) -> SignalDecoder:
-    found = open_decoder(vehicle, None, [DBC.read_text()], [])
-    assert found is not None
-    return found
+    result = open_decoder(vehicle, None, [DBC.read_text()], [])
+    assert result is not None
+    return result
 
 
 def estimated(items, vehicle):
@@ -83,17 +83,17 @@ def test_revolutions_get_the_signals_of_their_time(wheel) -> None:
     begin_ns = items[0].host_ns
     assert len(results) > 20
     for result in results[2:]:
-        found = values(result)
+        estimates = values(result)
         middle_s = (result.host_ns - begin_ns) * 1e-9 - 0.5 * result.revolution.period_s
         # Angle each 20 ms: interpolation of a sine of 0.4 Hz, one count of 0.04 deg.
-        assert found["steering_angle_rad"].value == pytest.approx(angle_rad(middle_s), abs=1.2e-3)
-        assert 0.0 <= found["steering_angle_age_s"].value < 0.021
-        assert found["brake_pressure_pa"].value == pytest.approx(12.5e5)
-        assert found["acceleration_x_mps2"].value == pytest.approx(-0.25 * 9.80665, abs=0.05)
-        assert found["car_acceleration_z_mps2"].value == pytest.approx(1.5)
-        assert found["vehicle_speed_mps"].value == pytest.approx(SPEED_MPS, abs=2e-3)
-        assert found["car_wheel_speed_radps"].value == pytest.approx(result.revolution.omega_radps, rel=0.01)
-        assert found["speed_mps"].status == "valid"
+        assert estimates["steering_angle_rad"].value == pytest.approx(angle_rad(middle_s), abs=1.2e-3)
+        assert 0.0 <= estimates["steering_angle_age_s"].value < 0.021
+        assert estimates["brake_pressure_pa"].value == pytest.approx(12.5e5)
+        assert estimates["acceleration_x_mps2"].value == pytest.approx(-0.25 * 9.80665, abs=0.05)
+        assert estimates["car_acceleration_z_mps2"].value == pytest.approx(1.5)
+        assert estimates["vehicle_speed_mps"].value == pytest.approx(SPEED_MPS, abs=2e-3)
+        assert estimates["car_wheel_speed_radps"].value == pytest.approx(result.revolution.omega_radps, rel=0.01)
+        assert estimates["speed_mps"].status == "valid"
 
 
 def test_live_and_batch_join_the_same(wheel) -> None:
@@ -102,8 +102,8 @@ def test_live_and_batch_join_the_same(wheel) -> None:
     live = [result for item in items for result in core.take(item)] + core.finish()
     batch = estimated(items, vehicle)
     assert len(live) == len(batch)
-    for one, other in zip(live, batch, strict=True):
-        assert {n: e.value for n, e in values(one).items() if n.startswith(("steering", "car_"))} == {
+    for first, other in zip(live, batch, strict=True):
+        assert {n: e.value for n, e in values(first).items() if n.startswith(("steering", "car_"))} == {
             n: e.value for n, e in values(other).items() if n.startswith(("steering", "car_"))
         }
     link = next(link for link in core.snapshot(3.0).links if link.link == vehicle_bus.LINK)
@@ -128,8 +128,8 @@ def test_contradiction_is_an_alarm_in_estimate_as_live(wheel) -> None:
     items, vehicle = drive(wheel, rotation=1.05, speed=1.05)
     batch = RecordingPass(OpenedRecording(Recorded(items), vehicle), FAST, signals=decoder(vehicle))
     results = list(batch)
-    found = {record.name: record for record in batch.alarms() if record.name == "wheel speed"}
-    assert found["wheel speed"].position == results[0].position
+    actual = {record.name: record for record in batch.alarms() if record.name == "wheel speed"}
+    assert actual["wheel speed"].position == results[0].position
     core = SessionCore(vehicle, signals=decoder(vehicle), estimators=FAST)
     for item in items:
         core.take(item)
@@ -202,8 +202,8 @@ def written(wheel, tmp_path, **false) -> Path:
 def test_recording_keeps_frames_and_dbc_for_estimate(recording, wheel, tmp_path) -> None:
     reader = RecordingReader(recording)
     assert reader.info.dbc_text == DBC.read_text()
-    kept = [item for item in reader.items() if isinstance(item, BusFrames)]
-    assert kept == [item for item in drive(wheel)[0] if isinstance(item, BusFrames)]
+    remaining = [item for item in reader.items() if isinstance(item, BusFrames)]
+    assert remaining == [item for item in drive(wheel)[0] if isinstance(item, BusFrames)]
     table = tmp_path / "t.csv"
     run = CliRunner().invoke(treadlink, ["estimate", str(recording), "--csv", str(table)])
     assert run.exit_code == 0, run.output
@@ -216,7 +216,7 @@ def test_recording_keeps_frames_and_dbc_for_estimate(recording, wheel, tmp_path)
 
 
 def test_repair_and_compact_keep_the_frames_of_the_bus(recording, tmp_path) -> None:
-    kept = [item for item in RecordingReader(recording).items() if isinstance(item, BusFrames)]
+    remaining = [item for item in RecordingReader(recording).items() if isinstance(item, BusFrames)]
     cut, whole, small = tmp_path / "cut.mcap", tmp_path / "whole.mcap", tmp_path / "small.mcap"
     data = recording.read_bytes()
     cut.write_bytes(data[: len(data) * 9 // 10])
@@ -224,10 +224,10 @@ def test_repair_and_compact_keep_the_frames_of_the_bus(recording, tmp_path) -> N
         run = CliRunner().invoke(treadlink, line)
         assert run.exit_code == 0, run.output
     repaired = [item for item in RecordingReader(whole).items() if isinstance(item, BusFrames)]
-    assert len(repaired) > 0.8 * len(kept)
-    assert repaired == kept[: len(repaired)]
+    assert len(repaired) > 0.8 * len(remaining)
+    assert repaired == remaining[: len(repaired)]
     assert RecordingReader(whole).info.dbc_text == DBC.read_text()
-    assert [item for item in RecordingReader(small).items() if isinstance(item, BusFrames)] == kept
+    assert [item for item in RecordingReader(small).items() if isinstance(item, BusFrames)] == remaining
     assert RecordingReader(small).info.dbc_text == DBC.read_text()
 
 
@@ -275,8 +275,8 @@ def test_bus_that_the_vehicle_file_does_not_map_is_named_once(wheel) -> None:
     core = SessionCore(parse_vehicle(toml, "car"), estimators=FAST)
     for item in merged(items, bus):
         core.take(item)
-    found = [notice for notice in core.take_notices() if notice.reason.code is Code.BUS_NOT_MAPPED]
-    assert [notice.subject for notice in found] == [vehicle_bus.LINK]
+    results = [notice for notice in core.take_notices() if notice.reason.code is Code.BUS_NOT_MAPPED]
+    assert [notice.subject for notice in results] == [vehicle_bus.LINK]
     items, vehicle = drive(wheel)
     mapped = SessionCore(vehicle, signals=decoder(vehicle), estimators=FAST)
     for item in items:
@@ -367,9 +367,9 @@ def test_mapping_that_does_not_fit_the_dbc_lists_every_fault() -> None:
         SignalSetup(Quantity.VEHICLE_SPEED, "CCVS1", "WheelBasedVehicleSpeed", unit="mph"),
         SignalSetup(Quantity.YAW_RATE, "CCVS1", "WheelBasedVehicleSpeed"),
     ]
-    with pytest.raises(ConfigError) as found:
+    with pytest.raises(ConfigError) as result:
         BusDecoder(setups, 1.0, DBC.read_text(), "car.dbc")
-    lines = str(found.value).splitlines()
+    lines = str(result.value).splitlines()
     assert len(lines) == 4
     assert "no message 'SAS_Angel'; it has SAS_Angle" in lines[0]
     assert "no signal 'Pressure' in ESP_Dynamics" in lines[1]
@@ -402,11 +402,11 @@ def test_published_j1939_file_gives_wheel_speeds() -> None:
     setup = SignalSetup(
         Quantity.WHEEL_SPEED, "HRW", "Front_Axle__Left_Wheel_Speed", wheel="FL", unit="km/h", factor=1.0 / 256.0
     )
-    found = SignalDecoder(BusDecoder([setup], 1.0, text, "j1939.dbc", is_j1939=True))
+    result = SignalDecoder(BusDecoder([setup], 1.0, text, "j1939.dbc", is_j1939=True))
     data = round(65.0 * 256).to_bytes(2, "little") + bytes(6)
     for source, expected in ((0x18FE6E0B, {"FL.car_wheel_speed_mps": 65.0 / 3.6}), (0x18FE6F0B, {})):
         item = BusFrames("can:x", 0, pack([BusFrame(0, source, True, data)], 0))
-        assert found.take(item) == pytest.approx(expected)
+        assert result.take(item) == pytest.approx(expected)
 
 
 def test_history_interpolates_within_what_is_known() -> None:
@@ -426,14 +426,14 @@ def test_position_goes_on_between_fixes_and_is_not_drawn_through_the_date_line()
     for at_ns, value in ((0, 179.998), (10**9, 179.999), (2 * 10**9, -180.0), (3 * 10**9, -179.999)):
         history.add("longitude_deg", at_ns, value)
 
-    def at(at_s: float, known_s: float) -> float:
+    def position_at(at_s: float, known_s: float) -> float:
         return history.at("longitude_deg", round(at_s * 1e9), round(known_s * 1e9)).value
 
-    assert at(0.5, 1.0) == pytest.approx(179.9985)
-    assert at(1.5, 1.5) == pytest.approx(179.9995), "on the line through the two before"
-    assert at(1.5, 2.0) == 179.999
-    assert at(2.5, 2.5) == -180.0
-    assert at(3.5, 3.5) == pytest.approx(-179.9985)
+    assert position_at(0.5, 1.0) == pytest.approx(179.9985)
+    assert position_at(1.5, 1.5) == pytest.approx(179.9995), "on the line through the two before"
+    assert position_at(1.5, 2.0) == 179.999
+    assert position_at(2.5, 2.5) == -180.0
+    assert position_at(3.5, 3.5) == pytest.approx(-179.9985)
 
 
 def test_position_of_the_bus_replaces_that_of_the_receiver() -> None:

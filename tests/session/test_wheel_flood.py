@@ -33,15 +33,15 @@ def flood(wheels: int, rounds: int = 2) -> list[Chunk]:
     """Return frames of many wheel numbers, 250 to a hub, each a hello, samples and a reading."""
     hubs = [HubFrames(number) for number in range((wheels + 249) // 250)]
     chunks = []
-    for at in range(rounds):
+    for index in range(rounds):
         for number in range(wheels):
             hub = hubs[number // 250]
             hub.stream.clear()
             wheel = number % 250
-            hub.hello(wheel, at * 3750)
-            hub.samples(36 / 9600, wheel=wheel, first=at * 36, start_us=at * 3750)
+            hub.hello(wheel, index * 3750)
+            hub.samples(36 / 9600, wheel=wheel, first=index * 36, start_us=index * 3750)
             hub.environment(wheel=wheel)
-            chunks.append(Chunk("x", START_NS + at * 3_750_000, b"".join(hub.stream)))
+            chunks.append(Chunk("x", START_NS + index * 3_750_000, b"".join(hub.stream)))
     return chunks
 
 

@@ -80,9 +80,9 @@ def right(duration_s: float = DURATION_S, hello: Hello = HELLO, *, rate_hz: floa
         sent.append(Sent(time_s, wheel, type_, tick_us, encode_payload(message)))
 
     for wheel in WHEELS:
-        own = hello._replace(sensor_id=hello.sensor_id + wheel)
+        selected = hello._replace(sensor_id=hello.sensor_id + wheel)
         for k in range(math.ceil(duration_s / 2.0)):
-            send(2.0 * k + 1e-5 * wheel, wheel, MessageType.HELLO, own)
+            send(2.0 * k + 1e-5 * wheel, wheel, MessageType.HELLO, selected)
         for k in range(math.ceil(duration_s)):
             send(k + 0.1 + 0.01 * wheel, wheel, MessageType.ENVIRONMENT, Environment(2.3e5, 31.0, 3.0))
         for k in range(int(duration_s * rate_hz) // BLOCK):
@@ -105,12 +105,12 @@ def frames(sent: Iterable[Sent], *, boot: Callable[[Sent], bool] = lambda _: Fal
     """Return the messages as frames, each source with a counter of its own; `boot` starts the counters anew."""
     seq: dict[int, int] = {}
     stream = []
-    for place, message in enumerate(sent):
+    for index, message in enumerate(sent):
         if boot(message):
             seq.clear()
         number = seq.get(message.wheel, 0)
         seq[message.wheel] = number + 1
-        stream.append((message.time_s, _frame(_with_frames_sent(message, place), number)))
+        stream.append((message.time_s, _frame(_with_frames_sent(message, index), number)))
     return stream
 
 
@@ -158,17 +158,17 @@ def _hello(**fields: Any) -> Stream:
 
 def _counters(count: Callable[[Sent, int, dict[int, int]], int]) -> Stream:
     """Frames whose counter is made of the message, its place in the stream and the counters of its source."""
-    own: dict[int, int] = {}
+    selected: dict[int, int] = {}
     stream = []
-    for place, sent in enumerate(right()):
-        seq = count(sent, place, own)
-        stream.append((sent.time_s, _frame(_with_frames_sent(sent, place), seq)))
+    for index, sent in enumerate(right()):
+        seq = count(sent, index, selected)
+        stream.append((sent.time_s, _frame(_with_frames_sent(sent, index), seq)))
     return stream
 
 
-def _counted(sent: Sent, own: dict[int, int]) -> int:
-    own[sent.wheel] = own.get(sent.wheel, -1) + 1
-    return own[sent.wheel]
+def _counted(sent: Sent, selected: dict[int, int]) -> int:
+    selected[sent.wheel] = selected.get(sent.wheel, -1) + 1
+    return selected[sent.wheel]
 
 
 def _ticks(change: Callable[[Sent], int], types: Iterable[int] = tuple(MessageType)) -> Stream:
@@ -182,12 +182,12 @@ def _ticks(change: Callable[[Sent], int], types: Iterable[int] = tuple(MessageTy
 
 def _samples(change: Callable[[SampleBlock, int], SampleBlock], **hello: Any) -> Stream:
     """Change the blocks of wheel 1, given each with its place."""
-    stream, place = [], 0
+    stream, position = [], 0
     for sent in right():
         message = sent
         if sent.wheel == 1 and sent.type == MessageType.SAMPLES:
-            message = sent._replace(payload=encode_payload(change(block(BLOCK * place), place)))
-            place += 1
+            message = sent._replace(payload=encode_payload(change(block(BLOCK * position), position)))
+            position += 1
         elif sent.wheel == 1 and sent.type == MessageType.HELLO and hello:
             message = sent._replace(payload=_payload(MessageType.HELLO, sensor_id=0xA002, **hello))
         stream.append(message)
@@ -269,21 +269,23 @@ def _status(**fields: int) -> Callable[[Sent], Sent]:
 
 def _dropped_in_silence() -> Stream:
     """Drops frames, says so in HUB_STATUS, and does not use their numbers."""
-    kept = [
+    remaining = [
         sent
-        for place, sent in enumerate(right())
-        if sent.type != MessageType.SAMPLES or place % 50 or not sent.time_s > 1.0
+        for index, sent in enumerate(right())
+        if sent.type != MessageType.SAMPLES or index % 50 or not sent.time_s > 1.0
     ]
-    return frames(_status(frames_dropped=5 * int(s.time_s))(s) if s.type == MessageType.HUB_STATUS else s for s in kept)
+    return frames(
+        _status(frames_dropped=5 * int(s.time_s))(s) if s.type == MessageType.HUB_STATUS else s for s in remaining
+    )
 
 
 def _overloaded() -> Stream:
     """Loses frames on the link, as one that is too slow does."""
-    return [item for place, item in enumerate(frames(right())) if place % 40 or place < 100]
+    return [item for index, item in enumerate(frames(right())) if index % 40 or index < 100]
 
 
 def _lost_numbers() -> Stream:
-    return _samples(lambda b, place: b._replace(first_sample=BLOCK * place + 400 * (place // 100)))
+    return _samples(lambda b, index: b._replace(first_sample=BLOCK * index + 400 * (index // 100)))
 
 
 def _counts(change: Callable[[np.ndarray[Any, np.dtype[np.int16]]], Any]) -> Stream:
@@ -336,21 +338,23 @@ WRONG: Final[dict[str, tuple[str, Callable[[], Stream]]]] = {
         ),
     ),
     # Counters
-    "one counter for all sources": ("seq", lambda: _counters(lambda sent, place, own: place)),
-    "counter stands": ("seq", lambda: _counters(lambda sent, place, own: 0)),
+    "one counter for all sources": ("seq", lambda: _counters(lambda sent, index, selected: index)),
+    "counter stands": ("seq", lambda: _counters(lambda sent, index, selected: 0)),
     "counter of samples only": (
         "seq",
         lambda: _counters(
-            lambda sent, place, own: (
-                _counted(sent, own) if sent.type == MessageType.SAMPLES else max(own.get(sent.wheel, 0), 0)
+            lambda sent, index, selected: (
+                _counted(sent, selected) if sent.type == MessageType.SAMPLES else max(selected.get(sent.wheel, 0), 0)
             )
         ),
     ),
     "counter big endian": (
         "seq",
-        lambda: _counters(lambda sent, place, own: int.from_bytes(struct.pack(">I", _counted(sent, own)), "little")),
+        lambda: _counters(
+            lambda sent, index, selected: int.from_bytes(struct.pack(">I", _counted(sent, selected)), "little")
+        ),
     ),
-    "counter of 8 bits": ("seq", lambda: _counters(lambda sent, place, own: _counted(sent, own) & 0xFF)),
+    "counter of 8 bits": ("seq", lambda: _counters(lambda sent, index, selected: _counted(sent, selected) & 0xFF)),
     "counters go on over a restart": ("start", lambda: _restarts(6, starts_counters=False)),
     "boot_count not counted": ("boot-count", lambda: _restarts(5)),
     "boot_count goes back": ("boot-count", lambda: _restarts(4)),

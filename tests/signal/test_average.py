@@ -144,11 +144,16 @@ def test_returned_averages_do_not_change() -> None:
     data = waves(4)
     first = feed(average, data[0])
     second = feed(average, data[1])
-    kept = second.radial_mps2.copy(), second.orders_mps2.copy(), second.scatter_mps2.copy(), first.radial_mps2.copy()
+    remaining = (
+        second.radial_mps2.copy(),
+        second.orders_mps2.copy(),
+        second.scatter_mps2.copy(),
+        first.radial_mps2.copy(),
+    )
     feed(average, data[2])
     feed(average, data[3])
     for before, after in zip(
-        kept, (second.radial_mps2, second.orders_mps2, second.scatter_mps2, first.radial_mps2), strict=True
+        remaining, (second.radial_mps2, second.orders_mps2, second.scatter_mps2, first.radial_mps2), strict=True
     ):
         np.testing.assert_array_equal(before, after)
 
@@ -164,7 +169,7 @@ def test_steps_do_not_depend_on_blocks(highest: list[int], cuts: set[int]) -> No
     orders = [order_coefficients(wave, order) for wave, order in zip(data, highest, strict=True)]
 
     def fed(edges: list[int]) -> list[tuple[float, np.ndarray]]:
-        average, found = RunningAverage(6), []
+        average, result = RunningAverage(6), []
         for begin, end in pairwise(edges):
             steps = average.update_block(
                 np.stack(data[begin:end]),
@@ -174,15 +179,15 @@ def test_steps_do_not_depend_on_blocks(highest: list[int], cuts: set[int]) -> No
                 edges_std_rad=[(0.0075, 0.0075)] * (end - begin),
                 noise_mps2=[2.0] * (end - begin),
             )
-            found += list(zip(steps.scatters, steps.spectra, strict=True))
-        return found
+            result += list(zip(steps.scatters, steps.spectra, strict=True))
+        return result
 
     count = len(highest)
     single = fed(list(range(count + 1)))
     blocks = fed([0, *sorted(cut for cut in cuts if cut < count), count])
-    for (one, own), (other, same) in zip(single, blocks, strict=True):
-        assert one == pytest.approx(other, rel=1e-10, nan_ok=True)
-        np.testing.assert_allclose(own, same, rtol=1e-9, atol=1e-13)
+    for (item, entry), (other, same) in zip(single, blocks, strict=True):
+        assert item == pytest.approx(other, rel=1e-10, nan_ok=True)
+        np.testing.assert_allclose(entry, same, rtol=1e-9, atol=1e-13)
 
 
 def test_reset_makes_replay_identical() -> None:

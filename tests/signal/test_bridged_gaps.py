@@ -22,8 +22,8 @@ def result_of(values: np.ndarray, blocks: int = 7) -> Bridging | None:
 def noise(scale: float = 0.4, channels: int = 3, seed: int = 1) -> FloatArray:
     rng = np.random.default_rng(seed)
     slow = 300.0 * np.sin(np.arange(COUNT) / 90.0)[:, None]
-    found: FloatArray = slow + scale * rng.standard_normal((COUNT, channels))
-    return found
+    result: FloatArray = slow + scale * rng.standard_normal((COUNT, channels))
+    return result
 
 
 def rolling(noise_mps2: float, speed_kmh: float = 90.0, revolutions: int = 60) -> FloatArray:
@@ -35,8 +35,10 @@ def rolling(noise_mps2: float, speed_kmh: float = 90.0, revolutions: int = 60) -
 def bridged(values: np.ndarray, starts: Sequence[int], length: int) -> FloatArray:
     """Return values in which `length` samples from each start are missing and replaced by a line."""
     result: FloatArray = values.astype(float)
-    for at in starts:
-        result[at : at + length] = np.linspace(values[at - 1], values[at + length], length + 2)[1:-1]
+    for position in starts:
+        result[position : position + length] = np.linspace(values[position - 1], values[position + length], length + 2)[
+            1:-1
+        ]
     return result
 
 
@@ -47,33 +49,33 @@ STARTS = list(range(500, COUNT - 500, 1000))
 @pytest.mark.parametrize("channels", [1, 3])
 @pytest.mark.parametrize("blocks", [1, 7, 40])
 def test_bridged_gaps_are_found_sample_by_sample(length: int, channels: int, blocks: int) -> None:
-    found = result_of(bridged(noise(channels=channels), STARTS, length), blocks)
-    assert found is not None
-    assert found.lines.tolist() == [[at, at + length] for at in STARTS]
-    assert (found.samples, found.total) == (length * len(STARTS), COUNT)
-    assert not found.is_everywhere
+    result = result_of(bridged(noise(channels=channels), STARTS, length), blocks)
+    assert result is not None
+    assert result.lines.tolist() == [[position, position + length] for position in STARTS]
+    assert (result.samples, result.total) == (length * len(STARTS), COUNT)
+    assert not result.is_everywhere
 
 
 @pytest.mark.parametrize("step", [1e-6, 0.01, 0.1])
 def test_rounding_after_bridging_hides_few_lines(step: float) -> None:
     values = np.rint(bridged(noise(1.0), STARTS, 40) / step) * step
-    found = result_of(values)
-    assert found is not None
-    assert len(found.lines) > 0.9 * len(STARTS)
+    result = result_of(values)
+    assert result is not None
+    assert len(result.lines) > 0.9 * len(STARTS)
 
 
 def test_bridging_of_coarse_values_is_found() -> None:
-    found = result_of(bridged(np.rint(noise() / 1.9) * 1.9, STARTS, 40))
-    assert found is not None
-    assert len(found.lines) > 0.5 * len(STARTS)
+    result = result_of(bridged(np.rint(noise() / 1.9) * 1.9, STARTS, 40))
+    assert result is not None
+    assert len(result.lines) > 0.5 * len(STARTS)
 
 
 def test_integers_do_not_overflow() -> None:
     counts = np.rint(noise() * 100.0).astype(np.int16)
     assert result_of(counts) is None
-    found = result_of(np.rint(bridged(counts, STARTS, 40)).astype(np.int16))
-    assert found is not None
-    assert len(found.lines) > 0.9 * len(STARTS)
+    result = result_of(np.rint(bridged(counts, STARTS, 40)).astype(np.int16))
+    assert result is not None
+    assert len(result.lines) > 0.9 * len(STARTS)
 
 
 @pytest.mark.parametrize("scale", [0.0, 0.01, 0.1, 0.4, 3.0])
@@ -90,9 +92,9 @@ def test_still_wheel_between_bridged_gaps_is_none() -> None:
     values = noise()
     values[10_000:20_000] = np.rint(np.random.default_rng(2).normal(0.0, 0.3, (10_000, 3)) / 0.3) * 0.3
     assert result_of(values) is None
-    found = result_of(bridged(values, [at for at in STARTS if not 9_000 < at < 21_000], 40))
-    assert found is not None
-    assert not any(10_000 <= first < 20_000 for first, _ in found.lines)
+    result = result_of(bridged(values, [position for position in STARTS if not 9_000 < position < 21_000], 40))
+    assert result is not None
+    assert not any(10_000 <= first < 20_000 for first, _ in result.lines)
 
 
 def test_constant_and_saturated_axes_are_no_lines() -> None:
@@ -103,30 +105,30 @@ def test_constant_and_saturated_axes_are_no_lines() -> None:
 
 def test_held_samples_are_no_lines() -> None:
     values = noise()
-    for at in STARTS:
-        values[at : at + 40] = values[at]
+    for position in STARTS:
+        values[position : position + 40] = values[position]
     assert result_of(values) is None
 
 
 def test_signal_of_a_lower_rate_is_straight_everywhere() -> None:
     coarse = noise()[: COUNT // 10]
     places = np.arange(COUNT - 10) / 10.0
-    found = result_of(np.column_stack([np.interp(places, np.arange(len(coarse)), axis) for axis in coarse.T]))
-    assert found is not None
-    assert found.is_everywhere
+    result = result_of(np.column_stack([np.interp(places, np.arange(len(coarse)), axis) for axis in coarse.T]))
+    assert result is not None
+    assert result.is_everywhere
 
 
 def test_missing_samples_are_no_lines() -> None:
     values = noise()
-    for at in STARTS:
-        values[at : at + 40] = np.nan
+    for position in STARTS:
+        values[position : position + 40] = np.nan
     assert result_of(values) is None
 
 
 def test_lines_do_not_span_missing_samples() -> None:
     values = bridged(noise(), STARTS, 40)
     finder = BridgedGaps(3)
-    for at in range(0, COUNT, 1000):
-        finder.add(values[at : at + 520], follows=False)
-        finder.add(values[at + 530 : at + 1000], follows=False)
+    for index in range(0, COUNT, 1000):
+        finder.add(values[index : index + 520], follows=False)
+        finder.add(values[index + 530 : index + 1000], follows=False)
     assert finder.result() is None

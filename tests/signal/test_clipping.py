@@ -41,7 +41,7 @@ def test_revolutions_below_one_count_of_noise_are_not_clipped() -> None:
     samples, contacts = sampled(solution(), 9600.0, 65.0, revolutions=60, noise_mps2=0.085, seed=4)
     radial = samples[:, 1] / 0.6 + rng.uniform(-0.5, 0.5)
     revolutions = [np.rint(radial[int(a) : int(b)]).astype(np.int16) for a, b in itertools.pairwise(contacts)]
-    assert not any(is_clipped(one) for one in revolutions)
+    assert not any(is_clipped(revolution) for revolution in revolutions)
 
 
 @pytest.mark.parametrize("knee", [0.003, 0.01])

@@ -107,11 +107,11 @@ def test_edges_from_time_samples(rate_hz: float, speed_kmh: float, noise_mps2: f
         wave = normalise_radial(resample_revolution(radial, phase)[0], phase, ac_coupled=ac_coupled).radial_mps2
         edges = find_contact_edges(wave, phase.samples)
         assert edges.measured, edges.reason
-        for found, true, std in (
+        for result, true, std in (
             (edges.leading_rad, truth.leading_edge_rad, edges.leading_std_rad),
             (edges.trailing_rad, truth.trailing_edge_rad, edges.trailing_std_rad),
         ):
-            errors.append((found - true) / std)
+            errors.append((result - true) / std)
     assert float(np.sqrt(np.mean(np.square(errors)))) < 1.5
     assert float(np.abs(errors).max()) < 4.0
 
@@ -120,9 +120,9 @@ def test_edges_from_time_samples(rate_hz: float, speed_kmh: float, noise_mps2: f
 def test_edge_noise_error_matches_scatter(speed_kmh: float, noise_mps2: float) -> None:
     rng = np.random.default_rng(11)
     wave = (omega_at(speed_kmh) / omega_at(65.0)) ** 2 * clean_wave()
-    found = [find_contact_edges(wave + rng.normal(size=1024) * noise_mps2, 1024.0) for _ in range(300)]
-    scatter = np.std([edges.leading_rad for edges in found])
-    stated = np.mean([edges.leading_noise_std_rad for edges in found])
+    results = [find_contact_edges(wave + rng.normal(size=1024) * noise_mps2, 1024.0) for _ in range(300)]
+    scatter = np.std([edges.leading_rad for edges in results])
+    stated = np.mean([edges.leading_noise_std_rad for edges in results])
     # Noise of the steepest slope and of the shape next to it are added as if they were independent, and where the edges
     # of both smoothings differ by noise, the stronger smoothing counts.
     assert 0.9 * scatter < stated < 1.75 * scatter
@@ -214,7 +214,7 @@ def test_waves_in_the_contact_do_not_move_the_edges(order: float, phase_rad: flo
 def test_edges_that_differ_by_smoothing_are_less_certain() -> None:
     usual, near, far = (EdgePlace(40.0, 0.2 + shift, 0.0, model_std_rad(40.0)) for shift in (0.0, 0.003, 0.05))
     stronger = [EdgePlace(width, 0.2, 0.0, model_std_rad(width)) for width in (20.0, 15.0)]
-    same, close, moved = (edge_among_waves([place, *stronger], 0.0) for place in (usual, near, far))
+    same, close, moved = (edge_among_waves([position, *stronger], 0.0) for position in (usual, near, far))
     assert same.model_std_rad == pytest.approx(usual.model_std_rad, rel=1e-9)
     assert close.angle_rad == pytest.approx(near.angle_rad, abs=1e-4)
     assert close.model_std_rad < 1.1 * usual.model_std_rad

@@ -59,12 +59,12 @@ def match(template, signal, passage, rate_hz=RATE_HZ):
         return None
     start = passage.start + 0.5 * first.shift_rad[0].sum() / passage.rate
     nearer = passage._replace(start=start, end=start + passage.samples)
-    found = around.match([nearer], [rate_hz])
-    if not found.fits[0] or np.abs(start + found.shift_rad[0] / passage.rate - passage.start).max() > (
+    result = around.match([nearer], [rate_hz])
+    if not result.fits[0] or np.abs(start + result.shift_rad[0] / passage.rate - passage.start).max() > (
         around.largest_shift_rad / passage.rate
     ):
         return None
-    return start + found.shift_rad[0] / passage.rate, found.covariances_rad2[0].sum(axis=0) / passage.rate**2
+    return start + result.shift_rad[0] / passage.rate, result.covariances_rad2[0].sum(axis=0) / passage.rate**2
 
 
 def test_match_recovers_shifts() -> None:
@@ -99,13 +99,13 @@ def test_stated_error_matches_scatter(rate_hz: float) -> None:
     step = OMEGA / rate_hz
     variance = np.full(61, density**2 / (2.0 * math.pi / OMEGA))
     template = contact_template(WAVE, OMEGA, 2.0 * math.pi / step, variance)
-    found, stated = [], []
+    result, stated = [], []
     for seed in range(150):
         signal, passage = samples_around(noise=noise, step=step, seed=seed)
         places, covariance = match(template, signal, passage, rate_hz)
-        found.append(places)
+        result.append(places)
         stated.append(covariance)
-    scatter, expected = np.cov(np.array(found).T), np.mean(stated, axis=0)
+    scatter, expected = np.cov(np.array(result).T), np.mean(stated, axis=0)
     assert np.diag(scatter) == pytest.approx(np.diag(expected), rel=0.35)
     middle = np.array([0.5, 0.5])
     assert middle @ scatter @ middle == pytest.approx(middle @ expected @ middle, rel=0.35)

@@ -131,6 +131,6 @@ def test_roll_without_mean_keeps_mounting_error() -> None:
     assert nothing.count == 0
     assert nothing.roll_rad == 0.0
     assert nothing.roll_std_rad == MOUNTING_STD_RAD
-    known = calibrate(5.0, 0.0, [1000.0] * 3)
-    known.reset()
-    assert (known.count, known.roll_rad, known.roll_std_rad) == (0, 0.0, MOUNTING_STD_RAD)
+    reference = calibrate(5.0, 0.0, [1000.0] * 3)
+    reference.reset()
+    assert (reference.count, reference.roll_rad, reference.roll_std_rad) == (0, 0.0, MOUNTING_STD_RAD)

@@ -26,14 +26,14 @@ def measured(offset_m: float, pitch_deg: float, load_n: float = 5000.0, ring=BAS
 
 def solved(offset_m: float, pitch_deg: float, shift: float = 0.0, **others) -> tuple[float, float, float]:
     along, radial, clean = measured(offset_m, pitch_deg, **others)
-    found = np.zeros(3)
+    result = np.zeros(3)
     for _ in range(4):
-        belt = belt_kinematics(clean, found[0] / RADIUS_M, 0.0)
+        belt = belt_kinematics(clean, result[0] / RADIUS_M, 0.0)
         acceleration = others.get("omega_dot", 0.0)
         spectra = np.fft.rfft(np.stack([along + shift, radial]))[np.newaxis, :, :61] * (2.0 / len(along))
         omega, omega_dot, order_max = np.array([OMEGA]), np.array([acceleration]), np.array([60])
-        found = mounting_rows(spectra, belt, omega, omega_dot, RADIUS_M, order_max).solve()[0][0]
-    return float(found[0]), math.degrees(math.atan(found[1])), float(found[2])
+        result = mounting_rows(spectra, belt, omega, omega_dot, RADIUS_M, order_max).solve()[0][0]
+    return float(result[0]), math.degrees(math.atan(result[1])), float(result[2])
 
 
 @pytest.mark.parametrize("offset_m", [0.0, 0.005, 0.010, -0.003])
@@ -74,5 +74,5 @@ def test_closure_determines_order_1() -> None:
     plain = belt_kinematics(clean, 0.0, 0.0)
     disturbed = belt_kinematics(clean + 3.0 * np.cos(theta), 0.0, 0.0)
     assert disturbed.signal_order_1 == pytest.approx(plain.signal_order_1, abs=3e-5)
-    own = 2.0 * float((clean * np.cos(theta)).mean()) / float(clean.mean())
-    assert plain.signal_order_1 == pytest.approx(own, abs=3e-4)  # they differ by belt stretch
+    selected = 2.0 * float((clean * np.cos(theta)).mean()) / float(clean.mean())
+    assert plain.signal_order_1 == pytest.approx(selected, abs=3e-4)  # they differ by belt stretch

@@ -25,8 +25,8 @@ def test_density_of_white_noise() -> None:
 
 
 def test_rms_error_matches_scatter() -> None:
-    found = [welch_spectrum(noise(4.0, 0.3, seed), RATE_HZ, 4000).rms_mps2(100.0, 400.0) for seed in range(60)]
-    values, stds = np.array(found).T
+    results = [welch_spectrum(noise(4.0, 0.3, seed), RATE_HZ, 4000).rms_mps2(100.0, 400.0) for seed in range(60)]
+    values, stds = np.array(results).T
     assert values.mean() == pytest.approx(0.3 * math.sqrt(301.0), rel=0.01)
     assert values.std() == pytest.approx(stds.mean(), rel=0.4)
 

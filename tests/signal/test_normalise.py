@@ -24,11 +24,11 @@ def test_gravity_is_removed_at_belt_angle(speed_kmh: float) -> None:
     result = normalise_radial(measured(speed_kmh), steady_phase())
     assert result.used_belt_angle
     assert result.constant_mps2 == 0.0
-    left = np.abs(result.radial_mps2 - clean).max()
+    remainder = np.abs(result.radial_mps2 - clean).max()
     # The residual of the material angle is several times larger: over 0.24 rad of contact it turns, the belt does not.
     with_material_angle = np.abs(measured(speed_kmh) - STANDARD_GRAVITY_MPS2 * np.cos(angle_grid()) - clean).max()
-    assert left < 0.01 * STANDARD_GRAVITY_MPS2
-    assert with_material_angle > 5.0 * left
+    assert remainder < 0.01 * STANDARD_GRAVITY_MPS2
+    assert with_material_angle > 5.0 * remainder
 
 
 def test_belt_angle_closes_and_is_flat_in_contact() -> None:

@@ -25,8 +25,8 @@ def noise(scale: float, channels: int = 3, seed: int = 1) -> np.ndarray:
 
 def stuck(counts: np.ndarray, times: int, length: int) -> np.ndarray:
     result = counts.copy()
-    for at in np.linspace(100, len(counts) - 100, times).astype(int):
-        result[at : at + length] = counts[at]
+    for position in np.linspace(100, len(counts) - 100, times).astype(int):
+        result[position : position + length] = counts[position]
     return result
 
 
@@ -43,11 +43,11 @@ def test_still_and_dead_sensors_are_no_repetition() -> None:
 
 def test_stuck_samples_are_counted() -> None:
     counts = noise(20.0)
-    found = result_of(stuck(counts, 12, 5))
-    assert found is not None
-    assert (found.runs, found.samples, found.total) == (12, 48, 40_000)
+    result = result_of(stuck(counts, 12, 5))
+    assert result is not None
+    assert (result.runs, result.samples, result.total) == (12, 48, 40_000)
     true = np.sqrt(np.square(stuck(counts, 12, 5) - counts).mean(axis=0))
-    assert found.error_counts == pytest.approx(true, rel=0.5)
+    assert result.error_counts == pytest.approx(true, rel=0.5)
 
 
 def test_two_equal_samples_are_no_run() -> None:
@@ -76,20 +76,20 @@ def test_coarse_converter_is_chance(step: float, scale: float, channels: int) ->
 def test_stuck_samples_of_a_coarse_converter_are_counted(step: float, share: float) -> None:
     # A converter uses a part of its range on one axis, and hardly any on another.
     counts = imported(noise(20.0) * (1.0, share, 1.0), step * share)
-    found = result_of(stuck(counts, 12, 5), NEVER)
-    assert found is not None
-    assert (found.runs, found.samples) == (12, 48)
+    result = result_of(stuck(counts, 12, 5), NEVER)
+    assert result is not None
+    assert (result.runs, result.samples) == (12, 48)
 
 
 def test_stuck_samples_are_counted_beside_a_dead_axis() -> None:
-    found = result_of(stuck(noise(20.0) * (1.0, 0.0, 1.0), 12, 5))
-    assert found is not None
-    assert found.runs == 12
+    result = result_of(stuck(noise(20.0) * (1.0, 0.0, 1.0), 12, 5))
+    assert result is not None
+    assert result.runs == 12
 
 
 def test_values_between_the_steps_hide_no_step() -> None:
     counts = imported(noise(20.0), 8.0)
-    for at in range(500, len(counts) - 500, 1000):
-        counts[at : at + 40] = np.rint(np.linspace(counts[at - 1], counts[at + 40], 40))
+    for index in range(500, len(counts) - 500, 1000):
+        counts[index : index + 40] = np.rint(np.linspace(counts[index - 1], counts[index + 40], 40))
     assert result_of(counts, NEVER) is None
     assert result_of(stuck(counts, 12, 5), NEVER) is not None

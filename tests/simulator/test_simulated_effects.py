@@ -189,11 +189,11 @@ def test_high_spot_raises_contact_load() -> None:
     wave = plan.table().waveform(5000.0, 2.1e5, OMEGA)
     for angle, load in ((0.0, 5000.0 + swing), (math.pi, 5000.0 - swing), (0.5 * math.pi, 5000.0)):
         direct = tire.solve(load, 2.1e5, OMEGA)
-        at = np.array([angle])
+        position = np.array([angle])
         expected = np.interp(
-            at, np.r_[direct.theta_rad, math.pi], np.r_[direct.sensor.radial_m, direct.sensor.radial_m[0]]
+            position, np.r_[direct.theta_rad, math.pi], np.r_[direct.sensor.radial_m, direct.sensor.radial_m[0]]
         )
-        assert look_up(wave, at)[0, 0] == pytest.approx(gain * expected[0], abs=2e-4)
+        assert look_up(wave, position)[0, 0] == pytest.approx(gain * expected[0], abs=2e-4)
     wider = np.subtract(
         plan.table().edges_rad(5000.0, 2.1e5, OMEGA), round_plan.table().edges_rad(5000.0, 2.1e5, OMEGA)
     )
@@ -242,9 +242,9 @@ def test_element_saturates_below_declared_range() -> None:
 def test_channels_stick_or_die_at_stated_time() -> None:
     plain = run(until_s=1.0)
     stuck = run('[wheel.defect]\naxes = ["radial"]\nstuck_from_s = 0.4')
-    at = math.ceil(0.4 * RATE)
-    assert stuck[:at] == pytest.approx(plain[:at])
-    assert (stuck[at:, 2] == plain[at - 1, 2]).all()
+    position = math.ceil(0.4 * RATE)
+    assert stuck[:position] == pytest.approx(plain[:position])
+    assert (stuck[position:, 2] == plain[position - 1, 2]).all()
     assert stuck[:, :2] == pytest.approx(plain[:, :2])
     border = run("[wheel.defect]\nstuck_from_s = 0.5")
     assert (border[4800:] == plain[4799]).all()
@@ -298,8 +298,8 @@ def test_vehicle_file_omits_reversed_sensor() -> None:
 def test_fast_sample_clock_takes_more_samples() -> None:
     fast, plain = run(sensor="rate_error_ppm = 10000.0"), run()
     assert len(fast) == pytest.approx(1.01 * len(plain), abs=1)
-    at = np.arange(len(plain) - 1) * 1.01
-    assert np.interp(at, np.arange(len(fast)), fast[:, 2]) == pytest.approx(plain[:-1, 2], abs=15.0)
+    position = np.arange(len(plain) - 1) * 1.01
+    assert np.interp(position, np.arange(len(fast)), fast[:, 2]) == pytest.approx(plain[:-1, 2], abs=15.0)
 
 
 def test_effects_do_not_change_each_others_noise() -> None:

@@ -46,17 +46,17 @@ def test_lateral_table_interpolates_the_belt_under_slip(slip_deg: float) -> None
         tire, Range(5000, 5000), Range(2.1e5, 2.1e5), Range(0, 60), Range(-math.radians(1), math.radians(1))
     )
     direct = tire.solve_lateral(tire.solve(5000.0, 2.1e5, OMEGA), slip)
-    found = look_up(table.waveform(5000.0, 2.1e5, OMEGA, slip), direct.theta_rad)[:, LATERAL]
+    result = look_up(table.waveform(5000.0, 2.1e5, OMEGA, slip), direct.theta_rad)[:, LATERAL]
     # Where sliding begins, a kink moves with the slip angle; there the polynomial is at its worst.
-    assert np.std(found - direct.lateral_m) < 0.003 * direct.lateral_m.std()
-    assert np.abs(found - direct.lateral_m).max() < 0.02 * np.abs(direct.lateral_m).max()
+    assert np.std(result - direct.lateral_m) < 0.003 * direct.lateral_m.std()
+    assert np.abs(result - direct.lateral_m).max() < 0.02 * np.abs(direct.lateral_m).max()
 
 
 def test_wide_and_narrow_sweeps_agree() -> None:
-    tire, at = plan_of().tire, (5000.0, 2.1e5, OMEGA, math.radians(0.2))
+    tire, position = plan_of().tire, (5000.0, 2.1e5, OMEGA, math.radians(0.2))
     waves = [
         TireTable(tire, Range(5000, 5000), Range(2.1e5, 2.1e5), Range(0, 60), Range(-math.radians(w), math.radians(w)))
-        .waveform(*at)[:, LATERAL]
+        .waveform(*position)[:, LATERAL]
         for w in (0.2, 6.0)
     ]  # fmt: skip
     assert np.std(waves[1] - waves[0]) < 0.03 * waves[0].std()
@@ -113,12 +113,12 @@ def test_slopes_of_a_parabola_in_the_contact() -> None:
     theta = -math.pi + 2 * math.pi * np.arange(1440) / 1440
     # Continued smoothly to a closed curve: the window is 1 over the contact.
     window = np.exp(-(np.maximum(np.abs(theta) - 0.6, 0.0) ** 2) / 0.1)
-    found = slopes_of(window * 0.5 * c * (theta - b) ** 2, radius, leading, trailing)
+    result = slopes_of(window * 0.5 * c * (theta - b) ** 2, radius, leading, trailing)
     # The line through the contact rises; the slope is steepest at the leading edge and rises up to b.
-    assert found.peak_rad == pytest.approx(c * (leading - b) / radius, rel=1e-2)
+    assert result.peak_rad == pytest.approx(c * (leading - b) / radius, rel=1e-2)
     middle = 0.5 * (leading + trailing)
-    assert found.first_half_rad == pytest.approx(c * (0.5 * (leading + middle) - b) / radius, rel=1e-3)
-    assert found.adhesion_line_rad == pytest.approx(c * (0.5 * (leading + b) - b) / radius, rel=1e-2)
+    assert result.first_half_rad == pytest.approx(c * (0.5 * (leading + middle) - b) / radius, rel=1e-3)
+    assert result.adhesion_line_rad == pytest.approx(c * (0.5 * (leading + b) - b) / radius, rel=1e-2)
 
 
 def test_demo_has_ply_steer_and_sweep_has_both_signs() -> None:
@@ -128,8 +128,8 @@ def test_demo_has_ply_steer_and_sweep_has_both_signs() -> None:
         assert truth.slopes(3.0) == truth.ply_steer(3.0)
     (plan,) = wheel_plans(load_scenario("slip"))
     assert (plan.slip_angle_rad.low, plan.slip_angle_rad.high) == pytest.approx((-math.radians(1), math.radians(1)))
-    found = [WheelTruth(plan, 0.0).slopes(t).first_half_rad for t in (15.0, 20.0, 25.0)]
-    assert all(low < high for low, high in pairwise(found))
+    results = [WheelTruth(plan, 0.0).slopes(t).first_half_rad for t in (15.0, 20.0, 25.0)]
+    assert all(low < high for low, high in pairwise(results))
 
 
 def test_ply_steer_estimates_match_the_truth() -> None:

@@ -146,9 +146,9 @@ def test_truth_finds_the_sensor_below_the_axle() -> None:
     for time_s in bottoms:
         omega = truth.omega_radps(time_s)
         level = 0.5 * 0.32 * omega**2
-        at = round(time_s * 9600)
+        index = round(time_s * 9600)
         half = int(0.5 / omega * 9600)
-        inside = np.flatnonzero(signal[at - half : at + half] < level) + at - half
+        inside = np.flatnonzero(signal[index - half : index + half] < level) + index - half
         # Half-level crossings lie evenly about the bottom of an undamped tire.
         assert (inside[0] + inside[-1]) / 2 / 9600 == pytest.approx(time_s, abs=1.5e-4)
         leading, trailing = truth.contact_edges_rad(time_s)

@@ -30,7 +30,7 @@ def stream(frames: int = 300, per_chunk: int = 7, wheels: int = 2) -> list[Chunk
         wheel, index = number % wheels, number // wheels
         block = SampleBlock(36 * index, 7, COUNTS)
         encoded.append(encode_frame(Frame(MessageType.SAMPLES, 0, wheel, index + 1, 3750 * index, block)))
-    groups = [encoded[at : at + per_chunk] for at in range(0, len(encoded), per_chunk)]
+    groups = [encoded[index : index + per_chunk] for index in range(0, len(encoded), per_chunk)]
     return [Chunk(LINK, START_NS + 10_000_000 * n, b"".join(group)) for n, group in enumerate(groups)]
 
 
@@ -118,9 +118,9 @@ def test_duplicates_and_late_frames_are_counted_without_loss() -> None:
 
 def test_drop_removes_stated_number_of_bytes() -> None:
     fault = parse_fault("drop:rate=0.1,bytes=3", 1)
-    left = data_of(fault(stream()))
+    remainder = data_of(fault(stream()))
     assert fault.counts.bytes_dropped == 3 * fault.counts.frames_hit > 0
-    assert len(left) == len(data_of(stream())) - fault.counts.bytes_dropped
+    assert len(remainder) == len(data_of(stream())) - fault.counts.bytes_dropped
 
 
 def test_flip_changes_stated_number_of_bits() -> None:
@@ -219,12 +219,12 @@ def test_cutting_at_frame_borders_keeps_every_byte(parts: list[bytes], random: o
     frames = [data_of(stream(3, 1))[:262], b"\xa5", b"\xa5\x5a", b"\xa5\x5a\x10\x02\xe0"]
     data = [item for part in parts for item in (part, random.choice(frames))]  # type: ignore[attr-defined]
     chunks = [Chunk(LINK, START_NS + n, item) for n, item in enumerate(data)]
-    pieces = [piece for _, _, found in frame_pieces(chunks) for piece in found]
+    pieces = [piece for _, _, result in frame_pieces(chunks) for piece in result]
     assert b"".join(piece.data for piece in pieces) == b"".join(data)
     whole, tail = cut(b"".join(data))
     # However cut into chunks, the same frames are whole, save those that only the end of the stream decides.
-    found = [piece.data for piece in pieces if piece.whole]
-    assert found == [piece.data for piece in whole if piece.whole]
+    results = [piece.data for piece in pieces if piece.whole]
+    assert results == [piece.data for piece in whole if piece.whole]
     assert len(tail) <= 244
 
 

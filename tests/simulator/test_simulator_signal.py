@@ -78,8 +78,8 @@ def test_time_at_distance_is_the_inverse(steps: list[tuple[float, float]], time_
     points = tuple((float(t), speed) for t, (_, speed) in zip(times, steps, strict=True))
     profile = MotionProfile(Series(((0.0, points[-1][1]), *points)), repeat)
     distance = profile.at(np.array([time_s])).distance_m
-    found = profile.time_at(distance)
-    assert profile.at(found).distance_m == pytest.approx(distance, abs=1e-6)
+    result = profile.time_at(distance)
+    assert profile.at(result).distance_m == pytest.approx(distance, abs=1e-6)
 
 
 def test_time_at_distance_is_start_of_standstill() -> None:
@@ -266,8 +266,8 @@ def test_changing_pressure_and_load_fade_without_steps() -> None:
     assert borders.max() <= steps.max() * 1.01
     table = wheel.plan.table()
     for time_s in (0.2, 1.1, 1.9):
-        at = int(time_s * rate)
-        window = slice(at - int(math.pi / omega * rate), at + int(math.pi / omega * rate))
+        index = int(time_s * rate)
+        window = slice(index - int(math.pi / omega * rate), index + int(math.pi / omega * rate))
         inside = np.mean(measured[window] < 0.5 * 0.32 * omega**2)
         leading, trailing = table.edges_rad(3000 + 1500 * time_s, (200 + 15 * time_s) * 1e3, omega)
         assert inside * 2 * math.pi == pytest.approx(trailing - leading, rel=0.35)

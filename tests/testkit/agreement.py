@@ -21,9 +21,9 @@ def assert_agree(some: Sequence[RevolutionResult], others: Sequence[RevolutionRe
     ours, theirs = by_wheel(some), by_wheel(others)
     assert {name: len(results) for name, results in ours.items()} == {n: len(r) for n, r in theirs.items()}
     for name, results in ours.items():
-        for place, (one, other) in enumerate(zip(results, theirs[name], strict=True)):
-            where, worst = max(differences(one, other).items(), key=itemgetter(1))
-            assert worst <= TOLERANCE, f"{where} of result {place} of {name} differs by {worst:.1e} standard errors"
+        for index, (first, other) in enumerate(zip(results, theirs[name], strict=True)):
+            where, worst = max(differences(first, other).items(), key=itemgetter(1))
+            assert worst <= TOLERANCE, f"{where} of result {index} of {name} differs by {worst:.1e} standard errors"
 
 
 def values_of(value: Any) -> Any:
@@ -48,69 +48,71 @@ def by_wheel(results: Sequence[RevolutionResult]) -> dict[str, list[RevolutionRe
     return wheels
 
 
-def differences(one: RevolutionResult, other: RevolutionResult) -> dict[str, float]:
+def differences(first: RevolutionResult, other: RevolutionResult) -> dict[str, float]:
     """Return the differences of two results by name, in standard errors; infinite where they are no numbers."""
-    found = _of_revolution(one.revolution, other.revolution)
+    result = _of_revolution(first.revolution, other.revolution)
     for field in dataclasses.fields(RevolutionResult):
         if field.name not in ("revolution", "estimates"):
-            found[field.name] = _of(getattr(one, field.name), getattr(other, field.name))
-    found["estimates"] = 0.0 if len(one.estimates) == len(other.estimates) else math.inf
-    return found | {a.name: _of_estimate(a, b) for a, b in zip(one.estimates, other.estimates, strict=False)}
+            result[field.name] = _of(getattr(first, field.name), getattr(other, field.name))
+    result["estimates"] = 0.0 if len(first.estimates) == len(other.estimates) else math.inf
+    return result | {a.name: _of_estimate(a, b) for a, b in zip(first.estimates, other.estimates, strict=False)}
 
 
-def _of_estimate(one: Estimate, other: Estimate) -> float:
-    if (one.name, one.status) != (other.name, other.status):
+def _of_estimate(first: Estimate, other: Estimate) -> float:
+    if (first.name, first.status) != (other.name, other.status):
         return math.inf
-    scale = one.std if one.std > 0.0 else abs(one.value)
+    scale = first.std if first.std > 0.0 else abs(first.value)
     return max(
-        _over(one.value, other.value, scale), _over(one.std, other.std, one.std), _of(one.reasons, other.reasons)
+        _over(first.value, other.value, scale),
+        _over(first.std, other.std, first.std),
+        _of(first.reasons, other.reasons),
     )
 
 
-def _of_revolution(one: Revolution, other: Revolution) -> dict[str, float]:
+def _of_revolution(first: Revolution, other: Revolution) -> dict[str, float]:
     scales = {
-        "period_s": one.period_std_s,
-        "start_s": one.period_std_s,
-        "omega_radps": one.omega_radps * one.period_std_s / one.period_s,
-        "omega_dot_radps2": one.omega_radps * one.period_std_s / one.period_s**2,
-        "leading_edge_rad": one.leading_edge_std_rad,
-        "trailing_edge_rad": one.trailing_edge_std_rad,
-        "radial_mps2": one.noise_mps2,
-        "axes_mps2": one.noise_mps2,
-        "orders_mps2": one.noise_mps2 * math.sqrt(2.0 / len(one.radial_mps2)),
+        "period_s": first.period_std_s,
+        "start_s": first.period_std_s,
+        "omega_radps": first.omega_radps * first.period_std_s / first.period_s,
+        "omega_dot_radps2": first.omega_radps * first.period_std_s / first.period_s**2,
+        "leading_edge_rad": first.leading_edge_std_rad,
+        "trailing_edge_rad": first.trailing_edge_std_rad,
+        "radial_mps2": first.noise_mps2,
+        "axes_mps2": first.noise_mps2,
+        "orders_mps2": first.noise_mps2 * math.sqrt(2.0 / len(first.radial_mps2)),
     }
     return {
-        field.name: _of(getattr(one, field.name), getattr(other, field.name), scales.get(field.name))
+        field.name: _of(getattr(first, field.name), getattr(other, field.name), scales.get(field.name))
         for field in dataclasses.fields(Revolution)
     }
 
 
-def _of(one: Any, other: Any, scale: float | None = None) -> float:
+def _of(first: Any, other: Any, scale: float | None = None) -> float:
     """Return the difference of any two values; numbers without a standard error are compared with their size."""
-    if isinstance(one, np.ndarray):
-        if one.shape != other.shape or (np.isnan(one) != np.isnan(other)).any():
+    if isinstance(first, np.ndarray):
+        if first.shape != other.shape or (np.isnan(first) != np.isnan(other)).any():
             return math.inf
-        difference = float(np.nanmax(np.abs(one - other), initial=0.0))
-        return difference / (scale or float(np.nanmax(np.abs(one), initial=0.0)) or 1.0)
-    if isinstance(one, float):
-        return _over(one, other, scale or abs(one))
-    if isinstance(one, TireConditions) and isinstance(other, TireConditions):
+        difference = float(np.nanmax(np.abs(first - other), initial=0.0))
+        return difference / (scale or float(np.nanmax(np.abs(first), initial=0.0)) or 1.0)
+    if isinstance(first, float):
+        return _over(first, other, scale or abs(first))
+    if isinstance(first, TireConditions) and isinstance(other, TireConditions):
         # What is measured about the sensor may be near 0.
-        offset = _over(one.sensor_offset_m, other.sensor_offset_m, one.sensor_offset_std_m)
-        return max(offset, *(_of(getattr(one, name), getattr(other, name)) for name in _CONDITIONS))
-    if dataclasses.is_dataclass(one):
-        pairs = [(getattr(one, field.name), getattr(other, field.name)) for field in dataclasses.fields(one)]
-        return max((_of(a, b) for a, b in pairs), default=0.0) if type(one) is type(other) else math.inf
-    if isinstance(one, Mapping):
-        same = isinstance(other, Mapping) and list(one) == list(other)
-        return max((_of(one[key], other[key]) for key in one), default=0.0) if same else math.inf
-    if isinstance(one, tuple | list):
-        same = isinstance(other, tuple | list) and len(one) == len(other)
-        return max((_of(a, b) for a, b in zip(one, other, strict=True)), default=0.0) if same else math.inf
-    return 0.0 if one == other else math.inf
+        offset = _over(first.sensor_offset_m, other.sensor_offset_m, first.sensor_offset_std_m)
+        return max(offset, *(_of(getattr(first, name), getattr(other, name)) for name in _CONDITIONS))
+    if dataclasses.is_dataclass(first):
+        pairs = [(getattr(first, field.name), getattr(other, field.name)) for field in dataclasses.fields(first)]
+        return max((_of(a, b) for a, b in pairs), default=0.0) if type(first) is type(other) else math.inf
+    if isinstance(first, Mapping):
+        same = isinstance(other, Mapping) and list(first) == list(other)
+        return max((_of(first[key], other[key]) for key in first), default=0.0) if same else math.inf
+    if isinstance(first, tuple | list):
+        same = isinstance(other, tuple | list) and len(first) == len(other)
+        return max((_of(a, b) for a, b in zip(first, other, strict=True)), default=0.0) if same else math.inf
+    return 0.0 if first == other else math.inf
 
 
-def _over(one: float, other: float, scale: float) -> float:
-    if one == other or (math.isnan(one) and math.isnan(other)):
+def _over(first: float, other: float, scale: float) -> float:
+    if first == other or (math.isnan(first) and math.isnan(other)):
         return 0.0
-    return abs(one - other) / scale if scale > 0.0 else math.inf
+    return abs(first - other) / scale if scale > 0.0 else math.inf

@@ -67,8 +67,8 @@ class Tab:
 
     def screenshot(self, path: Path, *, whole: bool = False) -> None:
         """Save a picture of the page."""
-        found = self.call("Page.captureScreenshot", format="png", captureBeyondViewport=whole)
-        path.write_bytes(base64.b64decode(found["data"]))
+        result = self.call("Page.captureScreenshot", format="png", captureBeyondViewport=whole)
+        path.write_bytes(base64.b64decode(result["data"]))
 
 
 class Browser:

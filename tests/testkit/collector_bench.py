@@ -52,12 +52,12 @@ class Delivery(NamedTuple):
 
     def samples(self, wheel: int = 0) -> dict[int, tuple[int, ...]]:
         """Return the rows of counts of a wheel by their sample number."""
-        found: dict[int, tuple[int, ...]] = {}
+        results: dict[int, tuple[int, ...]] = {}
         for frame in self.of(SampleBlock):
             if frame.wheel == wheel and isinstance(frame.message, SampleBlock):
                 for offset, row in enumerate(frame.message.counts.tolist()):
-                    found[(frame.message.first_sample + offset) & 0xFFFF_FFFF] = tuple(row)
-        return found
+                    results[(frame.message.first_sample + offset) & 0xFFFF_FFFF] = tuple(row)
+        return results
 
     @property
     def boot_counts(self) -> list[int]:
@@ -113,14 +113,14 @@ def blocks(first: int, number: int, **options: float) -> bytes:
     return b"".join(block(first + BLOCK * k, **options) for k in range(number))
 
 
-def at(time_s: float) -> bytes:
+def tick(time_s: float) -> bytes:
     """Return the record that moves the collector's clock."""
     return bench_records.number(Kind.TIME, round(time_s * 1e6))
 
 
 def seconds(begin: int, end: int) -> bytes:
     """Return records that move the clock from second to second."""
-    return b"".join(map(at, range(begin, end)))
+    return b"".join(map(tick, range(begin, end)))
 
 
 def command_bytes(

@@ -60,8 +60,8 @@ def curves(label: str, speed_kmh: float, *, lateral: bool = True, seed: int = 0)
     bump = 0.006 * level * np.exp(-(((theta - 1.5) / 0.05) ** 2))
     measured = truth + noise + np.stack([0 * bump, 0 * bump, bump])
     if not lateral:
-        for one in (measured, before, after):
-            one[1] = NAN
+        for item in (measured, before, after):
+            item[1] = NAN
     order_noise = np.repeat((NOISE / math.sqrt(orders))[:, None], orders, axis=1)
     return Curves(label, theta, measured, before, after, NOISE.copy(), order_noise)
 
@@ -80,14 +80,14 @@ def spectra(label: str, *, seed: int = 0) -> Spectra:
 def trends() -> tuple[Trend, ...]:
     kmh = np.array([40.0, 60.0, 80.0, 100.0])
     load = np.array([3000.0, 4000.0, 5000.0, 4000.0])
-    found = []
+    results = []
     for axis, size in (("circumferential", 1.0), ("lateral", 0.4), ("radial", 1.6)):
         before = size * (kmh / 40.0) ** 2
         after = np.array([0.05, 0.1, 0.0, 0.2]) * size
         noise = np.full(4, 0.5)
-        found.append(Trend(axis, "speed_kmh", kmh, before, after, noise))
-        found.append(Trend(axis, "load_n", load, before, after, noise))
-    return tuple(found)
+        results.append(Trend(axis, "speed_kmh", kmh, before, after, noise))
+        results.append(Trend(axis, "load_n", load, before, after, noise))
+    return tuple(results)
 
 
 def ordinary(groups: int = 4) -> Diagnosis:
@@ -250,7 +250,7 @@ def nasty() -> Diagnosis:
         lock=NASTY,
     )
     unknown = Scaling(ScalingStatus.TOO_WEAK)
-    left = Unexplained(NASTY, NASTY, (3, 3), (NAN, 5.0), (0.1, 0.2), unknown, NAN, NAN)
+    remainder = Unexplained(NASTY, NASTY, (3, 3), (NAN, 5.0), (0.1, 0.2), unknown, NAN, NAN)
     return replace(
         plain,
         model=NASTY,
@@ -264,13 +264,13 @@ def nasty() -> Diagnosis:
             replace(finding, verdict=Verdict.INDISTINGUISHABLE),
             replace(finding, verdict=Verdict.REFUSED),
         ),
-        unexplained=(left,),
+        unexplained=(remainder,),
         estimates_before={NASTY: bad},
         estimates_after={NASTY: bad, "Bs": bad},
         determined={NASTY: False},
         curves=tuple(replace(curves(NASTY, 50.0, lateral=False, seed=i)) for i in range(2)),
-        spectra=tuple(replace(one, label=NASTY) for one in plain.spectra),
-        trends=tuple(replace(one, axis=NASTY, against=NASTY) for one in plain.trends[:1]),
+        spectra=tuple(replace(item, label=NASTY) for item in plain.spectra),
+        trends=tuple(replace(item, axis=NASTY, against=NASTY) for item in plain.trends[:1]),
         empirical_rms_mps2=NAN,
         notes=(NASTY,),
         folds_of=NASTY,

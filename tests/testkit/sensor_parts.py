@@ -91,8 +91,8 @@ def prom_check(words: list[int]) -> int:
     """Check sum of a calibration of eight words, less the last byte: remainder by x^4 + x + 1, bit by bit."""
     message = b"".join(word.to_bytes(2, "big") for word in words)[:-1]
     remainder = 0
-    for place in range(8 * len(message) + 4):
-        bit = message[place // 8] >> 7 - place % 8 & 1 if place < 8 * len(message) else 0
+    for index in range(8 * len(message) + 4):
+        bit = message[index // 8] >> 7 - index % 8 & 1 if index < 8 * len(message) else 0
         remainder = remainder << 1 | bit
         if remainder & 0x10:
             remainder ^= 0x13

@@ -31,12 +31,12 @@ def history(
 ) -> TireHistory:
     """Return a tire whose true trends are as given: wear, leak in Pa a month, ln(noise) and ln(Cw) per month."""
     rng = np.random.default_rng(seed)
-    at = np.sort(rng.uniform(0.0, months, count))
-    at[0], at[-1] = 0.0, months
-    km = KM_A_MONTH * at
-    degc = 30.0 + 8.0 * np.sin(2.0 * math.pi * at / 12.0) + rng.normal(0.0, 4.0, count)
+    index = np.sort(rng.uniform(0.0, months, count))
+    index[0], index[-1] = 0.0, months
+    km = KM_A_MONTH * index
+    degc = 30.0 + 8.0 * np.sin(2.0 * math.pi * index / 12.0) + rng.normal(0.0, 4.0, count)
     warm = (degc + ZERO_CELSIUS_K) / (20.0 + ZERO_CELSIUS_K)
-    cold_pa = 220e3 - leak_pa * at
+    cold_pa = 220e3 - leak_pa * index
     pressure_pa = (cold_pa + STANDARD_ATMOSPHERE_PA) * warm - STANDARD_ATMOSPHERE_PA + rng.normal(0.0, 500.0, count)
     speed = rng.uniform(10.0, 25.0, count)
     load = rng.normal(1.0, 0.01 * scatter, count)
@@ -53,7 +53,7 @@ def history(
         "contact_length_m": 0.12 * load,
         "contact_length_m_std": np.full(count, 0.003),
         "speed_mean_mps": speed,
-        "noise_mps2": 5.0 * (speed / 15.0) * np.exp(noise_growth * at + rng.normal(0.0, 0.05, count)),
+        "noise_mps2": 5.0 * (speed / 15.0) * np.exp(noise_growth * index + rng.normal(0.0, 0.05, count)),
         "samples": np.full(count, 60_000.0),
         "samples_lost": np.abs(rng.normal(0.0, 6.0, count)),
         "samples_saturated": np.zeros(count),
@@ -67,7 +67,7 @@ def history(
     }
     for name, value in NUMBERS.items():
         over_pressure = 1.0 if name == "Cw" else 220e3 / pressure_pa
-        drift = stiffening * at if name == "Cw" else 0.0
+        drift = stiffening * index if name == "Cw" else 0.0
         warmth = -softening * (degc - 25.0) if name != "Cw" else 0.0
         columns[name] = value * over_pressure * load * np.exp(drift + warmth + rng.normal(0.0, 0.004 * scatter, count))
         columns[f"{name}_std"] = 0.02 * columns[name]
@@ -77,7 +77,7 @@ def history(
         sensor_id=sensor_id,
         recordings=tuple(f"{vehicle}_{n:04d}.mcap" for n in range(count)),
         paths=tuple(f"/data/{vehicle}/{n:04d}.mcap" for n in range(count)),
-        time_ns=(BEGIN_NS + np.round(at * MONTH_NS)).astype(np.int64),
+        time_ns=(BEGIN_NS + np.round(index * MONTH_NS)).astype(np.int64),
         km=km + 20_000.0,
         has_odometer=has_odometer,
         columns=columns,

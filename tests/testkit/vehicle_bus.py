@@ -96,10 +96,10 @@ def frames(
             yield BusFrame(host_ns, message.frame_id, message.is_extended_frame, message.encode(values, strict=False))
 
 
-def blocks(found: Iterable[BusFrame], link: str = LINK) -> Iterator[BusFrames]:
+def blocks(result: Iterable[BusFrame], link: str = LINK) -> Iterator[BusFrames]:
     """Yield one item for each time."""
     block: list[BusFrame] = []
-    for frame in found:
+    for frame in result:
         if block and frame.host_ns != block[0].host_ns:
             yield BusFrames(link, block[0].host_ns, pack(block, block[0].host_ns))
             block = []
@@ -113,9 +113,9 @@ def merged(wheels: Sequence[LinkItem], bus: Iterable[LinkItem]) -> list[LinkItem
     return sorted([*wheels, *bus], key=lambda item: item.host_ns)
 
 
-def messages(found: Iterable[BusFrame]) -> Iterator[can.Message]:
+def messages(result: Iterable[BusFrame]) -> Iterator[can.Message]:
     """Yield frames as python-can has them."""
-    for frame in found:
+    for frame in result:
         yield can.Message(
             timestamp=frame.host_ns * 1e-9,
             arbitration_id=frame.can_id,

@@ -38,10 +38,10 @@ def test_targets_of_the_weak_form_and_of_speed(base: Outcome) -> None:
 
 
 def test_averaging_helps_by_the_root_of_the_count(base: Outcome) -> None:
-    many, one = base.long["weak-form", "Cw"], base.single["weak-form", "Cw"]
-    assert many.rms < 0.4 * one.rms
+    many, single = base.long["weak-form", "Cw"], base.single["weak-form", "Cw"]
+    assert many.rms < 0.4 * single.rms
     assert len(many.errors) == 2
-    assert len(one.errors) == 8
+    assert len(single.errors) == 8
 
 
 def test_samples_are_repeatable_and_as_requested() -> None:

@@ -19,7 +19,7 @@ from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL
 BELT = next(belt for belt in TIRES if belt.blocks)
 
 
-def kept(folder: Path, orders: tuple[float, float]) -> None:
+def write_orders(folder: Path, orders: tuple[float, float]) -> None:
     """Write a tire that is round but for a wave on either side of its contact."""
     theta = -math.pi + 2.0 * math.pi / 2048 * np.arange(2048)
     shape = np.zeros((6, 2, 2048))
@@ -38,13 +38,13 @@ def test_wave_table_reads_the_orders(tmp_path: Path) -> None:
     tension = BELT.pressure_pa * BELT.tension_width_m * BELT.radius_m / mass
     tread = BlockTread(BELT.blocks, BELT.bending_nm2 / mass, tension, 0.0, 0.0)
     orders = tuple(belt_wave(tread, side, BELT.omega_radps, BELT.radius_m).order for side in (0, 1))
-    kept(tmp_path, (orders[0], orders[1]))
+    write_orders(tmp_path, (orders[0], orders[1]))
     for row in wave_table(tmp_path).rows:
         assert float(row[2]) == pytest.approx(float(row[3]), abs=0.5)
 
 
 def test_campaign_has_the_tires_orders(tmp_path: Path) -> None:
-    kept(tmp_path, (80.0, 55.0))
+    write_orders(tmp_path, (80.0, 55.0))
     tire = read(tmp_path / f"{BELT.name}.npz", 4)
     (group,) = campaign_of([tire], 4, 1e-6, 1).groups
     orders = group.blocks[0].orders_mps2

@@ -59,8 +59,8 @@ def test_bound_matches_scatter_of_fits() -> None:
 def test_shape_hardly_determines_load() -> None:
     free = cramer_rao(sensitivity(parameters=(*DEFAULT_PARAMETERS, "load")), VARIANCE)
     assert free.std("load") > 20.0 * BOUND.std("Bs")
-    known = cramer_rao(sensitivity(parameters=(*DEFAULT_PARAMETERS, "load")), VARIANCE, prior_std={"load": 1e-6})
-    assert known.std("Bs") == pytest.approx(BOUND.std("Bs"), rel=1e-3)
+    reference = cramer_rao(sensitivity(parameters=(*DEFAULT_PARAMETERS, "load")), VARIANCE, prior_std={"load": 1e-6})
+    assert reference.std("Bs") == pytest.approx(BOUND.std("Bs"), rel=1e-3)
     # The error is common to all four numbers, so their ratios keep their bound.
     assert free.ratio_std("Bs", "Cw") < 1.2 * BOUND.ratio_std("Bs", "Cw")
 

@@ -44,18 +44,18 @@ def test_road_derivatives_match_differences(drum_radius_m: float) -> None:
     road = RoadForce(replace(BELT, drum_radius_m=drum_radius_m), MESH)
     rng = np.random.default_rng(1)
     size = COORDINATES * MESH.count
-    place, rate, time_s = rng.normal(size=size) * 1e-4, rng.normal(size=size) * 0.1, BELT.period_s
-    found = road.at(time_s, place, rate)
-    assert found.push_n > 0.0
+    position, rate, time_s = rng.normal(size=size) * 1e-4, rng.normal(size=size) * 0.1, BELT.period_s
+    result = road.at(time_s, position, rate)
+    assert result.push_n > 0.0
     for kind, step in ((0, 1e-8), (1, 1e-6)):
-        rows, columns, values = road.triplets(found, 1.0 - kind, float(kind)).T
+        rows, columns, values = road.triplets(result, 1.0 - kind, float(kind)).T
         stiffness = np.zeros((size, size))
         np.add.at(stiffness, (rows.astype(int), columns.astype(int)), values)
         for column in (0, 1, 2, 3, size - 2):
             change = np.zeros((2, size))
             change[kind, column] = step
-            above = road.at(time_s, place + change[0], rate + change[1]).force
-            below = road.at(time_s, place - change[0], rate - change[1]).force
+            above = road.at(time_s, position + change[0], rate + change[1]).force
+            below = road.at(time_s, position - change[0], rate - change[1]).force
             assert -(above - below) / (2.0 * step) == pytest.approx(
                 stiffness[:, column], abs=1e-4 * max(1.0, float(np.abs(stiffness).max()))
             )
@@ -78,18 +78,18 @@ def resting_history(belt: Belt) -> History:
 
 
 def test_sensor_of_a_free_wheel_feels_its_own_radius(tmp_path: Path) -> None:
-    found = signals(BELT, resting_history(BELT), 0.01)
-    assert found.radial_m.shape == (2, ANGLES)
-    assert found.radial_m == pytest.approx(np.full((2, ANGLES), BELT.radius_m - 0.01))
-    assert np.abs(found.circumferential_m).max() < 1e-12
+    result = signals(BELT, resting_history(BELT), 0.01)
+    assert result.radial_m.shape == (2, ANGLES)
+    assert result.radial_m == pytest.approx(np.full((2, ANGLES), BELT.radius_m - 0.01))
+    assert np.abs(result.circumferential_m).max() < 1e-12
     # Below the axle gravity's reaction points inward.
-    assert found.gravity_radial[0, ANGLES // 2] == pytest.approx(1.0)
-    assert found.gravity_radial[0, 0] == pytest.approx(-1.0)
+    assert result.gravity_radial[0, ANGLES // 2] == pytest.approx(1.0)
+    assert result.gravity_radial[0, 0] == pytest.approx(-1.0)
     write(tmp_path / "free.npz", BELT, resting_history(BELT))
-    with np.load(tmp_path / "free.npz") as kept:
-        about = json.loads(str(kept["description"]))
+    with np.load(tmp_path / "free.npz") as remaining:
+        about = json.loads(str(remaining["description"]))
         assert about["rolling_resistance"] == pytest.approx(0.01)
-        assert kept["samples_0"].shape[0] == 3
+        assert remaining["samples_0"].shape[0] == 3
 
 
 def test_missing_exudyn_is_a_clear_error(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -103,9 +103,9 @@ def test_friction_grows_with_slip_over_its_scale(slip_scale: float) -> None:
     road = RoadForce(replace(BELT, slip_scale=slip_scale, tread_damping_nspm2=0.0, friction=0.5), MESH)
     road.road_mps = -BELT.speed_mps
     still = np.zeros(COORDINATES * MESH.count)
-    found = road.at(BELT.period_s, still, still)
+    result = road.at(BELT.period_s, still, still)
     # The belt slides at nearly twice its speed over a road that moves the other way.
-    assert abs(found.drag_n) / found.push_n == pytest.approx(0.5 * math.tanh(1.96 / slip_scale), rel=0.02)
+    assert abs(result.drag_n) / result.push_n == pytest.approx(0.5 * math.tanh(1.96 / slip_scale), rel=0.02)
 
 
 @pytest.fixture(scope="module")

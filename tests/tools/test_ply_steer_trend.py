@@ -69,8 +69,8 @@ def test_short_contact_is_limit_of_beam() -> None:
     tension, ky = np.array([4e3]), np.array([2.5e5])
     for bending in (3.0, 1e3):
         arm = 1e-4
-        here, there = (beam_answer(np.array([x]), bending, tension, ky) for x in (0.0, 2.0 * arm))
-        slope = (here - there) / arm
+        current, there = (beam_answer(np.array([x]), bending, tension, ky) for x in (0.0, 2.0 * arm))
+        slope = (current - there) / arm
         expected = arm / np.sqrt(bending * (tension + 2.0 * np.sqrt(ky * bending)))
         assert slope == pytest.approx(expected, rel=0.01)
     limit = POINTS.half_length_m / np.sqrt(1e-6 * POINTS.tension_n)
@@ -81,8 +81,8 @@ def test_the_beams_answer_solves_its_equation() -> None:
     k = np.linspace(0.0, 3000.0, 600001)
     for x in (0.0, 0.1):
         integral = np.trapezoid(np.cos(k * x) / (50.0 * k**4 + 4e3 * k**2 + 2.5e5), k) / np.pi
-        found = beam_answer(np.array([x]), 50.0, np.array([4e3]), np.array([2.5e5]))
-        assert found == pytest.approx(integral, rel=1e-4)
+        result = beam_answer(np.array([x]), 50.0, np.array([4e3]), np.array([2.5e5]))
+        assert result == pytest.approx(integral, rel=1e-4)
 
 
 def test_candidate_laws() -> None:
@@ -131,8 +131,8 @@ def test_slope_ahead_of_the_contact_has_the_tables_trend(answers: list[BeltAnswe
         (1e3, 8e6): (0.072, 1.11, -0.82, 1.40),
     }
     for key, (left_out, of_load, of_pressure, factor) in table.items():
-        answer, found = listed[key]
-        assert found == pytest.approx(left_out, abs=6e-4)
+        answer, result = listed[key]
+        assert result == pytest.approx(left_out, abs=6e-4)
         assert exponents_of(answer.ahead_rad, POINTS) == pytest.approx([of_load, of_pressure], abs=6e-3)
         assert answer.ahead_rad[0] / answer.ahead_rad[3] == pytest.approx(factor, abs=6e-3)
 
@@ -151,8 +151,13 @@ def test_six_points_reject_few_laws() -> None:
     assert through.scatter == pytest.approx(0.033, abs=5e-4)
     assert through.scatter_range == pytest.approx((0.019, 0.124), abs=6e-4)
     tests = {law.name: rejection(law.fitted_rad, ANGLE, through) for law in compare(POINTS, ANGLE)}
-    kept = {"K a / sqrt(p)": 0.972, "K a / sqrt(T (1 + p / 2.1 bar) / 2)": 0.256, "K Q / p": 0.132, "K a / p": 0.051}
-    for name, probability in kept.items():
+    remaining = {
+        "K a / sqrt(p)": 0.972,
+        "K a / sqrt(T (1 + p / 2.1 bar) / 2)": 0.256,
+        "K Q / p": 0.132,
+        "K a / p": 0.051,
+    }
+    for name, probability in remaining.items():
         assert tests[name] == pytest.approx(probability, abs=1e-3)
     assert tests["K / R (Eq. 18, flat contact)"] == pytest.approx(0.003, abs=6e-4)
     nominal = rejection(short_patch(POINTS, 1000.0, 0.5), ANGLE, through)
@@ -180,9 +185,9 @@ def test_property_files_of_another_tire() -> None:
         assert exponent(forces, pressures) == pytest.approx(of_force, abs=6e-3)
         said = np.array([file.half_length_m(load) for file in files]) / np.sqrt(pressures)
         assert exponent(said, pressures) == pytest.approx(-0.92, abs=6e-3)
-    found = {law.name: law.left_out_rms for law in property_laws(files)}
-    assert list(found) == ["K a / sqrt(p)", "K Q / p", "K a", "K a / p", "c0 + c1 a^2 / p", "K (Eq. 18)"]
-    assert list(found.values()) == pytest.approx([0.13, 0.20, 0.25, 0.34, 0.42, 0.50], abs=6e-3)
+    results = {law.name: law.left_out_rms for law in property_laws(files)}
+    assert list(results) == ["K a / sqrt(p)", "K Q / p", "K a", "K a / p", "c0 + c1 a^2 / p", "K (Eq. 18)"]
+    assert list(results.values()) == pytest.approx([0.13, 0.20, 0.25, 0.34, 0.42, 0.50], abs=6e-3)
     of_conicity = {12e3: (-0.79, -1.14, -2.22), 17e3: (-0.57, -0.77, -1.21), 22e3: (-0.41, -0.53, -0.77)}
     for load, exponents in of_conicity.items():
         assert conicity_exponents(files, load) == pytest.approx(exponents, abs=6e-3)

@@ -29,19 +29,19 @@ def base() -> RingSolution:
 
 
 def test_implied_stiffnesses() -> None:
-    ring, at = base().ring, contact(base())
+    ring, position = base().ring, contact(base())
     assert ring.bending_stiffness_nm2 == pytest.approx(6.8, abs=0.05)
     assert ring.tension_width_m == pytest.approx(0.062, abs=6e-4)
     assert PRESSURE_PA * ring.tension_width_m * RADIUS_M == pytest.approx(4200.0, abs=1.0)
-    assert at.half_angle_rad == pytest.approx(0.240, abs=5e-4)
-    assert at.length_m == pytest.approx(0.153, abs=6e-4)
-    assert at.deflection_m == pytest.approx(0.0263, abs=5e-5)
-    assert at.mean_pressure_npm == pytest.approx(32.6e3, abs=50.0)
-    assert at.mean_pressure_npm / PRESSURE_PA == pytest.approx(0.155, abs=5e-4)
-    assert (at.peak_over_mean, at.centre_over_mean) == pytest.approx((1.22, 0.98), abs=5e-3)
-    assert at.tension_loss == pytest.approx(0.338, abs=1e-3)
-    assert at.tension_loss * 4200.0 == pytest.approx(1420.0, abs=5.0)
-    assert at.overshoot == pytest.approx(1.50, abs=5e-3)
+    assert position.half_angle_rad == pytest.approx(0.240, abs=5e-4)
+    assert position.length_m == pytest.approx(0.153, abs=6e-4)
+    assert position.deflection_m == pytest.approx(0.0263, abs=5e-5)
+    assert position.mean_pressure_npm == pytest.approx(32.6e3, abs=50.0)
+    assert position.mean_pressure_npm / PRESSURE_PA == pytest.approx(0.155, abs=5e-4)
+    assert (position.peak_over_mean, position.centre_over_mean) == pytest.approx((1.22, 0.98), abs=5e-3)
+    assert position.tension_loss == pytest.approx(0.338, abs=1e-3)
+    assert position.tension_loss * 4200.0 == pytest.approx(1420.0, abs=5.0)
+    assert position.overshoot == pytest.approx(1.50, abs=5e-3)
     middle = np.abs(base().theta_rad).argmin()
     assert base().sensor.radial_m[middle] / RADIUS_M == pytest.approx(-0.06, abs=5e-3)
     stiffness = 0.2 * LOAD_N / (solve(load_n=1.1 * LOAD_N).deflection_m - solve(load_n=0.9 * LOAD_N).deflection_m)
@@ -69,15 +69,15 @@ def test_undetermined_quantities() -> None:
         "load + 10 %": (0.256, 28.5, 1.23, 0.95, 36.6, 9.6),
         "load - 10 %": (0.222, 24.1, 1.21, 1.02, 31.0, 9.7),
     }
-    found = open_changes()
-    assert list(found) == list(expected)
-    for name, solution in found.items():
-        at = contact(solution)
+    result = open_changes()
+    assert list(result) == list(expected)
+    for name, solution in result.items():
+        position = contact(solution)
         half, sunk, peak, centre, loss, wave = expected[name]
-        assert at.half_angle_rad == pytest.approx(half, abs=6e-4), name
-        assert 1e3 * at.deflection_m == pytest.approx(sunk, abs=0.06), name
-        assert (at.peak_over_mean, at.centre_over_mean) == pytest.approx((peak, centre), abs=6e-3), name
-        assert 100.0 * at.tension_loss == pytest.approx(loss, abs=0.06), name
+        assert position.half_angle_rad == pytest.approx(half, abs=6e-4), name
+        assert 1e3 * position.deflection_m == pytest.approx(sunk, abs=0.06), name
+        assert (position.peak_over_mean, position.centre_over_mean) == pytest.approx((peak, centre), abs=6e-3), name
+        assert 100.0 * position.tension_loss == pytest.approx(loss, abs=0.06), name
         assert 100.0 * wave_change(solution, base()) == pytest.approx(wave, abs=0.06), name
 
 
@@ -103,7 +103,7 @@ def test_paper_estimator_on_this_ring() -> None:
 def test_a_tire_that_reads_as_table_3(
     tread_mpa: float, numbers: tuple[float, ...], read: tuple[float, ...], residual: float
 ) -> None:
-    found = tire_that_reads_table_3(tread_mpa * 1e6)
-    assert np.array(found.numbers) / np.array(TABLE_3_NUMBERS) == pytest.approx(numbers, abs=0.02)
-    assert found.read_over_printed == pytest.approx(read, abs=0.02)
-    assert found.residual == pytest.approx(residual, abs=0.006)
+    result = tire_that_reads_table_3(tread_mpa * 1e6)
+    assert np.array(result.numbers) / np.array(TABLE_3_NUMBERS) == pytest.approx(numbers, abs=0.02)
+    assert result.read_over_printed == pytest.approx(read, abs=0.02)
+    assert result.residual == pytest.approx(residual, abs=0.006)

@@ -20,7 +20,7 @@ def trends_of(*tires: TireHistory) -> FleetTrends:
 
 
 def number(tire: TireTrend, quantity: str) -> TrendNumber:
-    return next(one for one in tire.numbers if one.quantity == quantity)
+    return next(entry for entry in tire.numbers if entry.quantity == quantity)
 
 
 def codes(tire: TireTrend) -> set[Code]:
@@ -39,13 +39,13 @@ def only_wear(tire: TireHistory) -> TireHistory:
 def test_planted_wear_is_found():
     # 0.5 mm in 10,000 km
     (tire,) = trends_of(history(wear_mm_per_1000km=0.05)).tires
-    found = number(tire, Quantity.WEAR_RATE)
-    assert found.status is Status.VALID
-    assert found.unit == "mm/1000 km"
-    assert found.value == pytest.approx(0.05, abs=3.0 * found.std)
-    assert found.std < 0.01
-    assert found.low < 0.05 < found.high
-    assert found.count == 100
+    result = number(tire, Quantity.WEAR_RATE)
+    assert result.status is Status.VALID
+    assert result.unit == "mm/1000 km"
+    assert result.value == pytest.approx(0.05, abs=3.0 * result.std)
+    assert result.std < 0.01
+    assert result.low < 0.05 < result.high
+    assert result.count == 100
     now = number(tire, Quantity.WEAR_NOW)
     assert now.value == pytest.approx(0.05 * 9.6, abs=0.1)
     assert now.std > 0.25  # what all recordings share
@@ -60,9 +60,9 @@ def test_wear_intervals_cover_the_truth():
 
 def test_leak_is_separated_from_temperature():
     leaking, tight = trends_of(history(1, leak_pa=3000.0), history(2, vehicle="tight")).tires
-    found = number(leaking, Quantity.PRESSURE_LOSS)
-    assert found.unit == "kPa/month"
-    assert found.value == pytest.approx(3.0, abs=3.0 * found.std)
+    result = number(leaking, Quantity.PRESSURE_LOSS)
+    assert result.unit == "kPa/month"
+    assert result.value == pytest.approx(3.0, abs=3.0 * result.std)
     assert Code.TREND_LOSES_PRESSURE in codes(leaking)
     assert codes(tight) == set()
     assert abs(number(tight, Quantity.PRESSURE_LOSS).value) < 3.0 * number(tight, Quantity.PRESSURE_LOSS).std + 1e-9
@@ -71,8 +71,8 @@ def test_leak_is_separated_from_temperature():
 def test_refills_do_not_hide_a_leak():
     tire = history(leak_pa=4000.0)
     refilled = tire.columns["pressure_pa"] + 15e3 * (np.arange(100) >= 40) + 12e3 * (np.arange(100) >= 75)
-    (found,) = trends_of(changed(tire, "pressure_pa", refilled)).tires
-    loss = number(found, Quantity.PRESSURE_LOSS)
+    (result,) = trends_of(changed(tire, "pressure_pa", refilled)).tires
+    loss = number(result, Quantity.PRESSURE_LOSS)
     assert loss.value == pytest.approx(4.0, abs=3.0 * loss.std)
     assert any(reason.code is Code.TREND_STEPS and reason["count"] == 2 for reason in loss.reasons)
 
@@ -81,10 +81,10 @@ def test_a_leak_refilled_every_month_is_found():
     # A saw-tooth: no single step reduces its residual, and there are more than the greedy search adds.
     tire = history(count=240, months=16.0)
     lost = 9000.0 * (tire.months % 1.0)
-    (found,) = trends_of(changed(tire, "pressure_pa", tire.columns["pressure_pa"] - lost)).tires
-    loss = number(found, Quantity.PRESSURE_LOSS)
+    (result,) = trends_of(changed(tire, "pressure_pa", tire.columns["pressure_pa"] - lost)).tires
+    loss = number(result, Quantity.PRESSURE_LOSS)
     assert loss.value == pytest.approx(9.0, abs=3.0 * loss.std)
-    assert Code.TREND_LOSES_PRESSURE in codes(found)
+    assert Code.TREND_LOSES_PRESSURE in codes(result)
     assert any(reason.code is Code.TREND_STEPS and reason["count"] == 15 for reason in loss.reasons)
 
 
@@ -92,11 +92,11 @@ def test_small_refills_do_not_hide_a_leak():
     # 2.8 kPa every month: less than a step of the line. Without its refills the tire seems tight.
     tire = history(count=150, months=12.0)
     lost = 2800.0 * (tire.months % 1.0)
-    (found,) = trends_of(changed(tire, "pressure_pa", tire.columns["pressure_pa"] - lost)).tires
-    loss = number(found, Quantity.PRESSURE_LOSS)
+    (result,) = trends_of(changed(tire, "pressure_pa", tire.columns["pressure_pa"] - lost)).tires
+    loss = number(result, Quantity.PRESSURE_LOSS)
     assert loss.low < 2.8 < loss.high
     assert loss.low > 1.4
-    assert Code.TREND_LOSES_PRESSURE in codes(found)
+    assert Code.TREND_LOSES_PRESSURE in codes(result)
     assert any(reason.code is Code.TREND_REFILLS_HIDE for reason in loss.reasons)
 
 
@@ -106,39 +106,39 @@ def test_noise_of_a_tire_that_is_driven_faster_each_time_is_the_speeds():
     speed = 10.0 + 30.0 * tire.months / tire.months[-1]
     noise = 0.05 * np.exp((speed / 30.0) ** 2)
     faster = changed(changed(tire, "speed_mean_mps", speed + 1e-3 * np.sin(np.arange(100))), "noise_mps2", noise)
-    (found,) = trends_of(faster).tires
-    assert Code.TREND_SENSOR_NOISE not in codes(found)
+    (result,) = trends_of(faster).tires
+    assert Code.TREND_SENSOR_NOISE not in codes(result)
 
 
 def test_a_pressure_that_never_changes_shows_no_loss():
     tire = history()
-    (found,) = trends_of(changed(tire, "pressure_pa", np.full(100, 220e3))).tires
+    (result,) = trends_of(changed(tire, "pressure_pa", np.full(100, 220e3))).tires
     for quantity in (Quantity.PRESSURE_LOSS, Quantity.PRESSURE_NOW):
-        assert number(found, quantity).status is Status.INVALID
-        assert number(found, quantity).reasons[0].code is Code.TREND_PRESSURE_CONSTANT
+        assert number(result, quantity).status is Status.INVALID
+        assert number(result, quantity).reasons[0].code is Code.TREND_PRESSURE_CONSTANT
 
 
 def test_a_temperature_that_never_changes_makes_no_leak():
     tire = history()
     colder = 220e3 - 3000.0 * tire.months
     stuck = changed(changed(tire, "pressure_pa", colder), "temperature_degc", np.full(100, 25.0))
-    (found,) = trends_of(stuck).tires
-    loss = number(found, Quantity.PRESSURE_LOSS)
+    (result,) = trends_of(stuck).tires
+    loss = number(result, Quantity.PRESSURE_LOSS)
     assert loss.status is Status.PROVISIONAL
     assert loss.reasons[0].code is Code.TREND_TEMPERATURE_STUCK
-    assert Code.TREND_LOSES_PRESSURE not in codes(found)
+    assert Code.TREND_LOSES_PRESSURE not in codes(result)
 
 
 def test_a_distance_that_stands_still_is_said():
     tire = history()
-    (found,) = trends_of(replace(tire, km=np.full(100, 20_000.0))).tires
-    assert number(found, Quantity.WEAR_RATE).reasons[0].code is Code.TREND_DISTANCE_CONSTANT
+    (result,) = trends_of(replace(tire, km=np.full(100, 20_000.0))).tires
+    assert number(result, Quantity.WEAR_RATE).reasons[0].code is Code.TREND_DISTANCE_CONSTANT
 
 
 def test_stated_pressure_shows_no_loss():
     tire = history()
-    (found,) = trends_of(changed(tire, "pressure_measured", np.zeros(100))).tires
-    loss = number(found, Quantity.PRESSURE_LOSS)
+    (result,) = trends_of(changed(tire, "pressure_measured", np.zeros(100))).tires
+    loss = number(result, Quantity.PRESSURE_LOSS)
     assert loss.status is Status.INVALID
     assert math.isnan(loss.value)
     assert loss.reasons[0].code is Code.TREND_PRESSURE_NOT_MEASURED
@@ -155,9 +155,9 @@ def test_stiffness_with_age_and_temperature():
 
 def test_constant_temperature_has_no_coefficient():
     tire = history()
-    (found,) = trends_of(changed(tire, "temperature_degc", np.full(100, 30.0))).tires
-    assert number(found, "Bs_temperature").reasons[0].code is Code.TREND_TEMPERATURE_CONSTANT
-    assert number(found, "Bs_rate").status is Status.VALID
+    (result,) = trends_of(changed(tire, "temperature_degc", np.full(100, 30.0))).tires
+    assert number(result, "Bs_temperature").reasons[0].code is Code.TREND_TEMPERATURE_CONSTANT
+    assert number(result, "Bs_rate").status is Status.VALID
 
 
 def test_fall_of_wear_begins_a_new_tire():
@@ -166,8 +166,8 @@ def test_fall_of_wear_begins_a_new_tire():
     first, second = trends_of(changed(tire, "wear_mm", fallen)).tires
     assert (first.part, second.part) == (1, 2)
     assert (first.recordings, second.recordings) == (60, 40)
-    for one in (first, second):
-        rate = number(one, Quantity.WEAR_RATE)
+    for item in (first, second):
+        rate = number(item, Quantity.WEAR_RATE)
         assert rate.value == pytest.approx(0.3, abs=4.0 * rate.std)
 
 
@@ -190,8 +190,8 @@ def test_noisy_sensor_is_found():
 def test_degrading_sensor_is_found(name, change, code):
     tire = history()
     worse = tire.columns[name] + change * tire.months / tire.months[-1]
-    (found,) = trends_of(changed(tire, name, worse)).tires
-    assert codes(found) == {code}
+    (result,) = trends_of(changed(tire, name, worse)).tires
+    assert codes(result) == {code}
 
 
 def test_fast_wear_is_a_finding_of_the_fleet():
@@ -217,10 +217,10 @@ def test_load_is_measured_or_as_stated():
 @pytest.mark.parametrize(("days", "known"), [(0.1, set()), (3.0, {Quantity.PRESSURE_LOSS}), (8.0, None)])
 def test_a_rate_per_month_needs_days(days, known):
     tire = history(months=days * 12.0 / 365.25)
-    (found,) = trends_of(tire).tires
-    assert found.findings == ()
-    monthly = {one.quantity: one for one in found.numbers if one.unit.endswith("/month")}
-    rates = {quantity for quantity, one in monthly.items() if one.status is Status.VALID}
+    (result,) = trends_of(tire).tires
+    assert result.findings == ()
+    monthly = {entry.quantity: entry for entry in result.numbers if entry.unit.endswith("/month")}
+    rates = {quantity for quantity, item in monthly.items() if item.status is Status.VALID}
     if known is None:
         assert {"Bs_rate", "noise_rate", Quantity.PRESSURE_LOSS, Quantity.LOAD_RATE} <= rates
         return
@@ -228,14 +228,14 @@ def test_a_rate_per_month_needs_days(days, known):
     reason = monthly["Bs_rate"].reasons[0]
     assert (reason.code, reason["needed_s"]) == (Code.TREND_SPAN_SHORT, pytest.approx(7.0 * 86_400.0))
     assert reason["span_s"] == pytest.approx(86_400.0 * days)
-    assert number(found, Quantity.PRESSURE_NOW).status is Status.VALID
-    assert number(found, "Bs_temperature").status is Status.VALID
+    assert number(result, Quantity.PRESSURE_NOW).status is Status.VALID
+    assert number(result, "Bs_temperature").status is Status.VALID
 
 
 def test_wear_per_1000_km_needs_a_distance():
     tire = history()
     near, far = (replace(tire, km=20_000.0 + reach_km * tire.months / 8.0) for reach_km in (2.0, 300.0))
-    short, long = (trends_of(one).tires[0] for one in (near, far))
+    short, long = (trends_of(item).tires[0] for item in (near, far))
     rate = number(short, Quantity.WEAR_RATE)
     assert rate.status is Status.INVALID
     assert rate.reasons[0].code is Code.TREND_DISTANCE_SHORT
@@ -246,23 +246,23 @@ def test_wear_per_1000_km_needs_a_distance():
 
 def test_recordings_of_unknown_tires_give_no_valid_number():
     tire = replace(history(leak_pa=4000.0, vehicle="unknown", sensor_id=""), is_identified=False)
-    found = trends_of(tire, replace(tire, position="FR"))
-    for one in found.tires:
-        assert not one.is_identified
-        assert one.findings == ()
-        for each in one.numbers:
+    trends = trends_of(tire, replace(tire, position="FR"))
+    for entry in trends.tires:
+        assert not entry.is_identified
+        assert entry.findings == ()
+        for each in entry.numbers:
             assert each.status is not Status.VALID
             if each.status is Status.PROVISIONAL:
                 assert each.reasons[0].code is Code.TREND_TIRE_UNIDENTIFIED
-    assert found.pairs[0].numbers[0].status is Status.PROVISIONAL
-    assert any("(not identified)" in line for line in trend_lines(found))
+    assert trends.pairs[0].numbers[0].status is Status.PROVISIONAL
+    assert any("(not identified)" in line for line in trend_lines(trends))
 
 
 def test_asymmetry_of_left_and_right():
-    left = history(1, position="FL")
+    remainder = history(1, position="FL")
     right = history(2, position="FR")
     right = changed(right, "ply_steer_contact_line_rad", right.columns["ply_steer_contact_line_rad"] - 2e-3)
-    (pair,) = trends_of(left, right).pairs
+    (pair,) = trends_of(remainder, right).pairs
     assert (pair.left, pair.right) == ("FL", "FR")
     steer, slip = pair.numbers
     assert steer.value == pytest.approx(math.degrees(2e-3), abs=3.0 * steer.std)
@@ -278,17 +278,17 @@ def test_recorded_distance_is_provisional():
 
 def test_few_recordings_determine_nothing():
     tire = history(count=4)
-    (found,) = trends_of(tire).tires
-    for one in found.numbers:
-        if one.quantity != Quantity.LOAD:
-            assert one.status is Status.INVALID, one
-            assert one.reasons
+    (result,) = trends_of(tire).tires
+    for entry in result.numbers:
+        if entry.quantity != Quantity.LOAD:
+            assert entry.status is Status.INVALID, entry
+            assert entry.reasons
 
 
 def test_reason_of_missing_values_is_passed_on():
     tire = history()
-    (found,) = trends_of(tire).tires
-    reason = number(found, "zero_rate").reasons[0]
+    (result,) = trends_of(tire).tires
+    reason = number(result, "zero_rate").reasons[0]
     assert (reason.code, reason["why"]) == (Code.TREND_NO_VALUES, "needs two speeds")
 
 
@@ -296,18 +296,18 @@ def test_outliers_are_named_with_their_recordings():
     tire = history()
     wrong = tire.columns["Bs"].copy()
     wrong[[20, 70]] *= 1.3
-    found = trends_of(changed(tire, "Bs", wrong))
-    assert {one.recording for one in found.outliers} == {"car_0020.mcap", "car_0070.mcap"}
-    assert {one.name for one in found.outliers} == {"Bs"}
-    assert all(one.deviation > 5.0 for one in found.outliers)
-    rate = number(found.tires[0], "Bs_rate")
+    trends = trends_of(changed(tire, "Bs", wrong))
+    assert {outlier.recording for outlier in trends.outliers} == {"car_0020.mcap", "car_0070.mcap"}
+    assert {outlier.name for outlier in trends.outliers} == {"Bs"}
+    assert all(outlier.deviation > 5.0 for outlier in trends.outliers)
+    rate = number(trends.tires[0], "Bs_rate")
     assert any(reason.code is Code.TREND_OUTLIERS_LEFT_OUT for reason in rate.reasons)
 
 
 def test_false_outliers_are_below_one_percent():
     fleets = [trends_of(*(history(10 * fleet + n, 100, vehicle=f"car {n}") for n in range(2))) for fleet in range(6)]
     recordings = sum(fleet.recordings for fleet in fleets)
-    false = sum(len({one.path for one in fleet.outliers}) for fleet in fleets)
+    false = sum(len({outlier.path for outlier in fleet.outliers}) for fleet in fleets)
     assert recordings == 1200
     assert false / recordings <= 0.01
     assert sum(bool(fleet.outliers) for fleet in fleets) <= 1

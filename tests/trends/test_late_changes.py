@@ -37,15 +37,15 @@ def trends_of(tire: TireHistory) -> FleetTrends:
 
 
 def number(tire: TireTrend, quantity: str) -> TrendNumber:
-    return next(one for one in tire.numbers if one.quantity == quantity)
+    return next(entry for entry in tire.numbers if entry.quantity == quantity)
 
 
 def findings(tire: TireTrend, code: Code) -> list[dict[str, object]]:
     return [dict(finding.values) for finding in tire.findings if finding.code is code]
 
 
-def codes_of(one: TrendNumber) -> set[Code]:
-    return {reason.code for reason in one.reasons}
+def codes_of(item: TrendNumber) -> set[Code]:
+    return {reason.code for reason in item.reasons}
 
 
 def late(tire: TireHistory, months: float) -> FloatArray:
@@ -63,50 +63,50 @@ def lower(tire: TireHistory, fall_pa: FloatArray) -> TireHistory:
 def test_a_leak_that_begins_late_is_followed():
     # A nail: tight for most of the time, then 20 kPa a month in the last 15 % of it.
     tire = history(2, COUNT)
-    found = trends_of(lower(tire, 20e3 * late(tire, 1.2)))
-    (one,) = found.tires
-    loss, now = number(one, Quantity.PRESSURE_LOSS), number(one, Quantity.PRESSURE_NOW)
+    trends = trends_of(lower(tire, 20e3 * late(tire, 1.2)))
+    (single,) = trends.tires
+    loss, now = number(single, Quantity.PRESSURE_LOSS), number(single, Quantity.PRESSURE_NOW)
     assert loss.value == pytest.approx(20.0, abs=3.0 * loss.std)
     assert loss.std < 3.0
     assert now.low < 196.0 < now.high
-    (finding,) = findings(one, Code.TREND_LOSS_CHANGED)
+    (finding,) = findings(single, Code.TREND_LOSS_CHANGED)
     assert finding["after_pa"] == pytest.approx(20e3, rel=0.15)
     assert finding["before_pa"] == pytest.approx(0.0, abs=300.0)
     assert finding["last"] == "car_0059.mcap"
     assert Code.TREND_RATE_SINCE in codes_of(loss)
     assert Code.TREND_NOW_SINCE in codes_of(now)
-    assert not [outlier for outlier in found.outliers if outlier.name == "pressure_at_20_degc"]
+    assert not [outlier for outlier in trends.outliers if outlier.name == "pressure_at_20_degc"]
 
 
 @pytest.mark.parametrize("rate_kpa", [4.0, 8.0])
 def test_a_bend_is_no_refill(rate_kpa):
     tire = history(3, COUNT)
-    (one,) = trends_of(lower(tire, 1e3 * rate_kpa * late(tire, 4.0))).tires
-    loss = number(one, Quantity.PRESSURE_LOSS)
+    (single,) = trends_of(lower(tire, 1e3 * rate_kpa * late(tire, 4.0))).tires
+    loss = number(single, Quantity.PRESSURE_LOSS)
     assert Code.TREND_STEPS not in codes_of(loss)
     assert (loss.status, loss.value) == (Status.VALID, pytest.approx(rate_kpa, abs=3.0 * loss.std))
-    assert {Code.TREND_LOSS_CHANGED, Code.TREND_LOSES_PRESSURE} <= {finding.code for finding in one.findings}
+    assert {Code.TREND_LOSS_CHANGED, Code.TREND_LOSES_PRESSURE} <= {finding.code for finding in single.findings}
 
 
 def test_few_newest_recordings_make_provisional_numbers():
     tire = history(2, COUNT)
-    (one,) = trends_of(lower(tire, 60e3 * late(tire, 0.6))).tires
+    (single,) = trends_of(lower(tire, 60e3 * late(tire, 0.6))).tires
     for quantity in (Quantity.PRESSURE_LOSS, Quantity.PRESSURE_NOW):
-        assert number(one, quantity).status is Status.PROVISIONAL
-    assert findings(one, Code.TREND_LOSS_CHANGED)
+        assert number(single, quantity).status is Status.PROVISIONAL
+    assert findings(single, Code.TREND_LOSS_CHANGED)
 
 
 @pytest.mark.parametrize("last", [2, 3])
 def test_the_last_recordings_together_are_a_change(last):
     tire = history(4, COUNT)
     low = np.where(np.arange(COUNT) >= COUNT - last, 30e3, 0.0)
-    found = trends_of(lower(tire, low))
-    (one,) = found.tires
-    (finding,) = findings(one, Code.TREND_LEVEL_CHANGED)
+    trends = trends_of(lower(tire, low))
+    (single,) = trends.tires
+    (finding,) = findings(single, Code.TREND_LEVEL_CHANGED)
     assert (finding["name"], finding["count"]) == ("pressure_at_20_degc", last)
     assert finding["change"] == pytest.approx(-30.0, abs=2.0)
     assert finding["first"] == f"car_{COUNT - last:04d}.mcap"
-    now, loss = number(one, Quantity.PRESSURE_NOW), number(one, Quantity.PRESSURE_LOSS)
+    now, loss = number(single, Quantity.PRESSURE_NOW), number(single, Quantity.PRESSURE_LOSS)
     assert (now.status, now.value) == (Status.PROVISIONAL, pytest.approx(190.0, abs=2.0))
     assert loss.status is Status.PROVISIONAL
     assert Code.TREND_NEWEST_LEFT in codes_of(loss)
@@ -114,11 +114,11 @@ def test_the_last_recordings_together_are_a_change(last):
 
 def test_a_last_recording_that_deviates_alone_is_an_outlier_and_said():
     tire = history(4, COUNT)
-    found = trends_of(lower(tire, np.where(np.arange(COUNT) == COUNT - 1, 30e3, 0.0)))
-    (one,) = found.tires
-    assert not CHANGES & {finding.code for finding in one.findings}
-    assert "pressure_at_20_degc" in {outlier.name for outlier in found.outliers}
-    now = number(one, Quantity.PRESSURE_NOW)
+    trends = trends_of(lower(tire, np.where(np.arange(COUNT) == COUNT - 1, 30e3, 0.0)))
+    (single,) = trends.tires
+    assert not CHANGES & {finding.code for finding in single.findings}
+    assert "pressure_at_20_degc" in {outlier.name for outlier in trends.outliers}
+    now = number(single, Quantity.PRESSURE_NOW)
     assert now.status is Status.PROVISIONAL
     assert now.reasons[0].code is Code.TREND_LAST_DEVIATES
     assert now.reasons[0]["deviation"] < -20.0
@@ -126,31 +126,31 @@ def test_a_last_recording_that_deviates_alone_is_an_outlier_and_said():
 
 def test_a_refill_at_the_end_is_none():
     tire = history(4, COUNT)
-    (one,) = trends_of(lower(tire, np.where(np.arange(COUNT) >= COUNT - 3, -20e3, 0.0))).tires
-    assert not one.findings
-    assert number(one, Quantity.PRESSURE_NOW).value == pytest.approx(240.0, abs=2.0)
-    assert number(one, Quantity.PRESSURE_LOSS).status is Status.VALID
+    (single,) = trends_of(lower(tire, np.where(np.arange(COUNT) >= COUNT - 3, -20e3, 0.0))).tires
+    assert not single.findings
+    assert number(single, Quantity.PRESSURE_NOW).value == pytest.approx(240.0, abs=2.0)
+    assert number(single, Quantity.PRESSURE_LOSS).status is Status.VALID
 
 
 def test_recordings_in_a_row_that_deviate_are_a_finding():
     tire = history(5, COUNT)
     wrong = tire.columns["Bs"] * np.where((np.arange(COUNT) >= 30) & (np.arange(COUNT) < 33), 0.8, 1.0)
-    found = trends_of(changed(tire, Bs=wrong))
-    (finding,) = findings(found.tires[0], Code.TREND_PASSED)
+    trends = trends_of(changed(tire, Bs=wrong))
+    (finding,) = findings(trends.tires[0], Code.TREND_PASSED)
     assert (finding["name"], finding["count"]) == ("Bs", 3)
     assert (finding["first"], finding["last"]) == ("car_0030.mcap", "car_0032.mcap")
-    assert {outlier.recording for outlier in found.outliers} == {"car_0030.mcap", "car_0031.mcap", "car_0032.mcap"}
+    assert {outlier.recording for outlier in trends.outliers} == {"car_0030.mcap", "car_0031.mcap", "car_0032.mcap"}
 
 
 def test_wear_that_grows_at_the_end_is_followed():
     tire = history(6, COUNT)
     fast = tire.columns["wear_mm"] + 1.0 * late(tire, 1.5)
-    (one,) = trends_of(changed(tire, wear_mm=fast)).tires  # no new tire
-    now, rate = number(one, Quantity.WEAR_NOW), number(one, Quantity.WEAR_RATE)
+    (single,) = trends_of(changed(tire, wear_mm=fast)).tires  # no new tire
+    now, rate = number(single, Quantity.WEAR_NOW), number(single, Quantity.WEAR_RATE)
     assert now.value == pytest.approx(0.05 * 9.6 + 1.5, abs=0.2)
     # 1 mm in a month of 1,200 km, on top of 0.05 mm in 1,000 km
     assert rate.value == pytest.approx(0.05 + 1.0 / 1.2, abs=3.0 * rate.std)
-    (finding,) = findings(one, Code.TREND_WEAR_CHANGED)
+    (finding,) = findings(single, Code.TREND_WEAR_CHANGED)
     assert finding["before_m"] == pytest.approx(5e-5, abs=3e-5)
 
 
@@ -163,8 +163,8 @@ def test_a_sensor_that_fails_at_the_end_is_found(name, factor):
     column = tire.columns[name]
     is_added = name in ("samples_lost", "mounting_offset_m")
     worse = column + np.where(is_late, factor, 0.0) if is_added else column * np.where(is_late, factor, 1.0)
-    (one,) = trends_of(changed(tire, **{name: worse})).tires
-    (finding,) = findings(one, Code.TREND_LEVEL_CHANGED)
+    (single,) = trends_of(changed(tire, **{name: worse})).tires
+    (finding,) = findings(single, Code.TREND_LEVEL_CHANGED)
     assert finding["name"] == name
     assert abs(int(str(finding["count"])) - int(is_late.sum())) <= 1
 
@@ -172,8 +172,8 @@ def test_a_sensor_that_fails_at_the_end_is_found(name, factor):
 def test_series_that_are_not_tested_keep_all_values():
     tire = history(8, COUNT)
     lost = tire.columns["samples_lost"] + np.where(np.isin(np.arange(COUNT), [10, 25, 40]), 15_000.0, 0.0)
-    (one,) = trends_of(changed(tire, samples_lost=lost)).tires
-    rate = number(one, "loss_rate")
+    (single,) = trends_of(changed(tire, samples_lost=lost)).tires
+    rate = number(single, "loss_rate")
     assert rate.count == COUNT
     assert Code.TREND_OUTLIERS_LEFT_OUT not in codes_of(rate)
 
@@ -182,8 +182,8 @@ def test_a_noise_that_goes_with_the_speed_is_provisional():
     tire = history(count=100)
     speed = 10.0 + 30.0 * tire.months / tire.months[-1]
     noise = 0.05 * np.exp((speed / 30.0) ** 2)
-    one = trends_of(changed(tire, speed_mean_mps=speed + 1e-3 * np.sin(np.arange(100)), noise_mps2=noise)).tires[0]
-    rate = number(one, "noise_rate")
+    single = trends_of(changed(tire, speed_mean_mps=speed + 1e-3 * np.sin(np.arange(100)), noise_mps2=noise)).tires[0]
+    rate = number(single, "noise_rate")
     if Code.TREND_RATE_SINCE not in codes_of(rate):
         assert rate.status is Status.PROVISIONAL
         assert rate.reasons[0].code is Code.TREND_SPEED_WITH_TIME
@@ -198,8 +198,8 @@ def test_a_second_tire_that_lives_longer_is_found(share, first_rate, second_rate
     noise = np.random.default_rng(9).normal(0.0, 0.05, COUNT)
     first, second = trends_of(changed(tire, wear_mm=worn + noise)).tires
     assert (first.recordings, second.recordings) == (begin, COUNT - begin)
-    for one, rate in ((first, first_rate), (second, second_rate)):
-        wear = number(one, Quantity.WEAR_RATE)
+    for item, rate in ((first, first_rate), (second, second_rate)):
+        wear = number(item, Quantity.WEAR_RATE)
         assert wear.value == pytest.approx(rate, abs=4.0 * wear.std)
 
 
@@ -213,16 +213,16 @@ def test_faster_wear_is_no_second_tire():
 
 def test_a_puncture_within_hours_is_a_finding():
     tire = history(10, 12, months=0.01)
-    (one,) = trends_of(lower(tire, 110e3 * tire.months / 0.01)).tires
-    (finding,) = findings(one, Code.TREND_PRESSURE_FELL)
+    (single,) = trends_of(lower(tire, 110e3 * tire.months / 0.01)).tires
+    (finding,) = findings(single, Code.TREND_PRESSURE_FELL)
     # At 20 degC; the tire is 10 K warmer.
     assert finding["fall_pa"] == pytest.approx(110e3 * 293.0 / 303.0, rel=0.03)
-    assert number(one, Quantity.PRESSURE_LOSS).status is Status.INVALID
+    assert number(single, Quantity.PRESSURE_LOSS).status is Status.INVALID
 
 
 def test_frequent_refills_are_stated_as_a_limit():
-    (one,) = trends_of(history(11, COUNT)).tires
-    loss = number(one, Quantity.PRESSURE_LOSS)
+    (single,) = trends_of(history(11, COUNT)).tires
+    loss = number(single, Quantity.PRESSURE_LOSS)
     (limit,) = [reason for reason in loss.reasons if reason.code is Code.TREND_REFILLS_OFTEN]
     # 3.5 times a scatter of 0.5 kPa in a week
     assert limit["hidden_pa"] == pytest.approx(8e3, abs=2e3)
@@ -235,27 +235,27 @@ def test_intervals_of_the_newest_state_cover_it():
     for seed in range(seeds):
         tire = history(200 + seed, COUNT)
         begins = 1.5 + 0.05 * seed
-        (one,) = trends_of(lower(tire, 6e3 * late(tire, begins))).tires
+        (single,) = trends_of(lower(tire, 6e3 * late(tire, begins))).tires
         truth = {Quantity.PRESSURE_LOSS: 6.0, Quantity.PRESSURE_NOW: 220.0 - 6.0 * begins}
         for quantity, value in truth.items():
-            found = number(one, quantity)
-            covered[quantity] += found.low <= value <= found.high
+            result = number(single, quantity)
+            covered[quantity] += result.low <= value <= result.high
     assert min(covered.values()) >= 0.85 * seeds
 
 
 def test_what_does_not_change_makes_no_finding():
     for seed in range(8):
-        (one,) = trends_of(history(1000 + seed, 40)).tires
-        assert not CHANGES & {finding.code for finding in one.findings}
-        assert not NOTES & {reason.code for found in one.numbers for reason in found.reasons}
+        (single,) = trends_of(history(1000 + seed, 40)).tires
+        assert not CHANGES & {finding.code for finding in single.findings}
+        assert not NOTES & {reason.code for entry in single.numbers for reason in entry.reasons}
 
 
 @pytest.mark.slow
 def test_less_than_one_percent_of_tires_have_a_false_change():
     false, tires = 0, 200
     for seed in range(tires):
-        (one,) = trends_of(history(2000 + seed, (20, 40, 100)[seed % 3])).tires
-        false += bool(CHANGES & {finding.code for finding in one.findings})
+        (single,) = trends_of(history(2000 + seed, (20, 40, 100)[seed % 3])).tires
+        false += bool(CHANGES & {finding.code for finding in single.findings})
     assert false <= 0.01 * tires
 
 
@@ -269,8 +269,8 @@ def test_false_changes_are_rare(scatter):
         time = np.sort(rng.uniform(0.0, 8.0, count))
         values = rng.standard_t(4.0, count) if scatter == "heavy" else rng.normal(0.0, 1.0, count)
         if scatter == "correlated":
-            for at in range(1, count):
-                values[at] += 0.4 * values[at - 1]
+            for index in range(1, count):
+                values[index] += 0.4 * values[index - 1]
         if scatter == "with outliers":
             values[rng.choice(count, 2, replace=False)] += rng.choice([-20.0, 20.0], 2)
         design = np.column_stack([np.ones(count), time - time.mean()])
@@ -283,16 +283,16 @@ def test_a_scatter_that_grows_is_no_change():
     rng = np.random.default_rng(13)
     time = np.linspace(0.0, 8.0, COUNT)
     design = np.column_stack([np.ones(COUNT), time - time.mean()])
-    found = [find_shape(design, rng.normal(0.0, 0.2 + 0.2 * time), family=12).change for _ in range(100)]
-    assert sum(change is not None for change in found) <= 2
+    results = [find_shape(design, rng.normal(0.0, 0.2 + 0.2 * time), family=12).change for _ in range(100)]
+    assert sum(change is not None for change in results) <= 2
 
 
 def test_sizes_below_the_least_are_no_change():
     time = np.linspace(0.0, 8.0, COUNT)
     design = np.column_stack([np.ones(COUNT), time - time.mean()])
     bent = 0.01 * np.maximum(time - 6.0, 0.0) + np.random.default_rng(14).normal(0.0, 1e-4, COUNT)
-    found = find_shape(design, bent, least_change=0.01).change
-    assert found is not None
-    assert (found.is_slope, time[found.begin]) == (True, pytest.approx(6.0, abs=0.3))
+    result = find_shape(design, bent, least_change=0.01).change
+    assert result is not None
+    assert (result.is_slope, time[result.begin]) == (True, pytest.approx(6.0, abs=0.3))
     assert find_shape(design, bent, least_change=0.05).change is None
-    assert math.isfinite(found.column.sum())
+    assert math.isfinite(result.column.sum())

@@ -18,55 +18,57 @@ def drawn(seed: int, loss_kpa: float, every: float, policy: str, count: int = 10
     rng = np.random.default_rng(seed)
     months = np.sort(rng.uniform(0.0, MONTHS, count))
     level = PUMP_KPA - loss_kpa * months
-    at, lost_since = every * rng.uniform(0.3, 1.0) if every else MONTHS, 0.0
+    position, lost_since = every * rng.uniform(0.3, 1.0) if every else MONTHS, 0.0
     now = PUMP_KPA
-    while at < MONTHS:
-        now -= loss_kpa * (at - lost_since)
+    while position < MONTHS:
+        now -= loss_kpa * (position - lost_since)
         share = rng.uniform(0.3, 1.7)
         added = max(PUMP_KPA + rng.normal(0.0, 0.3) - now, 0.0) if policy == "target" else loss_kpa * every * share
-        level[months >= at] += added
-        now, lost_since, at = now + added, at, at + every
+        level[months >= position] += added
+        now, lost_since, position = now + added, position, position + every
     return months, level + rng.normal(0.0, 0.4, count) + rng.normal(0.0, 0.4, count) * 320.0 / 293.0
 
 
 def test_a_tight_tire_loses_nothing():
-    found = [pressure_loss(*drawn(seed, 0.0, 0.0, "target")) for seed in range(3)]
-    assert all(one is not None and one.low <= 0.05 and one.least <= 0.0 and abs(one.value) < 0.2 for one in found)
+    results = [pressure_loss(*drawn(seed, 0.0, 0.0, "target")) for seed in range(3)]
+    assert all(
+        item is not None and item.low <= 0.05 and item.least <= 0.0 and abs(item.value) < 0.2 for item in results
+    )
 
 
 @pytest.mark.parametrize("every", [0.0, 1.0, 2.0])
 @pytest.mark.parametrize("policy", ["target", "random"])
 @pytest.mark.parametrize("loss_kpa", [2.0, 3.0])
 def test_a_leak_is_found_whatever_its_refills(loss_kpa, every, policy):
-    found = pressure_loss(*drawn(1, loss_kpa, every, policy))
-    assert found is not None
-    assert found.low - 0.1 < loss_kpa < found.high
-    assert found.low > 0.5 * loss_kpa
-    assert found.value == pytest.approx(loss_kpa, abs=1.0)
+    result = pressure_loss(*drawn(1, loss_kpa, every, policy))
+    assert result is not None
+    assert result.low - 0.1 < loss_kpa < result.high
+    assert result.low > 0.5 * loss_kpa
+    assert result.value == pytest.approx(loss_kpa, abs=1.0)
 
 
 def test_refills_within_the_scatter_are_not_excluded():
-    found = pressure_loss(*drawn(3, 1.0, 1.0, "target"))
-    assert found is not None
-    assert found.high > 1.0
-    assert found.high_unrefilled < 0.3
+    result = pressure_loss(*drawn(3, 1.0, 1.0, "target"))
+    assert result is not None
+    assert result.high > 1.0
+    assert result.high_unrefilled < 0.3
 
 
 def test_pressure_that_is_let_out_is_no_loss():
     months, values = drawn(4, 0.0, 0.0, "target")
-    found = pressure_loss(months, values - 10.0 * (months > 5.0))
-    assert found is not None
-    assert found.low < 0.05
-    assert abs(found.value) < 0.2
+    result = pressure_loss(months, values - 10.0 * (months > 5.0))
+    assert result is not None
+    assert result.low < 0.05
+    assert abs(result.value) < 0.2
 
 
 def test_a_steady_fall_has_errors_on_both_sides():
     months = np.linspace(0.0, MONTHS, LEAST_RECORDINGS)
     values = PUMP_KPA - 3.0 * months + np.random.default_rng(5).normal(0.0, 0.05, LEAST_RECORDINGS)
-    found = pressure_loss(months, values)
-    assert found is not None
-    assert found.least < 3.0 < found.high
-    assert found.low < found.value < found.high
+    result = pressure_loss(months, values)
+    assert result is not None
+    assert result.least < 3.0 < result.high
+    assert result.low < result.value < result.high
 
 
 def test_too_few_recordings_give_no_loss():
@@ -80,7 +82,7 @@ def test_too_few_recordings_give_no_loss():
 @pytest.mark.parametrize("every", [0.0, 1.0, 2.0])
 @pytest.mark.parametrize("policy", ["target", "random"])
 def test_intervals_cover_the_loss(loss_kpa, every, policy):
-    found = [pressure_loss(*drawn(seed, loss_kpa, every, policy)) for seed in range(20)]
-    covered = sum(one is not None and one.low <= loss_kpa <= one.high for one in found)
+    results = [pressure_loss(*drawn(seed, loss_kpa, every, policy)) for seed in range(20)]
+    covered = sum(item is not None and item.low <= loss_kpa <= item.high for item in results)
     # Refills of 1 kPa every month are 1.7 times the scatter: what is left of them is at the limit.
     assert covered >= (13 if every == loss_kpa == 1.0 else 17)

@@ -10,8 +10,8 @@ from gateway.trends.regression import fit, weights_of
 
 
 def line(count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    at = np.sort(rng.uniform(0.0, 1.0, count))
-    return at, np.column_stack([np.ones(count), at - at.mean()])
+    position = np.sort(rng.uniform(0.0, 1.0, count))
+    return position, np.column_stack([np.ones(count), position - position.mean()])
 
 
 @pytest.mark.parametrize("count", [8, 25, 100])
@@ -20,17 +20,17 @@ def test_intervals_cover_the_truth(count, kind):
     rng = np.random.default_rng(count)
     covered, tries = 0, 300
     for _ in range(tries):
-        at, design = line(count, rng)
+        position, design = line(count, rng)
         noise = rng.standard_t(4, count) if kind == "heavy" else rng.normal(size=count)
         if kind == "unequal":
-            noise *= 0.3 + 2.0 * at
+            noise *= 0.3 + 2.0 * position
         if kind == "following":
             for i in range(1, count):
                 noise[i] = 0.4 * noise[i - 1] + np.sqrt(1.0 - 0.16) * noise[i]
-        values = 3.0 + 2.0 * at + noise
-        found = fit(design, values, weights_of(design, values, np.ones(count)), np.ones(count, dtype=bool))
-        assert found is not None
-        covered += abs(found.coefficients[1] - 2.0) < stats.t.ppf(0.975, found.freedom) * found.std(1)
+        values = 3.0 + 2.0 * position + noise
+        fitted = fit(design, values, weights_of(design, values, np.ones(count)), np.ones(count, dtype=bool))
+        assert fitted is not None
+        covered += abs(fitted.coefficients[1] - 2.0) < stats.t.ppf(0.975, fitted.freedom) * fitted.std(1)
     # 95 % are asked for; a correlation cannot be seen in eight points.
     assert covered / tries > (0.85 if kind == "following" else 0.90)
 
@@ -39,11 +39,11 @@ def test_errors_are_not_inflated():
     rng = np.random.default_rng(3)
     ratios = []
     for _ in range(200):
-        at, design = line(60, rng)
+        position, design = line(60, rng)
         values = rng.normal(size=60)
-        found = fit(design, values, np.ones(60), np.ones(60, dtype=bool))
-        assert found is not None
-        ratios.append(found.std(1) * np.sqrt(((at - at.mean()) ** 2).sum()))
+        fitted = fit(design, values, np.ones(60), np.ones(60, dtype=bool))
+        assert fitted is not None
+        ratios.append(fitted.std(1) * np.sqrt(((position - position.mean()) ** 2).sum()))
     assert 0.95 < np.mean(ratios) < 1.15
 
 
@@ -57,9 +57,9 @@ def test_stated_errors_count_as_far_as_points_scatter(is_shared, low, high):
         stds = np.exp(rng.uniform(np.log(0.13), np.log(0.37 if is_shared else 0.8), 60))
         values = (0.05 if is_shared else stds) * rng.normal(size=60)
         for slopes, weights in ((weighted, weights_of(design, values, stds)), (unweighted, np.ones(60))):
-            found = fit(design, values, weights, np.ones(60, dtype=bool))
-            assert found is not None
-            slopes.append(found.coefficients[1])
+            fitted = fit(design, values, weights, np.ones(60, dtype=bool))
+            assert fitted is not None
+            slopes.append(fitted.coefficients[1])
     assert low < np.std(weighted) / np.std(unweighted) < high
 
 
@@ -93,20 +93,20 @@ def test_false_outliers_have_the_stated_rate():
 
 def test_outliers_do_not_hide_each_other():
     rng = np.random.default_rng(12)
-    at, design = line(80, rng)
-    values = 5.0 * at + rng.normal(size=80)
+    position, design = line(80, rng)
+    values = 5.0 * position + rng.normal(size=80)
     planted = [3, 40, 41, 42, 79]
     values[planted] += [9.0, 30.0, 31.0, 29.0, -9.0]
-    found = find_outliers(design, values, np.ones(80), family=100)
-    assert np.flatnonzero(found.is_outlier).tolist() == planted
-    assert found.fit is not None
-    assert abs(found.fit.coefficients[1] - 5.0) < 4.0 * found.fit.std(1)
+    result = find_outliers(design, values, np.ones(80), family=100)
+    assert np.flatnonzero(result.is_outlier).tolist() == planted
+    assert result.fit is not None
+    assert abs(result.fit.coefficients[1] - 5.0) < 4.0 * result.fit.std(1)
 
 
 def test_steps_are_found_and_outliers_are_none():
     rng = np.random.default_rng(13)
-    at, design = line(100, rng)
-    values = 3.0 * at + rng.normal(size=100) + 8.0 * (np.arange(100) >= 50) - 6.0 * (np.arange(100) >= 80)
+    position, design = line(100, rng)
+    values = 3.0 * position + rng.normal(size=100) + 8.0 * (np.arange(100) >= 50) - 6.0 * (np.arange(100) >= 80)
     values[[1, 20, 98]] += 25.0
     assert find_steps(design, values) == [50, 80]
     assert find_steps(design, values, least=7.0) == [50]
@@ -114,8 +114,8 @@ def test_steps_are_found_and_outliers_are_none():
 
 def test_steady_series_have_no_steps():
     rng = np.random.default_rng(14)
-    found = 0
+    result = 0
     for _ in range(150):
         _, design = line(60, rng)
-        found += bool(find_steps(design, rng.normal(size=60)))
-    assert found <= 4
+        result += bool(find_steps(design, rng.normal(size=60)))
+    assert result <= 4

@@ -62,9 +62,9 @@ def _result(position="FL", index=12, speed_kmh=65.0, status=Status.VALID, reason
         numbers = [Estimate(name, value, std, status, reasons) for name, (value, std) in NUMBERS.items()]
     for name in ("Bs", "Rs", "Ts"):
         ratio = NUMBERS[name][0] / NUMBERS["Cw"][0]
-        known = status is not Status.INVALID
+        reference = status is not Status.INVALID
         numbers.append(
-            Estimate(f"{name}/Cw", ratio if known else math.nan, 0.01 * ratio, status, () if known else reasons)
+            Estimate(f"{name}/Cw", ratio if reference else math.nan, 0.01 * ratio, status, () if reference else reasons)
         )
     estimates = kw.get("estimates", (*kinematic, *numbers))
     return RevolutionResult(position, 0, revolution, TireConditions(RADIUS_M, load_n, 210e3, 31.5), estimates)

@@ -26,9 +26,9 @@ def page(snapshot, size=(80, 24), view=None, live=None):
 
 
 def row_with(rows, text):
-    found = [row for row in rows if text in row]
-    assert found, "\n".join(rows)
-    return found[0]
+    results = [row for row in rows if text in row]
+    assert results, "\n".join(rows)
+    return results[0]
 
 
 @pytest.mark.parametrize("size", [*SIZES, (60, 20), (40, 10), (20, 5), (8, 2), (1, 1), (300, 100)])

@@ -13,7 +13,7 @@ from gateway.views.text import width
 
 PAGE = effects_markdown()
 SECTION = re.compile(r"^### [^\n]*\n\n`(?P<name>[^`]+)`: (?P<body>.*?)(?=^#{2,3} |\Z)", re.M | re.S)
-SECTIONS = {found["name"]: found["body"] for found in SECTION.finditer(PAGE)}
+SECTIONS = {result["name"]: result["body"] for result in SECTION.finditer(PAGE)}
 
 
 def words(text: str) -> str:

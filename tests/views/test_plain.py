@@ -140,5 +140,5 @@ def test_missing_load_is_said_with_the_first_line_of_a_wheel_only(made, plain):
         for index in range(3):
             view.result(made.result(position, index=index, load_n=None))
     for position in ("FL", "FR"):
-        own = [line for line in lines if line.startswith(position)]
-        assert ["ratios only" in line for line in own] == [True, False, False]
+        selected = [line for line in lines if line.startswith(position)]
+        assert ["ratios only" in line for line in selected] == [True, False, False]

@@ -179,9 +179,9 @@ def test_session_without_revolutions() -> None:
 def test_effects_line_counts_corrected_revolutions(uncorrected: tuple[int, ...], says: str) -> None:
     summary = ResultSummary()
     for number in range(3):
-        one = result("FL", 0.1)
+        single = result("FL", 0.1)
         reason = OUTSIDE if number in uncorrected else None
-        summary.add(replace(one, revolution=replace(one.revolution, uncorrected=reason)))
+        summary.add(replace(single, revolution=replace(single.revolution, uncorrected=reason)))
     (wheel,) = summary.wheels()
     assert effects_line(wheel, ["roll tilt", "imbalance"]) == says
 

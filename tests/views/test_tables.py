@@ -264,11 +264,11 @@ def test_memory_does_not_grow_with_rows(tmp_path: Path, table_format: TableForma
         tracemalloc.start(12)
         for _ in range(300):
             table.write(row)
-        kept = tracemalloc.take_snapshot()
+        remaining = tracemalloc.take_snapshot()
         tracemalloc.stop()
     # Threads of other tests may still run in this process.
-    own = kept.filter_traces([tracemalloc.Filter(True, open_table.__code__.co_filename, all_frames=True)])
-    assert sum(trace.size for trace in own.traces) < 50_000
+    selected = remaining.filter_traces([tracemalloc.Filter(True, open_table.__code__.co_filename, all_frames=True)])
+    assert sum(trace.size for trace in selected.traces) < 50_000
 
 
 @pytest.mark.parametrize("start", ["=", "+", "-", "@", "\t", "\r"])

@@ -52,9 +52,9 @@ def test_page_is_self_contained_and_escapes_names(trends):
     ],
 )
 def test_an_unknown_vehicle_is_not_counted(names, said):
-    found = analyse([history(1, 40, vehicle=name) for name in names], recordings=len(names), failures=0)
-    assert next(trend_lines(found)).startswith(said)
-    assert said.split(" of ")[1].split(",")[0] in trends_page(found)
+    result = analyse([history(1, 40, vehicle=name) for name in names], recordings=len(names), failures=0)
+    assert next(trend_lines(result)).startswith(said)
+    assert said.split(" of ")[1].split(",")[0] in trends_page(result)
 
 
 def test_every_quantity_has_a_label(trends):
@@ -64,9 +64,13 @@ def test_every_quantity_has_a_label(trends):
 
 
 def test_json_has_values_units_errors_and_codes(trends):
-    found = json.loads(json.dumps(trends_json(trends), allow_nan=False))
-    assert (found["format"], found["recordings"], found["failures"]) == ("treadlink trends", 80, 3)
-    numbers = found["tires"][0]["numbers"]
+    estimated_loads = json.loads(json.dumps(trends_json(trends), allow_nan=False))
+    assert (estimated_loads["format"], estimated_loads["recordings"], estimated_loads["failures"]) == (
+        "treadlink trends",
+        80,
+        3,
+    )
+    numbers = estimated_loads["tires"][0]["numbers"]
     assert {number["quantity"] for number in numbers} == {name for name in LABELS if "asymmetry" not in name}
     for number in numbers:
         assert number["unit"]
@@ -76,8 +80,8 @@ def test_json_has_values_units_errors_and_codes(trends):
         else:
             assert math.isfinite(number["value"])
             assert number["std"] >= 0.0
-    assert [finding["code"] for finding in found["tires"][0]["findings"]] == ["trend_loses_pressure"]
-    assert {one["name"] for one in found["outliers"]} == {"Bs"}
+    assert [finding["code"] for finding in estimated_loads["tires"][0]["findings"]] == ["trend_loses_pressure"]
+    assert {item["name"] for item in estimated_loads["outliers"]} == {"Bs"}
 
 
 def test_csv_has_one_row_for_each_number(trends):

@@ -29,8 +29,8 @@ def dots(rows, ink=None):
         lines.append([0 if cell == " " else ord(cell) - 0x2800 for cell in cells])
     bits = np.array(lines)
     grid = np.zeros((4 * bits.shape[0], 2 * bits.shape[1]), dtype=bool)
-    for i, (left, right) in enumerate(((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))):
-        grid[i::4, 0::2] = bits & left != 0
+    for i, (item, right) in enumerate(((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))):
+        grid[i::4, 0::2] = bits & item != 0
         grid[i::4, 1::2] = bits & right != 0
     return grid
 
@@ -85,8 +85,8 @@ def test_last_revolution_is_an_unbroken_line():
     rng = np.random.default_rng(3)
     curve = np.cumsum(rng.normal(0.0, 50.0, N)) * np.hanning(N)
     grid = dots(draw_waveform(curve, None, GUTTER + 50, 20))
-    for left, right in zip(grid.T[:-1], grid.T[1:], strict=True):
-        a, b = np.flatnonzero(left), np.flatnonzero(right)
+    for item, right in zip(grid.T[:-1], grid.T[1:], strict=True):
+        a, b = np.flatnonzero(item), np.flatnonzero(right)
         assert a.min() <= b.max() + 1
         assert b.min() <= a.max() + 1
         assert len(b) == b.max() - b.min() + 1

@@ -14,16 +14,16 @@ DOUBT = Reason(Code.TEMPERATURE_NOT_COMPENSATED, difference_k=15.0)
 
 def quantity(valid: int, provisional: int = 0, invalid: int = 0, *, first: int = 0, step: float = 0.0) -> _Quantity:
     """Return an estimate of 1.0 ± 0.1, after `first` revolutions without one; the second half is higher by `step`."""
-    found = _Quantity(is_steady=True)
+    result = _Quantity(is_steady=True)
     for _ in range(first):
-        found.add(Estimate.invalid("Bs", DOUBT))
+        result.add(Estimate.invalid("Bs", DOUBT))
     for number in range(valid):
-        found.add(Estimate("Bs", 1.0 + step * (number >= valid // 2), 0.1, Status.VALID, ()))
+        result.add(Estimate("Bs", 1.0 + step * (number >= valid // 2), 0.1, Status.VALID, ()))
     for _ in range(provisional):
-        found.add(Estimate("Bs", 1.0, 0.1, Status.PROVISIONAL, (DOUBT,)))
+        result.add(Estimate("Bs", 1.0, 0.1, Status.PROVISIONAL, (DOUBT,)))
     for _ in range(invalid):
-        found.add(Estimate.invalid("Bs", DOUBT))
-    return found
+        result.add(Estimate.invalid("Bs", DOUBT))
+    return result
 
 
 @pytest.mark.parametrize(
@@ -38,8 +38,8 @@ def quantity(valid: int, provisional: int = 0, invalid: int = 0, *, first: int =
     ],
 )
 def test_status_is_that_of_most_revolutions(counts, status):
-    *_, found, reason = quantity(**counts).cells()
-    assert found == status
+    *_, result, reason = quantity(**counts).cells()
+    assert result == status
     if counts["valid"] and status == "provisional":
         assert f"valid in {counts['valid']} of" in reason
         assert "temperature not compensated" in reason

@@ -90,8 +90,8 @@ class Sample:
     @property
     def worth(self) -> float:
         """Rms of the errors over their stated standard errors; 1 when these are right."""
-        known = [(e / s) ** 2 for e, s in zip(self.errors, self.stated, strict=True) if s > 0.0]
-        return math.sqrt(sum(known) / len(known)) if known else math.nan
+        reference = [(e / s) ** 2 for e, s in zip(self.errors, self.stated, strict=True) if s > 0.0]
+        return math.sqrt(sum(reference) / len(reference)) if reference else math.nan
 
 
 @dataclass(slots=True)
@@ -167,7 +167,7 @@ def measure(case: Case, estimators: Sequence[str], effort: Effort) -> Outcome:
         final = _after(estimators, turns)
         _add(outcome.long, final, truth)
         outcome.reasons |= {
-            (name, e.name): e.reasons for name, found in final.items() for e in found if e.status is not Status.VALID
+            (name, e.name): e.reasons for name, result in final.items() for e in result if e.status is not Status.VALID
         }
         for index, turn in enumerate(turns[:share]):
             _add(outcome.single, _after(estimators if index < slow_share else quick, [turn]), truth)
@@ -198,15 +198,15 @@ def _after(names: Sequence[str], turns: Sequence[Turn]) -> dict[str, tuple[Estim
     history: dict[str, list[tuple[Estimate, ...]]] = {name: [] for name in names}
     for index, turn in enumerate(turns):
         latest = extended(average, turn.revolution)
-        given: dict[str, dict[str, Estimate]] = {}
-        conditions = replace(turn.conditions, given=given)
+        stated: dict[str, dict[str, Estimate]] = {}
+        conditions = replace(turn.conditions, given=stated)
         for estimator in estimators:
             if estimator.name in SLOW and index < len(turns) - 1:
                 continue
-            found = estimator.update(turn.revolution, latest, conditions)
-            given[estimator.name] = {estimate.name: estimate for estimate in found}
-            history[estimator.name].append(_with_half_angle(found))
-    return {name: _mean(found) if name in PER_REVOLUTION else found[-1] for name, found in history.items() if found}
+            result = estimator.update(turn.revolution, latest, conditions)
+            stated[estimator.name] = {estimate.name: estimate for estimate in result}
+            history[estimator.name].append(_with_half_angle(result))
+    return {name: _mean(result) if name in PER_REVOLUTION else result[-1] for name, result in history.items() if result}
 
 
 def _with_half_angle(estimates: tuple[Estimate, ...]) -> tuple[Estimate, ...]:
@@ -234,8 +234,10 @@ def _mean(history: list[tuple[Estimate, ...]]) -> tuple[Estimate, ...]:
     return tuple(rows)
 
 
-def _add(into: dict[tuple[str, str], Sample], found: Mapping[str, Sequence[Estimate]], truth: dict[str, float]) -> None:
-    for name, estimates in found.items():
+def _add(
+    into: dict[tuple[str, str], Sample], result: Mapping[str, Sequence[Estimate]], truth: dict[str, float]
+) -> None:
+    for name, estimates in result.items():
         for estimate in estimates:
             if estimate.name in truth:
                 into.setdefault((name, estimate.name), Sample()).add(estimate, truth[estimate.name])

@@ -84,7 +84,7 @@ def samples_of(case: Case, revolutions: int, rng: np.random.Generator, *, noise:
     phase = rng.uniform(0.0, 2.0 * math.pi) + omega * t + 0.5 * spin * t**2
     if noise and case.jitter_m:
         phase = _jittered(phase, ring, case.jitter_m / RADIUS_M, rng)
-    at = np.mod(phase + math.pi, 2.0 * math.pi) - math.pi
+    position = np.mod(phase + math.pi, 2.0 * math.pi) - math.pi
     sensor = ring.sensor
     radial, along = sensor.radial_m, sensor.circumferential_m
     for waves in case.waves:
@@ -95,7 +95,7 @@ def samples_of(case: Case, revolutions: int, rng: np.random.Generator, *, noise:
     shapes += (radial, sensor.gravity_radial, sensor.spin_radial_m)
     theta = np.append(ring.theta_rad, math.pi)
     table = np.stack(shapes, axis=1)
-    curve = CubicSpline(theta, np.concatenate([table, table[:1]]), bc_type="periodic")(at)
+    curve = CubicSpline(theta, np.concatenate([table, table[:1]]), bc_type="periodic")(position)
     speed = omega + spin * t
     force = np.zeros((len(t), 3))
     for axis, first in ((0, 0), (2, 3)):

@@ -84,7 +84,7 @@ def table_alike(true: str, other: str) -> bool:
 
 
 def judge(
-    found: Mapping[str, Any],
+    result: Mapping[str, Any],
     label: Mapping[str, Any],
     alike: Callable[[str, str], bool] = table_alike,
     also: Collection[str] = (),
@@ -92,12 +92,12 @@ def judge(
     """Return the judgement of a diagnosis against the label.
 
     Args:
-        found: `effects` with name, verdict and rivals, and `unexplained`.
+        result: `effects` with name, verdict and rivals, and `unexplained`.
         label: the truth.
         alike: whether the data leave a true effect open beside another.
         also: effects of the catalogue that a thing outside it brings along.
     """
-    effects = found["effects"]
+    effects = result["effects"]
     named = tuple(entry["name"] for entry in effects if entry["verdict"] == "named")
     left_open = tuple(
         dict.fromkeys(
@@ -106,7 +106,7 @@ def judge(
     )
     always = ALWAYS[label.get("model", "exact")]
     return Judgement(
-        _outcome(label, set(named) - set(also), left_open, bool(found["unexplained"]), always | set(also), alike),
+        _outcome(label, set(named) - set(also), left_open, bool(result["unexplained"]), always | set(also), alike),
         named,
         left_open,
     )

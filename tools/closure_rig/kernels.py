@@ -39,8 +39,8 @@ def _row(campaign: Campaign, lengths_rad: tuple[float, ...]) -> tuple[str, ...]:
     search = SetSearch(campaign, core, data, effects, Discrepancy(campaign, data, lengths_rad))
     search.run(baseline_fit(campaign, core, data))
     posterior = posterior_of(search)
-    found, _ = estimates_of([(one.fit, weight) for one, weight in posterior.considered])
+    estimates, _ = estimates_of([(item.fit, weight) for item, weight in posterior.considered])
     listed = [name for name in posterior.names if posterior.probability([name]) >= criteria.LISTED]
     names = ", ".join(f"{name} {posterior.probability([name]):.3f}" for name in listed)
-    numbers = (f"{found[name].value:.4g} ± {found[name].std:.2g}" for name in RING_NUMBERS)
+    numbers = (f"{estimates[name].value:.4g} ± {estimates[name].std:.2g}" for name in RING_NUMBERS)
     return ", ".join(f"{length:g}" for length in lengths_rad), names or "none", *numbers

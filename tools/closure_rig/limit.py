@@ -87,8 +87,8 @@ class Strength:
         columns = []
         states = list(dict.fromkeys((run.load_n, run.pressure_kpa) for run in self._bench.runs))
         for state in states:
-            for place in range(len(_STEPS)):
-                case = replace(plain, bench=_stepped(self._bench, place))
+            for position in range(len(_STEPS)):
+                case = replace(plain, bench=_stepped(self._bench, position))
                 parts = [
                     _orders(case, run) if (run.load_n, run.pressure_kpa) == state else base
                     for run, base in zip(self._bench.runs, self._plain, strict=True)
@@ -110,8 +110,8 @@ class Strength:
     def contribution(self, case: Case) -> FloatArray:
         """Return what the tire's own parameters leave of a case's locked contribution, whitened, (coefficients,)."""
         change = self._difference([_orders(case, run) for run in case.bench.runs])
-        left: FloatArray = change - self._space @ (self._space.T @ change)
-        return left
+        remainder: FloatArray = change - self._space @ (self._space.T @ change)
+        return remainder
 
     def __call__(self, case: Case) -> float:
         """Return the strength of a case with one effect."""
@@ -123,14 +123,14 @@ class Strength:
         elif cause(name).locked is Locked.EDGES:
             chi2 = sum(_edges_chi2(case, run) for run in case.bench.runs)
         else:
-            left = self.contribution(case)
-            chi2 = float(left @ left)
+            remainder = self.contribution(case)
+            chi2 = float(remainder @ remainder)
         return math.sqrt(chi2 / DETECTION_CHI2)
 
 
 def replace_at(parts: list[_Orders], index: int, part: _Orders) -> list[_Orders]:
     """Return a copy of a list with one entry replaced."""
-    return [part if place == index else other for place, other in enumerate(parts)]
+    return [part if position == index else other for position, other in enumerate(parts)]
 
 
 def size_of(name: str, *, outside: bool, wanted: float, strength: Callable[[float], float]) -> tuple[float, float]:
@@ -158,31 +158,36 @@ def size_of(name: str, *, outside: bool, wanted: float, strength: Callable[[floa
     bottom = _BELOW if lowest is None else math.log(lowest / sizes[0]) / math.log(sizes[1] / sizes[0])
     top = _ABOVE if highest is None else 1.0 + math.log(highest / sizes[1]) / math.log(sizes[2] / sizes[1])
     low, high = bottom, top
-    at, best = 0.0, (math.inf, 0.0, 0.0)
-    known: list[tuple[float, float]] = []
+    position, best = 0.0, (math.inf, 0.0, 0.0)
+    reference: list[tuple[float, float]] = []
     for _ in range(_MOST_PASSES):
-        size = size_at(at)
-        found = strength(size)
-        error = math.log(max(found, 1e-12) / wanted)
+        size = size_at(position)
+        result = strength(size)
+        error = math.log(max(result, 1e-12) / wanted)
         if abs(error) < best[0]:
-            best = (abs(error), size, found)
-        if abs(error) < _CLOSE or high - low < 1e-3 or (error > 0.0 and at == bottom) or (error < 0.0 and at == top):
+            best = (abs(error), size, result)
+        if (
+            abs(error) < _CLOSE
+            or high - low < 1e-3
+            or (error > 0.0 and position == bottom)
+            or (error < 0.0 and position == top)
+        ):
             break
-        low, high = (low, at) if error > 0.0 else (at, high)
-        known = [*known, (at, error)][-2:]
+        low, high = (low, position) if error > 0.0 else (position, high)
+        reference = [*reference, (position, error)][-2:]
         guess = 0.5 * (low + high)
-        if len(known) == 2 and known[0][1] != known[1][1]:
-            (first, before), (second, after) = known
+        if len(reference) == 2 and reference[0][1] != reference[1][1]:
+            (first, before), (second, after) = reference
             guess = second - after * (second - first) / (after - before)
-        elif len(known) == 1:
+        elif len(reference) == 1:
             # In proportion to the size, or to its inverse.
-            guess = at - error / abs(math.log(sizes[1] / sizes[0]))
+            guess = position - error / abs(math.log(sizes[1] / sizes[0]))
         # Never at a point that is known, but at the very ends if it must.
-        at = min(max(guess, low + 0.02 * (high - low)), high - 0.02 * (high - low))
+        position = min(max(guess, low + 0.02 * (high - low)), high - 0.02 * (high - low))
         if guess <= bottom and low == bottom:
-            at = bottom
+            position = bottom
         if guess >= top and high == top:
-            at = top
+            position = top
     return best[1], best[2]
 
 
@@ -194,12 +199,12 @@ def _real(values: ComplexArray) -> FloatArray:
     return np.concatenate([values.real.reshape(-1), values.imag[:, 1:].reshape(-1)])
 
 
-def _stepped(bench: Bench, place: int) -> Bench:
-    factor = 1.0 + _STEPS[place]
-    if place == len(bench.numbers):
+def _stepped(bench: Bench, stepped: int) -> Bench:
+    factor = 1.0 + _STEPS[stepped]
+    if stepped == len(bench.numbers):
         return replace(bench, tread_mpa=bench.tread_mpa * factor)
     first, second, third, fourth = (
-        number * factor if index == place else number for index, number in enumerate(bench.numbers)
+        number * factor if index == stepped else number for index, number in enumerate(bench.numbers)
     )
     return replace(bench, numbers=(first, second, third, fourth))
 

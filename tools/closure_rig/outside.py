@@ -91,14 +91,26 @@ def _nothing(_: Drawing) -> Tables:
 
 
 def _bump(drawn: Drawing) -> Tables:
-    at, hz = drawn.between(60.0, 300.0), drawn.between(150.0, 300.0)
-    return {"impact": {"amplitude_mps2": drawn.size, "at_deg": at, "frequency_hz": hz, "decay_ms": drawn.between(4, 8)}}
+    position, hz = drawn.between(60.0, 300.0), drawn.between(150.0, 300.0)
+    return {
+        "impact": {
+            "amplitude_mps2": drawn.size,
+            "at_deg": position,
+            "frequency_hz": hz,
+            "decay_ms": drawn.between(4, 8),
+        }
+    }
 
 
 def _stone(drawn: Drawing) -> Tables:
-    at, hz = drawn.between(40.0, 320.0), drawn.between(900.0, 1800.0)
+    position, hz = drawn.between(40.0, 320.0), drawn.between(900.0, 1800.0)
     return {
-        "impact": {"amplitude_mps2": drawn.size, "at_deg": at, "frequency_hz": hz, "decay_ms": drawn.between(0.5, 1)}
+        "impact": {
+            "amplitude_mps2": drawn.size,
+            "at_deg": position,
+            "frequency_hz": hz,
+            "decay_ms": drawn.between(0.5, 1),
+        }
     }
 
 
@@ -108,10 +120,10 @@ def _tone(drawn: Drawing) -> Tables:
 
 def splice(size: float, rng: np.random.Generator) -> Disturbance:
     """A stiff belt splice away from the sensor: an impulse at each contact, proportional to omega squared."""
-    at, width = rng.uniform(0.9, 2.6) * rng.choice([-1.0, 1.0]), rng.uniform(0.05, 0.12)
+    position, width = rng.uniform(0.9, 2.6) * rng.choice([-1.0, 1.0]), rng.uniform(0.05, 0.12)
 
     def added(turning: Turning, reverse: bool) -> FloatArray:
-        from_it = np.mod(turning.angle_rad - (-at if reverse else at) + math.pi, 2.0 * math.pi) - math.pi
+        from_it = np.mod(turning.angle_rad - (-position if reverse else position) + math.pi, 2.0 * math.pi) - math.pi
         kick = (1.0 - (from_it / width) ** 2) * np.exp(-0.5 * (from_it / width) ** 2)
         force = np.zeros((len(kick), 3))
         force[:, 2] = size * (turning.omega_radps / REFERENCE_RADPS) ** 2 * kick
@@ -122,11 +134,11 @@ def splice(size: float, rng: np.random.Generator) -> Disturbance:
 
 def rub(size: float, rng: np.random.Generator) -> Disturbance:
     """Rubbing in every second revolution: a burst at one order between 30 and 80."""
-    at, order = rng.uniform(0.8, 2.4) * rng.choice([-1.0, 1.0]), rng.uniform(30.0, 80.0)
+    position, order = rng.uniform(0.8, 2.4) * rng.choice([-1.0, 1.0]), rng.uniform(30.0, 80.0)
 
     def added(turning: Turning, _: bool) -> FloatArray:
         # Two revolutions are one period; it comes once in it.
-        double = np.mod(turning.angle_rad - at + 2.0 * math.pi, 4.0 * math.pi) - 2.0 * math.pi
+        double = np.mod(turning.angle_rad - position + 2.0 * math.pi, 4.0 * math.pi) - 2.0 * math.pi
         burst = np.exp(-0.5 * (double / 0.15) ** 2) * np.sin(order * double)
         force = np.zeros((len(burst), 3))
         force[:, 2] = force[:, 0] = size * turning.omega_radps / REFERENCE_RADPS * burst
@@ -179,11 +191,11 @@ def rim_rub(size: float, rng: np.random.Generator) -> Disturbance:
 
     Stick and slip have no phase: the bursts' mean over revolutions is zero.
     """
-    at, width = rng.uniform(-math.pi, math.pi), rng.uniform(0.08, 0.2)
+    position, width = rng.uniform(-math.pi, math.pi), rng.uniform(0.08, 0.2)
     noise = np.random.default_rng(int(rng.integers(2**31)))
 
     def added(turning: Turning, reverse: bool) -> FloatArray:
-        from_it = np.mod(turning.angle_rad - (-at if reverse else at) + math.pi, 2.0 * math.pi) - math.pi
+        from_it = np.mod(turning.angle_rad - (-position if reverse else position) + math.pi, 2.0 * math.pi) - math.pi
         burst = np.exp(-0.5 * (from_it / width) ** 2)
         white = noise.standard_normal((len(burst), 3))
         # Neighbouring samples are alike: a band below a quarter of the sampling rate.
@@ -231,8 +243,8 @@ def swap(size: float, rng: np.random.Generator) -> OutputFault:
     def changed(counts: NDArray[np.int16]) -> NDArray[np.int16]:
         first = np.flatnonzero(draws.random(max(len(counts) - 1, 0)) < size / SAMPLE_RATE_HZ)
         result = counts.copy()
-        for at in first.tolist():
-            result[[at, at + 1]] = result[[at + 1, at]]
+        for position in first.tolist():
+            result[[position, position + 1]] = result[[position + 1, position]]
         return result
 
     return changed
@@ -244,8 +256,8 @@ def stick(size: float, rng: np.random.Generator) -> OutputFault:
 
     def changed(counts: NDArray[np.int16]) -> NDArray[np.int16]:
         result = counts.copy()
-        for at in np.flatnonzero(draws.random(len(counts)) < size / SAMPLE_RATE_HZ).tolist():
-            result[at : at + int(draws.integers(3, 10))] = counts[at]
+        for position in np.flatnonzero(draws.random(len(counts)) < size / SAMPLE_RATE_HZ).tolist():
+            result[position : position + int(draws.integers(3, 10))] = counts[position]
         return result
 
     return changed

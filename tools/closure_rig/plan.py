@@ -90,9 +90,9 @@ def sampled(cases: Sequence[Planned], seed: int) -> list[Planned]:
     rng = np.random.default_rng(seed)
     places: dict[int, float] = {}
     for stratum in dict.fromkeys(case.stratum for case in cases):
-        own = [case.number for case in cases if case.stratum == stratum]
-        for place, which in enumerate(rng.permutation(len(own)).tolist()):
-            places[own[which]] = (place + float(rng.random())) / len(own)
+        selected = [case.number for case in cases if case.stratum == stratum]
+        for index, which in enumerate(rng.permutation(len(selected)).tolist()):
+            places[selected[which]] = (index + float(rng.random())) / len(selected)
     return sorted(cases, key=lambda case: places[case.number])
 
 
@@ -153,5 +153,5 @@ def _spread(rng: np.random.Generator, extent: tuple[float, float], count: int) -
     """Return numbers spread evenly over a range on a logarithmic scale, one at random in each part."""
     low, high = math.log(extent[0]), math.log(extent[1])
     places = (np.arange(count) + rng.random(count)) / count
-    found: list[float] = np.exp(low + (high - low) * places).tolist()
-    return found
+    result: list[float] = np.exp(low + (high - low) * places).tolist()
+    return result

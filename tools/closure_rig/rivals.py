@@ -34,11 +34,11 @@ class Rivals:
         names = {entry.name for entry in CAUSES if entry.locked is Locked.MEAN}
         if not {true, other} <= names:
             return False
-        own = self._contribution(true)
+        selected = self._contribution(true)
         columns = np.stack([column for column in self._columns(other) if column.any()], axis=1)
         basis = np.linalg.qr(columns / np.linalg.norm(columns, axis=0))[0]
-        left = own - basis @ (basis.T @ own)
-        return float(left @ left) < DETECTION_CHI2
+        remainder = selected - basis @ (basis.T @ selected)
+        return float(remainder @ remainder) < DETECTION_CHI2
 
     @cached_property
     def _strength(self) -> Strength:

@@ -118,11 +118,11 @@ def _diagnose(stored: Stored, gateway: Path, result: Path, timeout_s: float) -> 
     return error.strip()[-_MOST_TEXT:] or f"exit status {process.returncode}" if process.returncode else ""
 
 
-def line_of(found: Mapping[str, Any], label: Mapping[str, Any], case: Case) -> dict[str, Any]:
+def line_of(result: Mapping[str, Any], label: Mapping[str, Any], case: Case) -> dict[str, Any]:
     """Return the line of results of a diagnosis.
 
     Args:
-        found: what the worker wrote.
+        result: what the worker wrote.
         label: opened.
         case: as planned, for true values.
     """
@@ -138,12 +138,12 @@ def line_of(found: Mapping[str, Any], label: Mapping[str, Any], case: Case) -> d
         "sizes": {name: [entry["value"], entry["unit"]] for name, entry in label["sizes"].items()},
         "runs": len(case.bench.runs),
     }
-    if "fault" in found:
-        return {**about, "outcome": str(Outcome.FAILED), "fault": found["fault"], "wall_s": found["wall_s"]}
+    if "fault" in result:
+        return {**about, "outcome": str(Outcome.FAILED), "fault": result["fault"], "wall_s": result["wall_s"]}
     also = stranger(label["outside"]).also if label["outside"] else ()
-    judgement = judge(found, label, Rivals(case).alike, also)
-    probability = dict(found["probabilities"])
-    for effect in found["effects"]:
+    judgement = judge(result, label, Rivals(case).alike, also)
+    probability = dict(result["probabilities"])
+    for effect in result["effects"]:
         if effect["probability"] is not None:
             probability[effect["name"]] = effect["probability"]
     return {
@@ -152,20 +152,20 @@ def line_of(found: Mapping[str, Any], label: Mapping[str, Any], case: Case) -> d
         "named": list(judgement.named),
         "open": [sorted(group) for group in judgement.open],
         "probability": probability,
-        "effects": found["effects"],
-        "unexplained": found["unexplained"],
-        "held_out": found["held_out"],
+        "effects": result["effects"],
+        "unexplained": result["unexplained"],
+        "held_out": result["held_out"],
         "numbers": _numbers(
-            found["estimates"],
+            result["estimates"],
             case,
-            {effect["name"] for effect in found["effects"] if effect["verdict"] != "refused"},
+            {effect["name"] for effect in result["effects"] if effect["verdict"] != "refused"},
         ),
-        "parameters": _parameters(found["effects"], case),
-        "revolutions": found["revolutions"],
-        "rejected": found["rejected"],
-        "gateway": found["gateway"],
-        "cpu_s": found["cpu_s"],
-        "wall_s": found["wall_s"],
+        "parameters": _parameters(result["effects"], case),
+        "revolutions": result["revolutions"],
+        "rejected": result["rejected"],
+        "gateway": result["gateway"],
+        "cpu_s": result["cpu_s"],
+        "wall_s": result["wall_s"],
     }
 
 
@@ -179,8 +179,8 @@ def _numbers(
     stated = [State(*entry["state"]) for entry in estimates["after"] if entry["state"] is not None]
     others = {_nearest(state, list(truth)) for state in stated}
     # The state of the most revolutions goes without a name. Several are left where revolutions were rejected.
-    left = [state for state in truth if state not in others]
-    unnamed = left[0] if len(left) == 1 else None
+    remainder = [state for state in truth if state not in others]
+    unnamed = remainder[0] if len(remainder) == 1 else None
     lines = []
     for when, entries in estimates.items():
         for entry in entries:

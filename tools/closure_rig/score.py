@@ -93,7 +93,7 @@ def false_names(line: Line) -> set[str]:
     return set(line.get("named", ())) - there(line)
 
 
-def found(line: Line) -> bool:
+def is_named(line: Line) -> bool:
     """Return whether all undeclared effects were found as far as the data allow, and nothing else."""
     return Outcome(line["outcome"]).right
 
@@ -109,9 +109,9 @@ def reliability(lines: Iterable[Line]) -> list[Bin]:
     bins = []
     for low, high in pairwise(PROBABILITIES):
         # The last bin holds 1.
-        own = [(p, true) for p, true in pairs if low <= p < high or (high == p == PROBABILITIES[-1])]
-        mean = float(np.mean([p for p, _ in own])) if own else math.nan
-        bins.append(Bin(low, high, mean, Share(sum(true for _, true in own), len(own))))
+        selected = [(p, true) for p, true in pairs if low <= p < high or (high == p == PROBABILITIES[-1])]
+        mean = float(np.mean([p for p, _ in selected])) if selected else math.nan
+        bins.append(Bin(low, high, mean, Share(sum(true for _, true in selected), len(selected))))
     return bins
 
 
@@ -141,7 +141,7 @@ def _table(title: str, versions: Versions, rows: Iterable[tuple[str, Callable[[S
     cells = [(label, [cell(lines) for lines in versions.values()]) for label, cell in rows]
     cells = [(label, texts) for label, texts in cells if any(text != "-" for text in texts)]
     width = max([len(label) for label, _ in cells], default=0)
-    columns = [max([len(name), *(len(texts[place]) for _, texts in cells)]) for place, name in enumerate(versions)]
+    columns = [max([len(name), *(len(texts[index]) for _, texts in cells)]) for index, name in enumerate(versions)]
     head = "  ".join([" " * width, *(f"{name:<{size}s}" for name, size in zip(versions, columns, strict=True))])
     body = [
         "  ".join([f"{label:<{width}s}", *(f"{text:<{size}s}" for text, size in zip(texts, columns, strict=True))])
@@ -175,9 +175,9 @@ def _outcomes(versions: Versions) -> list[str]:
             for outcome in Outcome:
 
                 def cell(lines: Sequence[Line], stratum: str = stratum, outcome: Outcome = outcome) -> str:
-                    own = _of(lines, stratum)
-                    hits = sum(line["outcome"] == outcome for line in own)
-                    return Share(hits, len(own)).text() if hits else "-"
+                    selected = _of(lines, stratum)
+                    hits = sum(line["outcome"] == outcome for line in selected)
+                    return Share(hits, len(selected)).text() if hits else "-"
 
                 yield f"{stratum}: {outcome}", cell
 
@@ -187,14 +187,14 @@ def _outcomes(versions: Versions) -> list[str]:
 def _names(versions: Versions) -> list[str]:
     def rate(kinds: Sequence[str]) -> Callable[[Sequence[Line]], str]:
         def cell(lines: Sequence[Line]) -> str:
-            own = [line for line in lines if line["kind"] in kinds and line["outcome"] != Outcome.FAILED]
-            return Share(sum(bool(false_names(line)) for line in own), len(own)).bounded()
+            selected = [line for line in lines if line["kind"] in kinds and line["outcome"] != Outcome.FAILED]
+            return Share(sum(bool(false_names(line)) for line in selected), len(selected)).bounded()
 
         return cell
 
     def precise(lines: Sequence[Line]) -> str:
-        given = [name in there(line) for line in lines for name in line.get("named", ())]
-        return Share(sum(given), len(given)).text()
+        stated = [name in there(line) for line in lines for name in line.get("named", ())]
+        return Share(sum(stated), len(stated)).text()
 
     rows = [
         ("cases with a false name, nothing there", rate([Kind.NOTHING])),
@@ -210,15 +210,15 @@ def _by_strength(versions: Versions) -> list[str]:
         for low, high in pairwise(STRENGTHS):
 
             def cell(lines: Sequence[Line], low: float = low, high: float = high) -> str:
-                own = [
+                selected = [
                     line
                     for line in lines
                     if line["kind"] == Kind.EFFECT and low <= next(iter(line["strengths"].values())) < high
                 ]
-                if not own:
+                if not selected:
                     return "-"
-                counts = Counter(line["outcome"] for line in own)
-                parts = [f"found {Share(sum(map(found, own)), len(own)).text()}"]
+                counts = Counter(line["outcome"] for line in selected)
+                parts = [f"found {Share(sum(map(is_named, selected)), len(selected)).text()}"]
                 parts += [
                     f"{word} {counts[outcome]}"
                     for outcome, word in (
@@ -239,10 +239,10 @@ def _by_strength(versions: Versions) -> list[str]:
 
 def _reliability(versions: Versions) -> list[str]:
     def rows() -> Iterator[tuple[str, Callable[[Sequence[Line]], str]]]:
-        for place, (low, high) in enumerate(pairwise(PROBABILITIES)):
+        for index, (low, high) in enumerate(pairwise(PROBABILITIES)):
 
-            def cell(lines: Sequence[Line], place: int = place) -> str:
-                _, _, mean, share = reliability(lines)[place]
+            def cell(lines: Sequence[Line], index: int = index) -> str:
+                _, _, mean, share = reliability(lines)[index]
                 if not share.trials:
                     return "-"
                 least, most = share.interval
@@ -265,8 +265,8 @@ def _residual(versions: Versions) -> list[str]:
 
     def worse(lines: Sequence[Line]) -> str:
         errors = [line["held_out"] for line in lines if "held_out" in line]
-        known = [e for e in errors if e["after_mps2"] is not None and e["before_mps2"] is not None]
-        return Share(sum(e["after_mps2"] > 1.02 * e["before_mps2"] for e in known), len(known)).text()
+        reference = [e for e in errors if e["after_mps2"] is not None and e["before_mps2"] is not None]
+        return Share(sum(e["after_mps2"] > 1.02 * e["before_mps2"] for e in reference), len(reference)).text()
 
     rows = [(stratum, lambda lines, stratum=stratum: ratios(_of(lines, stratum))) for stratum in _strata(versions)]
     title = "Held-out error after, over the noise floor"
@@ -282,17 +282,17 @@ def _number_pulls(versions: Versions) -> list[str]:
             if entry["quantity"] in NUMBERS and keep(line, entry)
         )
 
-    def own(when: str, model: str) -> Callable[[Line, Mapping[str, Any]], bool]:
+    def by_model(when: str, model: str) -> Callable[[Line, Mapping[str, Any]], bool]:
         return lambda line, entry: entry["when"] == when and line["model"] == model and line["kind"] != Kind.OUTSIDE
 
     def strange(when: str) -> Callable[[Line, Mapping[str, Any]], bool]:
         return lambda line, entry: entry["when"] == when and line["kind"] == Kind.OUTSIDE
 
     def single(name: str) -> Callable[[Line, Mapping[str, Any]], bool]:
-        return lambda line, entry: entry["quantity"] == name and own("after", "exact")(line, entry)
+        return lambda line, entry: entry["quantity"] == name and by_model("after", "exact")(line, entry)
 
     rows = [
-        *((f"{when}, from {model}", pulls(own(when, model))) for when in ("before", "after") for model in ALWAYS),
+        *((f"{when}, from {model}", pulls(by_model(when, model))) for when in ("before", "after") for model in ALWAYS),
         *((f"{when}, strangers", pulls(strange(when))) for when in ("before", "after")),
         *((f"after, from exact, {name}", pulls(single(name))) for name in NUMBERS),
     ]
@@ -349,25 +349,25 @@ def _cost(versions: Versions) -> list[str]:
 
 def _by_effect(versions: Versions) -> list[str]:
     """Return for every effect how often it was found, and from which strength on in nine of ten cases."""
-    known = [entry.name for entry in CAUSES] + [entry.name for entry in STRANGERS]
+    reference = [entry.name for entry in CAUSES] + [entry.name for entry in STRANGERS]
 
     def rows() -> Iterator[tuple[str, Callable[[Sequence[Line]], str]]]:
-        for name in known:
+        for name in reference:
 
             def cell(lines: Sequence[Line], name: str = name) -> str:
-                own = sorted(
-                    (line["strengths"][name], found(line), line["sizes"][name][0])
+                selected = sorted(
+                    (line["strengths"][name], is_named(line), line["sizes"][name][0])
                     for line in lines
                     if list(line["strengths"]) == [name]
                 )
-                if not own:
+                if not selected:
                     return "-"
                 parts = []
                 for word, low, high in (("below 1", 0.0, 1.0), ("1 to 3", 1.0, 3.0), ("above", 3.0, math.inf)):
-                    some = [hit for strength, hit, _ in own if low <= strength < high]
+                    some = [hit for strength, hit, _ in selected if low <= strength < high]
                     if some:
                         parts.append(f"{word} {sum(some)}/{len(some)}")
-                return ", ".join([*parts, _smallest(own)])
+                return ", ".join([*parts, _smallest(selected)])
 
             yield name, cell
 
@@ -377,8 +377,8 @@ def _by_effect(versions: Versions) -> list[str]:
 
 def _smallest(cases: Sequence[tuple[float, bool, float]]) -> str:
     """Return the smallest strength from which on enough cases are found; `cases` are sorted (strength, hit, size)."""
-    for place, (strength, hit, size) in enumerate(cases):
-        rest = [other for _, other, _ in cases[place:]]
+    for index, (strength, hit, size) in enumerate(cases):
+        rest = [other for _, other, _ in cases[index:]]
         if hit and sum(rest) >= ENOUGH * len(rest):
             return f"from {strength:.2g} ({size:.3g})"
     return "never"
@@ -392,10 +392,10 @@ def _wrong(versions: Versions) -> list[str]:
             if line["outcome"] in (Outcome.WRONG, Outcome.FALSE_ALARM, Outcome.UNSURE, Outcome.FAILED):
                 what = [f"{name} ({strength:.2g})" for name, strength in line["strengths"].items()] or ["nothing"]
                 named = " + ".join(line.get("named", ())) or "nothing named"
-                left = "".join(f"; open: {' / '.join(group)}" for group in line.get("open", ()))
+                remainder = "".join(f"; open: {' / '.join(group)}" for group in line.get("open", ()))
                 fault = f"; {line['fault'].splitlines()[-1]}" if line.get("fault") else ""
                 about = f"{version} {line['number']}, from {line['model']}, {' + '.join(what)}"
-                lines.append(f"{about}: {line['outcome']}: {named}{left}{fault}")
+                lines.append(f"{about}: {line['outcome']}: {named}{remainder}{fault}")
     return lines if len(lines) > 1 else [*lines, "none"]
 
 

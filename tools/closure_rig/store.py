@@ -41,16 +41,18 @@ class Store:
         digest = hashlib.sha256(repr(self.cases).encode()).hexdigest()
         about = folder / "plan.json"
         if about.is_file():
-            found = json.loads(about.read_text(encoding="utf-8"))
-            if found["seed"] != seed:
-                raise ValueError(f"'{folder}' holds the cases of seed {found['seed']}, not {seed}: give another folder")
-            if found.get("digest") != digest:
+            estimated_loads = json.loads(about.read_text(encoding="utf-8"))
+            if estimated_loads["seed"] != seed:
+                raise ValueError(
+                    f"'{folder}' holds the cases of seed {estimated_loads['seed']}, not {seed}: give another folder"
+                )
+            if estimated_loads.get("digest") != digest:
                 raise ValueError(f"'{folder}' holds the cases of another version of the rig: give another folder")
         else:
             (folder / "cases").mkdir(parents=True, exist_ok=True)
             (folder / "labels").mkdir(exist_ok=True)
-            kept = {"seed": seed, "digest": digest, "treadlink": __version__}
-            about.write_text(json.dumps(kept), encoding="utf-8")
+            remaining = {"seed": seed, "digest": digest, "treadlink": __version__}
+            about.write_text(json.dumps(remaining), encoding="utf-8")
 
     def get(self, planned: Planned) -> Stored:
         """Return a case, made if it is not there yet."""

@@ -37,10 +37,10 @@ def numbers_of(case: Case, *, rolling: bool = False) -> dict[State, dict[str, fl
         rolling: Bs of the bending stiffness that a belt without rotary inertia needs at the speeds of the state's runs,
             EI - rho I V^2, in place of EI.
     """
-    found: dict[State, dict[str, float]] = {}
+    results: dict[State, dict[str, float]] = {}
     for run in case.bench.runs:
         state = _state(run)
-        if state in found:
+        if state in results:
             continue
         plan = _plan(case, run)
         numbers = plan.tire.numbers(state.pressure_pa)
@@ -54,8 +54,8 @@ def numbers_of(case: Case, *, rolling: bool = False) -> dict[State, dict[str, fl
         values["tread_stiffness_npm2"] = case.bench.tread_mpa * 1e6
         omega_radps = run.speed_kmh / 3.6 / plan.radius_m
         values["contact_half_angle_rad"] = _half_angle_rad(plan, state, omega_radps)
-        found[state] = values
-    return found
+        results[state] = values
+    return results
 
 
 def _state(run: Run) -> State:
@@ -75,12 +75,12 @@ def parameters_of(case: Case) -> dict[str, dict[str, float]]:
     runs differ in it.
     """
     names = case.label["truth"]
-    found: dict[str, dict[str, float]] = {}
+    results: dict[str, dict[str, float]] = {}
     for name in names:
         values = _parameters(name, case)
         if values:
-            found[name] = values
-    return found
+            results[name] = values
+    return results
 
 
 def _plan(case: Case, run: Any) -> WheelPlan:

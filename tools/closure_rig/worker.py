@@ -41,13 +41,13 @@ def main() -> None:
         reverse=[folder / name for name in names["reverse"]],
         **alone,
     )
-    found = {
+    results = {
         "gateway": gateway.__version__,
         "cpu_s": _cpu_s() - used,
         "wall_s": perf_counter() - began,
         **_found(diagnosis),
     }
-    result.write_text(json.dumps(found), encoding="utf-8")
+    result.write_text(json.dumps(results), encoding="utf-8")
 
 
 def _cpu_s() -> float:
@@ -67,7 +67,7 @@ def _found(diagnosis: Any) -> dict[str, Any]:
             name: _number(value) for name, value in (getattr(diagnosis, "probabilities", None) or {}).items()
         },
         "unexplained": [
-            {"axis": left.axis, "lock": left.lock, "rms_mps2": _number(left.rms_mps2)} for left in diagnosis.unexplained
+            {"axis": item.axis, "lock": item.lock, "rms_mps2": _number(item.rms_mps2)} for item in diagnosis.unexplained
         ],
         "held_out": {
             "before_mps2": _number(held_out.rms_before_mps2),

@@ -95,7 +95,7 @@ def _tables(document: str, model: type[BaseModel], path: str, seen: dict[type[Ba
 def _model_in(annotation: object) -> type[BaseModel] | None:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
-    return next((found for part in typing.get_args(annotation) if (found := _model_in(part))), None)
+    return next((result for part in typing.get_args(annotation) if (result := _model_in(part))), None)
 
 
 def _meaning(model: type[BaseModel]) -> str:
@@ -128,8 +128,8 @@ def _allowed(field: FieldInfo) -> str:
 
 def _validator_text(function: object) -> str:
     """Return what the validators of series, triples and units allow; they keep it in their closure, for messages."""
-    kept = inspect.getclosurevars(function).nonlocals if inspect.isfunction(function) else {}
-    return kept.get("allowed") or (f"one of {', '.join(kept['names'])}" if "names" in kept else "")
+    remaining = inspect.getclosurevars(function).nonlocals if inspect.isfunction(function) else {}
+    return remaining.get("allowed") or (f"one of {', '.join(remaining['names'])}" if "names" in remaining else "")
 
 
 def _kind(annotation: Any) -> str:

@@ -52,8 +52,8 @@ def python_markdown() -> str:
     lines = [_INTRODUCTION]
     for title, kind in (("Functions", inspect.isfunction), ("Classes", _is_class), ("Errors", _is_error)):
         lines += [f"## {title}", ""]
-        found = {name: getattr(gateway, name) for name in gateway.names()}
-        chosen = {name: value for name, value in found.items() if kind(value)}
+        results = {name: getattr(gateway, name) for name in gateway.names()}
+        chosen = {name: value for name, value in results.items() if kind(value)}
         if title == "Errors":
             rows = ((code(f"gateway.{name}"), escaped(_first_line(value))) for name, value in chosen.items())
             lines += table(("Error", "Meaning"), rows)
@@ -89,8 +89,8 @@ def _first_line(documented: object) -> str:
 
 
 def _columns(kind: type[ColumnTable]) -> dict[str, str]:
-    return {one.name: one.metadata[COLUMN] for one in fields(kind) if COLUMN in one.metadata}
+    return {field.name: field.metadata[COLUMN] for field in fields(kind) if COLUMN in field.metadata}
 
 
 def _attributes(kind: type[ColumnTable]) -> list[str]:
-    return [one.name for one in fields(kind) if COLUMN not in one.metadata]
+    return [field.name for field in fields(kind) if COLUMN not in field.metadata]

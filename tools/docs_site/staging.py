@@ -81,13 +81,13 @@ def _relinked(source: Path, page: str, by_source: dict[Path, str], target: Path)
             return match[0]
         linked = (source.parent / address).resolve()
         if linked in by_source:
-            place = by_source[linked]
+            position = by_source[linked]
         elif linked.is_relative_to(DOCS):
-            place = str(linked.relative_to(DOCS))
+            position = str(linked.relative_to(DOCS))
         else:
-            place = f"{FILES}/{linked.relative_to(ROOT)}"
-            _copy(linked, target / place)
-        return f"{match[1]}{os.path.relpath(place, folder)}{mark}{anchor}{match[3]}"
+            position = f"{FILES}/{linked.relative_to(ROOT)}"
+            _copy(linked, target / position)
+        return f"{match[1]}{os.path.relpath(position, folder)}{mark}{anchor}{match[3]}"
 
     return _LINK.sub(link, filled(source.read_text("utf-8")))
 

@@ -120,63 +120,63 @@ def _quantities(ring: RingSolution) -> FloatArray:
 
 
 def bound(
-    found: Sequence[Sensitivity], known: Sequence[int] = (), *, along: bool = False, tilt_std_rad: float = math.inf
+    result: Sequence[Sensitivity], fixed: Sequence[int] = (), *, along: bool = False, tilt_std_rad: float = math.inf
 ) -> tuple[FloatArray, FloatArray]:
     """Return the covariance of the quantities of the first of several speeds, and of all parameters there.
 
     Stiffnesses and dampings are those of the tire at every speed; torque and contact centre are each speed's own.
 
     Args:
-        found: sensitivities, one revolution of each.
-        known: parameters that are known.
+        result: sensitivities, one revolution of each.
+        fixed: parameters that are known.
         along: whether the circumferential axis is used too.
         tilt_std_rad: of the sensor's pitch, which reads the radial into the circumferential axis.
     """
     common = TREAD_DAMPING + 1
-    own = found[0].radial.shape[0] - common
-    count = common + own * len(found) + 1
+    selected = result[0].radial.shape[0] - common
+    count = common + selected * len(result) + 1
     information = np.zeros((count, count))
-    for place, one in enumerate(found):
-        at = [*range(common), *range(common + own * place, common + own * (place + 1))]
-        std = DENSITY_MG * 1e-3 * STANDARD_GRAVITY_MPS2 / math.sqrt(one.period_s)
-        rows = np.zeros((count, one.radial.shape[1] * (2 if along else 1)))
-        rows[at, : one.radial.shape[1]] = one.radial
+    for number, sensitivity_of in enumerate(result):
+        position = [*range(common), *range(common + selected * number, common + selected * (number + 1))]
+        std = DENSITY_MG * 1e-3 * STANDARD_GRAVITY_MPS2 / math.sqrt(sensitivity_of.period_s)
+        rows = np.zeros((count, sensitivity_of.radial.shape[1] * (2 if along else 1)))
+        rows[position, : sensitivity_of.radial.shape[1]] = sensitivity_of.radial
         if along:
-            rows[at, one.radial.shape[1] :] = one.along
-            rows[-1, one.radial.shape[1] :] = one.tilt
+            rows[position, sensitivity_of.radial.shape[1] :] = sensitivity_of.along
+            rows[-1, sensitivity_of.radial.shape[1] :] = sensitivity_of.tilt
         information += rows @ rows.T / std**2
     information[-1, -1] += tilt_std_rad**-2 if math.isfinite(tilt_std_rad) else 0.0
     if not along:
         information[-1, -1] = 1.0
-    free = [index for index in range(count) if index not in known]
+    free = [index for index in range(count) if index not in fixed]
     part = information[np.ix_(free, free)]
     scale = np.sqrt(np.diagonal(part))
     covariance = np.zeros((count, count))
     covariance[np.ix_(free, free)] = np.linalg.inv(part / np.outer(scale, scale)) / np.outer(scale, scale)
-    first = [*range(common), *range(common, common + own)]
+    first = [*range(common), *range(common, common + selected)]
     whole = covariance[np.ix_(first, first)]
-    quantities = found[0].quantities
+    quantities = result[0].quantities
     return quantities @ whole @ quantities.T, whole
 
 
 def bound_table() -> Table:
     """Return the bound in several cases."""
-    at = {speed: sensitivity(speed) for speed in (30.0, 65.0, 120.0)}
+    position = {speed: sensitivity(speed) for speed in (30.0, 65.0, 120.0)}
     cases: list[tuple[str, Sequence[Sensitivity], tuple[int, ...], bool, float]] = [
-        ("65 km/h", [at[65.0]], (), False, math.inf),
-        ("65 km/h, no tread damping", [at[65.0]], (TREAD_DAMPING,), False, math.inf),
-        ("65 km/h, sidewall damping known", [at[65.0]], (DAMPING, TREAD_DAMPING), False, math.inf),
-        ("65 km/h, stiffnesses known", [at[65.0]], tuple(range(DAMPING)), False, math.inf),
-        ("65 km/h, and one at 120 km/h", [at[65.0], at[120.0]], (), False, math.inf),
-        ("65 km/h, and at 30 and 120 km/h", [at[65.0], at[30.0], at[120.0]], (), False, math.inf),
-        ("65 km/h, circumferential axis, pitch unknown", [at[65.0]], (), True, math.inf),
-        ("65 km/h, circumferential axis, pitch known", [at[65.0]], (), True, 1e-9),
-        ("30 km/h", [at[30.0]], (), False, math.inf),
-        ("120 km/h", [at[120.0]], (), False, math.inf),
+        ("65 km/h", [position[65.0]], (), False, math.inf),
+        ("65 km/h, no tread damping", [position[65.0]], (TREAD_DAMPING,), False, math.inf),
+        ("65 km/h, sidewall damping known", [position[65.0]], (DAMPING, TREAD_DAMPING), False, math.inf),
+        ("65 km/h, stiffnesses known", [position[65.0]], tuple(range(DAMPING)), False, math.inf),
+        ("65 km/h, and one at 120 km/h", [position[65.0], position[120.0]], (), False, math.inf),
+        ("65 km/h, and at 30 and 120 km/h", [position[65.0], position[30.0], position[120.0]], (), False, math.inf),
+        ("65 km/h, circumferential axis, pitch unknown", [position[65.0]], (), True, math.inf),
+        ("65 km/h, circumferential axis, pitch known", [position[65.0]], (), True, 1e-9),
+        ("30 km/h", [position[30.0]], (), False, math.inf),
+        ("120 km/h", [position[120.0]], (), False, math.inf),
     ]
     rows = []
-    for name, found, known, along, tilt in cases:
-        covariance, whole = bound(found, known, along=along, tilt_std_rad=tilt)
+    for name, result, item, along, tilt in cases:
+        covariance, whole = bound(result, item, along=along, tilt_std_rad=tilt)
         std = np.sqrt(np.diagonal(covariance))
         # Torque with the sidewall's damping.
         torque, damping = TREAD_DAMPING + 1, DAMPING
@@ -206,8 +206,8 @@ def _by_estimator() -> Iterator[tuple[float, int]]:
     signal = orders_about(base.sensor.radial_m, base.contact_centre_rad, _ORDERS)
     noise = DENSITY_MG * 1e-3 * STANDARD_GRAVITY_MPS2 * math.sqrt(omega / (2.0 * math.pi))
     std = np.full(ORDER_COUNT, noise / (omega**2 * float(signal[0].real)))
-    found = solve_asymmetric(curvature_from_signal(signal, 0.0), std, base.half_angle_rad)
-    covariance = found.noise(std) + found.common()
+    result = solve_asymmetric(curvature_from_signal(signal, 0.0), std, base.half_angle_rad)
+    covariance = result.noise(std) + result.common()
     difference = np.array([0.0, -1.0, 1.0, 0.0])
     yield LOAD_N * math.sqrt(covariance[Force.LONGITUDINAL, Force.LONGITUDINAL]), 0
     yield LOAD_N * TABLE_3_RADIUS_M * math.sqrt(covariance[Force.TORQUE, Force.TORQUE]), 1

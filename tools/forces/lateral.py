@@ -62,9 +62,9 @@ class Cornering:
 
 def brush(tire: TireModel, ring: RingSolution, slip_deg: float, _: np.random.Generator) -> Cornering:
     """Return the simulator's belt at a slip angle."""
-    found = tire.solve_lateral(ring, math.radians(slip_deg))
-    share = float(found.sliding.sum() / max(int(ring.in_contact.sum()), 1))
-    return Cornering(found.lateral_m, found.side_force_n, found.aligning_moment_nm, share)
+    result = tire.solve_lateral(ring, math.radians(slip_deg))
+    share = float(result.sliding.sum() / max(int(ring.in_contact.sum()), 1))
+    return Cornering(result.lateral_m, result.side_force_n, result.aligning_moment_nm, share)
 
 
 def twisting(tire: TireModel, ring: RingSolution, slip_deg: float, rng: np.random.Generator) -> Cornering:
@@ -76,10 +76,10 @@ def twisting(tire: TireModel, ring: RingSolution, slip_deg: float, rng: np.rando
     """
     belt, radius = tire.lateral, ring.ring.radius_m
     theta = ring.theta_rad
-    place = (theta - ring.leading_edge_rad) / (ring.trailing_edge_rad - ring.leading_edge_rad)
-    inside = (place > 0.0) & (place < 1.0)
+    position = (theta - ring.leading_edge_rad) / (ring.trailing_edge_rad - ring.leading_edge_rad)
+    inside = (position > 0.0) & (position < 1.0)
     rise, fall = rng.uniform(0.5, 2.0), rng.uniform(0.3, 1.5)
-    safe = np.clip(place, 0.0, 1.0)
+    safe = np.clip(position, 0.0, 1.0)
     force = np.where(inside, safe**rise * (1.0 - safe) ** fall, 0.0)
     step = radius * float(theta[1] - theta[0])
     side = 0.1 * ring.load_n * slip_deg
@@ -151,13 +151,15 @@ def cornering(model: str, index: int, seed: int) -> Iterator[Measured]:
         table = _radial_table(plan, world)
         said = draw_statement(world, np.random.default_rng([seed, index, 1]))
         said = replace(said, load_n=world.load_n * (1.0 + 0.01 * float(rng.standard_normal())))
-        points = [_run(world, plan, table, ring, solve, slip, said, rng, (seed, index, place))
-                  for place, slip in enumerate(_CALIBRATED_DEG)]  # fmt: skip
+        points = [_run(world, plan, table, ring, solve, slip, said, rng, (seed, index, position))
+                  for position, slip in enumerate(_CALIBRATED_DEG)]  # fmt: skip
         calibrated = _calibrated(said, points, ring, rng)
-        for place in (2 * index, 2 * index + 1):
-            slip = _JUDGED_DEG[place % len(_JUDGED_DEG)]
-            truth, found, _ = _run(world, plan, table, ring, solve, slip, calibrated, rng, (seed, index, 10 + place))
-            yield from _judged(f"{world.kind} {index}, {model}", f"{slip:+g} deg", truth, found, world)
+        for position in (2 * index, 2 * index + 1):
+            slip = _JUDGED_DEG[position % len(_JUDGED_DEG)]
+            truth, result, _ = _run(
+                world, plan, table, ring, solve, slip, calibrated, rng, (seed, index, 10 + position)
+            )
+            yield from _judged(f"{world.kind} {index}, {model}", f"{slip:+g} deg", truth, result, world)
     except (RingNotConvergedError, BrushNotConvergedError):
         return
 
@@ -182,10 +184,10 @@ def _run(
         return RolledTable(wave, table.edges_rad(*conditions))
 
     results = results_of(record_wheel(world, plan, waveforms, seed), said, _ESTIMATORS)
-    found = {} if not results else {estimate.name: estimate for estimate in results[-1].estimates}
+    result = {} if not results else {estimate.name: estimate for estimate in results[-1].estimates}
     last = results[-1].revolution if results else None
     half = 0.5 * (last.trailing_edge_rad - last.leading_edge_rad) if last is not None else math.nan
-    return truth, found, half
+    return truth, result, half
 
 
 def _calibrated(
@@ -194,9 +196,9 @@ def _calibrated(
 ) -> Statement:  # fmt: skip
     force_std = _RIG_STD * ring.load_n
     moment_std = force_std * ring.ring.radius_m * 0.1
-    shifts = [found.get("belt_shift_m") or Estimate.invalid("belt_shift_m") for _, found, _ in points]
-    yaws = [found.get("belt_yaw_rad") or Estimate.invalid("belt_yaw_rad") for _, found, _ in points]
-    if any(one.status is Status.INVALID for one in (*shifts, *yaws)):
+    shifts = [result.get("belt_shift_m") or Estimate.invalid("belt_shift_m") for _, result, _ in points]
+    yaws = [result.get("belt_yaw_rad") or Estimate.invalid("belt_yaw_rad") for _, result, _ in points]
+    if any(estimate.status is Status.INVALID for estimate in (*shifts, *yaws)):
         return said
     forces = [truth.side_force_n + force_std * float(rng.standard_normal()) for truth, _, _ in points]
     moments = [truth.aligning_moment_nm + moment_std * float(rng.standard_normal()) for truth, _, _ in points]
@@ -210,7 +212,7 @@ def _calibrated(
     return CalibratedStatement(**stated, side_force=calibration)
 
 
-def _judged(tire: str, case: str, truth: Cornering, found: dict[str, Estimate], world: World) -> Iterator[Measured]:
+def _judged(tire: str, case: str, truth: Cornering, result: dict[str, Estimate], world: World) -> Iterator[Measured]:
     values = {
         "side_force_n": (truth.side_force_n, world.load_n),
         "aligning_moment_nm": (truth.aligning_moment_nm, world.load_n * world.radius_m),
@@ -219,7 +221,7 @@ def _judged(tire: str, case: str, truth: Cornering, found: dict[str, Estimate], 
     }
     for name, (value, unit) in values.items():
         if math.isfinite(value):
-            yield Measured(tire, case, name, found.get(name) or Estimate.invalid(name), value, unit)
+            yield Measured(tire, case, name, result.get(name) or Estimate.invalid(name), value, unit)
 
 
 def linearity_table() -> Table:
@@ -243,18 +245,18 @@ def linearity_table() -> Table:
         ring = solve_rolling_ring(tire.ring, TABLE_3_LOAD_N, TABLE_3_PRESSURE_PA, 56.4, nodes=1440)
         rng = np.random.default_rng(1)
         solve = {"brush": brush, "twisting": twisting}[model]
-        found = [solve(tire, ring, slip, rng) for slip in (-6.0, -4.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0, 6.0)]
+        results = [solve(tire, ring, slip, rng) for slip in (-6.0, -4.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0, 6.0)]
         grid = len(ring.theta_rad)
         signs = np.where(np.asarray(ORDERS) % 2, -1.0, 1.0)
-        spectra = np.array([np.fft.rfft(one.lateral_m)[ORDERS.start : ORDERS.stop] for one in found])
+        spectra = np.array([np.fft.rfft(estimate.lateral_m)[ORDERS.start : ORDERS.stop] for estimate in results])
         spectra = spectra * signs * (2.0 / grid)
         records = np.concatenate([spectra.real, -spectra.imag], axis=1)
         shift, yaw = displacement_rows(ring.half_angle_rad) @ records.T
         lateral = 2.0 * math.pi * tire.ring.radius_m * tire.lateral.sidewall_stiffness_npm2
         cells = []
         for displaced, forces in (
-            (shift, np.array([one.side_force_n for one in found])),
-            (yaw, np.array([one.aligning_moment_nm for one in found])),
+            (shift, np.array([estimate.side_force_n for estimate in results])),
+            (yaw, np.array([estimate.aligning_moment_nm for estimate in results])),
         ):
             line = np.polyfit(displaced, forces, 1)
             off = float(np.abs(np.polyval(line, displaced) - forces).max())

@@ -87,7 +87,7 @@ def simulated(index: int, traction: float, seed: int) -> Iterator[Measured]:
     )
 
 
-def rolled(folder: Path, seed: int, known: bool) -> Iterator[Measured]:
+def rolled(folder: Path, seed: int, is_stated: bool) -> Iterator[Measured]:
     """Yield the estimates of every kept tire of finite elements that states its forces."""
     for index, tire in enumerate(rolled_tires(folder)):
         about = tire.about
@@ -95,7 +95,7 @@ def rolled(folder: Path, seed: int, known: bool) -> Iterator[Measured]:
             continue
         world = replace(rolled_world(tire, seed, index), revolutions=REVOLUTIONS, noise_mg_rthz=5.0)
         said = draw_statement(world, np.random.default_rng([seed, index, 1]))
-        if known:
+        if is_stated:
             world = replace(world, gain_error=(0.0, 0.0, 0.0), zero_g_mps2=(0.0, 0.0, 0.0), tilt_deg=(0.0, 0.0, 0.0))
             said = known_exactly(world, said)
         run = record_wheel(world, world.plan(), _kept(tire), (seed, index), lateral=False)
@@ -112,9 +112,9 @@ def _case(traction: float) -> str:
 
 def _measured(tire: str, case: str, run: Run, said: Statement, truth: Truth) -> Iterator[Measured]:
     results = results_of(run, said, ESTIMATORS)
-    found = {} if not results else {estimate.name: estimate for estimate in results[-1].estimates}
+    result = {} if not results else {estimate.name: estimate for estimate in results[-1].estimates}
     for name in QUANTITIES:
-        estimate = found.get(name) or Estimate.invalid(name)
+        estimate = result.get(name) or Estimate.invalid(name)
         yield Measured(tire, case, name, estimate, truth.values[name], truth.unit(name))
 
 
@@ -137,9 +137,11 @@ def _kept(tire: RolledTire) -> Callable[[WheelPlan, World], Any]:
 
 def pulls(measured: Sequence[Measured]) -> tuple[float, float, float, int]:
     """Return rms and largest pull of valid estimates, share valid, and number of falsely valid ones."""
-    valid = [one for one in measured if one.estimate.status is Status.VALID]
-    found = np.array([(one.estimate.value - one.truth) / one.estimate.std for one in valid])
-    if not len(found):
+    valid = [measurement for measurement in measured if measurement.estimate.status is Status.VALID]
+    result = np.array(
+        [(measurement.estimate.value - measurement.truth) / measurement.estimate.std for measurement in valid]
+    )
+    if not len(result):
         return math.nan, math.nan, 0.0, 0
-    rms, largest = float(np.sqrt(np.mean(found**2))), float(np.abs(found).max())
-    return rms, largest, len(valid) / len(measured), int((np.abs(found) > 3.0).sum())
+    rms, largest = float(np.sqrt(np.mean(result**2))), float(np.abs(result).max())
+    return rms, largest, len(valid) / len(measured), int((np.abs(result) > 3.0).sum())

@@ -120,13 +120,13 @@ def _measured_at(theta: FloatArray, half: float, rng: np.random.Generator) -> Fl
     """Return the measured tire at every angle, stretched to another contact; each turn is a different revolution."""
     revolutions, own_half = measured_revolutions(), np.radians(20.9 / 2.0)
     turn = np.floor(theta / (2.0 * np.pi)).astype(int)
-    place = theta - turn * 2.0 * np.pi
-    place = np.where(place > np.pi, place - 2.0 * np.pi, place)
-    place = np.sign(place) * np.interp(np.abs(place), [0.0, half, np.pi], [0.0, own_half, np.pi])
-    at = np.where(place < 0.0, place + 2.0 * np.pi, place) / (2.0 * np.pi) * GRID
-    low = np.clip(at.astype(int), 0, GRID - 2)
+    index = theta - turn * 2.0 * np.pi
+    index = np.where(index > np.pi, index - 2.0 * np.pi, index)
+    index = np.sign(index) * np.interp(np.abs(index), [0.0, half, np.pi], [0.0, own_half, np.pi])
+    position = np.where(index < 0.0, index + 2.0 * np.pi, index) / (2.0 * np.pi) * GRID
+    low = np.clip(position.astype(int), 0, GRID - 2)
     which = rng.integers(0, len(revolutions), int(turn.max() - turn.min()) + 1)[turn - turn.min()]
-    share = np.clip(at - low, 0.0, 1.0)
+    share = np.clip(position - low, 0.0, 1.0)
     result: FloatArray = revolutions[which, low] * (1.0 - share) + revolutions[which, low + 1] * share
     return result
 
@@ -153,9 +153,9 @@ def make_signal(case: Case) -> Signal:
     if lost.any():
         radial[lost] = np.interp(np.flatnonzero(lost), np.flatnonzero(~lost), radial[~lost])
     turns = np.floor(theta / (2.0 * np.pi))
-    at = np.flatnonzero(np.diff(turns))
-    target = 2.0 * np.pi * np.maximum(turns[at], turns[at + 1])
-    contacts = at + (target - theta[at]) / (theta[at + 1] - theta[at])
+    position = np.flatnonzero(np.diff(turns))
+    target = 2.0 * np.pi * np.maximum(turns[position], turns[position + 1])
+    contacts = position + (target - theta[position]) / (theta[position + 1] - theta[position])
     return Signal(case, radial, contacts, speed, theta, lost)
 
 
@@ -258,24 +258,24 @@ def judge(signal: Signal, pairs: list[ContactPair]) -> Verdict:
     errors: list[float] = []
     periods: list[float] = []
     for pair in pairs:
-        place = -1
+        position = -1
         if len(bounds):
             off = np.abs(bounds - (pair.start.centre, pair.end.centre))
-            place = int(off.sum(axis=1).argmin())
-            if off[place].max() > 0.04 * (bounds[place, 1] - bounds[place, 0]):
-                place = -1
-        if place < 0:
+            position = int(off.sum(axis=1).argmin())
+            if off[position].max() > 0.04 * (bounds[position, 1] - bounds[position, 0]):
+                position = -1
+        if position < 0:
             verdict.false += 1
             continue
-        seen.add(place)
-        period = bounds[place, 1] - bounds[place, 0]
+        seen.add(position)
+        period = bounds[position, 1] - bounds[position, 0]
         if pair.start.predicted or pair.end.predicted:
             verdict.predicted += 1
             continue
-        errors.append(float(100.0 * (pair.end.centre - bounds[place, 1]) / period))
+        errors.append(float(100.0 * (pair.end.centre - bounds[position, 1]) / period))
         periods.append(float(100.0 * ((pair.end.centre - pair.start.centre) / period - 1.0)))
         verdict.z.append(periods[-1] / 100.0 * period / max(pair.period_std, 1e-9))
-    verdict.missed = sum(due and place not in seen for place, (_, _, due) in enumerate(true))
+    verdict.missed = sum(due and index not in seen for index, (_, _, due) in enumerate(true))
     verdict.centre_percent = (np.array(errors) - np.median(errors)).tolist() if errors else []
     verdict.bias_percent = float(np.mean(periods)) if periods else 0.0
     return verdict

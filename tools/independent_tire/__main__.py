@@ -58,10 +58,10 @@ def write(path: Path, belt: Belt, history: History) -> None:
     arrays = {}
     scatter = 0.0
     for offset_mm in OFFSETS_MM:
-        found = signals(belt, history, 1e-3 * offset_mm)
-        arrays[f"shape_{offset_mm:g}"] = np.stack(found)
-        arrays[f"samples_{offset_mm:g}"] = np.stack(sampled(belt, found, RATE_HZ, _SAMPLED_REVOLUTIONS))
-        scatter = max(scatter, belt.omega_radps**2 * float(np.std(found.radial_m - found.radial_m.mean(axis=0))))
+        result = signals(belt, history, 1e-3 * offset_mm)
+        arrays[f"shape_{offset_mm:g}"] = np.stack(result)
+        arrays[f"samples_{offset_mm:g}"] = np.stack(sampled(belt, result, RATE_HZ, _SAMPLED_REVOLUTIONS))
+        scatter = max(scatter, belt.omega_radps**2 * float(np.std(result.radial_m - result.radial_m.mean(axis=0))))
     drag, torque, load = history.drag_n.mean(), history.torque_nm.mean(), history.load_n.mean()
     description = {
         **{key: value for key, value in asdict(belt).items() if value != math.inf},

@@ -49,15 +49,15 @@ class Mesh:
     def resting(self) -> Array:
         """(4 N,) coordinates of the resting circle."""
         theta = self.theta_rad
-        place = self.radius_m * np.stack([np.sin(theta), -np.cos(theta)], axis=1)
+        position = self.radius_m * np.stack([np.sin(theta), -np.cos(theta)], axis=1)
         slope = np.stack([np.cos(theta), np.sin(theta)], axis=1)
-        return np.concatenate([place, slope], axis=1).reshape(-1)
+        return np.concatenate([position, slope], axis=1).reshape(-1)
 
     @cached_property
     def points(self) -> GaussPoints:
         """Gauss points of all elements."""
-        at, weight = np.polynomial.legendre.leggauss(_GAUSS)
-        return GaussPoints(self, 0.5 * (at + 1.0), 0.5 * weight * self.length_m)
+        position, weight = np.polynomial.legendre.leggauss(_GAUSS)
+        return GaussPoints(self, 0.5 * (position + 1.0), 0.5 * weight * self.length_m)
 
 
 class GaussPoints:
@@ -74,13 +74,13 @@ class GaussPoints:
         element_weight_m: (p,) lengths of an element's points.
     """
 
-    def __init__(self, mesh: Mesh, at: Array, weight_m: Array) -> None:
-        """Lay out the points `at` (0 to 1) of every element."""
-        length, x = mesh.length_m, at
-        values = self.shapes_at(at, length)
+    def __init__(self, mesh: Mesh, position: Array, weight_m: Array) -> None:
+        """Lay out the points `position` (0 to 1) of every element."""
+        length, x = mesh.length_m, position
+        values = self.shapes_at(position, length)
         slopes = np.stack([(6 * x**2 - 6 * x) / length, 1 - 4 * x + 3 * x**2, (6 * x - 6 * x**2) / length,
                            3 * x**2 - 2 * x])  # fmt: skip
-        self.at, self.values, self.slopes, self.element_weight_m = at, values, slopes, weight_m
+        self.at, self.values, self.slopes, self.element_weight_m = position, values, slopes, weight_m
         self.shape = _interpolation(mesh.count, values)
         self.slope = _interpolation(mesh.count, slopes)
         self.weight_m = np.tile(weight_m, mesh.count)
@@ -88,20 +88,20 @@ class GaussPoints:
         self.theta_rad: Array = (2.0 * math.pi * places / mesh.count - math.pi).reshape(-1)
 
     @staticmethod
-    def shapes_at(at: Array, length_m: float) -> Array:
+    def shapes_at(position: Array, length_m: float) -> Array:
         """Return (4, p) shape functions of an element at points 0 to 1: place, slope, next place, next slope."""
-        x, length = at, length_m
+        x, length = position, length_m
         return np.stack([1 - 3 * x**2 + 2 * x**3, length * (x - 2 * x**2 + x**3), 3 * x**2 - 2 * x**3,
                          length * (x**3 - x**2)])  # fmt: skip
 
-    def form(self, left: csr_matrix, block: Array, right: csr_matrix) -> csr_matrix:
+    def form(self, lefts: csr_matrix, block: Array, right: csr_matrix) -> csr_matrix:
         """Return the integral of left^T block right over the belt; `block` is (2, 2) or (P, 2, 2)."""
         count = len(self.weight_m)
         blocks = np.broadcast_to(block, (count, 2, 2)) * self.weight_m[:, None, None]
         rows = np.repeat(2 * np.arange(count)[:, None] + np.arange(2), 2, axis=1).reshape(-1)
         columns = np.tile(2 * np.arange(count)[:, None] + np.arange(2), (1, 2)).reshape(-1)
         middle = csr_matrix((blocks.reshape(-1), (rows, columns)), shape=(2 * count, 2 * count))
-        return csr_matrix(left.T @ middle @ right)
+        return csr_matrix(lefts.T @ middle @ right)
 
 
 def _interpolation(count: int, values: Array) -> csr_matrix:

@@ -182,17 +182,17 @@ class RoadForce:
         moved = self._resting + displaced.reshape(-1, 2, 2)
         rates = rate.reshape(-1, 2, 2)
         # (m, p, 2) at the points of the elements near the road.
-        place = shape @ np.concatenate([moved[elements], moved[after]], axis=1)
+        position = shape @ np.concatenate([moved[elements], moved[after]], axis=1)
         moving = shape @ np.concatenate([rates[elements], rates[after]], axis=1)
         # In the road's frame the rim's turning adds Omega x r.
-        moving = moving + belt.omega_radps * place @ QUARTER_TURN.T
+        moving = moving + belt.omega_radps * position @ QUARTER_TURN.T
         height = self.height_m(time_s)
         if math.isinf(belt.drum_radius_m):
-            depth = -place @ up - height
-            normal: Array = np.broadcast_to(up, place.shape)
+            depth = -position @ up - height
+            normal: Array = np.broadcast_to(up, position.shape)
             spread = np.zeros(depth.shape)
         else:
-            arm = place + (height + belt.drum_radius_m) * up
+            arm = position + (height + belt.drum_radius_m) * up
             distance = np.hypot(arm[..., 0], arm[..., 1])
             depth, normal, spread = belt.drum_radius_m - distance, arm / distance[..., None], 1.0 / distance
         along = np.stack([normal[..., 1], -normal[..., 0]], axis=-1)
@@ -221,7 +221,7 @@ class RoadForce:
         whole = np.zeros((self._mesh.count, 2, 2))
         whole[elements] += nodal[:, :2]
         whole[after] += nodal[:, 2:]
-        lever = place[..., 0] * force[..., 1] - place[..., 1] * force[..., 0]
+        lever = position[..., 0] * force[..., 1] - position[..., 1] * force[..., 0]
         edges = _edges((angle[elements][:, None] + self._local_rad).reshape(-1), unclipped.reshape(-1))
         return Road(
             force=whole.reshape(-1),
@@ -349,8 +349,8 @@ def _add_rest(
         return push
 
     def jacobian(_: Any, time_s: float, __: int, displaced: Any, rate: Any, position: float, velocity: float) -> Any:
-        found = road.at(time_s, np.asarray(displaced), np.asarray(rate))
-        triplets = road.triplets(found, position, velocity)
+        result = road.at(time_s, np.asarray(displaced), np.asarray(rate))
+        triplets = road.triplets(result, position, velocity)
         if calm := calmed(time_s):
             triplets = np.concatenate([triplets, mass_triplets * [1.0, 1.0, velocity * calm]])
         container = exu.MatrixContainer()
@@ -387,16 +387,16 @@ def _integrate(mbs: Any, exu: Any, belt: Belt, road: RoadForce, quiet: bool) -> 
 
     def after_step(_: Any, time_s: float) -> bool:
         q, v = states.GetODE2Coordinates(), states.GetODE2Coordinates_t()
-        found = road.at(time_s, q, v)
-        if belt.friction and found.push_n > 0.0 and time_s < held_s:
+        result = road.at(time_s, q, v)
+        if belt.friction and result.push_n > 0.0 and time_s < held_s:
             # The road follows the belt until the force is the wanted one; without one the tire rolls freely. The force
             # on the belt is along the belt's motion, which is backward.
-            excess = found.drag_n / found.push_n + belt.traction
+            excess = result.drag_n / result.push_n + belt.traction
             road.road_mps -= _FREE_ROLLING * excess * belt.speed_mps / belt.steps
         if time_s >= begin_s - 1e-12:
             a = states.GetODE2Coordinates_tt()
-            rows.append((time_s, q[:COORDINATES], v[:COORDINATES], a[:COORDINATES], found.push_n, found.drag_n,
-                         found.torque_nm, found.edges_rad))  # fmt: skip
+            rows.append((time_s, q[:COORDINATES], v[:COORDINATES], a[:COORDINATES], result.push_n, result.drag_n,
+                         result.torque_nm, result.edges_rad))  # fmt: skip
         return True
 
     mbs.SetPostStepUserFunction(after_step)

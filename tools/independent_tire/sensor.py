@@ -31,7 +31,7 @@ class Signals(NamedTuple):
 def signals(belt: Belt, history: History, offset_m: float) -> Signals:
     """Return the signals of a sensor `offset_m` below the belt's middle line, over whole revolutions."""
     omega = belt.omega_radps
-    place, slope = np.split(history.position_m, 2, axis=1)
+    index, slope = np.split(history.position_m, 2, axis=1)
     rate, slope_rate = np.split(history.velocity_mps, 2, axis=1)
     bend, slope_bend = np.split(history.acceleration_mps2, 2, axis=1)
     square = np.sum(slope**2, axis=1)
@@ -41,8 +41,8 @@ def signals(belt: Belt, history: History, offset_m: float) -> Signals:
     turning = _cross(slope, slope_rate) / square
     growing = np.sum(slope * slope_rate, axis=1) / square
     spinning = _cross(slope, slope_bend) / square - 2.0 * growing * turning
-    velocity = rate + omega * place @ QUARTER_TURN.T - offset_m * (turning + omega)[:, None] * along
-    acceleration = bend + 2.0 * omega * rate @ QUARTER_TURN.T - omega**2 * place
+    velocity = rate + omega * index @ QUARTER_TURN.T - offset_m * (turning + omega)[:, None] * along
+    acceleration = bend + 2.0 * omega * rate @ QUARTER_TURN.T - omega**2 * index
     acceleration = acceleration - offset_m * (spinning[:, None] * along + ((turning + omega) ** 2)[:, None] * inward)
     turned = history.angle_rad + math.pi
     up = np.stack([np.sin(turned), np.cos(turned)], axis=1)
@@ -59,15 +59,15 @@ def signals(belt: Belt, history: History, offset_m: float) -> Signals:
     first = math.ceil((history.angle_rad[0] - 1e-9 + math.pi) / (2.0 * math.pi))
     grid = -math.pi + 2.0 * math.pi * np.arange(ANGLES) / ANGLES
     revolutions = int((history.angle_rad[-1] + math.pi) / (2.0 * math.pi) + 1e-6) - first
-    at = grid[None, :] + 2.0 * math.pi * (first + np.arange(revolutions))[:, None]
-    return Signals(*(CubicSpline(history.angle_rad, part)(at) for part in parts))
+    position = grid[None, :] + 2.0 * math.pi * (first + np.arange(revolutions))[:, None]
+    return Signals(*(CubicSpline(history.angle_rad, part)(position) for part in parts))
 
 
-def sampled(belt: Belt, found: Signals, rate_hz: float, revolutions: int) -> tuple[Array, Array, Array]:
+def sampled(belt: Belt, result: Signals, rate_hz: float, revolutions: int) -> tuple[Array, Array, Array]:
     """Return times, radial and circumferential specific force in m/s^2 as sampled, gravity included."""
     time_s = np.arange(int(revolutions * belt.period_s * rate_hz)) / rate_hz
     angle = np.mod(belt.omega_radps * time_s, 2.0 * math.pi)
-    mean = [np.mean(part, axis=0) for part in found]
+    mean = [np.mean(part, axis=0) for part in result]
     grid = 2.0 * math.pi * np.arange(ANGLES + 1) / ANGLES
     curves = [CubicSpline(grid, np.append(part, part[0]), bc_type="periodic")(angle) for part in mean]
     square = belt.omega_radps**2

@@ -125,9 +125,9 @@ class _Tread:
             ahead = np.maximum.accumulate(np.where(state != 0.0, np.arange(1, count + 1), 0))
             sticking = state == 0.0
             held = np.append(0.0, state * self._bound_m)
-            own = np.arange(1, count + 1)
-            follow = diags_array(sticking.astype(np.float64)) @ (self._feet[own] - self._feet[ahead])
-            rest = np.where(sticking, held[ahead] + self._creep_m[own] - self._creep_m[ahead], held[1:])
+            selected = np.arange(1, count + 1)
+            follow = diags_array(sticking.astype(np.float64)) @ (self._feet[selected] - self._feet[ahead])
+            rest = np.where(sticking, held[ahead] + self._creep_m[selected] - self._creep_m[ahead], held[1:])
             coordinates = splu(csc_array(stiffness + on_belt @ follow)).solve(load + on_belt @ rest)
             deflection = rest - follow @ coordinates
             wanted = self._marched(self._feet @ coordinates)

@@ -112,8 +112,8 @@ class SteadyMesh:
 def steady_mesh(elements: int, radius_m: float) -> SteadyMesh:
     """Return the mesh of a belt."""
     mesh = Mesh(elements, radius_m)
-    at, weight = np.polynomial.legendre.leggauss(_GAUSS)
-    return SteadyMesh(mesh, 0.5 * (at + 1.0), 0.5 * weight * mesh.length_m)
+    position, weight = np.polynomial.legendre.leggauss(_GAUSS)
+    return SteadyMesh(mesh, 0.5 * (position + 1.0), 0.5 * weight * mesh.length_m)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -333,9 +333,9 @@ class _Road:
 
     def __init__(self, belt: Belt, mesh: SteadyMesh, state: _State) -> None:
         local = mesh.local(state.coordinates)
-        place, slope = mesh.shapes[0] @ local, mesh.shapes[1] @ local
+        position, slope = mesh.shapes[0] @ local, mesh.shapes[1] @ local
         speed = belt.speed_mps
-        depth = -place[..., 1] - state.height_m
+        depth = -position[..., 1] - state.height_m
         grown = np.clip(depth / _GROWS_OVER_M, 0.0, 1.0)
         sinking = -speed * slope[..., 1]
         unclipped = belt.tread_npm2 * depth + belt.tread_damping_nspm2 * grown * sinking

@@ -121,15 +121,15 @@ def chain_causes(rng: np.random.Generator) -> tuple[ChainCause, ...]:
     length = rng.uniform(0.012, 0.025)
     soft = rng.uniform(1.0, 4.0)
 
-    def delay(signal: FloatArray, here: GroupConditions) -> FloatArray:
+    def delay(signal: FloatArray, conditions: GroupConditions) -> FloatArray:
         # Two channels of a multiplexer, the later one interpolated between its own samples.
         result = signal.copy()
-        angle = here.omega_radps * late
+        angle = conditions.omega_radps * late
         grid = np.arange(FIELD_SIZE) * (2.0 * math.pi / FIELD_SIZE)
         fine = np.fft.irfft(np.fft.rfft(signal[CIRCUMFERENTIAL]), n=8 * FIELD_SIZE) * 8.0
-        at = np.mod(grid - angle, 2.0 * math.pi) / (2.0 * math.pi) * len(fine)
-        low = np.floor(at).astype(int) % len(fine)
-        part = at - np.floor(at)
+        position = np.mod(grid - angle, 2.0 * math.pi) / (2.0 * math.pi) * len(fine)
+        low = np.floor(position).astype(int) % len(fine)
+        part = position - np.floor(position)
         result[CIRCUMFERENTIAL] = (1.0 - part) * fine[low] + part * fine[(low + 1) % len(fine)]
         return result
 
@@ -154,11 +154,11 @@ def chain_causes(rng: np.random.Generator) -> tuple[ChainCause, ...]:
         result[CIRCUMFERENTIAL] += share * (axis - soft * np.logaddexp(0.0, axis / soft))
         return result
 
-    def leak(signal: FloatArray, here: GroupConditions) -> FloatArray:
+    def leak(signal: FloatArray, conditions: GroupConditions) -> FloatArray:
         # Through a stage that is 15 us late.
         result = signal.copy()
         order = np.arange(FIELD_SIZE // 2 + 1)
-        late_by = np.exp(-1j * order * here.omega_radps * 15e-6)
+        late_by = np.exp(-1j * order * conditions.omega_radps * 15e-6)
         result[RADIAL] += cross * np.fft.irfft(np.fft.rfft(signal[CIRCUMFERENTIAL]) * late_by, n=FIELD_SIZE)
         return result
 
@@ -168,9 +168,9 @@ def chain_causes(rng: np.random.Generator) -> tuple[ChainCause, ...]:
         result[CIRCUMFERENTIAL] += 300.0 * square * axis * np.tanh(axis / 300.0)
         return result
 
-    def board(signal: FloatArray, here: GroupConditions) -> FloatArray:
+    def board(signal: FloatArray, conditions: GroupConditions) -> FloatArray:
         # A board held best in its middle: an arch of the same second moment as a uniform mean.
-        x = np.arange(FIELD_SIZE // 2 + 1) * length / here.radius_m
+        x = np.arange(FIELD_SIZE // 2 + 1) * length / conditions.radius_m
         offsets = np.linspace(-0.5, 0.5, 41)
         weights = np.cos(math.pi * offsets) ** 2
         weights /= weights.sum()
@@ -191,35 +191,35 @@ def chain_causes(rng: np.random.Generator) -> tuple[ChainCause, ...]:
 
 def outside_causes(rng: np.random.Generator) -> tuple[tuple[str, Fault], ...]:
     """Return causes that neither the library nor the catalogue has."""
-    place, width = rng.uniform(-2.5, 2.5), rng.uniform(0.03, 0.15)
+    position, width = rng.uniform(-2.5, 2.5), rng.uniform(0.03, 0.15)
     hz, size = rng.uniform(250.0, 700.0), rng.uniform(2.0, 15.0)
     theta = -math.pi + 2.0 * math.pi / FIELD_SIZE * np.arange(FIELD_SIZE)
-    from_it = np.mod(theta - place + math.pi, 2.0 * math.pi) - math.pi
+    from_it = np.mod(theta - position + math.pi, 2.0 * math.pi) - math.pi
     phases = rng.uniform(0.0, 2.0 * math.pi, 12)
     first = int(rng.integers(4, 40))
     power = float(rng.choice([0.0, 1.0, 3.0]))
 
-    def pulse(signal: FloatArray, here: GroupConditions) -> FloatArray:
+    def pulse(signal: FloatArray, conditions: GroupConditions) -> FloatArray:
         # A kick of the road at one angle, as of an expansion joint of a drum, in proportion to the speed.
         result = signal.copy()
         kick = (1.0 - (from_it / width) ** 2) * np.exp(-0.5 * (from_it / width) ** 2)
-        result[RADIAL] += size * (here.omega_radps / 50.0) * kick
+        result[RADIAL] += size * (conditions.omega_radps / 50.0) * kick
         return result
 
-    def ringing(signal: FloatArray, here: GroupConditions) -> FloatArray:
+    def ringing(signal: FloatArray, conditions: GroupConditions) -> FloatArray:
         # A loose part that rings at its own frequency from one place on.
         result = signal.copy()
-        after = np.mod(theta - place, 2.0 * math.pi) / here.omega_radps
+        after = np.mod(theta - position, 2.0 * math.pi) / conditions.omega_radps
         ring = np.exp(-after / 0.006) * np.sin(2.0 * math.pi * hz * after)
         result[RADIAL] += size * ring
         result[CIRCUMFERENTIAL] += 0.4 * size * ring
         return result
 
-    def hum(signal: FloatArray, here: GroupConditions) -> FloatArray:
+    def hum(signal: FloatArray, conditions: GroupConditions) -> FloatArray:
         # A band of orders all around, of a power of speed that no law has.
         result = signal.copy()
         waves = sum(np.cos((first + k) * theta + phase) for k, phase in enumerate(phases.tolist()))
-        result[RADIAL] += 0.3 * size * (here.omega_radps / 50.0) ** power * waves
+        result[RADIAL] += 0.3 * size * (conditions.omega_radps / 50.0) ** power * waves
         return result
 
     def dead(signal: FloatArray, _: GroupConditions) -> FloatArray:
@@ -234,14 +234,14 @@ def outside_causes(rng: np.random.Generator) -> tuple[tuple[str, Fault], ...]:
         result = signal.copy()
         axis, most = signal[RADIAL].copy(), 8.0 + 2.0 * size
         for number in range(2 * FIELD_SIZE):
-            at, before = number % FIELD_SIZE, (number - 1) % FIELD_SIZE
-            axis[at] = np.clip(signal[RADIAL, at], axis[before] - most, axis[before] + most)
+            position, before = number % FIELD_SIZE, (number - 1) % FIELD_SIZE
+            axis[position] = np.clip(signal[RADIAL, position], axis[before] - most, axis[before] + most)
         result[RADIAL] = axis
         return result
 
     return ("road kick", pulse), ("ringing part", ringing), ("hum", hum), ("dead zone", dead), ("slew limit", limit)
 
 
-def through(fault: Fault, orders: ComplexArray, here: GroupConditions) -> ComplexArray:
+def through(fault: Fault, orders: ComplexArray, conditions: GroupConditions) -> ComplexArray:
     """Return the orders (3, ORDERS) of a signal that an error has changed."""
-    return field_orders(fault(orders_field(orders), here))
+    return field_orders(fault(orders_field(orders), conditions))

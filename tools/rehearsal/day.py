@@ -142,11 +142,11 @@ def _hub_chunks(seed: int, hub: int, faults: Sequence[Fault], day_s: float) -> I
         start_ns = START_NS + round(start_s * 1e9)
         return simulate(parse_document(Scenario, text, "rehearsal"), duration_s=day_s - start_s).chunks("", start_ns)
 
-    own = {
+    selected = {
         Kind.RESTART: "reboot:at={begin},gap={gap}",
         Kind.SENSOR: "silence:part=1,at={begin},for={gap}",
     }
-    texts = [own[f.kind].format(begin=f.begin_s, gap=f.end_s - f.begin_s) for f in mine if f.kind in own]
+    texts = [selected[f.kind].format(begin=f.begin_s, gap=f.end_s - f.begin_s) for f in mine if f.kind in selected]
     replaced = next((fault for fault in mine if fault.kind is Kind.REPLACED), None)
     until_ns = START_NS + round((day_s if replaced is None else replaced.begin_s) * 1e9)
 

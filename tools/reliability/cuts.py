@@ -64,7 +64,7 @@ def report(folder: Path, times: int, seed: int = 1) -> Iterator[str]:
         f"{times} truncations anywhere: {wrong} read back wrong; read back is the data up to the cut, "
         f"{max(0.0, *missing):.2f} s less at most"
     )
-    wrong, kept, unreported = 0, [], 0
+    wrong, remaining, unreported = 0, [], 0
     for _ in range(times):
         torn = bytearray(whole)
         first = len(whole) // _PAGE - _LAST_PAGES
@@ -77,11 +77,11 @@ def report(folder: Path, times: int, seed: int = 1) -> Iterator[str]:
         wrong += _bytes(reader.items())[:safe] != sent[:safe]
         unreported += reader.damage is None
         repair_recording(target, fixed)
-        kept.append(len(_bytes(RecordingReader(fixed).items())) / len(sent))
+        remaining.append(len(_bytes(RecordingReader(fixed).items())) / len(sent))
         fixed.unlink()
     yield (
         f"{times} torn ends ({_LAST_PAGES // 4} of the last {_LAST_PAGES} pages zeros or noise): {wrong} read back "
-        f"wrong before them, {unreported} not reported; repair keeps {min(kept):.1%} or more of the link's bytes"
+        f"wrong before them, {unreported} not reported; repair keeps {min(remaining):.1%} or more of the link's bytes"
     )
     yield from _full(folder)
 

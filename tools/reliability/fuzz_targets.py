@@ -124,13 +124,13 @@ def decode(data: bytes) -> bool:
     whole, cut, batch = FrameDecoder(), FrameDecoder(), BatchDecoder()
     expected = [*whole.feed(data), *whole.finish()]
     step = 1 + (data[0] if data else 0)
-    found: list[Frame] = []
-    for at in range(0, len(data), step):
-        found += cut.feed(data[at : at + step])
+    results: list[Frame] = []
+    for offset in range(0, len(data), step):
+        results += cut.feed(data[offset : offset + step])
         assert cut.pending_bytes < 244
-    found += cut.finish()
+    results += cut.finish()
     keys = [frame[:5] for frame in expected]
-    assert [frame[:5] for frame in found] == keys
+    assert [frame[:5] for frame in results] == keys
     assert cut.counters == whole.counters
     rows = [frame[:5] for frame in batch.feed(data).frames()]
     rows += [frame[:5] for frame in batch.finish().frames()]
@@ -143,13 +143,13 @@ def decode(data: bytes) -> bool:
 def session(data: bytes) -> bool:
     """Valid frames with arbitrary content: type, wheel, length and payload come from the bytes."""
     frames: list[bytes] = []
-    at = 0
-    while at + 8 <= len(data):
-        kind, wheel, size = 1 + data[at] % 8, data[at + 1] % 3, min(data[at + 2], 224)
-        tick_us = int.from_bytes(data[at + 3 : at + 7], "little")
-        payload = data[at + 8 : at + 8 + size]
-        frames.append(encode_raw(kind, payload, 0, wheel, data[at + 7] * 16 + len(frames), tick_us))
-        at += 8 + size
+    offset = 0
+    while offset + 8 <= len(data):
+        kind, wheel, size = 1 + data[offset] % 8, data[offset + 1] % 3, min(data[offset + 2], 224)
+        tick_us = int.from_bytes(data[offset + 3 : offset + 7], "little")
+        payload = data[offset + 8 : offset + 8 + size]
+        frames.append(encode_raw(kind, payload, 0, wheel, data[offset + 7] * 16 + len(frames), tick_us))
+        offset += 8 + size
     core = SessionCore(None)
     core.tick(_START_NS)
     for number, frame in enumerate(frames):
@@ -447,14 +447,14 @@ def _mats() -> list[bytes]:
         ({"data": matrix, "z": (columns["z"] * 100).astype("i2"), "cell": np.array(["a", 1], object)}, {}),
         ({"z": columns["z"], "sparse": coo_array(np.eye(5)), "complex": np.ones(3) * 1j}, {"do_compression": True}),
     ]
-    found = []
+    results = []
     for content, options in contents:
         file = io.BytesIO()
         savemat(file, content, **options)
         data = file.getvalue()
         # The header of version 5 states the time of writing.
-        found.append(data if options.get("format") == "4" else b"MATLAB 5.0 MAT-file".ljust(116) + data[116:])
-    return found
+        results.append(data if options.get("format") == "4" else b"MATLAB 5.0 MAT-file".ljust(116) + data[116:])
+    return results
 
 
 def _parquets() -> list[bytes]:
@@ -462,26 +462,26 @@ def _parquets() -> list[bytes]:
     import pyarrow.parquet as pq
 
     table = pa.table({**_columns(), "text": ["a"] * 400, "n": pa.array([1, None] * 200)})
-    found = []
+    results = []
     for compression in ("none", "snappy", "zstd", "gzip"):
         file = io.BytesIO()
         pq.write_table(table, file, compression=compression, row_group_size=150)
-        found.append(file.getvalue())
-    return found
+        results.append(file.getvalue())
+    return results
 
 
 def _hdf5s() -> list[bytes]:
     import h5py
 
     columns = _columns()
-    found = []
+    results = []
     for name, options in (("plain", {}), ("packed", {}), ("latest", {"libver": "latest"}), ("matlab", {})):
         file = io.BytesIO()
         matlab = {"userblock_size": 512} if name == "matlab" else {}
         with h5py.File(file, "w", **options, **matlab) as content:
-            kept = {"compression": "gzip", "shuffle": True, "chunks": (150,)} if name == "packed" else {}
+            remaining = {"compression": "gzip", "shuffle": True, "chunks": (150,)} if name == "packed" else {}
             for column, values in columns.items():
-                content.create_dataset(column, data=values[None, :] if matlab else values, **kept)
+                content.create_dataset(column, data=values[None, :] if matlab else values, **remaining)
             # A group's header would state the time of writing.
             timeless = h5py.h5p.create(h5py.h5p.GROUP_CREATE)
             timeless.set_obj_track_times(False)
@@ -500,15 +500,15 @@ def _hdf5s() -> list[bytes]:
                 cell[0, 0], cell[0, 1] = content["#refs#/a"].ref, content["z"].ref
                 cell.attrs["MATLAB_class"] = np.bytes_("cell")
         data = file.getvalue()
-        found.append(b"MATLAB 7.3 MAT-file".ljust(124) + b"\0\2IM" + data[128:] if matlab else data)
-    return found
+        results.append(b"MATLAB 7.3 MAT-file".ljust(124) + b"\0\2IM" + data[128:] if matlab else data)
+    return results
 
 
 def _mdfs() -> list[bytes]:
     from asammdf import MDF, Signal
 
     columns = _columns()
-    found = []
+    results = []
     for version, compression in (("4.10", 0), ("4.10", 2), ("4.11", 1), ("3.30", 0)):
         with MDF(version=version) as mdf:
             mdf.header.start_time = datetime(2024, 5, 1, tzinfo=UTC)
@@ -530,16 +530,16 @@ def _mdfs() -> list[bytes]:
             path = _folder() / f"seed{'.mf4' if version[0] == '4' else '.mdf'}"
             mdf.save(path, overwrite=True, compression=compression)
         data = bytearray(path.read_bytes())
-        at = data.find(b"##FH")
-        while at >= 0:
+        offset = data.find(b"##FH")
+        while offset >= 0:
             # The history states the time of writing.
-            data[at + 40 : at + 48] = bytes(8)
-            at = data.find(b"##FH", at + 4)
-        at = data.find(b": updated by")
-        if at >= 24:
-            data[at - 24 : at] = b"Wed May  1 00:00:00 2024"
-        found.append(bytes(data))
-    return found
+            data[offset + 40 : offset + 48] = bytes(8)
+            offset = data.find(b"##FH", offset + 4)
+        offset = data.find(b": updated by")
+        if offset >= 24:
+            data[offset - 24 : offset] = b"Wed May  1 00:00:00 2024"
+        results.append(bytes(data))
+    return results
 
 
 @cache

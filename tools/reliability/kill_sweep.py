@@ -405,9 +405,9 @@ class Sweep:
         contents = _contents(self._work)
         # An empty lock holds nothing, and the next change takes it up.
         expected = (".lock", ".mcap") if case.is_recording else ".lock"
-        left = [name for name in contents.keys() - self._after.keys() if not name.endswith(expected)]
-        if left:
-            self._fault(call, f"the second run leaves {', '.join(sorted(_kind(name) for name in left))}")
+        remainder = [name for name in contents.keys() - self._after.keys() if not name.endswith(expected)]
+        if remainder:
+            self._fault(call, f"the second run leaves {', '.join(sorted(_kind(name) for name in remainder))}")
         if case.appends:
             self._check_lines(self._work / case.appends, call)
         elif not case.is_recording:

@@ -41,7 +41,7 @@ def mutate(rng: np.random.Generator, seed: bytes, others: Sequence[bytes], inner
             data = inner(rng, data)
         elif rng.random() < 0.08:
             other = others[int(rng.integers(len(others)))]
-            data = data[: _place(rng, data)] + other[_place(rng, other) :]
+            data = data[: _offset(rng, data)] + other[_offset(rng, other) :]
         else:
             data = change(rng, data)
     return data[:_MOST_BYTES]
@@ -49,34 +49,34 @@ def mutate(rng: np.random.Generator, seed: bytes, others: Sequence[bytes], inner
 
 def change(rng: np.random.Generator, data: bytes) -> bytes:
     """Return data with one change."""
-    at = _place(rng, data)
-    size = int(min(2 ** min(rng.geometric(0.25) - 1, 11), max(len(data) - at, 1)))
+    offset = _offset(rng, data)
+    size = int(min(2 ** min(rng.geometric(0.25) - 1, 11), max(len(data) - offset, 1)))
     word = _WORDS[int(rng.integers(len(_WORDS)))]
     match int(rng.integers(12)):
         case 0:
-            flipped = (data[at] ^ 1 << int(rng.integers(8))) if at < len(data) else 0
-            return data[:at] + bytes((flipped,)) + data[at + 1 :]
+            flipped = (data[offset] ^ 1 << int(rng.integers(8))) if offset < len(data) else 0
+            return data[:offset] + bytes((flipped,)) + data[offset + 1 :]
         case 1:
-            return data[:at] + rng.bytes(min(size, 64)) + data[at + min(size, 64) :]
+            return data[:offset] + rng.bytes(min(size, 64)) + data[offset + min(size, 64) :]
         case 2:
-            return data[:at]
+            return data[:offset]
         case 3:
-            return data[:at] + data[at + size :]
+            return data[:offset] + data[offset + size :]
         case 4:
             times = int(2 ** rng.integers(0, 9))
-            return data[:at] + data[at : at + size] * min(times, _MOST_BYTES // (4 * size)) + data[at:]
+            return data[:offset] + data[offset : offset + size] * min(times, _MOST_BYTES // (4 * size)) + data[offset:]
         case 5:
-            other = _place(rng, data)
-            return data[:at] + data[other : other + size] + data[at + size :]
+            other = _offset(rng, data)
+            return data[:offset] + data[other : other + size] + data[offset + size :]
         case 6 | 7:
             width = int(2 ** rng.integers(0, 4))
             number = _NUMBERS[int(rng.integers(len(_NUMBERS)))] + int(rng.integers(-2, 3))
             packed = (number % (1 << 8 * width)).to_bytes(width, "little" if rng.random() < 0.8 else "big")
-            return data[:at] + packed + data[at + width :]
+            return data[:offset] + packed + data[offset + width :]
         case 8:
-            return data[:at] + word + data[at:]
+            return data[:offset] + word + data[offset:]
         case 9:
-            return data[:at] + word + data[at + len(word) :]
+            return data[:offset] + word + data[offset + len(word) :]
         case 10:
             return _changed_line(rng, data)
         case _:
@@ -85,11 +85,15 @@ def change(rng: np.random.Generator, data: bytes) -> bytes:
 
 def recording_content(rng: np.random.Generator, data: bytes) -> bytes:
     """Change the records inside a chunk of a recording, and make sizes, compression and checksum right again."""
-    chunks = [(at, end) for opcode, at, end in _records(data) if opcode == 6 and end - at >= _RECORD.size + _CHUNK.size]
+    chunks = [
+        (offset, end)
+        for opcode, offset, end in _records(data)
+        if opcode == 6 and end - offset >= _RECORD.size + _CHUNK.size
+    ]
     if not chunks:
         return change(rng, data)
-    at, end = chunks[int(rng.integers(len(chunks)))]
-    body = data[at + _RECORD.size : end]
+    offset, end = chunks[int(rng.integers(len(chunks)))]
+    body = data[offset + _RECORD.size : end]
     begin, stop, _, _, name_size = _CHUNK.unpack_from(body)
     content = body[_CHUNK.size + name_size + 8 :]
     if body[_CHUNK.size : _CHUNK.size + name_size] == b"zstd":
@@ -103,38 +107,38 @@ def recording_content(rng: np.random.Generator, data: bytes) -> bytes:
     head = (
         _CHUNK.pack(begin, stop, len(content), zlib.crc32(content), len(name)) + name + struct.pack("<Q", len(stored))
     )
-    return data[:at] + _RECORD.pack(6, len(head) + len(stored)) + head + stored + data[end:]
+    return data[:offset] + _RECORD.pack(6, len(head) + len(stored)) + head + stored + data[end:]
 
 
 def mat_content(rng: np.random.Generator, data: bytes) -> bytes:
     """Change the inside of a compressed element of a MATLAB file, and make its length right again."""
     elements = []
-    at = 128
-    while at + 8 <= len(data):
-        kind, size = struct.unpack_from("<II", data, at)
+    offset = 128
+    while offset + 8 <= len(data):
+        kind, size = struct.unpack_from("<II", data, offset)
         if kind == 15:
-            elements.append((at, min(at + 8 + size, len(data))))
-        at += 8 + size
+            elements.append((offset, min(offset + 8 + size, len(data))))
+        offset += 8 + size
     if not elements:
         return change(rng, data)
-    at, end = elements[int(rng.integers(len(elements)))]
+    offset, end = elements[int(rng.integers(len(elements)))]
     try:
-        content = zlib.decompressobj().decompress(data[at + 8 : end], 1 << 20)
+        content = zlib.decompressobj().decompress(data[offset + 8 : end], 1 << 20)
     except zlib.error:
         return change(rng, data)
     stored = zlib.compress(change(rng, content))
-    return data[:at] + struct.pack("<II", 15, len(stored)) + stored + data[end:]
+    return data[:offset] + struct.pack("<II", 15, len(stored)) + stored + data[end:]
 
 
 def mdf_content(rng: np.random.Generator, data: bytes) -> bytes:
     """Change the inside of a compressed block of an MDF file; all places in the file stay."""
-    starts = [at for at in range(0, len(data) - 48, 8) if data[at : at + 4] == b"##DZ"]
+    starts = [offset for offset in range(0, len(data) - 48, 8) if data[offset : offset + 4] == b"##DZ"]
     if not starts:
         return change(rng, data)
-    at = starts[int(rng.integers(len(starts)))]
-    length = int.from_bytes(data[at + 8 : at + 16], "little")
+    offset = starts[int(rng.integers(len(starts)))]
+    length = int.from_bytes(data[offset + 8 : offset + 16], "little")
     try:
-        content = zlib.decompressobj().decompress(data[at + 48 : at + length], 1 << 20)
+        content = zlib.decompressobj().decompress(data[offset + 48 : offset + length], 1 << 20)
     except zlib.error:
         return change(rng, data)
     if not content:
@@ -147,67 +151,67 @@ def mdf_content(rng: np.random.Generator, data: bytes) -> bytes:
     if len(stored) > length - 48:
         # Constant content is shorter than any other.
         stored = zlib.compress(bytes([changed[0]]) * len(changed), 9)
-    return data[: at + 48] + stored + data[at + 48 + len(stored) :]
+    return data[: offset + 48] + stored + data[offset + 48 + len(stored) :]
 
 
 def frame_content(rng: np.random.Generator, data: bytes) -> bytes:
     """Change one frame of a link's bytes and make its checksum right again."""
-    starts = [at for at in range(len(data)) if data.startswith(wire.SYNC, at)]
+    starts = [offset for offset in range(len(data)) if data.startswith(wire.SYNC, offset)]
     if not starts:
         return change(rng, data)
     which = int(rng.integers(len(starts)))
-    at = starts[which]
+    offset = starts[which]
     end = starts[which + 1] if which + 1 < len(starts) else len(data)
-    if end - at < wire.HEADER_BYTES + 4:
+    if end - offset < wire.HEADER_BYTES + 4:
         return change(rng, data)
-    frame = bytearray(data[at : end - 4])
+    frame = bytearray(data[offset : end - 4])
     for _ in range(int(rng.integers(1, 4))):
-        place = int(rng.integers(2, len(frame)))
-        frame[place] = int(rng.integers(256)) if rng.random() < 0.7 else (0, 0xFF, 0x7F, 0x80)[int(rng.integers(4))]
-    return data[:at] + bytes(frame) + zlib.crc32(frame).to_bytes(4, "little") + data[end:]
+        index = int(rng.integers(2, len(frame)))
+        frame[index] = int(rng.integers(256)) if rng.random() < 0.7 else (0, 0xFF, 0x7F, 0x80)[int(rng.integers(4))]
+    return data[:offset] + bytes(frame) + zlib.crc32(frame).to_bytes(4, "little") + data[end:]
 
 
-def _place(rng: np.random.Generator, data: bytes) -> int:
+def _offset(rng: np.random.Generator, data: bytes) -> int:
     return int(rng.integers(len(data) + 1))
 
 
 def _records(data: bytes) -> list[tuple[int, int, int]]:
     """Return (opcode, start, end) of the complete records of an MCAP file."""
-    found = []
-    at = 8
-    while at + _RECORD.size <= len(data):
-        opcode, length = _RECORD.unpack_from(data, at)
-        end = at + _RECORD.size + length
+    results = []
+    offset = 8
+    while offset + _RECORD.size <= len(data):
+        opcode, length = _RECORD.unpack_from(data, offset)
+        end = offset + _RECORD.size + length
         if end > len(data):
             break
-        found.append((opcode, at, end))
-        at = end
-    return found
+        results.append((opcode, offset, end))
+        offset = end
+    return results
 
 
 def _changed_line(rng: np.random.Generator, data: bytes) -> bytes:
     lines = data.split(b"\n")
-    at, other = (int(rng.integers(len(lines))) for _ in range(2))
+    offset, other = (int(rng.integers(len(lines))) for _ in range(2))
     match int(rng.integers(3)):
         case 0:
-            del lines[at]
+            del lines[offset]
         case 1:
-            lines.insert(at, lines[other])
+            lines.insert(offset, lines[other])
         case _:
-            lines[at], lines[other] = lines[other], lines[at]
+            lines[offset], lines[other] = lines[other], lines[offset]
     return b"\n".join(lines)
 
 
 def _changed_number(rng: np.random.Generator, data: bytes, word: bytes) -> bytes:
     """Replace the next number of a text."""
-    at = _place(rng, data)
+    offset = _offset(rng, data)
     digits = b"0123456789.+-eE"
-    while at < len(data) and data[at] not in digits:
-        at += 1
-    end = at
+    while offset < len(data) and data[offset] not in digits:
+        offset += 1
+    end = offset
     while end < len(data) and data[end] in digits:
         end += 1
     number = word if rng.random() < 0.4 else str(_NUMBERS[int(rng.integers(len(_NUMBERS)))]).encode()
     if rng.random() < 0.3:
         number = repr(float(10.0 ** rng.uniform(-320, 308))).encode()
-    return data[:at] + number + data[end:]
+    return data[:offset] + number + data[end:]

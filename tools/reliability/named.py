@@ -23,13 +23,13 @@ _NOT_FAULTS = {Code.HUB_LOG, Code.LINK_CONNECTED}
 
 
 def _frames(data: bytes) -> Iterator[bytes]:
-    at = 0
+    offset = 0
     while True:
-        at, end, _ = next_frame(data, at)
+        offset, end, _ = next_frame(data, offset)
         if not end:
             return
-        yield data[at:end]
-        at = end
+        yield data[offset:end]
+        offset = end
 
 
 def _as(frame: bytes, version: int) -> bytes:
@@ -40,7 +40,10 @@ def _as(frame: bytes, version: int) -> bytes:
 
 def _paced(data: bytes, seconds: float) -> list[LinkItem]:
     size = max(1, round(len(data) / seconds / 100))
-    return [Chunk(LINK, START_NS + (at // size) * 10_000_000, data[at : at + size]) for at in range(0, len(data), size)]
+    return [
+        Chunk(LINK, START_NS + (offset // size) * 10_000_000, data[offset : offset + size])
+        for offset in range(0, len(data), size)
+    ]
 
 
 def cases() -> Iterator[tuple[str, list[LinkItem]]]:
@@ -90,22 +93,22 @@ def cases() -> Iterator[tuple[str, list[LinkItem]]]:
 
 def notices_of(items: Sequence[LinkItem], toml: str) -> list[tuple[float, str]]:
     """Return the notices of a session as text, with the time of the items, s since the first."""
-    found: list[tuple[float, Notice]] = []
+    results: list[tuple[float, Notice]] = []
     core = SessionCore(parse_vehicle(toml, "lab"))
     core.take_notices()
     begin_ns, last_s = items[0].host_ns, 0.0
     for item in items:
         core.take(item)
         last_s = (item.host_ns - begin_ns) * 1e-9
-        found += [(last_s, notice) for notice in core.take_notices()]
+        results += [(last_s, notice) for notice in core.take_notices()]
     if len(items) == 1:
         for tenth in range(100):
             core.tick(begin_ns + tenth * 100_000_000)
             last_s = tenth / 10
-            found += [(last_s, notice) for notice in core.take_notices()]
+            results += [(last_s, notice) for notice in core.take_notices()]
     core.finish()
-    found += [(last_s, notice) for notice in core.take_notices()]
-    shown = [(at_s, notice) for at_s, notice in found if notice.reason.code not in _NOT_FAULTS]
+    results += [(last_s, notice) for notice in core.take_notices()]
+    shown = [(at_s, notice) for at_s, notice in results if notice.reason.code not in _NOT_FAULTS]
     return [(at_s, notice_text(notice)) for at_s, notice in shown]
 
 

@@ -98,7 +98,7 @@ class Sender:
         raw = out.tobytes()
         view = memoryview(raw)
         end = _CRC.start
-        crcs = [crc32(view[at : at + end]) for at in range(0, len(raw), FRAME_BYTES)]
+        crcs = [crc32(view[offset : offset + end]) for offset in range(0, len(raw), FRAME_BYTES)]
         out[:, _CRC] = np.array(crcs, "<u4").view(np.uint8).reshape(-1, 4)
         return out
 
@@ -152,8 +152,8 @@ def by_coincidence(
     possible = (counters >= 0) & (counters < len(frames))
     starts, counters = starts[possible], counters[possible]
     whole = [
-        bool((arrived[at : at + FRAME_BYTES] == frames[number]).all())
-        for at, number in zip(starts.tolist(), counters.tolist(), strict=True)
+        bool((arrived[offset : offset + FRAME_BYTES] == frames[number]).all())
+        for offset, number in zip(starts.tolist(), counters.tolist(), strict=True)
     ]
     ends = np.concatenate([ends, starts[whole] + FRAME_BYTES])
     numbers = np.concatenate([numbers, counters[whole]])
@@ -161,8 +161,8 @@ def by_coincidence(
     ends, numbers = ends[order], numbers[order]
     keep = np.ones(len(ends), np.bool_)
     # A byte belongs to one frame only; of two that share one the first is taken.
-    for at in np.flatnonzero(np.diff(ends) < FRAME_BYTES).tolist():
-        keep[at + 1] = not keep[at]
+    for offset in np.flatnonzero(np.diff(ends) < FRAME_BYTES).tolist():
+        keep[offset + 1] = not keep[offset]
     return ends[keep], numbers[keep]
 
 
@@ -195,13 +195,13 @@ def through_batch(noise: Noise, count: int, seed: int) -> Outcome:
 
     for data, ends, numbers in _disturbed(sender, noise, count, rng):
         sent.append(np.stack([ends, numbers], 1))
-        for at in range(0, len(data), 1 << 20):
-            take(decoder.feed(data[at : at + (1 << 20)]))
+        for offset in range(0, len(data), 1 << 20):
+            take(decoder.feed(data[offset : offset + (1 << 20)]))
     take(decoder.finish())
     delivered, intact = np.concatenate(got), np.concatenate(sent)
-    keys, known = (rows[:, 0] << 32 | rows[:, 1] for rows in (delivered, intact))
-    outcome.corrupt_accepted += int(np.count_nonzero(~np.isin(keys, known)))
-    outcome.intact, outcome.delivered = len(known), len(keys)
+    keys, reference = (rows[:, 0] << 32 | rows[:, 1] for rows in (delivered, intact))
+    outcome.corrupt_accepted += int(np.count_nonzero(~np.isin(keys, reference)))
+    outcome.intact, outcome.delivered = len(reference), len(keys)
     outcome.duplicates = decoder.counters.duplicates
     outcome.intact_lost = outcome.intact - outcome.delivered - outcome.duplicates
     return outcome
@@ -228,14 +228,14 @@ def through_stream(noise: Noise, count: int, seed: int, *, largest_chunk: int = 
         outcome.intact += len(ends)
         for end, number in zip(ends.tolist(), numbers.tolist(), strict=True):
             ends_of.setdefault(number, []).append(end)
-        at = 0
+        offset = 0
         for size in rng.integers(1, largest_chunk + 1, 2 * len(data) // largest_chunk + 1).tolist():
-            piece = data[at : at + size]
-            at += len(piece)
+            piece = data[offset : offset + size]
+            offset += len(piece)
             fed += len(piece)
             take(decoder.feed(piece))
-        fed += len(data) - at
-        take(decoder.feed(data[at:]))
+        fed += len(data) - offset
+        take(decoder.feed(data[offset:]))
     take(decoder.finish())
     outcome.duplicates = decoder.counters.duplicates
     outcome.intact_lost = outcome.intact - outcome.delivered - outcome.duplicates

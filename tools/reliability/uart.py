@@ -10,14 +10,14 @@ def received(data: bytes, sent_baud: float, received_baud: float) -> bytes:
     line = np.concatenate(([1, 1], line, np.ones(20, np.uint8)))
     step = sent_baud / received_baud
     out = bytearray()
-    at = 0.0
+    position = 0.0
     last = len(line) - 11 * step - 2
-    while at < last:
-        if line[int(at)] == 1:
-            at = np.floor(at) + 1.0  # waits for the start bit's edge
+    while position < last:
+        if line[int(position)] == 1:
+            position = np.floor(position) + 1.0  # waits for the start bit's edge
             continue
-        at = float(int(at))
-        places = at + step * (np.arange(1, 9) + 0.5)
+        position = float(int(position))
+        places = position + step * (np.arange(1, 9) + 0.5)
         out.append(int(np.packbits(line[places.astype(int)], bitorder="little")[0]))
-        at += 9.5 * step
+        position += 9.5 * step
     return bytes(out)

@@ -88,9 +88,9 @@ def rolled_tires(folder: Path) -> list[RolledTire]:
         raise FileNotFoundError(f"no tires in {folder}: make them with python -m independent_tire --cache {folder}")
     tires = []
     for path in paths:
-        with np.load(path) as kept:
-            about = json.loads(str(kept["description"]))
-            means = (kept[f"shape_{depth:g}"].mean(axis=1) for depth in (0.0, _DEEPEST_MM))
+        with np.load(path) as remaining:
+            about = json.loads(str(remaining["description"]))
+            means = (remaining[f"shape_{depth:g}"].mean(axis=1) for depth in (0.0, _DEEPEST_MM))
             shallow, deep = (_without_mesh(mean, about["elements"]) for mean in means)
             tires.append(RolledTire(about, shallow, deep))
     return tires
@@ -167,7 +167,7 @@ def agreement_table(folder: Path) -> Table:
             ring, about["load_n"], about["pressure_pa"], omega, nodes=tire.shallow.shape[1], drum_radius_m=drum_m
         )
         missed_m = tire.shallow[0] - solved.sensor.radial_m
-        without, rms = (omega**2 * _rms_m(one) for one in (missed_m, missed_m - _vibration_m(about, solved, drum_m)))
+        without, rms = (omega**2 * _rms_m(item) for item in (missed_m, missed_m - _vibration_m(about, solved, drum_m)))
         special = [
             f"{about['bending_damping_nm2s']:g} N m^2 s bending damping" * bool(about["bending_damping_nm2s"]),
             f"{1e-3 * about['tread_damping_nspm2']:g} kN s/m^2 tread damping" * bool(about["tread_damping_nspm2"]),

@@ -123,7 +123,9 @@ def judge(
         able["load_by_angle_n"] = False
     first = next((name for name in running if name in NUMBER_ESTIMATORS), "")
     expected = [(OWNERS[name], name) for name in OWNERS if OWNERS[name] in running]
-    expected += [(own, name) for own in running if own in NUMBER_ESTIMATORS for name in (*RING_NUMBERS, *RING_RATIOS)]
+    expected += [
+        (item, name) for item in running if item in NUMBER_ESTIMATORS for name in (*RING_NUMBERS, *RING_RATIOS)
+    ]
     distance = _Distance(run, statement, results)
     for index in range(_FIRST, max(len(results), _FIRST + 1)):
         result = results[index] if index < len(results) else None
@@ -163,21 +165,21 @@ def _turn_of(run: Run, statement: Statement, result: RevolutionResult) -> int:
 
 def _by_owner(result: RevolutionResult, first: str) -> dict[tuple[str, str], Estimate]:
     """Return the estimates by estimator and quantity; the contact's half angle is added to the edges."""
-    found: dict[tuple[str, str], Estimate] = {}
+    results: dict[tuple[str, str], Estimate] = {}
     for estimate in result.estimates:
         owner, _, name = estimate.name.rpartition(":")
         if not owner:
             owner = first if name in (*RING_NUMBERS, *RING_RATIOS) else OWNERS.get(name, "")
-        found[owner, name] = estimate._replace(name=name)
-    leading, trailing = found.get(("kinematic", "leading_edge_rad")), found.get(("kinematic", "trailing_edge_rad"))
+        results[owner, name] = estimate._replace(name=name)
+    leading, trailing = results.get(("kinematic", "leading_edge_rad")), results.get(("kinematic", "trailing_edge_rad"))
     if leading is not None and trailing is not None:
         # The definition of both edges may be wrong in the same direction, as for the contact length.
-        found["kinematic", "half_angle_rad"] = found["kinematic", "contact_length_m"]._replace(
+        results["kinematic", "half_angle_rad"] = results["kinematic", "contact_length_m"]._replace(
             name="half_angle_rad",
             value=0.5 * (trailing.value - leading.value),
             std=0.5 * (_beyond_centre(trailing.std) + _beyond_centre(leading.std)),
         )
-    return found
+    return results
 
 
 def _beyond_centre(edge_std_rad: float) -> float:

@@ -1,4 +1,4 @@
-"""Tables of the judgement."""
+"""Tables of the entry."""
 
 import math
 from collections import defaultdict
@@ -39,19 +39,19 @@ class Share:
     largest: float
 
 
-def share(found: Iterable[Judged]) -> Share:
+def share(result: Iterable[Judged]) -> Share:
     """Return the statistics of some judgements."""
-    entries = list(found)
-    valid = [one for one in entries if one.valid]
+    entries = list(result)
+    valid = [entry for entry in entries if entry.valid]
     # Before the averages settle, nothing has to be valid.
-    able = [one for one in entries if one.last and one.determinable]
-    pulls = np.array([one.pull for one in valid if math.isfinite(one.pull)])
+    able = [entry for entry in entries if entry.last and entry.determinable]
+    pulls = np.array([entry.pull for entry in valid if math.isfinite(entry.pull)])
     return Share(
         judged=len(entries),
         valid=len(valid),
-        falsely_valid=sum(one.falsely_valid for one in valid),
+        falsely_valid=sum(entry.falsely_valid for entry in valid),
         able=len(able),
-        falsely_invalid=sum(not one.valid for one in able),
+        falsely_invalid=sum(not entry.valid for entry in able),
         rms=float(np.sqrt(np.mean(np.square(pulls)))) if len(pulls) else math.nan,
         largest=float(pulls[np.argmax(np.abs(pulls))]) if len(pulls) else math.nan,
     )
@@ -59,20 +59,20 @@ def share(found: Iterable[Judged]) -> Share:
 
 def _grouped(judged: Iterable[Judged], key: Callable[[Judged], tuple[str, ...]]) -> dict[tuple[str, ...], list[Judged]]:
     groups: dict[tuple[str, ...], list[Judged]] = defaultdict(list)
-    for one in judged:
-        groups[key(one)].append(one)
+    for entry in judged:
+        groups[key(entry)].append(entry)
     return groups
 
 
 def kind_table(judged: Sequence[Judged]) -> Table:
     """Return the falsely valid shares of each kind of case, by the limit of what counts as false."""
     rows = []
-    for (kind,), entries in _grouped(judged, lambda one: (one.table,)).items():
-        valid = [one for one in entries if one.valid]
-        pulls = np.array([one.pull for one in valid])
+    for (kind,), entries in _grouped(judged, lambda entry: (entry.table,)).items():
+        valid = [entry for entry in entries if entry.valid]
+        pulls = np.array([entry.pull for entry in valid])
         rows.append(
-            (kind, str(len({(one.case, one.tire) for one in entries})), str(len(entries)), str(len(valid)),
-             *(_share(sum(one.is_false(limit) for one in valid), len(valid)) for limit in LIMITS),
+            (kind, str(len({(entry.case, entry.tire) for entry in entries})), str(len(entries)), str(len(valid)),
+             *(_share(sum(entry.is_false(limit) for entry in valid), len(valid)) for limit in LIMITS),
              _number(float(np.sqrt(np.mean(np.square(pulls)))) if len(pulls) else math.nan))
         )  # fmt: skip
     heads = ("cases", "runs", "judged", "valid", *(f"false at {limit:g}" for limit in LIMITS), "rms pull")
@@ -86,13 +86,13 @@ def kind_table(judged: Sequence[Judged]) -> Table:
 
 def quantity_table(judged: Sequence[Judged]) -> Table:
     """Return the falsely valid share of each quantity in each kind of case."""
-    kinds = tuple(dict.fromkeys(one.table for one in judged))
+    kinds = tuple(dict.fromkeys(entry.table for entry in judged))
     rows = []
-    for (estimator, quantity), entries in _grouped(judged, lambda one: (one.estimator, one.quantity)).items():
+    for (estimator, quantity), entries in _grouped(judged, lambda entry: (entry.estimator, entry.quantity)).items():
         cells = []
         for kind in kinds:
-            valid = [one for one in entries if one.table == kind and one.valid]
-            false = sum(one.falsely_valid for one in valid)
+            valid = [entry for entry in entries if entry.table == kind and entry.valid]
+            false = sum(entry.falsely_valid for entry in valid)
             cells.append(f"{_share(false, len(valid))} of {len(valid)}" if valid else "-")
         rows.append((estimator, quantity, *cells))
     heads = ("estimator", "quantity", *kinds)
@@ -109,13 +109,13 @@ def well_table(judged: Sequence[Judged]) -> Table:
         "within errors": {case.name for case in CASES if case.well and case.name != "known"},
         "exactly": {"known"},
     }
-    kinds = {kind: names for kind, names in kinds.items() if any(one.case in names for one in judged)}
-    groups = _grouped(judged, lambda one: (one.estimator, one.quantity))
+    kinds = {kind: names for kind, names in kinds.items() if any(entry.case in names for entry in judged)}
+    groups = _grouped(judged, lambda entry: (entry.estimator, entry.quantity))
     rows = []
-    for (estimator, quantity), found in groups.items():
+    for (estimator, quantity), result in groups.items():
         row = [estimator, quantity]
         for names in kinds.values():
-            row += _cells(share(one for one in found if one.case in names))
+            row += _cells(share(entry for entry in result if entry.case in names))
         rows.append(tuple(row))
     heads = ["estimator", "quantity"]
     for kind in kinds:
@@ -129,11 +129,11 @@ def well_table(judged: Sequence[Judged]) -> Table:
     )
 
 
-def _cells(found: Share) -> list[str]:
-    able = f"{100.0 * (1.0 - found.falsely_invalid / found.able):.0f} %" if found.able else "-"
-    if not found.valid:
+def _cells(result: Share) -> list[str]:
+    able = f"{100.0 * (1.0 - result.falsely_invalid / result.able):.0f} %" if result.able else "-"
+    if not result.valid:
         return [able, "-", "-", "-"]
-    return [able, _number(found.rms), _number(found.largest), f"{100.0 * found.falsely_valid / found.valid:.1f} %"]
+    return [able, _number(result.rms), _number(result.largest), f"{100.0 * result.falsely_valid / result.valid:.1f} %"]
 
 
 def _number(value: float) -> str:
@@ -144,15 +144,17 @@ def _number(value: float) -> str:
 
 def misstatement_table(judged: Sequence[Judged]) -> Table:
     """Return the falsely valid share of every quantity in every case."""
-    present = dict.fromkeys(one.case for one in judged)
+    present = dict.fromkeys(entry.case for entry in judged)
     names = [case.name for case in CASES if case.name in present and case.kind == "one"]
-    groups = _grouped(judged, lambda one: (one.estimator, one.quantity))
+    groups = _grouped(judged, lambda entry: (entry.estimator, entry.quantity))
     rows = []
-    for (estimator, quantity), found in groups.items():
+    for (estimator, quantity), result in groups.items():
         cells = []
         for name in names:
-            here = share(one for one in found if one.case == name)
-            cells.append(f"{here.falsely_valid}/{here.valid}" if here.valid else ("." if here.judged else ""))
+            current = share(entry for entry in result if entry.case == name)
+            cells.append(
+                f"{current.falsely_valid}/{current.valid}" if current.valid else ("." if current.judged else "")
+            )
         rows.append((estimator, quantity, *cells))
     return Table(
         "Where one thing is not as stated",
@@ -165,19 +167,19 @@ def misstatement_table(judged: Sequence[Judged]) -> Table:
 def case_table(judged: Sequence[Judged]) -> Table:
     """Return the falsely valid by case over all quantities: at which sizes, and the quantities that are hit most."""
     rows = []
-    by_case = _grouped(judged, lambda one: (one.case,))
+    by_case = _grouped(judged, lambda entry: (entry.case,))
     for case in CASES:
-        found = by_case.get((case.name,), [])
-        if not found:
+        result = by_case.get((case.name,), [])
+        if not result:
             continue
-        here = share(found)
-        false = [one for one in found if one.falsely_valid]
-        sizes = (f"{size:+g}: {n}" for size in case.sizes if (n := sum(one.size == size for one in false)))
-        hit = _grouped(false, lambda one: (one.estimator, one.quantity))
+        current = share(result)
+        false = [entry for entry in result if entry.falsely_valid]
+        sizes = (f"{size:+g}: {n}" for size in case.sizes if (n := sum(entry.size == size for entry in false)))
+        hit = _grouped(false, lambda entry: (entry.estimator, entry.quantity))
         most = sorted(hit, key=lambda key: -len(hit[key]))[:3]
         unit = f" ({case.unit})" if case.unit else ""
         rows.append(
-            (case.name + unit, case.about, str(here.valid), str(here.falsely_valid), ", ".join(sizes),
+            (case.name + unit, case.about, str(current.valid), str(current.falsely_valid), ", ".join(sizes),
              ", ".join(f"{quantity} {len(hit[estimator, quantity])}" for estimator, quantity in most))
         )  # fmt: skip
     heads = ("case", "what is not as stated", "valid", "falsely", "at size: falsely", "most often")
@@ -188,9 +190,9 @@ def estimator_table(judged: Sequence[Judged]) -> Table:
     """Return each estimator's shares: all that is stated true, misstated, and against the aims."""
     well = {case.name for case in CASES if case.well}
     rows = []
-    for (estimator,), found in _grouped(judged, lambda one: (one.estimator,)).items():
-        good = share(one for one in found if one.case in well)
-        bad = share(one for one in found if one.case not in well)
+    for (estimator,), result in _grouped(judged, lambda entry: (entry.estimator,)).items():
+        good = share(entry for entry in result if entry.case in well)
+        bad = share(entry for entry in result if entry.case not in well)
         rows.append(
             (
                 estimator,
@@ -211,14 +213,17 @@ def _percent(part: int, whole: int) -> str:
 
 def worst(judged: Sequence[Judged], count: int) -> Table:
     """Return the falsely valid with the largest pulls, one for each case and quantity."""
-    groups = _grouped((one for one in judged if one.falsely_valid), lambda one: (one.case, one.estimator, one.quantity))
-    most = sorted(groups.values(), key=lambda found: -len(found))[:count]
+    groups = _grouped(
+        (entry for entry in judged if entry.falsely_valid),
+        lambda entry: (entry.case, entry.estimator, entry.quantity),
+    )
+    most = sorted(groups.values(), key=lambda result: -len(result))[:count]
     rows = []
-    for found in most:
-        one = max(found, key=lambda entry: abs(entry.pull))
+    for result in most:
+        entry = max(result, key=lambda entry: abs(entry.pull))
         rows.append(
-            (one.case, f"{one.size:g}", str(one.tire), one.estimator, one.quantity, str(len(found)),
-             f"{one.value:.5g}", f"{one.std:.2g}", f"{one.truth:.5g}", _number(one.pull))
+            (entry.case, f"{entry.size:g}", str(entry.tire), entry.estimator, entry.quantity, str(len(result)),
+             f"{entry.value:.5g}", f"{entry.std:.2g}", f"{entry.truth:.5g}", _number(entry.pull))
         )  # fmt: skip
     heads = ("case", "size", "tire", "estimator", "quantity", "times", "value", "std", "truth", "pull")
     return Table("Most often falsely valid", "the largest of each; --tire N --case NAME repeats it", heads, tuple(rows))
@@ -228,15 +233,18 @@ def reference_table(judged: Sequence[Judged]) -> Table:
     """Return the errors of the estimators whose models are known to be biased, where all that is stated is true."""
     well = {case.name for case in CASES if case.well}
     rows = []
-    groups = _grouped((one for one in judged if one.estimator in REFERENCES), lambda one: (one.estimator, one.quantity))
-    for (estimator, quantity), found in groups.items():
-        last = [one for one in found if one.case in well and one.last]
-        errors = np.array([one.value / one.truth - 1.0 for one in last if math.isfinite(one.value)])
-        every = share(found)
+    groups = _grouped(
+        (entry for entry in judged if entry.estimator in REFERENCES),
+        lambda entry: (entry.estimator, entry.quantity),
+    )
+    for (estimator, quantity), result in groups.items():
+        last = [entry for entry in result if entry.case in well and entry.last]
+        errors = np.array([entry.value / entry.truth - 1.0 for entry in last if math.isfinite(entry.value)])
+        every = share(result)
         if len(errors):
             rows.append(
                 (estimator, quantity, f"{100.0 * math.sqrt(float(np.mean(errors**2))):.0f}",
-                 f"{100.0 * float(errors.mean()):+.0f}", f"{sum(one.valid for one in last)} of {len(last)}",
+                 f"{100.0 * float(errors.mean()):+.0f}", f"{sum(entry.valid for entry in last)} of {len(last)}",
                  f"{every.falsely_valid} of {every.valid}")
             )  # fmt: skip
     heads = ("estimator", "quantity", "rms error, %", "mean error, %", "valid", "falsely valid, all cases")
@@ -246,13 +254,13 @@ def reference_table(judged: Sequence[Judged]) -> Table:
 def each_table(judged: Sequence[Judged]) -> Table:
     """Return every estimate at the end of its run."""
     rows = []
-    for one in judged:
-        if one.last:
-            relative = f"{100.0 * (one.value / one.truth - 1.0):+.2f}" if one.truth else f"{one.value:.2g}"
-            error = f"{100.0 * one.std / abs(one.truth):.2f}" if one.truth else f"{one.std:.2g}"
+    for entry in judged:
+        if entry.last:
+            relative = f"{100.0 * (entry.value / entry.truth - 1.0):+.2f}" if entry.truth else f"{entry.value:.2g}"
+            error = f"{100.0 * entry.std / abs(entry.truth):.2f}" if entry.truth else f"{entry.std:.2g}"
             rows.append(
-                (one.case, f"{one.size:g}", str(one.tire), one.kind, one.estimator, one.quantity,
-                 relative, error, _number(one.pull), one.status)
+                (entry.case, f"{entry.size:g}", str(entry.tire), entry.kind, entry.estimator, entry.quantity,
+                 relative, error, _number(entry.pull), entry.status)
             )  # fmt: skip
     heads = ("case", "size", "tire", "kind", "estimator", "quantity", "error", "stated", "pull", "status")
     return Table("Every estimate", "at the end; error and stated error in % of the truth", heads, tuple(rows))
@@ -262,9 +270,9 @@ def invalid_reasons(judged: Sequence[Judged], count: int) -> Table:
     """Return why estimates are not valid although all is well and the data determine them."""
     well = {case.name for case in CASES if case.well}
     groups: dict[tuple[str, ...], int] = defaultdict(int)
-    for one in judged:
-        if one.case in well and one.last and one.determinable and not one.valid:
-            groups[one.case, one.estimator, one.quantity, " ".join(one.reasons) or "no result"] += 1
+    for entry in judged:
+        if entry.case in well and entry.last and entry.determinable and not entry.valid:
+            groups[entry.case, entry.estimator, entry.quantity, " ".join(entry.reasons) or "no result"] += 1
     most = sorted(groups.items(), key=lambda item: -item[1])[:count]
     return Table(
         "Most often falsely invalid",
@@ -277,16 +285,16 @@ def invalid_reasons(judged: Sequence[Judged], count: int) -> Table:
 def from_json(entries: Iterable[dict[str, Any]]) -> list[Judged]:
     """Return the judgements that `as_json` wrote."""
     names = {field.name for field in fields(Judged)}
-    found = []
+    results = []
     for entry in entries:
-        kept = {key: math.nan if value is None else value for key, value in entry.items() if key in names}
-        found.append(Judged(**{**kept, "reasons": tuple(entry["reasons"])}))
-    return found
+        remaining = {key: math.nan if value is None else value for key, value in entry.items() if key in names}
+        results.append(Judged(**{**remaining, "reasons": tuple(entry["reasons"])}))
+    return results
 
 
 def as_json(judged: Sequence[Judged]) -> list[dict[str, Any]]:
     """Return the judgements as plain values."""
     return [
         {key: (None if isinstance(value, float) and not math.isfinite(value) else value) for key, value in d.items()}
-        for d in ({**asdict(one), "pull": one.pull, "falsely_valid": one.falsely_valid} for one in judged)
+        for d in ({**asdict(entry), "pull": entry.pull, "falsely_valid": entry.falsely_valid} for entry in judged)
     ]
