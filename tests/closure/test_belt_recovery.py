@@ -125,3 +125,19 @@ def test_hub_motion_may_grow_with_speed() -> None:
     assert (np.abs(fit.vector[where] - truth) < 4.0 * std).all()
     # Of a hub motion of 0.2 m/s^2 at the lower speed under a scatter of 0.015.
     assert std[2] < 0.3
+
+
+@pytest.mark.parametrize("seed", [17, 18])
+def test_belt_that_does_not_stretch_keeps_its_numbers_beside_an_extension(seed: int) -> None:
+    """A compliance below zero has no ring: the fit ends at that bound, the tire's numbers at their own optimum."""
+    extension = catalogue()["belt extension"]
+    made = campaign(extension, np.array([0.0]), seed, (40.0, 70.0))
+    data = whiten(made, ExactCore())
+    without = fit_model(ClosureModel(made, ExactCore()), data)
+    model = ClosureModel(made, ExactCore(), [extension])
+    start = model.priors()[0]
+    start[model.layout.effect(extension.name)] = extension.start_values[0]
+    fit = fit_model(model, data, start, from_afar=True)
+    assert fit.misfit < without.misfit + 5.0
+    size, std = fit.vector[-1], np.sqrt(fit.covariance[-1, -1])
+    assert 0.0 <= size < 3.0 * std

@@ -9,6 +9,7 @@ from typing import Final, Self
 
 import numpy as np
 
+from gateway.closure.effects.effect import RingEffect
 from gateway.closure.inference.axis_covariance import Rows
 from gateway.closure.inference.discrepancy import Applied
 from gateway.closure.inference.likelihood import REAL, Whitened, as_real
@@ -354,18 +355,39 @@ def _descend(
 
 def _better(fit: Fit, data: Whitened, change: FloatArray) -> FloatArray | None:
     """Return the parameters after a full or partial step that improves the fit; None if none does."""
+    pinned = False
     for _ in range(_HALVINGS):
         moved: FloatArray = fit.vector + change
         try:
             cost = _misfit(fit.model, data, moved, fit.applied) / fit.scale
         except (NoShapeError, np.linalg.LinAlgError):
-            change = 0.25 * change
+            # A shorter step for all would end before a bound that only one of them meets.
+            change, pinned = (0.25 * change if pinned else _step_inside(fit, change)), True
             continue
         away = moved - fit.prior_mean
         if cost + float(away @ fit.prior_precision @ away) < fit.cost:
             return moved
         change = 0.4 * change
     return None
+
+
+def _step_inside(fit: Fit, change: FloatArray) -> FloatArray:
+    """Return the step with ring effects held at the ends of their ranges that it passes; the others follow."""
+    layout, bound = fit.model.layout, fit.vector + change
+    for effect in fit.model.effects:
+        if isinstance(effect, RingEffect):
+            where = layout.effect(effect.name)
+            bound[where] = np.clip(bound[where], *np.array([(each.low, each.high) for each in effect.parameters]).T)
+    inside = bound - fit.vector
+    held = inside != change
+    if not held.any():
+        return 0.25 * change
+    gradient = fit.slope - fit.prior_precision @ (fit.vector - fit.prior_mean) - fit.precision[:, held] @ inside[held]
+    free = ~held
+    inside[free] = np.linalg.solve(fit.precision[np.ix_(free, free)], gradient[free])
+    states = layout.states
+    inside[free] /= max(1.0, float(np.abs(inside[states]).max()) / _REACH)
+    return np.asarray(inside)
 
 
 def _misfit(model: ClosureModel, data: Whitened, vector: FloatArray, applied: Applied | None) -> float:
