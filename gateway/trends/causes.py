@@ -2,7 +2,8 @@
 
 A fall of the pressure lengthens the contact and softens the belt, a load does the same, and a sensor whose gain, zero
 or place changes reads other numbers of the same tire. Of changes that begin together the cause is the finding; a change
-with a refill, which is no finding itself, is none either.
+with a refill, which is no finding itself, is none either. A cause explains no more than physics lets follow from its
+size: of a refill of 5 % no belt gets stiffer by half.
 """
 
 from __future__ import annotations
@@ -25,6 +26,25 @@ _CAUSES: Final = sorted(
     (series for series in SERIES.values() if series.watch.explains),
     key=lambda series: bool(series.watch.explains & _OF_TIRE),
 )
+# At a steady load the area of the contact is inverse to the pressure, and the belt's tension goes with it: a tire's
+# number follows pressure and load by their first powers at most, beside those by which it is scaled.
+_FOLLOWED_POWER: Final = 1.0
+# Errors of a change that may be chance.
+_CHANCE: Final = 2.0
+
+
+class Change(NamedTuple):
+    """A change of a series.
+
+    Attributes:
+        begin: recording from which on it changes; None where it drifts all the time.
+        log_ratio: logarithm of the values after it over those before; None where they are not above zero, or unknown.
+        std: error of `log_ratio`.
+    """
+
+    begin: int | None
+    log_ratio: float | None = None
+    std: float = 0.0
 
 
 class Finding(NamedTuple):
@@ -33,35 +53,31 @@ class Finding(NamedTuple):
     Attributes:
         reason: what is said.
         series: name of the series; empty where it is of none.
-        begin: recording from which on it changes; None where it drifts all the time.
+        change: what is found; none where it is of no series.
     """
 
     reason: Reason
     series: str = ""
-    begin: int | None = None
+    change: Change = Change(None)
 
 
-def with_causes(findings: Sequence[Finding], onsets: Mapping[str, Sequence[int]]) -> list[Reason]:
+def with_causes(findings: Sequence[Finding], onsets: Mapping[str, Sequence[Change]]) -> list[Reason]:
     """Return the findings without the consequences of others, whose series are named with the cause.
 
     Args:
         findings: of one tire.
-        onsets: recordings at which each series changes notably, also where that is no finding, as a refill.
+        onsets: notable changes of each series, also those that are no finding, as a refill.
     """
     consequences: dict[int, list[str]] = {}
     explained: set[int] = set()
     for cause, _, watch in _CAUSES:
         of_cause = [index for index, finding in enumerate(findings) if finding.series == cause]
-        begins = [findings[index].begin for index in of_cause]
-        drifts = None in begins
-        changes = [*onsets.get(cause, ()), *(begin for begin in begins if begin is not None)]
+        changes = [*onsets.get(cause, ()), *(findings[index].change for index in of_cause)]
         for index, finding in enumerate(findings):
             quantity = _QUANTITIES.get(finding.series)
             if index in explained or quantity is None or not watch.explains & _bases_of(quantity):
                 continue
-            begin = finding.begin
-            near = begin is not None and any(abs(begin - onset) <= _TOGETHER for onset in changes)
-            if near or (begin is None and drifts):
+            if any(_follows(finding.change, change, quantity, watch.explains) for change in changes):
                 explained.add(index)
                 if of_cause:
                     consequences.setdefault(of_cause[0], []).append(finding.series)
@@ -72,6 +88,20 @@ def with_causes(findings: Sequence[Finding], onsets: Mapping[str, Sequence[int]]
         for index, finding in enumerate(findings)
         if index not in explained
     ]
+
+
+def _follows(effect: Change, cause: Change, quantity: Quantity, explains: frozenset[Basis]) -> bool:
+    """Return whether a change begins with another, and is no larger than what follows from it."""
+    if (effect.begin is None) != (cause.begin is None):
+        return False
+    if effect.begin is not None and cause.begin is not None and abs(effect.begin - cause.begin) > _TOGETHER:
+        return False
+    # Through the sensor's gain, zero or place any other number may be read.
+    if effect.log_ratio is None or cause.log_ratio is None or not explains <= _OF_TIRE:
+        return True
+    power = _FOLLOWED_POWER + max(abs(quantity.powers.get(basis, 0.0)) for basis in explains)
+    largest = abs(cause.log_ratio) + _CHANCE * cause.std
+    return abs(effect.log_ratio) - _CHANCE * effect.std <= power * largest
 
 
 def _bases_of(quantity: Quantity) -> frozenset[Basis]:

@@ -22,7 +22,7 @@ from gateway.quantity import Basis, Trend
 from gateway.quantity import Quantity as Declared
 from gateway.quantity_catalogue import NEW_TIRE_MM, declared
 from gateway.reasons import Code, Reason, Value
-from gateway.trends.causes import Finding, with_causes
+from gateway.trends.causes import Change, Finding, with_causes
 from gateway.trends.late_changes import LEAST_AFTER, LateChange, find_shape
 from gateway.trends.level_steps import LEAST_POINTS, find_steps, runs, with_steps
 from gateway.trends.moved_tires import findings_of_moves
@@ -150,7 +150,7 @@ class _Tire:
     series: list[TrendSeries] = field(default_factory=list)
     outliers: list[TrendOutlier] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
-    onsets: dict[str, list[int]] = field(default_factory=dict)
+    onsets: dict[str, list[Change]] = field(default_factory=dict)
     tested: int = 0
 
 
@@ -393,13 +393,14 @@ def _pressure(tire: _Tire) -> None:
     tire.numbers.append(_at_end(Quantity.PRESSURE_NOW, "kPa", line))
     if loss.status is Status.INVALID:
         if line.doubt is None and (fell := _fallen(history, line)) is not None:
-            tire.findings.append(Finding(fell, "pressure_at_20_degc", int(line.places[0])))
+            tire.findings.append(Finding(fell, "pressure_at_20_degc", Change(int(line.places[0]))))
         return
     least = loss.value - _quantile(line) * plain.std
     is_certain = (least if refilled is None else min(refilled.least, least)) > 0.0
     if loss.status is Status.VALID and is_certain and loss.value > _NOTABLE_LOSS_PA * 1e-3:
         loses = Reason(Code.TREND_LOSES_PRESSURE, loss_pa=1e3 * loss.value, std_pa=1e3 * loss.std)
-        tire.findings.append(Finding(loses, "pressure_at_20_degc"))
+        whole = -loss.value * _span(history.months), loss.std * _span(history.months)
+        tire.findings.append(Finding(loses, "pressure_at_20_degc", _relative("pressure_at_20_degc", line, None, whole)))
 
 
 def _hidden_by_frequent_refills(line: _Line) -> Reason | None:
@@ -464,7 +465,13 @@ def _load(tire: _Tire) -> None:
         tire.numbers += _measured_load(line, line.search.fit)
         if line.steps and line.doubt is None:
             steps = Reason(Code.TREND_LOAD_STEPS, count=len(line.steps))
-            tire.findings.append(Finding(steps, "estimated_load_n", int(line.places[line.steps[0]])))
+            tire.findings.append(
+                Finding(
+                    steps,
+                    "estimated_load_n",
+                    _relative("estimated_load_n", line, line.steps[0], _size_of_step(line, 0)),
+                )
+            )
 
 
 def _over_months(tire: _Tire, series: Series) -> None:
@@ -557,7 +564,8 @@ def _stiffness(tire: _Tire, series: Series) -> None:
         and abs(drift.value) * _span(history.months) > watch.notable
     ):
         drifts = Reason(Code.TREND_STIFFNESS_DRIFTS, name=name, share=drift.value / 100.0, std=drift.std / 100.0)
-        tire.findings.append(Finding(drifts, name))
+        whole = drift.value * _span(history.months), drift.std * _span(history.months)
+        tire.findings.append(Finding(drifts, name, _relative(name, line, None, whole)))
 
 
 def _softened_by_wear(tire: _Tire, name: str, line: _Line, along: FloatArray) -> tuple[float, float] | None:
@@ -623,7 +631,7 @@ def _sensor(tire: _Tire) -> None:
             # That gain and zero are not parted in a recording, or contradict what is stated, is what changes.
             steady = list(_steady_value(tire, line))
             tire.findings += steady
-            tire.onsets |= {finding.series: list(_notable_changes(line, watch.notable)) for finding in steady}
+            tire.onsets |= {finding.series: list(_notable_changes(name, line)) for finding in steady}
             continue
         change, std = _along(line, _from_first_to_last(line))
         worse = not watch.worse or change * watch.worse > 0.0
@@ -797,7 +805,7 @@ def _line(
     )
     if line.doubt is None:
         tire.findings += _findings_of_line(tire, name, line)
-        tire.onsets[name] = list(_notable_changes(line, watch.notable))
+        tire.onsets[name] = list(_notable_changes(name, line))
     return line
 
 
@@ -842,16 +850,39 @@ def _size_of_step(line: _Line, number: int) -> tuple[float, float]:
     return _along(line, along)
 
 
-def _notable_changes(line: _Line, notable: float) -> Iterator[int]:
-    """Yield the recordings at which a series changes so much that others may follow it, whether that is a fault or not.
+def _size_of_run(line: _Line, begin: int, end: int) -> tuple[float, float]:
+    """Return the mean deviation of recordings in a row, and its error."""
+    fit = line.search.fit
+    assert fit is not None
+    residuals = fit.residuals[begin:end]
+    return float(residuals.mean()), float(residuals.std(ddof=1)) / math.sqrt(end - begin)
+
+
+def _notable_changes(name: str, line: _Line) -> Iterator[Change]:
+    """Yield the changes so large that others may follow them, whether they are faults or not.
 
     A long series shows changes that are too small to be the cause of anything.
     """
-    begins = [begin for begin, _ in _runs(line)]
-    begins += [begin for number, begin in enumerate(line.steps) if abs(_size_of_step(line, number)[0]) >= notable]
-    if line.change is not None and abs(_size_of_change(line)[0]) >= notable:
-        begins.append(line.change.begin)
-    yield from (int(line.places[begin]) for begin in begins)
+    notable = SERIES[name].watch.notable
+    yield from (_relative(name, line, begin, _size_of_run(line, begin, end)) for begin, end in _runs(line))
+    sizes = [(begin, _size_of_step(line, number)) for number, begin in enumerate(line.steps)]
+    if line.change is not None:
+        sizes.append((line.change.begin, _size_of_change(line)))
+    yield from (_relative(name, line, begin, size) for begin, size in sizes if abs(size[0]) >= notable)
+
+
+def _relative(name: str, line: _Line, begin: int | None, size: tuple[float, float]) -> Change:
+    """Return a change of a series by its size and error, in the unit of the series; None for `begin` is a drift."""
+    fit, watch = line.search.fit, SERIES[name].watch
+    assert fit is not None
+    place = None if begin is None else int(line.places[begin])
+    if watch.is_logarithm:
+        return Change(place, 0.01 * size[0], 0.01 * size[1])
+    before = float(fit.expected[max((begin or 0) - 1, 0)])
+    after = before + size[0]
+    if before <= 0.0 or after <= 0.0:
+        return Change(place)
+    return Change(place, math.log(after / before), size[1] / after)
 
 
 def _along(line: _Line, along: FloatArray) -> tuple[float, float]:
@@ -876,14 +907,14 @@ def _findings_of_line(tire: _Tire, name: str, line: _Line) -> Iterator[Finding]:
         scale = fit.scale / np.sqrt(fit.weights[begin:end])
         least = float(np.abs(fit.residuals[begin:end] / scale).min()) if fit.scale > 0.0 else math.inf
         passed = Reason(Code.TREND_PASSED, name=name, deviations=least, **_recordings(history, line, begin, end))
-        yield Finding(passed, name, int(line.places[begin]))
+        yield Finding(passed, name, _relative(name, line, begin, _size_of_run(line, begin, end)))
     # Steps of the load have their own finding.
     for number, begin in enumerate(line.steps if name != "estimated_load_n" else ()):
         size, std = _size_of_step(line, number)
         if abs(size) >= watch.notable and size * (watch.worse or size) > 0.0:
             end = min([after for after in line.steps if after > begin], default=len(line.values))
             changed = _changed(Code.TREND_LEVEL_CHANGED, history, name, line, (size, std), begin, end)
-            yield Finding(changed, name, int(line.places[begin]))
+            yield Finding(changed, name, _relative(name, line, begin, (size, std)))
     if change is None:
         return
     size, std = _size_of_change(line)
@@ -892,7 +923,7 @@ def _findings_of_line(tire: _Tire, name: str, line: _Line) -> Iterator[Finding]:
         size, std = size - explained[0], math.hypot(std, explained[1])
     if size * (watch.worse or size) <= 0.0:
         return
-    end, onset = len(line.values), int(line.places[change.begin])
+    end, onset = len(line.values), _relative(name, line, change.begin, (size, std))
     if change.is_slope and name in ("wear_mm", "pressure_at_20_degc"):
         # Slower wear needs no attention; a leak does before it has become a low pressure.
         before, after = _along(line, _slope_before(line)), _along(line, _slope_after(line))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gateway.reasons import Code, Reason
-from gateway.trends.causes import Finding, with_causes
+from gateway.trends.causes import Change, Finding, with_causes
 from gateway.trends.fleet_analysis import analyse
 from gateway.trends.regression import fit
 from gateway.trends.steady_value import parted_drift
@@ -96,10 +96,25 @@ def test_a_fast_leak_is_one_finding_with_what_follows_from_it():
 
 def test_consequences_of_a_refill_are_no_finding():
     changed = Reason(Code.TREND_LEVEL_CHANGED)
-    onsets = {"pressure_at_20_degc": [40]}
-    findings = [Finding(changed, "Rs", 41), Finding(changed, "Rs", 60), Finding(changed, "wear_mm", 40)]
+    onsets = {"pressure_at_20_degc": [Change(40)]}
+    findings = [Finding(changed, name, Change(at)) for name, at in (("Rs", 41), ("Rs", 60), ("wear_mm", 40))]
     # Tread depth does not follow the pressure, and what begins later is another change.
     assert with_causes(findings, onsets) == [changed, changed]
+
+
+@pytest.mark.parametrize("share", [0.04, 0.5])
+def test_a_refill_explains_what_follows_from_its_size(share):
+    # From 200 to 214 kPa; a belt that gets stiffer by half with it has another cause.
+    tire = history()
+    after = np.arange(100) >= 60
+    columns = {
+        **tire.columns,
+        "pressure_pa": tire.columns["pressure_pa"] + 14e3 * after,
+        "contact_length_m": tire.columns["contact_length_m"] * np.where(after, 1.0 - share, 1.0),
+    }
+    findings = findings_of(replace(tire, columns=columns))
+    names = {finding["name"] for finding in findings.values()}
+    assert names == (set() if share < 0.1 else {"contact_length_m"})
 
 
 @pytest.mark.parametrize(("gain", "name"), [(0.004, "Cw"), (0.03, "gain")])
