@@ -234,7 +234,10 @@ async def test_record_key_asks_for_the_run_first(session):
         session.change(recording="drive.mcap")
         await drawn(app, pilot)
         await pilot.press("r")
-        assert not has(screen(app), "record, test")
+        assert has(screen(app), "drive.mcap is being recorded; Enter or Escape goes back")
+        await pilot.press("enter")
+        assert not has(screen(app), "goes back")
+        assert len(session.recordings) == 1
 
 
 async def test_acknowledged_alarms_come_last_and_say_so(session):
