@@ -32,6 +32,7 @@ GPSD_PORT: Final = 2947
 
 # The rate of NMEA 0183; receivers on USB take any.
 _BAUDRATE: Final = "9600"
+_DEVICE: Final = "receiver"
 _WATCH: Final = b'?WATCH={"enable":true,"nmea":true};\n'
 _HOST: Final = re.compile(r"(\[[^\]]+\]|[^:/\\]+):\d{1,5}")
 # What is longer without a line end is no text.
@@ -58,13 +59,15 @@ def open_nmea(address: SourceAddress, clock: Clock) -> Source:
         address.check_options(("silence",))
         host_port = parse_host_port(address)
         kind = GpsdLink if host_port.port == GPSD_PORT else TcpLink
-        return ReceiverSource(ReconnectingSource(name, lambda: kind(host_port), clock, silence_s=silence_s))
+        return ReceiverSource(
+            ReconnectingSource(name, lambda: kind(host_port, device=_DEVICE), clock, silence_s=silence_s)
+        )
     port = parse_source_uri(address.target) if address.target.startswith(("/dev/", "COM")) else address
     silence_s = silence_option(options, 0.0)
     options.pop("silence", None)
     settings = serial_settings({"baudrate": _BAUDRATE, **port.options, **options})
     return ReceiverSource(
-        ReconnectingSource(name, lambda: serial_port(port.target, settings), clock, silence_s=silence_s)
+        ReconnectingSource(name, lambda: serial_port(port.target, settings, _DEVICE), clock, silence_s=silence_s)
     )
 
 

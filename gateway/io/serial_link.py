@@ -177,11 +177,11 @@ class SerialSource(ReconnectingSource):
         return super()._event(kind, text, details)
 
 
-def serial_port(port: str, settings: Mapping[str, Any]) -> PyserialLink:
-    """Return a link over a serial port with settings of `serial_settings`; nothing is opened yet."""
+def serial_port(port: str, settings: Mapping[str, Any], device: str = "hub") -> PyserialLink:
+    """Return a link over a serial port with settings of `serial_settings`, and what is there; nothing is opened yet."""
     return PyserialLink(
         lambda: serial.Serial(port, **settings),
-        lambda error: explain_open_error(port, error, present_ports()),
+        lambda error: explain_open_error(port, error, present_ports(), device),
         lambda error: LinkLostError(f"{port} disappeared ({_brief(error)})", "Unplugged? Plug it in again."),
     )
 
@@ -220,14 +220,14 @@ def present_ports() -> list[str]:
     return ports
 
 
-def explain_open_error(port: str, error: Exception, present: list[str]) -> SourceError:
+def explain_open_error(port: str, error: Exception, present: list[str], device: str = "hub") -> SourceError:
     """Return the error for the user: why a port does not open, and the remedy."""
     number = getattr(error, "errno", None)
     if number == errno.ENOENT or isinstance(error, FileNotFoundError) or (os.name == "posix" and not _exists(port)):
         if present:
-            remedy = f"Ports present: {', '.join(present)}. Is the hub plugged in?"
+            remedy = f"Ports present: {', '.join(present)}. Is the {device} plugged in?"
         else:
-            remedy = "No serial port is present; plug in the hub, or try `treadlink live sim:demo`."
+            remedy = f"No serial port is present; plug in the {device}, or try `treadlink live sim:demo`."
         return SourceError(f"there is no port {port}", remedy, cause=errno.ENOENT)
     if number in (errno.EACCES, errno.EPERM):
         group = _group_of(port)

@@ -337,8 +337,8 @@ class RecordingReader:
                 remedy = (
                     f"It is a measurement: `treadlink import --guess '{self._path}'` writes a first import map for it."
                 )
-            elif size > 1 << 10:
-                remedy = REPAIR_REMEDY
+            elif size > 1 << 10 and self._path.suffix.lower() == ".mcap":
+                remedy = f"If it was one whose beginning is lost: {REPAIR_REMEDY}"
             else:
                 remedy = "Recordings are created by `treadlink record` and end in .mcap."
             raise RecordingError(f"'{self._path}' is not a recording: it does not start like an MCAP file", remedy)

@@ -78,9 +78,15 @@ def set_clock(
         dbc_text=info.dbc_text,
         run=info.run,
     ) as writer:
+        is_empty = True
         for item in reader.items():
             on_position(reader.position, info.size_bytes)
             writer.write(_corrected(item, moved(item.host_ns), ahead_s))
+            is_empty = False
+        if is_empty and not info.treadlink:
+            raise RecordingError(
+                f"'{path}' has nothing of a hub, bus or receiver", "It is an MCAP file of another program."
+            )
         if reader.damage is not None:
             raise RecordingError(f"'{path}' is damaged", REPAIR_REMEDY)
         copy_notes(path, target)

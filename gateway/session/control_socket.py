@@ -158,8 +158,10 @@ class ControlSocket:
                 client, _ = listener.accept()
             except TimeoutError:
                 continue
-            except OSError:
-                return
+            except OSError as error:
+                if not self._closed.wait(_POLL_S):  # such as no free descriptor, which may come back
+                    _logger.warning("a command cannot reach the session: %s", error)
+                continue
             if not self._clients.acquire(blocking=False):
                 client.close()
                 continue

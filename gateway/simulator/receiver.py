@@ -16,6 +16,9 @@ LINK: Final = "nmea:sim"
 START_DEG: Final = (48.0, 11.0)
 """Latitude and longitude of the start."""
 
+RATES_HZ: Final = (0.01, 100.0)
+"""Lowest and highest rate of fixes: a sentence states its time to hundredths of a second."""
+
 EARTH_RADIUS_M: Final = 6_371_000.0
 # Errors as data sheets state them: of the speed, and of a position, which wanders slowly.
 _SPEED_STD_MPS: Final = 0.05

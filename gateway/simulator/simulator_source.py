@@ -21,6 +21,7 @@ from gateway.io.source import (
     Sentences,
     Source,
     SourceAddress,
+    number_option,
     positive_option,
 )
 from gateway.simulator import receiver
@@ -122,7 +123,6 @@ def open_simulator(address: SourceAddress, clock: Clock) -> Source:
     seed_text, duration_text = options.pop("seed", None), options.pop("duration", None)
     fault_texts = split_faults(options.pop("fault", ""))
     key_file = options.pop("keys", None)
-    receiver_text = options.pop("receiver", None)
     scenario = load_scenario(address.target)
     seed = None if seed_text is None else _seed(seed_text)
     simulation = simulate(
@@ -134,10 +134,11 @@ def open_simulator(address: SourceAddress, clock: Clock) -> Source:
     )
     toml = vehicle_toml(scenario, signed=key_file is not None)
     mounted = None
-    if receiver_text is not None:
+    receiver_hz = number_option(address.options, "receiver", 0.0, *receiver.RATES_HZ)
+    if receiver_hz:
         motion = simulation.wheels[0].plan.motion
         rng = np.random.default_rng([scenario.scenario.seed if seed is None else seed, _RECEIVER_STREAM])
-        mounted = SimulatedReceiver(motion, positive_option("receiver", receiver_text), rng)
+        mounted = SimulatedReceiver(motion, receiver_hz, rng)
     return SimulatorSource(simulation, link_name(address.target), toml, speed, clock, mounted)
 
 

@@ -90,7 +90,7 @@ def test_peer_without_answers_is_a_lost_link(monkeypatch: pytest.MonkeyPatch) ->
 
     link = TcpLink(HostPort("h", 1))
     with Unanswered() as unanswered:
-        monkeypatch.setattr(tcp_link, "connect", lambda _: unanswered)
+        monkeypatch.setattr(tcp_link, "connect", lambda *_: unanswered)
         link.open()
         with pytest.raises(LinkLostError, match="does not answer any more"):
             link.read(0.05)
@@ -99,7 +99,7 @@ def test_peer_without_answers_is_a_lost_link(monkeypatch: pytest.MonkeyPatch) ->
 def test_idle_connections_are_probed(tcp_hub: TcpHub, monkeypatch: pytest.MonkeyPatch) -> None:
     opened: list[socket.socket] = []
     connect = tcp_link.connect
-    monkeypatch.setattr(tcp_link, "connect", lambda place: opened.append(connect(place)) or opened[0])
+    monkeypatch.setattr(tcp_link, "connect", lambda *place: opened.append(connect(*place)) or opened[0])
     link = TcpLink(HostPort("127.0.0.1", tcp_hub.port))
     link.open()
     assert opened[0].getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)

@@ -38,3 +38,7 @@ def test_recording_whose_beginning_is_lost_is_repaired(tmp_path: Path) -> None:
     with pytest.raises(RecordingError) as caught:
         list(RecordingReader(path).items())
     assert "treadlink repair" in caught.value.remedy
+    path.rename(tmp_path / "notes.bin")
+    with pytest.raises(RecordingError) as caught:
+        list(RecordingReader(tmp_path / "notes.bin").items())
+    assert "treadlink repair" not in caught.value.remedy

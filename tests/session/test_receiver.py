@@ -4,16 +4,18 @@ import csv
 import gzip
 import json
 import math
+import socket
 import threading
 from itertools import pairwise
 
 import pytest
 from click.testing import CliRunner
+from mcap.writer import Writer
 
 from gateway.cli import treadlink
 from gateway.clock import ManualClock, SystemClock
 from gateway.config.vehicle import parse_vehicle
-from gateway.errors import SourceError
+from gateway.errors import RecordingError, SourceError
 from gateway.io.nmea_sentences import SentenceReader, has_position
 from gateway.io.nmea_source import GpsdLink
 from gateway.io.source import LinkEvent, LinkEventKind, Sentences, is_live, open_source
@@ -257,6 +259,17 @@ def test_serial_receiver_is_read_in_lines_and_reconnected(tmp_path) -> None:
         port.close()
 
 
+def test_absent_receiver_is_called_so() -> None:
+    server = socket.create_server(("127.0.0.1", 0))
+    port = server.getsockname()[1]
+    server.close()
+    for uri in (f"nmea:127.0.0.1:{port}", "nmea:/dev/ttyNone"):
+        with pytest.raises(SourceError) as error:
+            next(open_source(uri, SystemClock()).items(threading.Event()))
+        assert "receiver" in error.value.remedy
+        assert "hub" not in error.value.remedy
+
+
 def test_gpsd_is_asked_for_sentences() -> None:
     hub = TcpHub()
     link = GpsdLink(HostPort("127.0.0.1", hub.port))
@@ -323,6 +336,8 @@ def test_options_of_receivers_are_checked(tmp_path) -> None:
         ("nmea:/dev/ttyX?baud=1", "no option 'baud'"),
         ("nmea:localhost:2947?rate=9600", "no option 'rate'"),
         ("nmea:localhost:99999", "Give nmea:host:port"),
+        ("sim:demo?receiver=1000", "Give a number from 0.01 to 100"),
+        ("sim:demo?receiver=no", "Give a number from 0.01 to 100"),
     ):
         with pytest.raises(SourceError) as error:
             open_source(uri, ManualClock())
@@ -428,6 +443,18 @@ def test_clock_is_set_by_the_step_of_the_system_time(drive, tmp_path) -> None:
     far = CliRunner().invoke(treadlink, ["set-clock", str(path), "--ahead=-4e9", "--out", str(tmp_path / "c.mcap")])
     assert "1970" in str(far.exception)
     assert not (tmp_path / "c.mcap").exists()
+
+
+def test_files_of_other_programs_get_no_other_time(tmp_path) -> None:
+    path, target = tmp_path / "other.mcap", tmp_path / "dated.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros2", "other")
+        writer.finish()
+    with pytest.raises(RecordingError, match="nothing of a hub") as error:
+        set_clock(path, target, 5.0)
+    assert "another program" in error.value.remedy
+    assert not target.exists()
 
 
 def test_copy_with_another_time_has_its_name_when_it_is_whole(drive, tmp_path) -> None:
