@@ -33,9 +33,12 @@ _LARGEST_AC_CORNER: Final = 0.1
 _STEPS_OF_NOISE: Final = 2.0
 # Steps of 0.5 % of R Omega^2 raise Ts by 17 %, as those of 0.1 % by its own error.
 _LEAST_STEP: Final = 1e-3
-# Values over samples of a revolution below which most steps between them occur, and revolutions that are looked at.
-_SHARE_OF_VALUES: Final = 0.25
+# Revolutions that are looked at for steps.
 _REVOLUTIONS: Final = 8
+# Of the gaps between values: samples of a fast edge lie many steps apart, those away from the contact one.
+_SMALL_GAPS: Final = 0.1
+# Of the gaps below one and a half steps, those of one step: within a count, as a step need not be a whole number.
+_SHARE_ON_STEP: Final = 0.5
 
 
 class Doubt(NamedTuple):
@@ -72,11 +75,17 @@ def coarse_steps(step_mps2: float, noise_mps2: float) -> Reason | None:
 
 
 def step_counts(counts: NDArray[np.int16]) -> float:
-    """Return the step of samples in counts, which may be of a coarser sensor; 1 where none shows."""
-    values = np.unique(counts)
-    if not 1 < len(values) < _SHARE_OF_VALUES * len(counts):
+    """Return the step of samples in counts, which may be of a coarser sensor; 1 where none shows.
+
+    The smallest gaps between the values of a coarse sensor are all one step; those of a fine one are of every size.
+    """
+    gaps = np.diff(np.unique(counts).astype(np.float64))
+    if not len(gaps):
         return 1.0
-    return float(np.median(np.diff(values.astype(np.int64))))
+    step = float(np.quantile(gaps, _SMALL_GAPS, method="lower"))
+    small = gaps[gaps < 1.5 * step]
+    on_step = np.mean(np.abs(small - step) <= 1.0)
+    return step if on_step >= _SHARE_ON_STEP else 1.0
 
 
 class SensorLimits:

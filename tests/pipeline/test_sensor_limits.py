@@ -5,10 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from gateway.estimators.estimator import Status
 from gateway.estimators.sensor_claims import SensorClaims
-from gateway.pipeline.sensor_limits import SensorLimits, coarse_steps, high_corner, narrow_band
+from gateway.pipeline.sensor_limits import SensorLimits, coarse_steps, high_corner, narrow_band, step_counts
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.reasons import Code, codes_of
 from tests.testkit.signing_hub import hello_message
@@ -31,6 +33,21 @@ def test_limits_begin_where_a_number_is_biased_by_a_percent() -> None:
     assert high_corner(0.95, 9.0).code is Code.SENSOR_AC_CORNER
     assert coarse_steps(1.0, 0.5) is None
     assert coarse_steps(1.0, 0.49).code is Code.SENSOR_STEPS
+
+
+def revolution_counts(samples: int, seed: int) -> np.ndarray:
+    """Counts of a revolution: slow away from the contact, which a sixteenth of the samples crosses at once."""
+    angle = 2.0 * np.pi * (np.arange(samples) / samples + np.random.default_rng(seed).random())
+    return 9000.0 + 200.0 * np.cos(angle) + 100.0 * np.sin(2.0 * angle) - 9000.0 * (np.cos(angle) > 0.98)
+
+
+@given(step=st.floats(5.0, 60.0), samples=st.integers(100, 1500), seed=st.integers(0, 99))
+def test_steps_show_in_few_samples_and_in_no_fine_sensor(step: float, samples: int, seed: int) -> None:
+    fine = revolution_counts(samples, seed)
+    coarse = np.rint(np.rint(fine / step) * step).astype(np.int16)
+    assert step_counts(coarse) == pytest.approx(step, abs=1.0)
+    assert step_counts(fine.astype(np.int16)) < 5.0
+    assert step_counts(np.zeros(samples, np.int16)) == 1.0
 
 
 @pytest.mark.parametrize(("corner_hz", "doubted"), [(0.5, False), (2.0, True)])
