@@ -27,6 +27,9 @@ class Accelerometer(Section):
     highpass_hz: float | None = Field(default=None, gt=0, le=100, description="corner of an AC-coupled part in Hz")
     zero_g_offset_g: float = Field(default=0.0, ge=-1000, le=1000, description="error of the zero in g")
     gain_error_percent: float = Field(default=0.0, ge=-50, le=50, description="error of the sensitivity in percent")
+    cross_axis_percent: float = Field(
+        default=0.0, ge=-20, le=20, description="share of each other axis in the output in percent"
+    )
     axes: int | None = Field(default=None, ge=1, le=3, description="number of axes")
     interface: str = Field(default="", description="how it is read")
     survival_g: float | None = Field(default=None, gt=0, description="shock that it survives in g")

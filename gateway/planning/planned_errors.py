@@ -7,8 +7,9 @@ clipping are in the result. Nothing is predicted by a formula that the drives co
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -27,7 +28,7 @@ from gateway.planning.accelerometer import Accelerometer
 from gateway.planning.cramer_rao import cramer_rao, order_variance, relative_bounds, waveform_sensitivity
 from gateway.planning.link_load import BLOCK_SAMPLES
 from gateway.quantity_catalogue import RING_NUMBERS
-from gateway.reasons import Code, Reason
+from gateway.reasons import Code, Reason, codes_of
 from gateway.simulator.disturbances import REFERENCE_MPS
 from gateway.simulator.hub import hello_of
 from gateway.simulator.scenario import vehicle_toml
@@ -178,11 +179,13 @@ def plan_sensor(
     doubts = tuple(_doubts(sensor, rate_hz, omega_radps))
     # Without its noise, the scatter would be that of a perfect sensor.
     if not refusals and sensor.noise_mg_rthz is not None:
-        drives = _drives(planned, plan, omega_radps, wheels, seed)
+        drives = _drives(plan, _setup(planned, sensor), omega_radps, wheels, seed)
         complete = [drive for drive in drives if len(drive) >= AFTER[-1]]
         if len(complete) < wheels:
             doubts += (Reason(Code.PLAN_FEW_REVOLUTIONS, share=100.0 * (1.0 - len(complete) / wheels)),)
         if len(complete) > 1:
+            named = set(codes_of(doubts))
+            doubts += tuple(_contested(complete, tire.truths, named))
             bounds = _bounds(planned.wheels()[0], sensor, plan, omega_radps, tire.truths)
             errors = tuple(_errors(complete, tire.truths, bounds))
     return SensorPlan(
@@ -225,6 +228,7 @@ def _with_sensor(scenario: Scenario, sensor: Accelerometer, speed_mps: float, ra
             "highpass_hz": sensor.highpass_hz or first.sensor.highpass_hz,
             "zero_g_offset_g": (sensor.zero_g_offset_g,) * 3,
             "gain_error_percent": (sensor.gain_error_percent,) * 3,
+            "cross_axis_percent": sensor.cross_axis_percent,
         }
     )
     return steady.model_copy(update={"wheel": (first.model_copy(update={"sensor": data_sheet}),)})
@@ -255,11 +259,23 @@ def _doubts(sensor: Accelerometer, rate_hz: float, omega_radps: float) -> Iterat
     yield from (doubt for doubt in doubts if doubt is not None)
 
 
+def _setup(scenario: Scenario, sensor: Accelerometer) -> WheelSetup:
+    """Return what the vehicle file of the first wheel states, with band, gain and zero of the sensor's data sheet."""
+    (setup,) = parse_vehicle(vehicle_toml(scenario), "the plan").wheel_setups()
+    stated = setup.sensor
+    claims = replace(
+        stated,
+        bandwidth_hz=sensor.bandwidth_hz,
+        gain_std=max(stated.gain_std, 0.01 * abs(sensor.gain_error_percent)),
+        zero_g_std_mps2=max(stated.zero_g_std_mps2, abs(sensor.zero_g_offset_g) * STANDARD_GRAVITY_MPS2),
+    )
+    return replace(setup, sensor=claims)
+
+
 def _drives(
-    scenario: Scenario, plan: WheelPlan, omega_radps: float, wheels: int, seed: int
+    plan: WheelPlan, setup: WheelSetup, omega_radps: float, wheels: int, seed: int
 ) -> list[list[RevolutionResult]]:
     """Return the revolutions of independent drives, which differ in noise and in the sensor's angle at the start."""
-    (setup,) = parse_vehicle(vehicle_toml(scenario), "the plan").wheel_setups()
     seconds = (AFTER[-1] + _SPARE_REVOLUTIONS) * 2.0 * math.pi / omega_radps
     generators = np.random.default_rng(seed).spawn(wheels)
     return [_drive(WheelSimulator(plan, rng), setup, seconds) for rng in generators]
@@ -282,6 +298,25 @@ def _drive(wheel: WheelSimulator, setup: WheelSetup, seconds: float) -> list[Rev
     return results + pipeline.finish(host)
 
 
+def _contested(
+    drives: Sequence[Sequence[RevolutionResult]], planned: Mapping[str, float], named: set[Code]
+) -> Iterator[Reason]:
+    """Yield why most drives end with estimates that are not valid, one reason of each code, beside what is `named`."""
+    refused: Counter[Code] = Counter()
+    first: dict[Code, Reason] = {}
+    for drive in drives:
+        of_drive = {
+            reason.code: reason
+            for estimate in drive[AFTER[-1] - 1].estimates
+            if estimate.name in planned and estimate.status is not Status.VALID
+            if not named.intersection(codes_of(estimate.reasons))
+            for reason in estimate.reasons
+        }
+        refused.update(of_drive.keys())
+        first = of_drive | first
+    yield from (first[code] for code, count in refused.items() if 2 * count > len(drives))
+
+
 def _truths(truth: WheelTruth, wear_mm: float) -> dict[str, float]:
     """Return the true value of each quantity that is planned."""
     numbers = truth.numbers(0.0)
@@ -289,7 +324,6 @@ def _truths(truth: WheelTruth, wear_mm: float) -> dict[str, float]:
     values = {
         "speed_mps": truth.speed_mps(0.0),
         "contact_length_m": (trailing_rad - leading_rad) * truth.plan.radius_m,
-        "load_by_angle_n": truth.load_n(0.0),
         "load_by_width_n": truth.load_n(0.0),
         "wear_mm": wear_mm,
     }

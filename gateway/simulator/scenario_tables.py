@@ -275,6 +275,9 @@ class Sensor(Section):
     )
     pitch_deg: float = Field(default=0.0, ge=-180, le=180, description="rotation about the lateral axis in degrees")
     yaw_deg: float = Field(default=0.0, ge=-180, le=180, description="rotation about the radial axis in degrees")
+    cross_axis_percent: float = Field(
+        default=0.0, ge=-20, le=20, description="share of each other axis in the output of an axis in percent"
+    )
     zero_g_offset_g: Annotated[Triple, per_axis(-1000, 1000)] = Field(
         default=(0.0, 0.0, 0.0), description="zero-g offset of each axis in g"
     )

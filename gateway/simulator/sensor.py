@@ -90,8 +90,10 @@ class SensorChain:
         gain = 1.0 + 0.01 * np.array(sensor.gain_error_percent)
         to_counts = np.array(signs) * FULL_SCALE_COUNTS / full_scale
         # (3, channels): from the belt's directions to counts of the channels.
+        share = 0.01 * sensor.cross_axis_percent
+        cross = share + (1.0 - share) * np.eye(3)
         mounting = mounting_matrix(sensor.roll_deg, sensor.pitch_deg, sensor.yaw_deg)
-        self._matrix = (gain * to_counts)[self._columns] * mounting.T[:, self._columns]
+        self._matrix = (gain * to_counts)[self._columns] * (cross @ mounting).T[:, self._columns]
         self._offset = (to_counts * np.array(sensor.zero_g_offset_g) * STANDARD_GRAVITY_MPS2)[self._columns]
         density = np.array(sensor.noise_mg_rthz) * 1e-3 * STANDARD_GRAVITY_MPS2
         self._noise = (np.abs(to_counts) * density * math.sqrt(0.5 * sensor.rate_hz))[self._columns]

@@ -15,7 +15,7 @@ from gateway.errors import ConfigError, OutputError
 from gateway.planning.accelerometer import Accelerometer, parse_accelerometers, shipped_accelerometers
 from gateway.planning.link_load import BLOCK_SAMPLES, PowerModel, link_load
 from gateway.planning.planned_errors import SensorPlan, fastest_mps, plan_sensor
-from gateway.reasons import Code
+from gateway.reasons import Code, codes_of
 from gateway.simulator.scenario import load_scenario
 from gateway.views.plans.plan_figure import write_plan_figure
 from gateway.views.plans.sensor_plan import plan_json, plan_lines
@@ -48,8 +48,38 @@ def test_noise_grows_the_scatter_and_revolutions_reduce_it():
 def test_ac_corner_biases_ts_and_is_named():
     sensor = QUIET.model_copy(update={"highpass_hz": 6.0})
     assert Code.SENSOR_AC_CORNER in codes(sensor)
-    bias = next(e.stays / e.truth for e in planned(sensor).errors if (e.quantity, e.revolutions) == ("Ts", 100))
-    assert bias > 0.1
+    assert stays(sensor, "Ts") > 0.1 * 2.53
+
+
+def stays(sensor: Accelerometer, quantity: str, wheels: int = 4) -> float:
+    errors = planned(sensor, wheels=wheels).errors
+    return next(e.stays for e in errors if (e.quantity, e.revolutions) == (quantity, 100))
+
+
+def test_cross_axis_sensitivity_biases_by_its_sign():
+    # The drives have the same noise, so that the difference is the axis that leaks.
+    plain, *crossed = (
+        stays(QUIET.model_copy(update={"cross_axis_percent": percent}), "Ts", wheels=2) for percent in (0.0, 5.0, -5.0)
+    )
+    biases = [each - plain for each in crossed]
+    assert abs(biases[0]) > 0.02
+    assert biases[1] == pytest.approx(-biases[0], rel=0.2)
+
+
+def test_gain_and_zero_of_the_data_sheet_are_in_the_stated_errors():
+    loose = QUIET.model_copy(update={"gain_error_percent": 10.0, "zero_g_offset_g": 2.0})
+    late = [error for error in planned(loose).errors if error.revolutions == 100]
+    assert {error.quantity for error in late} == {error.quantity for error in planned(QUIET).errors}
+    assert all(error.valid_share == 1.0 and abs(error.stays) < 2.0 * error.stated for error in late)
+    assert codes(loose) == []
+
+
+def test_what_the_estimators_refuse_is_named():
+    scenario = load_scenario("lab")
+    (first, *_) = scenario.wheels()
+    wrong = first.model_copy(update={"stated": first.stated.model_copy(update={"radius_mm": 360.0})})
+    plan = plan_sensor(scenario.model_copy(update={"wheel": (wrong,)}), QUIET, 80.0 / 3.6, wheels=3)
+    assert Code.RADIUS_WOULD_FIT in codes_of(plan.reasons)
 
 
 @pytest.mark.parametrize(

@@ -241,6 +241,8 @@ def test_axes_sign_offset_gain_and_saturation() -> None:
     assert run(only, 0.25) == pytest.approx(plain[:, [0, 2]])
     shifted = run(wheel_of(sensor=QUIET + "zero_g_offset_g = [0, 0, 2.0]\ngain_error_percent = [0, 0, 1.0]"), 0.25)
     assert shifted[:, 2] == pytest.approx(1.01 * plain[:, 2] + 2 * STANDARD_GRAVITY_MPS2, abs=1.0)
+    crossed = run(wheel_of(sensor=QUIET + "cross_axis_percent = 2.0"), 0.25)
+    assert crossed == pytest.approx(0.98 * plain + 0.02 * plain.sum(axis=1, keepdims=True), abs=1.0)
     clipped = wheel_of(sensor="noise_mg_rthz = 0.0\nrange_g = 120.0").advance(0.25).counts
     assert clipped[:, 2].max() == 32767
 
