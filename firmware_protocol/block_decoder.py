@@ -1,7 +1,5 @@
 """Block decoder for recorded streams: the frames and counters of the streaming decoder, many times faster."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from enum import IntEnum
 from functools import lru_cache

@@ -9,8 +9,6 @@ Only where candidates overlap does it matter which of them the parser would visi
 in the plain way instead.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Final, NamedTuple
 from zlib import crc32

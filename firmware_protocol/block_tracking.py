@@ -1,7 +1,5 @@
 """Counter rules for a whole block of frames, equal to `source_tracking.SourceTracker` frame by frame."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Final, NamedTuple

@@ -1,7 +1,5 @@
 """Generator of the firmware's C11 header and reference encoder, from the declaration."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Range checks of encoded values. Errors name the field."""
 
-from __future__ import annotations
-
 import math
 from typing import Final, NoReturn
 

@@ -1,7 +1,5 @@
 """Encoder and decoder of frames and payloads with `struct`. Tests compare them byte for byte with `declaration.py`."""
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Callable

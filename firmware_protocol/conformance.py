@@ -3,8 +3,6 @@
 Built from the declaration, not from the codec that they test. The expected result of a stream is stated by hand.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from functools import partial

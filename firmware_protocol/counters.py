@@ -1,7 +1,5 @@
 """Counters of a link: frames delivered, lost and skipped, by cause."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 

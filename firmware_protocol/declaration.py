@@ -4,8 +4,6 @@ Slow and readable on purpose: `codec.py` does the work at run time and is held b
 and units are those of the wire; `to_message` relates them to the values in `messages.py`.
 """
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Mapping
 from typing import Any, Final, NamedTuple

@@ -1,7 +1,5 @@
 """Streaming frame decoder. Sans-io: no I/O and no clock; the frames do not depend on how the stream is split."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from struct import Struct
 from typing import Any, Final

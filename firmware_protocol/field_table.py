@@ -1,7 +1,5 @@
 """Table of the declared fields: offset, type and meaning of each, for the specification and the C code."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any, Final, NamedTuple
 

@@ -1,7 +1,5 @@
 """Reference form of the framing rule."""
 
-from __future__ import annotations
-
 from typing import Final
 from zlib import crc32
 

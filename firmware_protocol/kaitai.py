@@ -1,7 +1,5 @@
 """Generator of a Kaitai Struct description of the packets, from the declaration."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from enum import IntEnum
 from typing import Final

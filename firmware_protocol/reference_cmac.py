@@ -3,8 +3,6 @@
 Its running time depends on the key, so it must not sign or check anything that an attacker can time.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Rule by which sample numbers and the hub's clock advance together (specification, "Sample numbers")."""
 
-from __future__ import annotations
-
 from typing import Final, overload
 
 import numpy as np

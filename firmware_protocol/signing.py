@@ -1,7 +1,5 @@
 """Signed part of a frame and position of its tag. The caller supplies the cryptography."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable
 from typing import Final

@@ -1,7 +1,5 @@
 """Counter rules for every source of a link, shared by the streaming and the block decoder."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Final
 

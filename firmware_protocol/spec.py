@@ -1,7 +1,5 @@
 """Generated parts of the protocol specification: the tables and the worked example, from the declaration."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator
 

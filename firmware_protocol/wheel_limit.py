@@ -1,7 +1,5 @@
 """Limit on the wheels of a session, since anyone who can send frames can make up 65,280 wheels a link."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Constants of the wire format other than payload layouts. Protocol 1.1."""
 
-from __future__ import annotations
-
 from typing import Final
 
 VERSION_MAJOR: Final = 1

@@ -1,7 +1,5 @@
 """Generator of a Wireshark dissector in Lua, from the declaration."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from enum import IntEnum
 from typing import Final

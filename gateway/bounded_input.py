@@ -1,7 +1,5 @@
 """Reading of whole files that a user or a configuration names."""
 
-from __future__ import annotations
-
 import errno
 import os
 import stat

@@ -1,7 +1,5 @@
 """Clocks, and waiting on them. No other module reads time; tests inject a manual clock."""
 
-from __future__ import annotations
-
 import threading
 import time
 from typing import Final, NamedTuple, Protocol

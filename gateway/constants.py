@@ -1,7 +1,5 @@
 """Physical constants and the names of the sensor's axes."""
 
-from __future__ import annotations
-
 from typing import Final
 
 STANDARD_GRAVITY_MPS2: Final = 9.80665

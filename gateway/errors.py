@@ -1,7 +1,5 @@
 """Errors for the user: each names the thing that failed and the remedy."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Packages of the extras: an error that says what to install where one is missing."""
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 
 from gateway.errors import OutputError

@@ -1,7 +1,5 @@
 """Plug-ins: entries of registries that installed packages add through entry points."""
 
-from __future__ import annotations
-
 import importlib
 import importlib.metadata
 import logging

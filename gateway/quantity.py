@@ -1,7 +1,5 @@
 """How a quantity is declared: what it is, what it rests on, the values it can have, and where it is shown."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum

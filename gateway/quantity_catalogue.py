@@ -5,8 +5,6 @@ from the estimators, since recordings, tables and `--help` need it without the n
 8855: x forward, y to the left, z up; angles of the contact count from its centre, positive behind it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """Commit of the code that runs, where it is a checkout or was installed from one."""
 
-from __future__ import annotations
-
 import json
 from functools import cache
 from importlib.metadata import PackageNotFoundError, distribution

@@ -1,7 +1,5 @@
 """Columns of all tables: name, description and type, once for files, datasets and the Python interface."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Parts of the URIs that name sources and live outputs, `scheme:target?key=value`."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 from urllib.parse import parse_qsl, unquote, urlsplit
 

@@ -1,7 +1,5 @@
 """Names of wheel positions that differ in left and right only."""
 
-from __future__ import annotations
-
 from typing import Final
 
 _LETTERS: Final = {"L": "R", "l": "r", "LEFT": "RIGHT", "Left": "Right", "left": "right"}

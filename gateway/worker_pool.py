@@ -1,7 +1,5 @@
 """Processes that share the work of a command: they end quietly on Ctrl-C, and a lost one is explained."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

@@ -1,7 +1,5 @@
 """Lock on a file while it is written, by which other commands distinguish it from one that was interrupted."""
 
-from __future__ import annotations
-
 import os
 import sys
 from contextlib import suppress

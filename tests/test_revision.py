@@ -1,7 +1,5 @@
 """Commit of a checkout, whichever way it stands at it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

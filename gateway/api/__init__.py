@@ -1,7 +1,5 @@
 """Interface for programs and notebooks; `import gateway` offers all of it."""
 
-from __future__ import annotations
-
 import logging
 
 # A program decides what it shows of the log. Without this, Python prints warnings where nothing is configured.

@@ -1,7 +1,5 @@
 """Configurations and scenarios given as dictionaries, turned into the text that files have."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Table of the differences between two recordings."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Self

@@ -1,7 +1,5 @@
 """Measurements for the figures of the papers: recordings, datasets, and a table of conditions."""
 
-from __future__ import annotations
-
 import csv
 import io
 import math

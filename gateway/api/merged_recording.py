@@ -1,7 +1,5 @@
 """Merging of recordings for programs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final

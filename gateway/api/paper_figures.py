@@ -1,7 +1,5 @@
 """Figures of the papers for programs: from simulated tires, recordings, a dataset, or a table of conditions."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path

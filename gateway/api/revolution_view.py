@@ -1,7 +1,5 @@
 """One revolution with its estimates, as programs get it from a stream."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from html import escape
 from typing import Final

@@ -1,7 +1,5 @@
 """Simulated recordings for programs, in memory or in a file."""
 
-from __future__ import annotations
-
 import math
 import threading
 from collections.abc import Iterator, Mapping, Sequence

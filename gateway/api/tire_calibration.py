@@ -1,7 +1,5 @@
 """Calibration of load and reference numbers for programs."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The `treadlink` command. Subcommands are imported only when they run, so that `--help` is quick."""
 
-from __future__ import annotations
-
 import errno
 import importlib
 import logging

@@ -1,7 +1,5 @@
 """`treadlink calibrate`: tire calibration from recordings with known loads, slip angles or side forces."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from pathlib import Path

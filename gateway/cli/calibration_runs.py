@@ -1,7 +1,5 @@
 """Revolutions of calibration runs: recordings, or parts of them, in which a quantity is known."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Results of a check of a firmware: as lines, as JSON, and as JUnit XML for the firmware's own tests."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any, Final
 from xml.etree import ElementTree

@@ -1,7 +1,5 @@
 """`treadlink completion`: completion of commands and options in a shell."""
 
-from __future__ import annotations
-
 import click
 
 

@@ -1,7 +1,5 @@
 """`treadlink doctor`: check the prerequisites of a session."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Checks of `treadlink doctor`; each yields its findings and remedies."""
 
-from __future__ import annotations
-
 import importlib.metadata
 import os
 import re

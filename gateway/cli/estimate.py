@@ -1,7 +1,5 @@
 """`treadlink estimate`: estimate recordings in one pass and write tables."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

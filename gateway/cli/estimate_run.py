@@ -1,7 +1,5 @@
 """Run of `treadlink estimate`: recordings, one after the other, to tables, a page and summaries."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Exit status of all commands; docs/reference/exit-status.md is the page for users."""
 
-from __future__ import annotations
-
 import signal
 from typing import Final
 

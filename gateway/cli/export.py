@@ -1,7 +1,5 @@
 """`treadlink export`: write the measurements of a recording to a file of another program."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

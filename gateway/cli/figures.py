@@ -1,7 +1,5 @@
 """`treadlink figures`: draw the figures of the papers from simulated tires or measurements."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Literal
 

@@ -1,7 +1,5 @@
 """Runs of `treadlink calibrate side-force` from recordings, the report of the fit, and its table."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """`treadlink inspect`: show the content of recordings."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

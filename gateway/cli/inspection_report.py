@@ -1,7 +1,5 @@
 """Report of an inspected recording, as lines and as JSON."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Any, Final

@@ -1,7 +1,5 @@
 """`treadlink keys`: manage the signing keys of sensors and hubs."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Final

@@ -1,7 +1,5 @@
 """Log output of a command: to standard error, or to a file; held back while the live screen is shown."""
 
-from __future__ import annotations
-
 import logging
 from collections import deque
 from collections.abc import Iterator

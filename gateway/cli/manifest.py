@@ -1,7 +1,5 @@
 """`treadlink manifest`: write the hashes of the recordings of a folder."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

@@ -1,7 +1,5 @@
 """`treadlink merge`: recordings of one drive as one."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

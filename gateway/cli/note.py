@@ -1,7 +1,5 @@
 """`treadlink note`: add a comment or tags to recordings, beside their data."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

@@ -1,7 +1,5 @@
 """Command-line options that several commands share, each declared once."""
 
-from __future__ import annotations
-
 import math
 import re
 import shlex

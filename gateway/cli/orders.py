@@ -1,7 +1,5 @@
 """`treadlink orders`: order spectra, amplitudes against speed and the average of the wheels of a recording."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

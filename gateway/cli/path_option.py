@@ -1,7 +1,5 @@
 """Command-line option that takes the path of a file or folder."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar

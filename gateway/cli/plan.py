@@ -1,7 +1,5 @@
 """`treadlink plan`: what a sensor will be able to measure on a tire, before it is bought."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

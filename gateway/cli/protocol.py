@@ -1,7 +1,5 @@
 """`treadlink protocol`: check of a firmware, and files generated from the declarations of protocol and live outputs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Running of `treadlink protocol check` and `treadlink protocol dump`."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager

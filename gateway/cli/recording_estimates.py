@@ -1,7 +1,5 @@
 """Estimates of one recording: rows for the tables, and the lines of its summary."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`treadlink replay`: replay a recording with live estimates."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Unpack
 from urllib.parse import quote

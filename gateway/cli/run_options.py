@@ -1,7 +1,5 @@
 """Options that describe a test run, and those that select runs by their description."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from typing import Any

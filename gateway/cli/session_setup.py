@@ -1,7 +1,5 @@
 """Sessions of the commands live, record and replay: opening, running and closing."""
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence

@@ -1,7 +1,5 @@
 """`treadlink setup`: from a plugged hub to a vehicle file, in a dialogue or by options."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

@@ -1,7 +1,5 @@
 """Dialogue of `treadlink setup`: sensors, wheels, radius, pressure and load, each checked at once."""
 
-from __future__ import annotations
-
 import queue
 import sys
 import threading

@@ -1,7 +1,5 @@
 """`treadlink simulate`: simulate a scenario to a file, a pseudo-terminal, Bluetooth or emulated firmware."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from urllib.parse import quote
 

@@ -1,7 +1,5 @@
 """Outputs of a simulation: a file, a pseudo-terminal, Bluetooth or emulated firmware; and its true values."""
 
-from __future__ import annotations
-
 import contextlib
 import shlex
 import tempfile

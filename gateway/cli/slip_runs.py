@@ -1,7 +1,5 @@
 """Runs of `treadlink calibrate slip` from recordings, the report of the fit, and its table for the configuration."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Signals that end a command: Ctrl-C (SIGINT), SIGTERM, and SIGHUP, which a closed terminal sends."""
 
-from __future__ import annotations
-
 import signal
 import threading
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Output streams that cannot encode every character, such as those of a console with code page 1252."""
 
-from __future__ import annotations
-
 import codecs
 import sys
 import unicodedata

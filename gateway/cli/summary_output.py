@@ -1,7 +1,5 @@
 """Summary on standard output beside files: its reader may leave early, as `head` does, and it quotes names of files."""
 
-from __future__ import annotations
-
 import click
 
 from gateway.views.text import escaped

@@ -1,7 +1,5 @@
 """What is asked of a sensor: the largest error of a quantity, `wear=0.5mm`, and speeds, `60..120km/h`."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from typing import Final

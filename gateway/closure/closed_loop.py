@@ -1,7 +1,5 @@
 """The closed loop: baseline model, posterior over sets of effects, hold-out, estimates before and after."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace

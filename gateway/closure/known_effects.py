@@ -1,7 +1,5 @@
 """Effects of an effects file, checked against the catalogue."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

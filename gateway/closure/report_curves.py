@@ -1,7 +1,5 @@
 """Curves and trends of a diagnosis for the figures of its report."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Final
 

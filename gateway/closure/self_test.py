@@ -5,8 +5,6 @@ signs, and the mean of the discrepancy turned by a random angle: as large and as
 answer of this tire to nothing. What does not repeat with the wheel stays as recorded.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 from collections import Counter

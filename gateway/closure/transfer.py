@@ -1,7 +1,5 @@
 """Transfer: the error on other recordings with effects exactly as they were found before."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

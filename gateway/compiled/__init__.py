@@ -4,8 +4,6 @@
 at import. Both agree to 1e-10; the functions in numpy are the reference.
 """
 
-from __future__ import annotations
-
 import importlib
 import os
 from types import ModuleType

@@ -1,7 +1,5 @@
 """`[vehicle_signals]` of a vehicle file: signals of the vehicle's bus by their names in a DBC file."""
 
-from __future__ import annotations
-
 from pydantic import Field
 
 from gateway.config.validation import Section

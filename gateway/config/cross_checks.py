@@ -1,7 +1,5 @@
 """Consistency checks across the keys of a vehicle configuration, on the raw document."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Any, Final, TypeGuard
 

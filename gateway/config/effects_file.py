@@ -1,7 +1,5 @@
 """Effects files: JSON files with the effects that `diagnose` found, for `live`, `replay` and `estimate` to subtract."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math

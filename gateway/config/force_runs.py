@@ -1,7 +1,5 @@
 """Runs file of a side force calibration: recordings, or parts of them, at known side forces."""
 
-from __future__ import annotations
-
 from pydantic import Field
 
 from gateway.config.known_runs import KnownRun, KnownRunsFile

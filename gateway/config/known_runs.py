@@ -1,7 +1,5 @@
 """Runs file of a calibration: recordings, or parts of them, during which a quantity is known."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path

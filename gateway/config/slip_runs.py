@@ -1,7 +1,5 @@
 """Runs file of a slip calibration: recordings, or parts of them, at known slip angles."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from pydantic import Field

@@ -1,7 +1,5 @@
 """Tables of a vehicle configuration for lateral behavior: calibrations of slip and side force, laminate."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Reader of TOML documents from anywhere, also from inside a recording: every fault of the text is a ConfigError."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from typing import Any, Final

@@ -1,7 +1,5 @@
 """TOML output of plain values; the standard library only reads TOML."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator, Mapping

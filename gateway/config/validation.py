@@ -1,7 +1,5 @@
 """Validation of TOML documents that reports all faults at once, each with the allowed values."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import types

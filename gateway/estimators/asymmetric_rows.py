@@ -12,8 +12,6 @@ unknown motions: up y0, along the road x0, and a turn chi. The sidewall carries 
 the balance of the whole belt gives load, longitudinal force and axle torque from u alone.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from enum import IntEnum

@@ -4,8 +4,6 @@ As in `weak_form_solve`, the orders are corrected as little as possible until al
 orders directly and through the unknowns, so their response to the orders gives every standard error.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final

@@ -10,8 +10,6 @@ t and b are those of a usual belt. Another belt, which also twists, and in which
 the factor between force and shift, and between moment and yaw (docs/explanation/forces.md). A calibration gives them.
 """
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 from typing import Final

@@ -1,7 +1,5 @@
 """Laminate of a tire's belt as stated with tolerances, and the ply steer that follows from it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ Where the model cannot follow the data, Gauss-Newton converges slowly. A model m
 then Newton's.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final

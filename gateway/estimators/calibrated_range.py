@@ -1,7 +1,5 @@
 """Range of half angles and pressures on which a calibration was fitted."""
 
-from __future__ import annotations
-
 from typing import Final
 
 from gateway.reasons import Code, Reason

@@ -7,8 +7,6 @@ and fw the wheel's frequency (two coupled modes, as Feng and Gu have them, seen 
 not resolved; s is part of the error.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

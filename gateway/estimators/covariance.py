@@ -1,7 +1,5 @@
 """Covariance of the quantities of a revolution, from the errors that they share (JCGM 100, 5.2.2 and F.1.2.3)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Final
 

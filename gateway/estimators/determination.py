@@ -6,8 +6,6 @@ the numbers when the fit's residual is added back with random signs or phases. A
 DETERMINED standard errors, of both together, from zero.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

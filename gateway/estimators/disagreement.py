@@ -1,7 +1,5 @@
 """Error that a stated value has because another statement disagrees with it by less than a contradiction."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

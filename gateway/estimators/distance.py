@@ -5,8 +5,6 @@ Over a short gap in the signal this number is certain; over a long one the dista
 before and after it.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

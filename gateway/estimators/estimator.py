@@ -1,7 +1,5 @@
 """Interface of estimators: the revolution and conditions that they take, the estimates that they return."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field

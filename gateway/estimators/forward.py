@@ -7,8 +7,6 @@ about a second, so fits are made at updates 1, 2, 4, ... 32 and then every 32; i
 current load and pressure. docs/evidence/accuracy.md gives their errors.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

@@ -5,8 +5,6 @@ noise in bands of orders, estimated during the fit: where the model cannot follo
 where it can, they are those of the noise.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Final, NamedTuple

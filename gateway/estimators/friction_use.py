@@ -7,8 +7,6 @@ parabolic pressure is slip over the slip at which everything slides. The shape o
 parabola and a nearly uniform pressure bound the share.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """Estimator of speed, rotation and contact length from timing and contact edges; needs only the belt radius."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

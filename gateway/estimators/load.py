@@ -8,8 +8,6 @@ temperature that a tire in use may have. The other uses the belt width, which we
 proportional to Q / (p0 R^2), so Q = Q0 Cw_new / Cw for any assumed load Q0.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Final, NamedTuple

@@ -6,8 +6,6 @@ contact pressure, contact shear nor friction is assumed. docs/explanation/forces
 the errors. The circumferential axis adds nothing: on a thin belt it reads the derivative of the radial axis.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

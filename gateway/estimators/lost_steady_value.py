@@ -6,8 +6,6 @@ two depends on neither gain, unit, radius nor sampling rate. On a rough road it 
 than speed and belt radius let expect, which does not.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from typing import Final, NamedTuple

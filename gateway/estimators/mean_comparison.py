@@ -1,7 +1,5 @@
 """Differences between the means of two recordings, and whether they are more than chance."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

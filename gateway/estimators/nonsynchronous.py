@@ -1,7 +1,5 @@
 """Estimator of the signal that is not locked to the wheel, such as road and cavity resonance."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

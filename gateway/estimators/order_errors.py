@@ -1,7 +1,5 @@
 """Standard errors of the orders of an averaged waveform, equal within bands of orders."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 from typing import Final

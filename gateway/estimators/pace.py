@@ -5,8 +5,6 @@ linear response, so only terms of second order lag (docs/explanation/estimators.
 do not depend on how samples arrive: live, replay and batch renew at the same revolutions.
 """
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Estimator of a plug-in, kept from ending a session."""
 
-from __future__ import annotations
-
 import logging
 import math
 import numbers

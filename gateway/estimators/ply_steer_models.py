@@ -5,8 +5,6 @@ errors and compared by its error at points left out of the fit. Contact length, 
 rolling ring; with a radial axis the measured contact length can be used.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final

@@ -1,7 +1,5 @@
 """Consecutive revolutions as stacked arrays, computed once for all estimators."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ docs/explanation/ring-paper-estimator.md has the equations, the corrections and 
 cover noise, the fit's residual, load, pressure, contact angle and that model error.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Final

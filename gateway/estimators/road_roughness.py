@@ -18,8 +18,6 @@ Edges that jitter independently move the contact's centre as much as its half wi
 rotation of steady acceleration, therefore bound the jitter; they contain irregular rotation too.
 """
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 from typing import Final, NamedTuple

@@ -1,7 +1,5 @@
 """Running spectrum of what a revolution's radial axis differs from the average, over uninterrupted rolling."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

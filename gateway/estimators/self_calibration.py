@@ -12,8 +12,6 @@ speeds separate z from G, and a from g. Pitch tilt and mounting offset come from
 roll tilt from the means of the lateral axis (`gateway.signal.sensor_mounting`).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import lru_cache

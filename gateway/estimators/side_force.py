@@ -4,8 +4,6 @@ The lateral axis gives the belt's shift and yaw (`belt_displacement`); they are 
 moment, by factors and zeros that a calibration at known forces gives. The zeros contain ply steer and conicity.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Final

@@ -1,7 +1,5 @@
 """Side force calibration of a tire: force per shift of the belt and moment per yaw, and its fit to known forces."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -16,8 +16,6 @@ of r on belts of finite elements, and some r where a tread with damping, or a fo
 is not corrected for, but a standard error.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Final

@@ -7,8 +7,6 @@ share and the slope at zero slip, `SlipCalibration`. Without it zero slip is the
 contains any constant slip.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Final

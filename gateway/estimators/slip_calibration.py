@@ -1,7 +1,5 @@
 """Slip calibration of a tire: slope of the streamline in the first half of the contact as a function of slip angle."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Final

@@ -10,8 +10,6 @@ stays the same. So m looks like ply steer in all runs. What runs share are error
 the contact edges' definition. m, k and the shared errors have priors.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ Both take a fraction of the time of numpy's, whose overhead exceeds the work on 
 work among threads where the environment does not forbid it, which makes systems this small a hundred times slower.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.linalg.lapack import dgels, dgeqrf, dtrtrs
 

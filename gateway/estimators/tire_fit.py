@@ -6,8 +6,6 @@ one recording gives the scale, two loads the exponent of the angle, two pressure
 several temperatures give the loss of bending stiffness with temperature.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -7,8 +7,6 @@ them apart, the middle of the contact is compared with a rotation of steady acce
 a change is seen, and no drive in water has verified this estimator.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Final, NamedTuple
 

@@ -15,8 +15,6 @@ deflection y0 of the belt in the contact, in which the rows are linear as well.
 Unknowns, in this order everywhere: Bs, Cw, Rs, Ts, tension / (p0 R^2), y0 / R. None of them can be negative.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache

@@ -6,8 +6,6 @@ orders, and the rows are weighted with the covariance that follows from the erro
 bending would be too small by the square of the errors (docs/explanation/estimators.md).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Final, Self

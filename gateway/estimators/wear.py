@@ -6,8 +6,6 @@ wear would reduce Bs to a hundredth. Pressure and temperature are compensated wh
 reference; where they are not, the standard error includes how far they usually differ.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Mean of an estimate over revolutions, with its standard uncertainty in the terms of JCGM 100."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from statistics import NormalDist

@@ -1,7 +1,5 @@
 """Temporary file of a table, for formats that store column after column and state their lengths first."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Iterator, Sequence
 from typing import Any, Final

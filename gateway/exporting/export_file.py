@@ -1,7 +1,5 @@
 """File of an export, complete under its name or not there at all."""
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Sequence
 from contextlib import ExitStack

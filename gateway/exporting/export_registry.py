@@ -1,7 +1,5 @@
 """Registries of an export: its contents, and the formats of its files."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Tables of an export, and the interface of the writers that put them into files."""
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Contents of an export: columns, and rows that are read from the recording block by block."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import math

@@ -1,7 +1,5 @@
 """First pass over a recording: its wheels, their sensors, and the conditions that an export file states."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """Points of a tire calibration from recordings, the report of its fit, and its tables for the configuration."""
 
-from __future__ import annotations
-
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence

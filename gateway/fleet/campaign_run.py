@@ -1,7 +1,5 @@
 """Run of a campaign: recordings are found, identified by content, estimated by workers and added to the dataset."""
 
-from __future__ import annotations
-
 import queue
 import threading
 from collections import Counter

@@ -1,7 +1,5 @@
 """Identity of paths, and of the settings and the code that estimate recordings."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from functools import cache

@@ -13,8 +13,6 @@ One process at a time changes a dataset. A recording is there when its file in `
 before the new one appears, so that a crash leaves no recording twice; what it loses is estimated again.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

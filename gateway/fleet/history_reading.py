@@ -1,7 +1,5 @@
 """Histories of tires, read from the table of recordings of a dataset and an odometer file."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

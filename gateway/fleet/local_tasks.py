@@ -1,7 +1,5 @@
 """Tasks of a campaign at processes of this machine. They talk through pipes: no socket is opened."""
 
-from __future__ import annotations
-
 import logging
 import signal
 from concurrent.futures import Future

@@ -1,7 +1,5 @@
 """Parquet files of a dataset: fixed columns, units and descriptions in their metadata, complete or not there."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Collection, Mapping
 from contextlib import suppress

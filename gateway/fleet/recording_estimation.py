@@ -1,7 +1,5 @@
 """Estimation of one recording of a campaign by a worker process: from the file to the rows of the dataset."""
 
-from __future__ import annotations
-
 import json
 import math
 import sys

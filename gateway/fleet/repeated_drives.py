@@ -1,7 +1,5 @@
 """Recordings of one drive: an original and what `compact` or `repair` have made of it count once."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Any, Final

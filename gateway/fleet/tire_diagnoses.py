@@ -1,7 +1,5 @@
 """Diagnoses of the tires of a campaign: one for each tire, from recordings at its different speeds."""
 
-from __future__ import annotations
-
 import json
 import threading
 from collections import defaultdict

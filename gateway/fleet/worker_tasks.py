@@ -1,7 +1,5 @@
 """Tasks of a campaign at worker processes: given, tried again where a worker ends, and waited for."""
 
-from __future__ import annotations
-
 import queue
 from abc import ABC, abstractmethod
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """What the name of a column and its stated unit say about its quantity."""
 
-from __future__ import annotations
-
 import re
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Columns of a measurement file: the interface of its readers, and blocks of rows."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Reader of numeric columns in delimited text, block by block so that memory use stays constant."""
 
-from __future__ import annotations
-
 import csv
 import io
 import itertools

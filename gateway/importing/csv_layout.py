@@ -1,7 +1,5 @@
 """Layout of a text file with columns, recognised by its first lines."""
 
-from __future__ import annotations
-
 import csv
 import re
 from collections import Counter

@@ -4,8 +4,6 @@ Each wheel has rows of its own, at the times of the hub's clock. What its sensor
 temperature is repeated as messages of the sensor.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 import re

@@ -1,7 +1,5 @@
 """Choice of the reader of a measurement file, by the map or by the suffix."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, Final
 

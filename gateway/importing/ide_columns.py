@@ -1,7 +1,5 @@
 """Reader of channels in IDE recordings of enDAQ sensors; needs the package idelib."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple

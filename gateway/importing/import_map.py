@@ -1,7 +1,5 @@
 """Import map: the meaning of the columns of a measurement file."""
 
-from __future__ import annotations
-
 import math
 import re
 import zoneinfo

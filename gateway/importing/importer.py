@@ -1,7 +1,5 @@
 """Import of a measurement file into a recording."""
 
-from __future__ import annotations
-
 import contextlib
 import heapq
 import logging

@@ -1,7 +1,5 @@
 """Dates with times (ISO 8601) as seconds from the first of them, and times of day as seconds from midnight."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Sequence

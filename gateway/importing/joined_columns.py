@@ -1,7 +1,5 @@
 """Several files as one measurement: a logger that begins a new file each minute, or when one is full."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 from collections.abc import Callable, Iterator, Sequence

@@ -1,7 +1,5 @@
 """First import map for a measurement: what its columns show, with the rest as comments."""
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import json

@@ -3,8 +3,6 @@
 scipy's parser can crash the process on a damaged file, so `gateway.importing.reader_process` runs this module.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path

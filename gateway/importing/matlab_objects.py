@@ -1,7 +1,5 @@
 """Columns of MATLAB tables, timetables, datetimes and durations, by the package mat-io; loaded as a whole."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Iterator
 from importlib.util import find_spec

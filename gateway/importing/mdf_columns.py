@@ -3,8 +3,6 @@
 A damaged file can make the parser ask for any amount of memory, so `gateway.importing.reader_process` runs this module.
 """
 
-from __future__ import annotations
-
 import contextlib
 import logging
 from collections import Counter

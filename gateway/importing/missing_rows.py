@@ -1,7 +1,5 @@
 """Rows that a file leaves out, as steps of its time column show: gaps between the samples."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final

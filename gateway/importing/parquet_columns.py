@@ -1,7 +1,5 @@
 """Reader of numeric columns in Parquet files, run by `gateway.importing.reader_process`; needs the package pyarrow."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Gate between the import and the readers of plug-ins: whatever they raise or return that is wrong is a message."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress

@@ -5,8 +5,6 @@ for any amount of memory, or never end. Their process has a limit of memory and 
 pipe.
 """
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import json

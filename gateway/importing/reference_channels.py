@@ -1,7 +1,5 @@
 """Measured speeds, rotations and angles beside the acceleration, as values of a reference over time."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Final

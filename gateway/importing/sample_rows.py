@@ -1,7 +1,5 @@
 """Rows of a measurement in physical units at the rate of the recording."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Reader of numeric channels in TDMS files of LabVIEW; needs the package npTDMS."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Rate of a time column, and proof that its times are uniform, also where they are rounded."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Final

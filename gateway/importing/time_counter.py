@@ -1,7 +1,5 @@
 """Times of a counter of few bits, which starts again at zero."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

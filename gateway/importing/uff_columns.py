@@ -1,7 +1,5 @@
 """Reader of time signals in universal files (UFF, dataset 58, text and binary); needs the package pyuff."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, Final
 

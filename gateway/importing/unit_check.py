@@ -1,7 +1,5 @@
 """Comparison of the radial axis with its own revolutions, which reveals a column in another unit than stated."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

@@ -3,8 +3,6 @@
 The formats are read by `gateway.importing.reader_process`; their modules list the waveforms of a file.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Hubs on Bluetooth LE: their services and characteristics, and picking one of several."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field

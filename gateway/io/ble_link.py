@@ -1,7 +1,5 @@
 """One Bluetooth LE connection to a hub: found by a scan, subscribed to, read until it breaks."""
 
-from __future__ import annotations
-
 import asyncio
 import logging
 import threading

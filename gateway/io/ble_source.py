@@ -1,7 +1,5 @@
 """Hubs on Bluetooth LE as sources: `ble://NAME`, `ble://AA:BB:CC:DD:EE:FF?adapter=hci1`."""
 
-from __future__ import annotations
-
 import asyncio
 import threading
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """CAN frames of a vehicle bus as bytes: the form in which they are recorded."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterable, Iterator
 from typing import Final, NamedTuple

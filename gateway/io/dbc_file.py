@@ -1,7 +1,5 @@
 """Text of DBC files: its encoding, and the part of it that describes some messages."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Log files of other programs, played at the times that they state."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Position, ground speed and time from sentences of NMEA 0183, by pynmeagps."""
 
-from __future__ import annotations
-
 import importlib.util
 import logging
 import math

@@ -1,7 +1,5 @@
 """Positioning receivers: on a serial port, behind a TCP server or gpsd, or in a log file."""
 
-from __future__ import annotations
-
 import gzip
 import re
 import threading

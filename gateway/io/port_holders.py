@@ -1,7 +1,5 @@
 """Programs that hold a device open, where the system says it."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Links that are opened again whenever they break, with an event for each change."""
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import threading

@@ -1,7 +1,5 @@
 """Serial ports, read with pyserial: `serial:///dev/ttyUSB0?baudrate=921600`, `serial:COM3`."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import os

@@ -1,7 +1,5 @@
 """Byte sources: the protocol that all of them follow, their items, and the registry that opens them by URI."""
 
-from __future__ import annotations
-
 import importlib
 import logging
 import math

@@ -1,7 +1,5 @@
 """TCP connections to hubs behind a serial device server or a network gateway: `tcp://host:port`."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import os

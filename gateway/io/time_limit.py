@@ -1,7 +1,5 @@
 """Sources that end after a stretch of their own time."""
 
-from __future__ import annotations
-
 import contextlib
 import threading
 from collections.abc import Iterator

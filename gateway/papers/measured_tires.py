@@ -1,7 +1,5 @@
 """Measured wheels as data of the papers' figures: average, orders and numbers under stated conditions."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

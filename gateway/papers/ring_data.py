@@ -1,7 +1,5 @@
 """Data of the ring paper's figures: simulated tires of its Table 1, a noisy sensor, averages and estimates."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Mapping

@@ -5,8 +5,6 @@ thing: the tire (width, sidewall, tread), or the definition of the contact edges
 conditions are the new tire at the loads and pressures of Table 1, without noise.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable, Sequence

@@ -7,8 +7,6 @@ R. Frame: complex numbers x + i y, y up, the axle at 0 before deflection; the be
 Orders are given as one vector of 2 MAX_ORDER values: the cosine orders 1 to MAX_ORDER of kappa R, then the sine orders.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache

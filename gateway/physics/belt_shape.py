@@ -10,8 +10,6 @@ tangent is +1; the outward normal is -i times the tangent. Shapes are given on t
 HALF_STEPS; the other half is the mirror image. Leading axes are waveforms.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Final

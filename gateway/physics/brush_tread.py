@@ -9,8 +9,6 @@ Sign: delta and y are positive to the left; a positive alpha pulls the tread, an
 travels to the right of where it points).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Final

@@ -9,8 +9,6 @@ vertically. On the exact ring a_2 is -0.98 at 1000 N, -0.36 at 5000 N and -0.17 
 -0.60.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import lru_cache

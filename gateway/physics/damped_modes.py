@@ -8,8 +8,6 @@ The undamped model without speed, which the dimensionless numbers come from, is 
 damping both agree to rounding, because the belt's inertia and the tension that it causes cancel (`dynamic_stiffness`).
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -16,8 +16,6 @@ and `stack`, and pass `Laminate.coupling_length_m` to `lateral_belt.LateralBelt`
 Axes: x along the belt, y across it, z outward; ply angles from x towards y; plies are listed from the inside out.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

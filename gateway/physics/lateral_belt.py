@@ -8,8 +8,6 @@ in docs/explanation/ply-steer.md.
 Directions: theta is 0 at the contact centre and increases with rotation; y is positive to the vehicle's left.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

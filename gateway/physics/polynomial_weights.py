@@ -1,7 +1,5 @@
 """Weights of values at nodes in their interpolating polynomial."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gateway.types import FloatArray

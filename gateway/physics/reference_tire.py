@@ -1,7 +1,5 @@
 """The reference tire of the ring paper."""
 
-from __future__ import annotations
-
 from typing import Final
 
 # Ring paper, Table 3: Bs, Cw, Rs, Ts of a new car tire at 5000 N, 2.1 bar, 65 km/h.

@@ -10,8 +10,6 @@ Numbers are Bs = EI / (R^4 p0), Cw = b / R, Rs = kw / p0 and Ts = kv / p0 (Eq. 1
 Sign: s is the radial sensor signal, positive inward, so that Eq. 27 holds with its printed minus.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from enum import StrEnum

@@ -4,8 +4,6 @@ Measured tires show wave packets that run out of both edges, of different order 
 in every revolution. They are prescribed here, not solved: the smooth ring has no tread pattern to excite them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

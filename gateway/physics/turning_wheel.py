@@ -1,7 +1,5 @@
 """Acceleration of a sensor on a wheel that is steered and cambered while it rolls: Eq. 5 of the ply steer paper."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -14,8 +14,6 @@ one at a time or many at once. Each is matched twice: first at the speed of the 
 the first match and of those of the two contacts before it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple

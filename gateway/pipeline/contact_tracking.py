@@ -1,7 +1,5 @@
 """Tracking of a rolling wheel's contacts, and the checks that contacts of one wheel pass."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Callable

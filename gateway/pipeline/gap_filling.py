@@ -5,8 +5,6 @@ and with this revolution's own constant and ramp, so that sums over the revoluti
 averages revolutions lets the share of such a one that was measured stand for the scatter of all of it.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """Status of averages through revolutions that loss kept out of them: a link that loses samples is not the tire's."""
 
-from __future__ import annotations
-
 from typing import Final
 
 from gateway.estimators.estimator import OF_LOSS, Estimate, Revolution, Status

@@ -1,7 +1,5 @@
 """Time synchronous average of all revolutions of a measurement, with their scatter."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from typing import Final

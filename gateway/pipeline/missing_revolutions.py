@@ -5,8 +5,6 @@ average, since the belt closes after one turn (curvature law s = V^2 kappa). Mea
 them must therefore agree.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Age of a measured pressure, and how far it may have changed since its reading."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from itertools import pairwise

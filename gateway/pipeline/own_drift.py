@@ -1,7 +1,5 @@
 """Error of an estimate by its own drift: an average is behind what it follows."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from typing import Final

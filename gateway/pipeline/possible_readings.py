@@ -1,7 +1,5 @@
 """Readings of a sensor that no tire can have, which nothing may rest on."""
 
-from __future__ import annotations
-
 from typing import Final
 
 from firmware_protocol.messages import Environment

@@ -1,7 +1,5 @@
 """What is known against estimates lowers their status: the only place that applies it, by what each rests on."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Iterable
 from typing import Final

@@ -1,7 +1,5 @@
 """Comparison of estimated revolutions with a measured speed, rotation or angle."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Results per revolution and immutable snapshots of wheels, links and the session, for the views."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum

@@ -1,7 +1,5 @@
 """One revolution in the angle domain, from its two contacts and the buffered samples."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Preallocated buffer of the latest raw samples, addressed by running sample number."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

@@ -4,8 +4,6 @@ A few blocks are enough, so that this costs little. They are chosen by their sam
 wheel may turn once between blocks at equal distances.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Final
 

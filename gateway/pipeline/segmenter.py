@@ -4,8 +4,6 @@ Every decision is made at a sample number fixed in advance and uses only the sam
 do not depend on the chunks in which samples arrive, live or from a dump.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import Final
 

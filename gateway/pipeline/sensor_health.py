@@ -1,7 +1,5 @@
 """Faults of a sensor from its own signal: dead, stuck, mounted wrongly, loose, pressure frozen."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from functools import lru_cache

@@ -11,8 +11,6 @@ bias, by what causes it:
   contact, on which Ts rests.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from statistics import median

@@ -4,8 +4,6 @@ Both fits use completed windows only, chosen by the requested time, so that the 
 which frames arrive.
 """
 
-from __future__ import annotations
-
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Sequence

@@ -7,8 +7,6 @@ mean alone, braking or skidding the period alone. Where contacts between its own
 lost its load, the product rises by the square of the number of turns.
 """
 
-from __future__ import annotations
-
 import math
 import statistics
 from collections import deque

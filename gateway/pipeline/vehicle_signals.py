@@ -1,7 +1,5 @@
 """Signals of the vehicle, such as steering, speed and position, at the times of revolutions."""
 
-from __future__ import annotations
-
 import math
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence

@@ -5,8 +5,6 @@ speed R Omega to f and the belt radius R. So the ratio of the car's Omega to the
 stated rate, and the ratio of the car's speed to R Omega that of the true to the stated radius, where the rate holds.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Iterator, Mapping

@@ -6,8 +6,6 @@ whenever the other slips to the left has a lateral axis that points the other wa
 One wheel alone cannot show that.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator

@@ -1,7 +1,5 @@
 """Pipeline of one wheel: from raw samples to revolutions and estimates."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Setup of one wheel in the pipeline, made from the configuration."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from gateway.estimators.belt_laminate import BeltLaminate as BeltLaminate  # for gateway.config, as the next ones

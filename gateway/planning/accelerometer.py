@@ -1,7 +1,5 @@
 """Accelerometers as their data sheets describe them, and the list that is shipped."""
 
-from __future__ import annotations
-
 from importlib.resources import files
 from typing import Final
 

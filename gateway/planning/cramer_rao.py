@@ -6,8 +6,6 @@ every real coefficient the standard deviation nd / sqrt(T), T being the period o
 that variance. Coloured noise does the same with its density at each order's frequency.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The least sensor that reaches the errors wanted: at each rate, the largest noise, by simulated drives."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Data rate of a planned sensor, its time on the radio and the life of its battery, by a stated power model."""
 
-from __future__ import annotations
-
 import math
 from typing import Final, NamedTuple
 

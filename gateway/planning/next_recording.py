@@ -6,8 +6,6 @@ waveform is drawn from each in turn, and Bayes' theorem weighs the sets by it: t
 recording is expected to do. Lindley (1956), On a measure of the information provided by an experiment.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

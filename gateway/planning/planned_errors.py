@@ -4,8 +4,6 @@ The drives go through the same pipeline as a recording, so the efficiency of the
 clipping are in the result. Nothing is predicted by a formula that the drives could contradict.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence

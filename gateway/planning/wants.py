@@ -1,7 +1,5 @@
 """The largest error that is wanted of a quantity."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 

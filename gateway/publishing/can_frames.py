@@ -5,8 +5,6 @@ each number a status of two bits. A number that is not known, or that does not f
 (of a signed signal the lowest) and the status `not_available`.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence

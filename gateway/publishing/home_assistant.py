@@ -3,8 +3,6 @@
 Source: Home Assistant, "MQTT", section "MQTT discovery"; the abbreviations of keys are not used.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from typing import Any, Final, NamedTuple

@@ -1,7 +1,5 @@
 """JSON schema of the objects that live outputs publish."""
 
-from __future__ import annotations
-
 from copy import deepcopy
 from typing import Any, Final
 

@@ -1,7 +1,5 @@
 """A port in front of a WebSocket server that admits web pages by their Origin; the server's library cannot."""
 
-from __future__ import annotations
-
 import secrets
 import socket
 import threading

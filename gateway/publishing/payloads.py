@@ -1,7 +1,5 @@
 """Items of live outputs as JSON objects. Numbers that are not known are left out; JSON has no NaN."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterator, Mapping

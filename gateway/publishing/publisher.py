@@ -1,7 +1,5 @@
 """Live outputs of a session: each item goes to every sink, and the end waits for receivers that take items."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final

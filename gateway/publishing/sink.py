@@ -1,7 +1,5 @@
 """Interface of live outputs, their items, and the registry that opens them by URI."""
 
-from __future__ import annotations
-
 import importlib
 import logging
 import os

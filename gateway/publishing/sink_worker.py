@@ -1,7 +1,5 @@
 """Thread of one live output: a bounded buffer before it, reconnection behind it, and its counts."""
 
-from __future__ import annotations
-
 import logging
 import threading
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """Compression of a finished recording, verified before the original is replaced."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Output of MCAP files that are never overwritten and stay readable after every failure."""
 
-from __future__ import annotations
-
 import errno
 import logging
 import os

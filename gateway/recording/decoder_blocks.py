@@ -1,7 +1,5 @@
 """Decoding of a recorded link in large blocks, with the arrival times of the frames."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Final, Protocol
 

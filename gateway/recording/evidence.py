@@ -1,7 +1,5 @@
 """Assignment of bytes of unknown origin to links, by frame checksums and hub clocks."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from struct import Struct
 from typing import Final, NamedTuple

@@ -1,7 +1,5 @@
 """Identity of recordings by content."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import threading

@@ -1,7 +1,5 @@
 """Random access to the bytes of a file with bounded memory, without mapping it."""
 
-from __future__ import annotations
-
 import os
 import re
 import struct

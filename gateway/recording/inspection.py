@@ -1,7 +1,5 @@
 """Content of a recording: links, wheels, rates, losses and a time line, from one pass."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from collections.abc import Callable, Iterator

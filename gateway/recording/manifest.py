@@ -1,7 +1,5 @@
 """Manifest of a folder of recordings: SHA-256 of every file, in the format of `sha256sum`, carried by any copy."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections.abc import Callable

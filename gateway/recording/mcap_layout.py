@@ -1,7 +1,5 @@
 """Layout of a recording within MCAP: topics, names, and the conversion of link items to messages."""
 
-from __future__ import annotations
-
 import base64
 import json
 import math

@@ -1,7 +1,5 @@
 """Parsers of MCAP records that check every field, for the reader and the repair."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 from collections.abc import Iterator

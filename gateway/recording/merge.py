@@ -1,7 +1,5 @@
 """Recordings of one drive as one: one time line by the clocks of the computers, and what two of them heard once."""
 
-from __future__ import annotations
-
 import heapq
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Sequence

@@ -1,7 +1,5 @@
 """Reader of recordings, finished or not, in one pass."""
 
-from __future__ import annotations
-
 import json
 import logging
 import os

@@ -1,7 +1,5 @@
 """Opening of files with the bytes of links: recordings, and raw dumps of a link."""
 
-from __future__ import annotations
-
 from collections.abc import Generator, Iterable, Iterator
 from pathlib import Path
 from typing import Final, Protocol

@@ -1,7 +1,5 @@
 """Measured references in recordings: speeds, rotations and angles to compare estimates with."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -1,7 +1,5 @@
 """Opening of files that are read at several places."""
 
-from __future__ import annotations
-
 import stat
 from pathlib import Path
 from typing import BinaryIO

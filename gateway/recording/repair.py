@@ -1,7 +1,5 @@
 """Repair of recordings that were interrupted, cut off or damaged."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Replay sources: recordings and raw dumps with their recorded times."""
 
-from __future__ import annotations
-
 import contextlib
 import threading
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Fields of a revolution's message: conditions, and the estimates of every estimator with their parts."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Final
 

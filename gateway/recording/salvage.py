@@ -5,8 +5,6 @@ the chain is broken, the search continues at the next place that can only be a r
 and names a known channel, a chunk states its length three times, and other records must fill their length.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Final, NamedTuple

@@ -6,8 +6,6 @@ object with `code`, `values` (SI units, their names depend on the code) and `tex
 are those of the configuration, numbers in SI units.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping

@@ -1,7 +1,5 @@
 """Copies of recordings whose computer had a wrong time, with the right one."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Recording in several files, one after the other: each can be read alone, and no data is in two of them."""
 
-from __future__ import annotations
-
 import logging
 from collections import deque
 from collections.abc import Callable, Mapping

@@ -5,8 +5,6 @@ later message whose header is lost. The rest of a header must not stay between t
 the one at which the frame across it passes its checksum.
 """
 
-from __future__ import annotations
-
 import json
 from collections import defaultdict
 from collections.abc import Iterator

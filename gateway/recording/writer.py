@@ -1,7 +1,5 @@
 """Writer of recordings: link items as they arrive, before they are decoded."""
 
-from __future__ import annotations
-
 import json
 import logging
 import threading

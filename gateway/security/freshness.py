@@ -1,7 +1,5 @@
 """Replay protection: the highest counter of every key, kept across restarts, so that no frame is accepted twice."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from enum import Enum

@@ -1,7 +1,5 @@
 """Files that only their owner may read: mode 0600, replaced as a whole or not at all."""
 
-from __future__ import annotations
-
 import os
 import stat
 import sys

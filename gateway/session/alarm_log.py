@@ -1,7 +1,5 @@
 """Log of alarms: when each was raised and over, as notices and as records."""
 
-from __future__ import annotations
-
 import logging
 import math
 from collections import deque

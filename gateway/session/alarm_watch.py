@@ -1,7 +1,5 @@
 """Silence and alarms of a session or recording, brought forward in the time of its frames."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

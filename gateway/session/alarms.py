@@ -4,8 +4,6 @@ A threshold alarm that stands is over only when the value has returned beyond th
 its limit raises one alarm and not many.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from enum import StrEnum
 from types import MappingProxyType

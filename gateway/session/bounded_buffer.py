@@ -1,7 +1,5 @@
 """A bounded buffer between two threads; `put` does not block unless given a timeout."""
 
-from __future__ import annotations
-
 import threading
 from collections import deque
 from typing import Final, Generic, TypeVar

@@ -1,7 +1,5 @@
 """Decoding of a vehicle's bus with a DBC file, by cantools."""
 
-from __future__ import annotations
-
 import logging
 import math
 import re

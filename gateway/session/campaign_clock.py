@@ -1,7 +1,5 @@
 """Rate error of a hub's clock against the host's, from arrival times, to which a link can only add delay."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Diagnosis of recordings: reading and closing the loop, with one progress for both."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """One recording of a campaign, read through the pipeline without estimators and reduced to groups."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Signing of commands for the hubs of one link, and verification of their replies."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Commands to hubs: at every connection of a session, or a single one with its reply."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """Events of this computer during a session: its system time is set, or it pauses."""
 
-from __future__ import annotations
-
 from typing import Final
 
 from gateway.clock import Clock

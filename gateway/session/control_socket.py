@@ -4,8 +4,6 @@ A command that finds the hub taken by a session reads and writes its bytes throu
 link both ways. It is a Unix socket of mode 0600 in a folder of mode 0700; systems without such sockets have none.
 """
 
-from __future__ import annotations
-
 import json
 import logging
 import os

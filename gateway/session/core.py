@@ -1,7 +1,5 @@
 """The synchronous core of a session: link items in, recording and results out. No threads, no clock."""
 
-from __future__ import annotations
-
 import logging
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Free space of the disk that a session records to, and the time until it is full."""
 
-from __future__ import annotations
-
 import shutil
 from collections import deque
 from collections.abc import Callable, Iterator

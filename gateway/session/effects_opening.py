@@ -1,7 +1,5 @@
 """Effects files as commands open them: read, checked against the catalogue of effects and against the vehicle."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

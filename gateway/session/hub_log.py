@@ -1,7 +1,5 @@
 """Lines that a link's hubs may put on the screen: at most ten a second, the rest counted and reported."""
 
-from __future__ import annotations
-
 from typing import Final
 
 from gateway.reasons import Code, Level, Notice, Reason

@@ -1,7 +1,5 @@
 """Latency of results in a session: how long bytes, chunks and revolutions wait to be worked on with the next ones."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

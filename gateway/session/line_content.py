@@ -1,7 +1,5 @@
 """Identification of a line's content when no frame is in it."""
 
-from __future__ import annotations
-
 import re
 from typing import Final
 

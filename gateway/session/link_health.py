@@ -1,7 +1,5 @@
 """Health of a link: notices of why it does not deliver what it should, each given once."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Final
 

@@ -1,7 +1,5 @@
 """A running session: a reader thread per source, one for the recording, one for the core, snapshots for the view."""
 
-from __future__ import annotations
-
 import logging
 import threading
 from collections import Counter, deque

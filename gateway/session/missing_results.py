@@ -1,7 +1,5 @@
 """Reasons why a session or a recording has no result."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 

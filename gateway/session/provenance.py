@@ -1,7 +1,5 @@
 """Provenance of a recording's conditions: which are stated, by what, and which are assumed."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator, Sequence

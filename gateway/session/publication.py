@@ -1,7 +1,5 @@
 """Interface between a session and its live outputs."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Protocol
 

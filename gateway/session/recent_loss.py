@@ -1,7 +1,5 @@
 """Share of the frames of a link lost lately: a gap must not be told for a day, nor a good day hide a bad link."""
 
-from __future__ import annotations
-
 from collections import deque
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Orders and average of the wheels of a recording."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A pass over a recording: opened with vehicle, keys and effects, read in blocks, watched and estimated."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Recording in a thread of its own: it receives every chunk first, and a slow disk delays nothing else."""
 
-from __future__ import annotations
-
 import logging
 import threading
 from collections.abc import Mapping

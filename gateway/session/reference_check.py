@@ -1,7 +1,5 @@
 """Check of the estimated revolutions of a recording against the references in it."""
 
-from __future__ import annotations
-
 from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig
 from gateway.pipeline.reference_comparison import ReferenceComparison, TurnLog
 from gateway.pipeline.results import RevolutionResult

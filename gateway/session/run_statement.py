@@ -1,7 +1,5 @@
 """Description of a run from the vehicle file and the options of the session."""
 
-from __future__ import annotations
-
 from gateway.config.vehicle import Tire, VehicleConfig
 from gateway.errors import ConfigError
 from gateway.nearest_name import did_you_mean

@@ -1,7 +1,5 @@
 """The guard within a session: gates of the links, notices, and counters saved in the background."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Mapping
 from typing import Final

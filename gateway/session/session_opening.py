@@ -1,7 +1,5 @@
 """Opening of a live session: sources, vehicle, keys, effects, signals and recording."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Recording of a session: its items, and results, messages and notices as topics."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any, Final

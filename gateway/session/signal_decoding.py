@@ -1,7 +1,5 @@
 """Signals of the vehicle from what is recorded of it: frames of its bus, sentences of a positioning receiver."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path

@@ -4,8 +4,6 @@ No clock: every time is given. The state changes at times that follow from the f
 batch report the same silences.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Identity of wheels and sensors: those heard on the links against those of the configuration."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Final

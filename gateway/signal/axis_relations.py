@@ -9,8 +9,6 @@ The lateral deformation changes its slope at the contact edges, where the curvat
 close approximation, a sum of the slope of the radial one at either edge, of the radial one by the roll, and of order 1.
 """
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 from typing import Final, NamedTuple

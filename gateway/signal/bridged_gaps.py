@@ -5,8 +5,6 @@ chance for a few samples at most, and the longer, the more rarely. Values of a c
 and smooth signal, are on straight lines more often: then short lines are frequent too.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, Final
 

@@ -13,8 +13,6 @@ A count stands for a step of the converter. Where the converter is coarser than 
 are counted.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, Final
 

@@ -7,8 +7,6 @@ distance from it to the edge is estimated from the shape of the waveform (gatewa
 error is part of the standard error. Stronger smoothing finds the edge among waves of the belt.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache

@@ -10,8 +10,6 @@ with the leading half of T shifted by one angle and the trailing half by another
 fitted by least squares; the latter absorb load, speed and the high-pass filter of an AC-coupled sensor.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ Depth d of a contact is about R Omega^2. Its duration w and the time T between c
 a wheel: the size w sqrt(d), and the turn T (sqrt(d1) + sqrt(d2)) / (4 pi), about the square root of the radius.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from itertools import pairwise

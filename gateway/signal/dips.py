@@ -3,8 +3,6 @@
 A multi-scale search: each scale is a box filter of the width of one contact duration.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Final, NamedTuple

@@ -15,8 +15,6 @@ Where the waveform is the average of contacts of different lengths, which smears
 with its spread over tires as standard error.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import lru_cache

@@ -3,8 +3,6 @@
 A diagnosis finds the effects and makes the table; the pipeline only looks it up.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

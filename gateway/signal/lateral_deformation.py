@@ -9,8 +9,6 @@ A lateral record is the vector of its coefficients over Omega^2, x = (c_lo .. c_
 slope of the streamline is then a row times x, and its variance is row C row'.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import Final
 

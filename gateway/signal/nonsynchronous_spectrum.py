@@ -4,8 +4,6 @@ Road roughness, cavity resonance and orders of other shafts do not repeat from r
 synchronous average contains what repeats, so its difference from the signal, on the time axis, contains the rest.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Final

@@ -4,8 +4,6 @@ With theta_k = -pi + 2 pi k / n and x = c_0 + sum c_n cos(n theta) + s_n sin(n t
 complex number c_n - i s_n; order 0 is the mean.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Final

@@ -1,7 +1,5 @@
 """Order spectra of many revolutions: mean amplitudes, amplitudes against speed, and the power on integer orders."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Final, NamedTuple

@@ -1,7 +1,5 @@
 """Samples that repeat the one before on all axes more often than by chance, as a stuck converter or buffer sends."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

@@ -5,8 +5,6 @@ Outside the contact a radial inner-liner sensor reads R Omega^2, inside it about
 and duration w = L / v, so that depth * w^2 = L^2 / R at any speed. That product distinguishes contacts from other dips.
 """
 
-from __future__ import annotations
-
 import math
 import sys
 from typing import Final, NamedTuple

@@ -9,8 +9,6 @@ only.
 Roll comes from the means of the lateral and radial axes (`RollCalibration`).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Final

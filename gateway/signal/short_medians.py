@@ -1,7 +1,5 @@
 """Medians of short arrays; `numpy.median` gives the same numbers, ten times slower on a hundred values."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

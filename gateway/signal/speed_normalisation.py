@@ -4,8 +4,6 @@ A DC-coupled inner-liner sensor reads s = V^2 kappa + g cos(psi), positive inwar
 normal from the vertical, kappa the belt's curvature and V = R Omega(t), which changes within a revolution.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Start-up of helper programs that must not outlive this one."""
 
-from __future__ import annotations
-
 import ctypes
 import signal
 import sys

@@ -1,7 +1,5 @@
 """Disturbances of the signal: contact-edge jitter, road, hub and cavity vibration, and impacts once per revolution."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

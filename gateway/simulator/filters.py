@@ -1,7 +1,5 @@
 """Causal second-order filters in blocks. A banded solve runs the recursion, which avoids importing scipy.signal."""
 
-from __future__ import annotations
-
 import cmath
 import math
 

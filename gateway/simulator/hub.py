@@ -1,7 +1,5 @@
 """Simulated hub: message schedule, counters and time stamps of the hub's own clock."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Link faults: composable, seeded transforms of chunks that count their effects."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 from collections import Counter

@@ -1,7 +1,5 @@
 """A pseudo-terminal in place of a hub's serial port."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import select

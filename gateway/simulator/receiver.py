@@ -1,7 +1,5 @@
 """Sentences of a positioning receiver on the simulated vehicle, which drives due north."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from datetime import UTC, datetime

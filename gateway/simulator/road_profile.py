@@ -1,7 +1,5 @@
 """Random road profile after ISO 8608, and a quarter of a car that rolls over it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """Reader of scenarios, built in or from files, and their vehicle configurations."""
 
-from __future__ import annotations
-
 from importlib import resources
 from pathlib import Path
 from typing import Final

@@ -1,7 +1,5 @@
 """Consistency checks between the keys of a scenario, on the raw document."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any

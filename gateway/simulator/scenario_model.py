@@ -1,7 +1,5 @@
 """Scenario model: tables with defaults for every wheel, overridden wheel by wheel."""
 
-from __future__ import annotations
-
 from typing import Annotated, Final, Literal, TypeVar
 
 from pydantic import Field

@@ -1,7 +1,5 @@
 """Tables of a scenario: one class per table, user's units in the keys."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from pydantic import Field

@@ -1,7 +1,5 @@
 """Simulated sensor: mounting, gain, offset, noise, bandwidth, coupling, range, quantisation and defects."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Simulated wheel: from speed, load and pressure to raw counts."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Simulation of a whole scenario: chunks of link bytes on a simulated clock."""
 
-from __future__ import annotations
-
 import heapq
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

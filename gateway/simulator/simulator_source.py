@@ -1,7 +1,5 @@
 """The simulator as a source: `sim:SCENARIO?speed=1&duration=30&seed=1&fault=flip:rate=0.01`."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Tire model: ring and lateral belt as functions of pressure, with the conditions of road and sensor."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 

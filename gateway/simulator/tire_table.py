@@ -1,7 +1,5 @@
 """A tire's waveform over load, pressure, speed and slip angle: solved at a few points, interpolated between them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """True state of a simulated wheel at any time, the reference for estimates."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple

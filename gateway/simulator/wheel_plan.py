@@ -1,7 +1,5 @@
 """Plan of each simulated wheel: its scenario in SI units, with its tire."""
 
-from __future__ import annotations
-
 import math
 import zlib
 from dataclasses import dataclass, replace

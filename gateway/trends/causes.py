@@ -6,8 +6,6 @@ with a refill, which is no finding itself, is none either. A cause explains no m
 size: of a refill of 5 % no belt gets stiffer by half.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 

@@ -4,8 +4,6 @@ Pressures are compared at one temperature by the gas law, with absolute ones: p2
 Bs, Rs and Ts are stiffnesses over the pressure, so their drift is that of the number times the pressure.
 """
 
-from __future__ import annotations
-
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -6,8 +6,6 @@ system obeying two separate regimes. J. Am. Stat. Assoc. 53, 873-880), with Bonf
 single value decides: the change is significant without each of those that support it most.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Final, NamedTuple
 

@@ -1,7 +1,5 @@
 """Steps of a series: places from which on all values are higher or lower, as after a change of tire or a refill."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

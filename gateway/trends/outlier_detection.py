@@ -5,8 +5,6 @@ taken out one by one, the most deviating first; the test looks at all before it 
 hide each other.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Final, NamedTuple
 

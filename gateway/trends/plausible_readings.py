@@ -1,7 +1,5 @@
 """Pressures and temperatures of a history without those that a sensor cannot have measured."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import Final, NamedTuple
 

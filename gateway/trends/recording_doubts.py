@@ -1,7 +1,5 @@
 """Doubts that recordings state about themselves: provisional values, alarms, rejected revolutions, damage."""
 
-from __future__ import annotations
-
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from typing import Final

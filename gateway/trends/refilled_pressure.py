@@ -9,8 +9,6 @@ scatter are profiled. The interval of the likelihood ratio then contains losses 
 MOST_REFILLS a month. A pressure that is topped up oftener is level but for a scatter, and shows no loss.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple

@@ -7,8 +7,6 @@ autocorrelation). What a bent curve leaves of a straight line follows each other
 before the autocorrelation is measured.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Final

@@ -1,7 +1,5 @@
 """Changes of what the configuration states of a tire: they shift the numbers, and are no change of the tire."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from itertools import pairwise
 from typing import Final, NamedTuple

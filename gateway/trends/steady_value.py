@@ -4,8 +4,6 @@ mean(s) = G R Omega^2 + z. At one speed a recording gives the ratio G + z R / V^
 part the two: r = G0 + G1 t + (z0 + z1 t) R / V^2.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

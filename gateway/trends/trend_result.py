@@ -1,7 +1,5 @@
 """Results of trends: numbers with errors and validity, series for figures, outliers."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from enum import StrEnum

@@ -1,7 +1,5 @@
 """Series that trends follow: declared quantities, and what else a recording says of a tire and its sensor."""
 
-from __future__ import annotations
-
 import math
 from typing import Final, NamedTuple
 

@@ -1,7 +1,5 @@
 """Two recordings side by side: conditions, means and their differences, for a terminal and as CSV."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Iterator, Sequence
 from typing import Final

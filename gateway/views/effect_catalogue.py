@@ -1,7 +1,5 @@
 """Listing of the effect catalogue: text for a terminal, JSON, and the Markdown of its reference page."""
 
-from __future__ import annotations
-
 import re
 import textwrap
 import unicodedata

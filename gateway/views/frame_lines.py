@@ -1,7 +1,5 @@
 """Frames as lines of text, for somebody who watches a firmware's bytes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Numbers as an engineer writes them: rounded to their standard error, in field units, never NaN."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection
 from functools import lru_cache

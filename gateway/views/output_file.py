@@ -1,7 +1,5 @@
 """Output files: checked before the work, written completely or not at all."""
 
-from __future__ import annotations
-
 import errno
 import os
 import re

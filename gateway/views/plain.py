@@ -1,7 +1,5 @@
 """The plain view: one line per revolution, for logs, pipes and terminals without a screen."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Probabilities as text."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

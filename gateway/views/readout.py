@@ -1,7 +1,5 @@
 """Contents of a result as views show them: speed, contact angles, and the numbers or only their ratios."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple

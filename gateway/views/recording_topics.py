@@ -1,7 +1,5 @@
 """Decoded results and messages as the JSON topics of a recording (fields: `gateway.recording.schemas`)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Iterable
 from typing import Any, Final

@@ -1,7 +1,5 @@
 """Lines about the difference between estimates and a measured reference."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Summary of a session: per wheel revolutions, speed, losses and the last estimates with their errors."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence

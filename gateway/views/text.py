@@ -1,7 +1,5 @@
 """Width, cropping and cleaning of terminal text, and sizes of files."""
 
-from __future__ import annotations
-
 import re
 import unicodedata
 from functools import lru_cache

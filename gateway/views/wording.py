@@ -1,7 +1,5 @@
 """The text of reasons, from the templates in `gateway.reasons`."""
 
-from __future__ import annotations
-
 import math
 import string
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """A campaign at the workers of a dask scheduler: plain with a warning, and by TLS with certificates."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

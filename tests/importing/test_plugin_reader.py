@@ -1,7 +1,5 @@
 """A reader of a plug-in can spoil its own import only, and says how."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

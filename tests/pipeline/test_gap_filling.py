@@ -1,7 +1,5 @@
 """Angles without a sample are filled with the shape of the revolutions before, and count for nothing."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A pressure that falls from reading to reading has gone on falling since the latest."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """Commands that write, killed at each of their calls: the quick ones; `tools/reliability/kill_sweep.py` has all."""
 
-from __future__ import annotations
-
 import shutil
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Causes are found before their consequences, each once: leaks, refills and sensors whose steady value drifts."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -14,8 +14,6 @@ Needs Linux and a C compiler. The processes are forked from one that has importe
 little more than the work itself.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import filecmp

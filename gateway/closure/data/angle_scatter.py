@@ -1,7 +1,5 @@
 """Power of single revolutions by angle, and of what differs from one to the next or alternates."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

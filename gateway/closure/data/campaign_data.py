@@ -1,7 +1,5 @@
 """Data of a diagnosis: means of revolutions with their measured scatter, by recording and conditions."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

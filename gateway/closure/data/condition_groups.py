@@ -1,7 +1,5 @@
 """Grouping of revolutions by conditions: speed, load, pressure and temperature."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Final

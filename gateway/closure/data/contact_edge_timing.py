@@ -1,7 +1,5 @@
 """Timing of the contact edges of each revolution, and revolutions with that jitter removed."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from typing import Final

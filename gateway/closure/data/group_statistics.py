@@ -1,7 +1,5 @@
 """Groups of revolutions under equal conditions in one recording, with their means and scatter."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

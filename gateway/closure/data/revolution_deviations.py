@@ -1,7 +1,5 @@
 """Deviations of single revolutions from the mean of their group, on the time axis."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Scatter within a group: alignment of each revolution, outliers, and the covariance of the rest."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Recordings that hold the same revolutions: their means differ by less than the noise of independent ones."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import combinations
 from typing import Final

@@ -1,7 +1,5 @@
 """Side information about effects beside the waveforms: the hub's clock against the host's."""
 
-from __future__ import annotations
-
 import math
 from typing import Final, NamedTuple
 

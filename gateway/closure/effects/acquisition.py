@@ -1,7 +1,5 @@
 """Signal acquisition behind the sensing element: clipping, anti-alias filter, AC coupling, delays, sample clock."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Final

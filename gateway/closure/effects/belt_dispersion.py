@@ -22,8 +22,6 @@ At the sensor's place on the belt, x = Omega t, either part turns at its order n
 (n Omega)^2 w, so the near field has rho = -(k_p / k_e) (n_e / n_p)^2 of the propagating part.
 """
 
-from __future__ import annotations
-
 import cmath
 import math
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Geometry and kinematics of the belt's shape: curvature, inclination, gravity, spin, inertia, sensor offset."""
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 from typing import Final

@@ -1,7 +1,5 @@
 """Belt and sidewall structure: extension, shear flexibility, rotary inertia, stiffening of the sidewall."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Final

@@ -1,7 +1,5 @@
 """Waves on the belt: travelling and tire-locked edge waves, and the tread pitch in the contact."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

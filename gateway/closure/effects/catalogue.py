@@ -1,7 +1,5 @@
 """Catalogue of the effects: those in `EFFECTS` of the modules of this package and of plug-ins, in order of rank."""
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 from functools import cache

@@ -1,7 +1,5 @@
 """Contact with the road: axle torque, drum curvature, jitter of the contact edges."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

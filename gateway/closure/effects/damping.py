@@ -1,7 +1,5 @@
 """Damping: viscous losses of the sidewall, of the tread and of the belt in bending."""
 
-from __future__ import annotations
-
 from typing import Final
 
 from gateway.closure.effects.effect import Confounder, Parameter, RingEffect

@@ -22,8 +22,6 @@ To add an effect, touch two files:
 `rank` places the effect in the catalogue. Choose a free number beside the effects that it belongs with.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

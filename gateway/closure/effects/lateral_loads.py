@@ -4,8 +4,6 @@ The first three push, shear or bend the belt sideways. They share the belt's lat
 `gateway.closure.model.lateral_response`.
 """
 
-from __future__ import annotations
-
 import math
 from typing import ClassVar, Final
 

@@ -4,8 +4,6 @@ A tilt is a rotation of the sensor. In reverse the data's circumferential axis i
 the sign of yaw and pitch changes.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Final

@@ -1,7 +1,5 @@
 """Linear filters on signals that repeat with the wheel: order n at angular speed omega passes at n omega / 2 pi."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

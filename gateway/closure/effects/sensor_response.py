@@ -1,7 +1,5 @@
 """Response of the sensing element: gain, its drift with temperature, nonlinearity, hysteresis and zero-g offset."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Final

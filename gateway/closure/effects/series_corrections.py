@@ -1,7 +1,5 @@
 """Series corrections: the share of the exact ring that a linear series about the circle lacks."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Final

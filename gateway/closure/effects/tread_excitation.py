@@ -1,7 +1,5 @@
 """Excitation of the belt by the tread's blocks: vibration in the contact and waves from both its edges."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import lru_cache

@@ -4,8 +4,6 @@ All three are power spectral densities. Excitation by the road is proportional t
 faster. That of a narrow resonance depends on the road's spectrum: its growth is a parameter.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

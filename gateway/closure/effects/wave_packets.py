@@ -1,7 +1,5 @@
 """Shapes of wave packets on the belt's free part."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Final, Self

@@ -1,7 +1,5 @@
 """Motion of the wheel in the field of gravity: gravity, angular acceleration and torsional ripple."""
 
-from __future__ import annotations
-
 from typing import Final, NamedTuple
 
 import numpy as np

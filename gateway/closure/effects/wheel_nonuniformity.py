@@ -1,7 +1,5 @@
 """Nonuniformity of tire and wheel: run-out, imbalance and an error of the rolling radius."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Final

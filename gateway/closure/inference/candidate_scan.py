@@ -4,8 +4,6 @@ A trial depends on its fit alone. The processes take the effects of a scan one b
 none waits while another works, and the result does not depend on which of them made a trial.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Linear trial of one effect: what the cost would be with its columns added to a fitted model."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

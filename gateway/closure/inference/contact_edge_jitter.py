@@ -1,7 +1,5 @@
 """Contact-edge jitter: its size from the edges of single revolutions."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Thresholds of the inference, each with its reason."""
 
-from __future__ import annotations
-
 from typing import Final
 
 NAMED: Final = 0.99

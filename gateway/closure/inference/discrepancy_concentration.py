@@ -1,7 +1,5 @@
 """Orders, bands of orders and places at which the data concentrate what a set of effects leaves unexplained."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Covariance kernels of the discrepancy: curves near the contact and away from it, of orders, bands, places."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Drifts: the quantity of the model that changes from block to block of a recording, named with its size per minute."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Contribution of a set of effects to the sensor's axes as a table over speed, for subtraction before estimating."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

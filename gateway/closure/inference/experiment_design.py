@@ -1,7 +1,5 @@
 """Experiment design: the recording that would separate two explanations."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Findings from a posterior: every effect with evidence, its figures, its rivals and the recording that decides."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

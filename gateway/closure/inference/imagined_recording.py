@@ -1,7 +1,5 @@
 """A recording that was not made: what a fitted set of effects predicts for it, given those that were."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Self

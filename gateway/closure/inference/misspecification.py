@@ -1,7 +1,5 @@
 """Doubts about sets of effects that leave more than noise: every model of the data is then known to be wrong."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import replace

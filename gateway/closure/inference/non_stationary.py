@@ -1,7 +1,5 @@
 """Non-stationary residual: changes of the mean residual from block to block of a recording."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Diagnosis of the signal not locked to the wheel angle: its effects and its unexplained part."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

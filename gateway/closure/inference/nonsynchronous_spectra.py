@@ -1,7 +1,5 @@
 """Spectra of the nonsynchronous signal, by fold and in the bins of the fit."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final

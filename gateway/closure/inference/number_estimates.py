@@ -1,7 +1,5 @@
 """Dimensionless numbers of the tire from a fit, with errors that include the residual."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

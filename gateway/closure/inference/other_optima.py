@@ -4,8 +4,6 @@ Laplace's approximation knows one optimum. Where the data leave several, as with
 the stiffness of its belt, each has the weight of its own evidence, and the distance between them is an error.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from gateway.closure.inference import criteria

@@ -5,8 +5,6 @@ all recordings are fitted for together. Where most recordings agree with each ot
 two that differ nobody knows which: that they differ is all that can be said.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Reason to reject a value outside a parameter's physical range."""
 
-from __future__ import annotations
-
 from gateway.closure.effects.effect import Parameter
 from gateway.reasons import Code, Reason
 

@@ -1,7 +1,5 @@
 """Posterior over sets of effects: the one place that decides which effects are identified."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field, replace

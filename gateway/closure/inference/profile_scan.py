@@ -4,8 +4,6 @@ The discrepancy of the best set competes. Were its amplitudes fitted anew, an ef
 would gain much; so one factor of all of them is profiled over instead.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

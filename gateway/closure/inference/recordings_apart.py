@@ -4,8 +4,6 @@ Where much is left unexplained, recordings may be of different tires, loads or p
 alone is then described well, and their numbers differ by more than the unexplained part of either.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace

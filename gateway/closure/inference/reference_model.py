@@ -1,7 +1,5 @@
 """The exact ring on the same data: the error of the reference models' equations."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Residual of the angle-locked signal: place, scaling with speed, and size."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Check of the stated rolling direction of a recording."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

@@ -7,8 +7,6 @@ then concentrated at orders, bands of orders or places while the evidence calls 
 other shapes of its effects. Sets are visited in an order that depends on evidence and name alone.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Ambiguity at a single speed: a fixed order or a fixed frequency."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final

@@ -1,7 +1,5 @@
 """Sets of components of the nonsynchronous spectrum: evidence of each, and the search for those of the highest."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace

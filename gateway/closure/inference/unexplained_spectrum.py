@@ -1,7 +1,5 @@
 """Lines and bands above the fitted density that no effect of the catalogue explains."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

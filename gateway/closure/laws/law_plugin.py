@@ -1,7 +1,5 @@
 """A law that was found as an effect of the catalogue: a package of a plug-in, with range, start values and a test."""
 
-from __future__ import annotations
-
 import copy
 import math
 from collections.abc import Mapping, Sequence

@@ -13,8 +13,6 @@ A law is certain only if
 One that fails any but the first, and explains a quarter, is a clue. A law that no recording can test is a clue too.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Library of the laws that a search tries: effects of the catalogue, for a base without them, and others."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Collection
 from typing import Final

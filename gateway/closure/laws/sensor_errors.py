@@ -1,7 +1,5 @@
 """Errors of a sensor's axis that the catalogue does not have: other gain below zero, square, another axis."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

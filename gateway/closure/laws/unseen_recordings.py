@@ -4,8 +4,6 @@ Both rest on the linearised fits of the model without and with the law: the tire
 centre of a recording are always fitted to it anew, the law's are those of the other recordings.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Interface of the baseline models: the shape of the belt from the parameters of a tire's state."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol

@@ -1,7 +1,5 @@
 """Registry of the baseline models, and of the effects that act on the angle-locked signal."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from gateway.closure.effects.effect import BaselineModel, Effect, RingEffect, SignalEffect

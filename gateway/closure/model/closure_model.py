@@ -1,7 +1,5 @@
 """Prediction of a baseline model with a set of effects for every block of a campaign, with derivatives."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """The geometrically exact ring as a baseline model, corrected for the error of its grid."""
 
-from __future__ import annotations
-
 import math
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence

@@ -11,8 +11,6 @@ with gamma0 = -g dkappa (ply steer), kappa0 = -beta dkappa (a cone) and f = cy (
 sticking tread in the contact.
 """
 
-from __future__ import annotations
-
 from enum import IntEnum
 from functools import cached_property, lru_cache
 from typing import Final, NamedTuple

@@ -1,7 +1,5 @@
 """Shape of the belt on a tire with run-out: load and sensor radius vary with the wheel angle."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple

@@ -1,7 +1,5 @@
 """Specific force at the sensor from the belt's shape: speed, gravity, angular acceleration and mounting."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Final

@@ -5,8 +5,6 @@ Legendre amounts of the options. What the belt's finite turning in the contact c
 difference between the exact ring and the linear ring under the exact ring's own contact pressure.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Final

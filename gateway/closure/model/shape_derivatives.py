@@ -1,7 +1,5 @@
 """Cache of the derivatives of a baseline model's shape while the shape hardly changes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Hashable
 from dataclasses import astuple
 from typing import Final, NamedTuple

@@ -10,8 +10,6 @@ tire whose load and pressure change by the factors e^q and e^p,
 with s the share of it that pressure makes.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Final

@@ -1,7 +1,5 @@
 """CSV with the conditions, units and descriptions in comment lines before the header."""
 
-from __future__ import annotations
-
 import csv
 import io
 import math

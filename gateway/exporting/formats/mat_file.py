@@ -3,8 +3,6 @@
 The layout of the elements is that of "MAT-File Format", MathWorks, Version 5.
 """
 
-from __future__ import annotations
-
 import re
 import struct
 from collections.abc import Iterable, Iterator, Mapping, Sequence

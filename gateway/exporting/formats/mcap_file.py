@@ -1,7 +1,5 @@
 """MCAP with a topic for every wheel and content, one JSON message a row, for Foxglove and PlotJuggler."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """ASAM MDF 4.10: a channel group for every wheel, written by asammdf."""
 
-from __future__ import annotations
-
 import datetime
 from collections.abc import Sequence
 from typing import Any, Final

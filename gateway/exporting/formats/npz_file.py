@@ -1,7 +1,5 @@
 """NumPy archive: an array for every column, `FL/radial_mps2`, and the units and conditions as JSON."""
 
-from __future__ import annotations
-
 import io
 import json
 import zipfile

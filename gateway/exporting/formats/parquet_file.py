@@ -1,7 +1,5 @@
 """Parquet with units and descriptions in the fields, and the conditions in the metadata of the file."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from typing import Any, Final

@@ -4,8 +4,6 @@ Header, constants and channels stand in fixed columns: key 1 to 10, comment 11 t
 from 51; H.-J. Unrau, J. Zamow: TYDEX-Format, Description and Reference Manual, Release 1.3, 1997.
 """
 
-from __future__ import annotations
-
 import datetime
 import math
 import re

@@ -1,7 +1,5 @@
 """Parameters of the rolling ring, its solution and the solver's entry point."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -5,8 +5,6 @@ R (sin theta, -cos theta), so theta = 0 is the lowest point and the belt moves t
 drum.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache

@@ -11,8 +11,6 @@ the road by as much, and carries its mass along. A tire that is out of round is 
 axle keeps its height.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

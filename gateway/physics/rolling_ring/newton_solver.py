@@ -3,8 +3,6 @@
 Each step solves a cyclic block band with a border. Folding the ring flat makes it an ordinary band.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Waveform of a sensor on the belt: exact kinematics of a steadily passing shape, and periodic curves by FFT."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Clauses of the protocol that a firmware is checked against, and the ledger of what was found."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Final, NamedTuple

@@ -1,7 +1,5 @@
 """Rules of the hub's clock and of the sample numbers."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Commands that try out a hub, and what it must answer. Sans-io: frames and the time in, bytes to send out."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass

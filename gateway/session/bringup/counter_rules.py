@@ -1,7 +1,5 @@
 """Rules of the frame counters and of the hub's starts."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Final
 

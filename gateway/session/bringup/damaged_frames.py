@@ -1,7 +1,5 @@
 """Diagnosis of bytes in which no frame is intact although frames were meant."""
 
-from __future__ import annotations
-
 import re
 import struct
 from collections.abc import Callable, Iterator, Mapping

@@ -4,8 +4,6 @@ The rules that every reader follows are those of `gateway.session.statement_watc
 wants to know is checked beside it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from struct import Struct
 from typing import Final

@@ -1,7 +1,5 @@
 """Rules of single messages and of their schedule."""
 
-from __future__ import annotations
-
 import unicodedata
 from collections import deque
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """An intact frame as the check sees it: its bytes, its place in the stream and its content."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from firmware_protocol import wire

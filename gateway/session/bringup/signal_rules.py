@@ -1,7 +1,5 @@
 """Order, sign and scale of the samples against the wheel's rotation, which they show themselves."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Rules of signed frames: a source signs all of its frames or none, and its tags are right under its key."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from firmware_protocol.messages import HUB_ITSELF, Hello

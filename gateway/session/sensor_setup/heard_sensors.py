@@ -1,7 +1,5 @@
 """Sensors of plugged hubs, and which of them is tapped or turned."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import dataclass, field

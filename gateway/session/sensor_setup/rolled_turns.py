@@ -5,8 +5,6 @@ circumferential axis. The zero errors of the axes move the centre of this circle
 fitting procedure and its error analysis", IEEE Trans. Instrum. Meas. 25, 1976). Radius = distance / (2 pi turns).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple

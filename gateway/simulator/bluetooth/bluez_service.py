@@ -4,8 +4,6 @@ It follows what BlueZ 5.66 was seen to do: which signals come in which order, wh
 vanishes with it.
 """
 
-from __future__ import annotations
-
 import asyncio
 import socket
 from collections.abc import Awaitable, Callable, Iterable

@@ -1,7 +1,5 @@
 """BlueZ emulation in its own thread, for programs without an event loop."""
 
-from __future__ import annotations
-
 import asyncio
 import threading
 from collections.abc import Coroutine

@@ -1,7 +1,5 @@
 """A private, empty D-Bus run by the system's `dbus-daemon`, without root and without a system service."""
 
-from __future__ import annotations
-
 import contextlib
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """The hubs of a scenario as BLE peripherals: they stream to subscribers and execute commands."""
 
-from __future__ import annotations
-
 import queue
 import threading
 from collections.abc import Callable, Iterator, Mapping

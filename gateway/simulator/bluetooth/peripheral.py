@@ -1,7 +1,5 @@
 """BLE peripheral as BlueZ presents it: its properties on the bus and its reaction to writes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final

@@ -3,8 +3,6 @@
 The other end is `firmware_protocol/collector/ports/bench/bench.c`.
 """
 
-from __future__ import annotations
-
 import struct
 from enum import IntEnum
 from typing import Final, NamedTuple

@@ -1,7 +1,5 @@
 """Build of the reference collector: for this computer, and for the emulated board."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from enum import StrEnum

@@ -1,7 +1,5 @@
 """The reference collector as a program of this computer."""
 
-from __future__ import annotations
-
 import subprocess
 from pathlib import Path
 

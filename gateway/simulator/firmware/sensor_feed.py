@@ -1,7 +1,5 @@
 """Records of a scenario's sensors in the order in which they were taken."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator
 from typing import Final, NamedTuple

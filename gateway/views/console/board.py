@@ -1,7 +1,5 @@
 """The widget of the console: rows of text, of which only changed ones are repainted."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Final
 

@@ -1,7 +1,5 @@
 """The overview: one line per wheel, for terminals too small for panels."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Layout of the console: the rows of each block, as a pure function of snapshot, view state and size."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Final
 

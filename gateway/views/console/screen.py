@@ -1,7 +1,5 @@
 """The live console, drawn from snapshots ten times a second, never per frame or revolution."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import ClassVar, Final, Protocol
 

@@ -1,7 +1,5 @@
 """Parts of the console around the wheels: header, alarms, links, notices, keys, help."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Rows of styled text for the console, without a terminal or a toolkit."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from enum import Enum
 from typing import Final

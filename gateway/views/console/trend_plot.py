@@ -1,7 +1,5 @@
 """A quantity over the last minutes with its standard error, drawn with braille dots into terminal cells."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Final
 

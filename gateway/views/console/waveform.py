@@ -1,7 +1,5 @@
 """Two curves over the angle around the contact, drawn with braille dots into terminal cells."""
 
-from __future__ import annotations
-
 import math
 from enum import Enum
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """One wheel on the console: its panel, and the details of the selected wheel."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field

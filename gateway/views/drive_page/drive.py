@@ -1,7 +1,5 @@
 """What a page shows of a drive, collected revolution by revolution in constant memory."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 

@@ -1,7 +1,5 @@
 """A drive as one self-contained HTML page."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple

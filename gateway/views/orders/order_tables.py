@@ -1,7 +1,5 @@
 """Orders of wheels as terminal lines, CSV and JSON."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterable, Iterator, Sequence

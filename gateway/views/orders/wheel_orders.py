@@ -1,7 +1,5 @@
 """Orders of one wheel, as the views take them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from gateway.pipeline.mean_revolution import MeanRevolution

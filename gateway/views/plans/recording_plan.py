@@ -1,7 +1,5 @@
 """A plan of the next recording as lines and as JSON."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any

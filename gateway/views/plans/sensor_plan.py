@@ -1,7 +1,5 @@
 """Plans of sensors as lines and as JSON."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterator, Sequence

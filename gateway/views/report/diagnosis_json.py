@@ -1,7 +1,5 @@
 """A diagnosis as JSON with stable keys."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping, Sequence

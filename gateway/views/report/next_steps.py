@@ -1,7 +1,5 @@
 """Next steps of a diagnosis: one for everything that it leaves open, and for what it identified."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Final, NamedTuple

@@ -1,7 +1,5 @@
 """Phrases of a diagnosis that its JSON, page and terminal summary share, made from its values."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Numbers of a diagnosis as they are shown: fitted numbers with label, unit and rounding, and residuals of groups."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence

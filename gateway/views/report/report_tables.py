@@ -1,7 +1,5 @@
 """Rows of the tables of a diagnosis's page, as text."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """A diagnosis in about ten lines of text."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Final
 

@@ -1,7 +1,5 @@
 """The error with effects found before, as text and as JSON."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any, Final
 

@@ -1,7 +1,5 @@
 """Table formats with columns: CSV and Parquet, and what the columns mean."""
 
-from __future__ import annotations
-
 import csv
 import json
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """What a wheel did and under which conditions, as text: from its row in the table of recordings."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final

@@ -1,7 +1,5 @@
 """Rows of the table of recordings: one wheel of one recording, accumulated revolution by revolution."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections import Counter

@@ -1,7 +1,5 @@
 """Trends as one self-contained HTML page: findings and tables first, then a figure for each tire."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

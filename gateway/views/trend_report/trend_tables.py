@@ -1,7 +1,5 @@
 """Trends as rows: for scripts as JSON and CSV, for the terminal, and for the report."""
 
-from __future__ import annotations
-
 import io
 import math
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """The page as one file of HTML: markup, style and scripts joined, nothing from the network."""
 
-from __future__ import annotations
-
 from base64 import b64encode
 from functools import lru_cache
 from hashlib import sha256

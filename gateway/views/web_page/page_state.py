@@ -1,7 +1,5 @@
 """What the page shows, as JSON: the contents of the console, with the same words, for a browser."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from typing import Any, Final
