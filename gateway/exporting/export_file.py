@@ -4,16 +4,14 @@ import importlib
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 from gateway.exporting.export_registry import FORMATS
 from gateway.exporting.export_table import Block, ExportWriter, Target, WheelTable, length
-from gateway.views.output_file import OutputFile, is_stdout, scratch_folder
+from gateway.views.output_file import OutputFile, WholeOutput, is_stdout, scratch_folder
 
 
-class ExportFile:
-    """An export file. As a context manager it commits, and after an error discards.
+class ExportFile(WholeOutput):
+    """An export file.
 
     Attributes:
         rows: number of rows so far.
@@ -58,25 +56,15 @@ class ExportFile:
             self._writer.write(table, block)
         self.rows += length(block)
 
-    def __enter__(self) -> Self:
-        return self
+    def close(self) -> None:
+        """Write what stands after the rows, and give the file its name."""
+        with self._output.explained():
+            self._writer.end()
+        self._scratch.close()
+        self._output.close()
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        try:
-            if kind is None:
-                with self._output.explained():
-                    self._writer.end()
-                self._scratch.close()
-                self._output.commit()
-                return
-        except BaseException:
-            self._discard()
-            raise
-        self._discard()
-
-    def _discard(self) -> None:
+    def discard(self) -> None:
+        """Leave no file."""
         try:
             self._writer.discard()
         finally:

@@ -4,13 +4,12 @@ import json
 from collections.abc import Collection, Mapping
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Final, Self
+from typing import Any, Final
 
 from gateway import __version__
 from gateway.optional_packages import require_packages
 from gateway.table_columns import CONVENTIONS, Column
-from gateway.views.output_file import OutputFile
+from gateway.views.output_file import OutputFile, WholeOutput
 from gateway.views.tables.table_sinks import Cell, arrow_schema
 
 _ROW_GROUP: Final = 16_384
@@ -24,7 +23,7 @@ def require_campaign_packages() -> None:
     require_packages("a campaign", "campaign", "pyarrow", "psutil")
 
 
-class PartFile:
+class PartFile(WholeOutput):
     """One Parquet file, written row by row in constant memory; it appears when it is complete.
 
     Attributes:
@@ -93,28 +92,13 @@ class PartFile:
             self._flush()
             self._writer.add_key_value_metadata(self._schema.metadata)
             self._writer.close()
-        self._output.commit()
+        self._output.close()
 
     def discard(self) -> None:
         """Leave no file."""
         with suppress(Exception):  # pyarrow would try to finish the file when it is collected
             self._writer.close()
         self._output.discard()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if kind is not None:
-            self.discard()
-            return
-        try:
-            self.close()
-        except BaseException:
-            self.discard()
-            raise
 
     def _flush(self) -> None:
         import pyarrow as pa

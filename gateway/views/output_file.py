@@ -5,6 +5,7 @@ import os
 import re
 import shutil
 import sys
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from io import BufferedWriter, FileIO
@@ -106,14 +107,44 @@ def _check(path: Path, *, force: bool) -> None:
         )
 
 
-class OutputFile:
+class WholeOutput(ABC):
+    """An output that is there when it is complete, or not at all.
+
+    As a context manager it closes, and after an error, of closing too, it discards.
+    """
+
+    @abstractmethod
+    def close(self) -> None:
+        """Finish the output."""
+
+    @abstractmethod
+    def discard(self) -> None:
+        """Leave everything as it was before."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is not None:
+            self.discard()
+            return
+        try:
+            self.close()
+        except BaseException:
+            self.discard()
+            raise
+
+
+class OutputFile(WholeOutput):
     """A file that appears under its name when it is complete, or not at all.
 
     It is written under another name in the same folder. Devices, pipes and standard output (`-`) are written directly.
 
     Attributes:
         path: its name.
-        file: binary file to write to; `commit` and `discard` close it.
+        file: binary file to write to; `close` and `discard` close it.
     """
 
     def __init__(self, path: Path, *, force: bool = False) -> None:
@@ -143,7 +174,7 @@ class OutputFile:
             lock_for_writing(file)
             self.file = BufferedWriter(file)
 
-    def commit(self) -> None:
+    def close(self) -> None:
         """Write the data through to the disk and give the file its name. May be called twice.
 
         Raises:
@@ -173,18 +204,6 @@ class OutputFile:
         if self._is_open:
             self._is_open = False
             self._remove_part()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Commit, or discard after an error."""
-        if kind is None:
-            self.commit()
-        else:
-            self.discard()
 
     def _remove_part(self) -> None:
         if is_stdout(self.path):

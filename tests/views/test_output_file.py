@@ -85,7 +85,7 @@ def test_next_run_removes_what_a_killed_process_left(tmp_path: Path) -> None:
 
 def test_next_run_keeps_the_part_of_a_running_process(tmp_path: Path) -> None:
     path = tmp_path / "out.csv"
-    writes = KILLED.replace("os.kill(os.getpid(), signal.SIGKILL)", "print(flush=True); input(); output.commit()")
+    writes = KILLED.replace("os.kill(os.getpid(), signal.SIGKILL)", "print(flush=True); input(); output.close()")
     with subprocess.Popen([sys.executable, "-c", writes, path], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
         assert other.stdout is not None
         other.stdout.readline()
@@ -101,7 +101,7 @@ def test_file_made_meanwhile_is_kept(tmp_path: Path) -> None:
     output.file.write(b"mine")
     path.write_bytes(b"theirs")
     with pytest.raises(OutputError, match="another program"):
-        output.commit()
+        output.close()
     assert path.read_bytes() == b"theirs"
     assert files_in(tmp_path) == ["out.csv"]
 

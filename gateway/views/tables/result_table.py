@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
 from enum import StrEnum
 from pathlib import Path
-from types import TracebackType
-from typing import IO, Final, Self
+from typing import IO, Final
 
 import numpy as np
 
@@ -28,7 +27,7 @@ from gateway.table_columns import (
     estimate_columns,
 )
 from gateway.views.numbers import RENAMED, distinct_name, finite_or_none
-from gateway.views.output_file import OutputFile
+from gateway.views.output_file import OutputFile, WholeOutput
 from gateway.views.tables.table_sinks import Cell, CsvSink, MetadataSink, ParquetSink, RowSink, require_pyarrow
 from gateway.views.wording import as_json, joined
 
@@ -145,11 +144,10 @@ def iso_utc(host_ns: int) -> str:
     return f"{np.datetime_as_string(np.datetime64(host_ns, 'ns'), unit='us')}Z"
 
 
-class ResultTable(ABC):
+class ResultTable(WholeOutput):
     """File of rows, of which none is kept; with expanded uncertainties where there is a coverage factor.
 
-    As a context manager it closes, and after an error discards: the table appears complete or not at all. All methods
-    raise OutputError when the file cannot be written any more.
+    All methods raise OutputError when the file cannot be written any more.
     """
 
     def __init__(self, output: OutputFile, coverage_factor: float | None) -> None:
@@ -168,24 +166,9 @@ class ResultTable(ABC):
         """Note an alarm of the whole recording; only JSON lines have a place for it."""
         del alarm, recording
 
-    @abstractmethod
-    def close(self) -> None:
-        """Finish the file; may be called twice."""
-
     def discard(self) -> None:
         """Leave no file."""
         self._output.discard()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if kind is None:
-            self.close()
-        else:
-            self.discard()
 
     def _row(self, result: RevolutionResult, recording: str) -> tuple[dict[str, Cell], dict[str, dict[str, Cell]]]:
         fixed, named = row_of(result, recording)
@@ -222,7 +205,7 @@ class _JsonLines(ResultTable):
         self._put(row | {"recording": recording, "position": alarm.position, "alarm_record": alarm_fields(alarm)})
 
     def close(self) -> None:
-        self._output.commit()
+        self._output.close()
 
     def _put(self, row: dict[str, object]) -> None:
         with self._output.explained():
@@ -258,7 +241,7 @@ class _Columns(ResultTable):
             with self._output.explained():
                 self._release()
                 self._sink.end()
-            self._output.commit()
+            self._output.close()
         except BaseException:
             self.discard()
             raise
