@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -22,7 +22,7 @@ from gateway.estimators.determination import (
     series_estimates,
     unusable,
 )
-from gateway.estimators.estimator import Estimate, TireConditions
+from gateway.estimators.estimator import Estimate
 from gateway.estimators.order_errors import QUARTER_TURN, by_band, relative_std, wave_std
 from gateway.estimators.pace import LONGEST, SHARE_OF_STD, differ, is_due
 from gateway.estimators.revolution_block import BlockEstimator, ConditionArrays, RevolutionBlock
@@ -66,11 +66,9 @@ _FURTHER_PASSES: Final = 2
 # Relative change of the scatter's variance from which the solution is renewed. Until then it scales the errors by noise
 # and is taken to leave the weights of the orders among each other.
 _SCATTER_CHANGE: Final = 0.5
-# Order 2 by motion of the hub, over R Omega^2, whose changes do not renew the solution.
-_NEGLIGIBLE_HUB: Final = 1.5e-4
-# Relative changes of scatter, errors of the sensor, and speed from which the solution is renewed.
+# Relative changes of scatter and speed from which the solution is renewed.
 _SCATTER: Final = 2
-_STATE_SHARES: Final[FloatArray] = np.array([_SCATTER_CHANGE, *[SHARE_OF_STD] * 5])
+_STATE_SHARES: Final[FloatArray] = np.array([_SCATTER_CHANGE, SHARE_OF_STD])
 _ORDERS: Final[FloatArray] = np.arange(ORDER_COUNT, dtype=np.float64)
 
 _WAVEFORMS_PER_BLOCK: Final = 32
@@ -85,12 +83,13 @@ class _Renewed:
         fits: with their covariances.
         response: (4, ORDER_COUNT) derivative of the numbers by the orders of the relative signal.
         by_offset: (4,) derivative by the sensor's offset over the belt radius.
+        by_sensor: (5, 16) covariance that a unit of each error of the sensor adds, as in `sensor_errors`.
         signal: (ORDER_COUNT,) orders of the relative signal.
         count: revolutions averaged.
         effective_count: of the average.
         offset_m: sensor's offset below the neutral layer.
-        state: (8,) what else the solution rests on, as in `_Series.states`.
-        allowed: (8,) by how much each of these may change.
+        state: (4,) what else the solution rests on, as in `_Series.states`.
+        allowed: (4,) by how much each of these may change.
         std: (4,) standard errors of the numbers at load number 1.
     """
 
@@ -98,6 +97,7 @@ class _Renewed:
     fits: WaveformFits
     response: FloatArray
     by_offset: FloatArray
+    by_sensor: FloatArray
     signal: FloatArray
     count: int
     effective_count: float
@@ -118,12 +118,18 @@ class _Renewed:
         result: FloatArray = self.effective_count / effective_counts
         return result * (scatters / before) if before > 0.0 else result
 
+    def model(self, sensor: FloatArray) -> FloatArray:
+        """Return the covariance from model error and errors of the sensor (k, 5) at load number 1, (k, 4, 4)."""
+        by_sensor = (np.square(sensor) @ self.by_sensor).reshape(-1, 4, 4)
+        by_sensor += self.fits.model[0]
+        return by_sensor
+
     def are_outdated(self, values: FloatArray, states: FloatArray, counts: Sequence[int]) -> BoolArray:
         """Return for each of k revolutions whether to renew, (k,).
 
         Args:
             values: (k, 4) numbers that followed the average; renewed where too far from the solution to follow further.
-            states: (k, 8) what the solution rests on, as in `_Series.states`.
+            states: (k, 4) what the solution rests on, as in `_Series.states`.
             counts: revolutions averaged.
         """
         limits = np.minimum(self.std, _FOLLOWING_STDS * np.abs(self.values)) * self.std
@@ -138,7 +144,8 @@ class _Series:
 
     Attributes:
         orders: (k, ORDER_COUNT) even orders of the relative signal about the contact centre.
-        states: (k, 8) what solutions rest on besides: both edges, scatter, errors of the sensor, and speed.
+        states: (k, 4) what solutions rest on besides: both edges, scatter and speed.
+        sensor: (k, 5) errors of the sensor, in the units of `sensor_errors`.
         effective_counts: (k,) of the average.
         load_numbers: (k,) Q / (p0 R^2), 1 where it is not known.
         conditions: of each revolution.
@@ -147,11 +154,9 @@ class _Series:
     def __init__(self, block: RevolutionBlock) -> None:
         averages, arrays = block.averages, block.condition_arrays
         edges = np.array(averages.edges_rad)
-        omega = block.arrays.omega_radps
-        # A small motion of the hub may change by any share of itself.
-        hub = np.hypot(arrays.hub_mps2, _NEGLIGIBLE_HUB * arrays.radius_m * np.square(omega))
-        sensor = (arrays.sensor_offset_std_m, arrays.steady_std_mps2, arrays.gain_std, hub)
-        self.states: FloatArray = np.array([*edges.T, averages.scatters, *sensor, omega]).T
+        self.states: FloatArray = np.array([*edges.T, averages.scatters, block.arrays.omega_radps]).T
+        offset_std, hub = arrays.sensor_offset_std_m / arrays.radius_m, arrays.hub_mps2
+        self.sensor: FloatArray = np.array([offset_std, arrays.steady_std_mps2, arrays.gain_std, hub, hub]).T
         self.orders = relative_orders(averages.spectra, edges)
         self.effective_counts: FloatArray = np.array(averages.effective_counts)
         self.load_numbers: FloatArray = np.array([load_number(conditions) for conditions in block.conditions])
@@ -236,7 +241,7 @@ class WeakFormEstimator(BlockEstimator):
         squares = np.square(loads)[:, np.newaxis, np.newaxis]
         noise = renewed.noise(series.states[taken, _SCATTER], series.effective_counts[taken])
         fitted.noise[taken] = renewed.fits.noise[0] * (noise[:, np.newaxis, np.newaxis] * squares)
-        fitted.model[taken] = renewed.fits.model[0] * squares
+        fitted.model[taken] = renewed.model(series.sensor[taken]) * squares
         return first + count
 
     def _renew(self, block: RevolutionBlock, series: _Series, index: int) -> _Renewed | Reason:
@@ -288,23 +293,27 @@ class WeakFormEstimator(BlockEstimator):
         if not (np.isfinite(solution.unknowns).all() and np.isfinite(solution.correction).all()):
             return Reason(Code.NO_BELT_SHAPE)
         self._warm = solution
-        systematic = systematic_errors(mean, plain, by_offset_step, conditions, damping)
-        fits = fits_of(solution, noise_std[np.newaxis], np.concatenate([systematic, np.diag(waves)]))
+        systematic = [np.diag(waves)] if damping is None else [np.diag(waves), _damping_errors(damping, mean)]
+        fits = fits_of(solution, noise_std[np.newaxis], np.concatenate(systematic))
+        by_sensor = sensor_errors(mean, plain, by_offset_step) @ solution.response[0, :4].T
         response = solution.response[0, :4] * fits.free[0][:, np.newaxis]
         response[:, max_order + 1 :] = 0.0
-        return _Renewed(
+        renewed = _Renewed(
             values=fits.values[0],
             fits=fits,
             response=response,
             by_offset=response[:, 2:] @ by_offset_step[2:],
+            by_sensor=(by_sensor[:, :, np.newaxis] * by_sensor[:, np.newaxis]).reshape(-1, 16),
             signal=orders_here,
             count=average.count,
             effective_count=average.effective_count,
             offset_m=conditions.sensor_offset_m,
             state=state,
             allowed=np.concatenate([SHARE_OF_STD * edges_std, _STATE_SHARES * state[2:]]),
-            std=np.sqrt(np.diagonal(fits.noise[0] + fits.model[0])),
+            std=np.zeros(4),
         )
+        model = renewed.model(series.sensor[index : index + 1])[0]
+        return replace(renewed, std=np.sqrt(np.diagonal(fits.noise[0] + model)))
 
 
 def _undamped(signal: ComplexArray, damping: SidewallDamping | None) -> FloatArray:
@@ -313,36 +322,32 @@ def _undamped(signal: ComplexArray, damping: SidewallDamping | None) -> FloatArr
     return even if damping is None else even + damping.correction
 
 
-def systematic_errors(
-    mean: float, plain: FloatArray, by_offset: FloatArray, conditions: TireConditions, damping: SidewallDamping | None
-) -> FloatArray:
-    """Return changes of the relative signal's orders by one standard error each, (k, ORDER_COUNT).
+def _damping_errors(damping: SidewallDamping, mean: float) -> FloatArray:
+    """Return changes of the relative signal's orders by one standard error of either damping, (2, ORDER_COUNT)."""
+    changes: FloatArray = np.stack([_DAMPING_ERROR * damping.change, damping.by_bending])[:, :ORDER_COUNT] / mean
+    changes[:, :2] = 0.0  # order 0 is 1 and order 1 is the closure's
+    return changes
 
-    They are those of the sensor's offset, of the signal's steady value, of the correction for damping, of gravity,
-    which is subtracted with a gain of 1, and of the hub's motion, twice: as an acceleration, and as a rotation that is
-    uneven by as much.
+
+def sensor_errors(mean: float, plain: FloatArray, by_offset: FloatArray) -> FloatArray:
+    """Return changes of the relative signal's orders by one unit of each error of the sensor, (5, ORDER_COUNT).
+
+    They are those of the sensor's offset over the belt radius, of the steady value in m/s^2, of the gain, with which
+    gravity is subtracted, and of the hub's motion in m/s^2, twice: as an acceleration, and as a rotation that is uneven
+    by as much.
 
     Args:
         mean: of the signal.
         plain: (1, MAX_ORDER + 1) curvature orders without the correction for damping.
         by_offset: (ORDER_COUNT,) their derivative by the sensor's offset over the belt radius.
-        conditions: with the standard errors of offset, steady value and gain.
-        damping: None where it was not fitted.
     """
-    changes = np.zeros((7, ORDER_COUNT))
-    changes[0] = by_offset * (conditions.sensor_offset_std_m / conditions.radius_m)
+    changes = np.zeros((5, ORDER_COUNT))
+    changes[0] = by_offset
+    changes[2] = gravity_orders(plain)[0, :ORDER_COUNT] * (STANDARD_GRAVITY_MPS2 / mean)
+    changes[4] = uneven_rotation(plain[0, :ORDER_COUNT]) / mean
+    changes[:, :2] = 0.0  # order 0 is 1 and order 1 is the closure's
     # Column 0 of the response is that to a relative error of the steady value.
-    changes[1, 0] = conditions.steady_std_mps2 / mean
-    if damping is not None:
-        changes[2] = _DAMPING_ERROR * damping.change[:ORDER_COUNT] / mean
-        changes[4] = damping.by_bending[:ORDER_COUNT] / mean
-    if conditions.gain_std:
-        gravity = gravity_orders(plain)[0, :ORDER_COUNT] * (STANDARD_GRAVITY_MPS2 / mean)
-        changes[3] = conditions.gain_std * gravity
-    if conditions.hub_mps2:
-        changes[5, HUB_ORDER] = conditions.hub_mps2 / mean
-        changes[6] = conditions.hub_mps2 / mean * uneven_rotation(plain[0, :ORDER_COUNT])
-    changes[[0, 2, 3, 4, 6], :2] = 0.0  # order 0 is 1 and order 1 is the closure's
+    changes[1, 0] = changes[3, HUB_ORDER] = 1.0 / mean
     return changes
 
 
