@@ -15,6 +15,13 @@
 #include <stdint.h>
 #include <string.h>
 
+/* Compiled for wide vectors too, chosen at load, with the same bits. Only glibc's loader chooses. */
+#if defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__)
+#define FOR_THIS_PROCESSOR __attribute__((target_clones("avx2", "default")))
+#else
+#define FOR_THIS_PROCESSOR
+#endif
+
 #define PI 3.14159265358979323846
 #define MOST_ARRAYS 12
 /* Samples by which a line begins before the first, as LEFT_PAD in gateway/signal/angle_resampling.py. */
@@ -328,7 +335,7 @@ typedef struct {
 } Row;
 
 /* One revolution; returns whether the waveform closes into a belt. Sets shape, angle and constant. */
-static int normalise_row(const double *radial, const Row *row, int mode, double gravity, const double *theta,
+FOR_THIS_PROCESSOR static int normalise_row(const double *radial, const Row *row, int mode, double gravity, const double *theta,
                          const double *elapsed, Py_ssize_t n, double *shape, double *angle, double *gain,
                          double *constant)
 {
