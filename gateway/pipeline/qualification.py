@@ -35,8 +35,8 @@ def qualified(
         estimates = provisional_where(estimates, *doubt)
     for name, value, *_ in estimates:
         least, greatest = quantity_of(name).possible
-        # Hardly ever; not a number is neither within the limits nor beyond them.
-        if not least <= value <= greatest:
+        # Hardly ever; not a number is not beyond them.
+        if value < least or value > greatest:
             return tuple(map(_possible, estimates))
     return estimates
 

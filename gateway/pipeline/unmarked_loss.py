@@ -47,6 +47,8 @@ class UnmarkedLossCheck:
     def reset(self) -> None:
         """Forget everything, as after a gap or a change of sensor."""
         self._products: deque[float] = deque(maxlen=_MEMORY)
+        # Their median, 0 without any.
+        self._middle = 0.0
         # Their periods, in the same order.
         self._sound: deque[float] = deque(maxlen=_MEMORY)
         # The two latest periods as they should have been, the earlier one first.
@@ -64,7 +66,7 @@ class UnmarkedLossCheck:
         """
         if not mean_mps2 > _LEAST_MEAN_MPS2:
             return 1
-        middle = statistics.median(self._products) if len(self._products) >= _LEAST else stated
+        middle = self._middle if len(self._products) >= _LEAST else stated
         if not middle > 0.0:
             return 1
         turns = math.sqrt(mean_mps2 * period * period / middle)
@@ -87,6 +89,7 @@ class UnmarkedLossCheck:
             missing_samples = 0.0
         if not missing_samples:
             self._products.append(mean_mps2 * period * period)
+            self._middle = statistics.median(self._products)
             self._sound.append(period)
         self._periods = (*self._periods[-1:], period + missing_samples)
         return missing_samples
@@ -94,10 +97,10 @@ class UnmarkedLossCheck:
     def _found(self, period: float, mean_mps2: float) -> float:
         if len(self._products) < _LEAST or len(self._periods) < 2 or not mean_mps2 > _LEAST_MEAN_MPS2:
             return 0.0
-        middle = statistics.median(self._products)
+        middle = self._middle
         if not middle > _LEAST_MEAN_MPS2 * period * period:
             return 0.0
-        scatter = _MAD_TO_STD * statistics.median(abs(product - middle) for product in self._products) / middle
+        scatter = _MAD_TO_STD * statistics.median([abs(product - middle) for product in self._products]) / middle
         before, last = self._periods
         change = period / last - 1.0
         # A zero-g offset is a larger part of the mean at lower speeds.

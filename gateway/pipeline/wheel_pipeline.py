@@ -38,7 +38,7 @@ _MAX_GAP_S: Final = 0.25
 # Tolerance between the time stamp and the sample number of a late block. If it is exceeded, the hub has restarted.
 _LATE_TOLERANCE_US: Final = 250_000
 # Readings of pressure and temperature that may come while revolutions wait; with more, an earlier one could be lost.
-_MOST_WAITING: Final = 32
+_MOST_WAITING: Final = 60
 # Turns to either side of a contact within which a gap may hide it: it is known by the belt before and behind it too.
 _HIDDEN_WITHIN_TURNS: Final = 0.25
 # Faults of a sensor whose radial axis shows no contacts; they say more than that axis can.
@@ -295,9 +295,9 @@ class WheelPipeline:
         """Work on the waiting revolutions if so many more samples would overwrite theirs."""
         if self._decided:
             assert self._buffer is not None
-            oldest = int(self._decided[0].pair.start.centre) - 4 * MARGIN_SAMPLES
-            if self._buffer.head + count - self._buffer.capacity > oldest:
-                self._revolve()
+            overwritten = self._buffer.head + count - self._buffer.capacity + 4 * MARGIN_SAMPLES
+            if overwritten > int(self._decided[0].pair.start.centre):
+                self._revolve(overwritten)
 
     def _end_us(self) -> float:
         """Return a hub time at which the last waiting revolution had ended, however its contact will be timed."""
@@ -357,10 +357,14 @@ class WheelPipeline:
         limit = sensor.reading.saturation_counts
         return float(((radial >= limit) | (radial <= -limit)).mean()) if len(radial) else 0.0
 
-    def _revolve(self) -> None:
-        """Work on the waiting revolutions, in blocks that end where the timing's template is renewed."""
+    def _revolve(self, overwritten: int | None = None) -> None:
+        """Work on the waiting revolutions, in blocks that end where the timing's template is renewed.
+
+        Args:
+            overwritten: sample from which on the buffer keeps them: revolutions behind it wait on where they do not
+                fill a block; None for all.
+        """
         waiting, self._decided = self._decided, []
-        self._environments_waiting = 0
         if waiting:
             self._snapshot = None
         done = 0
@@ -370,12 +374,17 @@ class WheelPipeline:
                 assert self._sensor is not None
                 average = self._tire.average_as_measured(ac_coupled=self._sensor.reading.ac_coupled)
                 self._timer.renew(average, pair.end.centre - pair.start.centre)
+            fills_no_block = len(waiting) - done < self._timer.until_renewal
+            if overwritten is not None and fills_no_block and overwritten <= int(pair.start.centre):
+                self._decided = waiting[done:]
+                return
             end = done + 1
             most = min(done + self._timer.until_renewal, len(waiting))
             while end < most and waiting[end].sign == sign:
                 end += 1
             self._revolve_block([decided.pair for decided in waiting[done:end]], sign)
             done = end
+        self._environments_waiting = 0
 
     def _revolve_block(self, pairs: Sequence[ContactPair], sign: int) -> None:
         sensor, buffer, clock, host = self._sensor, self._buffer, self._clock, self._host
