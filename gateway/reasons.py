@@ -496,6 +496,11 @@ class Code(Enum):
     NOTIFICATIONS_DROPPED = "{count} notifications dropped because this computer is too slow"
     PORT_SHARED = "also open in {holders}, which takes a part of its bytes: quit it"
     QUOTED_TEXT = "{text}"
+    SYSTEM_TIME_SLEWED = (
+        "its system time was slewed by {step_s:+.1f s} within {span_s:.0f s}, as time services do. The times of this "
+        "session stay those of the clock at its start: {ahead_s:+.1f s} makes them those of the new time, as "
+        "`treadlink set-clock` does"
+    )
     SYSTEM_TIME_SET = (
         "its system time jumped by {step_s:+.1f s}. The times of this session stay those of the clock at its start: "
         "{ahead_s:+.1f s} makes them those of the new time, as `treadlink set-clock` does"

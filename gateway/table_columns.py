@@ -239,9 +239,9 @@ RECORDING_HEAD: Final = by_name(
     Column("path", "path of the file when it was estimated", str),
     RESULT_HEAD["position"],
     Column("sensor_id", "serial number of the sensor in the tire, hexadecimal; empty when it was not sent", str),
-    Column("start_utc", "start of the recording by its own clock, UTC", datetime),
-    Column("begin_utc", "first data by the clock of the recorder, UTC", datetime),
-    Column("end_utc", "last data by the clock of the recorder, UTC", datetime),
+    Column("start_utc", "start of the recording, by the time that its clock was set to later, UTC", datetime),
+    Column("begin_utc", "first data, likewise, UTC", datetime),
+    Column("end_utc", "last data, likewise, UTC", datetime),
     Column(
         "hub_zero_utc",
         "time at which the hub's clock was zero; the same in all recordings of one drive, whatever was cut",

@@ -203,7 +203,7 @@ class Estimated:
 
     Attributes:
         vehicle: name, empty when unknown.
-        start_ns: start of the recording by its own clock.
+        start_ns: start of the recording, by the time that its clock was set to later.
         parts: file of each table.
         rows: rows of each table.
         wheels: (position, sensor id) of each wheel with revolutions.
@@ -361,8 +361,10 @@ def _recording_rows(
 ) -> Estimated:
     """Write the rows of the recording's wheels and return what was made."""
     names, content = order.settings.columns, order.content
-    first_ns, last_ns = estimation.span_ns or (0, 0)
-    start_ns = reader.info.start_ns if reader.info.start_ns else first_ns
+    # A wrong clock that was set, or that a receiver contradicts, would put the recording at a wrong place of a trend.
+    ahead_ns = round((estimation.clock.ahead_s or 0.0) * 1e9)
+    first_ns, last_ns = (time_ns + ahead_ns for time_ns in estimation.span_ns or (0, 0))
+    start_ns = reader.info.start_ns + ahead_ns if reader.info.start_ns else first_ns
     states = {state.position: state for state in estimation.wheels}
     positions, alarms, counters = _heard(collected, estimation), estimation.alarms(), estimation.links.values()
     of_links = [alarm for alarm in alarms if alarm.position not in positions]
@@ -383,6 +385,8 @@ def _recording_rows(
                 *((_OTHER_EFFECTS, notice.reason) for notice in doubts if notice.subject == position),
             ]
             cells = collected.wheels.get(position, WheelRow()).cells(states.get(position), names)
+            if cells.get("hub_zero_utc") is not None:
+                cells["hub_zero_utc"] += ahead_ns
             cells |= {
                 "recording_id": content.recording_id,
                 "recording": storable(content.path.name),

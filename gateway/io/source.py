@@ -116,6 +116,7 @@ EVENT_DETAILS: Final[Mapping[Code, Mapping[str, type]]] = {
     Code.RECORDING_RECORD_DAMAGED: {"recording": str, "at_byte": int},
     Code.RECORDING_RECORD_MISSING: {"recording": str, "at_byte": int},
     Code.RETRY_INTERVAL: {"interval_s": float},
+    Code.SYSTEM_TIME_SLEWED: {"step_s": float, "span_s": float, "ahead_s": float},
     Code.SYSTEM_TIME_SET: {"step_s": float, "ahead_s": float},
 }
 """Codes that the details of an event may have, with the types of their values; a recording is checked against them."""

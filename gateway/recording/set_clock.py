@@ -7,34 +7,57 @@ from typing import Final
 
 from gateway.errors import RecordingError
 from gateway.io.nmea_sentences import ReceiverClock, SentenceReader
-from gateway.io.source import LinkEvent, LinkItem, Sentences
+from gateway.io.source import Chunk, LinkEvent, LinkItem, Sentences, VehicleData
 from gateway.reasons import Code, Reason
 from gateway.recording.mcap_layout import MAX_TIME_NS
 from gateway.recording.reader import REPAIR_REMEDY, RecordingReader
 from gateway.recording.run_description import copy_notes
 from gateway.recording.writer import whole_recording
 
+_SET: Final = frozenset({Code.SYSTEM_TIME_SET, Code.SYSTEM_TIME_SLEWED})
 # What is left of a step after the time was moved by it.
 _NEGLIGIBLE_S: Final = 1e-3
 
 
-def recorded_clock_error_s(path: Path) -> float | None:
-    """Return what a recording says is to be added to its times, in s: 0 if a receiver agrees, None if it says nothing.
+class RecordedClock:
+    """What a recording says of its own times, from its events and the sentences of a positioning receiver.
 
-    A positioning receiver counts more than a step of the system time, which may have set it from wrong to wrong.
+    A receiver counts more than a step of the system time, which may have set it from wrong to wrong.
+    """
+
+    def __init__(self) -> None:
+        """Start without an item."""
+        self.set: Reason | None = None
+        """The last change of the system time."""
+        self._sentences, self._receiver = SentenceReader(), ReceiverClock()
+
+    def take(self, item: VehicleData | LinkEvent) -> None:
+        """Take an item, in the order of the recording."""
+        if isinstance(item, Sentences):
+            for fix in self._sentences.read(item.data):
+                self._receiver.take(fix, item.host_ns)
+        elif isinstance(item, LinkEvent):
+            self.set = next((detail for detail in item.details if _ahead_s(detail) is not None), self.set)
+
+    @property
+    def ahead_s(self) -> float | None:
+        """What is to be added to its times, in s: 0 if a receiver agrees, None if nothing is said."""
+        if self._receiver.has_time:
+            return self._receiver.ahead_s or 0.0
+        return (_ahead_s(self.set) or None) if self.set is not None else None
+
+
+def recorded_clock_error_s(path: Path) -> float | None:
+    """Return what a recording says is to be added to its times, as `RecordedClock.ahead_s`.
 
     Raises:
         RecordingError: it cannot be read.
     """
-    reader, sentences, clock = RecordingReader(path), SentenceReader(), ReceiverClock()
-    ahead_s: float | None = None
-    for item in reader.items():
-        if isinstance(item, Sentences):
-            for fix in sentences.read(item.data):
-                clock.take(fix, item.host_ns)
-        elif isinstance(item, LinkEvent):
-            ahead_s = next(filter(None, map(_ahead_s, item.details)), ahead_s)
-    return (clock.ahead_s or 0.0) if clock.has_time else ahead_s or None
+    clock = RecordedClock()
+    for item in RecordingReader(path).items():
+        if not isinstance(item, Chunk):
+            clock.take(item)
+    return clock.ahead_s
 
 
 def set_clock(
@@ -91,8 +114,8 @@ def set_clock(
 
 
 def _ahead_s(detail: Reason) -> float | None:
-    """Return what a step of the system time adds to the times of the recording, None of other details."""
-    value = detail["ahead_s"] if detail.code is Code.SYSTEM_TIME_SET else None
+    """Return what a change of the system time adds to the times of the recording, None of other details."""
+    value = detail["ahead_s"] if detail.code in _SET else None
     return value if isinstance(value, float) else None
 
 

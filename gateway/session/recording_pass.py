@@ -18,9 +18,10 @@ from gateway.pipeline.vehicle_witness import VehicleJoin
 from gateway.pipeline.wheel_pairs import WheelPairs
 from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.pipeline.wheels import Pipeline
-from gateway.reasons import Notice
+from gateway.reasons import Level, Notice
 from gateway.recording.decoder_blocks import DecodedLinks
 from gateway.recording.recorded_file import RecordedFile
+from gateway.recording.set_clock import RecordedClock
 from gateway.security.guard import Guard, open_guard
 from gateway.session.alarm_watch import RecordingAlarms
 from gateway.session.effects_opening import open_effects
@@ -134,6 +135,7 @@ class RecordingPass:
         statements: of the hubs, compared with what they send.
         wheels: last state of every wheel.
         span_ns: arrival of the first and the last frame, None before the first.
+        clock: what the recording says of its times.
     """
 
     def __init__(
@@ -165,6 +167,7 @@ class RecordingPass:
         self.statements = StatementWatch(positions(vehicle))
         self.wheels: tuple[WheelSnapshot, ...] = ()
         self.span_ns: tuple[int, int] | None = None
+        self.clock = RecordedClock()
         self._recording = recording
         self._guard = recording.guard()
         self._links = DecodedLinks(self._guard)
@@ -219,7 +222,10 @@ class RecordingPass:
         of_sensors = of_guard or self.sensors.mismatches(recording.vehicle, heard)
         of_receivers = [Notice(link, reason) for link, reason in self._signals.take_notices()] if self._signals else []
         of_effects = effects_doubts(recording.effects, recording.vehicle)
-        return [*of_sensors, *self.statements.contradictions(), *of_receivers, *of_effects]
+        # A receiver that contradicts the clock has its own notice.
+        is_set = self.clock.set is not None and self.clock.ahead_s and not of_receivers
+        of_clock = [Notice("this computer", self.clock.set, Level.WARNING)] if is_set and self.clock.set else []
+        return [*of_sensors, *self.statements.contradictions(), *of_receivers, *of_clock, *of_effects]
 
     def missing(self) -> tuple[Notice, ...]:
         """Return the links without a frame and the wheels without a revolution, after the last result."""
@@ -233,6 +239,7 @@ class RecordingPass:
         return self._alarms.result(result) if self._alarms is not None else result
 
     def _take_other(self, item: VehicleData | LinkEvent) -> None:
+        self.clock.take(item)
         if isinstance(item, LinkEvent):
             if self._alarms is not None:
                 self._alarms.event(item)

@@ -10,6 +10,7 @@ from click.testing import CliRunner
 from gateway.cli import treadlink
 from gateway.clock import ComputerTime, ManualClock, SystemClock
 from gateway.config.vehicle import parse_vehicle
+from gateway.fleet.history_reading import read_histories
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, open_source
 from gateway.reasons import Code, Level, Reason, codes_of
 from gateway.recording.inspection import inspect_recording
@@ -117,6 +118,43 @@ def test_small_steps_add_up_and_are_then_reported() -> None:
         clock.set_system_time(S // 10)
         assert bool(watch.events()) == (step == 5)
     assert watch.events() == []
+
+
+@pytest.mark.parametrize("rate", [500e-6, -500e-6, 0.08])
+def test_time_that_a_service_slews_is_no_jump(rate: float) -> None:
+    class SlewedClock(ManualClock):
+        def computer(self) -> ComputerTime:
+            return super().computer()._replace(now_ns=self.now_ns())
+
+    clock, told = SlewedClock(), []
+    watch = ComputerWatch(clock)
+    for _ in range(12_000):
+        clock.advance_ns(S // 5)
+        clock.set_system_time(round(rate * S / 5))
+        told += [detail for event in watch.events() for detail in event.details]
+    assert {detail.code for detail in told} == {Code.SYSTEM_TIME_SLEWED}
+    assert told[-1]["ahead_s"] == pytest.approx(rate * 2400.0, abs=0.6)
+    assert told[0]["span_s"] == pytest.approx(0.5 / abs(rate), rel=0.05)
+    clock.set_system_time(3600 * S)
+    assert [detail.code for event in watch.events() for detail in event.details] == [Code.SYSTEM_TIME_SET]
+
+
+def test_a_change_of_the_system_time_places_the_recording_in_estimates_and_datasets(tmp_path) -> None:
+    path, dataset = tmp_path / "drive.mcap", tmp_path / "dataset"
+    items, vehicle = frames_until(3.0)
+    writer = RecordingWriter(path, start_ns=START_NS, vehicle_toml=vehicle.to_toml())
+    for number, item in enumerate(items):
+        if number == len(items) // 2:
+            step = Reason(Code.SYSTEM_TIME_SET, step_s=4_838_400.0, ahead_s=4_838_400.0)
+            writer.write(LinkEvent("", item.host_ns, LinkEventKind.COMPUTER, details=(step,)))
+        writer.write(item)
+    writer.close()
+    printed = CliRunner().invoke(treadlink, ["estimate", str(path), "--estimator", "kinematic"], catch_exceptions=False)
+    assert "this computer: its system time jumped by +4838400.0 s" in printed.output
+    order = ["campaign", str(path), "--out", str(dataset), "--jobs", "1", "--estimator", "kinematic"]
+    assert CliRunner().invoke(treadlink, order, catch_exceptions=False).exit_code == 0
+    (history,) = read_histories(dataset).tires
+    assert history.time_ns.tolist() == [START_NS + 4_838_400 * S]
 
 
 def test_clock_of_the_system_sees_a_step_and_no_pause_between_its_readings(monkeypatch) -> None:
