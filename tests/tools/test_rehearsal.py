@@ -17,10 +17,10 @@ can = pytest.importorskip("can")
 
 from tools.rehearsal.accounts import account  # noqa: E402 - needs both
 from tools.rehearsal.day import START_NS, Played  # noqa: E402
-from tools.rehearsal.plan import BUS, HUBS, NOBODY, Fault, Kind, planned_day  # noqa: E402
+from tools.rehearsal.plan import BUS, HUBS, NOBODY, RECEIVER, Fault, Kind, planned_day  # noqa: E402
 from tools.rehearse import quiet_day, rehearse  # noqa: E402
 
-LINKS = [*(f"serial:hub{hub}" for hub in range(HUBS)), "can:bus"]
+LINKS = [*(f"serial:hub{hub}" for hub in range(HUBS)), "can:bus", "nmea:receiver"]
 CUT = Fault(Kind.CUT, 2.0, 4.0, 2)
 
 
@@ -46,7 +46,7 @@ def played(tmp_path: Path) -> Played:
         if not 2.5 <= at_s < 3.5:
             writer.write(Chunk(LINKS[2], START_NS + round(at_s * 1e9), frame))
     writer.close()
-    every = [[], [], sent, [], []]
+    every = [[], [], sent, [], [], []]
     return Played(every, recordings=[path], links=LINKS, restored_s={link: [] for link in LINKS})
 
 
@@ -70,9 +70,14 @@ def test_a_name_is_of_its_fault_and_its_time(played: Played) -> None:
     accounts = account(played, played, [pause])
     assert accounts.missed == [pause]
     assert accounts.false == [blamed, late]
-    played.said = [(12.0, "", str(Code.COMPUTER_PAUSED)), (5.0, LINKS[BUS], str(AlarmName.SILENT))]
-    accounts = account(played, played, [Fault(Kind.BUS, 1.0, 6.0, BUS), pause])
-    assert (accounts.named, accounts.false) == (2, [])
+    played.said = [
+        (12.0, "", str(Code.COMPUTER_PAUSED)),
+        *((5.0, LINKS[of], str(AlarmName.SILENT)) for of in (BUS, RECEIVER)),
+    ]
+    accounts = account(
+        played, played, [Fault(Kind.BUS, 1.0, 6.0, BUS), Fault(Kind.POSITION, 1.0, 6.0, RECEIVER), pause]
+    )
+    assert (accounts.named, accounts.false) == (3, [])
 
 
 def test_damage_on_a_slow_link_may_be_said_late(played: Played) -> None:
@@ -100,7 +105,7 @@ def test_numbers_are_compared_with_the_quiet_day(played: Played, tmp_path: Path)
 
 
 def test_a_short_day_is_accounted_for() -> None:
-    kinds = (Kind.UNPLUGGED, Kind.PAUSE, Kind.CLOCK, Kind.DISK)
+    kinds = (Kind.UNPLUGGED, Kind.PAUSE, Kind.CLOCK, Kind.DISK, Kind.POSITION)
     accounts, faults = rehearse(1, quiet_day(15.0), kinds=kinds)
     assert len(faults) == len(kinds)
     assert accounts.missed == []

@@ -8,13 +8,13 @@ from typing import Final
 import numpy as np
 
 from gateway.io.bus_frames import unpack
-from gateway.io.source import BusFrames, Chunk, LinkEventKind
+from gateway.io.source import BusFrames, Chunk, LinkEventKind, Sentences
 from gateway.reasons import Code
 from gateway.recording.reader import RecordingReader
 from gateway.session.alarms import AlarmName
 from gateway.simulator.link_faults import frame_pieces
 from tools.rehearsal.day import START_NS, Played
-from tools.rehearsal.plan import EXPECTED, HUBS, NOBODY, POSITIONS, SETTLE_S, Fault, Kind
+from tools.rehearsal.plan import BUS, EXPECTED, HUBS, LINKS, NOBODY, POSITIONS, RECEIVER, SETTLE_S, Fault, Kind
 
 # A frame may wait in a chunk before the fault, and in a line after it.
 _BEFORE_S: Final = 0.5
@@ -32,7 +32,7 @@ class Accounts:
         named: of these, named.
         missed: not named.
         false: alarms and warnings without a cause, and alarms that stand at the end.
-        frames: sent, those of the bus included.
+        frames: sent, those of the bus and sentences of the receiver included.
         lost: by cause.
         unaccounted: times and links of frames lost without a cause.
         worst: largest difference from the quiet day, over the standard error of one revolution.
@@ -85,20 +85,22 @@ def account(played: Played, quiet: Played, faults: list[Fault]) -> Accounts:
 
 
 def _recorded(played: Played) -> tuple[list[set[bytes]], list[tuple[float, str, str]]]:
-    """Return the frames of each hub and the content of those of the bus, and the events of this computer."""
+    """Return the frames of each hub, the content of those of the bus, sentences, and the events of this computer."""
     chunks: list[list[Chunk]] = [[] for _ in range(HUBS)]
-    bus: set[bytes] = set()
+    others: list[set[bytes]] = [set() for _ in range(HUBS, LINKS)]
     computer = []
     for path in played.recordings:
         for item in RecordingReader(path).items():
             if isinstance(item, Chunk):
                 chunks[played.links.index(item.link)].append(item)
             elif isinstance(item, BusFrames):
-                bus |= {frame.data for frame in unpack(item.data, 0)}
+                others[BUS - HUBS] |= {frame.data for frame in unpack(item.data, 0)}
+            elif isinstance(item, Sentences):
+                others[RECEIVER - HUBS] |= set(item.data.splitlines(keepends=True))
             elif item.kind is LinkEventKind.COMPUTER:
                 computer += [((item.host_ns - START_NS) * 1e-9, "", str(detail.code)) for detail in item.details]
     frames = [{piece.data for _, _, pieces in frame_pieces(each) for piece in pieces if piece.whole} for each in chunks]
-    return [*frames, bus], computer
+    return [*frames, *others], computer
 
 
 def _loses(fault: Fault, number: int) -> bool:

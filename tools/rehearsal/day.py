@@ -1,4 +1,4 @@
-"""Driver of a day: hubs, bus, broker and disk beside a real session, whose clock moves as fast as it can follow."""
+"""Driver of a day: hubs, bus, receiver, broker and disk beside a real session, whose clock moves as it can follow."""
 
 import resource
 import time
@@ -10,13 +10,15 @@ from pathlib import Path
 from typing import Final
 
 import can
+import numpy as np
 
 from gateway.config.validation import parse_document
 from gateway.config.vehicle import VehicleConfig, parse_vehicle
 from gateway.estimators.estimator import Status
 from gateway.estimators.weighted_mean import WeightedMean
-from gateway.io.source import Chunk, is_live, open_source
+from gateway.io.source import Chunk, Sentences, is_live, open_source
 from gateway.pipeline.results import AlarmChange, RevolutionResult, SessionSnapshot, SinkSnapshot, SinkState
+from gateway.pipeline.vehicle_signals import RECEIVER_SIGNALS
 from gateway.publishing.publisher import Publisher, open_publisher
 from gateway.publishing.sink import SinkSetting
 from gateway.reasons import Code, Notice, Reason
@@ -25,18 +27,22 @@ from gateway.recording.writer import RecordingWriter
 from gateway.session.live import LiveSession
 from gateway.session.recording_stage import Recorder
 from gateway.simulator.link_faults import apply_faults, frame_pieces, parse_fault
+from gateway.simulator.motion import MotionProfile
+from gateway.simulator.receiver import SimulatedReceiver, rmc
 from gateway.simulator.scenario import vehicle_toml
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulation import simulate
 from gateway.views.session_summary import ResultSummary
 from tools.mqtt_broker import Broker
 from tools.rehearsal.ends import DayClock, GatedSource, HubEnd, PtyEnd, TcpEnd
-from tools.rehearsal.plan import BUS, HUBS, POSITIONS, TERMINALS, Fault, Kind
+from tools.rehearsal.plan import BUS, HUBS, LINKS, POSITIONS, RECEIVER, TERMINALS, Fault, Kind
 
 START_NS: Final = 1_790_000_000_000_000_000
 ESTIMATORS: Final = ("kinematic", "weak-form")
 STEP_NS: Final = 50_000_000
 _BUS_STEP_NS: Final = 100_000_000
+_RECEIVER_HZ: Final = 5.0
+_PLACE: Final = frozenset(signal.name for signal in RECEIVER_SIGNALS if signal.suffix == "deg")
 # The session may lag behind the readers by this much of the day.
 _MOST_LAG_NS: Final = 2_000_000_000
 _TIMEOUT_S: Final = 60.0
@@ -64,7 +70,7 @@ class Played:
     """What a day left behind; times in s from its beginning.
 
     Attributes:
-        sent: frames of each hub and content of those of the bus, with their times.
+        sent: frames of each hub, content of those of the bus, and sentences of the receiver, with their times.
         recordings: files, in their order.
         said: time, subject and name of each alarm and warning.
         standing: alarms that stand at the end: subject and name.
@@ -73,7 +79,7 @@ class Played:
         single_std: sum and number of their standard errors.
         revolutions: number of results.
         published: revolutions and alarms that the broker took, and those that it did not get.
-        links: name of the link of each hub, then of the bus.
+        links: name of the link of each hub, then of the bus and the receiver.
     """
 
     sent: list[list[tuple[float, bytes]]]
@@ -107,7 +113,8 @@ class _Heard:
     def _count(self, result: RevolutionResult) -> None:
         self._played.revolutions += 1
         for estimate in result.estimates:
-            if estimate.status is Status.VALID and estimate.std > 0.0:
+            # Where the vehicle is depends on the length of the day.
+            if estimate.status is Status.VALID and estimate.std > 0.0 and estimate.name not in _PLACE:
                 key = result.position, estimate.name
                 self._played.means[key].add(estimate.value, estimate.std)
                 self._played.single_std[key].append(estimate.std)
@@ -132,6 +139,11 @@ def _vehicle() -> VehicleConfig:
     wheels = [_hub_scenario(0, hub).partition("[[hub]]")[2] for hub in range(HUBS)]
     text = _SCENARIO.format(seed=0) + "".join(f"[[hub]]{wheel}" for wheel in wheels)
     return parse_vehicle(vehicle_toml(parse_document(Scenario, text, "rehearsal")) + _THRESHOLDS, "rehearsal")
+
+
+def _receiver(seed: int) -> SimulatedReceiver:
+    motion = parse_document(Scenario, _hub_scenario(0, 0), "rehearsal").motion
+    return SimulatedReceiver(MotionProfile(motion.speed_kmh), _RECEIVER_HZ, np.random.default_rng(seed))
 
 
 def _hub_chunks(seed: int, hub: int, faults: Sequence[Fault], day_s: float) -> Iterator[Chunk]:
@@ -169,9 +181,9 @@ class Day:
         self._folder, self._seed, self._faults, self._day_s = folder, seed, list(faults), day_s
         self._broker = broker
         self._clock = DayClock(START_NS)
-        self._played = Played([[] for _ in range(HUBS + 1)])
-        self._ends: list[HubEnd] = []
-        self._goals = [0] * (HUBS + 1)
+        self._played = Played([[] for _ in range(LINKS)])
+        self._ends: dict[int, HubEnd] = {}
+        self._goals = [0] * LINKS
         self._paused_ns = 0
         self._reopened: set[int] = set()
 
@@ -185,10 +197,12 @@ class Day:
             for hub in range(HUBS):
                 end: HubEnd = PtyEnd(self._folder / f"ttyDay{hub}") if hub in TERMINALS else TcpEnd()
                 stack.callback(end.unplug)
-                self._ends.append(end)
+                self._ends[hub] = end
+            self._ends[RECEIVER] = PtyEnd(self._folder / "ttyReceiver", "nmea")
+            stack.callback(self._ends[RECEIVER].unplug)
             channel = f"rehearsal-{self._folder}"
             bus = stack.enter_context(can.Bus(channel, "virtual"))
-            uris = [*(end.uri for end in self._ends), f"can:virtual:{channel}"]
+            uris = [self._ends[end].uri if end in self._ends else f"can:virtual:{channel}" for end in range(LINKS)]
             self._sources = [GatedSource(open_source(uri, self._clock)) for uri in uris]
             self._played.links = [source.link for source in self._sources]
             publish = [f"mqtt://127.0.0.1:{self._broker.port}/day?discovery=off"] if self._broker is not None else []
@@ -224,6 +238,8 @@ class Day:
             for number, fault in enumerate(self._faults)
             if fault.kind is Kind.NOISE
         }
+        sentences = _receiver(self._seed).sentences(START_NS)
+        sentence = next(sentences)
         waiting = [*self._faults]
         present: list[Fault] = []
         for step in range(round(self._day_s * 1e9) // STEP_NS):
@@ -248,6 +264,9 @@ class Day:
                 bus.send(can.Message(arbitration_id=0x123, data=content, is_extended_id=False))
                 self._played.sent[BUS].append((now_s, content))
                 self._goals[BUS] += 1
+            while sentence.host_ns < START_NS + (step + 1) * STEP_NS:
+                self._receive(sentence, now_s, {fault.kind for fault in present})
+                sentence = next(sentences)
             if any(fault.kind is Kind.PAUSE for fault in present):
                 self._paused_ns += STEP_NS  # nothing of this computer runs
             else:
@@ -256,6 +275,14 @@ class Day:
             self._take_notices()
         for fault in present:
             self._finish(fault)
+
+    def _receive(self, sentence: Sentences, now_s: float, present: set[Kind]) -> None:
+        """Send a sentence of the receiver, if it is on, without a position where it has lost that."""
+        if Kind.RECEIVER in present:
+            return
+        line = sentence.data if Kind.POSITION not in present else rmc(sentence.host_ns, 0.0, 0.0, 0.0, has_fix=False)
+        self._played.sent[RECEIVER].append((now_s, line))
+        self._send(RECEIVER, line)
 
     def _send(self, hub: int, data: bytes) -> None:
         lost = self._ends[hub].send(data)
@@ -276,7 +303,8 @@ class Day:
         self._until(lambda: self._clock.now_ns() - self._live.core.newest_ns < _MOST_LAG_NS, "the session follows")
 
     def _is_behind(self, number: int) -> bool:
-        is_waiting = number < HUBS and self._sources[number].is_connected and self._ends[number].waiting()
+        end = self._ends.get(number)
+        is_waiting = end is not None and self._sources[number].is_connected and end.waiting()
         return is_waiting or self._sources[number].read < self._goals[number]
 
     def _begin(self, fault: Fault) -> None:

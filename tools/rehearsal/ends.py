@@ -8,7 +8,7 @@ from typing import Protocol
 
 from gateway.clock import ComputerTime, ManualClock
 from gateway.io.bus_frames import unpack
-from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source
+from gateway.io.source import BusFrames, LinkEvent, LinkEventKind, LinkItem, Source
 from gateway.simulator import pty_link
 
 _POLL_S = 0.001
@@ -74,7 +74,7 @@ class GatedSource:
                 self.events.append(item)
                 self.is_connected = item.kind in (LinkEventKind.CONNECTED, LinkEventKind.RESTORED)
             else:
-                self.read += len(item.data) if isinstance(item, Chunk) else sum(1 for _ in unpack(item.data, 0))
+                self.read += sum(1 for _ in unpack(item.data, 0)) if isinstance(item, BusFrames) else len(item.data)
 
     def close(self) -> None:
         """Release the source."""
@@ -104,11 +104,11 @@ class HubEnd(Protocol):
 
 
 class PtyEnd:
-    """A hub on a serial port: a link in the file system to a pseudo-terminal."""
+    """A hub or receiver on a serial port: a link in the file system to a pseudo-terminal."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, scheme: str = "serial") -> None:
         """Plug it in."""
-        self.uri = f"serial://{path}"
+        self.uri = f"{scheme}:{path}"
         self._path = path
         self._port: pty_link.PtyPort | None = None
         self.plug()

@@ -14,6 +14,9 @@ HUBS: Final = 4
 TERMINALS: Final = (0, 1)
 """Hubs on pseudo-terminals; the others are on TCP."""
 BUS: Final = HUBS
+RECEIVER: Final = HUBS + 1
+"""Positioning receiver on a pseudo-terminal of its own."""
+LINKS: Final = HUBS + 2
 NOBODY: Final = -1
 """Target of what concerns the computer, the disk or the broker."""
 POSITIONS: Final = ("FL", "FR", "RL", "RR")
@@ -32,6 +35,8 @@ class Kind(StrEnum):
     SENSOR = "sensor dies"
     REPLACED = "hub replaced"
     BUS = "bus silent"
+    RECEIVER = "receiver silent"
+    POSITION = "position lost"
     BROKER = "broker restarts"
     DISK = "disk full"
     CLOCK = "clock set"
@@ -66,15 +71,19 @@ EXPECTED: Final = {
     Kind.SENSOR: Expectation(_of(AlarmName.SILENT), _GAP),
     Kind.REPLACED: Expectation(_of(AlarmName.MISPLACED), _GAP | _of(Code.HUB_RESTARTED)),
     Kind.BUS: Expectation(_of(AlarmName.SILENT)),
+    Kind.RECEIVER: Expectation(_of(AlarmName.SILENT)),
+    Kind.POSITION: Expectation(_of(AlarmName.SILENT)),
     Kind.BROKER: Expectation(_of(AlarmName.PUBLISHING)),
     Kind.DISK: Expectation(_of(Code.RECORDING_STOPPED), _of(Code.RECORDING_BEGUN), loses=True),
     Kind.CLOCK: Expectation(_of(Code.SYSTEM_TIME_SET)),
     Kind.PAUSE: Expectation(_of(Code.COMPUTER_PAUSED), _of(AlarmName.LOSS), loses=True),
 }
 
+_SILENCES: Final = (Kind.BUS, Kind.SENSOR, Kind.RECEIVER, Kind.POSITION)
+
 
 class Fault(NamedTuple):
-    """A fault of the plan: seconds from the beginning of the day, a hub, BUS or NOBODY, and a size.
+    """A fault of the plan: seconds from the beginning of the day, a hub, BUS, RECEIVER or NOBODY, and a size.
 
     The size is the step of a clock in s; that of other faults is 0.
     """
@@ -103,8 +112,8 @@ def _faults(rng: np.random.Generator, rounds: int, without: frozenset[Kind]) -> 
         for index in rng.permutation(len(kinds)):
             kind = kinds[index]
             at_s += float(rng.uniform(0.5, 2.0))
-            # Buses and sensors count as silent after 3 s.
-            end_s = at_s + float(rng.uniform(2.0, 4.0)) + (2.0 if kind in (Kind.BUS, Kind.SENSOR) else 0.0)
+            # Buses, receivers and sensors count as silent after 3 s.
+            end_s = at_s + float(rng.uniform(2.0, 4.0)) + (2.0 if kind in _SILENCES else 0.0)
             yield Fault(kind, at_s, end_s, _target(kind, rng), float(rng.choice([-1, 1]) * rng.uniform(2.0, 5e6)))
             at_s = end_s + SETTLE_S
 
@@ -116,6 +125,8 @@ def _target(kind: Kind, rng: np.random.Generator) -> int:
         return int(rng.integers(len(TERMINALS), HUBS))
     if kind is Kind.BUS:
         return BUS
+    if kind in (Kind.RECEIVER, Kind.POSITION):
+        return RECEIVER
     if kind in (Kind.BROKER, Kind.DISK, Kind.CLOCK, Kind.PAUSE):
         return NOBODY
     return int(rng.integers(HUBS))
