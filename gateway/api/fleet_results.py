@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,6 +22,7 @@ from gateway.fleet.recording_estimation import EstimationSettings, RowsKept, est
 from gateway.trends.fleet_analysis import analyse
 from gateway.trends.trend_result import FleetTrends
 from gateway.views.output_file import write_whole
+from gateway.views.text import json_text
 from gateway.views.trend_report.trend_tables import trend_lines, trends_csv, trends_json
 from gateway.views.wording import text
 
@@ -132,7 +132,7 @@ class TireTrends:
 
             write_trends_page(self.result, out, force=force)
         elif out.suffix == ".json":
-            content = json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
+            content = json_text(self.to_dict(), indent=2)
             write_whole(out, content + "\n", force=force)
         elif out.suffix == ".csv":
             write_whole(out, trends_csv(self.result), force=force)

@@ -156,10 +156,14 @@ def treadlink(verbosity: int, log_file: Path | None) -> None:
 def main() -> None:
     """Run the command; errors that the user can correct are shown as a message and a remedy, without a traceback."""
     from gateway.cli import stop_signals
-    from gateway.cli.stream_encoding import make_streams_encodable
+    from gateway.cli.stream_encoding import shown_streams
 
-    make_streams_encodable()
     stop_signals.install()
+    with shown_streams():
+        _run()
+
+
+def _run() -> None:
     try:
         with _explained_refusal():
             try:

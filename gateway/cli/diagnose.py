@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import shutil
@@ -22,7 +21,7 @@ from gateway.cli.summary_output import SummaryOutput
 from gateway.errors import OutputError, TreadlinkError
 from gateway.security.key_file import default_key_file
 from gateway.views.output_file import check_outputs, is_stdout, write_whole
-from gateway.views.text import clean
+from gateway.views.text import clean, json_text
 
 if TYPE_CHECKING:
     from gateway.closure.inference.posterior import Posterior
@@ -47,7 +46,7 @@ def _list_effects(context: click.Context, _: click.Parameter, chosen: str | None
     if chosen == "markdown":
         click.echo(effects_markdown(), nl=False)
     elif chosen == "json":
-        click.echo(json.dumps(effects_json(find_effects()), indent=2, ensure_ascii=False))
+        click.echo(json_text(effects_json(find_effects()), indent=2))
     else:
         effects = find_effects("" if chosen == _ALL_EFFECTS else chosen)
         if not effects:
@@ -372,7 +371,7 @@ def _report_transfer(
     for line in transfer_lines(result, str(known_path)):
         say(clean(line))
     if json_path is not None:
-        text = json.dumps(transfer_json(result), indent=2, ensure_ascii=False, allow_nan=False)
+        text = json_text(transfer_json(result), indent=2)
         write_whole(json_path, text + "\n", force=force)
         if not to_stdout:
             say(clean(f"written: {json_path}"))

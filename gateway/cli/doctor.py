@@ -1,6 +1,7 @@
 """`treadlink doctor`: check the prerequisites of a session."""
 
-import json
+from __future__ import annotations
+
 import os
 import shutil
 import sys
@@ -16,7 +17,7 @@ from gateway.cli import exit_status
 from gateway.cli.doctor_checks import Check, Level
 from gateway.cli.path_option import path_option
 from gateway.clock import SystemClock
-from gateway.views.text import escaped
+from gateway.views.text import escaped, json_text
 
 _COLOURS: Final = {Level.OK: "green", Level.WARNING: "yellow", Level.FAULT: "red"}
 
@@ -35,7 +36,7 @@ def doctor(sources: tuple[str, ...], config_path: Path | None, recordings: Path,
     """
     done = list(_run(sources, config_path, recordings))
     if as_json:
-        click.echo(json.dumps([asdict(check) for check in done], indent=2, ensure_ascii=False))
+        click.echo(json_text([asdict(check) for check in done], indent=2))
     else:
         _print(done)
     if any(check.level is Level.FAULT for check in done):

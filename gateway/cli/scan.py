@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +10,7 @@ import click
 from gateway.cli import exit_status
 from gateway.cli.doctor_checks import Level, check_device
 from gateway.cli.options import FiniteRange
+from gateway.views.text import json_text
 
 if TYPE_CHECKING:
     from gateway.io.ble_hub import Sighting
@@ -44,7 +44,7 @@ def scan(seconds: float, adapter: str, everything: bool, as_json: bool) -> None:
     hubs = [sighting for sighting in around.sightings if sighting.is_hub or everything]
     ports = _ports()
     if as_json:
-        click.echo(json.dumps(_report(around, hubs, ports), indent=2, ensure_ascii=False))
+        click.echo(json_text(_report(around, hubs, ports), indent=2))
     else:
         _print(around, hubs, ports, seconds)
     if not hubs and not ports:

@@ -1,13 +1,18 @@
-"""Output streams that cannot encode every character, such as those of a console with code page 1252."""
+"""Standard streams: what their encoding lacks, as that of code page 1252, and what would control the terminal."""
 
 import codecs
+import re
 import sys
 import unicodedata
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from io import TextIOWrapper
-from typing import Final
+from typing import Final, TextIO
+
+from gateway.views.text import escaped
 
 _HANDLER: Final = "treadlink-nearest"
+_OWN_CONTROLS: Final = re.compile(r"(\x1b\[[0-9;?]*[A-Za-z]|[\n\r\t])")
 # What the views write, in ASCII; other characters lose their accents or become a question mark.
 _ASCII: Final = {
     "±": "+-", "²": "^2", "³": "^3", "°": " deg", "µ": "u", "μ": "u", "·": "*", "×": "x", "–": "-", "—": "-", "−": "-",
@@ -23,8 +28,29 @@ def nearest_text(text: str) -> str:
     return "".join(c if c.isascii() else "?" for c in decomposed if not unicodedata.combining(c))
 
 
-def make_streams_encodable() -> None:
-    """Let standard output and error write the nearest text for what their encoding does not have."""
+class ShownText(TextIOWrapper):
+    """Text stream that says the nearest text for what it cannot encode, and lets nobody control the terminal.
+
+    Names and texts of others reach every message. What is not printable is written as an escape such as `\\u202e`, but
+    for line ends, tabulators, and the sequences of colours and cursor of the program's own lines.
+    """
+
+    def write(self, text: str) -> int:
+        """Write a text."""
+        super().write(shown(text))
+        return len(text)
+
+
+def shown(text: str) -> str:
+    """Return a text as a terminal may get it."""
+    if text.replace("\n", "").isprintable():
+        return text
+    return "".join(part if index % 2 else escaped(part) for index, part in enumerate(_OWN_CONTROLS.split(text)))
+
+
+@contextmanager
+def shown_streams() -> Iterator[None]:
+    """Make standard output and error `ShownText`; bytes written to their buffers, which are data, stay as they are."""
 
     def replaced(error: UnicodeError) -> tuple[str, int]:
         if not isinstance(error, UnicodeEncodeError):
@@ -32,7 +58,26 @@ def make_streams_encodable() -> None:
         return nearest_text(error.object[error.start : error.end]), error.end
 
     codecs.register_error(_HANDLER, replaced)
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, TextIOWrapper) and stream.errors in ("strict", "surrogateescape"):
-            with suppress(ValueError, OSError):  # closed
-                stream.reconfigure(errors=_HANDLER)
+    before = sys.stdout, sys.stderr
+    try:
+        sys.stdout, sys.stderr = map(_shown_stream, before)
+        yield
+    finally:
+        for stream in (sys.stdout, sys.stderr):
+            if isinstance(stream, ShownText):
+                with suppress(OSError, ValueError):  # the output is closed
+                    stream.detach()  # else it closes the buffer, which is not its own
+        sys.stdout, sys.stderr = before
+
+
+def _shown_stream(stream: TextIO) -> TextIO:
+    if not isinstance(stream, TextIOWrapper) or stream.closed:
+        return stream
+    is_strict = stream.errors in ("strict", "surrogateescape")
+    return ShownText(
+        stream.buffer,
+        stream.encoding,
+        _HANDLER if is_strict else stream.errors,
+        line_buffering=stream.line_buffering,
+        write_through=stream.write_through,
+    )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +12,7 @@ from gateway.cli.options import force_option
 from gateway.cli.path_option import path_option
 from gateway.cli.run_options import where_option
 from gateway.views.output_file import check_outputs, is_stdout, write_whole
+from gateway.views.text import json_text
 
 if TYPE_CHECKING:
     from gateway.recording.run_description import RunFilter
@@ -69,7 +69,7 @@ def trends(
         histories.tires, recordings=histories.recordings, failures=histories.failures, notes=histories.notes
     )
     if json_path is not None:
-        content = json.dumps(trends_json(fleet_trends), indent=2, ensure_ascii=False, allow_nan=False)
+        content = json_text(trends_json(fleet_trends), indent=2)
         write_whole(json_path, content + "\n", force=force)
     if csv_path is not None:
         write_whole(csv_path, trends_csv(fleet_trends), force=force)

@@ -1,6 +1,7 @@
 """Items of live outputs as JSON objects. Numbers that are not known are left out; JSON has no NaN."""
 
-import json
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
@@ -10,6 +11,7 @@ from gateway.publishing.sink import Item, PublishedAlarm, PublishedRevolution, P
 from gateway.quantity_catalogue import in_state
 from gateway.reasons import Code, Reason
 from gateway.views.recording_topics import revolution_payload
+from gateway.views.text import json_text
 from gateway.views.wording import as_json, text
 
 JsonObject = dict[str, Any]
@@ -39,7 +41,7 @@ def messages(item: Item) -> Iterator[JsonObject]:
 
 def encoded(payload: Mapping[str, Any]) -> bytes:
     """Return an object as compact JSON, UTF-8, without a line end."""
-    return json.dumps(payload, ensure_ascii=False, separators=(",", ":"), allow_nan=False).encode()
+    return json_text(payload, compact=True).encode()
 
 
 def revolution(item: PublishedRevolution) -> JsonObject:

@@ -1,5 +1,8 @@
 """Width, cropping and cleaning of terminal text, and sizes of files."""
 
+from __future__ import annotations
+
+import json
 import re
 import unicodedata
 from functools import lru_cache
@@ -39,6 +42,22 @@ def escaped(text: str) -> str:
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
+
+
+def json_text(document: object, indent: int | None = None, *, compact: bool = False) -> str:
+    r"""Return a document as JSON in which everything unprintable is an escape such as `\u202e`.
+
+    >>> json_text({"name": "Größe\x9b"})
+    '{"name": "Größe\\u009b"}'
+
+    Raises:
+        ValueError: a number is not finite.
+    """
+    separators = (",", ":") if compact else None
+    text = json.dumps(document, indent=indent, separators=separators, ensure_ascii=False, allow_nan=False)
+    if text.replace("\n", "").isprintable():
+        return text
+    return "".join(c if c.isprintable() or c == "\n" else json.dumps(c)[1:-1] for c in text)
 
 
 def clean(text: str) -> str:

@@ -1,11 +1,22 @@
 """No output passes on characters of names that control the terminal or turn the text around."""
 
+import io
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
+from hypothesis import given
+from hypothesis import strategies as st
 
 from gateway.cli import treadlink
+from gateway.cli.stream_encoding import ShownText
+from gateway.views.text import json_text
 from tests.testkit.campaign_recordings import write_recording
 
 # An escape sequence, an override of the direction, one of C1, an invisible mark and a backspace.
@@ -21,6 +32,13 @@ def without_colours(text: str) -> str:
     for code in (0, 31, 32, 33):
         text = text.replace(f"\x1b[{code}m", "")
     return text
+
+
+def strings(value: Any) -> Iterator[str]:
+    for each in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
+        yield from strings(each)
+    if isinstance(value, str):
+        yield value
 
 
 @pytest.fixture(scope="module")
@@ -58,3 +76,50 @@ def test_doctor_escapes_the_name_of_the_configuration(tmp_path: Path, name: str,
     assert "x.toml" in result.output
     assert name not in result.output
     assert not unprintable(without_colours(result.output))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_json_escapes_names_and_keeps_them(tmp_path: Path, recording: bytes, name: str) -> None:
+    path, config, orders = (tmp_path / f"{name}{end}" for end in (".mcap", ".toml", ".json"))
+    path.write_bytes(recording)
+    config.write_text(CONFIG)
+    for words in (
+        ["estimate", str(path), "--json", "-"],
+        ["orders", str(path), "--json", str(orders)],
+        ["doctor", "--config", str(config), "--json"],
+    ):
+        result = CliRunner().invoke(treadlink, words, catch_exceptions=False)
+        text = orders.read_text() if words[0] == "orders" else result.stdout
+        assert not unprintable(text)
+        lines = text.splitlines() if words[0] == "estimate" else [text]
+        assert any(name in each for line in lines for each in strings(json.loads(line)))
+
+
+@given(st.dictionaries(st.text(), st.text() | st.lists(st.text())))
+def test_json_is_printable_and_means_the_same(document: dict[str, object]) -> None:
+    for text in (json_text(document), json_text(document, indent=2), json_text(document, compact=True)):
+        assert not unprintable(text)
+        assert json.loads(text) == document
+
+
+@given(st.text() | st.sampled_from(NAMES))
+def test_streams_print_nothing_that_controls_the_terminal(text: str) -> None:
+    data = io.BytesIO()
+    stream = ShownText(data, "utf-8", "backslashreplace", newline="")
+    assert stream.write(text) == len(text)
+    stream.flush()
+    written = data.getvalue().decode()
+    assert not unprintable(re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", written)) - {"\t"}
+    if text.isprintable():
+        assert written == text
+
+
+def test_messages_escape_the_paths_that_they_name(tmp_path: Path, recording: bytes) -> None:
+    paths = [tmp_path / f"{name}.mcap" for name in NAMES[1:3]]
+    for path in paths:
+        path.write_bytes(recording)
+    command = [sys.executable, "-X", "dev", "-m", "gateway.cli", "note", *map(str, paths), "--comment", "c"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=Path(__file__).parents[2], check=True)
+    assert r"\u202ex.mcap" in done.stdout
+    assert r"\x9b31mx.mcap" in done.stdout
+    assert not unprintable(done.stdout + done.stderr)

@@ -1,6 +1,7 @@
 """Orders of wheels as terminal lines, CSV and JSON."""
 
-import json
+from __future__ import annotations
+
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -17,6 +18,7 @@ from gateway.views.numbers import MISSING, finite_or_none, fixed, round_to_error
 from gateway.views.orders.wheel_orders import WheelOrders
 from gateway.views.output_file import OutputFile, write_whole
 from gateway.views.tables.table_sinks import Cell, CsvSink
+from gateway.views.text import json_text
 from gateway.views.wording import text
 
 # Share of the power of white noise on integer orders, for blocks of full length.
@@ -130,7 +132,7 @@ def write_json(path: Path, wheels: Sequence[WheelOrders], recording: str, *, for
         "noise_share": _NOISE_SHARE,
         "wheels": [_as_json(wheel) for wheel in wheels],
     }
-    write_whole(path, json.dumps(document, ensure_ascii=False, allow_nan=False) + "\n", force=force)
+    write_whole(path, json_text(document) + "\n", force=force)
 
 
 def _as_json(wheel: WheelOrders) -> dict[str, object]:

@@ -17,6 +17,7 @@ from gateway.views.report.phrases import residual_sentence, scaling_text
 from gateway.views.report.quantities import residuals
 from gateway.views.report.transfer_report import encodable as _text
 from gateway.views.report.transfer_report import held_out_json
+from gateway.views.text import json_text
 
 FORMAT: Final = "treadlink diagnosis"
 FORMAT_VERSION: Final = 1
@@ -104,7 +105,7 @@ def write_json(diagnosis: Diagnosis, path: Path, *, force: bool = False, plan: M
         OutputError: the file exists and `force` is not set, or it cannot be written.
     """
     document = diagnosis_json(diagnosis) | ({} if plan is None else {"plan": plan})
-    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
+    text = json_text(document, indent=2)
     write_whole(path, text + "\n", force=force)
 
 

@@ -29,6 +29,7 @@ from gateway.table_columns import (
 from gateway.views.numbers import RENAMED, distinct_name, finite_or_none
 from gateway.views.output_file import OutputFile, WholeOutput
 from gateway.views.tables.table_sinks import Cell, CsvSink, MetadataSink, ParquetSink, RowSink, require_pyarrow
+from gateway.views.text import json_text
 from gateway.views.wording import as_json, joined
 
 _TAKEN: Final = frozenset((*RESULT_HEAD, *RESULT_TAIL))
@@ -209,7 +210,7 @@ class _JsonLines(ResultTable):
 
     def _put(self, row: dict[str, object]) -> None:
         with self._output.explained():
-            self._output.file.write(json.dumps(row, ensure_ascii=False, allow_nan=False).encode() + b"\n")
+            self._output.file.write(json_text(row).encode() + b"\n")
 
 
 class _Columns(ResultTable):

@@ -1,14 +1,13 @@
 """Table formats with columns: CSV and Parquet, and what the columns mean."""
 
 import csv
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
 from typing import IO, Any, Final, Protocol
 
 from gateway.optional_packages import require_packages
 from gateway.table_columns import Column
-from gateway.views.text import escaped
+from gateway.views.text import escaped, json_text
 
 Cell = str | int | float | bool | None
 
@@ -82,7 +81,7 @@ class MetadataSink:
         ]
         notes = [{"treadlink": dict(metadata or {})}]
         about = {"@context": "http://www.w3.org/ns/csvw", "tableSchema": {"columns": described}, "notes": notes}
-        self._file.write(json.dumps(about, ensure_ascii=False, indent=1).encode() + b"\n")
+        self._file.write(json_text(about, indent=1).encode() + b"\n")
 
     def row(self, cells: list[Cell]) -> None:
         """Do nothing: rows are in the table."""
