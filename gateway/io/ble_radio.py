@@ -31,7 +31,9 @@ from gateway.io.ble_hub import BATTERY_SERVICE, UART_SERVICE, Sighting
 _logger = logging.getLogger(__name__)
 
 _T = TypeVar("_T")
+# Those of the controller: HCI states -127 to 20 dBm, and 127 for none; BlueZ has -127 for none.
 _NO_RSSI_DBM: Final = -127
+_MOST_RSSI_DBM: Final = 20
 _START_TIMEOUT_S: Final = 10.0
 _STOP_TIMEOUT_S: Final = 5.0
 Listener = Callable[[Sighting], None]
@@ -190,7 +192,7 @@ class SharedScanner:
         sighting = Sighting(
             address=device.address,
             name=advertisement.local_name or device.name or "",
-            rssi_dbm=advertisement.rssi if advertisement.rssi > _NO_RSSI_DBM else None,
+            rssi_dbm=advertisement.rssi if _NO_RSSI_DBM < advertisement.rssi <= _MOST_RSSI_DBM else None,
             battery_percent=battery[0] if len(battery) == 1 and battery[0] <= 100 else None,
             is_hub=UART_SERVICE in services,
             device=device,

@@ -16,7 +16,7 @@ from gateway.errors import SourceError
 from gateway.io.bus_frames import BusFrame, pack
 from gateway.io.dbc_file import read_dbc
 from gateway.io.log_file import LogFile
-from gateway.io.reconnect import Backoff
+from gateway.io.reconnect import Backoff, BriefConnections
 from gateway.io.source import (
     CAN_FILE_SUFFIXES,
     BusFrames,
@@ -128,9 +128,10 @@ class CanBusSource:
             bus = self._make_bus()
         except Exception as error:  # each interface raises errors of its own
             raise SourceError(
-                f"cannot open {self._link}: {_message(error)}", "Check interface, channel and options."
+                f"cannot open {self._link}: {error_text(error)}", "Check interface, channel and options."
             ) from error
-        failures = 0
+        brief = BriefConnections(self._backoff)
+        brief.opened(self._clock.now_ns())
         yield self._event(LinkEventKind.CONNECTED)
         while True:
             try:
@@ -138,12 +139,12 @@ class CanBusSource:
                 return
             except Exception as error:  # likewise
                 _logger.info("%s lost: %s", self._link, error)
-                yield self._event(LinkEventKind.LOST, _message(error))
+                yield self._event(LinkEventKind.LOST, error_text(error))
             finally:
                 with suppress(Exception):
                     bus.shutdown()
             lost_ns = self._clock.now_ns()
-            reported = ""
+            failures, reported = brief.lost(lost_ns), ""
             while True:
                 failures += 1
                 if not wait_until(
@@ -154,11 +155,11 @@ class CanBusSource:
                     bus = self._make_bus()
                     break
                 except Exception as error:  # likewise
-                    if _message(error) != reported:
-                        reported = _message(error)
+                    if error_text(error) != reported:
+                        reported = error_text(error)
                         interval = Reason(Code.RETRY_INTERVAL, interval_s=self._backoff.cap_ns * 1e-9)
                         yield self._event(LinkEventKind.RETRYING, reported, (interval,))
-            failures = 0
+            brief.opened(self._clock.now_ns())
             away_s = (self._clock.now_ns() - lost_ns) * 1e-9
             yield self._event(LinkEventKind.RESTORED, details=(Reason(Code.LINK_AWAY, away_s=away_s),))
 
@@ -173,12 +174,16 @@ class CanBusSource:
                 continue
             first_ns = self._clock.now_ns()
             frames = [_frame(message, first_ns)]
-            while len(frames) < _MOST_FRAMES:
-                left_ns = first_ns + _BLOCK_NS - self._clock.now_ns()
-                message = bus.recv(left_ns * 1e-9) if left_ns > 0 else None
-                if message is None:
-                    break
-                frames.append(_frame(message, self._clock.now_ns()))
+            try:
+                while len(frames) < _MOST_FRAMES:
+                    left_ns = first_ns + _BLOCK_NS - self._clock.now_ns()
+                    message = bus.recv(left_ns * 1e-9) if left_ns > 0 else None
+                    if message is None:
+                        break
+                    frames.append(_frame(message, self._clock.now_ns()))
+            except Exception:  # what came before counts
+                yield BusFrames(self._link, first_ns, pack(frames, first_ns))
+                raise
             yield BusFrames(self._link, first_ns, pack(frames, first_ns))
 
     def _event(self, kind: LinkEventKind, text: str = "", details: tuple[Reason, ...] = ()) -> LinkEvent:
@@ -221,9 +226,9 @@ class CanFileSource(LogFile):
         except Exception as error:  # damaged files raise errors of many kinds
             if not last_ns:
                 raise SourceError(
-                    f"cannot read the CAN log file '{self._path}': {_message(error)}", "Check its format."
+                    f"cannot read the CAN log file '{self._path}': {error_text(error)}", "Check its format."
                 ) from error
-            yield self._cut_off(last_ns, _message(error))
+            yield self._cut_off(last_ns, error_text(error))
         yield from self._end(last_ns, stop)
 
 
@@ -253,7 +258,8 @@ def _frame(message: can.Message, host_ns: int) -> BusFrame:
     )
 
 
-def _message(error: Exception) -> str:
+def error_text(error: Exception) -> str:
+    """Return what an error of an interface says; some say nothing."""
     if isinstance(error, OSError) and error.strerror:
         return error.strerror
     return str(error) or type(error).__name__

@@ -77,6 +77,27 @@ class Backoff:
         return min(self.cap_ns, self.first_ns << min(failures - 1, 40))
 
 
+class BriefConnections:
+    """Connections in a row that broke within the longest pause: their peer is tried less and less often.
+
+    A peer that lets everyone in, and out again at once, must not fill recordings and logs with its events.
+    """
+
+    def __init__(self, backoff: Backoff) -> None:
+        """Take the pauses that the attempts keep."""
+        self._cap_ns = backoff.cap_ns
+        self._opened_ns = self._count = 0
+
+    def opened(self, now_ns: int) -> None:
+        """Note that a connection was set up."""
+        self._opened_ns = now_ns
+
+    def lost(self, now_ns: int) -> int:
+        """Note that it broke; return how many before it broke as soon."""
+        self._count = self._count + 1 if now_ns - self._opened_ns < self._cap_ns else 0
+        return max(0, self._count - 1)
+
+
 class ReconnectingSource:
     """A source over a link: chunks with arrival times, events of the link, unlimited retries.
 
@@ -118,6 +139,7 @@ class ReconnectingSource:
         self._make_link = make_link
         self._clock = clock
         self._backoff = Backoff()
+        self._brief = BriefConnections(self._backoff)
         self._closed = threading.Event()
         self._using = threading.Lock()
         self._current: Link | None = None
@@ -170,7 +192,7 @@ class ReconnectingSource:
         """
         has_to_speak = self._mute_openings >= _MOST_MUTE
         reported: int | str | None = lost.cause if has_to_speak else None
-        failures = self._mute_openings
+        failures = max(self._mute_openings, self._brief.lost(self._clock.now_ns()))
         while True:
             failures += 1
             self.state = LinkState.WAITING
@@ -269,6 +291,7 @@ class ReconnectingSource:
         with self._using:
             self._current = link
         self._heard_ns = self._clock.now_ns()
+        self._brief.opened(self._heard_ns)
         self._mute_openings += 1
         self.state = LinkState.CONNECTED
         return True

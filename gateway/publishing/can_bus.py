@@ -12,7 +12,7 @@ import can
 
 from gateway.errors import ConfigError
 from gateway.estimators.estimator import Estimate
-from gateway.io.can_source import bus_option
+from gateway.io.can_source import bus_option, error_text
 from gateway.pipeline.results import RevolutionResult, SessionSnapshot, WheelSnapshot, WheelState
 from gateway.publishing.can_frames import (
     ALARM_BITS,
@@ -83,9 +83,8 @@ class CanSink(Sink):
         del stop
         try:
             self._bus = can.Bus(channel=self._channel, interface=self._interface, **self._options)
-        except (can.CanError, OSError, TypeError, ValueError, ImportError) as error:
-            cause = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-            raise SinkDownError(f"cannot open {self._interface}:{self._channel}: {cause}") from error
+        except Exception as error:  # each interface raises errors of its own
+            raise SinkDownError(f"cannot open {self._interface}:{self._channel}: {error_text(error)}") from error
 
     def send(self, item: Item, stop: threading.Event) -> None:
         """Send the frames of an item."""
@@ -112,13 +111,13 @@ class CanSink(Sink):
             for _ in range(_DRAINED_PER_POLL):
                 if self._bus.recv(0.0) is None:
                     break
-        except (can.CanError, OSError) as error:
-            raise SinkDownError(f"the bus failed: {error}") from error
+        except Exception as error:  # likewise
+            raise SinkDownError(f"the bus failed: {error_text(error)}") from error
 
     def close(self) -> None:
         """Release the bus."""
         if self._bus is not None:
-            with suppress(can.CanError, OSError):  # of an adapter that is gone
+            with suppress(Exception):  # of an adapter that is gone
                 self._bus.shutdown()
             self._bus = None
 
@@ -132,8 +131,8 @@ class CanSink(Sink):
                 # A full buffer empties, unless nothing on the bus acknowledges.
                 if attempt == _ATTEMPTS or stop.wait(_SEND_S):
                     raise SinkDownError(f"the bus takes no frames: {error}") from error
-            except OSError as error:
-                raise SinkDownError(f"the bus failed: {error.strerror or error}") from error
+            except Exception as error:  # likewise
+                raise SinkDownError(f"the bus failed: {error_text(error)}") from error
             else:
                 return
 

@@ -5,10 +5,12 @@ import itertools
 import threading
 from collections.abc import Callable
 
+import can
 import pytest
 
 from gateway.clock import ManualClock
 from gateway.errors import LinkLostError, SourceError
+from gateway.io.can_source import CanBusSource
 from gateway.io.reconnect import Backoff, LinkState, ReconnectingSource
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind
 
@@ -18,7 +20,10 @@ LOST = LinkLostError("X disappeared", "Unplugged?")
 
 
 class ScriptedLink:
-    def __init__(self, script: list[bytes | Exception], opened: Callable[[], None]) -> None:
+    """Its script has what each read brings: bytes, an error, or the seconds that pass."""
+
+    def __init__(self, script: list[bytes | float | Exception], opened: Callable[[], None], clock: ManualClock) -> None:
+        self._clock = clock
         self.script = script
         self.written: list[bytes] = []
         self.closed = 0
@@ -38,6 +43,9 @@ class ScriptedLink:
         step = self.script.pop(0)
         if isinstance(step, Exception):
             raise step
+        if isinstance(step, float):
+            self._clock.advance_ns(round(step * 1e9))
+            return b""
         return step
 
     def close(self) -> None:
@@ -47,7 +55,7 @@ class ScriptedLink:
 class Bench:
     """Scripted links one after the other, with the time of each opening; `stop` is set after the last script."""
 
-    def __init__(self, *scripts: list[bytes | Exception]) -> None:
+    def __init__(self, *scripts: list[bytes | float | Exception]) -> None:
         self.clock = ManualClock(0)
         self.opened_ns: list[int] = []
         self.links: list[ScriptedLink] = []
@@ -57,7 +65,7 @@ class Bench:
 
     def _make(self) -> ScriptedLink:
         script = self._scripts.pop(0) if self._scripts else [BUSY]
-        link = ScriptedLink(script, self._note)
+        link = ScriptedLink(script, self._note, self.clock)
         self.links.append(link)
         return link
 
@@ -128,12 +136,13 @@ def test_pauses_double_up_to_the_cap() -> None:
     assert pauses_s == [0.25, 0.5, 1.0, 2.0, 4.0, 5.0, 5.0, 5.0]
 
 
-def test_pauses_restart_only_after_bytes() -> None:
-    # A link that opens but breaks at once (a flapping cable) must not be hammered.
-    bench = Bench([b"x"], [], [], [b"y"], [])
+@pytest.mark.parametrize("brings", [[], [b"y"]])
+def test_pauses_restart_only_after_a_connection_that_held(brings: list[bytes | float | Exception]) -> None:
+    # A link that opens but breaks at once must not be hammered, though each time a byte comes.
+    bench = Bench([b"x"], *[list(brings) for _ in range(7)], [5.0, b"z"], [])
     bench.run()
-    opened = bench.opened_ns
-    assert [(b - a) * 1e-9 for a, b in itertools.pairwise(opened)] == [0.25, 0.5, 1.0, 0.25]
+    pauses_s = [(b - a) * 1e-9 for a, b in itertools.pairwise(bench.opened_ns)]
+    assert pauses_s == [0.25, 0.5, 1.0, 2.0, 4.0, 5.0, 5.0, 5.0, 5.25]
 
 
 def test_backoff_never_overflows() -> None:
@@ -199,3 +208,36 @@ def test_events_carry_the_clock() -> None:
     events = [item for item in bench.run() if isinstance(item, LinkEvent)]
     assert [event.host_ns for event in events[:3]] == [0, 0, 250_000_000]
     assert events[2].kind is LinkEventKind.RESTORED
+
+
+class FlappingBus(can.BusABC):
+    """A bus of an adapter that brings a frame and is gone."""
+
+    def __init__(self, opened: Callable[[], None]) -> None:
+        opened()
+        self._frames = [can.Message(arbitration_id=1)]
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        if not self._frames:
+            raise ValueError("an error of this adapter's library")
+        return self._frames.pop()
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        raise AssertionError("a source sends nothing")
+
+    def shutdown(self) -> None:
+        pass
+
+
+def test_a_bus_that_flaps_is_opened_less_and_less_often() -> None:
+    clock, stop, opened_ns = ManualClock(0), threading.Event(), []
+
+    def opened() -> None:
+        opened_ns.append(clock.now_ns())
+        if len(opened_ns) == 9:
+            stop.set()
+
+    items = list(CanBusSource("can:X", lambda: FlappingBus(opened), clock, None).items(stop))
+    pauses_s = [(b - a) * 1e-9 for a, b in itertools.pairwise(opened_ns)]
+    assert pauses_s == [0.25, 0.5, 1.0, 2.0, 4.0, 5.0, 5.0, 5.0]
+    assert kinds(items)[:4] == ["connected", "chunk", "lost", "restored"]

@@ -1,5 +1,6 @@
 """CAN frames on real buses of python-can, read back with the DBC file by cantools."""
 
+import itertools
 import math
 
 import can
@@ -11,7 +12,9 @@ from click.testing import CliRunner
 from gateway.cli import treadlink
 from gateway.clock import SystemClock
 from gateway.errors import ConfigError
+from gateway.io.reconnect import Backoff
 from gateway.pipeline.results import WheelState
+from gateway.publishing import can_bus, sink_worker
 from gateway.publishing.can_frames import (
     CONDITIONS,
     GATEWAY,
@@ -95,6 +98,41 @@ def test_frames_cross_a_network(items, dbc) -> None:
         publish("can:udp_multicast:239.74.163.2?port=43213&hop_limit=0", items[:4])
         result = decoded(dbc, received(bus))
     assert {name.split("_")[1] for name in result} == set(LAYOUTS) - {"Alarms"}
+
+
+@pytest.mark.parametrize("error", [can.CanError("full"), OSError(105, "No buffer space"), ValueError("ctypes")])
+def test_no_item_is_lost_by_an_error_of_the_adapter(items, monkeypatch, error) -> None:
+    # The libraries of adapters raise errors of every kind, in every call.
+    really_open, calls, sent = can.Bus, itertools.count(), []
+
+    def fails() -> bool:
+        return next(calls) % 5 == 3 and len(sent) < 60
+
+    def open_bus(**options):
+        if fails():
+            raise error
+        bus = really_open(**options)
+        send, recv = bus.send, bus.recv
+
+        def failing_send(message, timeout=None):
+            if fails():
+                raise error
+            sent.append(message)
+            send(message, timeout)
+
+        def failing_recv(timeout=None):
+            if fails():
+                raise error
+            return recv(timeout)
+
+        bus.send, bus.recv = failing_send, failing_recv
+        return bus
+
+    monkeypatch.setattr(can, "Bus", open_bus)
+    monkeypatch.setattr(sink_worker, "BACKOFF", Backoff(1_000_000, 1_000_000))
+    monkeypatch.setattr(can_bus, "_SEND_S", 0.001)
+    worker = publish("can:virtual:failing", items)
+    assert (worker.snapshot().published, worker.snapshot().dropped) == (len(items) - 1, 0)
 
 
 def test_unknown_and_impossible_values_are_not_available(dbc) -> None:
