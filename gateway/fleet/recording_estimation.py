@@ -385,8 +385,8 @@ def _recording_rows(
                 *((_OTHER_EFFECTS, notice.reason) for notice in doubts if notice.subject == position),
             ]
             cells = collected.wheels.get(position, WheelRow()).cells(states.get(position), names)
-            if cells.get("hub_zero_utc") is not None:
-                cells["hub_zero_utc"] += ahead_ns
+            if isinstance(zero_ns := cells.get("hub_zero_utc"), int):
+                cells["hub_zero_utc"] = zero_ns + ahead_ns
             cells |= {
                 "recording_id": content.recording_id,
                 "recording": storable(content.path.name),

@@ -87,3 +87,18 @@ def test_frames_that_arrive_together_count_as_one_by_one():
         other.stamp_arrival(together, host_ns)
     times_us = range(stamps[0][0], stamps[-1][0], 500_000)
     assert [first.host_ns(time_us) for time_us in times_us] == [other.host_ns(time_us) for time_us in times_us]
+
+
+def test_a_hub_200_ppm_fast_is_followed_for_a_day():
+    clock, ppm = HostClock(), 200e-6
+    rng = np.random.default_rng(5)
+    begin_ns, step_us = 1_700_000_000_000_000_000, 250_000
+    errors_s = []
+    for minute in range(24 * 60):
+        ticks_us = np.arange(minute * 60_000_000, (minute + 1) * 60_000_000, step_us)
+        true_ns = begin_ns + np.round(ticks_us * 1000.0 / (1.0 + ppm)).astype(np.int64)
+        clock.stamp_all(ticks_us, true_ns + (2e6 + rng.exponential(8e6, len(ticks_us))).astype(np.int64))
+        errors_s.append((clock.host_ns(float(ticks_us[-1])) - int(true_ns[-1])) * 1e-9)
+    # 17 s are gained in a day; a time is wrong by the quickest delay of the link, and by what a minute of drift leaves.
+    assert np.max(np.abs(errors_s[3:])) < 0.02
+    assert np.ptp(errors_s[-60:]) < 0.02

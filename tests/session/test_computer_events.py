@@ -157,6 +157,33 @@ def test_a_change_of_the_system_time_places_the_recording_in_estimates_and_datas
     assert history.time_ns.tolist() == [START_NS + 4_838_400 * S]
 
 
+@pytest.mark.skipif(not hasattr(time, "tzset"), reason="this system has no time zone of a process")
+def test_no_view_changes_with_the_time_zone_or_at_the_end_of_summer_time(tmp_path, monkeypatch) -> None:
+    # Summer time ends in Berlin at 01:00 UTC, within this recording.
+    change_ns = 1_792_890_000 * S
+    items, vehicle = frames_until(2.0)
+    writer = RecordingWriter(tmp_path, start_ns=change_ns - S, vehicle_toml=vehicle.to_toml())
+    path = writer.path
+    assert path.name == "treadlink-20261025T005959Z.mcap"
+    for item in items:
+        writer.write(replace(item, host_ns=item.host_ns - START_NS + change_ns - S))
+    writer.close()
+    orders = (["inspect"], ["estimate", "--estimator", "kinematic", "--csv", "-"], ["export", "-", "--format", "csv"])
+    shown = {}
+    for zone in ("UTC0", "CET-1CEST,M3.5.0,M10.5.0/3"):
+        monkeypatch.setenv("TZ", zone)
+        time.tzset()
+        runs = [CliRunner().invoke(treadlink, [command, str(path), *rest]) for command, *rest in orders]
+        assert [run.exit_code for run in runs] == [0, 0, 0], [run.stderr for run in runs]
+        shown[zone] = [run.stdout for run in runs]
+    monkeypatch.undo()
+    time.tzset()
+    ours, theirs = shown.values()
+    assert ours == theirs
+    assert "2026-10-25T00:59:59" in ours[0]
+    assert "2026-10-25T01:00:00" in ours[1]
+
+
 def test_clock_of_the_system_sees_a_step_and_no_pause_between_its_readings(monkeypatch) -> None:
     clock = SystemClock()
     assert abs(clock.computer().ahead_ns) < S // 10
