@@ -5,7 +5,7 @@ import errno
 import os
 import select
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -13,7 +13,6 @@ import serial
 
 from gateway.clock import Clock
 from gateway.errors import LinkLostError, SourceError
-from gateway.io.port_holders import port_holders
 from gateway.io.reconnect import ReconnectingSource
 from gateway.io.source import (
     DEFAULT_BAUDRATE,
@@ -42,6 +41,37 @@ _READ_BYTES: Final = 65536
 _WRITE_TIMEOUT_S: Final = 1.0
 _MAX_BAUDRATE: Final = 20_000_000
 _YES_NO: Final = {"yes": True, "no": False}
+_PROCESSES: Final = Path("/proc")
+
+
+def port_holders(port: str) -> tuple[str, ...]:
+    """Return the other programs that have a port open, as `minicom (process 1234)`; none where they cannot be seen.
+
+    Linux shows the open files of the user's own processes only; other systems show none.
+    """
+    try:
+        device = Path(port).stat().st_rdev
+    except OSError:
+        return ()
+    return tuple(_holders(device)) if device and _PROCESSES.is_dir() else ()
+
+
+def _holders(device: int) -> Iterator[str]:
+    for process in sorted(_PROCESSES.glob("[0-9]*"), key=lambda path: int(path.name)):
+        if process.name == str(os.getpid()):
+            continue
+        try:
+            if any(_is_of(path, device) for path in (process / "fd").iterdir()):
+                yield f"{(process / 'comm').read_text(errors='replace').strip()} (process {process.name})"
+        except OSError:  # it has ended, or belongs to another user
+            continue
+
+
+def _is_of(path: Path, device: int) -> bool:
+    try:
+        return path.stat().st_rdev == device
+    except OSError:
+        return False
 
 
 class PyserialLink:

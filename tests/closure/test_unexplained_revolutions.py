@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.closure.data.angle_scatter import CELLS, angle_scatter
 from gateway.closure.data.campaign_data import ORDERS, Block, EdgeTiming, Group, Repeats
+from gateway.closure.data.revolution_deviations import CELLS, angle_scatter
 from gateway.closure.effects.effect import GroupConditions
 from gateway.closure.inference.unexplained_revolutions import unexplained_revolutions
 from gateway.closure.result import ScalingStatus

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from gateway.config.effects_file import load_effects
-from gateway.config.toml_reader import MAX_TOML_BYTES, parse_toml
+from gateway.config.validation import MAX_TOML_BYTES, parse_toml
 from gateway.config.vehicle import load_vehicle, parse_vehicle
 from gateway.errors import ConfigError
 

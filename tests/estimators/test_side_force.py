@@ -7,11 +7,10 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from gateway.estimators.belt_displacement import displacement_rows
 from gateway.estimators.estimator import Estimate, Status, TireConditions
 from gateway.estimators.friction_use import FrictionUseEstimator, share_of_trail
 from gateway.estimators.lateral_shape import ORDERS
-from gateway.estimators.side_force import HORIZON_REVOLUTIONS, NAMES, SideForceEstimator
+from gateway.estimators.side_force import HORIZON_REVOLUTIONS, NAMES, SideForceEstimator, displacement_rows
 from gateway.estimators.side_force_calibration import LinearLaw, SideForceCalibration, fit_linear_law
 from gateway.estimators.tire_data import TireData
 from gateway.physics.lateral_belt import LateralBelt, LateralSolution, solve_lateral_belt

@@ -18,11 +18,10 @@ from gateway.cli import treadlink
 from gateway.errors import OutputError, TreadlinkError
 from gateway.exporting import column_file
 from gateway.exporting.column_file import ColumnFile
-from gateway.exporting.export_file import ExportFile
 from gateway.exporting.export_registry import FORMATS, check_format, format_of
 from gateway.exporting.export_table import Condition, WheelTable
 from gateway.exporting.formats import mat_file, mcap_file, mdf_file, parquet_file
-from gateway.exporting.recording_export import export_recording
+from gateway.exporting.recording_export import ExportFile, export_recording
 from gateway.io.source import Chunk
 from gateway.recording.reader import RecordingReader
 from gateway.table_columns import Column

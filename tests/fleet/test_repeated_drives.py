@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from gateway.fleet.repeated_drives import without_repeats
+from gateway.fleet.history_reading import without_repeats
 
 S = 1_000_000_000
 BEGIN = 1_700_000_000 * S

@@ -13,8 +13,7 @@ import serial
 
 from gateway.clock import ManualClock
 from gateway.errors import LinkLostError, SourceError
-from gateway.io.port_holders import port_holders
-from gateway.io.serial_link import PyserialLink, explain_open_error, serial_settings
+from gateway.io.serial_link import PyserialLink, explain_open_error, port_holders, serial_settings
 from gateway.io.source import LinkEventKind, Source, open_source
 from gateway.reasons import Code, Level
 from gateway.session.core import SessionCore

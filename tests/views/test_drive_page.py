@@ -9,8 +9,7 @@ import pytest
 from gateway.estimators.estimator import Estimate, Status
 from gateway.reasons import Code, Notice, Reason
 from gateway.views.drive_page.drive import MOST_POINTS, Drive, DriveWheel
-from gateway.views.drive_page.drive_figures import begin_ns, drawn_quantities, lines_of
-from gateway.views.drive_page.drive_page import drive_page
+from gateway.views.drive_page.drive_page import begin_ns, drawn_quantities, drive_page, lines_of
 
 HOSTILE = "<script>alert('x')</script>\x1b[2J"
 DOUBT = Reason(Code.NEEDS_LOAD)

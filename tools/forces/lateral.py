@@ -20,9 +20,9 @@ from validity.tires import World, draw_world
 from forces.runs import Measured
 from gateway.config.toml_writer import toml_text
 from gateway.config.vehicle import VehicleConfig, parse_vehicle
-from gateway.estimators.belt_displacement import displacement_rows
 from gateway.estimators.estimator import Estimate, Status
 from gateway.estimators.lateral_shape import ORDERS
+from gateway.estimators.side_force import displacement_rows
 from gateway.estimators.side_force_calibration import SideForceCalibration, fit_linear_law
 from gateway.physics.brush_tread import BrushNotConvergedError
 from gateway.physics.lateral_belt import LateralBelt

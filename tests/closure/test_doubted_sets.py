@@ -5,8 +5,8 @@ from typing import Any, cast
 
 import pytest
 
-from gateway.closure.inference import misspecification
-from gateway.closure.inference.misspecification import doubted_sets
+from gateway.closure.inference import posterior
+from gateway.closure.inference.posterior import doubted_sets
 from gateway.closure.inference.residual import ByPart
 from gateway.closure.inference.set_evidence import Evaluated
 from gateway.reasons import Code
@@ -24,7 +24,7 @@ def judged(
     """
     sets = {frozenset(names): Evaluated(frozenset(names), cast(Any, names), ratios[names][0]) for names in ratios}
 
-    monkeypatch.setattr(misspecification, "ratios_by_part", lambda fit, data: ByPart(*ratios[fit][1:]))
+    monkeypatch.setattr(posterior, "ratios_by_part", lambda fit, data: ByPart(*ratios[fit][1:]))
     result, temperatures = doubted_sets(sets, cast(Any, None))
     assert all(
         reason.code is Code.LEAVES_MORE_THAN_WITHOUT for item in result.values() for _, reason in item.objections
