@@ -1,11 +1,14 @@
 import math
 
+import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
 from gateway.estimators.estimator import Estimate, Status
-from gateway.views.numbers import MISSING, duration, fixed, kpa, percent, round_to_error, show, split_name
+from gateway.reasons import Code, Reason
+from gateway.views.numbers import MISSING, Unit, duration, fixed, kpa, percent, round_to_error, show, split_name
+from gateway.views.plain_values import plain
 from gateway.views.text import file_size
 
 
@@ -122,3 +125,12 @@ def test_sizes_durations_and_shares():
     assert fixed(None, 1) == MISSING
     assert kpa(210_040.0) == "210.0"
     assert fixed(-0.001, 1) == "0.0"
+
+
+def test_plain_values_are_those_of_json():
+    value = {"nan": math.nan, "array": np.array([[1.0, math.inf]]), "flag": np.bool_(True), "path": "a\udcff"}
+    assert plain(value) == {"nan": None, "array": [[1.0, None]], "flag": True, "path": "a\\udcff"}
+    assert plain(Unit("deg", 2.0)) == {"symbol": "deg", "factor": 2.0}
+    assert plain((Reason(Code.NO_SAMPLES),))[0]["code"] == "no_samples"
+    with pytest.raises(TypeError, match="no object"):
+        plain(object())

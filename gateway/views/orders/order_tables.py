@@ -17,6 +17,7 @@ from gateway.types import FloatArray
 from gateway.views.numbers import MISSING, finite_or_none, fixed, round_to_error
 from gateway.views.orders.wheel_orders import WheelOrders
 from gateway.views.output_file import OutputFile, write_whole
+from gateway.views.plain_values import plain
 from gateway.views.tables.table_sinks import Cell, CsvSink
 from gateway.views.text import json_text
 from gateway.views.wording import text
@@ -132,7 +133,7 @@ def write_json(path: Path, wheels: Sequence[WheelOrders], recording: str, *, for
         "noise_share": _NOISE_SHARE,
         "wheels": [_as_json(wheel) for wheel in wheels],
     }
-    write_whole(path, json_text(document) + "\n", force=force)
+    write_whole(path, json_text(plain(document)) + "\n", force=force)
 
 
 def _as_json(wheel: WheelOrders) -> dict[str, object]:
@@ -162,24 +163,18 @@ def _as_json(wheel: WheelOrders) -> dict[str, object]:
         "noise_share": statistics.noise_share,
         "fine_blocks": statistics.blocks,
         "fine_block_revolutions": statistics.block_revolutions,
-        "fine_order": statistics.fine_order.tolist(),
+        "fine_order": statistics.fine_order,
         "fine_mps2": _by_axis(statistics.fine_mps2),
         "average": {
-            "angle_rad": angle_grid().tolist(),
+            "angle_rad": angle_grid(),
             "omega_radps": mean.omega_radps,
             "mean_mps2": _by_axis(mean.axes_mps2),
             "scatter_mps2": _by_axis(mean.axes_scatter_mps2),
-            "normalised_mps2": _list(mean.radial.radial_mps2),
-            "normalised_scatter_mps2": _list(mean.radial.scatter_mps2),
+            "normalised_mps2": mean.radial.radial_mps2,
+            "normalised_scatter_mps2": mean.radial.scatter_mps2,
         },
     }
 
 
 def _by_axis(values: FloatArray) -> dict[str, object]:
-    return {name: _list(row) for name, row in zip(AXIS_NAMES, values, strict=True)}
-
-
-def _list(values: FloatArray) -> object:
-    if values.ndim == 0:
-        return finite_or_none(float(values))
-    return [finite_or_none(value) for value in values.tolist()]
+    return dict(zip(AXIS_NAMES, values, strict=True))

@@ -1,12 +1,12 @@
 """A plan of the next recording as lines and as JSON."""
 
 from collections.abc import Iterator
-from dataclasses import asdict
 from typing import Any
 
-from gateway.planning.next_recording import NextRecording, RecordingPlan
+from gateway.planning.next_recording import RecordingPlan
 from gateway.quantity_catalogue import RING_NUMBERS
 from gateway.views.numbers import finite_or_none, split_name
+from gateway.views.plain_values import plain
 
 _KPA_PER_PA = 1e-3
 
@@ -48,15 +48,14 @@ def _errors(plan: RecordingPlan, errors: Any, names: list[str]) -> str:
 
 def recording_plan_json(plan: RecordingPlan) -> dict[str, Any]:
     """Return a plan as plain values; null where one is not known."""
-    return {
-        "open_effects": dict(plan.open_effects),
-        "sets": plan.sets,
-        "wanted": {want.quantity: want.error for want in plan.wants},
-        "values": dict(plan.values),
-        "errors": dict(plan.errors),
-        "recordings": [_recording(recording) for recording in plan.recordings],
-    }
-
-
-def _recording(recording: NextRecording) -> dict[str, Any]:
-    return {**asdict(recording), "log_odds": finite_or_none(recording.log_odds), "errors": dict(recording.errors)}
+    plain_plan: dict[str, Any] = plain(
+        {
+            "open_effects": plan.open_effects,
+            "sets": plan.sets,
+            "wanted": {want.quantity: want.error for want in plan.wants},
+            "values": plan.values,
+            "errors": plan.errors,
+            "recordings": plan.recordings,
+        }
+    )
+    return plain_plan

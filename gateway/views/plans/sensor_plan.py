@@ -1,9 +1,7 @@
 """Plans of sensors as lines and as JSON."""
 
-import json
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
 from typing import Any
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
@@ -11,8 +9,10 @@ from gateway.planning.accelerometer import Accelerometer
 from gateway.planning.least_sensor import LeastSensor, WorstError
 from gateway.planning.link_load import LinkLoad, PowerModel, link_load
 from gateway.planning.planned_errors import PlannedError, SensorPlan, sampling_rate_hz
-from gateway.views.numbers import finite_or_none, split_name
-from gateway.views.wording import as_json, joined
+from gateway.views.numbers import split_name
+from gateway.views.plain_values import plain
+from gateway.views.text import json_text
+from gateway.views.wording import joined
 
 
 def plan_lines(plan: SensorPlan, power: PowerModel | None = None) -> Iterator[str]:
@@ -61,7 +61,7 @@ def _load_line(load: LinkLoad, power: PowerModel | None) -> str:
 
 def plan_json(plans: Sequence[SensorPlan], power: PowerModel | None = None) -> str:
     """Return plans as a JSON document; what is not known is null."""
-    return json.dumps([_as_json(plan, power) for plan in plans], indent=2, allow_nan=False) + "\n"
+    return json_text(plain([_as_json(plan, power) for plan in plans]), indent=2) + "\n"
 
 
 def least_line(least: LeastSensor) -> str:
@@ -95,23 +95,18 @@ def parts_line(least: LeastSensor, parts: Sequence[Accelerometer]) -> str:
 
 def least_json(leasts: Sequence[LeastSensor]) -> str:
     """Return what sensors need as a JSON document; what is not reached is null."""
-    rows = [{**_finite_values(asdict(least)), "worst": _finite_values(asdict(least.worst))} for least in leasts]
-    return json.dumps(rows, indent=2, allow_nan=False) + "\n"
+    return json_text(plain(leasts), indent=2) + "\n"
 
 
 def _as_json(plan: SensorPlan, power: PowerModel | None) -> dict[str, Any]:
     return {
         "sensor": plan.sensor.model_dump(mode="json"),
         "speed_mps": plan.speed_mps,
-        "rate_hz": finite_or_none(plan.rate_hz),
+        "rate_hz": plan.rate_hz,
         "peak_mps2": plan.peak_mps2,
-        "contact_samples": finite_or_none(plan.contact_samples),
-        **_finite_values(link_load(plan.rate_hz, plan.sensor.current_ma, power)._asdict()),
+        "contact_samples": plan.contact_samples,
+        **link_load(plan.rate_hz, plan.sensor.current_ma, power)._asdict(),
         "usable": plan.usable,
-        "reasons": [as_json(reason) for reason in plan.reasons],
-        "errors": [_finite_values(asdict(error)) for error in plan.errors],
+        "reasons": plan.reasons,
+        "errors": plan.errors,
     }
-
-
-def _finite_values(row: dict[str, Any]) -> dict[str, Any]:
-    return {key: finite_or_none(value) if isinstance(value, float) else value for key, value in row.items()}

@@ -6,11 +6,11 @@ from typing import Any, Final
 from gateway import __version__
 from gateway.closure.result import HeldOut
 from gateway.closure.transfer import Transfer
-from gateway.views.numbers import finite_or_none, fixed
+from gateway.views.numbers import fixed
+from gateway.views.plain_values import plain
 from gateway.views.report.phrases import effects_listed, listed, model_words, remark
 from gateway.views.report.quantities import ratio
 from gateway.views.text import clean, counted, pad
-from gateway.views.wording import as_json
 
 _LABEL_WIDTH: Final = 13
 _AXES: Final = {"circumferential": "  circumf.", "lateral": "  lateral", "radial": "  radial"}
@@ -51,68 +51,65 @@ def axis_lines(held_out: HeldOut) -> Iterator[str]:
 
 def transfer_json(result: Transfer) -> dict[str, Any]:
     """Return the comparison as plain dicts, lists, strings and finite numbers; null where a value is not known."""
-    return {
+    document = {
         "format": "treadlink transfer",
         "version": 1,
         "treadlink": __version__,
         "wheel": result.wheel,
         "model": result.model,
-        "recordings": list(result.recordings),
+        "recordings": result.recordings,
         "revolutions": result.revolutions,
-        "effects": {name: dict(values) for name, values in result.effects.items()},
-        "refitted": list(result.refitted),
+        "effects": result.effects,
+        "refitted": result.refitted,
         "held_out": held_out_json(result.held_out),
-        "noise_floor_mps2": finite_or_none(result.noise_floor_mps2),
+        "noise_floor_mps2": result.noise_floor_mps2,
         "notes": [clean(remark(note)) for note in result.notes],
-        "reasons": {"notes": [as_json(note) for note in result.notes]},
+        "reasons": {"notes": result.notes},
     }
+    plain_document: dict[str, Any] = plain(document)
+    return plain_document
 
 
 def held_out_json(held_out: HeldOut) -> dict[str, Any]:
-    """Return held-out errors, by axis too."""
+    """Return held-out errors, by axis too, as `plain` takes them."""
     return {
-        "rms_before_mps2": finite_or_none(held_out.rms_before_mps2),
-        "rms_after_mps2": finite_or_none(held_out.rms_after_mps2),
-        "revolutions": int(held_out.revolutions),
-        "folds": int(held_out.folds),
-        "std_before_mps2": finite_or_none(held_out.std_before_mps2),
-        "std_after_mps2": finite_or_none(held_out.std_after_mps2),
-        "std_after_over_before": finite_or_none(held_out.std_ratio),
+        "rms_before_mps2": held_out.rms_before_mps2,
+        "rms_after_mps2": held_out.rms_after_mps2,
+        "revolutions": held_out.revolutions,
+        "folds": held_out.folds,
+        "std_before_mps2": held_out.std_before_mps2,
+        "std_after_mps2": held_out.std_after_mps2,
+        "std_after_over_before": held_out.std_ratio,
         "as_recorded": None
         if held_out.as_recorded is None
         else {
-            "rms_before_mps2": finite_or_none(held_out.as_recorded.rms_before_mps2),
-            "rms_after_mps2": finite_or_none(held_out.as_recorded.rms_after_mps2),
-            "aligned_revolutions": int(held_out.as_recorded.revolutions),
-            "parameters": int(held_out.as_recorded.parameters),
+            "rms_before_mps2": held_out.as_recorded.rms_before_mps2,
+            "rms_after_mps2": held_out.as_recorded.rms_after_mps2,
+            "aligned_revolutions": held_out.as_recorded.revolutions,
+            "parameters": held_out.as_recorded.parameters,
         },
         "blocks": [
             {
-                "group": encodable(block.group),
-                "revolutions": int(block.revolutions),
-                "time_s": finite_or_none(block.time_s),
-                "rms_before_mps2": finite_or_none(block.before_mps2),
-                "rms_after_mps2": finite_or_none(block.after_mps2),
+                "group": block.group,
+                "revolutions": block.revolutions,
+                "time_s": block.time_s,
+                "rms_before_mps2": block.before_mps2,
+                "rms_after_mps2": block.after_mps2,
             }
             for block in held_out.blocks
         ],
         "axes": {
             axis.axis: {
-                "rms_before_mps2": finite_or_none(axis.before_mps2),
-                "rms_after_mps2": finite_or_none(axis.after_mps2),
-                "rms_with_discrepancy_mps2": finite_or_none(axis.with_discrepancy_mps2),
-                "noise_floor_mps2": finite_or_none(axis.noise_mps2),
-                "weighted_before": finite_or_none(axis.before_weighted),
-                "weighted_after": finite_or_none(axis.after_weighted),
+                "rms_before_mps2": axis.before_mps2,
+                "rms_after_mps2": axis.after_mps2,
+                "rms_with_discrepancy_mps2": axis.with_discrepancy_mps2,
+                "noise_floor_mps2": axis.noise_mps2,
+                "weighted_before": axis.before_weighted,
+                "weighted_after": axis.after_weighted,
             }
             for axis in held_out.axes
         },
     }
-
-
-def encodable(text: str) -> str:
-    """Return text that UTF-8 can encode: a path may hold bytes that it cannot."""
-    return str(text).encode("utf-8", "backslashreplace").decode()
 
 
 def _row(label: str, text: str) -> str:

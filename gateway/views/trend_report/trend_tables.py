@@ -26,9 +26,10 @@ from gateway.trends.trend_result import (
 )
 from gateway.trends.watched_series import followed_by, label_of
 from gateway.views.numbers import MISSING, STATUS_MARKS, finite_or_none, fixed, round_to_error, split_name
+from gateway.views.plain_values import plain
 from gateway.views.tables.table_sinks import CsvSink
 from gateway.views.text import clean, counted, pad, storable, width
-from gateway.views.wording import as_json, joined, text
+from gateway.views.wording import joined, text
 
 FORMAT: Final = "treadlink trends"
 FORMAT_VERSION: Final = 1
@@ -100,34 +101,34 @@ def unit_in(tires: Sequence[TireTrend], quantity: str) -> str:
 
 def trends_json(trends: FleetTrends) -> dict[str, Any]:
     """Return trends as plain dicts, lists, strings and finite numbers; null where a value is not known."""
-    return {
+    document = {
         "format": FORMAT,
         "version": FORMAT_VERSION,
         "treadlink": __version__,
         "recordings": trends.recordings,
         "failures": trends.failures,
         "tested_values": trends.tested,
-        "notes": [as_json(note) for note in trends.notes],
+        "notes": trends.notes,
         "tires": [
             {
-                "vehicle": storable(trend.vehicle),
+                "vehicle": trend.vehicle,
                 "position": trend.position,
                 "sensor_id": trend.sensor_id,
                 "part": trend.part,
                 "first_utc": _utc(trend.first_ns),
                 "last_utc": _utc(trend.last_ns),
                 "recordings": trend.recordings,
-                "distance_km": finite_or_none(trend.distance_km),
+                "distance_km": trend.distance_km,
                 "has_odometer": trend.has_odometer,
                 "is_identified": trend.is_identified,
                 "numbers": [_number_json(number) for number in trend.numbers],
-                "findings": [as_json(finding) for finding in trend.findings],
+                "findings": trend.findings,
             }
             for trend in trends.tires
         ],
         "pairs": [
             {
-                "vehicle": storable(pair.vehicle),
+                "vehicle": pair.vehicle,
                 "left": pair.left,
                 "right": pair.right,
                 "numbers": [_number_json(number) for number in pair.numbers],
@@ -136,21 +137,23 @@ def trends_json(trends: FleetTrends) -> dict[str, Any]:
         ],
         "outliers": [
             {
-                "vehicle": storable(outlier.vehicle),
+                "vehicle": outlier.vehicle,
                 "position": outlier.position,
                 "sensor_id": outlier.sensor_id,
-                "recording": storable(outlier.recording),
-                "path": storable(outlier.path),
+                "recording": outlier.recording,
+                "path": outlier.path,
                 "start_utc": _utc(outlier.time_ns),
                 "name": outlier.name,
-                "value": finite_or_none(outlier.value),
-                "expected": finite_or_none(outlier.expected),
+                "value": outlier.value,
+                "expected": outlier.expected,
                 "unit": outlier.unit,
-                "deviation": finite_or_none(outlier.deviation),
+                "deviation": outlier.deviation,
             }
             for outlier in trends.outliers
         ],
     }
+    plain_document: dict[str, Any] = plain(document)
+    return plain_document
 
 
 def trends_csv(trends: FleetTrends) -> bytes:
@@ -260,16 +263,16 @@ def _pair_lines(pairs: Sequence[PairTrend]) -> Iterator[str]:
 
 def _number_json(number: TrendNumber) -> dict[str, Any]:
     return {
-        "quantity": str(number.quantity),
-        "value": finite_or_none(number.value),
-        "std": finite_or_none(number.std),
+        "quantity": number.quantity,
+        "value": number.value,
+        "std": number.std,
         "unit": number.unit,
-        "low_95": finite_or_none(number.low),
-        "high_95": finite_or_none(number.high),
-        "status": str(number.status),
+        "low_95": number.low,
+        "high_95": number.high,
+        "status": number.status,
         "count": number.count,
         "freedom": number.freedom,
-        "reasons": [as_json(reason) for reason in number.reasons],
+        "reasons": number.reasons,
     }
 
 
