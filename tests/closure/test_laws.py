@@ -279,13 +279,15 @@ def test_splice_in_one_recording_is_no_effect() -> None:
 
 @pytest.mark.slow
 def test_splice_is_an_effect_where_other_recordings_test_it() -> None:
-    effects = among("gain", *(change.name for change in LOCAL_CHANGES))
+    effects = among("gain", "radial hysteresis", *(change.name for change in LOCAL_CHANGES))
     posterior, search = searched(campaign_of(SPEEDS, local(Change.BENDING, SPLICE), noise_mps2=0.5), effects)
     name = NAME.removeprefix("law: ")
-    assert posterior.identified() == (name,)
-    findings = [finding for finding in findings_of(posterior, effects, {}) if finding.name == name]
-    (finding,) = judged_elsewhere(findings, posterior.best.fit, {name: posterior.without(name).fit}, search.data)
-    assert finding.verdict is Verdict.NAMED
+    assert name in posterior.identified()
+    without = {other: posterior.without(other).fit for other in posterior.best.names}
+    judged = judged_elsewhere(findings_of(posterior, effects, {}), posterior.best.fit, without, search.data)
+    # What a normal window leaves of a box resembles a little hysteresis, at one speed.
+    (finding,) = (finding for finding in judged if finding.verdict is Verdict.NAMED)
+    assert finding.name == name
     assert finding.parameters["stiffening_rad"].value == pytest.approx(SPLICE, rel=0.1)
     # The equation is right to some percent only.
     assert finding.parameters["stiffening_rad"].std > 0.05 * SPLICE

@@ -304,12 +304,15 @@ class SignalEffect(Effect):
         linear: True when the contribution is proportional to the parameters.
         sizes: number of its first parameters that make its size; the others shape it.
         scaling: growth with speed, load and pressure, in words, of an effect that may be proposed as a law.
+        needs_other_conditions: True where one recording cannot show it, since what others leave may look like it:
+            recordings of other conditions must confirm it.
     """
 
     stage: Stage
     linear: bool = False
     sizes: int = 1
     scaling: str = ""
+    needs_other_conditions: bool = False
 
     @abstractmethod
     def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:

@@ -142,6 +142,8 @@ class _OnBelt(SignalEffect):
 class LocalChange(_OnBelt):
     """A change of one kind, with the window of a normal distribution; a scan finds its place."""
 
+    # Its place, width and kind are chosen among hundreds.
+    needs_other_conditions = True
     observed_in = (
         "radial and circumferential axis, all orders, while the place passes the contact, and the waves that it sends "
         "along the belt"

@@ -255,6 +255,8 @@ class Hysteresis(SignalEffect):
     start_values = ((2.0,),)
     stage = Stage.ELEMENT
     scaling = "the same at every speed, load and pressure"
+    # Any small lag lowers what rises and raises what falls; only at other speeds it is not of the same size.
+    needs_other_conditions = True
 
     def __init__(self, axis: int, rank: int) -> None:
         """Take the axis and the place in the catalogue."""

@@ -13,7 +13,6 @@ import numpy as np
 
 from gateway.closure.data.condition_groups import has_other_conditions
 from gateway.closure.effects.effect import SignalEffect
-from gateway.closure.effects.local_effects import LocalChange
 from gateway.closure.inference.fit import Fit
 from gateway.closure.inference.likelihood import Whitened, as_complex
 from gateway.closure.inference.residual import POWER_SHARE
@@ -155,9 +154,7 @@ def _step(fit: Fit, data: Whitened, groups: Sequence[int], free: IntArray) -> tu
 def judged_elsewhere(
     findings: Sequence[Finding], fit: Fit, without: Mapping[str, Fit], data: Whitened
 ) -> list[Finding]:
-    """Reject identified changes at one place that recordings of other conditions contradict, or that none can test.
-
-    Its place, width and kind are chosen among hundreds: what one recording leaves may look like one of them.
+    """Reject identified effects that need recordings of other conditions, if these contradict them or none can test.
 
     Args:
         findings: of effects.
@@ -168,7 +165,7 @@ def judged_elsewhere(
     judged = []
     for finding in findings:
         effect = next((effect for effect in fit.model.effects if effect.name == finding.name), None)
-        if isinstance(effect, LocalChange) and finding.verdict is Verdict.NAMED:
+        if isinstance(effect, SignalEffect) and effect.needs_other_conditions and finding.verdict is Verdict.NAMED:
             unseen = unseen_errors(without[effect.name], fit, data, effect)
             reasons = reasons_against(fit.model.campaign.recordings, unseen, single_sizes(fit, data, effect))
             if reasons:
