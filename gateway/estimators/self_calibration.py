@@ -582,13 +582,12 @@ class SelfCalibrationEstimator(BlockEstimator):
             offset = pitch = None
             if solutions is not None and stds is not None:
                 pitch, offset = _mounting(solutions[row], stds[row], axes_std)
-                if pitch is not None and offset is not None:
-                    by_yaw_m = self._by_yaw_m * Tilt.of(self._roll_by_mean, pitch.value).yaw_std_rad
-                    offset = _Measurement(offset.value, math.hypot(offset.std, by_yaw_m))
                 if against and pitch is not None:
                     # Of the sensor, not of its turned axis.
                     pitch = _Measurement(-pitch.value, pitch.std)
             tilt = Tilt.of(self._roll_by_mean, math.nan if pitch is None else pitch.value)
+            if offset is not None and pitch is not None:
+                offset = _Measurement(offset.value, math.hypot(offset.std, self._by_yaw_m * tilt.yaw_std_rad))
             measured = Measured(
                 revolutions=count,
                 ac_coupled=revolution.ac_coupled,

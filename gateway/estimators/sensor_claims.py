@@ -45,11 +45,10 @@ class Tilt(NamedTuple):
 
         A sensor that is askew about two axes is so about the third: the yaw is as large as they are.
         """
-        tilts = [angle for angle in (roll_rad, pitch_rad) if not math.isnan(angle)]
-        square = sum(angle * angle for angle in tilts) / max(len(tilts), 1)
-        yaw_std = math.sqrt(max(square - HAND_MOUNTED_STD_RAD**2, 0.0))
-        roll, pitch = (0.0 if math.isnan(angle) else angle for angle in (roll_rad, pitch_rad))
-        return cls(roll, pitch, yaw_std)
+        has_roll, has_pitch = not math.isnan(roll_rad), not math.isnan(pitch_rad)
+        roll, pitch = roll_rad if has_roll else 0.0, pitch_rad if has_pitch else 0.0
+        square = (roll * roll + pitch * pitch) / max(has_roll + has_pitch, 1)
+        return cls(roll, pitch, math.sqrt(max(square - HAND_MOUNTED_STD_RAD**2, 0.0)))
 
     @property
     def mixed(self) -> float:

@@ -300,6 +300,7 @@ def assess(
             depth_m = min(depth_m, claims.offset_std_m)
         depth = depth_m / conditions.radius_m
         mean_square = min(measured.mean_square, GREATEST_MEAN_SQUARE)
+        gravity_gain = _gravity_gain(measured, depth)
         by_gain = math.hypot(ratio.std, claims.gain_std, 2.0 * claims.rate_std, mean_square * depth)
         found_radius = _Value(conditions.radius_m * ratio.value, conditions.radius_m * by_gain)
         if radius.std > _RADIUS_UNKNOWN * found_radius.std and abs(found_radius.value - radius.value) <= (
@@ -308,9 +309,9 @@ def assess(
             radius = _weighted(radius, found_radius)
         elif abs(ratio.value - 1.0) > CONTRADICTION * (tolerance := math.hypot(by_gain, radius_std)):
             contradictions.append(_steady_contradiction(measured, conditions, ratio, by_gain, depth))
-        elif (alone := _gravity_contradiction(measured, claims.gain_std, depth)) is not None:
+        elif (alone := _gravity_contradiction(gravity_gain, claims.gain_std)) is not None:
             contradictions.append(alone)
-        elif (slower := _by_gravity(ratio, measured, conditions, depth, mean_square * depth)) is not None and (
+        elif (slower := _by_gravity(gravity_gain, ratio, measured, conditions, mean_square * depth)) is not None and (
             abs(slower.value - 1.0) > CONTRADICTION * slower.std
         ):
             contradictions.append(_steady_contradiction(measured, conditions, ratio, by_gain, depth))
@@ -522,14 +523,14 @@ def _gravity_gain(measured: Measured, depth: float) -> _Value | None:
 
 
 def _by_gravity(
-    ratio: _Value, measured: Measured, conditions: TireConditions, depth: float, by_depth: float
+    gravity: _Value | None, ratio: _Value, measured: Measured, conditions: TireConditions, by_depth: float
 ) -> _Value | None:
     """Return V^2 / R with the gain that gravity and the statement give together, over R Omega^2; None without gravity.
 
     So the speed by gravity is compared with that by the radius. Its error contains that of radius and rate, and what
     moves the hub, which may be as much in gravity's order.
     """
-    gravity, claims = _gravity_gain(measured, depth), conditions.claims
+    claims = conditions.claims
     if gravity is None:
         return None
     gravity = _Value(gravity.value, math.hypot(gravity.std, measured.hub_mps2 / STANDARD_GRAVITY_MPS2))
@@ -541,9 +542,8 @@ def _by_gravity(
     return _Value(ratio.value / gain.value, error)
 
 
-def _gravity_contradiction(measured: Measured, gain_std: float, depth: float) -> Contradiction | None:
-    """Return the contradiction of gravity to the stated gain where the steady value is as expected."""
-    gain = _gravity_gain(measured, depth)
+def _gravity_contradiction(gain: _Value | None, gain_std: float) -> Contradiction | None:
+    """Return the contradiction of the gain by gravity to the stated one where the steady value is as expected."""
     if gain is None:
         return None
     limit = max(_GRAVITY_ALONE * math.hypot(gain.std, gain_std), _LEAST_GRAVITY_ERROR)
