@@ -116,7 +116,9 @@ class ResultSummary:
 
     def add(self, result: RevolutionResult) -> None:
         """Count one result."""
-        wheel = self._wheels.setdefault(result.position, _Wheel())
+        wheel = self._wheels.get(result.position)
+        if wheel is None:
+            wheel = self._wheels[result.position] = _Wheel()
         revolution = result.revolution
         wheel.revolutions += 1
         wheel.valid += not revolution.faults
