@@ -223,8 +223,9 @@ def series_estimates(
     scatters = np.zeros_like(errors)
     if noise_scatters:
         noise = np.diagonal(fitted.noise, axis1=1, axis2=2)
-        scatters = np.concatenate([np.sqrt(np.maximum(noise, 0.0)), _ratios(values, free, fitted.noise)[1]], axis=1)
-        scatters = np.nan_to_num(scatters, posinf=0.0)
+        of_ratios = _ratio_errors(ratios, values[:, _CW, np.newaxis], fitted.noise)
+        scatters = np.concatenate([np.sqrt(np.maximum(noise, 0.0)), of_ratios], axis=1)
+        scatters[~np.isfinite(scatters)] = 0.0
     sound = np.concatenate([determined, ratio_fits], axis=1) & (all_values > 0.0) & np.isfinite(errors)
     rows = list(zip(all_values.tolist(), errors.tolist(), scatters.tolist(), sound.tolist(), strict=True))
     estimates = []
@@ -296,14 +297,21 @@ def _undetermined(
 def _ratios(values: FloatArray, free: BoolArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Return the ratios to Cw of k revolutions, their errors to first order, and which of them fit, (k, 3) each."""
     cw = values[:, _CW, np.newaxis]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = values[:, _OVER_CW] / cw
+    errors = _ratio_errors(ratios, cw, covariance)
+    fits: BoolArray = (errors * DETERMINED <= ratios) & (free[:, _CW, np.newaxis] & (cw > 0.0))
+    return ratios, errors, fits
+
+
+def _ratio_errors(ratios: FloatArray, cw: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return the errors of the ratios (k, 3) to Cw (k, 1) to first order, (k, 3)."""
     variances = np.diagonal(covariance, axis1=1, axis2=2)
     with_cw = covariance[:, _OVER_CW, _CW] + covariance[:, _CW, _OVER_CW]
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratios = values[:, _OVER_CW] / cw
         square = variances[:, _OVER_CW] - ratios * with_cw + ratios * ratios * variances[:, _CW, np.newaxis]
-        errors = np.sqrt(np.maximum(square / (cw * cw), 0.0))
-        fits: BoolArray = (errors * DETERMINED <= ratios) & (free[:, _CW, np.newaxis] & (cw > 0.0))
-    return ratios, errors, fits
+        errors: FloatArray = np.sqrt(np.maximum(square / (cw * cw), 0.0))
+    return errors
 
 
 def _determined(values: FloatArray, free: BoolArray, variance: FloatArray, std: FloatArray) -> BoolArray:

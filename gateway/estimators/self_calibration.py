@@ -567,7 +567,8 @@ class SelfCalibrationEstimator(BlockEstimator):
             mountings, mounting_stds = MountingRows(sums[:, _MOUNTING], hub).solve()
             solutions, stds = mountings.tolist(), mounting_stds.tolist()
             # What a belt without any such motion leaves does not count.
-            motion = np.nan_to_num(hub_motion_mps2(hub, mountings[:, 0], mountings[:, 1]))
+            motion = hub_motion_mps2(hub, mountings[:, 0], mountings[:, 1])
+            motion[np.isnan(motion)] = 0.0
             at_rest = _HUB_AT_REST * block.conditions[taken[0]].radius_m * np.square(block.arrays.omega_radps[taken])
             hub_mps2 = np.maximum(motion - np.square(at_rest) / np.maximum(motion, 1e-12), 0.0).tolist()
         floor = self._last.floor

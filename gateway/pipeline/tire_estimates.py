@@ -403,6 +403,11 @@ class TireEstimates:
         """Waveform of the running average, (n,), None before the first revolution without a fault."""
         return self._current.average.waveform_mps2
 
+    @property
+    def scatter_mps2(self) -> FloatArray | None:
+        """Standard deviation of the waveform from revolution to revolution, (n,), None likewise."""
+        return self._current.average.scatter_mps2
+
     def average_as_measured(self, *, ac_coupled: bool) -> AngleAverage | None:
         """Return the running average including known effects, as in the samples in which contacts are searched."""
         average, table = self.average, self._setup.correction

@@ -509,7 +509,7 @@ class WheelPipeline:
         load = self._tire.latest("load_n") if conditions.load_n is None else None
         hello = self._sensor.hello if self._sensor is not None else None
         state = self._segmenter.state if self._segmenter is not None else WheelState.NO_DATA
-        buffer, flags, average = self._buffer, self._flags(), self._tire.average
+        buffer, flags = self._buffer, self._flags()
         return WheelSnapshot(
             position=self.setup.position,
             sensor_id=f"{hello.sensor_id:08x}" if hello is not None else "",
@@ -517,7 +517,7 @@ class WheelPipeline:
             state=state,
             last=self._tire.last,
             average_mps2=self.average_mps2,
-            scatter_mps2=average.scatter_mps2 if average is not None else None,
+            scatter_mps2=self._tire.scatter_mps2,
             pressure_pa=conditions.pressure_pa,
             temperature_degc=conditions.temperature_degc,
             load_n=load.value if load is not None else conditions.load_n,

@@ -18,6 +18,8 @@ from gateway.types import ComplexArray, FloatArray
 DEFAULT_HORIZON_REVOLUTIONS: Final = 50.0
 # Place of the first cosine among the values of a revolution; sines follow, and the waveform precedes.
 _ORDERS_AT: Final = -2 * ORDER_COUNT
+_WAVEFORM: Final = slice(None, _ORDERS_AT)
+_ORDERS: Final = slice(_ORDERS_AT, None)
 
 
 class Shares(NamedTuple):
@@ -247,9 +249,12 @@ class _Moments:
         if not len(values):
             return self
         # Share that each update leaves to the values before it, those of later updates included.
-        product = np.cumprod(1.0 - weights[::-1], axis=0)[::-1]
-        shares, retained = weights.copy(), product[0]
-        shares[:-1] *= product[1:]
+        if len(values) == 1:
+            shares, retained = weights, 1.0 - weights[0]
+        else:
+            product = np.cumprod(1.0 - weights[::-1], axis=0)[::-1]
+            shares, retained = weights.copy(), product[0]
+            shares[:-1] *= product[1:]
         origin = np.where(retained > 0.0, self.mean, values[0])
         change = values - origin
         if shares.shape[1] == 1:
@@ -270,11 +275,11 @@ class _Moments:
             weight_square = np.square(retained) * weight_square + np.square(weight) / share
         return _Moments(mean, spread, weight_square)
 
-    def variance(self) -> FloatArray:
-        """Return the unbiased variance of one value; NaN after a single one."""
-        freedom = 1.0 - self.weight_square
+    def variance(self, part: slice) -> FloatArray:
+        """Return the unbiased variance of one value of each of a part; NaN after a single one."""
+        freedom = 1.0 - self.weight_square[part]
         determined = freedom > 1e-12
-        result: FloatArray = np.where(determined, self.spread / np.where(determined, freedom, 1.0), math.nan)
+        result: FloatArray = np.where(determined, self.spread[part] / np.where(determined, freedom, 1.0), math.nan)
         return result
 
 
@@ -305,6 +310,11 @@ class _State:
         result: FloatArray = self.moments.mean[:_ORDERS_AT] * self.omega_radps**2
         return result
 
+    @property
+    def scatter_mps2(self) -> FloatArray:
+        result: FloatArray = np.sqrt(self.moments.variance(_WAVEFORM)) * self.omega_radps**2
+        return result
+
     def average(self) -> AngleAverage:
         square = self.omega_radps**2
         seen = self.order_counts > 0.0
@@ -312,8 +322,7 @@ class _State:
         orders = np.where(seen, (cosine - 1j * sine) * square, complex(math.nan, math.nan))
         # Order 0 has no sine. Scatter has one degree of freedom per coefficient and revolution: below three revolutions
         # the estimate of the noise is better.
-        variances = self.moments.variance()
-        variance = 0.5 * variances[_ORDERS_AT:].reshape(2, ORDER_COUNT).sum(axis=0)
+        variance = 0.5 * self.moments.variance(_ORDERS).reshape(2, ORDER_COUNT).sum(axis=0)
         variance[0] *= 2.0
         noise = np.full(ORDER_COUNT, self.order_noise)
         noise[0] *= 0.5
@@ -325,7 +334,7 @@ class _State:
             effective_count=1.0 / self.weight_square,
             omega_radps=self.omega_radps,
             radial_mps2=self.waveform_mps2,
-            scatter_mps2=np.sqrt(variances[:_ORDERS_AT]) * square,
+            scatter_mps2=self.scatter_mps2,
             orders_mps2=orders,
             orders_std_mps2=orders_std,
             leading_edge_rad=self.edges.mean[0],
@@ -431,7 +440,7 @@ class _Steps:
             spread / freedom if freedom > 1e-12 else math.nan for spread, freedom in zip(spreads, freedoms, strict=True)
         ]
 
-    @property
+    @cached_property
     def _is_even(self) -> bool:
         """Whether every revolution so far has carried every order, so that all values have the same weights."""
         return bool(self._carried.all() and (self._before.order_counts == self._before.count).all())
@@ -516,6 +525,11 @@ class RunningAverage:
         if self._latest is None and self._state.count:
             self._latest = self._state.average()
         return self._latest
+
+    @property
+    def scatter_mps2(self) -> FloatArray | None:
+        """`AngleAverage.scatter_mps2` of the latest average alone, (n,); None before the first update."""
+        return self._state.scatter_mps2 if self._state.count else None
 
     @property
     def waveform_mps2(self) -> FloatArray | None:
