@@ -2,24 +2,32 @@
 
 import re
 import shlex
+import socket
 import subprocess
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
-from firmware_protocol.messages import Hello, SampleBlock
+from firmware_protocol.decoder import FrameDecoder
+from firmware_protocol.messages import CommandResult, Hello, HubStatus, Outcome, SampleBlock, SetStream
 from gateway.cli import treadlink
 from gateway.cli.protocol_check import check_link
 from gateway.clock import SystemClock
-from gateway.io.source import Chunk, open_source
+from gateway.errors import SourceError
+from gateway.io.source import Chunk, LinkItem, open_source
+from gateway.security.cmac import Key
 from gateway.session.bringup.clauses import Clause, Verdict
 from gateway.session.bringup.command_trial import CLAUSES
 from gateway.session.bringup.firmware_check import FirmwareCheck
+from gateway.session.commands import TwoWaySource, execute
 from gateway.simulator.firmware.firmware_build import COLLECTOR, WARNINGS
 from tests.firmware.conftest import require
+from tests.testkit.collector_bench import command_bytes
+from tests.testkit.hub_ends import TcpHub
 
 README = (COLLECTOR / "README.md").read_text("utf-8")
 
@@ -54,6 +62,18 @@ def uri(program: Path, written: Path, tmp_path: Path) -> Iterator[str]:
         assert hub.stdout is not None
         yield hub.stdout.readline().strip()
         hub.kill()
+
+
+@contextmanager
+def hub_with(program: Path, written: Path, tmp_path: Path, keys: Path) -> Iterator[str]:
+    sensor = written / "hub/ports/host/wheel.csv"
+    command = [program, "--tcp", "0", "--sensor", sensor, "--flash", tmp_path / "flash", "--keys", keys]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as hub:
+        assert hub.stdout is not None
+        try:
+            yield hub.stdout.readline().strip()
+        finally:
+            hub.kill()
 
 
 def checked(link: str, data: bytes) -> dict[Clause, Verdict]:
@@ -117,6 +137,91 @@ def test_a_bad_sensor_file_is_named(program: Path, tmp_path: Path, text: str | N
     assert done.returncode == 1
     assert said in done.stderr
     assert str(name) in done.stderr
+
+
+HUB, SENSOR = "0000000000007ead", "0000a001"
+KEYS = {HUB: Key(bytes(range(16))), SENSOR: Key(bytes(range(16, 32)))}
+KEY_LINES = "".join(f"{identity} {key.secret.hex()}\n" for identity, key in KEYS.items())
+
+
+class Overheard:
+    """The link of a hub, with someone who writes down what goes over it."""
+
+    vehicle_toml = None
+    rate_hz: float | None = None
+
+    def __init__(self, uri: str) -> None:
+        self._source = open_source(uri, SystemClock())
+        self.link = self._source.link
+        self.from_hub: list[bytes] = []
+        self.to_hub: list[bytes] = []
+
+    def items(self, stop: threading.Event) -> Iterator[LinkItem]:
+        for item in self._source.items(stop):
+            if isinstance(item, Chunk):
+                self.from_hub.append(item.data)
+            yield item
+
+    def send(self, data: bytes) -> None:
+        assert isinstance(self._source, TwoWaySource)
+        self.to_hub.append(data)
+        self._source.send(data)
+
+    def close(self) -> None:
+        self._source.close()
+
+
+def replies(uri: str, sent: Sequence[bytes]) -> list[Outcome]:
+    """Send bytes to a hub as they are, and return the outcomes that it replies before its third status."""
+    host, port = uri.removeprefix("tcp://").split(":")
+    decoder, outcomes, statuses = FrameDecoder(), [], 0
+    with socket.create_connection((host, int(port)), 30) as link:
+        link.settimeout(30)
+        for data in sent:
+            link.sendall(data)
+        while statuses < 3:
+            for frame in decoder.feed(link.recv(4096)):
+                statuses += isinstance(frame.message, HubStatus)
+                outcomes += [frame.message.outcome] if isinstance(frame.message, CommandResult) else []
+    return outcomes
+
+
+def test_signed_command_over_the_link_and_every_replay_of_it(
+    program: Path, written: Path, tmp_path: Path, tcp_hub: TcpHub
+) -> None:
+    keys = tmp_path / "keys"
+    keys.write_text(KEY_LINES)
+    with hub_with(program, written, tmp_path, keys) as uri:
+        link = Overheard(uri)
+        assert execute(link, SetStream(False), SystemClock(), keys=KEYS, timeout_s=60.0).signed
+        link.close()
+        command = next(data for data in link.to_hub if is_command(data))
+        damaged = bytes((*command[:-6], command[-6] ^ 1, *command[-5:]))
+        attacks = [command, *link.to_hub, *reversed(link.to_hub), damaged, command_bytes(SetStream(True), 10**6)]
+        outcomes = replies(uri, attacks)
+        assert Outcome.REPEATED in outcomes
+        assert Outcome.NOT_VERIFIED in outcomes
+        assert Outcome.DONE not in outcomes
+    with hub_with(program, written, tmp_path, keys) as uri:
+        assert Outcome.DONE not in replies(uri, link.to_hub)
+    # The hub is off, and someone plays what it sent.
+    tcp_hub.greet(b"".join(link.from_hub))
+    with pytest.raises(SourceError):
+        execute(Overheard(f"tcp://127.0.0.1:{tcp_hub.port}"), SetStream(False), SystemClock(), keys=KEYS, timeout_s=2.0)
+
+
+def is_command(data: bytes) -> bool:
+    return any(isinstance(frame.message, SetStream) for frame in FrameDecoder().feed(data))
+
+
+@pytest.mark.parametrize(("text", "said"), [("", "there are no keys"), (KEY_LINES + "x\n", "line 3 of")])
+def test_a_bad_file_of_keys_is_named(program: Path, written: Path, tmp_path: Path, text: str, said: str) -> None:
+    keys = tmp_path / "keys"
+    keys.write_text(text)
+    command = [program, "--tcp", "0", "--sensor", written / "hub/ports/host/wheel.csv", "--keys", keys]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert said in done.stderr
 
 
 @pytest.mark.slow

@@ -1,9 +1,10 @@
 /* A hub on this computer: the collector behind a TCP port, its sensor a file of raw words that is played in a circle.
 
-   host_collector --tcp PORT --sensor FILE [--flash FILE]
+   host_collector --tcp PORT --sensor FILE [--flash FILE] [--keys FILE]
 
    A line of the sensor's file holds the words of one sample, in ascending order of the axes. Lines `# name value` state
-   rate_hz, scale_mps2, range_mps2 and axes. The flash keeps the number of starts; it is a file, too. */
+   rate_hz, scale_mps2, range_mps2 and axes. The flash keeps the number of starts; it is a file, too. The file
+   of keys has lines as `treadlink keys import` reads them: a serial number of 8 (sensor) or 16 digits (hub), and a key. */
 #include "tl_boot_count.h"
 #include "tl_collector.h"
 
@@ -220,6 +221,42 @@ static void load_sensor(const char *name, tl_wheel_config *wheel) {
     }
 }
 
+static void load_keys(const char *name, tl_wheel_config *wheel, tl_collector_config *config) {
+    static uint8_t hub_key[16];
+    static uint8_t sensor_key[16];
+    char line[200];
+    FILE *file = fopen(name, "r");
+    if (file == NULL) {
+        fail("cannot open the file of keys", name);
+    }
+    for (unsigned long number = 1; fgets(line, sizeof line, file); number++) {
+        char serial[18];
+        char digits[34];
+        if (line[0] == '#' || line[0] == '\n') {
+            continue;
+        }
+        if (sscanf(line, "%17[0-9A-Fa-f] %33[0-9A-Fa-f]", serial, digits) != 2 || strlen(digits) != 32 ||
+            (strlen(serial) != 8 && strlen(serial) != 16)) {
+            fprintf(stderr, "host_collector: line %lu of '%s' is not a serial number and a key\n", number, name);
+            exit(1);
+        }
+        bool is_hub = strlen(serial) == 16 && strtoull(serial, NULL, 16) == config->hub_id;
+        bool is_sensor = strlen(serial) == 8 && strtoull(serial, NULL, 16) == wheel->sensor_id;
+        uint8_t *key = is_hub ? hub_key : sensor_key;
+        for (size_t i = 0; (is_hub || is_sensor) && i < 16; i++) {
+            const char pair[3] = {digits[2 * i], digits[2 * i + 1], '\0'};
+            key[i] = (uint8_t)strtoul(pair, NULL, 16);
+        }
+        config->key = is_hub ? hub_key : config->key;
+        wheel->key = is_sensor ? sensor_key : wheel->key;
+    }
+    (void)fclose(file);
+    if (config->key == NULL || wheel->key == NULL) {
+        errno = 0;
+        fail("there are no keys of hub 0000000000007ead and sensor 0000a001 in", name);
+    }
+}
+
 /* What the sensor has taken since it was last looked at, as its interrupt would hand it over. */
 static void take_samples(void) {
     int16_t words[BLOCK_ROWS * 3u];
@@ -273,13 +310,16 @@ int main(int count, char **arguments) {
     const char *sensor = option(count, arguments, "--sensor");
     const char *port = option(count, arguments, "--tcp");
     if (port == NULL || sensor == NULL) {
-        fprintf(stderr, "host_collector --tcp PORT --sensor FILE [--flash FILE]\n");
+        fprintf(stderr, "host_collector --tcp PORT --sensor FILE [--flash FILE] [--keys FILE]\n");
         return 2;
     }
     if (option(count, arguments, "--flash") != NULL) {
         flash_name = option(count, arguments, "--flash");
     }
     load_sensor(sensor, &wheel);
+    if (option(count, arguments, "--keys") != NULL) {
+        load_keys(option(count, arguments, "--keys"), &wheel, &config);
+    }
     load_flash();
     for (size_t i = 0; i < 3; i++) {
         bool present = (wheel.axes >> i & 1) != 0;
