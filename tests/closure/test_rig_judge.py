@@ -26,7 +26,7 @@ def diagnosis(*effects: dict[str, Any], unexplained: int = 0) -> dict[str, Any]:
 EFFECT = draw(Order(Kind.EFFECT, 1, ("roll tilt",), 1)).label
 PAIR = draw(Order(Kind.PAIR, 1, ("roll tilt", "torsional ripple"))).label
 RADIUS = draw(Order(Kind.EFFECT, 1, ("rolling radius",), 1)).label
-OUTSIDE = draw(Order(Kind.OUTSIDE, 1, ("stiff splice",), 1)).label
+OUTSIDE = draw(Order(Kind.OUTSIDE, 1, ("radial kick",), 1)).label
 NOTHING = draw(Order(Kind.NOTHING, 1)).label
 
 

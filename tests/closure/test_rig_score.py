@@ -49,9 +49,9 @@ OUTSIDE = line(
     stratum="outside",
     kind="outside",
     truth=[],
-    outside="stiff splice",
-    strengths={"stiff splice": 9.0},
-    sizes={"stiff splice": [1.5, "m/s^2 at 65 km/h"]},
+    outside="radial kick",
+    strengths={"radial kick": 9.0},
+    sizes={"radial kick": [1.5, "m/s^2 at 65 km/h"]},
     unexplained=[{"axis": "radial"}],
 )
 ALL = [RIGHT, MISSED, WRONG, NOTHING, OUTSIDE]
@@ -106,7 +106,7 @@ def test_confusion_is_a_share_of_cases() -> None:
     assert row[says.index("gain")] == pytest.approx(2 / 3)
     assert row[says.index("yaw tilt")] == pytest.approx(1 / 3)
     assert row[says.index("no name")] == pytest.approx(1 / 3)
-    assert share[truths.index("(stiff splice)"), says.index("unexplained")] == 1.0
+    assert share[truths.index("(radial kick)"), says.index("unexplained")] == 1.0
     assert share[truths.index("nothing"), says.index("no name")] == 1.0
     truths, says, share = confusion([{**WRONG, "named": ["no such effect"]}])
     assert share[truths.index("gain"), says.index("no such effect")] == 1.0
@@ -117,7 +117,7 @@ def test_figures_are_deterministic(tmp_path: Path) -> None:
     for folder in ("a", "b"):
         draw_confusion(ALL, tmp_path / folder / "confusion.svg")
         draw_reliability({"old": ALL, "none": [NOTHING]}, tmp_path / folder / "reliability.svg")
-    for name, text in (("confusion.svg", "stiff splice"), ("reliability.svg", "probability given")):
+    for name, text in (("confusion.svg", "radial kick"), ("reliability.svg", "probability given")):
         first = (tmp_path / "a" / name).read_text()
         assert first == (tmp_path / "b" / name).read_text()
         assert text in first

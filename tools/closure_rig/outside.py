@@ -118,15 +118,15 @@ def _tone(drawn: Drawing) -> Tables:
     return {"sensor": {"tone_mg": drawn.size, "tone_hz": drawn.between(60.0, 900.0)}}
 
 
-def splice(size: float, rng: np.random.Generator) -> Disturbance:
-    """A stiff belt splice away from the sensor: an impulse at each contact, proportional to omega squared."""
+def kick(size: float, rng: np.random.Generator) -> Disturbance:
+    """A kick of the radial axis alone at one angle, in proportion to omega squared: no belt answers a splice so."""
     position, width = rng.uniform(0.9, 2.6) * rng.choice([-1.0, 1.0]), rng.uniform(0.05, 0.12)
 
     def added(turning: Turning, reverse: bool) -> FloatArray:
         from_it = np.mod(turning.angle_rad - (-position if reverse else position) + math.pi, 2.0 * math.pi) - math.pi
-        kick = (1.0 - (from_it / width) ** 2) * np.exp(-0.5 * (from_it / width) ** 2)
-        force = np.zeros((len(kick), 3))
-        force[:, 2] = size * (turning.omega_radps / REFERENCE_RADPS) ** 2 * kick
+        wave = (1.0 - (from_it / width) ** 2) * np.exp(-0.5 * (from_it / width) ** 2)
+        force = np.zeros((len(wave), 3))
+        force[:, 2] = size * (turning.omega_radps / REFERENCE_RADPS) ** 2 * wave
         return force
 
     return added
@@ -271,7 +271,7 @@ STRANGERS: Final[tuple[Stranger, ...]] = (
     Stranger("belt bump", "m/s^2 at 65 km/h", (1.0, 3.0, 30.0), _bump),
     Stranger("stone in the tread", "m/s^2 at 65 km/h", (2.0, 6.0, 60.0), _stone),
     Stranger("electrical tone", "mg", (5.0, 15.0, 200.0), _tone),
-    Stranger("stiff splice", "m/s^2 at 65 km/h", (0.5, 1.5, 15.0), _nothing, splice),
+    Stranger("radial kick", "m/s^2 at 65 km/h", (0.5, 1.5, 15.0), _nothing, kick),
     Stranger("rub every second turn", "m/s^2 at 65 km/h", (2.0, 6.0, 40.0), _nothing, rub),
     Stranger("pole wheel", "m/s^2", (0.05, 0.15, 2.0), _nothing, pole_wheel),
     Stranger("joint of the drum", "m/s^2 at 65 km/h", (0.3, 1.0, 15.0), _nothing, joint),
