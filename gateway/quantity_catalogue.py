@@ -717,7 +717,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
         Quantity(
             "water_wedge_rad",
             "shift of the leading edge less that of the trailing edge",
-            "the first less the second; not verified by any measurement",
+            "the first less the second; most wedges of water do not show in it",
             "shorter contact by the leading edge",
             rests_on=_SIGNAL,
         ),

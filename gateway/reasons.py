@@ -383,11 +383,14 @@ class Code(Enum):
         "another gas ({ratio:.2f} times gamma / M of air), cavity_length_mm or the temperature is wrong, or "
         "it is another line"
     )
+    WEDGE_HARDLY_SHOWN = (
+        "not verified by any measurement: water that carries a fifth of the load may move the belt's edge by "
+        "0.3 deg only"
+    )
     LIKE_A_WATER_WEDGE = "the leading edge has moved in by {shift_rad:.1f deg}, the trailing one has not"
     NEEDS_CAVITY_LENGTH = "needs cavity_length_mm or a size with the rim of the tire in the vehicle file"
     NEEDS_REVOLUTIONS = "needs {needed:.0f} revolutions, {count:.0f} so far"
     NEEDS_TEMPERATURE = "needs the temperature"
-    NOT_VERIFIED_BY_MEASUREMENT = "not verified by any measurement"
     ROAD_BELOW_NOISE = "not determined beside the jitter of the contact edges: class {letter} or better"
     ROAD_CLASS = "class {letter} with a probability of {probability:.0%}, if G falls with n²"
     ROAD_WAVES = "from waves of {short_m:.1f m} to {long_m:.1f m}"

@@ -291,8 +291,11 @@ class LongitudinalForceEstimator(RevolutionEstimator):
         extension = _EXTENSION_LOSS_STD * float(forces[Force.LONGITUDINAL])
         std = math.hypot(math.sqrt(max(variance, 0.0)), tilt, extension)
         scatter = self._tire.scatter
+        rolling = _positive(NAMES[3], resistance, std, _root(float(_RESISTANCE @ scatter @ _RESISTANCE)), doubts)
+        undetermined = next((reason for reason in rolling.reasons if reason.code is Code.NOT_DETERMINED), None)
         return (
-            _positive(NAMES[3], resistance, std, _root(float(_RESISTANCE @ scatter @ _RESISTANCE)), doubts),
+            # A difference of numbers some hundred times as large: below three errors it may be the road's direction.
+            rolling if undetermined is None else Estimate.invalid(NAMES[3], undetermined),
             _positive(
                 NAMES[4],
                 float(forces[Force.LOSS]),

@@ -4,7 +4,8 @@ Water that the tread does not clear lifts the front of the contact, so that the 
 one, which stays; Niskanen and Tuononen (Vehicle System Dynamics 52 (sup1), 2014, 287-298) have seen such deformations
 of the contact with accelerometers on the inner liner. A smaller load moves both edges alike, toward each other. To tell
 them apart, the middle of the contact is compared with a rotation of steady acceleration over the contacts before. Only
-a change is seen, and no drive in water has verified this estimator.
+a change is seen, and no drive in water has verified this estimator: that no edge moves is no sign of a dry road. On an
+exact ring the pressure of water that carried 3 to 22 % of the load moved the belt's edge by at most 5 mrad.
 """
 
 import math
@@ -121,7 +122,7 @@ class WaterWedgeEstimator:
             needed, count = float(_WINDOW + _LEAST_SCATTER), float(_WINDOW + len(self._shifts))
             return _invalid(Reason(Code.NEEDS_REVOLUTIONS, needed=needed, count=count))
         leading_std, trailing_std, wedge_std = scatter
-        notes = [Reason(Code.NOT_VERIFIED_BY_MEASUREMENT)]
+        notes = [Reason(Code.WEDGE_HARDLY_SHOWN)]
         if (
             wedge > DETERMINED * wedge_std
             and leading > DETERMINED * leading_std

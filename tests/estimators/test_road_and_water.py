@@ -153,9 +153,9 @@ def test_moved_leading_edge_is_like_a_water_wedge() -> None:
         assert 320.0 * leading.value == pytest.approx(20.0, abs=2.5)
         assert abs(320.0 * trailing.value) < 1.0
         assert leading.status is Status.PROVISIONAL
-        assert codes_of(leading.reasons) == (Code.LIKE_A_WATER_WEDGE, Code.NOT_VERIFIED_BY_MEASUREMENT)
+        assert codes_of(leading.reasons) == (Code.LIKE_A_WATER_WEDGE, Code.WEDGE_HARDLY_SHOWN)
     for result in during(results, 5.0, 5.8):
-        assert codes_of(result["water_wedge_rad"].reasons) == (Code.NOT_VERIFIED_BY_MEASUREMENT,)
+        assert codes_of(result["water_wedge_rad"].reasons) == (Code.WEDGE_HARDLY_SHOWN,)
 
 
 def test_smaller_load_is_not_like_a_water_wedge() -> None:
