@@ -189,16 +189,17 @@ def parse_document(
     data = parse_toml(text, origin)
     parsed: ModelT | None = None
     faults: list[Fault] = []
+    short: list[Fault] = []
     try:
         parsed = model.model_validate(data)
     except ValidationError as error:
         # A fault without location comes from the model's own call of the checks across keys; `more` reports it better.
-        # "too short" counts only the valid items of a list, so it is reported only if the list is empty.
-        reported = [
-            item for item in error.errors() if item["loc"] and not (item["type"] == "too_short" and item["input"])
-        ]
-        faults += [_fault(model, data, dict(item)) for item in reported[: _LISTED_FAULTS + 1]]
+        # "too short" counts only the valid items of a list, so it is reported only if the list is empty, or alone.
+        for item in [item for item in error.errors() if item["loc"]][: _LISTED_FAULTS + 1]:
+            is_short = item["type"] == "too_short" and item["input"]
+            (short if is_short else faults).append(_fault(model, data, dict(item)))
     faults += itertools.islice(more(data), _LISTED_FAULTS)
+    faults = faults or short
     if parsed is None or faults:
         lines = list(dict.fromkeys(f"{origin}: {fault}" for fault in faults))
         count = "1 fault" if len(lines) == 1 else f"{len(lines)} faults"

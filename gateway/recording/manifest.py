@@ -14,6 +14,8 @@ from gateway.recording.run_description import NOTES_SUFFIX, notes_path
 
 MANIFEST_NAME: Final = "SHA256SUMS"
 _LINE: Final = re.compile(r"([0-9a-f]{64}) [ *](.+)")
+# No file system has a longer name.
+_MOST_NAME_BYTES: Final = 255
 _BLOCK_BYTES: Final = 1 << 20
 _MAX_BYTES: Final = 64 << 20
 
@@ -72,7 +74,7 @@ def read_manifest(folder: Path) -> dict[str, str]:
     hashes = {}
     for number, line in enumerate(lines, 1):
         match = _LINE.fullmatch(line)
-        if match is None:
+        if match is None or len(match[2].encode()) > _MOST_NAME_BYTES:
             raise RecordingError(f"line {number} of the manifest '{path}' is wrong", "Copy it again.")
         hashes[match[2]] = match[1]
     return hashes

@@ -164,3 +164,10 @@ def test_wrong_type_at_a_key_of_another_file_is_a_message(kind: str, tmp_path: P
                 errors.append(error)
     assert all(".toml" in str(error) and error.remedy for error in errors)
     assert len(errors) > 5 * len(list(paths(model)))
+
+
+def test_a_list_that_is_too_short_is_named(tmp_path: Path) -> None:
+    (tmp_path / "runs.toml").write_text('[[run]]\nrecording = "a.mcap"\nslip_deg = 1.0\n')
+    with pytest.raises(ConfigError, match="run: a list of 1 found, allowed: .*at least two runs") as caught:
+        load_runs(SlipRunsFile, tmp_path / "runs.toml")
+    assert "Correct 1 fault" in caught.value.remedy

@@ -12,7 +12,8 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import cache
+from functools import cache, partial
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -26,17 +27,23 @@ from firmware_protocol.messages import Coupling, Environment, Frame, Hello, Mess
 from gateway.cli.import_measurement import report_lines
 from gateway.clock import ManualClock
 from gateway.config.effects_file import check_effects, effects_notices, effects_text, with_effects
+from gateway.config.known_runs import load_runs
+from gateway.config.slip_runs import SlipRunsFile
 from gateway.config.vehicle import VehicleConfig, load_vehicle, parse_vehicle, recorded_vehicle
 from gateway.errors import TreadlinkError
+from gateway.fleet.history_reading import read_odometer
 from gateway.importing.import_map import ImportMap, load_map, parse_map
 from gateway.importing.importer import import_file
 from gateway.importing.reader_process import ReaderProcesses
 from gateway.io.source import Chunk, open_source
 from gateway.pipeline.wheel_setup import CorrectedEffect, CorrectionTable, EffectParameter
+from gateway.planning.accelerometer import SHIPPED, parse_accelerometers
 from gateway.recording.compact import compact_recording
 from gateway.recording.inspection import inspect_recording
+from gateway.recording.manifest import MANIFEST_NAME, absent_recordings
 from gateway.recording.reader import RecordingReader
 from gateway.recording.repair import repair_recording
+from gateway.recording.run_description import read_notes
 from gateway.recording.writer import RecordingWriter
 from gateway.security.cmac import Key
 from gateway.security.freshness import Ledger
@@ -353,15 +360,19 @@ def read_vehicle(data: bytes) -> bool:
     return True
 
 
-def read_scenario(data: bytes) -> bool:
-    """A simulator scenario; only read, not run."""
-    with _file(data, "s.toml") as path:
-        try:
-            load_scenario(str(path))
-        except TreadlinkError as error:
-            _explained(error)
-            return False
-    return True
+def reads(name: str, read: Callable[[Path], object]) -> Callable[[bytes], bool]:
+    """Return a target that only reads a file of this name."""
+
+    def run(data: bytes) -> bool:
+        with _file(data, name) as path:
+            try:
+                read(path)
+            except TreadlinkError as error:
+                _explained(error)
+                return False
+        return True
+
+    return run
 
 
 def _good_frames() -> list[bytes]:
@@ -587,6 +598,30 @@ def _counters() -> list[bytes]:
     return [path.read_bytes()]
 
 
+_SLIP_RUNS = b"""slip_std_deg = 0.1
+[[run]]
+recording = "a.mcap"
+slip_deg = -1.0
+from_s = 1
+to_s = 9.5
+[[run]]
+recording = "b.mcap"
+slip_deg = 2
+direction = "reverse"
+"""
+_ODOMETER = (
+    b"vehicle,utc,km\ntruck 7,2026-01-31T12:00:00Z,20450.5\ntruck 7,2026-03-01,21000\nvan,2026-02-01T01:00+02:00,1\n"
+)
+_NOTES = b"""{"utc": "2026-01-31T12:00:00Z", "comment": "first", "tags": ["wet"]}
+{"utc": "2026-01-31T12:00:01Z", "comment": "second", "tags": []}
+"""
+
+
+def _accelerometers() -> list[bytes]:
+    parts = (files("gateway.planning") / SHIPPED).read_bytes().split(b"[[sensor]]")
+    return [b"[[sensor]]".join(parts[:3])]
+
+
 TARGETS: dict[str, Target] = {
     "decoder": Target("both frame decoders", decode, _good_stream, frame_content),
     "session": Target("pipeline and estimators behind good checksums", session, _session_seeds),
@@ -602,7 +637,24 @@ TARGETS: dict[str, Target] = {
     "map": Target("import map", import_with_map, lambda: [_MAP.encode()]),
     "vehicle": Target("vehicle configuration", read_vehicle, _vehicle_seeds),
     "recorded-vehicle": Target("vehicle configuration inside a recording", read_recorded_vehicle, _vehicle_seeds),
-    "scenario": Target("simulator scenario", read_scenario, _scenario_seeds),
+    "scenario": Target("simulator scenario", reads("s.toml", lambda path: load_scenario(str(path))), _scenario_seeds),
+    "runs": Target("runs of a calibration", reads("runs.toml", partial(load_runs, SlipRunsFile)), lambda: [_SLIP_RUNS]),
+    "accelerometers": Target(
+        "list of accelerometers",
+        reads("parts.toml", lambda path: parse_accelerometers(path.read_text("utf-8", "replace"), path.name)),
+        _accelerometers,
+    ),
+    "odometer": Target("readings of an odometer", reads("km.csv", read_odometer), lambda: [_ODOMETER]),
+    "notes": Target(
+        "notes beside a recording",
+        reads("r.mcap.notes.jsonl", lambda path: read_notes(path.parent / "r.mcap")),
+        lambda: [_NOTES],
+    ),
+    "manifest": Target(
+        "hashes of recordings",
+        reads(MANIFEST_NAME, lambda path: absent_recordings(path.parent)),
+        lambda: [b"0" * 64 + b"  a.mcap\n" + b"f" * 64 + b"  b.mcap\n"],
+    ),
     "effects": Target("effects file", read_effects, _effects),
     "keys": Target("key file", read_keys, _keys),
     "counters": Target("file of the sensors' counters", read_counters, _counters),
