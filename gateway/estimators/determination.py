@@ -14,6 +14,7 @@ from typing import Final, NamedTuple, Self
 import numpy as np
 
 from gateway.estimators.disagreement import CONTRADICTION, disagreement_std
+from gateway.estimators.doubt_rules import DoubtRule
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.quantity_catalogue import RING_NUMBERS, RING_RATIOS
@@ -339,7 +340,7 @@ def _width(estimator: str, cw: float, std: float, conditions: TireConditions, sc
     A contradiction changes nothing.
     """
     reference = conditions.tire.reference
-    if reference.estimator != estimator or not reference.Cw or not cw > 0.0:
+    if reference.estimator != estimator or not reference.Cw or not cw > 0.0 or DoubtRule.WIDTH not in conditions.rules:
         return None
     by_width = math.hypot(std / cw, reference.Cw_std / reference.Cw)
     error = math.hypot(by_width, scale)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Final, NamedTuple, Protocol, Self
 
+from gateway.estimators.doubt_rules import EVERY_RULE, DoubtRule
 from gateway.estimators.sensor_claims import SensorClaims, Tilt
 from gateway.estimators.tire_data import TireData
 from gateway.reasons import Code, Reason
@@ -77,6 +78,7 @@ class TireConditions:
         tire: the new tire's reference numbers, thickness, calibrations and laminate.
         given: estimates that earlier estimators made of this revolution, by name of the estimator, then of the
             estimate. Estimators run in the order of the registry. Empty outside `Estimator.update`.
+        rules: of doubt that apply.
     """
 
     radius_m: float
@@ -96,6 +98,7 @@ class TireConditions:
     claims: SensorClaims = field(default_factory=SensorClaims)
     tire: TireData = field(default_factory=TireData)
     given: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)
+    rules: frozenset[DoubtRule] = EVERY_RULE
 
 
 @dataclass(frozen=True, slots=True)

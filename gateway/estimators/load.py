@@ -13,6 +13,7 @@ from dataclasses import replace
 from typing import Final, NamedTuple
 
 from gateway.estimators.disagreement import CONTRADICTION, disagreement_std
+from gateway.estimators.doubt_rules import DoubtRule
 from gateway.estimators.estimator import Estimate, Estimator, Revolution, Status, TireConditions
 from gateway.estimators.kinematic import edge_condition
 from gateway.estimators.registry import ESTIMATORS, make_estimator
@@ -70,7 +71,8 @@ class LoadEstimator(RevolutionEstimator):
         )
         by_angle = _compared(_by_angle(revolution, conditions, half, half_std, pressure), conditions)
         by_width = _compared(self._by_width(block, index), conditions)
-        by_angle, by_width = _widened(by_angle, by_width)
+        if DoubtRule.TWO_LOADS in conditions.rules:
+            by_angle, by_width = _widened(by_angle, by_width)
         load = _better(by_angle, by_width)
         doubts = _contradictions((by_angle, by_width), conditions)
         edges, faults = edge_condition(revolution)

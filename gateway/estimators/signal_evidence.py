@@ -16,11 +16,12 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.determination import SETTLED_REVOLUTIONS
 from gateway.estimators.disagreement import CONTRADICTION, disagreement_std
+from gateway.estimators.doubt_rules import EVERY_RULE, DoubtRule
 from gateway.estimators.estimator import Estimate, Status, TireConditions
 from gateway.estimators.lost_steady_value import LostSteadyValue
 from gateway.estimators.self_calibration import (
@@ -165,6 +166,11 @@ class Evidence(NamedTuple):
     hub_motion: Reason | None = None
     tilt: Tilt = Tilt()
 
+    @classmethod
+    def of_contradictions(cls, contradictions: tuple[Contradiction, ...]) -> Evidence:
+        """Return evidence of contradictions alone, to qualify estimates with."""
+        return cls(0.0, 0.0, True, 0.0, 0.0, 1.0, 0.0, contradictions)
+
     def applied_to(
         self, conditions: TireConditions, given: Mapping[str, Mapping[str, Estimate]] | None = None
     ) -> TireConditions:
@@ -190,6 +196,7 @@ class Evidence(NamedTuple):
             claims,
             conditions.tire,
             conditions.given if given is None else given,
+            conditions.rules,
         )
 
     @property
@@ -272,6 +279,8 @@ def assess(
         lost: what is left of the steady value where that contradicts the stated coupling.
     """
     claims = conditions.claims
+    if conditions.rules is not EVERY_RULE:
+        measured, lost = _as_ruled(measured, conditions.rules), lost if DoubtRule.COUPLING in conditions.rules else None
     radius_std = conditions.radius_std_m / conditions.radius_m
     radius = _Value(conditions.radius_m, conditions.radius_std_m)
     contradictions: list[Contradiction] = []
@@ -315,7 +324,7 @@ def assess(
             abs(slower.value - 1.0) > CONTRADICTION * slower.std
         ):
             contradictions.append(_steady_contradiction(measured, conditions, ratio, by_gain, depth))
-        else:
+        elif DoubtRule.SHORT_OF_IT in conditions.rules:
             unsure = disagreement_std(ratio.value - 1.0, tolerance)
             if slower is not None:
                 unsure = max(unsure, disagreement_std(slower.value - 1.0, slower.std))
@@ -370,6 +379,25 @@ def assess(
         roll_std_rad=0.0 if measured is None else _roll_std(measured, claims),
         tilt=Tilt() if measured is None else measured.tilt,
     )
+
+
+def _as_ruled(measured: Measured | None, rules: frozenset[DoubtRule]) -> Measured | None:
+    """Return what is measured without that which only rules that do not apply look at."""
+    if measured is None:
+        return None
+    relations, nothing = measured.relations, Equations(*[0.0] * len(Equations._fields))
+    if DoubtRule.AXES not in rules:
+        relations = relations._replace(circumferential_late_rad=0.0, lateral_late_rad=0.0, is_swapped=False)
+    without: dict[DoubtRule, dict[str, Any]] = {
+        DoubtRule.STEADY_VALUE: {"by_mean": nothing, "contact_gain": None},
+        DoubtRule.GRAVITY: {"by_gravity": nothing, "along_gravity": None},
+        DoubtRule.SENSOR_OFFSET: {"offset_m": None},
+        DoubtRule.ROLL: {"roll_by_mean_rad": math.nan, "relations": relations._replace(along_zero_mps2=math.nan)},
+        DoubtRule.TILT: {"tilt": Tilt()},
+        DoubtRule.HUB_MOTION: {"hub_mps2": 0.0},
+    }
+    changes = {name: value for rule, parts in without.items() if rule not in rules for name, value in parts.items()}
+    return measured._replace(**{"relations": relations, **changes})
 
 
 def _roll_std(measured: Measured, claims: SensorClaims) -> float:

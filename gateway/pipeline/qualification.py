@@ -4,6 +4,7 @@ import math
 from collections.abc import Collection, Iterable
 from typing import Final
 
+from gateway.estimators.doubt_rules import EVERY_RULE, DoubtRule
 from gateway.estimators.estimator import Estimate, Status
 from gateway.estimators.signal_evidence import Evidence
 from gateway.pipeline.sensor_limits import Doubt
@@ -16,7 +17,11 @@ _BEYOND: Final = 2.5
 
 
 def qualified(
-    estimates: tuple[Estimate, ...], evidence: Evidence, doubts: Iterable[Doubt], uncorrected: Reason | None
+    estimates: tuple[Estimate, ...],
+    evidence: Evidence,
+    doubts: Iterable[Doubt],
+    uncorrected: Reason | None,
+    rules: frozenset[DoubtRule] = EVERY_RULE,
 ) -> tuple[Estimate, ...]:
     """Return the estimates of an estimator, of the status that all that is known leaves them.
 
@@ -25,15 +30,16 @@ def qualified(
         evidence: of the signal on what is stated.
         doubts: about the sensor.
         uncorrected: why known effects were not subtracted; None where they were, or where none is known.
+        rules: those that apply.
     """
     if uncorrected is not None:
         why = Reason(Code.EFFECTS_NOT_SUBTRACTED, why=uncorrected)
         estimates = provisional_where(estimates, Basis.WAVEFORM, why)
     if evidence.says_anything:
         estimates = tuple(evidence.qualified(estimate) for estimate in estimates)
-    for doubt in doubts:
+    for doubt in doubts if DoubtRule.SENSOR_LIMITS in rules else ():
         estimates = provisional_where(estimates, *doubt)
-    for name, value, *_ in estimates:
+    for name, value, *_ in estimates if DoubtRule.POSSIBLE in rules else ():
         least, greatest = quantity_of(name).possible
         # Hardly ever; not a number is not beyond them.
         if value < least or value > greatest:

@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from firmware_protocol.messages import Axis, Environment
+from gateway.estimators.doubt_rules import DoubtRule
 from gateway.estimators.estimator import AngleAverage, Estimate, Estimator, Status, TireConditions
 from gateway.estimators.registry import in_order, make_estimator
 from gateway.estimators.revolution_block import BlockEstimator, RevolutionArrays, RevolutionBlock, measured_shares
@@ -295,6 +296,7 @@ class TireEstimates:
         stated_block = RevolutionBlock(revolutions, arrays, averages, stated)
         streaks = [series.loss_streak.take(revolution) for revolution in revolutions]
         estimates: list[list[Estimate]] = [[] for _ in revolutions]
+        rules = self._setup.rules
         for estimator in series.estimators:
             if estimator is series.calibration:
                 raw_estimates = series.calibration.estimates(stated_block, [evidence.unsure for evidence in evidences])
@@ -308,10 +310,10 @@ class TireEstimates:
             name = estimator.name
             drift, status, signed = series.drifts[name], series.statuses[name], self._signed.get(name)
             for index, raw in enumerate(raw_estimates):
-                final = qualified(raw, evidences[index], doubts[index], revolutions[index].uncorrected)
+                final = qualified(raw, evidences[index], doubts[index], revolutions[index].uncorrected, rules)
                 if signed:
                     final = noted(final, signed, _SIGN_UNVERIFIED)
-                if drift.applies:
+                if drift.applies and DoubtRule.OWN_DRIFT in rules:
                     final = drift.widened(final)
                 final = status.steadied(final, streaks[index])
                 earlier[index].add(name, final)
@@ -386,6 +388,7 @@ class TireEstimates:
             radius_std_m=self._setup.radius_std_m,
             claims=self._setup.sensor,
             tire=self._setup.tire,
+            rules=self._setup.rules,
         )
 
     def flags(self) -> tuple[SensorFlag, ...]:

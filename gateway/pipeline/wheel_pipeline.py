@@ -12,6 +12,7 @@ from firmware_protocol.messages import Axis, Environment, Hello
 from firmware_protocol.sample_numbers import is_jump
 from firmware_protocol.sequence import unwrap
 from gateway.constants import AXIS_NAMES
+from gateway.estimators.doubt_rules import DoubtRule
 from gateway.estimators.estimator import Revolution
 from gateway.pipeline.contact_timing import ContactTimer, TimedPair
 from gateway.pipeline.gap_filling import GapFilling
@@ -436,7 +437,7 @@ class WheelPipeline:
         assert sensor is not None
         assert buffer is not None
         reading = sensor.reading
-        if reading.ac_coupled:
+        if reading.ac_coupled or DoubtRule.TURNS not in self.setup.rules:
             return [_SOUND] * len(pairs)
         column = reading.radial_column
         offset, scale = float(reading.offset_counts[column]), sign * float(reading.scale_mps2[column])

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from gateway.estimators.belt_laminate import BeltLaminate as BeltLaminate  # for gateway.config, as the next ones
 from gateway.estimators.belt_laminate import StatedPly as StatedPly
+from gateway.estimators.doubt_rules import EVERY_RULE, DoubtRule
 from gateway.estimators.sensor_claims import GAIN_STD as GAIN_STD
 from gateway.estimators.sensor_claims import HAND_MOUNTED_STD_M as HAND_MOUNTED_STD_M
 from gateway.estimators.sensor_claims import HAND_MOUNTED_STD_RAD as HAND_MOUNTED_STD_RAD
@@ -45,6 +46,7 @@ class WheelSetup:
         sensor: what is stated about the sensor.
         tire: the new tire's reference numbers, thickness, calibrations and laminate.
         correction: known effects to subtract from the axes; None for none.
+        rules: of doubt that apply; all, but in a study of what one of them brings.
     """
 
     position: str
@@ -61,3 +63,4 @@ class WheelSetup:
     sensor: SensorClaims = field(default_factory=SensorClaims)
     tire: TireData = field(default_factory=TireData)
     correction: CorrectionTable | None = None
+    rules: frozenset[DoubtRule] = EVERY_RULE

@@ -9,22 +9,30 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
 
-from validity.bench import Order, judge_tire, size_of
+from validity.bench import Order, ToldRun, judge_tire, size_of, told_runs
 from validity.cases import CASES, named
 from validity.judging import Judged
+from validity.left_out import add_counts, count_left_out, left_out_table
 from validity.summary import share, well_table
 from validity.tires import draw_world
+
+from gateway.estimators.doubt_rules import DoubtRule
 
 QUICK = ("kinematic", "weak-form")
 
 
-def judged_of(tire: int) -> list[Judged]:
-    return judge_tire(Order(1, tire, ("radius",), QUICK))
+def order_of(tire: int) -> Order:
+    return Order(1, tire, ("radius",), QUICK)
 
 
 @pytest.fixture(scope="module")
-def judged() -> list[Judged]:
-    return [item for tire in (0, 1) for item in judged_of(tire)]
+def told() -> list[ToldRun]:
+    return [run for tire in (0, 1) for run in told_runs(order_of(tire))]
+
+
+@pytest.fixture(scope="module")
+def judged(told: list[ToldRun]) -> list[Judged]:
+    return [item for run in told for item in run.judged()]
 
 
 def test_misstated_radius_is_judged_by_the_true_one(judged: list[Judged]) -> None:
@@ -38,7 +46,7 @@ def test_misstated_radius_is_judged_by_the_true_one(judged: list[Judged]) -> Non
 
 
 def test_same_seed_gives_same_judgement(judged: list[Judged]) -> None:
-    again = judged_of(0)
+    again = judge_tire(order_of(0))
     first = [item for item in judged if item.tire == 0]
     assert [repr(item) for item in again] == [repr(item) for item in first]
 
@@ -48,6 +56,21 @@ def test_every_estimate_of_the_estimators_is_judged(judged: list[Judged]) -> Non
     last = [item for item in judged if item.last and item.estimator == "weak-form"]
     assert {item.quantity for item in last} == {"Bs", "Cw", "Rs", "Ts", "Bs/Cw", "Rs/Cw", "Ts/Cw"}
     assert all(math.isfinite(item.truth) for item in last)
+
+
+def test_rule_left_out_makes_falsely_valid_what_it_doubts(told: list[ToldRun]) -> None:
+    """A radius that the steady value alone contradicts."""
+    counts = count_left_out(told, (DoubtRule.STEADY_VALUE, DoubtRule.GRAVITY))
+    assert counts["none"].false["one"] == 0
+    assert counts["none"].kept == counts["none"].valid
+    without, other = counts[DoubtRule.STEADY_VALUE], counts[DoubtRule.GRAVITY]
+    assert without.false["one"] > 40
+    assert without.kept["one"] < without.valid["one"]
+    assert other.false == counts["none"].false
+    twice = add_counts(counts, counts)
+    assert twice[DoubtRule.STEADY_VALUE].false["one"] == 2 * without.false["one"]
+    rows = {row[0]: row for row in left_out_table(twice).rows}
+    assert float(rows["steady value"][1]) > float(rows["none"][1])
 
 
 def test_share_counts_false_and_missing_estimates() -> None:

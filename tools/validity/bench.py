@@ -1,7 +1,7 @@
 """One tire through all cases: calibration, runs, judgement."""
 
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from gateway.estimators.doubt_rules import EVERY_RULE, DoubtRule
 from gateway.estimators.tire_data import LoadCalibration
 from gateway.estimators.tire_fit import TirePoint, fit_load_calibration
 from gateway.physics.rolling_ring import RingNotConvergedError
@@ -62,16 +63,34 @@ def size_of(case: Case, tire: int) -> float:
 
 
 def judge_tire(order: Order) -> list[Judged]:
-    """Return the judged estimates of one tire in all cases, one size each.
+    """Return the judged estimates of one tire in all cases, one size each."""
+    return [one for told in told_runs(order) for one in told.judged()]
 
-    A case in which the tire has no equilibrium is left out.
-    """
+
+@dataclass(frozen=True, slots=True)
+class ToldRun:
+    """A run of a case and what is stated of it."""
+
+    order: Order
+    case: Case
+    size: float
+    run: Run
+    statement: Statement
+
+    def judged(self, rules: frozenset[DoubtRule] = EVERY_RULE) -> list[Judged]:
+        """Return the judged estimates of a gateway with some of the rules of doubt."""
+        order = self.order
+        results = results_of(self.run, self.statement, order.estimators, rules)
+        return [*judge(self.run, self.statement, results, self.case, self.size, order.tire, order.estimators)]
+
+
+def told_runs(order: Order) -> Iterator[ToldRun]:
+    """Yield one tire in all cases; one in which it has no equilibrium is left out."""
     Store.folder = order.store
     plain, record_world = _tire_of(order)
     said = draw_statement(plain, np.random.default_rng([order.seed, order.tire, 1]))
     if order.tire % _WITHOUT_REFERENCE == _WITHOUT_REFERENCE - 1:
         said = replace(said, reference=None)
-    judged: list[Judged] = []
     runs: dict[World, Run] = {}
     calibrations: dict[World, LoadCalibration | None] = {}
     for case in (*named(order.cases), *drawn(order.pairs, order.seed, order.tire)):
@@ -91,9 +110,7 @@ def judge_tire(order: Order) -> list[Judged]:
                 runs[world] = record_world(world, (order.seed, order.tire))
         except RingNotConvergedError:
             continue
-        results = results_of(runs[world], statement, order.estimators)
-        judged += judge(runs[world], statement, results, case, size, order.tire, order.estimators)
-    return judged
+        yield ToldRun(order, case, size, runs[world], statement)
 
 
 def _tire_of(order: Order) -> tuple[World, Recorder]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Environment, Frame, Hello, SampleBlock
+from gateway.estimators.doubt_rules import EVERY_RULE, DoubtRule
 from gateway.pipeline.results import RevolutionResult
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.pipeline.wheels import Pipeline
@@ -205,9 +206,11 @@ def ring_waveforms(plan: WheelPlan, world: World) -> TireTable:
     return Store.get(("table", plan.tire, extents), lambda: TireTable(plan.tire, *extents))
 
 
-def results_of(run: Run, statement: Statement, estimators: Sequence[str]) -> list[RevolutionResult]:
-    """Return the gateway's results of a run that is stated so."""
-    setups = statement.vehicle(run.world).wheel_setups()
+def results_of(
+    run: Run, statement: Statement, estimators: Sequence[str], rules: frozenset[DoubtRule] = EVERY_RULE
+) -> list[RevolutionResult]:
+    """Return the gateway's results of a run that is stated so, with some of its rules of doubt."""
+    setups = [replace(setup, rules=rules) for setup in statement.vehicle(run.world).wheel_setups()]
     names = [name for name in estimators if name not in statement.left_out]
     pipeline = Pipeline(setups, WheelSetup("", 0, 0, setups[0].radius_m), names)
     results: list[RevolutionResult] = []
