@@ -33,7 +33,8 @@ def differ(values: FloatArray, renewed: FloatArray, allowed: FloatArray) -> Bool
         allowed: (m,) largest difference of each.
     """
     differing = ~(np.abs(values - renewed) <= allowed)
-    if differing.any():
-        differing &= ~(np.isnan(values) & np.isnan(renewed))
+    if not differing.any():
+        return np.zeros(len(values), np.bool_)
+    differing &= ~(np.isnan(values) & np.isnan(renewed))
     any_differs: BoolArray = np.any(differing, axis=1)
     return any_differs
