@@ -337,6 +337,10 @@ class Code(Enum):
         "slips to the other side than {other} in {opposite:.0f} revolutions and to the same side in {same:.0f}: the "
         "lateral axis of one of them points the other way, or their positions are not as stated"
     )
+    WHEELS_ROLL_APART = (
+        "rolls {ratio:.3f} ± {std:.3f} times as fast as {other}, more than in a curve: the belt radius or the sampling "
+        "rate of one of them is not as stated"
+    )
     NEEDS_BOTH_SLIPS = "needs {needed:.0f} revolutions each at left and at right slip"
     ORDERS_USED = "orders {first:.0f} to {last:.0f}"
     ROLL_CONTRADICTED = (

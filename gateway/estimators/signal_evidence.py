@@ -16,7 +16,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, Self
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.determination import SETTLED_REVOLUTIONS
@@ -167,7 +167,7 @@ class Evidence(NamedTuple):
     tilt: Tilt = Tilt()
 
     @classmethod
-    def of_contradictions(cls, contradictions: tuple[Contradiction, ...]) -> Evidence:
+    def of_contradictions(cls, contradictions: tuple[Contradiction, ...]) -> Self:
         """Return evidence of contradictions alone, to qualify estimates with."""
         return cls(0.0, 0.0, True, 0.0, 0.0, 1.0, 0.0, contradictions)
 

@@ -86,7 +86,7 @@ class VehicleJoin:
         wheel.contradictions = tuple(self._contradictions(wheel, result))
         estimates = result.estimates
         if wheel.contradictions:
-            evidence = _evidence(wheel.contradictions)
+            evidence = Evidence.of_contradictions(wheel.contradictions)
             estimates = tuple(evidence.qualified(estimate) for estimate in estimates)
         return replace(result, estimates=(*estimates, *added))
 
@@ -178,8 +178,3 @@ def _speed(ratio: _Ratio, error: float, result: RevolutionResult, *, rate_holds:
         ratios = {Basis.RADIUS: ratio.value, Basis.RATE: ratio.value}
     reason = Reason(Code.VEHICLE_SPEED_CONTRADICTED, ratio=ratio.value, std=error, causes=tuple(causes))
     return Contradiction(Subject.VEHICLE_SPEED, reason, dict(ratios))
-
-
-def _evidence(contradictions: tuple[Contradiction, ...]) -> Evidence:
-    """Return evidence of contradictions alone, to qualify estimates with."""
-    return Evidence(0.0, 0.0, True, 0.0, 0.0, 1.0, 0.0, contradictions)

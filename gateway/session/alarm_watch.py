@@ -24,7 +24,7 @@ from gateway.pipeline.results import (
     WheelSnapshot,
     WheelState,
 )
-from gateway.pipeline.wheel_pairs import ALARM as PAIR_ALARM
+from gateway.pipeline.wheel_pairs import ALARMS as PAIR_ALARMS
 from gateway.pipeline.wheels import Pipeline
 from gateway.reasons import Code, Notice, Reason
 from gateway.session.alarm_log import AlarmLog
@@ -253,7 +253,7 @@ class RecordingAlarms(AlarmWatch):
     def compared(self, host_ns: int) -> None:
         """Take the comparison of left and right wheels, which changes with a result of this time."""
         at_s = self.silence.since_begin_s(host_ns)
-        self.log.update(self._witnesses(), at_s, covers=lambda key: key[1] == PAIR_ALARM)
+        self.log.update(self._witnesses(), at_s, covers=lambda key: key[1] in PAIR_ALARMS)
 
     def end_of_block(self) -> None:
         """Take the faults of sensors after the results of a block."""

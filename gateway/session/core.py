@@ -333,8 +333,9 @@ class SessionCore:
 
     def _deliver(self, results: list[RevolutionResult], host_ns: int) -> list[RevolutionResult]:
         results = [self._join.joined(result) for result in results]
+        self._pairs.compare(results)
+        results = [self._pairs.take(result)[0] for result in results]
         for result in results:
-            self._pairs.take(result)
             if result.position not in self._configured and result.position not in self._unconfigured:
                 self._unconfigured.add(result.position)
                 self.notify(Notice(result.position, unconfigured_wheel(self._vehicle), Level.WARNING))

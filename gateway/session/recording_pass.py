@@ -193,10 +193,10 @@ class RecordingPass:
                 self._alarms.batch(link, batch, arrivals_ns)
             # A dump has no arrival times.
             times_ns = arrivals_ns if arrivals_ns.any() else None
-            yield from map(self._completed, self._pipeline.batch(link, batch, times_ns))
+            yield from self._completed(self._pipeline.batch(link, batch, times_ns))
             if self._alarms is not None:
                 self._alarms.end_of_block()
-        yield from map(self._completed, self._pipeline.finish())
+        yield from self._completed(self._pipeline.finish())
         self.wheels = self._pipeline.wheels()
         for name, counted in self.links.items():
             self.statements.counters(name, counted)
@@ -232,11 +232,15 @@ class RecordingPass:
         counts = {name: FrameCounts(counted.frames, counted.refused) for name, counted in self.links.items()}
         return (*missing_frames(counts), *missing_revolutions(self.wheels, counts))
 
-    def _completed(self, result: RevolutionResult) -> RevolutionResult:
-        result = self._join.joined(result) if self._join is not None else result
-        if self._pairs.take(result) and self._alarms is not None:
-            self._alarms.compared(result.host_ns)
-        return self._alarms.result(result) if self._alarms is not None else result
+    def _completed(self, results: list[RevolutionResult]) -> Iterator[RevolutionResult]:
+        if self._join is not None:
+            results = [self._join.joined(result) for result in results]
+        self._pairs.compare(results)
+        for compared in results:
+            result, is_changed = self._pairs.take(compared)
+            if is_changed and self._alarms is not None:
+                self._alarms.compared(result.host_ns)
+            yield self._alarms.result(result) if self._alarms is not None else result
 
     def _take_other(self, item: VehicleData | LinkEvent) -> None:
         self.clock.take(item)

@@ -61,5 +61,5 @@ def test_pair_alarm_begins_with_its_revolution() -> None:
     assert set(recorded) == set(raised) == {"FL", "FR"}
     # Live shows a revolution a little after its end.
     assert recorded == pytest.approx(raised, abs=0.6)
-    assert min(recorded.values()) < 5.0
+    assert min(recorded.values()) < 5.2
     assert any(row.position == "FR" for row in rows)
