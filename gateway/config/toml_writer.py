@@ -34,7 +34,7 @@ def _is_table_array(value: object) -> bool:
 
 
 def _key(key: str) -> str:
-    return key if _BARE_KEY.fullmatch(key) else _string(key)
+    return key if _BARE_KEY.fullmatch(key) else toml_string(key)
 
 
 def _value(value: object) -> str:
@@ -43,12 +43,13 @@ def _value(value: object) -> str:
     if isinstance(value, int | float):
         return repr(value)
     if isinstance(value, str):
-        return _string(value)
+        return toml_string(value)
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(_value, value)) + "]"
     raise TypeError(f"TOML cannot express {type(value).__name__}")
 
 
-def _string(text: str) -> str:
+def toml_string(text: str) -> str:
+    """Return a text in quotes."""
     # JSON escapes are valid TOML. Only DEL, which JSON does not escape, is not allowed in TOML.
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -20,6 +20,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gateway.estimators.weak_form_rows import dot
 from gateway.physics.asymmetric_belt import (
     ALONG,
     ANGLES_RAD,
@@ -121,9 +122,9 @@ def asymmetric_rows(shape: AsymmetricShape, motion: FreeMotion, unknowns: FloatA
     moved = shape.position + unknowns[U.ADVANCE] + 1j * unknowns[U.RISE]
     turned = np.exp(-1j * unknowns[U.TURN])
     out, along = RADIAL * turned, ALONG * turned
-    radial, tangential = _dot(moved, out) - 1.0, _dot(moved, along)
+    radial, tangential = dot(moved, out) - 1.0, dot(moved, along)
     # Displacements by the three motions, radial and tangential, and themselves: (4, STEPS).
-    turn_radial, turn_tangential = -_dot(moved, along), _dot(moved, out)
+    turn_radial, turn_tangential = -dot(moved, along), dot(moved, out)
     shifts_radial = np.stack([radial, out.imag, out.real, turn_radial])
     shifts_tangential = np.stack([tangential, along.imag, along.real, turn_tangential])
     rates_radial, rates_tangential = derivative(shifts_radial), derivative(shifts_tangential)
@@ -140,7 +141,7 @@ def asymmetric_rows(shape: AsymmetricShape, motion: FreeMotion, unknowns: FloatA
     loads = np.concatenate([(-1j * tangent)[np.newaxis], by_stiffness, pulls[1:]])
     summed = integral(loads)
     sections = summed[:, STEPS // 2, np.newaxis] - summed
-    across = _dot(sections, normal) @ motion.rotation.T
+    across = dot(sections, normal) @ motion.rotation.T
     by_unknown = np.empty((ROWS, len(U)))
     by_unknown[:, U.BS] = motion.slope @ (shape.curvature - 1.0)
     by_unknown[:, U.BENDING_DAMPING] = motion.slope @ shape.bend_rate
@@ -182,10 +183,10 @@ def row_sensitivity(shape: AsymmetricShape, motion: FreeMotion, unknowns: FloatA
     cw, rs, ts = unknowns[U.CW], unknowns[U.RS], unknowns[U.TS]
 
     def stiffened(field: ComplexArray) -> ComplexArray:
-        restoring: ComplexArray = -(rs * _dot(field, out) * out + ts * _dot(field, along) * along)
+        restoring: ComplexArray = -(rs * dot(field, out) * out + ts * dot(field, along) * along)
         return restoring
 
-    side = -(rs * (_dot(moved, out) - 1.0) * out + ts * _dot(moved, along) * along)
+    side = -(rs * (dot(moved, out) - 1.0) * out + ts * dot(moved, along) * along)
     summed = integral(-1j * cw * tangent + side)
     section = -unknowns[U.TENSION] + 1j * unknowns[U.SHEAR] + summed[STEPS // 2] - summed
     # Virtual displacement, from the first edge up to theta = pi and from the last edge down to it.
@@ -194,21 +195,21 @@ def row_sensitivity(shape: AsymmetricShape, motion: FreeMotion, unknowns: FloatA
     whole = steps.sum(axis=1, keepdims=True)
     virtual[:, STEPS // 2 :] -= whole
     virtual[:, STEPS // 2] += 0.5 * whole[:, 0]
-    by_angle = motion.rotation * _dot(section, tangent)
-    by_angle -= STEP_RAD * (cw * _dot(tangent, virtual) + _dot(normal, _remaining(stiffened(virtual))))
+    by_angle = motion.rotation * dot(section, tangent)
+    by_angle -= STEP_RAD * (cw * dot(tangent, virtual) + dot(normal, _remaining(stiffened(virtual))))
     bends = unknowns[U.BS] * shape.bends + unknowns[U.BENDING_DAMPING] * shape.bend_rates
     rows = motion.slope @ bends.T + by_angle @ shape.turns.T
     unit = np.ones(STEPS, dtype=np.complex128)
     levers = -1j * side + stiffened(1j * moved)
     moving = np.stack([-stiffened(1j * unit), stiffened(unit), levers])
     forces = np.zeros((len(Force), shape.turns.shape[0]))
-    forces[: Force.LOSS] = STEP_RAD * _dot(normal, _remaining(moving)) @ shape.turns.T
+    forces[: Force.LOSS] = STEP_RAD * dot(normal, _remaining(moving)) @ shape.turns.T
     # Loss: rates of the displacement that the change of the tangent's angle makes.
     damping, bending = unknowns[U.DAMPING], unknowns[U.BENDING_DAMPING]
-    rate_radial = derivative(_dot(moved, out))
-    rate_tangential = derivative(_dot(moved, along))
+    rate_radial = derivative(dot(moved, out))
+    rate_tangential = derivative(dot(moved, along))
     pulled = -(derivative(rate_radial) * out + derivative(rate_tangential) * along)
-    loss = 2.0 * damping * STEP_RAD * _dot(normal, _remaining(pulled[np.newaxis])) @ shape.turns.T
+    loss = 2.0 * damping * STEP_RAD * dot(normal, _remaining(pulled[np.newaxis])) @ shape.turns.T
     bend = -2.0 * bending * STEP_RAD * derivative(shape.bend_rate) @ shape.bends.T
     forces[Force.LOSS] = loss[0] + bend
     return rows, forces
@@ -231,9 +232,3 @@ def _levers(side: ComplexArray) -> tuple[float, float, float]:
     """Return the moments that a pull gains by the belt's rise, advance and turn."""
     total = STEP_RAD * complex(side.sum())
     return -total.real, total.imag, 0.0
-
-
-def _dot(first: ComplexArray, second: ComplexArray) -> FloatArray:
-    """Return the scalar product of plane vectors."""
-    product: FloatArray = first.real * second.real + first.imag * second.imag
-    return product

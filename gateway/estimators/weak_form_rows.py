@@ -113,7 +113,7 @@ def balance_rows(shape: BeltShape, begin: int) -> BalanceRows:
     count = len(shape.orders)
     normal = 1j * shape.tangent
     moved = shape.position - RADIAL
-    radial_pull = _dot(moved, RADIAL) * RADIAL
+    radial_pull = dot(moved, RADIAL) * RADIAL
     pulls = np.stack([radial_pull, moved - radial_pull], axis=1)
     forces = np.empty((count, 3, HALF_STEPS + 1), dtype=np.complex128)
     # Pressure: f = n = 1j times the tangent, whose integral the position is.
@@ -123,9 +123,9 @@ def balance_rows(shape: BeltShape, begin: int) -> BalanceRows:
     free = slice(begin, None)
     # Integrands of phi: F . n of Cw, Rs, Ts, tension, and of Rs, Ts per deflection.
     integrands = np.empty((count, 6, len(motion.weights)))
-    integrands[:, :3] = _dot(forces[..., free], normal[:, np.newaxis, free])
+    integrands[:, :3] = dot(forces[..., free], normal[:, np.newaxis, free])
     integrands[:, 3] = -normal.real[:, free]
-    integrands[:, 4:] = _dot(_RISE_FORCES[:, free], normal[:, np.newaxis, free])
+    integrands[:, 4:] = dot(_RISE_FORCES[:, free], normal[:, np.newaxis, free])
     by_rotation = (integrands * motion.weights) @ motion.rotation.T
     bend = ((shape.curvature[:, free] - 1.0) * motion.weights) @ motion.slope.T
     constant = np.zeros((count, ROWS + 1, 5))
@@ -154,7 +154,7 @@ def row_sensitivity(rows: BalanceRows, unknowns: FloatArray) -> FloatArray:
     tangent = shape.tangent[:, coarse]
     force = cw * rows.forces[:, 0, coarse] + rs * rows.forces[:, 1, coarse] + ts * rows.forces[:, 2, coarse] - tension
     force += deflection * (rs * _RISE_FORCES[0, coarse] + ts * _RISE_FORCES[1, coarse])
-    axial = _dot(tangent, force)
+    axial = dot(tangent, force)
     by_angle = np.empty((len(tangent), ROWS + 1, tangent.shape[1]))
     for index, row in enumerate(by_angle):
         by_angle_of(tangent[index], axial[index], rotation, unknowns[index, 1:4], row)
@@ -208,9 +208,9 @@ def _by_angle_by_core(
 by_angle_of = _by_angle_by_numpy if core is None else _by_angle_by_core
 
 
-def _dot(left: ComplexArray, right: ComplexArray) -> FloatArray:
+def dot(first: ComplexArray, second: ComplexArray) -> FloatArray:
     """Return the scalar product of plane vectors."""
-    product: FloatArray = left.real * right.real + left.imag * right.imag
+    product: FloatArray = first.real * second.real + first.imag * second.imag
     return product
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -50,7 +50,7 @@ from gateway.table_columns import (
 from gateway.views.numbers import distinct_name
 from gateway.views.tables.result_table import alarm_fields, row_of
 from gateway.views.tables.table_sinks import Cell
-from gateway.views.tables.wheel_rows import WheelRow
+from gateway.views.tables.wheel_rows import WheelRow, json_cell
 from gateway.views.text import storable
 from gateway.views.wording import as_json
 
@@ -400,14 +400,14 @@ def _recording_rows(
                 "pressure_measured": estimation.sensors.measures_pressure(vehicle, position),
                 "frames": sum(counted.frames for counted in counters),
                 "frames_lost": sum(counted.lost for counted in counters),
-                "alarms": _json(
+                "alarms": json_cell(
                     [
                         *({"position": alarm.position, **alarm_fields(alarm)} for alarm in mine),
                         *({"position": position, "name": name, **as_json(reason)} for name, reason in stated),
                     ]
                 ),
                 "alarm_count": sum(alarm.count for alarm in mine) + len(stated),
-                "damage": _json(as_json(reader.damage)) if reader.damage is not None else None,
+                "damage": json_cell(as_json(reader.damage)) if reader.damage is not None else None,
                 "stated_radius_m": _stated_radius_m(vehicle, wheel),
                 "tire_size": vehicle.tire_of(wheel).size if vehicle is not None and wheel is not None else None,
                 **_run_cells(run, position),
@@ -439,7 +439,7 @@ def _run_cells(run: RunDescription, position: str) -> dict[str, Cell]:
         "test": run.test,
         "driver": run.driver,
         "comment": run.comment,
-        "tags": _json(list(run.tags)),
+        "tags": json_cell(list(run.tags)),
         "tire_maker": tire.maker,
         "tire_dot": tire.dot,
     }
@@ -465,10 +465,6 @@ def _concerns(subject: str, position: str, positions: Collection[str]) -> bool:
 
 def _sensor_text(sensors: frozenset[int]) -> str:
     return ",".join(f"{sensor:08x}" for sensor in sorted(sensors))
-
-
-def _json(value: Any) -> str | None:
-    return json.dumps(value, ensure_ascii=False, allow_nan=False) if value else None
 
 
 def _effects_identity(table: CorrectionTable) -> str:

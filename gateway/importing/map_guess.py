@@ -15,6 +15,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from firmware_protocol.wire import MIN_RATE_HZ
+from gateway.config.toml_writer import toml_string
 from gateway.config.vehicle import ASSUMED_RADIUS_MM
 from gateway.errors import ImportDataError
 from gateway.importing.column_names import A_MAGNITUDE, names_acceleration, other_quantity, unit_of
@@ -643,7 +644,7 @@ def _written(path: Path, layout: FileLayout, guess: _Guess, facts: FileFacts) ->
         rate = f"{rate_hz:.6g} Hz in its first rows" if rate_hz else ""
         said = ", ".join(filter(None, (rate, _comment(guess.time_doubt))))
         seen = f"   # {mark}{said}" if said else ""
-        lines += [f"time_column = {_quoted(guess.time)}{seen}", f"time_unit = {_quoted(guess.time_unit)}"]
+        lines += [f"time_column = {toml_string(guess.time)}{seen}", f"time_unit = {toml_string(guess.time_unit)}"]
         if guess.time_unit == ISO and guess.is_dated:
             lines.append('# time_zone = "Europe/Berlin"   # ? needed if the times state no offset')
         if guess.date_order != "ymd":
@@ -671,11 +672,11 @@ def _written(path: Path, layout: FileLayout, guess: _Guess, facts: FileFacts) ->
     axes = {position: _axes(columns, rate_hz) for position, columns in wheels.items()}
     for position, group in axes.items():
         if several:
-            lines += ["[[wheel]]", f"position = {_quoted(position)}"]
+            lines += ["[[wheel]]", f"position = {toml_string(position)}"]
             lines += ["# load_n = 4000.0   # ? vertical load", '# sensor_id = "0000a001"   # ?']
         missed = [name for name in guess.missed if not several or _position(name) == position]
         lines += _axis_lines("wheel.axis" if several else "axis", group, missed)
-        lines += [f"# column {_quoted(axis.seen.name)}: more than three axes?" for axis in group[3:]]
+        lines += [f"# column {toml_string(axis.seen.name)}: more than three axes?" for axis in group[3:]]
         if several:
             lines.append("")
     first = next(iter(axes.values()))[0]
@@ -691,7 +692,7 @@ def _written(path: Path, layout: FileLayout, guess: _Guess, facts: FileFacts) ->
     ]
     if not several:
         position = next(iter(axes))
-        lines += [f"position = {_quoted(position)}" + ("   # ?" if position == "W1" else "")]
+        lines += [f"position = {toml_string(position)}" + ("   # ?" if position == "W1" else "")]
         lines += ["# load_n = 4000.0   # ? vertical load"]
     lines += ["# pressure_kpa = 220.0   # ? gauge pressure", '# tire = "205/55R16"']
     if guess.others:
@@ -714,10 +715,13 @@ def _axis_lines(prefix: str, group: Sequence[_Axis], missed: Sequence[str]) -> l
     ordered = _ordered(group)
     only_lateral = len(ordered) == 2 and _ROLES["lateral"].search(ordered[1].seen.name)
     for name, axis in zip(("radial", "lateral") if only_lateral else _AXES, ordered, strict=False):
-        lines += [f"[{prefix}.{name}]", f"column = {_quoted(axis.seen.name)}{_reason(name, axis, missed, len(group))}"]
+        lines += [
+            f"[{prefix}.{name}]",
+            f"column = {toml_string(axis.seen.name)}{_reason(name, axis, missed, len(group))}",
+        ]
         unit = axis.unit or group[0].unit
         why = axis.why or ("as the radial axis" if unit else "? neither the file nor the magnitude says it")
-        lines.append(f"unit = {_quoted(unit or 'g')}   # {why}")
+        lines.append(f"unit = {toml_string(unit or 'g')}   # {why}")
         if name == "radial":
             against = axis.steady < 0.0 if abs(axis.steady) > 0.3 * abs(axis.depth) else axis.depth < 0.0
             lines.append(f"sign = {-1 if against else 1}   # positive toward the wheel centre, by its mean and contact")
@@ -763,7 +767,7 @@ def _reason(name: str, axis: _Axis, missed: Sequence[str], count: int) -> str:
 def _sensor_lines(radial: _Axis) -> list[str]:
     steady = abs(radial.steady) > 0.3 * abs(radial.depth)
     why = "the radial axis has a steady part" if steady else "? the radial axis has no steady part"
-    lines = ["[sensor]", f"coupling = {_quoted('DC' if steady else 'AC')}   # {why}"]
+    lines = ["[sensor]", f"coupling = {toml_string('DC' if steady else 'AC')}   # {why}"]
     if not steady:
         lines.append("# highpass_hz = 0.1   # ? corner of the coupling")
     return [*lines, ""]
@@ -776,12 +780,12 @@ def _environment_lines(guess: _Guess, *, several: bool) -> list[str]:
     lines = [f"{mark}[environment]" if not several else "# Columns for [wheel.environment] of a wheel:"]
     if guess.pressure is not None:
         column, unit = guess.pressure
-        lines += [f"{mark}pressure_column = {_quoted(column.name)}"]
-        lines += [f"{mark}pressure_unit = {_quoted(unit or 'kPa')}" + ("" if unit else "   # ?")]
+        lines += [f"{mark}pressure_column = {toml_string(column.name)}"]
+        lines += [f"{mark}pressure_unit = {toml_string(unit or 'kPa')}" + ("" if unit else "   # ?")]
     if guess.temperature is not None:
         column, doubt = guess.temperature
         why = f"? degC, {doubt}" if doubt else "degC"
-        lines += [f"{mark}temperature_column = {_quoted(column.name)}   # {why}"]
+        lines += [f"{mark}temperature_column = {toml_string(column.name)}   # {why}"]
     return [*lines, ""]
 
 
@@ -789,13 +793,13 @@ def _reference_lines(guess: _Guess) -> list[str]:
     lines: list[str] = []
     for number, reference in enumerate(guess.references, 1):
         name, doubt = reference.seen.name, "; ".join(filter(None, (reference.doubt, reference.seen.fault)))
-        lines += ["[[reference]]", f"name = {_quoted(_name(name, number))}", f"column = {_quoted(name)}"]
-        lines.append(f"quantity = {_quoted(reference.quantity)}" + (f"   # ? {_comment(doubt)}" if doubt else ""))
+        lines += ["[[reference]]", f"name = {toml_string(_name(name, number))}", f"column = {toml_string(name)}"]
+        lines.append(f"quantity = {toml_string(reference.quantity)}" + (f"   # ? {_comment(doubt)}" if doubt else ""))
         if reference.quantity == "pulses":
             lines.append("# pulses_per_turn = 1   # ? of the wheel")
         else:
             unit = reference.unit or next(iter(REFERENCE_UNITS[reference.quantity]))
-            lines.append(f"unit = {_quoted(unit)}" + ("" if reference.seen.unit else "   # ?"))
+            lines.append(f"unit = {toml_string(unit)}" + ("" if reference.seen.unit else "   # ?"))
         lines.append("")
     return lines
 
@@ -804,10 +808,6 @@ def _name(column: str, number: int) -> str:
     """Return a name for a reference; the number makes it unique."""
     plain = re.sub(r"[^A-Za-z0-9_.-]+", "_", column).strip("_.-")[:32]
     return f"{plain or 'reference'}_{number}" if number > 1 or not plain else plain
-
-
-def _quoted(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _comment(text: str) -> str:

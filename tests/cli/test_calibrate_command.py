@@ -4,21 +4,14 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
-from gateway.cli import treadlink
 from gateway.config.vehicle import parse_vehicle
 from gateway.errors import ConfigError, RecordingError, TreadlinkError
+from tests.testkit.commands import run
 from tests.testkit.simulated_wheel import last, simulated
 
 SCENARIO = "[[wheel]]\nposition = 'FL'\nwheel = 0\nload_n = {load}\npressure_kpa = {pressure}\n"
 VEHICLE = "[tire]\nradius_mm = 320\nring_thickness_mm = 15\n{tables}\n[[wheel]]\nposition = 'FL'\nhub = 0\nwheel = 0\n"
-
-
-def run(*arguments: object) -> str:
-    result = CliRunner().invoke(treadlink, [str(argument) for argument in arguments], catch_exceptions=False)
-    assert result.exit_code == 0, result.output
-    return result.output
 
 
 @pytest.fixture(scope="module")

@@ -11,6 +11,7 @@ from gateway.config.vehicle import parse_vehicle
 from gateway.errors import CalibrationError, ConfigError, RecordingError
 from gateway.physics.lateral_belt import LateralSolution
 from gateway.simulator.truth import WheelTruth
+from tests.testkit.commands import run
 from tests.testkit.simulated_wheel import simulated
 
 TABLES = "[tire]\nring_nodes = 1440\n"
@@ -22,12 +23,6 @@ RUN = (
     "from_s = {begin}\nto_s = {end}\n"
 )
 PARTS = ((-1.0, 0.0, 3.7), (0.0, 4.5, 7.7), (1.5, 8.5, 12.0))
-
-
-def run(*arguments: object) -> str:
-    result = CliRunner().invoke(treadlink, [str(argument) for argument in arguments], catch_exceptions=False)
-    assert result.exit_code == 0, result.output
-    return result.output
 
 
 def cornering(truth: WheelTruth, slip_deg: float) -> LateralSolution:

@@ -10,6 +10,7 @@ from click.testing import CliRunner
 from gateway.cli import treadlink
 from gateway.config.vehicle import parse_vehicle
 from gateway.errors import CalibrationError, ConfigError, RecordingError
+from tests.testkit.commands import run
 from tests.testkit.simulated_wheel import simulated
 
 TABLES = "[tire]\nconicity_deg = 0.3\nring_nodes = 1440\n"
@@ -21,12 +22,6 @@ SCENARIO = (
 RUN = "[[run]]\nrecording = '{name}.mcap'\nslip_deg = {slip}\ndirection = '{direction}'\n"
 RUNS = {"left": (1.0, "forward"), "zero": (0.0, "forward"), "right": (-1.0, "forward"), "back": (0.0, "reverse")}
 HEAD = "slip_std_deg = 0.01\nslip_zero_std_deg = 0.01\n"
-
-
-def run(*arguments: object) -> str:
-    result = CliRunner().invoke(treadlink, [str(argument) for argument in arguments], catch_exceptions=False)
-    assert result.exit_code == 0, result.output
-    return result.output
 
 
 @pytest.fixture(scope="module")

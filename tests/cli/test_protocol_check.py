@@ -94,9 +94,9 @@ def test_junit_counts_and_names_the_failure(wrong_dump: str, tmp_path: Path) -> 
 
 
 def test_json_has_every_clause(wrong_dump: str) -> None:
-    estimated_loads = json.loads(run("check", wrong_dump, "--json").output)
-    assert [clause["clause"] for clause in estimated_loads["clauses"]] == list(Clause)
-    failed = [clause for clause in estimated_loads["clauses"] if clause["verdict"] == Verdict.FAILED]
+    document = json.loads(run("check", wrong_dump, "--json").output)
+    assert [clause["clause"] for clause in document["clauses"]] == list(Clause)
+    failed = [clause for clause in document["clauses"] if clause["verdict"] == Verdict.FAILED]
     assert [clause["clause"] for clause in failed] == [Clause.BYTE_ORDER]
     assert failed[0]["findings"][0]["reason"]["code"] == "samples_bytes_swapped"
 

@@ -163,9 +163,9 @@ def test_time_that_repeats_is_marked(tmp_path: Path) -> None:
 def test_unit_of_another_quantity_beats_the_name(tmp_path: Path, unit: str, name: str) -> None:
     slow = 20.0 + np.sin(WHEEL.times_s)
     columns = {"time": WHEEL.times_s, f"{name} ({unit})": slow, **AXES}
-    estimated_loads = tomllib.loads(guess_map(write_csv(tmp_path / "run.csv", columns)))
-    assert "environment" not in estimated_loads
-    quantities = [item["quantity"] for item in estimated_loads.get("reference", [])]
+    document = tomllib.loads(guess_map(write_csv(tmp_path / "run.csv", columns)))
+    assert "environment" not in document
+    quantities = [item["quantity"] for item in document.get("reference", [])]
     assert quantities == (["rotation"] if unit == "Hz" else [])
 
 

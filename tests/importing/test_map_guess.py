@@ -39,23 +39,23 @@ def columns_of(wheel: RollingWheel) -> dict[str, FloatArray]:
 def test_axes_units_rate_and_references_are_recognised(tmp_path: Path) -> None:
     path = write_csv(tmp_path / "run.csv", columns_of(rolling(9600.0, 2.0)))
     text = guess_map(path)
-    estimated_loads = tomllib.loads(text)
-    assert estimated_loads["sampling"] == {"time_column": "time", "time_unit": "ms"}
-    assert {axis: keys["column"] for axis, keys in estimated_loads["axis"].items()} == {
+    document = tomllib.loads(text)
+    assert document["sampling"] == {"time_column": "time", "time_unit": "ms"}
+    assert {axis: keys["column"] for axis, keys in document["axis"].items()} == {
         "radial": "a2",
         "circumferential": "a3",
         "lateral": "a1",
     }
-    assert (estimated_loads["axis"]["radial"]["unit"], estimated_loads["axis"]["radial"]["sign"]) == ("g", -1)
-    assert estimated_loads["sensor"]["coupling"] == "DC"
-    references = [(item["column"], item["quantity"], item.get("unit")) for item in estimated_loads["reference"]]
+    assert (document["axis"]["radial"]["unit"], document["axis"]["radial"]["sign"]) == ("g", -1)
+    assert document["sensor"]["coupling"] == "DC"
+    references = [(item["column"], item["quantity"], item.get("unit")) for item in document["reference"]]
     assert references == [
         ("Tacho", "pulses", None),
         ("encoder", "angle", "deg"),
         ("v_ref (km/h)", "speed", "km/h"),
         ("n [rpm]", "rotation", "rpm"),
     ]
-    assert estimated_loads["environment"] == {"pressure_column": "p [bar]", "pressure_unit": "bar"}
+    assert document["environment"] == {"pressure_column": "p [bar]", "pressure_unit": "bar"}
     assert "constant: constant, 1" in text
     assert "# load_n" in text
     report = import_file(path, parse_map(text, "map"), tmp_path / "out.mcap")
@@ -68,9 +68,9 @@ def test_unit_and_coupling_follow_from_the_revolutions(tmp_path: Path, factor: f
     wheel = rolling(9600.0, 2.0)
     radial = wheel.axes_mps2[:, 2] - (wheel.axes_mps2[:, 2].mean() if coupling == "AC" else 0.0)
     path = write_csv(tmp_path / "run.csv", {"t": wheel.times_s, "sensor": radial * factor})
-    estimated_loads = tomllib.loads(guess_map(path))
-    assert estimated_loads["axis"]["radial"] == {"column": "sensor", "unit": unit, "sign": 1}
-    assert estimated_loads["sensor"]["coupling"] == coupling
+    document = tomllib.loads(guess_map(path))
+    assert document["axis"]["radial"] == {"column": "sensor", "unit": unit, "sign": 1}
+    assert document["sensor"]["coupling"] == coupling
 
 
 def test_wheels_are_sorted_by_their_names(tmp_path: Path) -> None:
@@ -80,9 +80,9 @@ def test_wheels_are_sorted_by_their_names(tmp_path: Path) -> None:
         columns |= {f"{position}_x": wheel.axes_mps2[:, 0], f"{position}_z": wheel.axes_mps2[:, 2]}
     path = write_csv(tmp_path / "run.csv", columns)
     text = guess_map(path)
-    estimated_loads = tomllib.loads(text)
-    assert [wheel["position"] for wheel in estimated_loads["wheel"]] == ["FL", "RR"]
-    assert [wheel["axis"]["radial"]["column"] for wheel in estimated_loads["wheel"]] == ["VL_z", "HR_z"]
+    document = tomllib.loads(text)
+    assert [wheel["position"] for wheel in document["wheel"]] == ["FL", "RR"]
+    assert [wheel["axis"]["radial"]["column"] for wheel in document["wheel"]] == ["VL_z", "HR_z"]
     assert len(import_file(path, parse_map(text, "map"), tmp_path / "out.mcap").wheels) == 2
 
 
@@ -94,15 +94,15 @@ def test_layout_of_a_text_file_is_recognised(tmp_path: Path) -> None:
     path = tmp_path / "run.txt"
     path.write_bytes("\r\n".join(lines).encode("latin-1"))
     text = guess_map(path)
-    estimated_loads = tomllib.loads(text)
-    assert estimated_loads["file"] == {
+    document = tomllib.loads(text)
+    assert document["file"] == {
         "delimiter": "semicolon",
         "decimal": ",",
         "encoding": "latin-1",
         "skip_rows": 2,
         "skip_rows_after_header": 1,
     }
-    assert estimated_loads["axis"]["radial"]["unit"] == "g"
+    assert document["axis"]["radial"]["unit"] == "g"
     assert "Bemerkung: text" in text
     assert import_file(path, parse_map(text, "map"), tmp_path / "out.mcap").samples == 9600
 
@@ -154,13 +154,13 @@ def test_binary_files_are_guessed_alike(tmp_path: Path, suffix: str) -> None:
         pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
         pq.write_table(pa.table({**columns, "note": ["a"] * len(wheel.times_s)}), path)
     text = guess_map(path)
-    estimated_loads = tomllib.loads(text)
-    assert estimated_loads["sampling"]["time_column"] == ("time" if suffix == ".mf4" else "t")
-    assert (estimated_loads["axis"]["radial"]["column"], estimated_loads["axis"]["circumferential"]["column"]) == (
+    document = tomllib.loads(text)
+    assert document["sampling"]["time_column"] == ("time" if suffix == ".mf4" else "t")
+    assert (document["axis"]["radial"]["column"], document["axis"]["circumferential"]["column"]) == (
         "z",
         "x",
     )
-    assert estimated_loads["axis"]["radial"]["unit"] == "m/s^2"
+    assert document["axis"]["radial"]["unit"] == "m/s^2"
     assert import_file(path, parse_map(text, "map"), tmp_path / "out.mcap").samples == 9600
 
 

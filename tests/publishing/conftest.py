@@ -1,5 +1,5 @@
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import pytest
 
@@ -12,6 +12,7 @@ from gateway.publishing import sink_worker
 from gateway.publishing.sink import Item, PublishedAlarm, PublishedRevolution, PublishedState
 from gateway.reasons import Code, Reason
 from gateway.session.core import SessionCore
+from tests.publishing.receivers import PostServer, serving
 
 PRESSURE = Reason(Code.PRESSURE_BELOW_LIMIT, pressure_pa=180e3, limit_pa=200e3)
 
@@ -43,3 +44,9 @@ def items(drive) -> Sequence[Item]:
 @pytest.fixture(autouse=True)
 def _fast_retries(monkeypatch) -> None:
     monkeypatch.setattr(sink_worker, "BACKOFF", Backoff(first_ns=10_000_000, cap_ns=50_000_000))
+
+
+@pytest.fixture
+def server() -> Iterator[PostServer]:
+    with serving(PostServer()) as server:
+        yield server

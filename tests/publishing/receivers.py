@@ -6,7 +6,9 @@ from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from typing import TypeVar
 
-from gateway.publishing.sink import Item, PublishedState, SinkDownError, SinkEndedError
+from gateway.clock import SystemClock
+from gateway.publishing.sink import Item, PublishedState, SinkDownError, SinkEndedError, SinkSetting, open_sink
+from gateway.publishing.sink_worker import SinkWorker
 
 _S = TypeVar("_S", bound=HTTPServer)
 
@@ -94,3 +96,8 @@ class Receiver:
 
     def close(self) -> None:
         self.closed += 1
+
+
+def worker_of(uri: str) -> SinkWorker:
+    name, sink = open_sink(uri, SinkSetting())
+    return SinkWorker(name, sink, SystemClock())

@@ -36,13 +36,13 @@ class Viewer:
                 subscription, time_ns = struct.unpack_from("<IQ", message, 1)
                 self.messages[self.channels[subscription]["topic"]].append((time_ns, message[13:]))
             return
-        estimated_loads = json.loads(message)
-        if estimated_loads["op"] == "advertise":
-            self.channels |= {channel["id"]: channel for channel in estimated_loads["channels"]}
-            self._subscribe(channel["id"] for channel in estimated_loads["channels"])
-        elif estimated_loads["op"] == "status" and "Unknown channel ID" in estimated_loads["message"]:
+        document = json.loads(message)
+        if document["op"] == "advertise":
+            self.channels |= {channel["id"]: channel for channel in document["channels"]}
+            self._subscribe(channel["id"] for channel in document["channels"])
+        elif document["op"] == "status" and "Unknown channel ID" in document["message"]:
             # The server advertises a channel a moment before it accepts subscriptions to it.
-            self._subscribe([int(estimated_loads["message"].split()[-1])])
+            self._subscribe([int(document["message"].split()[-1])])
 
     def _subscribe(self, ids: Iterable[int]) -> None:
         wanted = [{"id": number, "channelId": number} for number in ids]
@@ -80,10 +80,10 @@ def test_viewer_gets_numbers_states_and_log(items, sink) -> None:
     worker.abandon()
     worker.join(TIMEOUT_S)
     time_ns, payload = viewer.messages["/wheel/FL/revolution"][0]
-    estimated_loads = json.loads(payload)
+    document = json.loads(payload)
     sent = next(item for item in items if item.result.position == "FL" and item.host_ns == time_ns)
     speed = next(estimate for estimate in sent.result.estimates if estimate.name == "speed_mps")
-    assert estimated_loads["speed_mps"] == speed.value
+    assert document["speed_mps"] == speed.value
     waveform = json.loads(viewer.messages["/wheel/FL/waveform"][0][1])
     assert len(waveform["radial_mps2"]) == len(waveform["theta_rad"]) > 100
     assert json.loads(viewer.messages["/alarm"][0][1])["reason"]["code"] == "pressure_below_limit"

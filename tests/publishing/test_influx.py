@@ -1,31 +1,16 @@
 """Line protocol: read by a parser of the protocol, complete in a file, and confirmed by a server that may be away."""
 
-from collections.abc import Iterator
-
 import pytest
 
-from gateway.clock import SystemClock
 from gateway.pipeline.results import SinkState
 from gateway.publishing.payloads import messages
 from gateway.publishing.sink import SinkError, SinkSetting, open_sink
-from gateway.publishing.sink_worker import SinkWorker
-from tests.publishing.receivers import PostServer, serving
+from tests.publishing.receivers import worker_of
 from tests.testkit.waiting import TIMEOUT_S, until
 
 influx = pytest.importorskip("gateway.publishing.influx")
 TOKEN, lines = influx.TOKEN, influx.lines
 parse_line = pytest.importorskip("line_protocol_parser").parse_line
-
-
-@pytest.fixture
-def server() -> Iterator[PostServer]:
-    with serving(PostServer()) as server:
-        yield server
-
-
-def worker_of(uri: str) -> SinkWorker:
-    name, sink = open_sink(uri, SinkSetting())
-    return SinkWorker(name, sink, SystemClock())
 
 
 def test_points_are_what_the_json_lines_say(items) -> None:

@@ -11,27 +11,21 @@ import jsonschema
 import pytest
 
 from gateway.cli import exit_status, treadlink
-from gateway.clock import SystemClock
 from gateway.publishing.line_schema import line_schema
 from gateway.publishing.payloads import encoded, messages
-from gateway.publishing.sink import SinkError, SinkSetting, open_sink
-from gateway.publishing.sink_worker import SinkWorker
+from gateway.publishing.sink import SinkError
 from gateway.recording.revolution_fields import PARTS
+from tests.publishing.receivers import worker_of
 from tests.testkit.waiting import TIMEOUT_S, until
 
 ROOT = Path(__file__).parents[2]
 VALIDATOR = jsonschema.Draft202012Validator(line_schema())
 
 
-def worker_of(uri: str) -> SinkWorker:
-    name, sink = open_sink(uri, SinkSetting())
-    return SinkWorker(name, sink, SystemClock())
-
-
 def checked(line: str | bytes) -> dict:
-    estimated_loads = json.loads(line)
-    VALIDATOR.validate(estimated_loads)
-    return estimated_loads
+    document = json.loads(line)
+    VALIDATOR.validate(document)
+    return document
 
 
 def test_every_line_is_valid_by_the_schema(items, tmp_path) -> None:

@@ -2,7 +2,6 @@
 
 import json
 import threading
-from collections.abc import Iterator
 
 import pytest
 
@@ -12,14 +11,8 @@ from gateway.publishing.payloads import messages
 from gateway.publishing.sink import SINKS, PublishedAlarm, PublishedRevolution, Sink, SinkError, SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
 from gateway.publishing.webhook import TOKEN
-from tests.publishing.receivers import PostServer, serving
+from tests.publishing.receivers import PostServer
 from tests.testkit.waiting import TIMEOUT_S, until
-
-
-@pytest.fixture
-def server() -> Iterator[PostServer]:
-    with serving(PostServer()) as server:
-        yield server
 
 
 def worker_of(name: str, sink: Sink) -> SinkWorker:

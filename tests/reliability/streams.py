@@ -1,12 +1,11 @@
 """A simulated hub's bytes for tests that change or interrupt them."""
 
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 
 from firmware_protocol import wire
 from firmware_protocol.codec import encode_raw
 from firmware_protocol.decoder import FrameDecoder
-from firmware_protocol.framing import next_frame
 from gateway.clock import ManualClock
 from gateway.io.source import Chunk, LinkItem, open_source
 from gateway.reasons import Notice
@@ -23,15 +22,9 @@ def chunks_of(items: Iterable[LinkItem]) -> list[Chunk]:
     return [item for item in items if isinstance(item, Chunk)]
 
 
-def raw_frames(data: bytes) -> Iterator[bytes]:
-    """Yield every intact frame of bytes as bytes."""
-    position = 0
-    while True:
-        position, end, _ = next_frame(data, position)
-        if not end:
-            return
-        yield data[position:end]
-        position = end
+def link_bytes(items: Iterable[LinkItem]) -> bytes:
+    """Return what links have sent."""
+    return b"".join(item.data for item in items if isinstance(item, Chunk))
 
 
 def readdressed(frame: bytes, *, version: int = wire.VERSION_BYTE, flags: int = 0, type_: int | None = None) -> bytes:

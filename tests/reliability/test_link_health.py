@@ -15,7 +15,8 @@ from gateway.recording.writer import RecordingWriter
 from gateway.session.core import SessionCore
 from gateway.session.line_content import identify_content
 from gateway.views.wording import notice_text
-from tests.reliability.streams import chunks_of, decodes, notices_of, raw_frames, readdressed, simulated
+from tests.reliability.streams import chunks_of, decodes, notices_of, readdressed, simulated
+from tools.reliability.named import raw_frames
 from tools.reliability.uart import received
 
 START_NS = 1_700_000_000_000_000_000

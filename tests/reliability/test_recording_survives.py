@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from gateway.clock import SystemClock
-from gateway.config.vehicle import parse_vehicle
 from gateway.io.source import Chunk
 from gateway.reasons import Code
 from gateway.recording.reader import RecordingReader
@@ -22,16 +21,10 @@ from gateway.recording.writer import RecordingWriter
 from gateway.session.core import SessionCore
 from gateway.views.wording import text
 from tests.reliability.sessions import TIMEOUT_S, Items, start
-from tests.reliability.streams import simulated
+from tests.reliability.streams import link_bytes, simulated
 from tools.reliability.kills import hub_bytes, kill_once
 
 PAGE = 4096
-
-
-@pytest.fixture(scope="module")
-def lab():
-    items, toml = simulated("sim:lab?speed=max&duration=6&seed=4")
-    return items, parse_vehicle(toml, "lab")
 
 
 @pytest.fixture(scope="module")
@@ -42,10 +35,6 @@ def recorded(lab, tmp_path_factory) -> tuple[Path, bytes]:
         with_results.take(item)
     with_results.finish()
     return path, link_bytes(lab[0])
-
-
-def link_bytes(items) -> bytes:
-    return b"".join(item.data for item in items if isinstance(item, Chunk))
 
 
 @pytest.mark.parametrize("after_s", [0.08, 0.43, 0.9])

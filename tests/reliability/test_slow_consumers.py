@@ -7,7 +7,6 @@ import pytest
 
 from gateway.cli.session_setup import RunningSession, end_session, run_plain
 from gateway.cli.stop_signals import StopRequest
-from gateway.config.vehicle import parse_vehicle
 from gateway.errors import RecordingError, TreadlinkError
 from gateway.io.source import Chunk
 from gateway.reasons import Code, Notice
@@ -19,17 +18,7 @@ from gateway.session.bounded_buffer import Buffer
 from gateway.session.recording_stage import Stage
 from gateway.session.session_opening import OpenedSession
 from tests.reliability.sessions import TIMEOUT_S, Items, SlowWriter, prepare, start
-from tests.reliability.streams import simulated
-
-
-@pytest.fixture(scope="module")
-def lab():
-    items, toml = simulated("sim:lab?speed=max&duration=6&seed=4")
-    return items, parse_vehicle(toml, "lab")
-
-
-def link_bytes(items) -> bytes:
-    return b"".join(item.data for item in items if isinstance(item, Chunk))
+from tests.reliability.streams import link_bytes
 
 
 def test_stuck_disk_does_not_delay_estimates(lab) -> None:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from gateway.constants import STANDARD_ATMOSPHERE_PA, ZERO_CELSIUS_K
 from gateway.trends.tire_history import MONTH_NS, TireHistory
+from gateway.trends.trend_result import TireTrend, TrendNumber
 
 BEGIN_NS = 1_767_225_600 * 10**9
 KM_A_MONTH = 1200.0
@@ -83,3 +84,7 @@ def history(
         columns=columns,
         invalid={"zero_g_offset_mps2": "needs two speeds"},
     )
+
+
+def number(tire: TireTrend, quantity: str) -> TrendNumber:
+    return next(entry for entry in tire.numbers if entry.quantity == quantity)

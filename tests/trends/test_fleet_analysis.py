@@ -10,17 +10,13 @@ from gateway.estimators.estimator import Status
 from gateway.reasons import Code
 from gateway.trends.fleet_analysis import analyse
 from gateway.trends.tire_history import TireHistory
-from gateway.trends.trend_result import FleetTrends, Quantity, TireTrend, TrendNumber
+from gateway.trends.trend_result import FleetTrends, Quantity, TireTrend
 from gateway.views.trend_report.trend_tables import trend_lines
-from tests.testkit.tire_histories import history
+from tests.testkit.tire_histories import history, number
 
 
 def trends_of(*tires: TireHistory) -> FleetTrends:
     return analyse(tires, recordings=sum(len(tire.recordings) for tire in tires))
-
-
-def number(tire: TireTrend, quantity: str) -> TrendNumber:
-    return next(entry for entry in tire.numbers if entry.quantity == quantity)
 
 
 def codes(tire: TireTrend) -> set[Code]:

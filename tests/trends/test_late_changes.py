@@ -14,7 +14,7 @@ from gateway.trends.tire_history import TireHistory
 from gateway.trends.trend_result import FleetTrends, Quantity, TireTrend, TrendNumber
 from gateway.types import FloatArray
 from gateway.views.wording import text
-from tests.testkit.tire_histories import history
+from tests.testkit.tire_histories import history, number
 
 COUNT = 60
 CHANGES = {
@@ -34,10 +34,6 @@ def changed(tire: TireHistory, **columns: FloatArray) -> TireHistory:
 
 def trends_of(tire: TireHistory) -> FleetTrends:
     return analyse([tire], recordings=len(tire.recordings))
-
-
-def number(tire: TireTrend, quantity: str) -> TrendNumber:
-    return next(entry for entry in tire.numbers if entry.quantity == quantity)
 
 
 def findings(tire: TireTrend, code: Code) -> list[dict[str, object]]:

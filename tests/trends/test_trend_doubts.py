@@ -10,8 +10,8 @@ from gateway.quantity import Statement
 from gateway.reasons import Code
 from gateway.trends.fleet_analysis import analyse
 from gateway.trends.tire_history import TireHistory
-from gateway.trends.trend_result import Quantity, TireTrend, TrendNumber
-from tests.testkit.tire_histories import history
+from gateway.trends.trend_result import Quantity, TireTrend
+from tests.testkit.tire_histories import history, number
 
 COUNT = 40
 HALF = np.arange(COUNT) >= COUNT // 2
@@ -19,10 +19,6 @@ HALF = np.arange(COUNT) >= COUNT // 2
 
 def trends_of(tire: TireHistory) -> tuple[TireTrend, ...]:
     return analyse([tire], recordings=COUNT).tires
-
-
-def number(tire: TireTrend, quantity: str) -> TrendNumber:
-    return next(entry for entry in tire.numbers if entry.quantity == quantity)
 
 
 def codes(tire: TireTrend) -> list[Code]:

@@ -64,13 +64,13 @@ def test_every_quantity_has_a_label(trends):
 
 
 def test_json_has_values_units_errors_and_codes(trends):
-    estimated_loads = json.loads(json.dumps(trends_json(trends), allow_nan=False))
-    assert (estimated_loads["format"], estimated_loads["recordings"], estimated_loads["failures"]) == (
+    document = json.loads(json.dumps(trends_json(trends), allow_nan=False))
+    assert (document["format"], document["recordings"], document["failures"]) == (
         "treadlink trends",
         80,
         3,
     )
-    numbers = estimated_loads["tires"][0]["numbers"]
+    numbers = document["tires"][0]["numbers"]
     assert {number["quantity"] for number in numbers} == {name for name in LABELS if "asymmetry" not in name}
     for number in numbers:
         assert number["unit"]
@@ -80,8 +80,8 @@ def test_json_has_values_units_errors_and_codes(trends):
         else:
             assert math.isfinite(number["value"])
             assert number["std"] >= 0.0
-    assert [finding["code"] for finding in estimated_loads["tires"][0]["findings"]] == ["trend_loses_pressure"]
-    assert {item["name"] for item in estimated_loads["outliers"]} == {"Bs"}
+    assert [finding["code"] for finding in document["tires"][0]["findings"]] == ["trend_loses_pressure"]
+    assert {item["name"] for item in document["outliers"]} == {"Bs"}
 
 
 def test_csv_has_one_row_for_each_number(trends):

@@ -41,12 +41,12 @@ class Store:
         digest = hashlib.sha256(repr(self.cases).encode()).hexdigest()
         about = folder / "plan.json"
         if about.is_file():
-            estimated_loads = json.loads(about.read_text(encoding="utf-8"))
-            if estimated_loads["seed"] != seed:
+            document = json.loads(about.read_text(encoding="utf-8"))
+            if document["seed"] != seed:
                 raise ValueError(
-                    f"'{folder}' holds the cases of seed {estimated_loads['seed']}, not {seed}: give another folder"
+                    f"'{folder}' holds the cases of seed {document['seed']}, not {seed}: give another folder"
                 )
-            if estimated_loads.get("digest") != digest:
+            if document.get("digest") != digest:
                 raise ValueError(f"'{folder}' holds the cases of another version of the rig: give another folder")
         else:
             (folder / "cases").mkdir(parents=True, exist_ok=True)

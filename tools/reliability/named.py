@@ -22,7 +22,8 @@ START_NS = 1_700_000_000_000_000_000
 _NOT_FAULTS = {Code.HUB_LOG, Code.LINK_CONNECTED}
 
 
-def _frames(data: bytes) -> Iterator[bytes]:
+def raw_frames(data: bytes) -> Iterator[bytes]:
+    """Yield every intact frame of bytes as bytes."""
     offset = 0
     while True:
         offset, end, _ = next_frame(data, offset)
@@ -56,7 +57,7 @@ def cases() -> Iterator[tuple[str, list[LinkItem]]]:
 
     good = simulated()
     data = b"".join(item.data for item in good if isinstance(item, Chunk))
-    frames = list(_frames(data))
+    frames = list(raw_frames(data))
     part = data[: len(data) // 4]
     yield "nothing wrong", good
     for baud in (115200, 460800, 1843200):

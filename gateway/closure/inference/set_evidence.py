@@ -124,11 +124,12 @@ def evaluated_at(fit: Fit) -> Evaluated:
         except NoShapeError:
             usable = fit.moved(inside - fit.vector)
     return Evaluated(
-        _names(fit), usable, log_evidence(fit), impossible(fit), log_prior_odds(fit.model), _by_lateral_axis(fit)
+        names_of(fit), usable, log_evidence(fit), impossible(fit), log_prior_odds(fit.model), _by_lateral_axis(fit)
     )
 
 
-def _names(fit: Fit) -> frozenset[str]:
+def names_of(fit: Fit) -> frozenset[str]:
+    """Return the names of the effects of a fit."""
     return frozenset(effect.name for effect in fit.model.effects)
 
 

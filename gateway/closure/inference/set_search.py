@@ -26,7 +26,15 @@ from gateway.closure.inference.likelihood import Whitened
 from gateway.closure.inference.other_optima import other_optima
 from gateway.closure.inference.profile_scan import ProfileScan, fitted_with
 from gateway.closure.inference.residual import ratios_by_part, residual_ratio
-from gateway.closure.inference.set_evidence import Evaluated, evaluate, log_evidence, log_odds, log_prior_odds, settled
+from gateway.closure.inference.set_evidence import (
+    Evaluated,
+    evaluate,
+    log_evidence,
+    log_odds,
+    log_prior_odds,
+    names_of,
+    settled,
+)
 from gateway.closure.model.baseline import Core, NoShapeError
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
 from gateway.worker_pool import Workers
@@ -308,7 +316,7 @@ class SetSearch:
         return fit.misfit < criteria.AT_NOISE * self.data.size
 
     def _evaluate(self, fit: Fit, near: Applied | None) -> Evaluated | None:
-        names = _names(fit)
+        names = names_of(fit)
         if names in self.rejected:
             return None
         if names not in self.evaluations:
@@ -331,7 +339,7 @@ class SetSearch:
 
         From a worse one, the effect that the set lacks would get the credit for leading out of it.
         """
-        names = _names(fit)
+        names = names_of(fit)
         previous = self.evaluations.get(names)
         self.evaluations.pop(names, None)
         evaluated = self._evaluate(fit, near)
@@ -409,13 +417,13 @@ class SetSearch:
             begun: sets from which a chain went on; those of this one are added.
         """
         highest, stalled = -math.inf, 0
-        while not self._stop() and _names(fit) not in begun:
-            begun.add(_names(fit))
+        while not self._stop() and names_of(fit) not in begun:
+            begun.add(names_of(fit))
             last = len(fit.model.effects) >= criteria.MOST_EFFECTS
             if not last:
                 self._begin(fit, self.effects)
             better = self._of_chain(fit)
-            evaluated = self.evaluations.get(_names(fit))
+            evaluated = self.evaluations.get(names_of(fit))
             stalled = 0 if evaluated is not None and evaluated.log_evidence > highest else stalled + 1
             highest = highest if evaluated is None else max(highest, evaluated.log_evidence)
             if last or stalled >= criteria.STALLED or (self._at_noise(fit) and not better):
@@ -429,7 +437,7 @@ class SetSearch:
 
     def _of_chain(self, fit: Fit) -> bool:
         """Evaluate a set of a chain; return whether it is better than the one that it extends."""
-        names = _names(fit)
+        names = names_of(fit)
         smaller = [candidate for of, candidate in self.evaluations.items() if of < names]
         parent = max(smaller, key=lambda candidate: (len(candidate.names), sorted(candidate.names)))
         evaluated = self._evaluate(fit, parent.fit.applied)
@@ -439,7 +447,7 @@ class SetSearch:
         """Return fits of a set with one more effect, by gain without a discrepancy; none without a gain."""
         self.on_step(len(fit.model.effects) + 1)
         trials = self._scan(fit, self.effects)
-        self.promises[_names(fit)] = {trial.effect.name: trial.promise for trial in trials}
+        self.promises[names_of(fit)] = {trial.effect.name: trial.promise for trial in trials}
         beyond = max(0.0, fit.misfit - self.data.size)
         fits: list[tuple[float, Fit]] = []
         most = trials[0].promise if trials else 0.0
@@ -494,17 +502,17 @@ class SetSearch:
             if self._stop():
                 return
             self._evaluate_anew(bare[index], best.fit.applied)
-            alike = _names(bare[index]) & expected == best.names & expected
+            alike = names_of(bare[index]) & expected == best.names & expected
             if alike and self._score(bare[index]) > best.log_evidence:
                 # From there on: the other neighbours of a set that can do with less are not worth the work.
                 return
         for without, worth in zip(bare, worths, strict=True):
-            (effect,) = best.names - _names(without)
+            (effect,) = best.names - names_of(without)
             self._begin(without, rivals_of(effect, worth, self.effects, list(self.promises.values())))
         for without, worth in zip(bare, worths, strict=True):
             if self._stop():
                 return
-            (effect,) = best.names - _names(without)
+            (effect,) = best.names - names_of(without)
             self._add(without, best, rivals_of(effect, worth, self.effects, list(self.promises.values())), near)
         if grows and not self._stop():
             self._add(best.fit, best, additions, near)
@@ -539,7 +547,7 @@ class SetSearch:
 
     def _score(self, fit: Fit) -> float:
         """Return the log evidence of a set, by its linearisation where it was not worked out."""
-        evaluated = self.evaluations.get(_names(fit))
+        evaluated = self.evaluations.get(names_of(fit))
         return _linear_score(fit) if evaluated is None else evaluated.log_evidence
 
     def _bare(self, best: Evaluated, effect: AngleEffect) -> Fit | None:
@@ -558,7 +566,7 @@ class SetSearch:
         for trial in self._scan(fit, among)[: criteria.RIVALS]:
             if self._stop():
                 return
-            names = _names(fit) | {trial.effect.name}
+            names = names_of(fit) | {trial.effect.name}
             if names in self.evaluations or names in self.rejected or len(names) > criteria.MOST_EFFECTS:
                 continue
             odds = log_prior_odds(trial.model) - log_prior_odds(fit.model)
@@ -571,7 +579,7 @@ class SetSearch:
 
         At noise, an effect promises no more with a discrepancy than it did without one.
         """
-        promised = self.promises.get(_names(fit))
+        promised = self.promises.get(names_of(fit))
         if promised is None or not self._at_noise(fit):
             return list(self.effects)
         conditions = tuple(group.conditions for group in self.campaign.groups)
@@ -589,7 +597,7 @@ class SetSearch:
         smaller = criteria.SMALLER_DISCREPANCY * best.fit.applied.amplitudes
         fit = best.fit.under(self.discrepancy.applied(smaller))
         for trial in self._scan(fit, self.effects)[: criteria.REFITTED]:
-            names = _names(fit) | {trial.effect.name}
+            names = names_of(fit) | {trial.effect.name}
             if self._stop() or trial.promise < criteria.LOOKED_AT:
                 return
             if names not in self.evaluations and names not in self.rejected:
@@ -640,10 +648,6 @@ def rivals_of(effect: str, worth: float, effects: Iterable[str], promises: Seque
         if name not in tried
         or any(of.get(name, -math.inf) > share * min(of.get(effect, 0.0), worth) - slack for of in telling)
     ]
-
-
-def _names(fit: Fit) -> Names:
-    return frozenset(effect.name for effect in fit.model.effects)
 
 
 def _best(sets: Iterable[Evaluated]) -> Evaluated:

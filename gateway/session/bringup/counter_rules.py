@@ -167,7 +167,7 @@ class CounterRules:
         hub.last_seq = seen.seq
         if state.last_seq is not None:
             state.same_steps += state.last_seq == seen.seq
-            state.swapped_steps += signed_step(_swapped(state.last_seq), _swapped(seen.seq)) == 1
+            state.swapped_steps += signed_step(swapped(state.last_seq), swapped(seen.seq)) == 1
         state.last_seq = seen.seq
 
     def finish(self) -> None:
@@ -216,5 +216,6 @@ class CounterRules:
         self._ledger.fail(clause, source_name(seen.source), reason, seen.data, seen.at_byte)
 
 
-def _swapped(number: int) -> int:
+def swapped(number: int) -> int:
+    """Return a number of 32 bits with its bytes in the other order."""
     return int.from_bytes(number.to_bytes(4, "little"), "big")

@@ -9,6 +9,7 @@ from zlib import crc32
 from firmware_protocol import wire
 from gateway.reasons import Code, Reason
 from gateway.session.bringup.clauses import Clause
+from gateway.session.bringup.counter_rules import swapped
 from gateway.session.line_content import swapped_syncs
 
 _MASK: Final = 0xFFFF_FFFF
@@ -41,12 +42,8 @@ def _words(data: bytes) -> bytes:
     return b"".join(data[offset : offset + 4][::-1] for offset in range(0, len(data), 4))
 
 
-def _swapped(value: int) -> int:
-    return int.from_bytes(value.to_bytes(4, "little"), "big")
-
-
 _VARIANTS: Final[Mapping[Code, Callable[[bytes], int]]] = {
-    Code.CRC_BIG_ENDIAN: lambda data: _swapped(crc32(data)),
+    Code.CRC_BIG_ENDIAN: lambda data: swapped(crc32(data)),
     Code.CRC_NOT_INVERTED: lambda data: crc32(data) ^ _MASK,
     Code.CRC_FROM_ZERO: lambda data: crc32(data, _MASK),
     Code.CRC_FROM_ZERO_NOT_INVERTED: lambda data: crc32(data, _MASK) ^ _MASK,

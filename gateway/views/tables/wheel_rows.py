@@ -3,7 +3,7 @@
 import json
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import asdict
 from typing import Final
 
@@ -148,7 +148,7 @@ class WheelRow:
             **self._stated(),
             "noise_mps2": self._noise.value,
             "missing_fraction": self._missing_s / self._rolling_s if rolled else None,
-            "faults": _as_list([{**as_json(fault), "count": n} for fault, n in self._faults.most_common()]),
+            "faults": json_cell([{**as_json(fault), "count": n} for fault, n in self._faults.most_common()]),
         }
         if wheel is not None:
             counters = wheel.counters
@@ -209,5 +209,6 @@ def _extended(span: tuple[float, float], value: float) -> tuple[float, float]:
     return (min(span[0], value), max(span[1], value)) if math.isfinite(value) else span
 
 
-def _as_list(entries: Sequence[object]) -> str | None:
+def json_cell(entries: Collection[object]) -> str | None:
+    """Return entries as JSON, None without any."""
     return json.dumps(entries, ensure_ascii=False, allow_nan=False) if entries else None
