@@ -157,6 +157,7 @@ class Code(Enum):
     # Estimates
     # Of any estimator
     AC_COUPLED = "AC-coupled: the steady value is lost"
+    AC_CORNER_NOT_STATED = "AC-coupled with a corner that is not stated, by which the lowest orders are turned"
     AVERAGE_ERRORS_UNKNOWN = "the standard errors of the average are not known"
     AXIS_MISSING = "the sensor has no {axis} axis"
     AXIS_NOT_FINITE = "the {axis} axis is not finite"

@@ -136,6 +136,7 @@ class Revolution:
         uncorrected: why the known effects of an effects file were not subtracted from `axes_mps2` and what is made of
             them; None when they were, or when there is no such file.
         turns: between the two contacts; more than 1 where contacts between them were not seen.
+        corner: of the AC coupling over the wheel's frequency, undone in the axes; 0 for none, or where none is stated.
     """
 
     index: int
@@ -160,6 +161,7 @@ class Revolution:
     rate_hz: float = float("nan")
     uncorrected: Reason | None = None
     turns: int = 1
+    corner: float = 0.0
 
 
 def sign_not_determined(value: float, std: float) -> Reason:

@@ -25,7 +25,7 @@ from gateway.estimators.lateral_shape import CIRCUMFERENTIAL, LATERAL
 from gateway.estimators.order_errors import relative_std, wave_std
 from gateway.estimators.pace import LONGEST, is_due
 from gateway.estimators.revolution_block import RevolutionBlock, RevolutionEstimator
-from gateway.estimators.sensor_claims import Tilt
+from gateway.estimators.sensor_claims import CORNER_TOLERANCE, Tilt
 from gateway.physics.asymmetric_belt import curvature_from_signal
 from gateway.physics.belt_shape import MAX_ORDER, orders_about
 from gateway.reasons import Code, Reason
@@ -223,6 +223,11 @@ class LongitudinalForceEstimator(RevolutionEstimator):
         signal = orders_about(average.radial_mps2, 0.5 * (edges_rad[0] + edges_rad[1]), max_order)
         waves = wave_std(signal, std / math.sqrt(average.effective_count), max_order)
         waves[HUB_ORDER] = math.hypot(waves[HUB_ORDER], hub_mps2 / mean_mps2)
+        if revolution.corner:
+            # An order that is turned has its sine from its cosine.
+            count = min(len(signal), len(waves))
+            turned = CORNER_TOLERANCE * revolution.corner / np.arange(1.0, count) * np.abs(signal[1:count])
+            waves[1:count] = np.hypot(waves[1:count], turned / mean_mps2)
         if outdated:
             self._tire.solve(std, waves, half_angle_rad, None)
         self._now.solve(std, waves, half_angle_rad, self._prior(revolution.omega_radps))
@@ -244,6 +249,8 @@ class LongitudinalForceEstimator(RevolutionEstimator):
     def _after_solution(self, revolution: Revolution, conditions: TireConditions) -> tuple[Estimate, ...]:
         """Return the estimates."""
         doubts = doubt_about(revolution, self._now.effective_count)
+        if revolution.ac_coupled and not revolution.corner:
+            doubts = (*doubts, Reason(Code.AC_CORNER_NOT_STATED))
         assert self._now.solution is not None
         assert self._tire.solution is not None
         forces, covariance = self._now.forces, self._now.covariance

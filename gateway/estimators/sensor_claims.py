@@ -19,6 +19,8 @@ UNKNOWN_OFFSET_STD_M: Final = 5e-3
 """A sensor on the inner liner is 0 to 10 mm below the neutral layer."""
 RADIUS_STD: Final = 0.01
 """Relative standard error of a belt radius from a data sheet."""
+CORNER_TOLERANCE: Final = 0.1
+"""Relative standard error of the corner of an AC coupling: of its capacitor."""
 LOAD_STD: Final = 0.1
 """Relative standard error of a wheel load that was not weighed: passengers and luggage, and left against right."""
 PRESSURE_STD: Final = 0.05

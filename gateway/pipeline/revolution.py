@@ -27,6 +27,7 @@ from gateway.signal.angle_resampling import (
 )
 from gateway.signal.clipping import is_clipped
 from gateway.signal.contact_edges import find_contact_edges
+from gateway.signal.coupling_highpass import before_highpass
 from gateway.signal.order_spectrum import ORDER_COUNT, band_noises, highest_order, sample_std, spectrum_coefficients
 from gateway.signal.speed_normalisation import normalise_revolutions
 from gateway.types import ComplexArray, FloatArray
@@ -45,6 +46,7 @@ class SensorReading:
         offset_counts: (channels,) counts at zero acceleration.
         saturation_counts: |count| at or above which a sample is saturated.
         ac_coupled: whether the sensor passes no steady value.
+        corner_hz: of that coupling; 0 for none, or where none is stated.
         rate_hz: sampling rate.
         radial_column: channel of the radial axis, -1 without one.
         has_radial: whether there is a radial axis that can be used; one of scale 0 cannot.
@@ -55,6 +57,7 @@ class SensorReading:
     offset_counts: FloatArray
     saturation_counts: int
     ac_coupled: bool
+    corner_hz: float
     rate_hz: float
     radial_column: int
     has_radial: bool
@@ -70,6 +73,7 @@ class SensorReading:
             offset_counts=np.array([hello.offset_counts[axis] for axis in columns]),
             saturation_counts=hello.saturation_counts,
             ac_coupled=hello.coupling == Coupling.AC,
+            corner_hz=max(hello.highpass_hz, 0.0) if hello.coupling == Coupling.AC else 0.0,
             rate_hz=hello.rate_hz,
             radial_column=columns.index(Axis.RADIAL) if has_radial else -1,
             has_radial=has_radial and hello.scale_mps2[Axis.RADIAL] != 0.0,
@@ -184,15 +188,18 @@ def _in_angle(
     else:
         axes.fill(math.nan)
         axes[:, list(reading.columns)] = resample_revolutions(counts, phases, GRID_SIZE, scale)
-    for row, revolution in zip(axes, revolutions, strict=True):
-        if revolution.sign < 0:
-            np.negative(row[Axis.RADIAL], out=row[Axis.RADIAL])
-        if revolution.contribution_mps2 is not None:
-            row -= revolution.contribution_mps2
     omegas_radps = [
         2.0 * math.pi * timed_revolution.turns * timed_revolution.rate_hz / phase.samples
         for timed_revolution, phase in zip(revolutions, phases, strict=True)
     ]
+    corners = [2.0 * math.pi * reading.corner_hz / omega_radps for omega_radps in omegas_radps]
+    for row, revolution, corner in zip(axes, revolutions, corners, strict=True):
+        if corner:
+            row[:] = before_highpass(row, corner)
+        if revolution.sign < 0:
+            np.negative(row[Axis.RADIAL], out=row[Axis.RADIAL])
+        if revolution.contribution_mps2 is not None:
+            row -= revolution.contribution_mps2
     # Hardly ever is any sample of a block saturated.
     may_be_saturated = reading.is_saturated(buffer.view(*_range(revolutions[0], revolutions[-1], buffer)))
     faults: list[tuple[Reason, ...]] = []
@@ -257,6 +264,7 @@ def _in_angle(
             rate_hz=revolution.rate_hz,
             uncorrected=revolution.uncorrected,
             turns=revolution.turns,
+            corner=corners[row_index],
         )
 
 

@@ -5,8 +5,8 @@ bias, by what causes it:
 
 - A band of corner w smears a contact edge over the time 1 / w, in which the wheel turns by Omega / w, of the angle of
   contact.
-- An AC coupling of corner c passes the share 1 / (1 - i c / n) of order n: order 1, the slowest, misses the share
-  c / sqrt(1 + c^2), c in units of the wheel's frequency.
+- An AC coupling of corner c passes the share 1 / (1 - i c / n) of order n, which is undone: of order 1, the slowest,
+  the corner's tolerance times c / sqrt(1 + c^2) remains, c in units of the wheel's frequency.
 - Steps that no noise blurs leave step / sqrt(12) in every sample, of the little that the signal varies away from the
   contact, on which Ts rests.
 """
@@ -21,10 +21,12 @@ from numpy.typing import NDArray
 
 from firmware_protocol.messages import Axis, Hello
 from gateway.estimators.estimator import Revolution
+from gateway.estimators.sensor_claims import CORNER_TOLERANCE
 from gateway.quantity import Basis
 from gateway.reasons import Code, Reason
 
-# Of the wheel's frequency: two poles at 60 lengthen the contact by 2 %; a corner at 0.12 raises Ts by 2 %.
+# Of the wheel's frequency: two poles at 60 lengthen the contact by 2 %; a corner at 0.12 that is not undone raises Ts
+# by 2 %.
 _LEAST_BAND: Final = 60.0
 _LARGEST_AC_CORNER: Final = 0.1
 # Steps over the noise beneath them, which blurs those that are smaller.
@@ -111,7 +113,8 @@ class SensorLimits:
             yield Doubt(Basis.SAMPLES, band, wheel_hz / (self._bandwidth_hz * self._contact_rad))
         if (corner := high_corner(self._highpass_hz, wheel_hz)) is not None:
             assert self._highpass_hz is not None
-            yield Doubt(Basis.COUPLING, corner, self._highpass_hz / math.hypot(self._highpass_hz, wheel_hz))
+            share = CORNER_TOLERANCE * self._highpass_hz / math.hypot(self._highpass_hz, wheel_hz)
+            yield Doubt(Basis.COUPLING, corner, share)
         if len(self._steps) < _REVOLUTIONS:
             self._steps.append(step_counts(counts))
         step_mps2 = self._count_mps2 * median(self._steps)

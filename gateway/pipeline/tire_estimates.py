@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -27,6 +28,7 @@ from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.quantity import Basis
 from gateway.quantity_catalogue import quantities_of, rests_on_times_alone
 from gateway.reasons import Code, Reason
+from gateway.signal.coupling_highpass import behind_highpass
 from gateway.signal.synchronous_average import AverageSteps, RunningAverage
 from gateway.types import ComplexArray, FloatArray
 
@@ -411,13 +413,23 @@ class TireEstimates:
         """Standard deviation of the waveform from revolution to revolution, (n,), None likewise."""
         return self._current.average.scatter_mps2
 
-    def average_as_measured(self, *, ac_coupled: bool) -> AngleAverage | None:
-        """Return the running average including known effects, as in the samples in which contacts are searched."""
+    def average_as_measured(self, *, ac_coupled: bool, corner_hz: float = 0.0) -> AngleAverage | None:
+        """Return the running average including known effects, as in the samples in which contacts are searched.
+
+        Args:
+            ac_coupled: whether the sensor passes no steady value.
+            corner_hz: of that coupling.
+        """
         average, table = self.average, self._setup.correction
-        if average is None or table is None or self._current is not self._series[False]:
-            return average
-        added = table.contribution_mps2(average.omega_radps, ac_coupled=ac_coupled)[Axis.RADIAL]
-        return replace(average, radial_mps2=average.radial_mps2 + added)
+        if average is None:
+            return None
+        radial_mps2 = average.radial_mps2
+        if table is not None and self._current is self._series[False]:
+            added = table.contribution_mps2(average.omega_radps, ac_coupled=ac_coupled)[Axis.RADIAL]
+            radial_mps2 = radial_mps2 + added
+        if corner_hz:
+            radial_mps2 = behind_highpass(radial_mps2, 2.0 * math.pi * corner_hz / average.omega_radps)
+        return average if radial_mps2 is average.radial_mps2 else replace(average, radial_mps2=radial_mps2)
 
     def contribution(
         self, omega_radps: float, end_us: float, *, sensor_id: int, ac_coupled: bool

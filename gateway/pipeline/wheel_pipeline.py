@@ -373,7 +373,8 @@ class WheelPipeline:
             pair, sign = waiting[done]
             if not self._timer.until_renewal:
                 assert self._sensor is not None
-                average = self._tire.average_as_measured(ac_coupled=self._sensor.reading.ac_coupled)
+                reading = self._sensor.reading
+                average = self._tire.average_as_measured(ac_coupled=reading.ac_coupled, corner_hz=reading.corner_hz)
                 self._timer.renew(average, pair.end.centre - pair.start.centre)
             fills_no_block = len(waiting) - done < self._timer.until_renewal
             if overwritten is not None and fills_no_block and overwritten <= int(pair.start.centre):

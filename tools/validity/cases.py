@@ -1,5 +1,6 @@
 """Cases: everything true, and every single misstatement at several sizes."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
@@ -9,6 +10,9 @@ import numpy as np
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from validity.statements import Statement, known_exactly, moved_to, without_errors
 from validity.tires import TREAD_PER_PRESSURE, World, ordinary, with_resistance
+
+# Of the sampling rate, which a band is below.
+_BAND_OF_RATE: Final = 0.45
 
 Kind = Literal["true", "one", "two", "conditions", "normal", "hidden"]
 Change = Callable[[World, Statement, float, np.random.Generator], tuple[World, Statement]]
@@ -185,6 +189,10 @@ def _while_driving(*extra: tuple[str, str, Callable[[World, float], Any]]) -> Ch
     return change
 
 
+def _turns_hz(world: World) -> float:
+    return world.omega_radps / (2.0 * math.pi)
+
+
 def _step(before: float, after: float) -> tuple[tuple[float, float], ...]:
     return (0.0, before), (0.5, before), (0.51, after)
 
@@ -245,6 +253,29 @@ CASES: Final[tuple[Case, ...]] = (
     # Off by many of the errors that are stated for them: nothing but another statement can say so.
     Case("load-as-weighed", "%", _both(5.0, 10.0, 20.0), _load_known, "load off, its error stated as 1 %", "hidden"),
     Case("pressure-as-checked", "%", _both(5.0, 10.0, 20.0), _pressure_known, "pressure off, 0.5 % stated", "hidden"),
+    Case(
+        "band",
+        "of the wheel's frequency",
+        (20.0, 30.0, 60.0),
+        _while_driving(
+            ("sensor", "bandwidth_hz", lambda world, size: min(size * _turns_hz(world), _BAND_OF_RATE * world.rate_hz))
+        ),
+        "two poles of the sensor, not stated",
+        "hidden",
+        tire=True,
+    ),
+    Case(
+        "ac-corner",
+        "of the wheel's frequency",
+        (0.03, 0.1, 0.3),
+        _while_driving(
+            ("sensor", "coupling", lambda *_: "ac"),
+            ("sensor", "highpass_hz", lambda world, size: size * _turns_hz(world)),
+        ),
+        "AC coupling, as the sensor states it",
+        "conditions",
+        tire=True,
+    ),
     Case(
         "imbalance",
         "m/s^2",
