@@ -257,20 +257,23 @@ static void load_keys(const char *name, tl_wheel_config *wheel, tl_collector_con
     }
 }
 
-/* What the sensor has taken since it was last looked at, as its interrupt would hand it over. */
-static void take_samples(void) {
+/* The next block that the sensor has taken, as its interrupt would hand it over; false: there is none. A process that
+   the computer wakes late has all of them still. */
+static bool take_block(void) {
     int16_t words[BLOCK_ROWS * 3u];
     uint64_t due = (uint64_t)((double)(now_us() - sensor_begin_us) * 1e-6 * rate_hz);
-    while (taken < due) {
-        uint32_t n = due - taken < BLOCK_ROWS ? (uint32_t)(due - taken) : BLOCK_ROWS;
-        for (uint32_t i = 0; i < n; i++) {
-            size_t row = (size_t)((taken + i) * stride % row_count);
-            memcpy(words + i * channels, rows + row * channels, channels * sizeof *words);
-        }
-        uint64_t first_us = sensor_begin_us + (uint64_t)((double)taken / rate_hz * 1e6);
-        tl_collector_put(&collector, 0, words, n, (uint32_t)(first_us - begin_us));
-        taken += n;
+    if (taken >= due) {
+        return false;
     }
+    uint32_t n = due - taken < BLOCK_ROWS ? (uint32_t)(due - taken) : BLOCK_ROWS;
+    for (uint32_t i = 0; i < n; i++) {
+        size_t row = (size_t)((taken + i) * stride % row_count);
+        memcpy(words + i * channels, rows + row * channels, channels * sizeof *words);
+    }
+    uint64_t first_us = sensor_begin_us + (uint64_t)((double)taken / rate_hz * 1e6);
+    tl_collector_put(&collector, 0, words, n, (uint32_t)(first_us - begin_us));
+    taken += n;
+    return true;
 }
 
 static void listen_on(const char *port) {
@@ -335,8 +338,10 @@ int main(int count, char **arguments) {
     listen_on(port);
     for (;;) {
         const struct timespec pause = {.tv_nsec = POLL_NS};
-        take_samples();
+        bool took = take_block();
         tl_collector_poll(&collector);
-        nanosleep(&pause, NULL);
+        if (!took) {
+            nanosleep(&pause, NULL);
+        }
     }
 }
