@@ -21,6 +21,8 @@ _ACCELERATION_STD_MPS2: Final = 1.0
 # Standard error of the number of missing turns, and distance to a whole number, within which it is taken as whole.
 _WHOLE_STD_TURNS: Final = 0.15
 _WHOLE_WITHIN_TURNS: Final = 0.3
+# Standard error of a number of turns that is not whole.
+_NOT_WHOLE_STD_TURNS: Final = 0.5
 
 
 class DistanceEstimator(RevolutionEstimator):
@@ -53,6 +55,9 @@ class DistanceEstimator(RevolutionEstimator):
         self._end_s, self._frequency_hz = revolution.start_s + revolution.period_s, frequency
         self._distance_m += circumference * revolution.turns
         self._turns += revolution.turns
+        if revolution.turns > 1 and any(fault.code is Code.CONTACT_INTERPOLATED for fault in revolution.faults):
+            # Neither end of it was seen, so that it need not be whole turns.
+            self._bridged_variance_m2 += (_NOT_WHOLE_STD_TURNS * circumference) ** 2
         by_radius = 2.0 * math.pi * self._turns * conditions.radius_std_m
         std = math.sqrt(by_radius**2 + self._bridged_variance_m2)
         doubts: list[Reason] = []

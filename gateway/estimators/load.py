@@ -69,7 +69,9 @@ class LoadEstimator(RevolutionEstimator):
             error_beyond_definition(revolution.leading_edge_std_rad),
             error_beyond_definition(revolution.trailing_edge_std_rad),
         )
-        by_angle = _compared(_by_angle(revolution, conditions, half, half_std, pressure), conditions)
+        by_angle = _by_angle(revolution, conditions, half, half_std, pressure)
+        disagreement_n = _disagreement_n(by_angle, conditions)
+        by_angle = _compared(by_angle, conditions)
         by_width = _compared(self._by_width(block, index), conditions)
         if DoubtRule.TWO_LOADS in conditions.rules:
             by_angle, by_width = _widened(by_angle, by_width)
@@ -77,7 +79,8 @@ class LoadEstimator(RevolutionEstimator):
         doubts = _contradictions((by_angle, by_width), conditions)
         edges, faults = edge_condition(revolution)
         doubts = doubts if edges is Status.VALID else (*doubts, *faults)
-        return load, by_angle, by_width, _pressure_number(load, conditions, doubts, half, half_std, pressure)
+        stated = replace(conditions, load_std_n=math.hypot(conditions.load_std_n, disagreement_n))
+        return load, by_angle, by_width, _pressure_number(load, stated, doubts, half, half_std, pressure)
 
     def _without_width(self, tire: TireData) -> TireData:
         """Return data of the tire without its width, which an assumed load must not be compared with."""
@@ -133,6 +136,14 @@ def _beyond_load(width: Estimate, load_std: float, conditions: TireConditions) -
         return -(load_std**2)
     pressure_std = conditions.pressure_std_pa / conditions.pressure_pa
     return pressure_std**2 + (2.0 * conditions.radius_std_m / conditions.radius_m) ** 2 - replaced**2
+
+
+def _disagreement_n(by_angle: Estimate, conditions: TireConditions) -> float:
+    """Return the error of the stated load because the contact angle disagrees with it, short of a contradiction."""
+    if conditions.load_n is None or by_angle.status is Status.INVALID:
+        return 0.0
+    both = math.hypot(by_angle.std, conditions.load_std_n)
+    return disagreement_std(by_angle.value - conditions.load_n, both)
 
 
 def _compared(estimate: Estimate, conditions: TireConditions) -> Estimate:

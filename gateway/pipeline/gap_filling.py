@@ -22,6 +22,8 @@ _MOST: Final = 8
 _LEAST: Final = 4
 # Samples on either side of a gap that the interpolation draws towards it: an error decays by 0.43 a sample.
 _BESIDE_SAMPLES: Final = 3
+# A wheel that stands, or a sensor that is silent, for longer may roll on under another load.
+_LONGEST_PAUSE_S: Final = 10.0
 
 
 def angles_in_gaps(gaps: Iterable[tuple[float, float]], phase: Phase, n: int) -> BoolArray:
@@ -59,8 +61,11 @@ class GapFilling:
         """Forget the shape, as after a change of sensor."""
         self._earlier: deque[_Earlier] = deque(maxlen=_MOST)
         self._state: object = None
+        self._latest_s = -math.inf
 
-    def take(self, axes_mps2: FloatArray, omega_radps: float, inside: BoolArray | None, state: object) -> bool:
+    def take(
+        self, axes_mps2: FloatArray, omega_radps: float, inside: BoolArray | None, state: object, start_s: float
+    ) -> bool:
         """Take a revolution that may be averaged but for its gaps; return whether it has none left.
 
         Args:
@@ -68,10 +73,11 @@ class GapFilling:
             omega_radps: mean angular speed.
             inside: (n,) at which angles there is no sample; None where there are samples everywhere.
             state: what the shape depends on besides; revolutions of another state are forgotten.
+            start_s: when the revolution begins; those from before a pause are forgotten.
         """
-        if state != self._state:
+        if state != self._state or not 0.0 <= start_s - self._latest_s <= _LONGEST_PAUSE_S:
             self._earlier.clear()
-            self._state = state
+        self._state, self._latest_s = state, start_s
         is_whole = inside is None or self._fill(axes_mps2, omega_radps, inside)
         self._earlier.append(_Earlier(axes_mps2, omega_radps, inside))
         return is_whole

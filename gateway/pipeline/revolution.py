@@ -218,7 +218,7 @@ def _in_angle(
         if not (against or is_damaged):
             inside = angles_in_gaps(_gaps(timed_revolution, buffer), phase, GRID_SIZE) if lost else None
             state = timed_revolution.sign, timed_revolution.contribution_mps2 is None
-            is_usable = filling.take(row, omega_radps, inside, state)
+            is_usable = filling.take(row, omega_radps, inside, state, timed_revolution.start_s)
         faults.append(against if is_usable else (Reason(Code.SAMPLES_LOST), *against))
         missing.append(lost / phase.samples)
         saturated.append(is_saturated)

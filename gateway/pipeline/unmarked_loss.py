@@ -55,7 +55,7 @@ class UnmarkedLossCheck:
         self._periods: tuple[float, ...] = ()
         self._deviating = 0
 
-    def turns(self, period: float, mean_mps2: float, stated: float = 0.0) -> int:
+    def turns(self, period: float, mean_mps2: float, stated: float = 0.0, *, is_whole: bool = True) -> int:
         """Return the number of turns between the contacts of a revolution; 1 where nothing tells of more.
 
         Args:
@@ -63,6 +63,7 @@ class UnmarkedLossCheck:
             mean_mps2: mean of its radial axis, positive inward.
             stated: product of mean and square of the period of one turn by radius and rate as stated, which counts
                 before there are revolutions to compare with; 0 for none.
+            is_whole: whether both contacts were seen, so that only a whole number is one.
         """
         if not mean_mps2 > _LEAST_MEAN_MPS2:
             return 1
@@ -71,9 +72,9 @@ class UnmarkedLossCheck:
             return 1
         turns = math.sqrt(mean_mps2 * period * period / middle)
         # The mean of a wheel that slows down falls with the square of its speed, so the product stays.
-        if turns < _SEVERAL_TURNS or abs(turns - round(turns)) > _WHOLE_WITHIN:
+        if turns < _SEVERAL_TURNS or (is_whole and abs(turns - round(turns)) > _WHOLE_WITHIN):
             return 1
-        return round(turns)
+        return max(round(turns), 2)
 
     def missing(self, period: float, mean_mps2: float) -> float:
         """Take a revolution; return the number of samples it is short of, negative for repeated ones, 0 for none.

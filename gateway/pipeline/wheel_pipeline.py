@@ -1,8 +1,9 @@
 """Pipeline of one wheel: from raw samples to revolutions and estimates."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -42,6 +43,10 @@ _LATE_TOLERANCE_US: Final = 250_000
 _MOST_WAITING: Final = 60
 # Turns to either side of a contact within which a gap may hide it: it is known by the belt before and behind it too.
 _HIDDEN_WITHIN_TURNS: Final = 0.25
+# Share of the mean below which the radial axis is in a contact only, where a flat belt reads nothing, and share of half
+# a turn for which it is, of the shortest one.
+_IN_CONTACT: Final = 0.4
+_DIP_SHARE: Final = 0.05
 # Faults of a sensor whose radial axis shows no contacts; they say more than that axis can.
 _NO_CONTACTS_WITH: Final = frozenset((Code.SENSOR_DEAD, Code.SENSOR_STUCK, Code.SENSOR_TILTED))
 
@@ -447,15 +452,19 @@ class WheelPipeline:
         for pair, timed_pair in zip(pairs, timed, strict=True):
             start, end = timed_pair.start.centre, timed_pair.end.centre
             first, last = math.ceil(start), math.ceil(end)
-            if pair.start.predicted or pair.end.predicted:
+            is_predicted = pair.start.predicted or pair.end.predicted
+            is_lossy = buffer.missing_between(first, last) > 0
+            if is_predicted and not is_lossy:
                 checked.append(_SOUND)
                 continue
-            if buffer.missing_between(first, last):
+            if is_lossy:
                 # Without a contact the mean is too large by the share of that, a tenth; over two turns, four times.
                 mean_mps2 = scale * (buffer.measured_mean(first, last, column) - offset)
-                turns = self._unmarked.turns(end - start, abs(mean_mps2), stated)
+                turns = self._unmarked.turns(end - start, abs(mean_mps2), stated, is_whole=not is_predicted)
                 # A mean that points outward is that of a wheel whose gaps were taken for contacts.
-                is_hidden = mean_mps2 < 0.0 or _may_hide_contacts(buffer, start, end, turns)
+                level = offset + _IN_CONTACT * mean_mps2 / scale
+                dips = partial(_dips, column=column, level=level, scale=scale)
+                is_hidden = mean_mps2 < 0.0 or _may_hide_contacts(buffer, start, end, turns, dips)
                 checked.append(_Checked(0.0, turns) if is_hidden else _SOUND)
                 continue
             total = int(buffer.view(first, last)[:, column].sum(dtype=np.int64))
@@ -537,9 +546,27 @@ class WheelPipeline:
         )
 
 
-def _may_hide_contacts(buffer: SampleBuffer, start: float, end: float, turns: int) -> bool:
-    """Return whether samples were lost at all places where contacts between two would be at a steady speed."""
+def _may_hide_contacts(
+    buffer: SampleBuffer, start: float, end: float, turns: int, dips: Callable[[NDArray[np.int16]], bool]
+) -> bool:
+    """Return whether contacts may be at all places where they would be between two at a steady speed.
+
+    There, samples were lost, or they dip as in a contact, which was passed over for its distance to the one before.
+    """
     turn = (end - start) / turns
-    centres = (start + place * turn for place in range(1, turns))
     reach = _HIDDEN_WITHIN_TURNS * turn
-    return all(buffer.missing_between(math.floor(centre - reach), math.ceil(centre + reach)) for centre in centres)
+    places = (
+        (math.floor(start + place * turn - reach), math.ceil(start + place * turn + reach)) for place in range(1, turns)
+    )
+    return all(buffer.missing_between(*place) or dips(buffer.view(*place)) for place in places)
+
+
+def _dips(samples: NDArray[np.int16], column: int, level: float, scale: float) -> bool:
+    """Return whether the radial axis in samples of half a turn, (n, channels), stays nearer to zero than a level."""
+    counts = samples[:, column]
+    width = max(3, round(_DIP_SHARE * len(counts)))
+    if len(counts) < width:
+        return False
+    sums = np.cumsum(np.concatenate([[0], counts]), dtype=np.int64)
+    means = (sums[width:] - sums[:-width]) / width
+    return bool((means < level).any() if scale > 0.0 else (means > level).any())

@@ -10,7 +10,7 @@ from gateway.estimators.distance import DistanceEstimator
 from gateway.estimators.estimator import Estimate, Status
 from gateway.pipeline.tire_estimates import _Series
 from gateway.pipeline.wheel_setup import WheelSetup
-from gateway.reasons import Code, codes_of
+from gateway.reasons import Code, Reason, codes_of
 from tests.testkit.exact_ring import RADIUS_M, solution
 from tests.testkit.revolution_data import CONDITIONS, exact_wave, make_revolution, settled
 from tests.testkit.simulated_wheel import last, simulated
@@ -51,6 +51,13 @@ def test_long_gap_is_bridged_with_its_error() -> None:
     assert result.std == pytest.approx(25.0 / math.sqrt(3.0))
     (bridged,) = result.reasons
     assert bridged["duration_s"] == pytest.approx(10.0)
+
+
+def test_turns_between_contacts_that_were_not_seen_need_not_be_whole() -> None:
+    estimator = DistanceEstimator()
+    for faults, std in (((), 0.0), ((Reason(Code.CONTACT_INTERPOLATED),), 0.5 * TURN_M)):
+        (found,) = estimator.update(replace(REVOLUTION, turns=2, faults=faults), AVERAGE, CONDITIONS)
+        assert found.std == pytest.approx(std)
 
 
 def test_restarted_hub_time_makes_the_distance_provisional() -> None:

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 
+from gateway.estimators.disagreement import disagreement_std
 from gateway.estimators.estimator import Estimate, Status, TireConditions
 from gateway.estimators.load import LoadEstimator
 from gateway.estimators.tire_data import LoadCalibration, ReferenceNumbers, TireData
@@ -240,6 +241,21 @@ def test_pressure_number() -> None:
     half = 0.5 * (REVOLUTION.trailing_edge_rad - REVOLUTION.leading_edge_rad)
     assert result.value == pytest.approx(5000.0 / (2.0 * 210e3 * half * 0.32**2))
     assert result.value == pytest.approx(0.485, rel=0.025)  # physics notes, section 1
+
+
+def test_load_that_the_contact_angle_disagrees_with_widens_the_pressure_number() -> None:
+    # Without the width of the new tire, which would contradict it.
+    tire = replace(CALIBRATED, reference=replace(NEW.reference, Cw=None))
+    conditions = replace(CONDITIONS, load_n=None, tire=tire, given={})
+    angle = LoadEstimator().update(REVOLUTION, AVERAGE, conditions)[1]
+    relative: list[float] = []
+    for errors in (0.0, 2.5):
+        stated = replace(conditions, load_n=angle.value + errors * angle.std)
+        number = LoadEstimator().update(REVOLUTION, AVERAGE, stated)[3]
+        assert number.status is Status.VALID
+        relative.append(number.std / number.value)
+    by_load = disagreement_std(2.5 * angle.std, angle.std) / (angle.value + 2.5 * angle.std)
+    assert relative[1] == pytest.approx(math.hypot(relative[0], by_load))
 
 
 @pytest.mark.parametrize(

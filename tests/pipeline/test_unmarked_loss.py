@@ -10,9 +10,10 @@ from firmware_protocol.messages import Hello, SampleBlock
 from gateway.config.validation import parse_document
 from gateway.estimators.estimator import Status
 from gateway.pipeline.results import RevolutionResult
+from gateway.pipeline.sample_buffer import SampleBuffer
 from gateway.pipeline.timebase import HostClock
 from gateway.pipeline.unmarked_loss import UnmarkedLossCheck
-from gateway.pipeline.wheel_pipeline import WheelPipeline
+from gateway.pipeline.wheel_pipeline import WheelPipeline, _dips, _may_hide_contacts
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.reasons import Code
 from gateway.simulator.scenario_model import Scenario
@@ -111,6 +112,7 @@ def test_product_of_several_turns_tells_how_many() -> None:
     assert check.turns(300.0, 900.0) == 3
     assert check.turns(2000.0, 880.0) == 20
     assert check.turns(155.0, 900.0) == 1  # no whole number
+    assert check.turns(155.0, 900.0, is_whole=False) == 2
 
 
 def test_wheel_without_load_loses_neither_distance_nor_averages() -> None:
@@ -165,3 +167,26 @@ def test_gaps_at_every_second_contact_do_not_halve_a_valid_speed(reach_turns: fl
         assert Code.SEVERAL_TURNS in [fault.code for fault in revolution.faults]
     rolled_m = results[-1].estimates[-1].value
     assert rolled_m == pytest.approx(2.0 * math.pi * SETUP.radius_m * 2 * len(results), rel=1e-9)
+
+
+@pytest.mark.parametrize("scale", [0.1, -0.1])
+def test_contact_that_was_passed_over_dips_between_two(scale: float) -> None:
+    """Of two turns, in samples of 100 m/s^2 that read nothing in a contact of a twentieth of a turn."""
+    counts = np.full((400, 1), round(100.0 / scale), np.int16)
+    without = counts.copy()
+    counts[190:210] = 0
+    rough = without + np.random.default_rng(1).normal(0.0, abs(20.0 / scale), without.shape).astype(np.int16)
+
+    def dips(samples: np.ndarray) -> bool:
+        return _dips(samples, 0, 0.4 * 100.0 / scale, scale)
+
+    for samples, lost, expected in (
+        (counts, 0, True), (without, 0, False), (rough, 0, False), (without, 5, True),
+    ):  # fmt: skip
+        buffer = SampleBuffer(500, 1)
+        buffer.reset(0)
+        buffer.append(samples[:200], 0)
+        if lost:
+            buffer.bridge(lost, samples[200], 0)
+        buffer.append(samples[200:], 0)
+        assert _may_hide_contacts(buffer, 10.0, 390.0, 2, dips) is expected
