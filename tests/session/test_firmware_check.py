@@ -86,6 +86,15 @@ def test_every_wrong_firmware_is_named_by_its_clause(name: str) -> None:
             assert data[finding.at_byte :].startswith(finding.example)
 
 
+def test_counters_that_restart_are_not_called_one_counter() -> None:
+    """Most frames of a hub with one wheel are its samples, whose steps tell nothing of the other sources."""
+    of_one_wheel = [sent for sent in right() if sent.wheel != 1]
+    report = check(frames(of_one_wheel, boot=lambda sent: sent.type == MessageType.HELLO))
+    result = next(result for result in report.clauses if result.clause is Clause.SEQ)
+    assert result.verdict is Verdict.FAILED
+    assert Code.SEQ_SHARED not in {finding.reason.code for finding in result.findings}
+
+
 def test_every_clause_has_a_firmware_that_breaks_it() -> None:
     """Those of commands and signatures are broken in tests of their own."""
     elsewhere = {clause for clause in Clause if clause.startswith("command-")} | {

@@ -27,9 +27,10 @@ class _Hub:
     # Since the last HELLO, its clock has gone back, and its counters too.
     restart: SeenFrame | None = None
     counts_anew: bool = False
-    last_seq: int | None = None
+    last: tuple[SourceKey, int] | None = None  # source and seq
+    # From a frame of one source to the next one of another: those of one counter, and all.
     shared_steps: int = 0
-    frames: int = 0
+    changes: int = 0
     dropped: tuple[int, int] | None = None
 
 
@@ -146,7 +147,7 @@ class CounterRules:
                 state.tracker = SourceTracker(SourceCounters())
                 state.must_start = True
                 state.last_seq = None
-        self._hubs[number].last_seq = None
+        self._hubs[number].last = None
 
     def _start(self, state: _Source, seen: SeenFrame, *, is_first: bool) -> None:
         if is_first and seen.seq == 0:
@@ -161,10 +162,10 @@ class CounterRules:
     @staticmethod
     def _pattern(hub: _Hub, state: _Source, seen: SeenFrame) -> None:
         """Count steps that a wrong counter would make."""
-        hub.frames += 1
-        if hub.last_seq is not None and signed_step(hub.last_seq, seen.seq) == 1:
-            hub.shared_steps += 1
-        hub.last_seq = seen.seq
+        if hub.last is not None and hub.last[0] != seen.source:
+            hub.changes += 1
+            hub.shared_steps += signed_step(hub.last[1], seen.seq) == 1
+        hub.last = seen.source, seen.seq
         if state.last_seq is not None:
             state.same_steps += state.last_seq == seen.seq
             state.swapped_steps += signed_step(swapped(state.last_seq), swapped(seen.seq)) == 1
@@ -193,8 +194,7 @@ class CounterRules:
         if state.same_steps > _MOST * (state.frames - 1):
             self._fail(Clause.SEQ, first, Reason(Code.SEQ_STANDS, seq=float(first.seq)))
             return
-        several = sum(of_hub == source[0] for of_hub, _ in self._sources) > 1
-        if several and hub.shared_steps > _MOST * (hub.frames - 1):
+        if hub.changes and hub.shared_steps > _MOST * hub.changes:
             self._fail(Clause.SEQ, first, Reason(Code.SEQ_SHARED))
             return
         if state.swapped_steps > _MOST * (state.frames - 1):
