@@ -10,6 +10,7 @@ from firmware_protocol.decoder import FrameDecoder
 from gateway.cli.stop_signals import StopRequest, stop_request
 from gateway.clock import Clock
 from gateway.errors import LinkLostError, SourceError, TreadlinkError
+from gateway.io.read_ahead import ReadAheadSource
 from gateway.io.source import (
     DEFAULT_BAUDRATE,
     Chunk,
@@ -83,7 +84,7 @@ def check_link(
             check = of_link(item.link)
             frames = check.chunk(item)
             if trial is not None and two_way is not None:
-                _try_out(trial, two_way, trial.step(frames, item.host_ns), check)
+                _try_out(trial, two_way, trial.step(frames, item.host_ns), check, clock)
     if trial is not None:
         trial.finish()
     else:
@@ -96,7 +97,7 @@ def check_link(
     return [check.finish() for check in checks.values()]
 
 
-def _try_out(trial: CommandTrial, source: TwoWaySource, data: bytes, check: FirmwareCheck) -> None:
+def _try_out(trial: CommandTrial, source: TwoWaySource, data: bytes, check: FirmwareCheck, clock: Clock) -> None:
     """Send a trial's bytes; a link that takes none is one whose hub takes no commands."""
     if trial.pausing is not None:
         check.may_pause(trial.pausing)
@@ -104,6 +105,7 @@ def _try_out(trial: CommandTrial, source: TwoWaySource, data: bytes, check: Firm
     if data:
         try:
             source.send(data)
+            trial.sent(clock.now_ns())
         except (LinkLostError, SourceError):
             trial.finish()
 
@@ -145,7 +147,8 @@ def _items(
         timer = threading.Timer(for_s + _GRACE_S, stop.set)
         timer.daemon = True
         timer.start()
-    played = opened if for_s is None else limited(opened, for_s)
+    read = ReadAheadSource(opened) if is_live(source) else opened
+    played = read if for_s is None else limited(read, for_s)
     try:
         yield played.items(stop), two_way
     finally:

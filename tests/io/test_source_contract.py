@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from gateway.clock import ManualClock
+from gateway.io.read_ahead import ReadAheadSource
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source, open_source
 from gateway.recording.writer import RecordingWriter
 from tests.testkit.hub_ends import TIMEOUT_S, PtyPort, Reader, TcpHub
@@ -24,7 +25,7 @@ def nothing() -> None:
     return None
 
 
-@pytest.fixture(params=["serial", "tcp", "replay", "dump", "sim"])
+@pytest.fixture(params=["serial", "tcp", "tcp read ahead", "replay", "dump", "sim"])
 def opened(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Opened]:
     clock = ManualClock()
     closing: list[Callable[[], object]] = []
@@ -38,7 +39,7 @@ def opened(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Opened]:
             port.send(STREAM)
 
         source = open_source(f"serial:{port.path}", clock)
-    elif request.param == "tcp":
+    elif request.param.startswith("tcp"):
         hub = TcpHub()
         closing.append(hub.close)
 
@@ -49,6 +50,7 @@ def opened(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Opened]:
                 connection.sendall(STREAM)
 
         source = open_source(f"tcp://127.0.0.1:{hub.port}", clock)
+        source = source if request.param == "tcp" else ReadAheadSource(source)
     elif request.param == "replay":
         writer = RecordingWriter(tmp_path / "r.mcap", start_ns=0)
         for number in range(60):

@@ -1,11 +1,15 @@
-"""A source with a time limit ends by the times of its items."""
+"""Wrapped sources: one with a time limit ends by the times of its items, one is read ahead of its reader."""
 
 import threading
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+
 from gateway.clock import ManualClock
+from gateway.errors import SourceError
 from gateway.io.playback import PlayedSource
+from gateway.io.read_ahead import ReadAheadSource
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, open_source
 from gateway.io.time_limit import TimeLimitedSource, limited
 
@@ -57,3 +61,33 @@ def test_limited_replay_can_be_paused(tmp_path: Path) -> None:
     assert isinstance(source, PlayedSource)
     assert source.playback is played.playback  # type: ignore[attr-defined]
     assert not isinstance(limited(TenChunks(), 5.0), PlayedSource)
+
+
+class Exhausted(TenChunks):
+    """A source that tells when its last item was taken, and fails then if it is told to."""
+
+    def __init__(self, error: Exception | None = None) -> None:
+        super().__init__()
+        self.exhausted = threading.Event()
+        self.error = error
+
+    def items(self, stop: threading.Event) -> Iterator[LinkItem]:
+        yield from super().items(stop)
+        self.exhausted.set()
+        if self.error is not None:
+            raise self.error
+
+
+def test_a_source_read_ahead_does_not_wait_for_its_reader() -> None:
+    source = Exhausted()
+    items = ReadAheadSource(source).items(threading.Event())
+    next(items)
+    assert source.exhausted.wait(30.0)
+    assert len(list(items)) == 10
+    assert source.closed
+
+
+def test_what_the_reading_thread_raises_is_raised_by_the_items() -> None:
+    source = ReadAheadSource(Exhausted(SourceError("gone", "Plug it in.")))
+    with pytest.raises(SourceError, match="gone"):
+        list(source.items(threading.Event()))

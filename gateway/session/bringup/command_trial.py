@@ -100,10 +100,15 @@ class CommandTrial:
         out, self._out = b"".join(self._out), []
         return out
 
+    def sent(self, host_ns: int) -> None:
+        """Note when the bytes of the last step left: what is waited for may come as much later."""
+        self._wait.until_s += max(host_ns - self._now_ns, 0) * 1e-9
+
     def finish(self) -> None:
-        """Say why what was not tried was not."""
+        """End the trial, and say why what was not tried was not."""
         if not self._done:
             self._leave(Reason(Code.CHECK_STOPPED_EARLY))
+        self._done = True
 
     def _go_on(self, seen: SeenFrame | None) -> None:
         try:

@@ -1,0 +1,59 @@
+"""Sources whose bytes are read, and their arrival noted, however long what is read takes to be worked on."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Iterator
+
+from gateway.io.source import LinkItem, Source
+
+
+class ReadAheadSource:
+    """A source that a thread of its own reads, without a limit.
+
+    A reader that works between two reads leaves bytes in the buffers of the system: they arrive late by their times,
+    and a hub whose link is full drops frames.
+    """
+
+    def __init__(self, source: Source) -> None:
+        """Wrap a source."""
+        self._source = source
+
+    @property
+    def link(self) -> str:
+        """Name of the link."""
+        return self._source.link
+
+    @property
+    def vehicle_toml(self) -> str | None:
+        """Configuration that comes with the source."""
+        return self._source.vehicle_toml
+
+    def items(self, stop: threading.Event) -> Iterator[LinkItem]:
+        """Yield the items of the source; what its thread raises is raised here. Closing the generator closes it."""
+        waiting: queue.SimpleQueue[LinkItem | BaseException | None] = queue.SimpleQueue()
+
+        def read() -> None:
+            try:
+                for item in self._source.items(stop):
+                    waiting.put(item)
+            except BaseException as error:
+                waiting.put(error)
+            else:
+                waiting.put(None)
+
+        thread = threading.Thread(target=read, name=f"read {self.link}", daemon=True)
+        thread.start()
+        try:
+            while (item := waiting.get()) is not None:
+                if isinstance(item, BaseException):
+                    raise item
+                yield item
+        finally:
+            self.close()
+            thread.join()
+
+    def close(self) -> None:
+        """Release the source."""
+        self._source.close()
