@@ -55,6 +55,11 @@ class UnmarkedLossCheck:
         self._periods: tuple[float, ...] = ()
         self._deviating = 0
 
+    @property
+    def knows_a_turn(self) -> bool:
+        """Whether there are revolutions to compare with."""
+        return len(self._products) >= _LEAST
+
     def turns(self, period: float, mean_mps2: float, stated: float = 0.0, *, is_whole: bool = True) -> int:
         """Return the number of turns between the contacts of a revolution; 1 where nothing tells of more.
 
@@ -67,7 +72,7 @@ class UnmarkedLossCheck:
         """
         if not mean_mps2 > _LEAST_MEAN_MPS2:
             return 1
-        middle = self._middle if len(self._products) >= _LEAST else stated
+        middle = self._middle if self.knows_a_turn else stated
         if not middle > 0.0:
             return 1
         turns = math.sqrt(mean_mps2 * period * period / middle)
@@ -96,7 +101,7 @@ class UnmarkedLossCheck:
         return missing_samples
 
     def _found(self, period: float, mean_mps2: float) -> float:
-        if len(self._products) < _LEAST or len(self._periods) < 2 or not mean_mps2 > _LEAST_MEAN_MPS2:
+        if not self.knows_a_turn or len(self._periods) < 2 or not mean_mps2 > _LEAST_MEAN_MPS2:
             return 0.0
         middle = self._middle
         if not middle > _LEAST_MEAN_MPS2 * period * period:

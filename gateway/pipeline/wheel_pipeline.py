@@ -464,7 +464,9 @@ class WheelPipeline:
                 # A mean that points outward is that of a wheel whose gaps were taken for contacts.
                 level = offset + _IN_CONTACT * mean_mps2 / scale
                 dips = partial(_dips, column=column, level=level, scale=scale)
-                is_hidden = mean_mps2 < 0.0 or _may_hide_contacts(buffer, start, end, turns, dips)
+                # What is stated may be wrong; the wheel's own revolutions tell of several turns wherever the gaps are.
+                is_hidden = mean_mps2 < 0.0 or self._unmarked.knows_a_turn
+                is_hidden = is_hidden or _may_hide_contacts(buffer, start, end, turns, dips)
                 checked.append(_Checked(0.0, turns) if is_hidden else _SOUND)
                 continue
             total = int(buffer.view(first, last)[:, column].sum(dtype=np.int64))

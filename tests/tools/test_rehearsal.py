@@ -1,23 +1,28 @@
 """A short test day is played, and the accounts of a day tell what is lost, missed and falsely named."""
 
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from firmware_protocol.decoder import FrameDecoder
+from gateway.estimators.estimator import Status
 from gateway.estimators.weighted_mean import WeightedMean
 from gateway.io.source import Chunk
+from gateway.pipeline.wheels import Pipeline
 from gateway.reasons import Code
 from gateway.recording.writer import RecordingWriter
 from gateway.session.alarms import AlarmName
+from gateway.simulator.link_faults import frame_pieces, parse_fault
 from tests.recording.streams import frames
 
 pytest.importorskip("tty", reason="pseudo-terminals exist on POSIX only")
 can = pytest.importorskip("can")
 
 from tools.rehearsal.accounts import account  # noqa: E402 - needs both
-from tools.rehearsal.day import START_NS, Played  # noqa: E402
-from tools.rehearsal.plan import BUS, HUBS, NOBODY, RECEIVER, Fault, Kind, planned_day  # noqa: E402
+from tools.rehearsal.day import START_NS, STEP_NS, Played, day_vehicle, hub_chunks  # noqa: E402
+from tools.rehearsal.plan import BUS, HUBS, NOBODY, POSITIONS, RECEIVER, Fault, Kind, planned_day  # noqa: E402
 from tools.rehearse import quiet_day, rehearse  # noqa: E402
 
 LINKS = [*(f"serial:hub{hub}" for hub in range(HUBS)), "can:bus", "nmea:receiver"]
@@ -102,6 +107,25 @@ def test_numbers_are_compared_with_the_quiet_day(played: Played, tmp_path: Path)
     accounts = account(played, quiet, [])
     assert accounts.compared == 1
     assert accounts.worst == pytest.approx(3.0)
+
+
+def test_damaged_frames_make_no_valid_speed_of_several_turns() -> None:
+    """The noise of day 18 takes two contacts, one of them without a gap where it would be at a steady speed."""
+    faults, _ = planned_day(18)
+    noise = next(fault for fault in faults if fault.kind is Kind.NOISE)
+    flips = parse_fault("flip:rate=0.3", (18, faults.index(noise)))
+    setup = next(setup for setup in day_vehicle().wheel_setups() if setup.position == POSITIONS[noise.target])
+    pipeline, decoder, results = Pipeline((setup,), setup, ("kinematic",)), FrameDecoder(), []
+    pieces = frame_pieces(hub_chunks(18, noise.target, faults, 9.0))
+    for step, sent in groupby(pieces, lambda piece: (piece[1] - START_NS) // STEP_NS):
+        data = b"".join(part.data for _, _, parts in sent for part in parts)
+        if noise.begin_s <= step * STEP_NS * 1e-9 < noise.end_s:
+            data = b"".join(chunk.data for chunk in flips([Chunk("", 0, data)]))
+        results += pipeline.frames("link", decoder.feed(data), START_NS + step * STEP_NS)
+    speeds = [result.estimates[1] for result in [*results, *pipeline.finish()]]
+    wrong = [speed for speed in speeds if abs(speed.value - 39.06) > 0.02 * 39.06 + 3.0 * speed.std]
+    assert [speed.status for speed in wrong if speed.status is Status.VALID] == []
+    assert any(result.revolution.turns == 3 for result in results)
 
 
 def test_a_short_day_is_accounted_for() -> None:

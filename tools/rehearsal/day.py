@@ -135,7 +135,8 @@ def _hub_scenario(seed: int, hub: int, *, sensor: int = 0xA000) -> str:
     )
 
 
-def _vehicle() -> VehicleConfig:
+def day_vehicle() -> VehicleConfig:
+    """Return the configuration of the day's vehicle."""
     wheels = [_hub_scenario(0, hub).partition("[[hub]]")[2] for hub in range(HUBS)]
     text = _SCENARIO.format(seed=0) + "".join(f"[[hub]]{wheel}" for wheel in wheels)
     return parse_vehicle(vehicle_toml(parse_document(Scenario, text, "rehearsal")) + _THRESHOLDS, "rehearsal")
@@ -146,7 +147,7 @@ def _receiver(seed: int) -> SimulatedReceiver:
     return SimulatedReceiver(MotionProfile(motion.speed_kmh), _RECEIVER_HZ, np.random.default_rng(seed))
 
 
-def _hub_chunks(seed: int, hub: int, faults: Sequence[Fault], day_s: float) -> Iterator[Chunk]:
+def hub_chunks(seed: int, hub: int, faults: Sequence[Fault], day_s: float) -> Iterator[Chunk]:
     """Return what a hub sends. Restarts and silence are its own, before its line: they lose no frame."""
     mine = [fault for fault in faults if fault.target == hub]
 
@@ -209,7 +210,7 @@ class Day:
             self._heard = _Heard(open_publisher(publish, SinkSetting(POSITIONS), self._clock), self._played)
             self._live = LiveSession(
                 self._sources,
-                _vehicle(),
+                day_vehicle(),
                 self._clock,
                 patient=[not is_live(uri) for uri in uris],
                 summary=ResultSummary(),
@@ -231,7 +232,7 @@ class Day:
         return RecordingWriter(path, start_ns=self._clock.now_ns(), run=run)
 
     def _drive(self, bus: can.BusABC) -> None:
-        streams = [frame_pieces(_hub_chunks(self._seed, hub, self._faults, self._day_s)) for hub in range(HUBS)]
+        streams = [frame_pieces(hub_chunks(self._seed, hub, self._faults, self._day_s)) for hub in range(HUBS)]
         heads = [next(stream, None) for stream in streams]
         bits = {
             fault: parse_fault("flip:rate=0.3", (self._seed, number))
