@@ -12,6 +12,8 @@ apart from the zero-g offset z. Gravity, which turns through the sensor's axis o
 is separated where the speed varies.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
