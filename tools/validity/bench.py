@@ -64,7 +64,7 @@ def size_of(case: Case, tire: int) -> float:
 
 def judge_tire(order: Order) -> list[Judged]:
     """Return the judged estimates of one tire in all cases, one size each."""
-    return [one for told in told_runs(order) for one in told.judged()]
+    return [item for told in told_runs(order) for item in told.judged()]
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,18 +29,18 @@ class Counts:
 
     def add(self, judged: Iterable[Judged], with_all: Iterable[Judged]) -> None:
         """Add the estimates of a run, beside those of the same run with every rule."""
-        for one, before in zip(judged, with_all, strict=True):
-            if one.valid:
-                self.valid[one.table] += 1
-                self.false[one.table] += one.falsely_valid
-                self.kept[one.table] += before.valid
+        for item, before in zip(judged, with_all, strict=True):
+            if item.valid:
+                self.valid[item.table] += 1
+                self.false[item.table] += item.falsely_valid
+                self.kept[item.table] += before.valid
 
 
 def add_counts(first: dict[str, Counts], second: dict[str, Counts]) -> dict[str, Counts]:
     """Return the sums of the counts of two tires."""
     return {
-        way: Counts(one.valid + second[way].valid, one.false + second[way].false, one.kept + second[way].kept)
-        for way, one in first.items()
+        way: Counts(item.valid + second[way].valid, item.false + second[way].false, item.kept + second[way].kept)
+        for way, item in first.items()
     }
 
 
@@ -79,8 +79,8 @@ def left_out_table(counts: dict[str, Counts]) -> Table:
     rows = []
     for way, count in counts.items():
         cells = [f"{100.0 * count.false[kind] / max(count.valid[kind], 1):.2f}" for kind in kinds]
-        kept = [f"{100.0 * count.kept[kind] / count.valid[kind]:.1f}" for kind in _KEPT if count.valid[kind]]
-        rows.append((way, *cells, " / ".join(kept)))
+        remaining = [f"{100.0 * count.kept[kind] / count.valid[kind]:.1f}" for kind in _KEPT if count.valid[kind]]
+        rows.append((way, *cells, " / ".join(remaining)))
     heads = ("left out", *kinds, "kept")
     about = (
         "falsely valid in % of the valid, by kind; kept: % of what is valid without the rule that is so with it, "
