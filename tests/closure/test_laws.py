@@ -26,6 +26,8 @@ from gateway.closure.effects.effect import (
 )
 from gateway.closure.effects.local_effects import LOCAL_CHANGES
 from gateway.closure.inference.findings import findings_of
+from gateway.closure.inference.likelihood import Whitened
+from gateway.closure.inference.set_evidence import Evaluated
 from gateway.closure.known_effects import known_effects
 from gateway.closure.laws.law_plugin import plugin_files
 from gateway.closure.laws.law_search import LawsFound, propose_laws
@@ -34,7 +36,7 @@ from gateway.closure.laws.unseen_recordings import judged_elsewhere
 from gateway.closure.model.baseline_registry import make_core
 from gateway.closure.model.ring_options import RingOptions
 from gateway.closure.model.sensor_signal import base_signal
-from gateway.closure.result import Verdict
+from gateway.closure.result import Finding, Fitted, Verdict
 from gateway.closure.transfer import transfer
 from gateway.errors import TreadlinkError
 from gateway.physics.rolling_ring import PATTERNS, Change, loaded_belt, local_response
@@ -127,8 +129,14 @@ def test_law_in_reverse_is_finite_and_says_what_it_is(laws: Mapping[str, SignalE
 
 
 @lru_cache
+def without_splice() -> tuple[Evaluated, Whitened]:
+    return evaluated(campaign_of(SPEEDS, local(Change.BENDING, SPLICE), noise_mps2=0.5))
+
+
+@lru_cache
 def splice_found() -> LawsFound:
-    return found_in(campaign_of(SPEEDS, local(Change.BENDING, SPLICE), noise_mps2=0.5))
+    base, data = without_splice()
+    return propose_laws(base, data, laws=tuple(library().values()))
 
 
 def test_splice_of_a_box_becomes_a_law_with_its_size() -> None:
@@ -150,10 +158,28 @@ def test_splice_of_a_box_becomes_a_law_with_its_size() -> None:
 
 def test_evidence_that_a_posterior_has_divided_changes_nothing() -> None:
     """A posterior divides the evidence of its sets by what they leave; a law is compared with the whole."""
-    base, data = evaluated(campaign_of(SPEEDS, local(Change.BENDING, SPLICE), noise_mps2=0.5))
+    base, data = without_splice()
     (law,) = propose_laws(base.tempered(13.0, 2.0), data, laws=(library()[NAME],)).laws
     assert law.certain
     assert law.log_odds == pytest.approx(splice_found().laws[0].log_odds, rel=0.05)
+
+
+def test_what_a_named_change_leaves_is_in_the_error_of_its_size() -> None:
+    """Were half of the splice left, its size would be known to that half."""
+    base, data = without_splice()
+    fit = splice_found().fit
+    assert fit is not None
+    size = fit.vector[fit.model.layout.effect(NAME)][0]
+    named = Finding(NAME, Verdict.NAMED, {"stiffening_rad": Fitted(size, 1e-6, "rad")}, math.nan, math.nan)
+    half = fit.vector.copy()
+    half[fit.model.layout.effect(NAME).start] *= 0.5
+    leaving = replace(fit, predicted=tuple(fit.model.predict_mean(half, index) for index in range(len(SPEEDS))))
+    stds = []
+    for there in (fit, leaving):
+        (finding,) = judged_elsewhere([named], there, {NAME: base.fit}, data)
+        stds.append(finding.parameters["stiffening_rad"].std / size)
+    assert stds[0] < 0.1
+    assert stds[1] == pytest.approx(0.5, rel=0.1)
 
 
 def test_noise_has_no_law() -> None:

@@ -13,10 +13,11 @@ import numpy as np
 
 from gateway.closure.data.condition_groups import has_other_conditions
 from gateway.closure.effects.effect import SignalEffect
+from gateway.closure.inference.findings import sizes_of
 from gateway.closure.inference.fit import Fit
 from gateway.closure.inference.likelihood import Whitened, as_complex
-from gateway.closure.inference.residual import POWER_SHARE
-from gateway.closure.result import Finding, LawSize, UnseenError, Verdict
+from gateway.closure.inference.residual import POWER_SHARE, group_residuals
+from gateway.closure.result import Finding, Fitted, LawSize, UnseenError, Verdict
 from gateway.constants import AXIS_NAMES
 from gateway.reasons import Code, Reason
 from gateway.types import FloatArray, IntArray
@@ -156,6 +157,8 @@ def judged_elsewhere(
 ) -> list[Finding]:
     """Reject identified effects that need recordings of other conditions, if these contradict them or none can test.
 
+    The error of a size that stays contains what is left: an equation of first order may owe all of it.
+
     Args:
         findings: of effects.
         fit: of the best set.
@@ -168,10 +171,27 @@ def judged_elsewhere(
         if isinstance(effect, SignalEffect) and effect.needs_other_conditions and finding.verdict is Verdict.NAMED:
             unseen = unseen_errors(without[effect.name], fit, data, effect)
             reasons = reasons_against(fit.model.campaign.recordings, unseen, single_sizes(fit, data, effect))
-            if reasons:
-                finding = replace(finding, verdict=Verdict.REFUSED, reason=reasons[0])
+            finding = (
+                replace(finding, verdict=Verdict.REFUSED, reason=reasons[0])
+                if reasons
+                else replace(finding, parameters=_beside_residual(finding.parameters, effect, fit, data))
+            )
         judged.append(finding)
     return judged
+
+
+def _beside_residual(
+    parameters: Mapping[str, Fitted], effect: SignalEffect, fit: Fit, data: Whitened
+) -> dict[str, Fitted]:
+    """Return parameters whose sizes have the share in their errors that is left of the effect's axes beyond noise."""
+    axes = list(effect.axes)
+    residuals = [np.square(residual.rms_mps2()[axes]).sum() for residual in group_residuals(fit, data)]
+    share = math.sqrt(float(np.mean(residuals))) / float(np.linalg.norm(sizes_of(fit, effect)[axes]))
+    sizes = {parameter.name for parameter in effect.parameters[: effect.sizes]}
+    return {
+        name: replace(fitted, std=math.hypot(fitted.std, share * fitted.value)) if name in sizes else fitted
+        for name, fitted in parameters.items()
+    }
 
 
 def reasons_against(
