@@ -56,8 +56,8 @@ def test_long_gap_is_bridged_with_its_error() -> None:
 def test_turns_between_contacts_that_were_not_seen_need_not_be_whole() -> None:
     estimator = DistanceEstimator()
     for faults, std in (((), 0.0), ((Reason(Code.CONTACT_INTERPOLATED),), 0.5 * TURN_M)):
-        (found,) = estimator.update(replace(REVOLUTION, turns=2, faults=faults), AVERAGE, CONDITIONS)
-        assert found.std == pytest.approx(std)
+        (result,) = estimator.update(replace(REVOLUTION, turns=2, faults=faults), AVERAGE, CONDITIONS)
+        assert result.std == pytest.approx(std)
 
 
 def test_restarted_hub_time_makes_the_distance_provisional() -> None:

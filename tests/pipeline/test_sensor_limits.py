@@ -113,7 +113,7 @@ def test_stated_ac_corner_is_undone_in_numbers_and_forces(corner_hz: float) -> N
     estimators = (*ESTIMATORS, "longitudinal-force")
     true = last(simulated(quiet + SPEED, 4.0, SETUP, estimators)[0])
     tables = f"{quiet}coupling = 'ac'\nhighpass_hz = {corner_hz}\n{SPEED}"
-    found = last(simulated(tables, 4.0, SETUP, estimators)[0])
+    result = last(simulated(tables, 4.0, SETUP, estimators)[0])
     for name in names:
-        assert abs(found[name].value - true[name].value) < found[name].std, name
-    assert found["contact_length_m"].value == pytest.approx(true["contact_length_m"].value, rel=2e-3)
+        assert abs(result[name].value - true[name].value) < result[name].std, name
+    assert result["contact_length_m"].value == pytest.approx(true["contact_length_m"].value, rel=2e-3)

@@ -51,7 +51,7 @@ def rows(*taken: RevolutionResult) -> dict[tuple[str, int], dict[str, Estimate]]
     pairs = WheelPairs()
     pairs.compare(taken)
     compared = [pairs.take(result)[0] for result in taken]
-    return {(one.position, one.host_ns): {e.name: e for e in one.estimates} for one in compared}
+    return {(item.position, item.host_ns): {e.name: e for e in item.estimates} for item in compared}
 
 
 TURNS = [1.0, 1.0, 1.0, 0.0, 0.0, -1.0, -1.0, -1.0, -1.0, 1.0, 1.0, 1.0]
@@ -66,9 +66,9 @@ def test_opposite_slip_is_an_alarm_at_both_wheels(front_left: str, right: str) -
 
 
 def test_order_of_the_revolutions_does_not_matter() -> None:
-    remainder, right = results("FL", TURNS), results("FR", BACK, 0.02)
-    alternating = list(chain.from_iterable(zip(remainder, right, strict=True)))
-    assert alarms(*alternating) == alarms(*right, *remainder) == alarms(*remainder, *right) != {}
+    left_wheel, right = results("FL", TURNS), results("FR", BACK, 0.02)
+    alternating = list(chain.from_iterable(zip(left_wheel, right, strict=True)))
+    assert alarms(*alternating) == alarms(*right, *left_wheel) == alarms(*left_wheel, *right) != {}
 
 
 def test_few_revolutions_or_another_axle_say_nothing() -> None:
@@ -79,22 +79,22 @@ def test_few_revolutions_or_another_axle_say_nothing() -> None:
 
 
 def test_revolutions_without_host_times_say_nothing() -> None:
-    remainder, right = (
+    left_wheel, right = (
         [replace(result, host_ns=0) for result in results(*item)] for item in (("FL", [1.0] * 12), ("FR", [-1.0] * 12))
     )
-    assert alarms(*remainder, *right) == {}
+    assert alarms(*left_wheel, *right) == {}
 
 
 def test_wheels_that_slip_by_chance_say_nothing() -> None:
     rng = np.random.default_rng(1)
-    left, right = (rng.choice([-1.0, 1.0], 200).tolist() for _ in range(2))
-    assert alarms(*results("FL", left), *results("FR", right)) == {}
+    left_wheel, right = (rng.choice([-1.0, 1.0], 200).tolist() for _ in range(2))
+    assert alarms(*results("FL", left_wheel), *results("FR", right)) == {}
 
 
 def test_rows_of_both_wheels_have_the_contradiction_of_their_slip() -> None:
-    left, right = results("FL", TURNS * 12), results("FR", BACK * 12, 0.02)
-    judged = rows(*left, *right)
-    assert judged == rows(*chain.from_iterable(zip(left, right, strict=True)))
+    left_wheel, right = results("FL", TURNS * 12), results("FR", BACK * 12, 0.02)
+    judged = rows(*left_wheel, *right)
+    assert judged == rows(*chain.from_iterable(zip(left_wheel, right, strict=True)))
     for position in ("FL", "FR"):
         of_wheel = [judged[key] for key in sorted(judged) if key[0] == position]
         statuses = [estimates["ply_steer_peak_rad"].status for estimates in of_wheel]
@@ -111,12 +111,12 @@ def test_rows_of_both_wheels_have_the_contradiction_of_their_slip() -> None:
 def test_wheels_that_roll_apart_doubt_each_other(radius_m: float, apart: bool) -> None:
     """At 65 km/h a curve explains 2.6 %: 0.26 g over the widest track."""
     straight = [0.0] * 280
-    left, right = results("FL", straight), results("FR", straight, 0.01, radius_m)
+    left_wheel, right = results("FL", straight), results("FR", straight, 0.01, radius_m)
     expected = dict.fromkeys(("FL", "FR"), Code.WHEELS_ROLL_APART) if apart else {}
-    assert alarms(*left, *right) == expected
-    last = {key[0]: estimates for key, estimates in rows(*left, *right).items()}
-    for position, own, other in (("FL", 0.32, radius_m), ("FR", radius_m, 0.32)):
+    assert alarms(*left_wheel, *right) == expected
+    last = {key[0]: estimates for key, estimates in rows(*left_wheel, *right).items()}
+    for position, item, other in (("FL", 0.32, radius_m), ("FR", radius_m, 0.32)):
         speed = last[position]["speed_mps"]
         assert speed.status is (Status.PROVISIONAL if apart else Status.VALID)
         if apart:
-            assert speed.reasons[0]["effect"] == pytest.approx(abs(other / own - 1.0))
+            assert speed.reasons[0]["effect"] == pytest.approx(abs(other / item - 1.0))

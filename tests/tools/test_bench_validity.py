@@ -62,10 +62,10 @@ def test_rule_left_out_makes_falsely_valid_what_it_doubts(told: list[ToldRun]) -
     """A radius that the steady value alone contradicts."""
     counts = count_left_out(told, (DoubtRule.STEADY_VALUE, DoubtRule.GRAVITY))
     assert counts["none"].false["one"] == 0
-    assert counts["none"].kept == counts["none"].valid
+    assert counts["none"].still_valid == counts["none"].valid
     without, other = counts[DoubtRule.STEADY_VALUE], counts[DoubtRule.GRAVITY]
     assert without.false["one"] > 40
-    assert without.kept["one"] < without.valid["one"]
+    assert without.still_valid["one"] < without.valid["one"]
     assert other.false == counts["none"].false
     twice = add_counts(counts, counts)
     assert twice[DoubtRule.STEADY_VALUE].false["one"] == 2 * without.false["one"]

@@ -95,7 +95,9 @@ def test_a_fast_leak_is_one_finding_with_what_follows_from_it():
 def test_consequences_of_a_refill_are_no_finding():
     changed = Reason(Code.TREND_LEVEL_CHANGED)
     onsets = {"pressure_at_20_degc": [Change(40)]}
-    findings = [Finding(changed, name, Change(at)) for name, at in (("Rs", 41), ("Rs", 60), ("wear_mm", 40))]
+    findings = [
+        Finding(changed, name, Change(position)) for name, position in (("Rs", 41), ("Rs", 60), ("wear_mm", 40))
+    ]
     # Tread depth does not follow the pressure, and what begins later is another change.
     assert with_causes(findings, onsets) == [changed, changed]
 

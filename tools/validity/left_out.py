@@ -25,7 +25,7 @@ class Counts:
 
     valid: Counter[str] = field(default_factory=Counter)
     false: Counter[str] = field(default_factory=Counter)
-    kept: Counter[str] = field(default_factory=Counter)
+    still_valid: Counter[str] = field(default_factory=Counter)
 
     def add(self, judged: Iterable[Judged], with_all: Iterable[Judged]) -> None:
         """Add the estimates of a run, beside those of the same run with every rule."""
@@ -33,13 +33,15 @@ class Counts:
             if item.valid:
                 self.valid[item.table] += 1
                 self.false[item.table] += item.falsely_valid
-                self.kept[item.table] += before.valid
+                self.still_valid[item.table] += before.valid
 
 
 def add_counts(first: dict[str, Counts], second: dict[str, Counts]) -> dict[str, Counts]:
     """Return the sums of the counts of two tires."""
     return {
-        way: Counts(item.valid + second[way].valid, item.false + second[way].false, item.kept + second[way].kept)
+        way: Counts(
+            item.valid + second[way].valid, item.false + second[way].false, item.still_valid + second[way].still_valid
+        )
         for way, item in first.items()
     }
 
@@ -79,7 +81,9 @@ def left_out_table(counts: dict[str, Counts]) -> Table:
     rows = []
     for way, count in counts.items():
         cells = [f"{100.0 * count.false[kind] / max(count.valid[kind], 1):.2f}" for kind in kinds]
-        remaining = [f"{100.0 * count.kept[kind] / count.valid[kind]:.1f}" for kind in _KEPT if count.valid[kind]]
+        remaining = [
+            f"{100.0 * count.still_valid[kind] / count.valid[kind]:.1f}" for kind in _KEPT if count.valid[kind]
+        ]
         rows.append((way, *cells, " / ".join(remaining)))
     heads = ("left out", *kinds, "kept")
     about = (
