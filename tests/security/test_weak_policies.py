@@ -107,10 +107,11 @@ def test_the_first_frame_of_every_start_is_stored_at_once(tmp_path: Path) -> Non
     watch = SecurityWatch(watching)
     for step, boot_count in enumerate((7, 8)):
         watch.tick(1 + step)  # nothing new yet
+        assert watch._saving is not None
+        watch._saving.join()  # while it runs, no other begins
         sender = Sender(boot_count=boot_count)
         assert watching.gate("link")(sender.hello(0))
         watch.tick(2 + step)
-        assert watch._saving is not None
         watch._saving.join()
         again = guard(Ledger(path)).gate("link")
         assert not again(Sender(boot_count=boot_count).hello(0))
