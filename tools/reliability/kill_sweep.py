@@ -287,13 +287,14 @@ class Sweep:
         self._inputs, self._work = folder / "inputs", folder / "work"
         self._reference, other = folder / "reference", folder / "other"
         (folder / "home").mkdir(parents=True)
-        shutil.copytree(inputs, self._inputs)
-        (self._inputs / "tmp").mkdir()
+        # All runs are in one place, those of the setup too: a dataset names its files by the paths of the recordings.
+        shutil.copytree(inputs, self._work)
+        (self._work / "tmp").mkdir()
         for line in case.setup:
-            self._must_run(line, self._inputs)
+            self._must_run(line, self._work)
+        self._work.rename(self._inputs)
         self._arguments = case.arguments.split()
         for target in (self._reference, other):
-            # Where the killed runs are too: a dataset names its files by the paths of the recordings.
             shutil.copytree(self._inputs, self._work)
             self._must_run(case.arguments, self._work)
             self._work.rename(target)
@@ -345,6 +346,8 @@ class Sweep:
         """Check inputs, results and other files after a kill."""
         contents = _contents(self._work)
         for name, content in self._before.items():
+            if name.endswith(".lock"):
+                continue  # holds no result
             if name in self._new:
                 if self._case.appends == name:
                     self._check_appended(name, call)
