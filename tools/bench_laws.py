@@ -5,7 +5,7 @@ left of (1), turned by an angle or scrambled. A case is three recordings, two sp
 another one, of five blocks of 20 revolutions. The set without effects is the base: the cases have none of the
 catalogue.
 
-Run: python tools/bench_laws.py [--count 2] [--parts 1,2,3,4] [--seed 1] [--cache DIR] [--cases FILE]
+Run: python tools/bench_laws.py [--count 2] [--parts 1,2,3,4] [--seed 1] [--cache DIR] [--cases FILE] [--no-belts]
 """
 
 import argparse
@@ -69,8 +69,9 @@ def conditions() -> list[GroupConditions]:
 class Bench:
     """Draws cases; signals of the belt are simulated once and kept."""
 
-    def __init__(self, cache: Path) -> None:
+    def __init__(self, cache: Path, *, belts: bool = True) -> None:
         self._cache = cache
+        self._belts = belt_causes() if belts else ()
         self._conditions = conditions()
         self._half_angle_rad = []
         self._plain = []
@@ -89,7 +90,7 @@ class Bench:
 
     def in_library(self, number: int, rng: np.random.Generator) -> Case:
         """Return a case of a kind in the library in another form."""
-        belt, chain = belt_causes(), chain_causes(rng)
+        belt, chain = self._belts, chain_causes(rng)
         # The kinds in turn, of chain and belt mixed.
         which = 5 * number % (len(belt) + len(chain))
         if which < len(chain):
@@ -240,9 +241,10 @@ def main() -> None:
     parser.add_argument("--parts", default="1,2,3,4")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--cache", type=Path, default=Path(tempfile.gettempdir()) / "treadlink-laws")
+    parser.add_argument("--no-belts", action="store_true", help="of the library, errors of the sensor chain alone")
     parser.add_argument("--cases", type=Path, help="write the outcome of each case to this file, a JSON object a line")
     chosen = parser.parse_args()
-    bench = Bench(chosen.cache)
+    bench = Bench(chosen.cache, belts=not chosen.no_belts)
     results = []
     for case in outcomes(bench, [int(part) for part in chosen.parts.split(",")], chosen.count, chosen.seed):
         results.append(case)
