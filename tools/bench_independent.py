@@ -36,6 +36,8 @@ _BLOCKS, _REVOLUTIONS = 5, 20
 _FROM_EDGE_RAD = 0.2
 _SINGLE = ("car-45", "car-65", "car-120", "van-40", "van-80", "drum-65", "blocks-45", "blocks-60", "blocks-75")
 _TIRES = (*_SINGLE, "blocks-45,blocks-60,blocks-75")
+# Loads nearer than this, relative, are one state of the tire.
+_SAME_LOAD = 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +81,7 @@ def campaign_of(tires: Sequence[Rolled], depth_mm: int, noise_mps2: float, seed:
     rng = np.random.default_rng(seed)
     variance = np.full((3, ORDERS), noise_mps2**2)
     variance[1] = np.nan
-    groups = []
+    groups: list[Group] = []
     for index, tire in enumerate(tires):
         about, truth = tire.about, waveform_orders(tire.signal_mps2)
         current = GroupConditions(
@@ -99,11 +101,15 @@ def campaign_of(tires: Sequence[Rolled], depth_mm: int, noise_mps2: float, seed:
             imaginary[:, 0] = 0.0
             blocks.append(Block(_REVOLUTIONS, current, truth + real + 1j * imaginary))
         leading, trailing = about["edges_rad"]
+        states = len({group.state for group in groups})
+        alike = (
+            group.state for group in groups if abs(math.log(group.conditions.load_n / current.load_n)) < _SAME_LOAD
+        )
         groups.append(
             Group(
                 about["name"],
                 index,
-                0,
+                next(alike, states),
                 current,
                 tuple(blocks),
                 variance,
@@ -111,7 +117,8 @@ def campaign_of(tires: Sequence[Rolled], depth_mm: int, noise_mps2: float, seed:
                 declared_offset_m=1e-3 * depth_mm,
             )
         )
-    return Campaign("FL", tuple(group.label for group in groups), tuple(groups), 1, {})
+    states = len({group.state for group in groups})
+    return Campaign("FL", tuple(group.label for group in groups), tuple(groups), states, {})
 
 
 def row_of(tires: Sequence[Rolled], result: Diagnosis) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ import numpy as np
 
 from independent_tire.rolling import Belt, History, roll
 from independent_tire.sensor import sampled, signals
-from independent_tire.tires import PULLED, TIRES, drawn
+from independent_tire.tires import LOCAL, PULLED, TIRES, drawn
 
 RATE_HZ = 9600.0
 OFFSETS_MM = (0.0, 2.0, 4.0, 6.0, 8.0, 12.0)
@@ -29,7 +29,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cache", type=Path, required=True, help="folder of the .npz files")
     parser.add_argument(
-        "--tire", action="append", choices=[belt.name for belt in (*TIRES, *PULLED)], help="instead of all"
+        "--tire", action="append", choices=[belt.name for belt in (*TIRES, *PULLED, *LOCAL)], help="instead of all"
     )
     parser.add_argument("--pulled", action="store_true", help="the driven and braked tires in place of the others")
     parser.add_argument("--drawn", type=int, metavar="SEED", help="three tires drawn at random in place of the others")
@@ -37,9 +37,9 @@ def main() -> None:
     parser.add_argument("--force", action="store_true", help="roll tires again that are there already")
     options = parser.parse_args()
     options.cache.mkdir(parents=True, exist_ok=True)
-    # The driven and braked tires are of other benchmarks, so they are made only by name or on request.
+    # The others are of benchmarks of their own, so they are made only by name or on request.
     usual = drawn(options.drawn) if options.drawn is not None else PULLED if options.pulled else TIRES
-    for belt in [belt for belt in (*TIRES, *PULLED) if belt.name in options.tire] if options.tire else usual:
+    for belt in [belt for belt in (*TIRES, *PULLED, *LOCAL) if belt.name in options.tire] if options.tire else usual:
         path = options.cache / f"{belt.name}.npz"
         if path.is_file() and not options.force:
             continue

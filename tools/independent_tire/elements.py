@@ -139,16 +139,17 @@ class BeltMatrices:
     along: csr_matrix
 
 
-def belt_matrices(mesh: Mesh) -> BeltMatrices:
-    """Return the matrices of a belt."""
+def belt_matrices(mesh: Mesh, mass_share: Array | None = None) -> BeltMatrices:
+    """Return the matrices of a belt; `mass_share` (P,) is the mass per length at the Gauss points over the unit."""
     points = mesh.points
+    heavy = np.ones((len(points.theta_rad), 1, 1)) if mass_share is None else mass_share[:, None, None]
     out = np.stack([np.sin(points.theta_rad), -np.cos(points.theta_rad)], axis=1)
     forward = np.stack([np.cos(points.theta_rad), np.sin(points.theta_rad)], axis=1)
     # The area is half the integral of x y' - y x'; its gradient is symmetric in position.
     half = points.form(points.shape, -0.5 * QUARTER_TURN, points.slope)
     return BeltMatrices(
-        mass=points.form(points.shape, np.eye(2), points.shape),
-        coriolis=points.form(points.shape, 2.0 * QUARTER_TURN, points.shape),
+        mass=points.form(points.shape, heavy * np.eye(2), points.shape),
+        coriolis=points.form(points.shape, 2.0 * heavy * QUARTER_TURN, points.shape),
         area=csr_matrix(half + half.T),
         radial=points.form(points.shape, out[:, :, None] * out[:, None, :], points.shape),
         along=points.form(points.shape, forward[:, :, None] * forward[:, None, :], points.shape),

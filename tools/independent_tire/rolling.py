@@ -27,6 +27,40 @@ _FREE_ROLLING: Final = 0.5
 
 
 @dataclass(frozen=True)
+class LocalPart:
+    """What differs over a piece of the belt, and how the axle moves as that piece passes the road.
+
+    Attributes:
+        place_rad: of its middle, in the direction of growing material angle from the sensor's node.
+        width_rad: of the piece.
+        bending_share: of EI in addition, as in a splice.
+        mass_share: of the mass in addition, as under a weight.
+        proud_m: height of the tread above the rest, as of a nail's head.
+        axle_m: lift of the axle as the middle passes the road, a raised cosine over twice the width: a bent rim.
+    """
+
+    place_rad: float
+    width_rad: float
+    bending_share: float = 0.0
+    mass_share: float = 0.0
+    proud_m: float = 0.0
+    axle_m: float = 0.0
+
+    def inside(self, from_sensor_rad: Array) -> Array:
+        """Return 1 within the piece and 0 elsewhere, by the material angle from the sensor's node."""
+        return np.asarray(np.abs(_wrapped(from_sensor_rad - self.place_rad)) < 0.5 * self.width_rad, dtype=np.float64)
+
+    def lift_m(self, turned_rad: float) -> float:
+        """Return the lift of the axle when the sensor's node is at this angle beyond the highest point."""
+        off = float(_wrapped(np.array(turned_rad + self.place_rad - math.pi))) / self.width_rad
+        return 0.5 * self.axle_m * (1.0 + math.cos(math.pi * off)) if abs(off) < 1.0 else 0.0
+
+
+def _wrapped(angle_rad: Array) -> Array:
+    return np.mod(angle_rad + math.pi, 2.0 * math.pi) - math.pi
+
+
+@dataclass(frozen=True)
 class Belt:
     """A tire, its road and its drive, in SI units.
 
@@ -53,6 +87,7 @@ class Belt:
         drum_radius_m: infinite for a flat road.
         blocks: of the tread, a turn; 0 is a tread without blocks.
         block_share: amplitude of the tread's stiffness over a block, as a share of its mean.
+        local: what differs at one place; None for an even tire.
         elements: of the belt.
         steps: of the integration, a revolution.
         recorded: revolutions.
@@ -80,6 +115,7 @@ class Belt:
     drum_radius_m: float = math.inf
     blocks: int = 0
     block_share: float = 0.0
+    local: LocalPart | None = None
     elements: int = 180
     steps: int = 2048
     recorded: int = 4
@@ -161,12 +197,17 @@ class RoadForce:
         # (N, p), N/m^2. The middle of a block is at the first node, which the sensor is at.
         turned = belt.blocks * (mesh.points.theta_rad.reshape(mesh.count, -1) - mesh.theta_rad[0])
         self._tread_npm2 = belt.tread_npm2 * (1.0 + belt.block_share * np.cos(turned))
+        from_sensor = mesh.points.theta_rad.reshape(mesh.count, -1) - mesh.theta_rad[0]
+        self._proud_m = np.zeros(from_sensor.shape)
+        if belt.local is not None:
+            self._proud_m += belt.local.proud_m * belt.local.inside(from_sensor)
         self.road_mps = belt.speed_mps
 
     def height_m(self, time_s: float) -> float:
         """Return the height of the axle above the road."""
         share = min(1.0, time_s / (LOWERING * self._belt.period_s))
-        return self._belt.radius_m - self._belt.sinking_m * share * share * (3.0 - 2.0 * share)
+        lift = 0.0 if self._belt.local is None else self._belt.local.lift_m(self._belt.omega_radps * time_s)
+        return self._belt.radius_m - self._belt.sinking_m * share * share * (3.0 - 2.0 * share) + share * lift
 
     def at(self, time_s: float, displaced: Array, rate: Array) -> Road:
         """Return the road's force on displaced coordinates (4 N,) with their rates."""
@@ -196,6 +237,7 @@ class RoadForce:
             distance = np.hypot(arm[..., 0], arm[..., 1])
             depth, normal, spread = belt.drum_radius_m - distance, arm / distance[..., None], 1.0 / distance
         along = np.stack([normal[..., 1], -normal[..., 0]], axis=-1)
+        depth = depth + self._proud_m[elements]
         sinking = -(moving * normal).sum(axis=-1)
         grown = np.clip(depth / _GROWS_OVER_M, 0.0, 1.0)
         damper = belt.tread_damping_nspm2 * grown
@@ -284,7 +326,7 @@ def roll(belt: Belt, quiet: bool = True) -> History:
         ) from error
     exu.special.exceptions.dictionaryNonCopyable = False
     mesh = Mesh(belt.elements, belt.radius_m)
-    matrices = belt_matrices(mesh)
+    matrices = belt_matrices(mesh, 1.0 + _share(belt, "mass_share", mesh.points.theta_rad - mesh.theta_rad[0]))
     road = RoadForce(belt, mesh)
     system = exu.SystemContainer()
     mbs = system.AddSystem()
@@ -300,15 +342,24 @@ def _add_nodes(mbs: Any, items: Any, mesh: Mesh) -> list[int]:
     return [mbs.AddNode(items.NodePoint2DSlope1(referenceCoordinates=row.tolist())) for row in resting]
 
 
+def _share(belt: Belt, of: str, from_sensor_rad: Array) -> Array:
+    """Return what a piece of the belt has in addition, by the material angle from the sensor's node."""
+    local = belt.local
+    return np.zeros(from_sensor_rad.shape) if local is None else getattr(local, of) * local.inside(from_sensor_rad)
+
+
 def _add_cables(mbs: Any, items: Any, belt: Belt, mesh: Mesh, nodes: list[int]) -> None:
     # At rest on the circle the belt carries the tension of pressure and rotation.
     tension = belt.pressure_pa * belt.tension_width_m * belt.radius_m + belt.mass_kgpm * belt.speed_mps**2
+    middle = mesh.theta_rad - mesh.theta_rad[0] + math.pi / mesh.count
+    masses = belt.mass_kgpm * (1.0 + _share(belt, "mass_share", middle))
+    bendings = belt.bending_nm2 * (1.0 + _share(belt, "bending_share", middle))
     for index, node in enumerate(nodes):
         mbs.AddObject(
             items.ObjectANCFCable2D(
                 length=mesh.length_m,
-                massPerLength=belt.mass_kgpm,
-                bendingStiffness=belt.bending_nm2,
+                massPerLength=float(masses[index]),
+                bendingStiffness=float(bendings[index]),
                 axialStiffness=belt.extension_n,
                 bendingDamping=belt.bending_damping_nm2s,
                 referenceAxialStrain=-tension / belt.extension_n,
