@@ -1,11 +1,12 @@
 """Log output of a command: to standard error, or to a file; held back while the live screen is shown."""
 
 import logging
+import sys
 from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Final
+from typing import Final, TextIO
 
 from gateway.errors import OutputError
 
@@ -20,9 +21,13 @@ class _StderrHandler(logging.StreamHandler):  # type: ignore[type-arg]  # generi
     """Handler for standard error that can hold its records back, the latest ones if there are too many."""
 
     def __init__(self) -> None:
-        super().__init__()
+        logging.Handler.__init__(self)
         self.holding = False
         self._held: deque[logging.LogRecord] = deque(maxlen=_HELD_RECORDS)
+
+    @property
+    def stream(self) -> TextIO:  # standard error changes at the end of a command
+        return sys.stderr
 
     def emit(self, record: logging.LogRecord) -> None:
         if self.holding:
