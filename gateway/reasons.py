@@ -1207,6 +1207,7 @@ class Code(Enum):
         "{effect}: nearly as good with {parameter} {value:.4g}{unit: } in place of {best:.4g}{unit: } (probability "
         "{probability:probability}), which makes up most of its error"
     )
+    PLUGIN_EFFECTS_LEFT_OUT = "effects of plug-ins ({effects}) are left out: with them the diagnosis failed: {error}"
     LAW_MOVES_EFFECT = (
         "{effect}: beside the law ({law}) its {parameter} is {value:.3g}{unit: }, not {without:.3g}{unit: }: decide on "
         "the law first"

@@ -1,15 +1,17 @@
 """The closed loop: baseline model, posterior over sets of effects, hold-out, estimates before and after."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
+from functools import partial
 from typing import Final
 
 import numpy as np
 
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.data.condition_groups import unlike_contacts
-from gateway.closure.effects.catalogue import candidates, corrections
+from gateway.closure.effects.catalogue import candidates, corrections, plugin_effects
 from gateway.closure.effects.effect import BaselineModel
 from gateway.closure.inference import criteria
 from gateway.closure.inference.candidate_scan import Helpers
@@ -54,6 +56,7 @@ from gateway.closure.result import Diagnosis, Finding, Fitted, Unexplained, Verd
 from gateway.closure.self_test import self_test
 from gateway.constants import AXIS_NAMES
 from gateway.errors import TreadlinkError
+from gateway.plugins import error_text, is_from_user
 from gateway.reasons import Code, Reason
 from gateway.worker_pool import Workers
 
@@ -109,12 +112,24 @@ def diagnose(
     def part(share: float, text: str) -> None:
         on_progress(share / parts, text)
 
-    diagnosis, fit = _diagnose(campaign, model, empirical, part, expired, helpers, on_posterior)
+    run = partial(_diagnose, expired=expired, helpers=helpers)
+    others = plugin_effects()
+    left_out: tuple[Reason, ...] = ()
+    try:
+        diagnosis, fit = run(campaign, model, empirical, part, on_posterior=on_posterior)
+    except BaseException as error:  # code of others may raise anything
+        if not others or isinstance(error, TreadlinkError | BrokenProcessPool) or is_from_user(error):
+            raise
+        text = error_text(error)
+        left_out = (Reason(Code.PLUGIN_EFFECTS_LEFT_OUT, effects=", ".join(sorted(others)), error=text),)
+        run = partial(run, without=others)
+        diagnosis, fit = run(campaign, model, empirical, part, on_posterior=on_posterior)
+    diagnosis = replace(diagnosis, notes=(*left_out, *diagnosis.notes))
     if not self_tests:
         return diagnosis
 
     def again(simulation: Campaign, on_share: Progress) -> Diagnosis:
-        return _diagnose(simulation, model, False, on_share, expired, helpers, lambda _posterior: None)[0]
+        return run(simulation, model, False, on_share, on_posterior=lambda _posterior: None)[0]
 
     def beyond(share: float, text: str) -> None:
         on_progress((1.0 + self_tests * share) / parts, text)
@@ -130,18 +145,20 @@ def _diagnose(
     expired: Callable[[], bool],
     helpers: Helpers,
     on_posterior: Callable[[Posterior], None],
+    without: Collection[str] = (),
 ) -> tuple[Diagnosis, Fit]:
-    """Return the diagnosis of a campaign, and the fit of the best set."""
+    """Return the diagnosis of a campaign `without` some effects, and the fit of the best set."""
     core = make_core(model)
     data = whiten(campaign, core)
     if data.folds < 2:
         raise TreadlinkError(
             "a diagnosis needs at least two revolutions of one recording", "Record longer at a steady speed."
         )
-    effects = angle_effects(candidates(model))
+    effects = angle_effects({name: effect for name, effect in candidates(model).items() if name not in without})
     discrepancy = Discrepancy(campaign, data)
     helpers.begin(campaign, core, data, effects, discrepancy)
-    edges_found, time_locked_result = helpers.ahead(_edges, campaign), helpers.ahead(_time_locked, campaign)
+    edges_ahead = helpers.ahead(_edges, campaign)
+    time_locked_ahead = helpers.ahead(partial(_time_locked, without=without), campaign)
     steps = _Steps(on_progress)
     search = SetSearch(campaign, core, data, effects, discrepancy, corrections(model), expired, steps, helpers)
     posterior = _searched(campaign, core, data, model, search, on_progress)
@@ -165,8 +182,8 @@ def _diagnose(
         drifts = drifts_of(best.fit, data, tuple(effects.values()))
         changes = tuple(replace(entry, drifts=drifts) for entry in changes)
         findings = with_drifts(findings, drifts)
-    time_locked = time_locked_result()
-    edges = edges_found()
+    time_locked = time_locked_ahead()
+    edges = edges_ahead()
     on_progress(_TIME_LOCKED, "preparing figures")
     explained = propose_laws(best, data, expired) if search.complete and unexplained(best.fit, data) else LawsFound()
     better = [exact.numbers] if exact is not None else []
@@ -294,8 +311,8 @@ def _searched(
     return posterior_of(search)
 
 
-def _time_locked(campaign: Campaign) -> TimeLocked:
-    return diagnose_time_locked(campaign.groups)
+def _time_locked(campaign: Campaign, without: Collection[str]) -> TimeLocked:
+    return diagnose_time_locked(campaign.groups, without)
 
 
 def _edges(campaign: Campaign) -> tuple[Finding, ...]:

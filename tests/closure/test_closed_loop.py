@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Callable
 from dataclasses import replace
+from typing import NoReturn
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ from gateway.closure import closed_loop
 from gateway.closure.closed_loop import diagnose
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.catalogue import catalogue
-from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, GroupConditions
+from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, BaselineModel, GroupConditions
+from gateway.closure.effects.sensor_response import Gain
 from gateway.closure.inference.fit import Fit
 from gateway.closure.model.exact_baseline import ExactCore
 from gateway.closure.result import Diagnosis, Verdict
@@ -40,6 +42,29 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
     names = ("rolling radius", "sample clock error", "zero-g offset", "roll tilt", "pitch tilt")
     chosen = {name: catalogue()[name] for name in names}
     monkeypatch.setattr(closed_loop, "candidates", lambda _model: chosen)
+
+
+@pytest.mark.parametrize("method", ["starts", "expected", "contribution", "derivative"])
+@pytest.mark.parametrize("error", [RuntimeError("its table is missing"), SystemExit(0), KeyboardInterrupt()])
+def test_plug_in_effect_that_fails_is_left_out(
+    few: None, monkeypatch: pytest.MonkeyPatch, method: str, error: BaseException
+) -> None:
+    calls: list[str] = []
+
+    def fails(*_arguments: object) -> NoReturn:
+        calls.append(method)
+        raise error
+
+    usual = closed_loop.candidates(BaselineModel.EXACT)
+    failing = type("Failing", (Gain,), {"name": "failing", "rank": 999, method: fails})()
+    monkeypatch.setattr(closed_loop, "candidates", lambda _model: {**usual, "failing": failing})
+    monkeypatch.setattr(closed_loop, "plugin_effects", lambda: frozenset({"failing"}))
+    diagnosis = diagnose(campaign_of(ONE_SPEED, nothing))
+    assert calls
+    assert diagnosis.notes[0].code is Code.PLUGIN_EFFECTS_LEFT_OUT
+    assert diagnosis.notes[0]["effects"] == "failing"
+    assert type(error).__name__ in str(diagnosis.notes[0]["error"])
+    assert "failing" not in {finding.name for finding in diagnosis.findings}
 
 
 def test_exact_ring_gives_no_findings() -> None:

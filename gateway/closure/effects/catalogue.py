@@ -44,6 +44,11 @@ def plugin_fault(plugin: Plugin, loaded: object) -> Reason | None:
     return None
 
 
+def plugin_effects() -> frozenset[str]:
+    """Return the names of the effects that plug-ins add."""
+    return frozenset(catalogue()) - {effect.name for effect in _builtin()}
+
+
 def _effects_of(loaded: object) -> tuple[Effect, ...]:
     if not isinstance(loaded, tuple | list) or not all(isinstance(effect, Effect) for effect in loaded):
         return ()

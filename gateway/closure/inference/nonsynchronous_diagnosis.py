@@ -1,7 +1,7 @@
 """Diagnosis of the signal not locked to the wheel angle: its effects and its unexplained part."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -51,11 +51,12 @@ class TimeLocked:
     notes: tuple[Reason, ...] = ()
 
 
-def diagnose_time_locked(groups: Sequence[Group]) -> TimeLocked:
+def diagnose_time_locked(groups: Sequence[Group], without: Collection[str] = ()) -> TimeLocked:
     """Identify the effects in the signal that remains when the wheel's mean waveform is subtracted.
 
     Args:
         groups: groups with deviations; those without, or too short for two seconds per fold, are skipped with a note.
+        without: names of effects that are left out.
 
     Returns:
         the findings; none when no group is long enough.
@@ -66,7 +67,8 @@ def diagnose_time_locked(groups: Sequence[Group]) -> TimeLocked:
     if not measured:
         return TimeLocked(notes=tuple(notes))
     sites = tuple(Site.of(index, each) for index, each in enumerate(measured))
-    effects = [effect for effect in catalogue().values() if isinstance(effect, SpectrumEffect)]
+    offered = [effect for name, effect in catalogue().items() if name not in without]
+    effects = [effect for effect in offered if isinstance(effect, SpectrumEffect)]
     posterior = over(SpectrumSearch(sites, effects).evaluations)
     findings = _findings(posterior, effects, sites)
     # The density that is explained is that of effects that are identified, or of which one is.

@@ -34,6 +34,10 @@ _OF_NOTES: Final = {
     Code.LOADS_CONTRADICT: ("loads contradict each other", "correct the load or pressure that is stated"),
     Code.NUMBERS_CONTRADICT: ("recordings contradict each other", "correct what is stated, or diagnose them apart"),
     Code.NOT_A_RING: ("the signal is not that of a ring", "check radius, axes and gain in the vehicle file"),
+    Code.PLUGIN_EFFECTS_LEFT_OUT: (
+        "effects of plug-ins were left out",
+        "remove or mend the plug-in in the note",
+    ),
     Code.FEW_REVOLUTIONS: ("few revolutions", "record half a minute at a steady speed"),
     Code.ONE_SPEED: ("one speed", "record at a second speed under the same load and pressure"),
 }
