@@ -407,7 +407,9 @@ class Code(Enum):
         "the pressure has not changed while the temperature changed by {temperature_change_k:.0f} K; it may be "
         "off by {error_pa:.0f kPa}"
     )
-    SENSOR_AC_CORNER = "AC coupling: the corner is {ratio:.2f} of the wheel's frequency, which biases the numbers"
+    SENSOR_AC_CORNER = (
+        "AC coupling: the tolerance of its corner, {ratio:.2f} of the wheel's frequency, moves the numbers"
+    )
     SENSOR_BAND = "the band ends at {ratio:.0f} times the wheel's frequency, which biases length and Bs"
     SENSOR_DEAD = "every axis reads 0: the sensor is dead or its element has no supply"
     SENSOR_FLIPPED = "the radial axis points outward; its sign is corrected here"
