@@ -58,11 +58,11 @@ TURNS = [1.0, 1.0, 1.0, 0.0, 0.0, -1.0, -1.0, -1.0, -1.0, 1.0, 1.0, 1.0]
 BACK = [-turn for turn in TURNS]
 
 
-@pytest.mark.parametrize(("left", "right"), [("FL", "FR"), ("rear.left", "rear.right")])
-def test_opposite_slip_is_an_alarm_at_both_wheels(front_left: str, right: str) -> None:
-    opposite = dict.fromkeys((front_left, right), Code.LATERAL_SLIP_APART)
-    assert alarms(*results(front_left, TURNS), *results(right, BACK, 0.01)) == opposite
-    assert alarms(*results(front_left, TURNS), *results(right, TURNS, 0.01)) == {}
+@pytest.mark.parametrize(("left_wheel", "right_wheel"), [("FL", "FR"), ("rear.left", "rear.right")])
+def test_opposite_slip_is_an_alarm_at_both_wheels(left_wheel: str, right_wheel: str) -> None:
+    opposite = dict.fromkeys((left_wheel, right_wheel), Code.LATERAL_SLIP_APART)
+    assert alarms(*results(left_wheel, TURNS), *results(right_wheel, BACK, 0.01)) == opposite
+    assert alarms(*results(left_wheel, TURNS), *results(right_wheel, TURNS, 0.01)) == {}
 
 
 def test_order_of_the_revolutions_does_not_matter() -> None:
