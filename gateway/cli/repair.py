@@ -1,4 +1,4 @@
-"""`treadlink repair`, `compact` and `set-clock`: repaired, compressed and newly dated copies of recordings."""
+"""`treadlink repair`, `compact` and `set-clock`: repaired, compressed and newly dated copies."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import click
 
 from gateway.cli.options import FiniteRange
 from gateway.cli.path_option import path_option
-from gateway.errors import RecordingError
+from gateway.errors import OutputError, RecordingError
 
 if TYPE_CHECKING:
     from gateway.recording.repair import RepairReport
@@ -44,15 +44,24 @@ def repair(recording: Path, out: Path | None, force: bool) -> None:
 
 @click.command()
 @click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RECORDING...")
-@path_option("--out", help="New file.  [default: NAME.compact.mcap]")
+@path_option("--out", help="New file, or folder of tables.  [default: NAME.compact.mcap, NAME.tables]")
 @click.option("--in-place", is_flag=True, help="Replace each recording once its copy is verified.")
 def compact(recordings: tuple[Path, ...], out: Path | None, in_place: bool) -> None:
     """Compress finished RECORDING... to new files, each read back and compared with the original.
 
     A compressed recording replays identically, but damage to it costs a whole chunk instead of single frames.
+
+    In place of a recording, a DATASET of `treadlink campaign`: its tables are copied into few files of 100 MB, which
+    queries read faster than two files a recording. `campaign` and `trends` use the dataset itself.
     """
     if out is not None and (in_place or len(recordings) > 1):
         raise click.UsageError("--out requires a single recording and cannot be combined with --in-place.")
+    datasets = [path for path in recordings if path.is_dir()]
+    if datasets and in_place:
+        raise click.UsageError("a dataset cannot be packed in place: campaign and trends use its files.")
+    for dataset in datasets:
+        _pack(dataset, out or dataset.with_name(f"{dataset.resolve().name.removesuffix('.dataset')}.tables"))
+    recordings = tuple(path for path in recordings if path not in datasets)
     from gateway.recording.compact import compact_recording
     from gateway.views.progress import progress_bar
     from gateway.views.text import clean, file_size
@@ -67,6 +76,29 @@ def compact(recordings: tuple[Path, ...], out: Path | None, in_place: bool) -> N
                 f"{report.target}: {file_size(report.bytes_after)} instead of {file_size(report.bytes_before)} "
                 f"({share:.0f} %), {report.messages} messages verified"
             )
+        )
+
+
+def _pack(dataset: Path, target: Path) -> None:
+    from gateway.fleet.packed_tables import pack_tables
+    from gateway.views.progress import progress_bar
+    from gateway.views.text import clean, file_size
+
+    with progress_bar(f"packing {dataset.name}") as bar:
+        tables = pack_tables(dataset, target, _shown(bar))
+    for table in tables:
+        files = "1 file" if table.files == 1 else f"{table.files} files"
+        click.echo(
+            clean(
+                f"{target / table.name}: {table.rows} rows of {table.parts} files in {files}, "
+                f"{file_size(table.size_bytes)}"
+            )
+        )
+    unreadable = [path for table in tables for path in table.unreadable]
+    if unreadable:
+        raise OutputError(
+            f"{len(unreadable)} files of '{dataset}' cannot be read and are left out, such as '{unreadable[0]}'",
+            "Remove them, and run the same campaign again: it estimates what is missing.",
         )
 
 

@@ -1,0 +1,86 @@
+"""Tables of a dataset in few files: the same rows, whole or not there."""
+
+import errno
+import json
+from pathlib import Path
+
+import duckdb
+import pyarrow.parquet as pq
+import pytest
+from click.testing import CliRunner
+
+from gateway.cli import treadlink
+from gateway.errors import OutputError
+from gateway.fleet import packed_tables
+from gateway.fleet.packed_tables import pack_tables
+from gateway.fleet.recording_estimation import RECORDINGS, REVOLUTIONS
+
+
+@pytest.fixture
+def dataset(campaign, recordings, tmp_path: Path) -> Path:
+    campaign(recordings)
+    return tmp_path / "dataset"
+
+
+def rows_of(files: str) -> list[str]:
+    columns = [name for name, *_ in duckdb.sql(f"DESCRIBE SELECT * FROM '{files}'").fetchall()]
+    # Times with a zone need another package as values of Python.
+    named = ", ".join(f'CAST("{name}" AS VARCHAR)' for name in sorted(columns))
+    return sorted(map(str, duckdb.sql(f"SELECT {named} FROM '{files}'").fetchall()))
+
+
+@pytest.mark.parametrize("file_bytes", [100_000_000, 1])
+def test_packed_tables_have_the_rows_of_the_dataset(dataset, tmp_path, monkeypatch, file_bytes: int) -> None:
+    monkeypatch.setattr(packed_tables, "_FILE_BYTES", file_bytes)
+    monkeypatch.setattr(packed_tables, "_GROUP_ROWS", 1)
+    before = {path: path.read_bytes() for path in dataset.rglob("*.parquet")}
+    shares: list[tuple[int, int]] = []
+    target = tmp_path / "tables"
+    tables = {table.name: table for table in pack_tables(dataset, target, lambda *share: shares.append(share))}
+    for name in (RECORDINGS, REVOLUTIONS):
+        packed = rows_of(f"{target}/{name}-*.parquet")
+        assert packed == rows_of(f"{dataset}/{name}/*/*/*.parquet")
+        assert tables[name].rows == len(packed)
+        assert tables[name].parts == 3
+        assert tables[name].files == len(list(target.glob(f"{name}-*"))) == (1 if file_bytes > 1 else 3)
+        assert tables[name].size_bytes == sum(path.stat().st_size for path in target.glob(f"{name}-*"))
+    metadata = pq.read_metadata(target / f"{REVOLUTIONS}-0001.parquet").metadata
+    assert json.loads(metadata[b"treadlink.units"])["speed_mps"] == "m/s"
+    assert shares[-1] == (6, 6)
+    assert {path: path.read_bytes() for path in dataset.rglob("*.parquet")} == before
+
+
+def test_damaged_file_is_named_and_the_others_are_packed(dataset, tmp_path) -> None:
+    damaged = sorted((dataset / REVOLUTIONS).glob("*/*/*.parquet"))[1]
+    damaged.write_bytes(damaged.read_bytes()[:1000])
+    result = CliRunner().invoke(treadlink, ["compact", str(dataset), "--out", str(tmp_path / "tables")])
+    assert result.exit_code == 1
+    assert isinstance(result.exception, OutputError)
+    assert damaged.name in str(result.exception)
+    assert "rows of 2 files in 1 file" in result.output
+    assert len(rows_of(f"{tmp_path}/tables/{RECORDINGS}-*.parquet")) == 3
+
+
+def test_refusals_leave_nothing(dataset, tmp_path, monkeypatch) -> None:
+    with pytest.raises(OutputError, match="already exists"):
+        pack_tables(dataset, dataset, lambda *_: None)
+    with pytest.raises(OutputError, match="is not a dataset"):
+        pack_tables(tmp_path / "recordings", tmp_path / "tables", lambda *_: None)
+
+    class Full:
+        def __init__(self, *_arguments: object, **_options: object) -> None:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(pq, "ParquetWriter", Full)
+    with pytest.raises(OutputError, match="No space left"):
+        pack_tables(dataset, tmp_path / "tables", lambda *_: None)
+    assert not (tmp_path / "tables").exists()
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_dataset_is_packed_beside_itself_and_never_in_place(dataset) -> None:
+    result = CliRunner().invoke(treadlink, ["compact", str(dataset)])
+    assert result.exit_code == 0, result.output
+    assert (dataset.parent / "dataset.tables" / "recordings-0001.parquet").is_file()
+    result = CliRunner().invoke(treadlink, ["compact", str(dataset), "--in-place"])
+    assert result.exit_code == 2
