@@ -5,7 +5,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 from functools import partial
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -41,7 +41,7 @@ from gateway.closure.inference.outvoted_recordings import (
 )
 from gateway.closure.inference.posterior import Posterior, posterior_of
 from gateway.closure.inference.recordings_apart import Apart, recordings_apart
-from gateway.closure.inference.reference_model import on_exact_ring
+from gateway.closure.inference.reference_model import OnExactRing, on_exact_ring
 from gateway.closure.inference.residual import PARTS, PLANE, left_shares, residual_ratio, unexplained
 from gateway.closure.inference.rolling_direction import turned_round
 from gateway.closure.inference.set_search import SetSearch, baseline_fit
@@ -51,6 +51,7 @@ from gateway.closure.laws.law_search import LawsFound, propose_laws
 from gateway.closure.laws.unseen_recordings import judged_elsewhere
 from gateway.closure.model.baseline import Core
 from gateway.closure.model.baseline_registry import angle_effects, make_core
+from gateway.closure.model.closure_model import AngleEffect
 from gateway.closure.report_curves import curves_of, effect_curves_of, trends_of
 from gateway.closure.result import Diagnosis, Finding, Fitted, Unexplained, Verdict
 from gateway.closure.self_test import self_test
@@ -122,7 +123,7 @@ def diagnose(
             raise
         text = error_text(error)
         left_out = (Reason(Code.PLUGIN_EFFECTS_LEFT_OUT, effects=", ".join(sorted(others)), error=text),)
-        run = partial(run, without=others)
+        run = partial(run, omitted=others)
         diagnosis, fit = run(campaign, model, empirical, part, on_posterior=on_posterior)
     diagnosis = replace(diagnosis, notes=(*left_out, *diagnosis.notes))
     if not self_tests:
@@ -145,20 +146,20 @@ def _diagnose(
     expired: Callable[[], bool],
     helpers: Helpers,
     on_posterior: Callable[[Posterior], None],
-    without: Collection[str] = (),
+    omitted: Collection[str] = (),
 ) -> tuple[Diagnosis, Fit]:
-    """Return the diagnosis of a campaign `without` some effects, and the fit of the best set."""
+    """Return the diagnosis of a campaign without the effects `omitted`, and the fit of the best set."""
     core = make_core(model)
     data = whiten(campaign, core)
     if data.folds < 2:
         raise TreadlinkError(
             "a diagnosis needs at least two revolutions of one recording", "Record longer at a steady speed."
         )
-    effects = angle_effects({name: effect for name, effect in candidates(model).items() if name not in without})
+    effects = angle_effects({name: effect for name, effect in candidates(model).items() if name not in omitted})
     discrepancy = Discrepancy(campaign, data)
     helpers.begin(campaign, core, data, effects, discrepancy)
     edges_ahead = helpers.ahead(_edges, campaign)
-    time_locked_ahead = helpers.ahead(partial(_time_locked, without=without), campaign)
+    time_locked_ahead = helpers.ahead(partial(_time_locked, without=omitted), campaign)
     steps = _Steps(on_progress)
     search = SetSearch(campaign, core, data, effects, discrepancy, corrections(model), expired, steps, helpers)
     posterior = _searched(campaign, core, data, model, search, on_progress)
@@ -170,12 +171,7 @@ def _diagnose(
     held_out, noise = errors.summary, errors.noise_mps2
     over = held_out.rms_after_mps2 / noise if noise > 0.0 else math.nan
     exact = on_exact_ring(best.fit)
-    first_findings = findings_of(posterior, effects, errors.rms_of)
-    if exact is not None:
-        first_findings = confirmed(apart_from(first_findings, exact.parameters), exact.absent)
-    without = {name: posterior.without(name).fit for name in best.names}
-    tested = judged_elsewhere(beside_more(first_findings, best.fit, data), best.fit, without, data)
-    findings = doubted(tested, tuple(effects.values()), campaign, over)
+    findings = _judged(posterior, effects, errors.rms_of, exact, campaign, data, over)
     on_progress(_HELD_OUT, "diagnosing the time-locked signal")
     changes = changing(best.fit, data)
     if changes:
@@ -186,6 +182,122 @@ def _diagnose(
     edges = edges_ahead()
     on_progress(_TIME_LOCKED, "preparing figures")
     explained = propose_laws(best, data, expired) if search.complete and unexplained(best.fit, data) else LawsFound()
+    numbers = _numbers(campaign, core, data, search, posterior, exact)
+    residuals: tuple[Unexplained, ...] = (
+        *changes,
+        *unexplained(best.fit, data),
+        *beside_changes(time_locked.unexplained, changes),
+        *unexplained_revolutions(campaign.groups),
+    )
+    shown = errors.fit_of[frozenset()], errors.fit_of[best.names]
+    on_progress(1.0, "done")
+    diagnosis = Diagnosis(
+        model=str(model),
+        wheel=campaign.wheel,
+        recordings=campaign.recordings,
+        assumed=campaign.assumed,
+        revolutions=sum(block.count for group in campaign.groups for block in group.blocks),
+        rejected=sum(campaign.rejected.values()),
+        noise_floor_mps2=noise,
+        held_out=held_out,
+        findings=tuple(
+            sorted(
+                (*findings, *edges, *time_locked.findings),
+                key=lambda finding: _RANK[finding.verdict],
+            )
+        ),
+        unexplained=tuple(sorted(residuals, key=lambda entry: -entry.rms_mps2)),
+        estimates_before=numbers.before,
+        estimates_after=numbers.after,
+        determined=numbers.determined,
+        determined_before=numbers.determined_before,
+        curves=curves_of(*shown, data),
+        effect_curves=effect_curves_of(best.fit, [f for f in findings if f.verdict is Verdict.NAMED]),
+        spectra=time_locked.spectra,
+        trends=trends_of(*shown, data),
+        empirical_rms_mps2=errors.with_discrepancy_mps2 if empirical else None,
+        notes=(
+            *_ended(search),
+            *(
+                Reason(Code.ABOUT_RECORDING, recording=campaign.recordings[number], reason=reason)
+                for number, reason in sorted(numbers.outvoted.items())
+            ),
+            *_opposite(campaign),
+            *_contradictions(campaign, numbers.unlike),
+            *_apart(numbers.widths_apart),
+            *_differing(campaign, numbers.differing),
+            *_in_doubt(campaign),
+            *_no_ring(campaign, numbers.strange),
+            *alignment_note(held_out),
+            *(moved_by_law(explained.fit, findings, explained.laws[0].title) if explained.fit is not None else ()),
+            *_notes(campaign, with_mean=core.mean),
+            *(_cut_short(search, posterior) or _tempered(posterior)),
+            *_open(numbers.considered, numbers.after),
+            *other_optimum_notes(posterior),
+            *time_locked.notes,
+        ),
+        folds_of=_folds_of(campaign),
+        correction=contribution_table(explained.fit or best.fit, tuple(findings), explained.laws),
+        laws=explained.laws,
+        load_known=all(group.load_known for group in campaign.groups),
+        pressure_known=all(group.pressure_known for group in campaign.groups),
+        complete=search.complete,
+        outvoted=numbers.outvoted,
+    )
+    return diagnosis, best.fit
+
+
+def _judged(
+    posterior: Posterior,
+    effects: Mapping[str, AngleEffect],
+    rms_of: Mapping[frozenset[str], float],
+    exact: OnExactRing | None,
+    campaign: Campaign,
+    data: Whitened,
+    over: float,
+) -> list[Finding]:
+    """Return the findings of effects, as the exact ring and unseen recordings judge them."""
+    best = posterior.best
+    findings = findings_of(posterior, effects, rms_of)
+    if exact is not None:
+        findings = confirmed(apart_from(findings, exact.parameters), exact.absent)
+    without = {name: posterior.without(name).fit for name in best.names}
+    tested = judged_elsewhere(beside_more(findings, best.fit, data), best.fit, without, data)
+    return doubted(tested, tuple(effects.values()), campaign, over)
+
+
+class _Numbers(NamedTuple):
+    """The estimates of a diagnosis, and what contradicts them.
+
+    Attributes:
+        before: of the baseline model.
+        after: over the sets of effects.
+        determined: whether the data determine each of `after`.
+        determined_before: likewise of `before`.
+        considered: fits of the sets, with their weights.
+        widths_apart: lowest and highest Cw where those of the states contradict each other.
+        unlike: pairs of groups whose contacts differ.
+        differing: recordings of one state whose numbers contradict each other.
+        strange: groups whose signal is not that of a ring, with the share of it that is left.
+        outvoted: recordings that most others contradict, by index, and why.
+    """
+
+    before: dict[str, Fitted]
+    after: dict[str, Fitted]
+    determined: dict[str, bool]
+    determined_before: dict[str, bool]
+    considered: list[tuple[Fit, float]]
+    widths_apart: tuple[Fitted, Fitted] | None
+    unlike: list[tuple[int, int]]
+    differing: list[Apart]
+    strange: dict[int, float]
+    outvoted: dict[int, Reason]
+
+
+def _numbers(
+    campaign: Campaign, core: Core, data: Whitened, search: SetSearch, posterior: Posterior, exact: OnExactRing | None
+) -> _Numbers:
+    """Return the estimates before and after, as far as the recordings do not contradict each other."""
     better = [exact.numbers] if exact is not None else []
     if exact is None and posterior.impossible is not None:
         better = [estimates_of([(posterior.impossible.fit, 1.0)])[0]]
@@ -199,7 +311,7 @@ def _diagnose(
     if _is_cut_short(search, posterior):
         doubted_states = {group.state for group in campaign.groups}
     contradicted = frozenset(doubted_states)
-    strange, strange_before = (_not_a_ring(evaluated.fit, data) for evaluated in (best, posterior.baseline))
+    strange, strange_before = (_not_a_ring(evaluated.fit, data) for evaluated in (posterior.best, posterior.baseline))
     considered = [(evaluated.fit, weight) for evaluated, weight in posterior.considered]
     after, determined = estimates_of(
         considered, better, contradicted | _states_of(campaign, strange), posterior.temperatures.plane
@@ -225,68 +337,9 @@ def _diagnose(
         outvoted |= unlike_others if surviving != determined else {}
         determined = surviving
         determined_before = still_determined(before, determined_before)
-    residuals: tuple[Unexplained, ...] = (
-        *changes,
-        *unexplained(best.fit, data),
-        *beside_changes(time_locked.unexplained, changes),
-        *unexplained_revolutions(campaign.groups),
+    return _Numbers(
+        before, after, determined, determined_before, considered, apart, unlike, differing, strange, outvoted
     )
-    shown = errors.fit_of[frozenset()], errors.fit_of[best.names]
-    on_progress(1.0, "done")
-    diagnosis = Diagnosis(
-        model=str(model),
-        wheel=campaign.wheel,
-        recordings=campaign.recordings,
-        assumed=campaign.assumed,
-        revolutions=sum(block.count for group in campaign.groups for block in group.blocks),
-        rejected=sum(campaign.rejected.values()),
-        noise_floor_mps2=noise,
-        held_out=held_out,
-        findings=tuple(
-            sorted(
-                (*findings, *edges, *time_locked.findings),
-                key=lambda finding: _RANK[finding.verdict],
-            )
-        ),
-        unexplained=tuple(sorted(residuals, key=lambda entry: -entry.rms_mps2)),
-        estimates_before=before,
-        estimates_after=after,
-        determined=determined,
-        determined_before=determined_before,
-        curves=curves_of(*shown, data),
-        effect_curves=effect_curves_of(best.fit, [f for f in findings if f.verdict is Verdict.NAMED]),
-        spectra=time_locked.spectra,
-        trends=trends_of(*shown, data),
-        empirical_rms_mps2=errors.with_discrepancy_mps2 if empirical else None,
-        notes=(
-            *_ended(search),
-            *(
-                Reason(Code.ABOUT_RECORDING, recording=campaign.recordings[number], reason=reason)
-                for number, reason in sorted(outvoted.items())
-            ),
-            *_opposite(campaign),
-            *_contradictions(campaign, unlike),
-            *_apart(apart),
-            *_differing(campaign, differing),
-            *_in_doubt(campaign),
-            *_no_ring(campaign, strange),
-            *alignment_note(held_out),
-            *(moved_by_law(explained.fit, findings, explained.laws[0].title) if explained.fit is not None else ()),
-            *_notes(campaign, with_mean=core.mean),
-            *(_cut_short(search, posterior) or _tempered(posterior)),
-            *_open(considered, after),
-            *other_optimum_notes(posterior),
-            *time_locked.notes,
-        ),
-        folds_of=_folds_of(campaign),
-        correction=contribution_table(explained.fit or best.fit, tuple(findings), explained.laws),
-        laws=explained.laws,
-        load_known=all(group.load_known for group in campaign.groups),
-        pressure_known=all(group.pressure_known for group in campaign.groups),
-        complete=search.complete,
-        outvoted=outvoted,
-    )
-    return diagnosis, best.fit
 
 
 def _searched(
