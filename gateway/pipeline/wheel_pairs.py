@@ -5,8 +5,8 @@ steer, is constant, and so part of the zero that each wheel's slip is counted fr
 whenever the other slips to the left has a lateral axis that points the other way, or a position that is another's.
 
 Both wheels roll the same way but in a curve, where speeds that differ by a share d at the speed v mean a lateral
-acceleration of d v^2 over the track. What no curve explains is a belt radius or a rate that is not as stated. One wheel
-alone shows neither.
+acceleration of d v^2 over the track. What no curve explains is a belt radius or a rate that is not as stated, until the
+speeds agree within their errors. One wheel alone shows neither.
 
 What is compared depends on the times of the revolutions alone, not on the order in which they come.
 """
@@ -173,13 +173,18 @@ class _Pair:
             self.verdicts.append(verdict)
 
     def _speeds_apart(self) -> tuple[float, float]:
-        """Return the ratio of the speeds and its error where neither errors nor a curve explain it."""
+        """Return the ratio of the speeds and its error where neither errors nor a curve explain it.
+
+        Once a ratio is apart, a curve is no explanation of speeds that stay so: a slow stretch allows a tighter curve,
+        and is no evidence that the radius is right.
+        """
         if len(self.speeds) < _COMPARED:
             return _NOT_APART
         ratios = np.array([both.ratio for both in self.speeds])
         ratio = float(np.median(ratios))
         slowest = min(both.speed_mps for both in self.speeds)
-        curve = _CURVE_MPS2 * _TRACK_M / slowest**2
+        goes_on = (ratio - 1.0) * (self.apart[0] - 1.0) > 0.0
+        curve = 0.0 if goes_on else _CURVE_MPS2 * _TRACK_M / slowest**2
         std = math.hypot(self.speeds[-1].std, float(ratios.std()) / math.sqrt(len(ratios)))
         return (ratio, std) if abs(ratio - 1.0) > CONTRADICTION * std + curve else _NOT_APART
 
