@@ -98,12 +98,12 @@ def accept_batch(
     for notice in notices:
         by_key.setdefault(int(keys[notice.place]), []).append(notice)
     for index, (key, source) in enumerate(zip(sources.keys, trackers, strict=True)):
-        current = slice(sources.bounds[index], sources.bounds[index + 1])
+        rows = slice(sources.bounds[index], sources.bounds[index + 1])
         hellos = by_key.get(key, [])
-        if least[index] < 1 or current.stop - current.start < _FEW_FRAMES:
-            _one_by_one(tracker, keys, seqs, readable, hellos, sources.order[current], accepted)
+        if least[index] < 1 or rows.stop - rows.start < _FEW_FRAMES:
+            _one_by_one(tracker, keys, seqs, readable, hellos, sources.order[rows], accepted)
             continue
-        _all_ahead(source, ordered[current], moved[index])
+        _all_ahead(source, ordered[rows], moved[index])
         source.counters.frames += delivered[index]
         for hello in hellos:
             tracker.hello(key, hello.boot_count)

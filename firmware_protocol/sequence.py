@@ -71,8 +71,8 @@ def classify(window: Window | None, seq: int) -> Verdict:
     last, seen, span = window
     ahead = (seq - last) & COUNTER_MASK
     if 0 < ahead < _HALF:
-        remaining = (seen << ahead | 1) & FULL_WINDOW if ahead < WINDOW_FRAMES else 1
-        moved = Window(seq, remaining, min(span + ahead, WINDOW_FRAMES))
+        arrived = (seen << ahead | 1) & FULL_WINDOW if ahead < WINDOW_FRAMES else 1
+        moved = Window(seq, arrived, min(span + ahead, WINDOW_FRAMES))
         return Verdict(Arrival.IN_ORDER if ahead == 1 else Arrival.GAP, ahead - 1, moved)
     behind = -ahead & COUNTER_MASK
     if behind >= WINDOW_FRAMES:

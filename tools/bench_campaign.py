@@ -205,7 +205,7 @@ def estimate(folder: Path, jobs: int, limit_s: float | None) -> None:
     wall_s, after = time.monotonic() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
     cpu_s = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     sizes = {
-        name: [item.stat().st_size for item in (dataset / name).rglob("*.parquet")]
+        name: [part.stat().st_size for part in (dataset / name).rglob("*.parquet")]
         for name in ("recordings", "revolutions")
     }
     count = len(sizes["recordings"])

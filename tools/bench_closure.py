@@ -59,14 +59,14 @@ def _run(options: argparse.Namespace) -> None:
         cases = [case for case in cases if case.kind in options.kinds]
     count = options.count if options.count is not None else round(options.share * len(cases))
     cases = cases[:count]
-    remainder = len(cases) - len({case.number for case in cases} & {line["number"] for line in read(options.results)})
-    print(f"{len(cases)} cases, {len(cases) - remainder} of them done", file=sys.stderr)
+    pending = len(cases) - len({case.number for case in cases} & {line["number"] for line in read(options.results)})
+    print(f"{len(cases)} cases, {len(cases) - pending} of them done", file=sys.stderr)
     lines = run(store, cases, options.gateway, options.results, jobs=options.jobs, timeout_s=options.timeout)
     for index, line in enumerate(lines, 1):
         what = " + ".join(f"{name} {line['strengths'][name]:.2g} limits" for name in line["strengths"]) or "nothing"
         said = " + ".join(line.get("named", ())) or "nothing named"
         cost = f"{line['cpu_s']:.0f} s of CPU" if "cpu_s" in line else line["fault"].splitlines()[-1]
-        print(f"{index}/{remainder} case {line['number']}, {line['model']}, {what}: {said}: {line['outcome']}, {cost}")
+        print(f"{index}/{pending} case {line['number']}, {line['model']}, {what}: {said}: {line['outcome']}, {cost}")
         sys.stdout.flush()
 
 

@@ -57,7 +57,7 @@ def make_result(position: str, index: int, rng: np.random.Generator) -> Revoluti
         saturated=False,
         ac_coupled=False,
     )
-    reference = (
+    values = (
         ("speed_mps", omega * RADIUS_M, 0.006),
         ("leading_edge_rad", -0.24, 0.0017),
         ("trailing_edge_rad", 0.24, 0.0017),
@@ -72,7 +72,7 @@ def make_result(position: str, index: int, rng: np.random.Generator) -> Revoluti
     )
     estimates = tuple(
         Estimate(name, value + std * rng.standard_normal(), std, Status.VALID, (Reason(Code.LINEAR_RING),))
-        for name, value, std in reference
+        for name, value, std in values
     )
     return RevolutionResult(position, 0, revolution, TireConditions(RADIUS_M, 5000.0, 210e3, 31.5), estimates)
 

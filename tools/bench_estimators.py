@@ -109,13 +109,13 @@ def update_times(name: str, result: list[Turn]) -> np.ndarray:
     chain: list[Estimator] = [make_estimator(other) for other in names[: names.index(name) + 1]]
     durations = []
     for turn in result:
-        stated: dict[str, dict[str, object]] = {}
+        earlier: dict[str, dict[str, object]] = {}
         for estimator in chain:
-            seeing = replace(CONDITIONS, given=stated)  # type: ignore[arg-type]
+            seeing = replace(CONDITIONS, given=earlier)  # type: ignore[arg-type]
             begin = time.perf_counter()
             estimates = estimator.update(turn.revolution, turn.average, seeing)
             elapsed = time.perf_counter() - begin
-            stated[estimator.name] = {estimate.name: estimate for estimate in estimates}
+            earlier[estimator.name] = {estimate.name: estimate for estimate in estimates}
         durations.append(1e6 * elapsed)
     return np.array(durations)
 

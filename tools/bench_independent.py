@@ -66,9 +66,9 @@ def read(path: Path, depth_mm: int) -> Rolled:
     """
     if not path.is_file():
         sys.exit(f"{path} is missing: make it with python -m independent_tire --cache {path.parent} --tire {path.stem}")
-    with np.load(path) as remaining:
-        about = json.loads(str(remaining["description"]))
-        radial, along, up_radial, up_along = remaining[f"shape_{depth_mm}"].mean(axis=1)[:4]
+    with np.load(path) as archive:
+        about = json.loads(str(archive["description"]))
+        radial, along, up_radial, up_along = archive[f"shape_{depth_mm}"].mean(axis=1)[:4]
     square = (about["speed_mps"] / about["radius_m"]) ** 2
     signal = np.full((3, len(radial)), np.nan)
     signal[RADIAL] = square * radial + STANDARD_GRAVITY_MPS2 * up_radial
@@ -147,7 +147,7 @@ def _with_values(finding: Finding) -> str:
     """Return the name of an effect with its values, or their number if they are many."""
     if len(finding.parameters) > _MOST_VALUES:
         return f"{finding.name} ({len(finding.parameters)} parameters)"
-    values = ", ".join(f"{name} {item.value:.4g} ± {item.std:.2g}" for name, item in finding.parameters.items())
+    values = ", ".join(f"{name} {fitted.value:.4g} ± {fitted.std:.2g}" for name, fitted in finding.parameters.items())
     return f"{finding.name} {values}"
 
 

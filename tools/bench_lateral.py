@@ -145,13 +145,13 @@ def calibrated(case: Case, rng: np.random.Generator) -> SlipFit:
     parts = []
     for number, (slip, reverse) in enumerate([(s, False) for s in FORWARD_DEG] + [(s, True) for s in REVERSE_DEG]):
         true = slip + (-zero if reverse else zero) + rng.normal(0.0, SLIP_STD_DEG)
-        actual = SlipRunRevolutions(roll)
+        revolutions = SlipRunRevolutions(roll)
         for result in case.revolutions(true, case.sensor.seed * 100 + number, reverse=reverse)[3:]:
-            actual.add(result.revolution, result.conditions)
-        parts.append((actual, slip, reverse))
+            revolutions.add(result.revolution, result.conditions)
+        parts.append((revolutions, slip, reverse))
     runs = [
-        result.run(f"{slip:+.1f}", math.radians(slip), math.radians(SLIP_STD_DEG), is_reverse=reverse)
-        for result, slip, reverse in parts
+        revolutions.run(f"{slip:+.1f}", math.radians(slip), math.radians(SLIP_STD_DEG), is_reverse=reverse)
+        for revolutions, slip, reverse in parts
     ]
     return fit_slip_calibration(runs, math.radians(ZERO_STD_DEG))
 

@@ -75,13 +75,13 @@ class Bench:
         self._conditions = conditions()
         self._half_angle_rad = []
         self._plain = []
-        for item in self._conditions:
+        for condition in self._conditions:
             solved = solve_rolling_ring(
-                _TIRE, item.load_n, _PRESSURE_PA, item.omega_radps, nodes=_NODES, sensor_offset_m=_DEPTH_M
+                _TIRE, condition.load_n, _PRESSURE_PA, condition.omega_radps, nodes=_NODES, sensor_offset_m=_DEPTH_M
             )
             self._half_angle_rad.append(solved.half_angle_rad)
             along_and_radial = np.zeros((3, _NODES))
-            radial, along = solved.sensor.specific_force(item.omega_radps, gravity_mps2=STANDARD_GRAVITY_MPS2)
+            radial, along = solved.sensor.specific_force(condition.omega_radps, gravity_mps2=STANDARD_GRAVITY_MPS2)
             along_and_radial[RADIAL], along_and_radial[CIRCUMFERENTIAL] = radial, along
             self._plain.append(waveform_orders(along_and_radial))
 
@@ -97,17 +97,19 @@ class Bench:
             cause = chain[which]
             orders = [through(cause.fault, o, h) for o, h in zip(self._plain, self._conditions, strict=True)]
             return Case(cause.name, cause.law, cause.size, orders)
-        case = belt[which - len(chain)]
+        belt_cause = belt[which - len(chain)]
         sensor, factor = int(rng.integers(SENSORS)), rng.uniform(0.4, 1.0)
         orders = []
-        for plain, item in zip(self._plain, self._conditions, strict=True):
-            rolling = self._rolling(item)
-            with_it = simulated(case.change, rolling, _DEPTH_M, self._cache, case.name.replace(" ", "_"))[sensor]
+        for plain, condition in zip(self._plain, self._conditions, strict=True):
+            rolling = self._rolling(condition)
+            with_it = simulated(belt_cause.change, rolling, _DEPTH_M, self._cache, belt_cause.name.replace(" ", "_"))[
+                sensor
+            ]
             change = with_it - simulated(None, rolling, _DEPTH_M, self._cache, "nothing")[sensor]
             read = plain.copy()
-            read[[RADIAL, CIRCUMFERENTIAL]] += factor * item.omega_radps**2 * change
+            read[[RADIAL, CIRCUMFERENTIAL]] += factor * condition.omega_radps**2 * change
             orders.append(read)
-        return Case(case.name, case.law, factor * case.size, orders)
+        return Case(belt_cause.name, belt_cause.law, factor * belt_cause.size, orders)
 
     def outside(self, number: int, rng: np.random.Generator) -> Case:
         """Return a case outside library and catalogue."""
@@ -118,7 +120,7 @@ class Bench:
 
     def nothing(self, number: int, rng: np.random.Generator) -> Case:  # noqa: ARG002 - alike
         """Return a case without anything."""
-        return Case("nothing", "", math.nan, [case.copy() for case in self._plain])
+        return Case("nothing", "", math.nan, [orders.copy() for orders in self._plain])
 
     def turned(self, number: int, rng: np.random.Generator) -> Case:
         """Return a case of the library whose cause is turned or scrambled, alike in all recordings."""
@@ -138,17 +140,17 @@ class Bench:
         variance = np.full((3, ORDERS), noise**2)
         variance[LATERAL] = math.nan
         groups = []
-        for index, (item, truth) in enumerate(zip(self._conditions, case.orders_mps2, strict=True)):
+        for index, (condition, truth) in enumerate(zip(self._conditions, case.orders_mps2, strict=True)):
             blocks = []
             for _ in range(_BLOCKS):
                 real, imaginary = rng.normal(0.0, noise / math.sqrt(_REVOLUTIONS), (2, 3, ORDERS))
                 imaginary[:, 0] = 0.0
                 orders = truth + real + 1j * imaginary
                 orders[LATERAL] = complex(math.nan, math.nan)
-                blocks.append(Block(_REVOLUTIONS, item, orders))
-            state = [4500.0, 3600.0].index(item.load_n)
+                blocks.append(Block(_REVOLUTIONS, condition, orders))
+            state = [4500.0, 3600.0].index(condition.load_n)
             half = self._half_angle_rad[index]
-            group = Group(f"run {index + 1}", index, state, item, tuple(blocks), variance, half)
+            group = Group(f"run {index + 1}", index, state, condition, tuple(blocks), variance, half)
             groups.append(replace(group, declared_offset_m=_DEPTH_M))
         return Campaign("W", tuple(group.label for group in groups), tuple(groups), 2, {})
 
@@ -186,7 +188,7 @@ def _outcome(part: int, case: Case, laws: tuple[Law, ...], cpu_s: float, ratio: 
     if "cosine_m" in law.parameters:
         other = law.parameters["sine_m"]
         size = math.copysign(math.hypot(size, other.value), case.size)
-    rises = max((case.after_mps2 / case.before_mps2 for case in law.unseen), default=math.nan)
+    rises = max((check.after_mps2 / check.before_mps2 for check in law.unseen), default=math.nan)
     return {
         **told,
         "said": law.name,
@@ -202,12 +204,12 @@ def _outcome(part: int, case: Case, laws: tuple[Law, ...], cpu_s: float, ratio: 
     }
 
 
-def summary(result: list[dict[str, Any]]) -> tuple[Table, Table]:
+def summary(cases: list[dict[str, Any]]) -> tuple[Table, Table]:
     """Return the tables: by part, and by kind for those of the library."""
     rows = []
     titles = {1: "library, other forms", 2: "outside", 3: "nothing", 4: "turned, scrambled"}
     for part, title in titles.items():
-        selected = [case for case in result if case["part"] == part]
+        selected = [case for case in cases if case["part"] == part]
         if not selected:
             continue
         laws = [case for case in selected if case["said"] and case["certain"]]
@@ -219,8 +221,8 @@ def summary(result: list[dict[str, Any]]) -> tuple[Table, Table]:
     heads = ("part", "cases", "laws", "right in kind", "clues", "right", "nothing", "CPU s")
     parts = Table("Laws", "CPU is the median of the search.", heads, tuple(rows))
     kinds = []
-    for law in sorted({case["right"] for case in result if case["right"]}):
-        selected = [case for case in result if case["right"] == law and case["part"] == 1]
+    for law in sorted({case["right"] for case in cases if case["right"]}):
+        selected = [case for case in cases if case["right"] == law and case["part"] == 1]
         certain = [case for case in selected if case["said"] and case["certain"]]
         hits = [case for case in certain if case["said"] == law]
         sized = [case for case in hits if math.isfinite(case["truth"])]

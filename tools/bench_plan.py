@@ -112,10 +112,10 @@ def recorded_estimates(scenario: Scenario, seed: int) -> dict[tuple[str, int], f
     if len(results) < AFTER[-1]:
         return {}
     values = [{estimate.name: estimate.value for estimate in result.estimates} for result in results]
-    actual = {(name, count): values[count - 1][name] for name in values[0] for count in AFTER}
+    estimated = {(name, count): values[count - 1][name] for name in values[0] for count in AFTER}
     # Each revolution has a speed of its own; the mean of several is planned.
     speeds = {("speed_mps", count): float(np.mean([row["speed_mps"] for row in values[:count]])) for count in AFTER}
-    return actual | speeds
+    return estimated | speeds
 
 
 def compared(plan: RandomPlan, wheels: int, seed: int) -> list[Comparison]:
@@ -137,15 +137,15 @@ def main() -> None:
     """Compare random plans and print the table."""
     options = _options()
     ends_s = time.monotonic() + 60.0 * options.minutes
-    remaining = _kept(options)
+    stored = _kept(options)
     plans: list[list[Comparison]] = []
     for number in range(options.plans):
-        if number not in remaining:
+        if number not in stored:
             if time.monotonic() > ends_s:
                 break
             plan = random_plan(np.random.default_rng([options.seed, number]))
-            _keep(options, number, compared(plan, options.wheels, number), remaining)
-        plans.append(remaining[number])
+            _keep(options, number, compared(plan, options.wheels, number), stored)
+        plans.append(stored[number])
         print(f"plan {number + 1} of {options.plans}: {len(plans[-1])} comparisons", flush=True)
     comparisons: dict[tuple[str, int], list[Comparison]] = defaultdict(list)
     for comparison in (comparison for of_plan in plans for comparison in of_plan):
@@ -174,10 +174,10 @@ def _kept(options: argparse.Namespace) -> dict[int, list[Comparison]]:
 
 
 def _keep(
-    options: argparse.Namespace, number: int, of_plan: list[Comparison], remaining: dict[int, list[Comparison]]
+    options: argparse.Namespace, number: int, of_plan: list[Comparison], stored: dict[int, list[Comparison]]
 ) -> None:
     """Keep the comparisons of a plan, in the file as well."""
-    remaining[number] = of_plan
+    stored[number] = of_plan
     if options.results is not None:
         row = {"of": _identity(options), "number": number, "comparisons": of_plan}
         with options.results.open("a", encoding="utf-8") as file:

@@ -68,13 +68,13 @@ def main(arguments: list[str]) -> int:
 
 
 def _row(group: str, pulls: list[Pull]) -> str:
-    stated = [pull for pull in pulls if pull.estimate is not None and pull.estimate.status is not Status.INVALID]
-    line = f"{group:<40} {len(pulls):4d}  {len(stated) / len(pulls):5.0%}"
-    if not stated:
+    estimated = [pull for pull in pulls if pull.estimate is not None and pull.estimate.status is not Status.INVALID]
+    line = f"{group:<40} {len(pulls):4d}  {len(estimated) / len(pulls):5.0%}"
+    if not estimated:
         return line
-    errors = np.array([(pull.estimate.value - pull.truth) / pull.estimate.std for pull in stated if pull.estimate])
-    stds = np.median([pull.estimate.std for pull in stated if pull.estimate])
-    right = [pull.holds for pull in stated if pull.holds is not None]
+    errors = np.array([(pull.estimate.value - pull.truth) / pull.estimate.std for pull in estimated if pull.estimate])
+    stds = np.median([pull.estimate.std for pull in estimated if pull.estimate])
+    right = [pull.holds for pull in estimated if pull.holds is not None]
     return (
         f"{line} {math.sqrt(float(np.square(errors).mean())):10.2f} {errors[np.argmax(np.abs(errors))]:+9.2f} "
         f"{float((np.abs(errors) > 2.0).mean()):8.0%} {stds:11.3g}  {f'{np.mean(right):.0%}' if right else ''}"
@@ -208,8 +208,8 @@ def cavity(seed: int, index: int) -> Iterator[Pull]:
         name, truth = ("cavity_temperature_degc", gas_degc) if std < 0.005 else ("cavity_gas_ratio", ratio)
         result = last(results, name)
         flagged = result is not None and Code.CAVITY_CONTRADICTED in codes_of(result.reasons)
-        is_valid = result is not None and result.status is not Status.INVALID
-        yield Pull(group, result, truth, flagged is not is_air if is_valid else None)
+        is_estimated = result is not None and result.status is not Status.INVALID
+        yield Pull(group, result, truth, flagged is not is_air if is_estimated else None)
 
 
 def water(seed: int, index: int) -> Iterator[Pull]:
@@ -243,9 +243,9 @@ def water(seed: int, index: int) -> Iterator[Pull]:
         for result in results:
             at_s = result.revolution.start_s - shift_s
             if begin + 2.5 * turn_s < at_s < begin + 3.5 * turn_s:
-                actual = next(estimate for estimate in result.estimates if estimate.name == "water_wedge_rad")
-                named = Code.LIKE_A_WATER_WEDGE in codes_of(actual.reasons)
-                yield Pull(group, actual, truth, named is (truth > 0.0))
+                wedge = next(estimate for estimate in result.estimates if estimate.name == "water_wedge_rad")
+                named = Code.LIKE_A_WATER_WEDGE in codes_of(wedge.reasons)
+                yield Pull(group, wedge, truth, named is (truth > 0.0))
                 break
 
 

@@ -241,17 +241,17 @@ def record(folder: Path, seconds: float, cases: tuple[Case, ...]) -> dict[tuple[
 @contextmanager
 def checked_out(revision: str | None) -> Iterator[dict[str, Path]]:
     """Yield the trees to measure by their names: the old one, when one is given, and this one."""
-    selected = Path(__file__).resolve().parent.parent
+    this_tree = Path(__file__).resolve().parent.parent
     if revision is None:
-        yield {"now": selected}
+        yield {"now": this_tree}
         return
     with tempfile.TemporaryDirectory() as folder:
-        archive = subprocess.run(["git", "archive", revision], cwd=selected, check=True, capture_output=True)
+        archive = subprocess.run(["git", "archive", revision], cwd=this_tree, check=True, capture_output=True)
         subprocess.run(["tar", "-x", "-C", folder], input=archive.stdout, check=True)
         hook = Path(folder, "hatch_build.py")
         if hook.exists():
             subprocess.run([sys.executable, str(hook)], check=True)
-        yield {revision: Path(folder), "now": selected}
+        yield {revision: Path(folder), "now": this_tree}
 
 
 def run_child(tree: Path, case: Case, path: Path, *, by_stage: bool) -> dict[str, Any]:
@@ -263,8 +263,8 @@ def run_child(tree: Path, case: Case, path: Path, *, by_stage: bool) -> dict[str
     done = subprocess.run(command, env=environment, cwd=tree, capture_output=True, text=True, check=False)
     if done.returncode:
         raise SystemExit(done.stderr)
-    estimated_loads: dict[str, Any] = json.loads(done.stdout)
-    return estimated_loads
+    measured: dict[str, Any] = json.loads(done.stdout)
+    return measured
 
 
 def best(runs: list[dict[str, Any]]) -> dict[str, Any]:

@@ -99,14 +99,14 @@ def run(command: str, folder: Path) -> str:
     words = shlex.split(command)
     if words[0] == "treadlink":
         resolved = [str((ROOT / word).resolve()) if word.startswith(("examples/", "../")) else word for word in words]
-        arguments, position = [sys.executable, "-m", "gateway.cli", *resolved[1:]], folder
+        arguments, where = [sys.executable, "-m", "gateway.cli", *resolved[1:]], folder
     else:
-        arguments, position = [sys.executable, *words[1:]], ROOT
+        arguments, where = [sys.executable, *words[1:]], ROOT
     path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH", ""))))
     environment = {**os.environ, "PYTHONPATH": path, "COLUMNS": "80"}
     done = subprocess.run(
         arguments,
-        cwd=position,
+        cwd=where,
         env=environment,
         check=False,
         text=True,
@@ -120,7 +120,7 @@ def run(command: str, folder: Path) -> str:
 
 def numbers(text: str) -> list[float]:
     """Return the numbers in a text, in order."""
-    return [float(result.replace("\u2212", "-")) for result in _NUMBER.findall(text)]
+    return [float(digits.replace("\u2212", "-")) for digits in _NUMBER.findall(text)]
 
 
 def disagreement(quoted: str, printed: str) -> str:

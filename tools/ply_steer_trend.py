@@ -58,8 +58,8 @@ def judge(name: str, basis: FloatArray, angle_rad: FloatArray, folds: NDArray[np
     rows = columns / angle_rad[:, None]
     fold = np.arange(len(angle_rad)) if folds is None else folds
     errors = np.empty_like(angle_rad)
-    for item in np.unique(fold):
-        out = fold == item
+    for excluded in np.unique(fold):
+        out = fold == excluded
         constants = np.linalg.lstsq(rows[~out], np.ones(int((~out).sum())), rcond=None)[0]
         errors[out] = rows[out] @ constants - 1.0
     constants = np.linalg.lstsq(rows, np.ones(len(rows)), rcond=None)[0]
@@ -119,9 +119,9 @@ def derived_laws(points: Points, angle_rad: FloatArray) -> list[Law]:
     for stiffness, share in itertools.product(SIDEWALL_NPM2, SHARES):
         for name, value in string_laws(points, stiffness, share):
             laws.append(judge(f"string, {name}, ky {stiffness:g}, {share:.0%}", value, angle_rad))
-    single = np.ones_like(angle_rad)
+    ones = np.ones_like(angle_rad)
     for name, x in groups(points):
-        laws.append(judge(f"c0 + c1 {name}", np.stack([single, x], axis=1), angle_rad))
+        laws.append(judge(f"c0 + c1 {name}", np.stack([ones, x], axis=1), angle_rad))
     return sorted(laws, key=lambda law: law.left_out_rms)
 
 
@@ -417,8 +417,8 @@ def print_rejections(points: Points, angle: FloatArray, answers: list[BeltAnswer
     for name, value in sorted(tests.items(), key=lambda item: -item[1]):
         print(f"  {name:40s}{value:7.3f}")
     for name, values in (("belts, inside the contact", inside), ("belts, slope ahead of the contact", ahead)):
-        remaining = sum(value > 0.05 for value in values)
-        print(f"  {name:40s}{min(values):7.3f} to {max(values):.3f}, {remaining} of {len(values)} above 0.05")
+        possible = sum(value > 0.05 for value in values)
+        print(f"  {name:40s}{min(values):7.3f} to {max(values):.3f}, {possible} of {len(values)} above 0.05")
 
 
 def print_ahead(points: Points, angle: FloatArray, answers: list[BeltAnswer]) -> None:

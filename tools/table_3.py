@@ -131,7 +131,7 @@ def flat_angle(kinematics: Kinematics) -> float:
     It reads more than the centripetal R Omega^2 outside, and the sum of its orders must take all of that away.
     """
 
-    def remainder(half_angle_rad: float) -> float:
+    def residual(half_angle_rad: float) -> float:
         orders = signal_orders(
             np.arange(1.0, 400.0),
             TABLE_3_NUMBERS,
@@ -144,7 +144,7 @@ def flat_angle(kinematics: Kinematics) -> float:
         )
         return RADIUS_M + float(orders.sum())
 
-    return float(brentq(remainder, 0.05, 0.5))
+    return float(brentq(residual, 0.05, 0.5))
 
 
 @dataclass(frozen=True, slots=True)

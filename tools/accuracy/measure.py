@@ -90,8 +90,8 @@ class Sample:
     @property
     def worth(self) -> float:
         """Rms of the errors over their stated standard errors; 1 when these are right."""
-        reference = [(e / s) ** 2 for e, s in zip(self.errors, self.stated, strict=True) if s > 0.0]
-        return math.sqrt(sum(reference) / len(reference)) if reference else math.nan
+        squares = [(e / s) ** 2 for e, s in zip(self.errors, self.stated, strict=True) if s > 0.0]
+        return math.sqrt(sum(squares) / len(squares)) if squares else math.nan
 
 
 @dataclass(slots=True)
@@ -198,13 +198,13 @@ def _after(names: Sequence[str], turns: Sequence[Turn]) -> dict[str, tuple[Estim
     history: dict[str, list[tuple[Estimate, ...]]] = {name: [] for name in names}
     for index, turn in enumerate(turns):
         latest = extended(average, turn.revolution)
-        stated: dict[str, dict[str, Estimate]] = {}
-        conditions = replace(turn.conditions, given=stated)
+        earlier: dict[str, dict[str, Estimate]] = {}
+        conditions = replace(turn.conditions, given=earlier)
         for estimator in estimators:
             if estimator.name in SLOW and index < len(turns) - 1:
                 continue
             result = estimator.update(turn.revolution, latest, conditions)
-            stated[estimator.name] = {estimate.name: estimate for estimate in result}
+            earlier[estimator.name] = {estimate.name: estimate for estimate in result}
             history[estimator.name].append(_with_half_angle(result))
     return {name: _mean(result) if name in PER_REVOLUTION else result[-1] for name, result in history.items() if result}
 

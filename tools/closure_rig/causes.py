@@ -189,8 +189,8 @@ def _hub(drawn: Drawing) -> Tables:
 
 def _cavity(drawn: Drawing) -> Tables:
     width = drawn.between(4.0, 10.0)
-    position = drawn.between(195.0, 245.0)
-    return {"vibration": {"cavity_rms_mps2": drawn.size, "cavity_hz": position, "cavity_bandwidth_hz": width}}
+    hz = drawn.between(195.0, 245.0)
+    return {"vibration": {"cavity_rms_mps2": drawn.size, "cavity_hz": hz, "cavity_bandwidth_hz": width}}
 
 
 def _ply_steer(drawn: Drawing) -> Tables:

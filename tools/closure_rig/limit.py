@@ -159,7 +159,7 @@ def size_of(name: str, *, outside: bool, wanted: float, strength: Callable[[floa
     top = _ABOVE if highest is None else 1.0 + math.log(highest / sizes[1]) / math.log(sizes[2] / sizes[1])
     low, high = bottom, top
     position, best = 0.0, (math.inf, 0.0, 0.0)
-    reference: list[tuple[float, float]] = []
+    tried: list[tuple[float, float]] = []
     for _ in range(_MOST_PASSES):
         size = size_at(position)
         result = strength(size)
@@ -174,12 +174,12 @@ def size_of(name: str, *, outside: bool, wanted: float, strength: Callable[[floa
         ):
             break
         low, high = (low, position) if error > 0.0 else (position, high)
-        reference = [*reference, (position, error)][-2:]
+        tried = [*tried, (position, error)][-2:]
         guess = 0.5 * (low + high)
-        if len(reference) == 2 and reference[0][1] != reference[1][1]:
-            (first, before), (second, after) = reference
+        if len(tried) == 2 and tried[0][1] != tried[1][1]:
+            (first, before), (second, after) = tried
             guess = second - after * (second - first) / (after - before)
-        elif len(reference) == 1:
+        elif len(tried) == 1:
             # In proportion to the size, or to its inverse.
             guess = position - error / abs(math.log(sizes[1] / sizes[0]))
         # Never at a point that is known, but at the very ends if it must.

@@ -34,10 +34,10 @@ class Rivals:
         names = {entry.name for entry in CAUSES if entry.locked is Locked.MEAN}
         if not {true, other} <= names:
             return False
-        selected = self._contribution(true)
+        contribution = self._contribution(true)
         columns = np.stack([column for column in self._columns(other) if column.any()], axis=1)
         basis = np.linalg.qr(columns / np.linalg.norm(columns, axis=0))[0]
-        remainder = selected - basis @ (basis.T @ selected)
+        remainder = contribution - basis @ (basis.T @ contribution)
         return float(remainder @ remainder) < DETECTION_CHI2
 
     @cached_property

@@ -179,8 +179,8 @@ def _numbers(
     stated = [State(*entry["state"]) for entry in estimates["after"] if entry["state"] is not None]
     others = {_nearest(state, list(truth)) for state in stated}
     # The state of the most revolutions goes without a name. Several are left where revolutions were rejected.
-    remainder = [state for state in truth if state not in others]
-    unnamed = remainder[0] if len(remainder) == 1 else None
+    unstated = [state for state in truth if state not in others]
+    unnamed = unstated[0] if len(unstated) == 1 else None
     lines = []
     for when, entries in estimates.items():
         for entry in entries:

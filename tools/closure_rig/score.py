@@ -93,7 +93,7 @@ def false_names(line: Line) -> set[str]:
     return set(line.get("named", ())) - there(line)
 
 
-def is_named(line: Line) -> bool:
+def is_right(line: Line) -> bool:
     """Return whether all undeclared effects were found as far as the data allow, and nothing else."""
     return Outcome(line["outcome"]).right
 
@@ -193,8 +193,8 @@ def _names(versions: Versions) -> list[str]:
         return cell
 
     def precise(lines: Sequence[Line]) -> str:
-        stated = [name in there(line) for line in lines for name in line.get("named", ())]
-        return Share(sum(stated), len(stated)).text()
+        are_true = [name in there(line) for line in lines for name in line.get("named", ())]
+        return Share(sum(are_true), len(are_true)).text()
 
     rows = [
         ("cases with a false name, nothing there", rate([Kind.NOTHING])),
@@ -218,7 +218,7 @@ def _by_strength(versions: Versions) -> list[str]:
                 if not selected:
                     return "-"
                 counts = Counter(line["outcome"] for line in selected)
-                parts = [f"found {Share(sum(map(is_named, selected)), len(selected)).text()}"]
+                parts = [f"found {Share(sum(map(is_right, selected)), len(selected)).text()}"]
                 parts += [
                     f"{word} {counts[outcome]}"
                     for outcome, word in (
@@ -265,8 +265,8 @@ def _residual(versions: Versions) -> list[str]:
 
     def worse(lines: Sequence[Line]) -> str:
         errors = [line["held_out"] for line in lines if "held_out" in line]
-        reference = [e for e in errors if e["after_mps2"] is not None and e["before_mps2"] is not None]
-        return Share(sum(e["after_mps2"] > 1.02 * e["before_mps2"] for e in reference), len(reference)).text()
+        complete = [e for e in errors if e["after_mps2"] is not None and e["before_mps2"] is not None]
+        return Share(sum(e["after_mps2"] > 1.02 * e["before_mps2"] for e in complete), len(complete)).text()
 
     rows = [(stratum, lambda lines, stratum=stratum: ratios(_of(lines, stratum))) for stratum in _strata(versions)]
     title = "Held-out error after, over the noise floor"
@@ -349,14 +349,14 @@ def _cost(versions: Versions) -> list[str]:
 
 def _by_effect(versions: Versions) -> list[str]:
     """Return for every effect how often it was found, and from which strength on in nine of ten cases."""
-    reference = [entry.name for entry in CAUSES] + [entry.name for entry in STRANGERS]
+    names = [entry.name for entry in CAUSES] + [entry.name for entry in STRANGERS]
 
     def rows() -> Iterator[tuple[str, Callable[[Sequence[Line]], str]]]:
-        for name in reference:
+        for name in names:
 
             def cell(lines: Sequence[Line], name: str = name) -> str:
                 selected = sorted(
-                    (line["strengths"][name], is_named(line), line["sizes"][name][0])
+                    (line["strengths"][name], is_right(line), line["sizes"][name][0])
                     for line in lines
                     if list(line["strengths"]) == [name]
                 )
@@ -392,10 +392,10 @@ def _wrong(versions: Versions) -> list[str]:
             if line["outcome"] in (Outcome.WRONG, Outcome.FALSE_ALARM, Outcome.UNSURE, Outcome.FAILED):
                 what = [f"{name} ({strength:.2g})" for name, strength in line["strengths"].items()] or ["nothing"]
                 named = " + ".join(line.get("named", ())) or "nothing named"
-                remainder = "".join(f"; open: {' / '.join(group)}" for group in line.get("open", ()))
+                open_groups = "".join(f"; open: {' / '.join(group)}" for group in line.get("open", ()))
                 fault = f"; {line['fault'].splitlines()[-1]}" if line.get("fault") else ""
                 about = f"{version} {line['number']}, from {line['model']}, {' + '.join(what)}"
-                lines.append(f"{about}: {line['outcome']}: {named}{remainder}{fault}")
+                lines.append(f"{about}: {line['outcome']}: {named}{open_groups}{fault}")
     return lines if len(lines) > 1 else [*lines, "none"]
 
 

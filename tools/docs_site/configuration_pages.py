@@ -128,8 +128,8 @@ def _allowed(field: FieldInfo) -> str:
 
 def _validator_text(function: object) -> str:
     """Return what the validators of series, triples and units allow; they keep it in their closure, for messages."""
-    remaining = inspect.getclosurevars(function).nonlocals if inspect.isfunction(function) else {}
-    return remaining.get("allowed") or (f"one of {', '.join(remaining['names'])}" if "names" in remaining else "")
+    captured = inspect.getclosurevars(function).nonlocals if inspect.isfunction(function) else {}
+    return captured.get("allowed") or (f"one of {', '.join(captured['names'])}" if "names" in captured else "")
 
 
 def _kind(annotation: Any) -> str:

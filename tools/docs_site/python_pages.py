@@ -52,8 +52,8 @@ def python_markdown() -> str:
     lines = [_INTRODUCTION]
     for title, kind in (("Functions", inspect.isfunction), ("Classes", _is_class), ("Errors", _is_error)):
         lines += [f"## {title}", ""]
-        results = {name: getattr(gateway, name) for name in gateway.names()}
-        chosen = {name: value for name, value in results.items() if kind(value)}
+        public = {name: getattr(gateway, name) for name in gateway.names()}
+        chosen = {name: value for name, value in public.items() if kind(value)}
         if title == "Errors":
             rows = ((code(f"gateway.{name}"), escaped(_first_line(value))) for name, value in chosen.items())
             lines += table(("Error", "Meaning"), rows)

@@ -81,13 +81,13 @@ def _relinked(source: Path, page: str, by_source: dict[Path, str], target: Path)
             return match[0]
         linked = (source.parent / address).resolve()
         if linked in by_source:
-            position = by_source[linked]
+            new_path = by_source[linked]
         elif linked.is_relative_to(DOCS):
-            position = str(linked.relative_to(DOCS))
+            new_path = str(linked.relative_to(DOCS))
         else:
-            position = f"{FILES}/{linked.relative_to(ROOT)}"
-            _copy(linked, target / position)
-        return f"{match[1]}{os.path.relpath(position, folder)}{mark}{anchor}{match[3]}"
+            new_path = f"{FILES}/{linked.relative_to(ROOT)}"
+            _copy(linked, target / new_path)
+        return f"{match[1]}{os.path.relpath(new_path, folder)}{mark}{anchor}{match[3]}"
 
     return _LINK.sub(link, filled(source.read_text("utf-8")))
 

@@ -120,30 +120,34 @@ def _quantities(ring: RingSolution) -> FloatArray:
 
 
 def bound(
-    result: Sequence[Sensitivity], fixed: Sequence[int] = (), *, along: bool = False, tilt_std_rad: float = math.inf
+    sensitivities: Sequence[Sensitivity],
+    fixed: Sequence[int] = (),
+    *,
+    along: bool = False,
+    tilt_std_rad: float = math.inf,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the covariance of the quantities of the first of several speeds, and of all parameters there.
 
     Stiffnesses and dampings are those of the tire at every speed; torque and contact centre are each speed's own.
 
     Args:
-        result: sensitivities, one revolution of each.
+        sensitivities: one revolution of each.
         fixed: parameters that are known.
         along: whether the circumferential axis is used too.
         tilt_std_rad: of the sensor's pitch, which reads the radial into the circumferential axis.
     """
     common = TREAD_DAMPING + 1
-    selected = result[0].radial.shape[0] - common
-    count = common + selected * len(result) + 1
+    per_speed = sensitivities[0].radial.shape[0] - common
+    count = common + per_speed * len(sensitivities) + 1
     information = np.zeros((count, count))
-    for number, sensitivity_of in enumerate(result):
-        position = [*range(common), *range(common + selected * number, common + selected * (number + 1))]
-        std = DENSITY_MG * 1e-3 * STANDARD_GRAVITY_MPS2 / math.sqrt(sensitivity_of.period_s)
-        rows = np.zeros((count, sensitivity_of.radial.shape[1] * (2 if along else 1)))
-        rows[position, : sensitivity_of.radial.shape[1]] = sensitivity_of.radial
+    for number, entry in enumerate(sensitivities):
+        indices = [*range(common), *range(common + per_speed * number, common + per_speed * (number + 1))]
+        std = DENSITY_MG * 1e-3 * STANDARD_GRAVITY_MPS2 / math.sqrt(entry.period_s)
+        rows = np.zeros((count, entry.radial.shape[1] * (2 if along else 1)))
+        rows[indices, : entry.radial.shape[1]] = entry.radial
         if along:
-            rows[position, sensitivity_of.radial.shape[1] :] = sensitivity_of.along
-            rows[-1, sensitivity_of.radial.shape[1] :] = sensitivity_of.tilt
+            rows[indices, entry.radial.shape[1] :] = entry.along
+            rows[-1, entry.radial.shape[1] :] = entry.tilt
         information += rows @ rows.T / std**2
     information[-1, -1] += tilt_std_rad**-2 if math.isfinite(tilt_std_rad) else 0.0
     if not along:
@@ -153,30 +157,30 @@ def bound(
     scale = np.sqrt(np.diagonal(part))
     covariance = np.zeros((count, count))
     covariance[np.ix_(free, free)] = np.linalg.inv(part / np.outer(scale, scale)) / np.outer(scale, scale)
-    first = [*range(common), *range(common, common + selected)]
+    first = [*range(common), *range(common, common + per_speed)]
     whole = covariance[np.ix_(first, first)]
-    quantities = result[0].quantities
+    quantities = sensitivities[0].quantities
     return quantities @ whole @ quantities.T, whole
 
 
 def bound_table() -> Table:
     """Return the bound in several cases."""
-    position = {speed: sensitivity(speed) for speed in (30.0, 65.0, 120.0)}
+    by_speed = {speed: sensitivity(speed) for speed in (30.0, 65.0, 120.0)}
     cases: list[tuple[str, Sequence[Sensitivity], tuple[int, ...], bool, float]] = [
-        ("65 km/h", [position[65.0]], (), False, math.inf),
-        ("65 km/h, no tread damping", [position[65.0]], (TREAD_DAMPING,), False, math.inf),
-        ("65 km/h, sidewall damping known", [position[65.0]], (DAMPING, TREAD_DAMPING), False, math.inf),
-        ("65 km/h, stiffnesses known", [position[65.0]], tuple(range(DAMPING)), False, math.inf),
-        ("65 km/h, and one at 120 km/h", [position[65.0], position[120.0]], (), False, math.inf),
-        ("65 km/h, and at 30 and 120 km/h", [position[65.0], position[30.0], position[120.0]], (), False, math.inf),
-        ("65 km/h, circumferential axis, pitch unknown", [position[65.0]], (), True, math.inf),
-        ("65 km/h, circumferential axis, pitch known", [position[65.0]], (), True, 1e-9),
-        ("30 km/h", [position[30.0]], (), False, math.inf),
-        ("120 km/h", [position[120.0]], (), False, math.inf),
+        ("65 km/h", [by_speed[65.0]], (), False, math.inf),
+        ("65 km/h, no tread damping", [by_speed[65.0]], (TREAD_DAMPING,), False, math.inf),
+        ("65 km/h, sidewall damping known", [by_speed[65.0]], (DAMPING, TREAD_DAMPING), False, math.inf),
+        ("65 km/h, stiffnesses known", [by_speed[65.0]], tuple(range(DAMPING)), False, math.inf),
+        ("65 km/h, and one at 120 km/h", [by_speed[65.0], by_speed[120.0]], (), False, math.inf),
+        ("65 km/h, and at 30 and 120 km/h", [by_speed[65.0], by_speed[30.0], by_speed[120.0]], (), False, math.inf),
+        ("65 km/h, circumferential axis, pitch unknown", [by_speed[65.0]], (), True, math.inf),
+        ("65 km/h, circumferential axis, pitch known", [by_speed[65.0]], (), True, 1e-9),
+        ("30 km/h", [by_speed[30.0]], (), False, math.inf),
+        ("120 km/h", [by_speed[120.0]], (), False, math.inf),
     ]
     rows = []
-    for name, result, item, along, tilt in cases:
-        covariance, whole = bound(result, item, along=along, tilt_std_rad=tilt)
+    for name, sensitivities, fixed, along, tilt in cases:
+        covariance, whole = bound(sensitivities, fixed, along=along, tilt_std_rad=tilt)
         std = np.sqrt(np.diagonal(covariance))
         # Torque with the sidewall's damping.
         torque, damping = TREAD_DAMPING + 1, DAMPING

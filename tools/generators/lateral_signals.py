@@ -31,14 +31,14 @@ SCALE_MPS2 = RANGE_MPS2 / 32768.0
 
 def car_ring(pressure_pa: float) -> RingParameters:
     """Return the ring paper's tire; half of the sidewall stiffness is structural, half is proportional to pressure."""
-    position = RingParameters.from_numbers(*TABLE_3_NUMBERS, radius_m=RADIUS_M, pressure_pa=REFERENCE_PRESSURE_PA)
+    nominal = RingParameters.from_numbers(*TABLE_3_NUMBERS, radius_m=RADIUS_M, pressure_pa=REFERENCE_PRESSURE_PA)
     share = 0.5 + 0.5 * pressure_pa / REFERENCE_PRESSURE_PA
     return RingParameters(
         radius_m=RADIUS_M,
-        tension_width_m=position.tension_width_m,
-        bending_stiffness_nm2=position.bending_stiffness_nm2,
-        radial_stiffness_npm2=share * position.radial_stiffness_npm2,
-        tangential_stiffness_npm2=share * position.tangential_stiffness_npm2,
+        tension_width_m=nominal.tension_width_m,
+        bending_stiffness_nm2=nominal.bending_stiffness_nm2,
+        radial_stiffness_npm2=share * nominal.radial_stiffness_npm2,
+        tangential_stiffness_npm2=share * nominal.tangential_stiffness_npm2,
     )
 
 
@@ -100,8 +100,8 @@ def samples(
     side = np.empty_like(t)
     done = -1.0
     for count, shape in shapes:
-        position = (turn > done) & (turn <= done + count + (shape is shapes[-1][1]))
-        side[position] = speed[position] ** 2 * curve(shape.lateral_m)(wrapped[position])
+        mask = (turn > done) & (turn <= done + count + (shape is shapes[-1][1]))
+        side[mask] = speed[mask] ** 2 * curve(shape.lateral_m)(wrapped[mask])
         done += count
     side += G * math.sin(sensor.camber_rad)
     rng = np.random.default_rng(sensor.seed)

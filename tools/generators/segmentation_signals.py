@@ -120,10 +120,10 @@ def _measured_at(theta: FloatArray, half: float, rng: np.random.Generator) -> Fl
     """Return the measured tire at every angle, stretched to another contact; each turn is a different revolution."""
     revolutions, own_half = measured_revolutions(), np.radians(20.9 / 2.0)
     turn = np.floor(theta / (2.0 * np.pi)).astype(int)
-    index = theta - turn * 2.0 * np.pi
-    index = np.where(index > np.pi, index - 2.0 * np.pi, index)
-    index = np.sign(index) * np.interp(np.abs(index), [0.0, half, np.pi], [0.0, own_half, np.pi])
-    position = np.where(index < 0.0, index + 2.0 * np.pi, index) / (2.0 * np.pi) * GRID
+    angle = theta - turn * 2.0 * np.pi
+    angle = np.where(angle > np.pi, angle - 2.0 * np.pi, angle)
+    angle = np.sign(angle) * np.interp(np.abs(angle), [0.0, half, np.pi], [0.0, own_half, np.pi])
+    position = np.where(angle < 0.0, angle + 2.0 * np.pi, angle) / (2.0 * np.pi) * GRID
     low = np.clip(position.astype(int), 0, GRID - 2)
     which = rng.integers(0, len(revolutions), int(turn.max() - turn.min()) + 1)[turn - turn.min()]
     share = np.clip(position - low, 0.0, 1.0)
@@ -153,9 +153,9 @@ def make_signal(case: Case) -> Signal:
     if lost.any():
         radial[lost] = np.interp(np.flatnonzero(lost), np.flatnonzero(~lost), radial[~lost])
     turns = np.floor(theta / (2.0 * np.pi))
-    position = np.flatnonzero(np.diff(turns))
-    target = 2.0 * np.pi * np.maximum(turns[position], turns[position + 1])
-    contacts = position + (target - theta[position]) / (theta[position + 1] - theta[position])
+    crossings = np.flatnonzero(np.diff(turns))
+    target = 2.0 * np.pi * np.maximum(turns[crossings], turns[crossings + 1])
+    contacts = crossings + (target - theta[crossings]) / (theta[crossings + 1] - theta[crossings])
     return Signal(case, radial, contacts, speed, theta, lost)
 
 

@@ -94,14 +94,14 @@ class GaussPoints:
         return np.stack([1 - 3 * x**2 + 2 * x**3, length * (x - 2 * x**2 + x**3), 3 * x**2 - 2 * x**3,
                          length * (x**3 - x**2)])  # fmt: skip
 
-    def form(self, lefts: csr_matrix, block: Array, right: csr_matrix) -> csr_matrix:
+    def form(self, left: csr_matrix, block: Array, right: csr_matrix) -> csr_matrix:
         """Return the integral of left^T block right over the belt; `block` is (2, 2) or (P, 2, 2)."""
         count = len(self.weight_m)
         blocks = np.broadcast_to(block, (count, 2, 2)) * self.weight_m[:, None, None]
         rows = np.repeat(2 * np.arange(count)[:, None] + np.arange(2), 2, axis=1).reshape(-1)
         columns = np.tile(2 * np.arange(count)[:, None] + np.arange(2), (1, 2)).reshape(-1)
         middle = csr_matrix((blocks.reshape(-1), (rows, columns)), shape=(2 * count, 2 * count))
-        return csr_matrix(lefts.T @ middle @ right)
+        return csr_matrix(left.T @ middle @ right)
 
 
 def _interpolation(count: int, values: Array) -> csr_matrix:

@@ -31,7 +31,7 @@ class Signals(NamedTuple):
 def signals(belt: Belt, history: History, offset_m: float) -> Signals:
     """Return the signals of a sensor `offset_m` below the belt's middle line, over whole revolutions."""
     omega = belt.omega_radps
-    index, slope = np.split(history.position_m, 2, axis=1)
+    position, slope = np.split(history.position_m, 2, axis=1)
     rate, slope_rate = np.split(history.velocity_mps, 2, axis=1)
     bend, slope_bend = np.split(history.acceleration_mps2, 2, axis=1)
     square = np.sum(slope**2, axis=1)
@@ -41,8 +41,8 @@ def signals(belt: Belt, history: History, offset_m: float) -> Signals:
     turning = _cross(slope, slope_rate) / square
     growing = np.sum(slope * slope_rate, axis=1) / square
     spinning = _cross(slope, slope_bend) / square - 2.0 * growing * turning
-    velocity = rate + omega * index @ QUARTER_TURN.T - offset_m * (turning + omega)[:, None] * along
-    acceleration = bend + 2.0 * omega * rate @ QUARTER_TURN.T - omega**2 * index
+    velocity = rate + omega * position @ QUARTER_TURN.T - offset_m * (turning + omega)[:, None] * along
+    acceleration = bend + 2.0 * omega * rate @ QUARTER_TURN.T - omega**2 * position
     acceleration = acceleration - offset_m * (spinning[:, None] * along + ((turning + omega) ** 2)[:, None] * inward)
     turned = history.angle_rad + math.pi
     up = np.stack([np.sin(turned), np.cos(turned)], axis=1)
@@ -59,8 +59,8 @@ def signals(belt: Belt, history: History, offset_m: float) -> Signals:
     first = math.ceil((history.angle_rad[0] - 1e-9 + math.pi) / (2.0 * math.pi))
     grid = -math.pi + 2.0 * math.pi * np.arange(ANGLES) / ANGLES
     revolutions = int((history.angle_rad[-1] + math.pi) / (2.0 * math.pi) + 1e-6) - first
-    position = grid[None, :] + 2.0 * math.pi * (first + np.arange(revolutions))[:, None]
-    return Signals(*(CubicSpline(history.angle_rad, part)(position) for part in parts))
+    angles = grid[None, :] + 2.0 * math.pi * (first + np.arange(revolutions))[:, None]
+    return Signals(*(CubicSpline(history.angle_rad, part)(angles) for part in parts))
 
 
 def sampled(belt: Belt, result: Signals, rate_hz: float, revolutions: int) -> tuple[Array, Array, Array]:

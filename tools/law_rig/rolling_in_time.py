@@ -130,7 +130,7 @@ def last_revolution(conditions: Rolling, change: LocalChange) -> FloatArray:
     # Steady shape standing in space: in the rim's frame it moves backwards past the nodes.
     v = _standing_velocity(y, omega)
     a = np.zeros_like(y)
-    remaining = np.empty((STEPS, NODES, 2))
+    recorded = np.empty((STEPS, NODES, 2))
     mass = belt.mass_kg[:, None]
     by_velocity, by_acceleration = _GAMMA / (_BETA * step_s), 1.0 / (_BETA * step_s**2)
     inertia = np.zeros((NODES, 2, 2))
@@ -150,25 +150,25 @@ def last_revolution(conditions: Rolling, change: LocalChange) -> FloatArray:
             vel = guess_v + step_s * ((1.0 - _GAMMA) * guess_a + _GAMMA * acc)
             inside, blocks = belt.inside(new)
             road, by_road = belt.road(new, angle)
-            remainder = inside + road + axle - belt.damping * vel
-            remainder -= mass * (acc + 2.0 * omega * vel @ _SPIN.T - omega**2 * new)
+            residual = inside + road + axle - belt.damping * vel
+            residual -= mass * (acc + 2.0 * omega * vel @ _SPIN.T - omega**2 * new)
             if factors is None or iteration == 3:
                 tangent = -blocks
                 tangent[2] += inertia - by_road
                 factors = _factorised(tangent, layout)
-            change_m = _solved(factors, remainder, layout)
+            change_m = _solved(factors, residual, layout)
             new = new + change_m
             if np.abs(change_m).max() < _DONE_M:
                 break
         acc = (new - y - step_s * guess_v) * by_acceleration - (0.5 / _BETA - 1.0) * guess_a
         v = guess_v + step_s * ((1.0 - _GAMMA) * guess_a + _GAMMA * acc)
         a, y = acc, new
-        position = number - (total - STEPS) - 1
-        if position >= 0:
+        row = number - (total - STEPS) - 1
+        if row >= 0:
             cos, sin = math.cos(angle), math.sin(angle)
-            remaining[position, :, 0] = cos * y[:, 0] - sin * y[:, 1]
-            remaining[position, :, 1] = sin * y[:, 0] + cos * y[:, 1] + float(change.axle_m(np.array([angle]))[0])
-    return remaining
+            recorded[row, :, 0] = cos * y[:, 0] - sin * y[:, 1]
+            recorded[row, :, 1] = sin * y[:, 0] + cos * y[:, 1] + float(change.axle_m(np.array([angle]))[0])
+    return recorded
 
 
 def _standing_velocity(shape: FloatArray, omega: float) -> FloatArray:
@@ -196,8 +196,8 @@ def _factorised(tangent: FloatArray, layout: FoldedBand) -> tuple[FloatArray, Fl
 def _solved(factors: tuple[FloatArray, FloatArray], right: FloatArray, layout: FoldedBand) -> FloatArray:
     side = np.empty(2 * NODES)
     side[layout.unknown] = right
-    actual, _ = dgbtrs(factors[0], layout.half, layout.half, side, factors[1])
-    result: FloatArray = actual[layout.unknown]
+    solution, _ = dgbtrs(factors[0], layout.half, layout.half, side, factors[1])
+    result: FloatArray = solution[layout.unknown]
     return result
 
 

@@ -490,9 +490,9 @@ def _hdf5s() -> list[bytes]:
         file = io.BytesIO()
         matlab = {"userblock_size": 512} if name == "matlab" else {}
         with h5py.File(file, "w", **options, **matlab) as content:
-            remaining = {"compression": "gzip", "shuffle": True, "chunks": (150,)} if name == "packed" else {}
+            packed = {"compression": "gzip", "shuffle": True, "chunks": (150,)} if name == "packed" else {}
             for column, values in columns.items():
-                content.create_dataset(column, data=values[None, :] if matlab else values, **remaining)
+                content.create_dataset(column, data=values[None, :] if matlab else values, **packed)
             # A group's header would state the time of writing.
             timeless = h5py.h5p.create(h5py.h5p.GROUP_CREATE)
             timeless.set_obj_track_times(False)

@@ -191,14 +191,14 @@ def _records(data: bytes) -> list[tuple[int, int, int]]:
 
 def _changed_line(rng: np.random.Generator, data: bytes) -> bytes:
     lines = data.split(b"\n")
-    offset, other = (int(rng.integers(len(lines))) for _ in range(2))
+    index, other = (int(rng.integers(len(lines))) for _ in range(2))
     match int(rng.integers(3)):
         case 0:
-            del lines[offset]
+            del lines[index]
         case 1:
-            lines.insert(offset, lines[other])
+            lines.insert(index, lines[other])
         case _:
-            lines[offset], lines[other] = lines[other], lines[offset]
+            lines[index], lines[other] = lines[other], lines[index]
     return b"\n".join(lines)
 
 

@@ -84,8 +84,8 @@ def report() -> Iterator[str]:
                         first_s.setdefault(f"{alarm.position} {alarm.name}", (item.host_ns - begin_ns) * 1e-9)
             faults = core.snapshot(0.0).wheels[0].last
             reasons = faults.revolution.faults if faults is not None else ()
-            selected = {key.removeprefix("W1 "): position for key, position in first_s.items() if key.startswith("W1 ")}
-            flag, after_s = next(iter(selected.items()), ("-", float("nan")))
+            of_wheel = {key.removeprefix("W1 "): at_s for key, at_s in first_s.items() if key.startswith("W1 ")}
+            flag, after_s = next(iter(of_wheel.items()), ("-", float("nan")))
             others = ", ".join(key.removeprefix("W2 ") for key in first_s if key.startswith("W2 ")) or "none"
             yield (
                 f"{name:24s} {flag:18s} {after_s:5.1f}s {count:7d}  {_show(last.get('speed_mps'), _SPEED_MPS)}; "

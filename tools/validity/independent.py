@@ -88,9 +88,9 @@ def rolled_tires(folder: Path) -> list[RolledTire]:
         raise FileNotFoundError(f"no tires in {folder}: make them with python -m independent_tire --cache {folder}")
     tires = []
     for path in paths:
-        with np.load(path) as remaining:
-            about = json.loads(str(remaining["description"]))
-            means = (remaining[f"shape_{depth:g}"].mean(axis=1) for depth in (0.0, _DEEPEST_MM))
+        with np.load(path) as archive:
+            about = json.loads(str(archive["description"]))
+            means = (archive[f"shape_{depth:g}"].mean(axis=1) for depth in (0.0, _DEEPEST_MM))
             shallow, deep = (_without_mesh(mean, about["elements"]) for mean in means)
             tires.append(RolledTire(about, shallow, deep))
     return tires

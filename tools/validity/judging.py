@@ -124,7 +124,10 @@ def judge(
     first = next((name for name in running if name in NUMBER_ESTIMATORS), "")
     expected = [(OWNERS[name], name) for name in OWNERS if OWNERS[name] in running]
     expected += [
-        (item, name) for item in running if item in NUMBER_ESTIMATORS for name in (*RING_NUMBERS, *RING_RATIOS)
+        (estimator, name)
+        for estimator in running
+        if estimator in NUMBER_ESTIMATORS
+        for name in (*RING_NUMBERS, *RING_RATIOS)
     ]
     distance = _Distance(run, statement, results)
     for index in range(_FIRST, max(len(results), _FIRST + 1)):

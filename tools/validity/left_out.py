@@ -81,10 +81,8 @@ def left_out_table(counts: dict[str, Counts]) -> Table:
     rows = []
     for way, count in counts.items():
         cells = [f"{100.0 * count.false[kind] / max(count.valid[kind], 1):.2f}" for kind in kinds]
-        remaining = [
-            f"{100.0 * count.still_valid[kind] / count.valid[kind]:.1f}" for kind in _KEPT if count.valid[kind]
-        ]
-        rows.append((way, *cells, " / ".join(remaining)))
+        shares = [f"{100.0 * count.still_valid[kind] / count.valid[kind]:.1f}" for kind in _KEPT if count.valid[kind]]
+        rows.append((way, *cells, " / ".join(shares)))
     heads = ("left out", *kinds, "kept")
     about = (
         "falsely valid in % of the valid, by kind; kept: % of what is valid without the rule that is so with it, "

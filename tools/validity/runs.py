@@ -49,8 +49,8 @@ class Store:
             return make()
         path = cls.folder / (hashlib.sha256(repr(key).encode()).hexdigest()[:32] + ".pickle")
         if path.is_file():
-            remaining: T = pickle.loads(path.read_bytes())
-            return remaining
+            stored: T = pickle.loads(path.read_bytes())
+            return stored
         made = make()
         cls.folder.mkdir(parents=True, exist_ok=True)
         part = path.with_suffix(f".{id(made)}.part")
@@ -183,15 +183,15 @@ def record_wheel(
         lateral: whether the lateral axis has a signal.
     """
     table = FilteredTable(waveforms(plan, world), 0.5 * world.rate_hz * 2.0 * math.pi / world.omega_radps)
-    selected = BenchPlan(**{field.name: getattr(plan, field.name) for field in fields(plan)}, waveforms=table)
-    wheel = WheelSimulator(selected, np.random.default_rng(list(seed)))
-    hub = HubSimulator(selected.hub, [wheel], "bench")
+    bench_plan = BenchPlan(**{field.name: getattr(plan, field.name) for field in fields(plan)}, waveforms=table)
+    wheel = WheelSimulator(bench_plan, np.random.default_rng(list(seed)))
+    hub = HubSimulator(bench_plan.hub, [wheel], "bench")
     decoder = FrameDecoder()
     frames: list[Frame] = []
     for block in range(math.ceil(world.seconds / BLOCK_S)):
         sent = hub.advance(min((block + 1) * BLOCK_S, world.seconds))
         frames += decoder.feed(b"".join(frame.data for frame in sent))
-    truth = WheelTruth(selected, wheel.phase_rad)
+    truth = WheelTruth(bench_plan, wheel.phase_rad)
     return Run(world, tuple(frames), truth, truth.bottom_times_s(0.0, world.seconds), lateral)
 
 

@@ -1,4 +1,4 @@
-"""Tables of the entry."""
+"""Tables of the judgement."""
 
 import math
 from collections import defaultdict
@@ -151,10 +151,8 @@ def misstatement_table(judged: Sequence[Judged]) -> Table:
     for (estimator, quantity), result in groups.items():
         cells = []
         for name in names:
-            current = share(entry for entry in result if entry.case == name)
-            cells.append(
-                f"{current.falsely_valid}/{current.valid}" if current.valid else ("." if current.judged else "")
-            )
+            counts = share(entry for entry in result if entry.case == name)
+            cells.append(f"{counts.falsely_valid}/{counts.valid}" if counts.valid else ("." if counts.judged else ""))
         rows.append((estimator, quantity, *cells))
     return Table(
         "Where one thing is not as stated",
@@ -172,14 +170,14 @@ def case_table(judged: Sequence[Judged]) -> Table:
         result = by_case.get((case.name,), [])
         if not result:
             continue
-        current = share(result)
+        counts = share(result)
         false = [entry for entry in result if entry.falsely_valid]
         sizes = (f"{size:+g}: {n}" for size in case.sizes if (n := sum(entry.size == size for entry in false)))
         hit = _grouped(false, lambda entry: (entry.estimator, entry.quantity))
         most = sorted(hit, key=lambda key: -len(hit[key]))[:3]
         unit = f" ({case.unit})" if case.unit else ""
         rows.append(
-            (case.name + unit, case.about, str(current.valid), str(current.falsely_valid), ", ".join(sizes),
+            (case.name + unit, case.about, str(counts.valid), str(counts.falsely_valid), ", ".join(sizes),
              ", ".join(f"{quantity} {len(hit[estimator, quantity])}" for estimator, quantity in most))
         )  # fmt: skip
     heads = ("case", "what is not as stated", "valid", "falsely", "at size: falsely", "most often")
@@ -287,8 +285,8 @@ def from_json(entries: Iterable[dict[str, Any]]) -> list[Judged]:
     names = {field.name for field in fields(Judged)}
     results = []
     for entry in entries:
-        remaining = {key: math.nan if value is None else value for key, value in entry.items() if key in names}
-        results.append(Judged(**{**remaining, "reasons": tuple(entry["reasons"])}))
+        values = {key: math.nan if value is None else value for key, value in entry.items() if key in names}
+        results.append(Judged(**{**values, "reasons": tuple(entry["reasons"])}))
     return results
 
 

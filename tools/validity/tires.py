@@ -188,7 +188,7 @@ class World:
             "sensor": sensor,
         }
         for table, key, value in self.extra:
-            timed = [[position * self.seconds, v] for position, v in value] if isinstance(value, tuple) else value
+            timed = [[share * self.seconds, v] for share, v in value] if isinstance(value, tuple) else value
             (wheel if table == "wheel" else tables.setdefault(table, {}))[key] = timed
         return wheel_plans(parse_scenario(toml_text({**tables, "wheel": [wheel]}), "validity"))[0]
 
@@ -198,7 +198,7 @@ def with_resistance(world: World, coefficient: float) -> World:
     bs, cw, rs, ts = world.numbers
     scale = world.pressure_pa / TABLE_3_PRESSURE_PA / (world.omega_radps / 56.4)
     # On the reference tire at 65 km/h each of these loses about 0.7 % of the load's work.
-    result = np.array([200.0, 5e4]) * scale * 0.5 * coefficient / 0.007
+    damping = np.array([200.0, 5e4]) * scale * 0.5 * coefficient / 0.007
     for _ in range(3):
         ring = RingParameters.from_numbers(
             **{"Bs": bs * world.softening, "Cw": cw, "Rs": rs, "Ts": ts},
@@ -206,12 +206,12 @@ def with_resistance(world: World, coefficient: float) -> World:
             pressure_pa=world.pressure_pa,
             extension_stiffness_n=1e6 * world.extension_mn,
             tread_stiffness_npm2=1e6 * world.tread_mpa,
-            foundation_damping_nspm2=float(result[0]),
-            tread_damping_nspm2=float(result[1]),
+            foundation_damping_nspm2=float(damping[0]),
+            tread_damping_nspm2=float(damping[1]),
         )
         got = solve_rolling_ring(ring, world.load_n, world.pressure_pa, world.omega_radps, nodes=720)
-        result = result * (coefficient / got.rolling_resistance)
-    return replace(world, damping_nspm2=(float(result[0]), float(result[1])))
+        damping = damping * (coefficient / got.rolling_resistance)
+    return replace(world, damping_nspm2=(float(damping[0]), float(damping[1])))
 
 
 def draw_world(seed: int, index: int, classes: Sequence[TireClass] = CLASSES) -> World:
