@@ -70,7 +70,7 @@ def check_link(
         return checks[link]
 
     trial: CommandTrial | None = None
-    with stop_request() as stop, _items(source, for_s, clock, stop) as (items, two_way):
+    with stop_request() as stop, _items(source, for_s, clock, stop, reads_ahead=True) as (items, two_way):
         for item in items:
             if isinstance(item, LinkEvent) and item.kind is LinkEventKind.LOST:
                 if not checks:
@@ -132,9 +132,12 @@ def dump_frames(source: str, *, for_s: float | None, clock: Clock, write: Callab
 
 @contextmanager
 def _items(
-    source: str, for_s: float | None, clock: Clock, stop: StopRequest
+    source: str, for_s: float | None, clock: Clock, stop: StopRequest, *, reads_ahead: bool = False
 ) -> Iterator[tuple[Iterator[LinkItem], TwoWaySource | None]]:
-    """Yield the items of a URI or a file, and where commands can be sent to."""
+    """Yield the items of a URI or a file, and where commands can be sent to.
+
+    What writes every frame does not read ahead: a reader that stops, such as a pager, would let the memory grow.
+    """
     if is_file(source):
         recorded = open_recorded_file(source)
         yield _until(recorded.items(), for_s, stop), None
@@ -147,7 +150,7 @@ def _items(
         timer = threading.Timer(for_s + _GRACE_S, stop.set)
         timer.daemon = True
         timer.start()
-    read = ReadAheadSource(opened) if is_live(source) else opened
+    read = ReadAheadSource(opened) if reads_ahead and is_live(source) else opened
     played = read if for_s is None else limited(read, for_s)
     try:
         yield played.items(stop), two_way

@@ -13,6 +13,8 @@ from click.testing import CliRunner, Result
 
 from gateway.cli import treadlink
 from gateway.cli.clause_report import CLAUSES, PAGE, anchor
+from gateway.cli.protocol_check import dump_frames
+from gateway.clock import SystemClock
 from gateway.errors import TreadlinkError
 from gateway.session.bringup.clauses import Clause, Verdict
 from tests.session.wrong_firmware import WRONG, Stream, frames, right
@@ -164,6 +166,16 @@ def test_dump_shows_frames_and_what_was_none(tmp_path: Path) -> None:
     assert any("SAMPLES" in line and "first_sample 36 axes 7 n 36: " in line for line in lines)
     assert any(line.endswith("level 1: awake") for line in lines)
     assert any(line.endswith("! CRC wrong: +1") for line in lines)
+
+
+def test_a_dump_whose_reader_stops_does_not_fill_the_memory(right_dump: str) -> None:
+    threads = set()
+    with served(Path(right_dump).read_bytes()[:4000]) as uri:
+        dump_frames(
+            uri, for_s=0.1, clock=SystemClock(), write=lambda _: threads.update(t.name for t in threading.enumerate())
+        )
+    assert threads, "no frame was written"
+    assert not [name for name in threads if name.startswith("read ")], "it reads ahead"
 
 
 def test_every_clause_has_words_and_a_section_of_the_page() -> None:
