@@ -151,15 +151,18 @@ class ControlSocket:
         self._thread.start()
 
     def _accept(self, listener: socket.socket) -> None:
+        is_failing = False
         while not self._closed.is_set():
             try:
                 client, _ = listener.accept()
             except TimeoutError:
                 continue
             except OSError as error:
-                if not self._closed.wait(_POLL_S):  # such as no free descriptor, which may come back
+                if not self._closed.wait(_POLL_S) and not is_failing:  # such as no free descriptor, which may come back
                     _logger.warning("a command cannot reach the session: %s", error)
+                is_failing = True
                 continue
+            is_failing = False
             if not self._clients.acquire(blocking=False):
                 client.close()
                 continue

@@ -1,5 +1,6 @@
 """Commands go through the session that has the hub: its recording loses nothing, and nobody else gets in."""
 
+import errno
 import os
 import socket
 import stat
@@ -174,6 +175,23 @@ def test_socket_of_a_killed_session_is_removed(served, runtime: Path) -> None:
     assert result.process == 4242
     result.connection.close()
     assert [path.name for path in runtime.iterdir()] == ["session-4242.sock"]
+
+
+def test_failure_that_stays_is_told_once(caplog: pytest.LogCaptureFixture) -> None:
+    control = ControlSocket({})
+
+    class Exhausted:
+        calls = 0
+
+        def accept(self) -> None:
+            self.calls += 1
+            if self.calls < 3:
+                raise OSError(errno.EMFILE, "too many open files")
+            control.close()
+            raise TimeoutError
+
+    control._accept(Exhausted())
+    assert [record.levelname for record in caplog.records] == ["WARNING"]
 
 
 def test_reader_that_is_too_slow_does_not_hold_the_session_up(served) -> None:
