@@ -363,7 +363,9 @@ def _recording_rows(
     names, content = order.settings.columns, order.content
     # A wrong clock that was set, or that a receiver contradicts, would put the recording at a wrong place of a trend.
     ahead_ns = round((estimation.clock.ahead_s or 0.0) * 1e9)
-    first_ns, last_ns = (time_ns + ahead_ns for time_ns in estimation.span_ns or (0, 0))
+    first_ns, last_ns = (0, 0)
+    if estimation.span_ns is not None:
+        first_ns, last_ns = (time_ns + ahead_ns for time_ns in estimation.span_ns)
     start_ns = reader.info.start_ns + ahead_ns if reader.info.start_ns else first_ns
     states = {state.position: state for state in estimation.wheels}
     positions, alarms, counters = _heard(collected, estimation), estimation.alarms(), estimation.links.values()

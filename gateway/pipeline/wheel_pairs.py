@@ -139,7 +139,7 @@ class _Pair:
         others = self.waiting[1 - side]
         while others and others[0].middle_ns < turn.middle_ns - turn.half_ns:
             others.popleft()
-        for other in takewhile(lambda one: one.middle_ns < turn.middle_ns + turn.half_ns, others):
+        for other in takewhile(lambda other: other.middle_ns < turn.middle_ns + turn.half_ns, others):
             if abs(other.middle_ns - turn.middle_ns) < min(turn.half_ns, other.half_ns):
                 left, right = (turn, other) if side == 0 else (other, turn)
                 both = _Both(

@@ -223,8 +223,8 @@ class RecordingPass:
         of_receivers = [Notice(link, reason) for link, reason in self._signals.take_notices()] if self._signals else []
         of_effects = effects_doubts(recording.effects, recording.vehicle)
         # A receiver that contradicts the clock has its own notice.
-        is_set = self.clock.set is not None and self.clock.ahead_s and not of_receivers
-        of_clock = [Notice("this computer", self.clock.set, Level.WARNING)] if is_set and self.clock.set else []
+        step = self.clock.set if self.clock.ahead_s and not of_receivers else None
+        of_clock = [Notice("this computer", step, Level.WARNING)] if step is not None else []
         return [*of_sensors, *self.statements.contradictions(), *of_receivers, *of_clock, *of_effects]
 
     def missing(self) -> tuple[Notice, ...]:
