@@ -120,7 +120,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--agreement", action="store_true", help="with --rolled: compare these tires with the ring")
     parser.add_argument("--quick", action="store_true", help="8 tires")
     parser.add_argument("--worst", type=int, default=20, help="rows of the tables of offenders")
-    parser.add_argument("--left-out", action="store_true", help="without each rule of doubt in turn, 17 times as long")
+    parser.add_argument("--left-out", action="store_true", help="without each rule of doubt in turn, 18 times as long")
     parser.add_argument("--each", action="store_true", help="print every estimate instead of the tables")
     parser.add_argument("--json", type=Path, help="write every judged estimate to this file")
     parser.add_argument("--kept", type=Path, action="append", help="tables of what --json wrote; runs nothing")
