@@ -132,6 +132,8 @@ class Quantity:
         memory_revolutions: of the running average that it is, and whose drift is behind; 0 for none.
         scatter_memory_revolutions: of another running average that its scatter comes from; 0 for none.
         label: name on screens; from `name` where it is empty.
+        live_label: name where a wheel is watched live, `label` where it is None, not shown there where it is empty; of
+            several with one name the estimate that comes first is shown.
         shown_unit: unit on screens, with its factor, where it is not the usual one of the unit in the name.
         is_in_state: whether the state of a wheel that live outputs publish has it.
         entity: name in Home Assistant and in the short text of a revolution; empty for neither.
@@ -154,6 +156,7 @@ class Quantity:
     memory_revolutions: int = 0
     scatter_memory_revolutions: int = 0
     label: str = ""
+    live_label: str | None = None
     shown_unit: tuple[str, float] | None = None
     is_in_state: bool = False
     entity: str = ""

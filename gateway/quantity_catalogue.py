@@ -134,8 +134,16 @@ def _slope(
     )
 
 
-def _ply_steer(name: str, description: str, equation: str, sign: str = _TO_THE_LEFT, compared: str = "") -> Quantity:
-    return _slope(name, description, equation, sign, _LATERAL_AVERAGE, compared)
+def _ply_steer(
+    name: str,
+    description: str,
+    equation: str,
+    sign: str = _TO_THE_LEFT,
+    compared: str = "",
+    live_label: str | None = None,
+) -> Quantity:
+    slope = _slope(name, description, equation, sign, _LATERAL_AVERAGE, compared)
+    return replace(slope, live_label=live_label)
 
 
 CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
@@ -156,6 +164,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "2 pi over the time between two contact centres",
             powers={Basis.RATE: 1.0},
             possible=_POSITIVE,
+            live_label="",
         ),
         Quantity(
             "rotation_rpm",
@@ -191,6 +200,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             label="contact length",
             bus=OnBus(_CONTACT_FRAME, "ContactLength", 1e-5),
             watch=Watch(number="contact_length", unit="mm", factor=1e3, notable=5.0, shifted_by=_BY_RADIUS),
+            live_label="contact",
         ),
         # Grows with load over pressure, and is right where radius and rate are stated wrongly.
         Quantity(
@@ -357,6 +367,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             possible=_POSITIVE,
             is_steady=True,
             scatter_memory_revolutions=_AVERAGE,
+            live_label="",
         ),
         Quantity(
             "wear_drift_mm",
@@ -364,6 +375,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "line through independent values",
             "loss of thickness",
             rests_on=_BY_PRESSURE,
+            live_label="",
         ),
     ),
     "load": (
@@ -466,28 +478,33 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "ply_steer_peak_rad",
             "steepest slope of the lateral shape of the belt in the contact",
             "extremum of dy/dx, y = -a_n / (n Omega)^2 by orders (ply steer paper, Eq. 8 and 21)",
+            live_label="ply steer",
         ),
         _ply_steer(
             "ply_steer_first_half_rad",
             "mean slope from the leading edge to the middle of the contact",
             "(y(0) - y(leading edge)) / length",
+            live_label="ply steer",
         ),
         _ply_steer(
             "ply_steer_adhesion_line_rad",
             "slope of a line through the part of the contact that adheres",
             "least squares, where the slope around the peak keeps its sign",
+            live_label="ply steer",
         ),
         _ply_steer(
             "ply_steer_contact_line_rad",
             "slope of a line through the whole contact",
             "least squares from edge to edge",
             compared="ply_steer",
+            live_label="ply steer",
         ),
         _ply_steer(
             "conicity_slope_rad",
             "half the change of slope from the first to the second half of the contact",
             "(second - first half) / 2, less the part of ply steer",
             "slope grows to the left toward the trailing edge",
+            live_label="conicity",
         ),
         Quantity(
             "sensor_roll_rad",
@@ -498,6 +515,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             rests_on=_LOCKED,
             possible=_TILTS,
             is_steady=True,
+            live_label="",
         ),
         Quantity(
             "lateral_offset_mps2",

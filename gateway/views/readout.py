@@ -15,6 +15,7 @@ from gateway.views.wording import joined
 SPEED: Final = "speed_mps"
 ROTATION: Final = "rotation_rpm"
 DISTANCE: Final = "distance_m"
+WEAR: Final = "wear_mm"
 LEADING: Final = "leading_edge_rad"
 TRAILING: Final = "trailing_edge_rad"
 _ORDER: Final = (Status.VALID, Status.PROVISIONAL, Status.INVALID)
@@ -48,11 +49,6 @@ class Reading(NamedTuple):
     reasons: tuple[Reason, ...]
     car: tuple[Shown, ...]
     ratios_only: bool
-
-    @property
-    def others(self) -> tuple[Shown, ...]:
-        """Every other quantity, e.g. contact length; made when asked for, since lines do not show them."""
-        return tuple(show(estimate) for estimate in self.further)
 
     @property
     def note(self) -> str:

@@ -5,6 +5,7 @@ import pytest
 
 from gateway.estimators.estimator import Estimate, Status
 from gateway.reasons import Code, Reason
+from gateway.views.console.wheel_panel import shown_numbers
 from gateway.views.numbers import MISSING, show
 from gateway.views.readout import read_result
 from gateway.views.wording import text
@@ -20,7 +21,7 @@ def test_numbers_are_shown_without_ratios(made):
     assert [number.label for number in reading.numbers] == ["Bs", "Cw", "Rs", "Ts"]
     assert reading.status is Status.VALID
     assert reading.note == ""
-    assert [other.label for other in reading.others] == ["contact length"]
+    assert [estimate.name for estimate in reading.further] == ["contact_length_m"]
     assert reading.speed.text() == "65.000 ± 0.022 km/h"
     assert reading.leading.text() == "-13.740 ± 0.097 deg"
     assert reading.trailing.text() == "13.51 ± 0.10 deg"
@@ -36,11 +37,26 @@ def test_shift_of_an_edge_is_not_taken_for_the_edge(made):
 
 def test_other_quantities_are_rounded_when_asked_for(made, monkeypatch):
     shown = []
-    monkeypatch.setattr("gateway.views.readout.show", lambda estimate: shown.append(estimate.name) or show(estimate))
-    reading = read_result(made.result())
+    for module in ("readout", "console.wheel_panel"):
+        monkeypatch.setattr(f"gateway.views.{module}.show", lambda e: shown.append(e.name) or show(e))
+    wheel = made.wheel("FL")
+    reading = read_result(wheel.last)
     assert "contact_length_m" not in shown
-    assert reading.others
+    assert "contact" in {number.label for number in shown_numbers(wheel, reading)}
     assert "contact_length_m" in shown
+
+
+@pytest.mark.parametrize("first", ["peak", "adhesion_line"])
+def test_first_of_the_ply_steer_angles_is_the_one_shown_live(made, first):
+    names = sorted(["peak", "first_half", "adhesion_line", "contact_line"], key=lambda name: name != first)
+    angles = [Estimate(f"ply_steer_{name}_rad", 0.001 * len(name), 1e-4, Status.VALID) for name in names]
+    details = [Estimate("sensor_roll_rad", 0.01, 1e-3, Status.VALID), Estimate("speed_age_s", 1.0, 0.0, Status.VALID)]
+    wheel = made.wheel("FL", result={"estimates": (*made.result().estimates, *angles, *details)})
+    numbers = [(shown.label, shown.value) for shown in shown_numbers(wheel, read_result(wheel.last))]
+    assert ("ply steer", pytest.approx(math.degrees(angles[0].value))) in numbers
+    labels = [label for label, _ in numbers]
+    assert labels.count("ply steer") == 1
+    assert not {"sensor roll", "speed age"} & set(labels)
 
 
 def test_ratios_are_shown_without_a_load(made):

@@ -9,6 +9,7 @@ import numpy as np
 
 from gateway.estimators.estimator import Status
 from gateway.pipeline.results import RevolutionResult, WheelSnapshot, WheelState
+from gateway.quantity_catalogue import quantity_of
 from gateway.types import FloatArray
 from gateway.views.console.styled_rows import (
     EMPTY,
@@ -24,7 +25,7 @@ from gateway.views.console.styled_rows import (
 from gateway.views.console.trend_plot import draw_trend
 from gateway.views.console.waveform import LEGEND, Zoom, draw_waveform
 from gateway.views.numbers import MISSING, STATUS_MARKS, Shown, age, fixed, kpa, percent, show
-from gateway.views.readout import Reading, read_result
+from gateway.views.readout import WEAR, Reading, read_result
 from gateway.views.text import ELLIPSIS, clean, crop, crop_middle, pad, width
 from gateway.views.trend_history import TrendHistory, TrendQuantity
 from gateway.views.wording import text as reason_text
@@ -32,11 +33,6 @@ from gateway.views.wording import text as reason_text
 PANEL_MIN_WIDTH: Final = 58
 PANEL_MIN_HEIGHT: Final = 12
 _DETAIL_WIDTH: Final = 33
-_SHORT_LABELS: Final = {
-    "conicity slope": "conicity",
-    "contact length": "contact",
-    "ply steer peak": "ply steer",
-}
 _PLOT_MIN_ROWS: Final = 6  # with its legend and axis
 _WAITING: Final = {
     WheelState.NO_DATA: "no data: nothing received from this sensor yet",
@@ -147,18 +143,6 @@ def note_of(wheel: WheelSnapshot, reading: Reading | None) -> Run | None:
     return None
 
 
-# Shown in tables and the summary only: finer definitions of quantities on the console.
-_NOT_ON_CONSOLE: Final = {
-    "angular speed",
-    "wear number",
-    "wear drift",
-    "ply steer first half",
-    "ply steer adhesion line",
-    "ply steer contact line",
-    "sensor roll",
-}
-
-
 def car_runs(reading: Reading | None) -> list[Run]:
     """Return the vehicle's own signals; one that is not received has no number."""
     signals = reading.car if reading is not None else ()
@@ -175,14 +159,20 @@ def shown_numbers(wheel: WheelSnapshot, reading: Reading | None) -> list[Shown]:
     others = [reading.rotation] if reading.rotation.status is not Status.INVALID else []
     others += [reading.distance] if reading.distance is not None else []
     others += [show(wheel.wear_mm)] if wheel.wear_mm is not None else []
-    others += [
-        other
-        for other in reading.others
-        if other.label != "wear"
-        and other.label not in _NOT_ON_CONSOLE
-        and not other.label.endswith(" age")
-        and other.status is not Status.INVALID
-    ]
+    labels = set()
+    for estimate in reading.further:
+        quantity = quantity_of(estimate.name)
+        shown = show(estimate)
+        label = shown.label if quantity.live_label is None else quantity.live_label
+        if (
+            label
+            and label not in labels
+            and estimate.status is not Status.INVALID
+            and estimate.name != WEAR
+            and not estimate.name.endswith("_age_s")
+        ):
+            labels.add(label)
+            others.append(shown._replace(label=label))
     return [*reading.numbers, *others]
 
 
@@ -193,8 +183,7 @@ def number_rows(wheel: WheelSnapshot, reading: Reading | None) -> list[Row]:
     for shown in shown_numbers(wheel, reading):
         unit = f" {shown.unit}" if shown.unit else ""
         mark = f" {shown.mark}" if shown.mark else ""
-        label = _SHORT_LABELS.get(shown.label, shown.label)
-        label = pad(label, max(label_width, width(label)))
+        label = pad(shown.label, max(label_width, width(shown.label)))
         rows.append(
             ((label + " ", Role.LABEL), (shown.number.joined(), Role.VALUE), (unit, Role.TEXT), (mark, Role.WARNING))
         )
