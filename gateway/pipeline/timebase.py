@@ -18,8 +18,10 @@ from gateway.signal.short_medians import median
 # Distance of the support points of the sample clock, and their number in a fit.
 _SAMPLE_WINDOW_S: Final = 0.5
 _SAMPLE_WINDOWS: Final = 120
-# The nominal rate is used until the hub's time stamps span this long.
+# The nominal rate is used until the hub's time stamps span this long, or differ from it by more than their error, up to
+# which a hub may read a sensor late.
 _MIN_SPAN_S: Final = 2.0
+_STAMP_ERROR_US: Final = 2000.0
 # A measured rate that deviates more than this from the nominal one indicates faulty time stamps.
 _MAX_RATE_ERROR: Final = 0.1
 
@@ -75,7 +77,9 @@ class SampleClock:
         indices = np.array(self._indices[max(0, until - _SAMPLE_WINDOWS) : until], np.float64)
         ticks = np.array(self._ticks_us[max(0, until - _SAMPLE_WINDOWS) : until], np.float64)
         rate, index_mean, tick_mean = self.nominal_rate_hz, float(indices.mean()), float(ticks.mean())
-        if indices[-1] - indices[0] >= _MIN_SPAN_S * rate:
+        span = indices[-1] - indices[0]
+        differs = abs(ticks[-1] - ticks[0] - span * 1e6 / rate) > _STAMP_ERROR_US
+        if span >= _MIN_SPAN_S * rate or differs:
             centred = indices - index_mean
             us_per_sample = float(centred @ (ticks - tick_mean) / (centred @ centred))
             measured = 1e6 / us_per_sample if us_per_sample > 0.0 else 0.0

@@ -10,9 +10,19 @@ def test_sampling_rate_is_measured_by_hub_clock():
     for block in range(5000):
         index = 36 * block
         clock.stamp(index, round(index / true_hz * 1e6 + rng.normal(0, 20)))
-    assert clock.rate_hz(9600) == 9600.0
+    assert clock.rate_hz(4799) == 9600.0
+    assert abs(clock.rate_hz(9600) / true_hz - 1) < 2e-4  # the stamps differ by 13 ms from the nominal rate
     assert abs(clock.rate_hz(179_000) / true_hz - 1) < 2e-6
     assert abs(clock.hub_us(179_000) - 179_000 / true_hz * 1e6) < 20
+
+
+def test_nominal_rate_holds_while_a_hub_may_have_read_late():
+    clock = SampleClock(9600.0)
+    for block in range(500):
+        index = 36 * block
+        clock.stamp(index, round(index / 9600.0 * 1e6) + 1500 * (block % 2))
+    assert clock.rate_hz(17_000) == 9600.0
+    assert abs(clock.rate_hz(21_000) / 9600.0 - 1) < 1e-3
 
 
 def test_implausible_rate_is_ignored():
