@@ -112,17 +112,17 @@ def imports(path: Path) -> Iterator[str]:
 
 
 def forbidden_imports(name: str, path: Path) -> Iterator[str]:
-    selected = layer_of(dotted(name))
-    if selected is None:
+    layer = layer_of(dotted(name))
+    if layer is None:
         yield f"{name} belongs to no layer: add its folder to ALLOWED and to docs/contributing/architecture.md"
         return
-    allowed = ALLOWED.get(selected, set()) | FRONT.get(dotted(name), set())
+    allowed = ALLOWED.get(layer, set()) | FRONT.get(dotted(name), set())
     for imported in imports(path):
         if imported.split(".")[0] not in ("gateway", "firmware_protocol") or "*" in allowed:
             continue
         target = layer_of(imported)
-        if target not in {selected, "foundation", *allowed}:
-            yield f"{name} imports {imported}: {selected} may not import {target}"
+        if target not in {layer, "foundation", *allowed}:
+            yield f"{name} imports {imported}: {layer} may not import {target}"
 
 
 def test_imports_run_in_one_direction():

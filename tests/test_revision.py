@@ -22,11 +22,11 @@ def test_commit_is_read_from_the_checkout(tmp_path: Path, way: str) -> None:
         (repository / "packed-refs").write_text(f"# pack-refs with: peeled\n{COMMIT} refs/heads/topic\n")
     head = f"{COMMIT}\n" if way == "detached" else "ref: refs/heads/topic\n"
     if way == "worktree":
-        selected = repository / "worktrees" / "tree"
-        selected.mkdir(parents=True)
-        (selected / "commondir").write_text("../..\n")
-        (selected / "HEAD").write_text(head)
-        git.write_text(f"gitdir: {selected}\n")
+        worktree = repository / "worktrees" / "tree"
+        worktree.mkdir(parents=True)
+        (worktree / "commondir").write_text("../..\n")
+        (worktree / "HEAD").write_text(head)
+        git.write_text(f"gitdir: {worktree}\n")
     elif way != "none":
         (git / "HEAD").write_text(head)
     assert commit_of_checkout(root) == ("" if way == "none" else COMMIT)

@@ -57,10 +57,10 @@ def unlike(simulated: FloatArray, ours: FloatArray, block: ModelledBlock, axes: 
 
 
 def test_corrected_models_contain_gravity_and_acceleration() -> None:
-    selected = {"gravity", "speed drift"}
-    assert selected <= set(candidates(BaselineModel.PAPER))
+    in_every_model = {"gravity", "speed drift"}
+    assert in_every_model <= set(candidates(BaselineModel.PAPER))
     for model in CORRECTED:
-        assert not selected & set(candidates(model))
+        assert not in_every_model & set(candidates(model))
         assert {"torsional ripple", "tread pitch"} <= set(candidates(model))
     assert "run-out" not in candidates(BaselineModel.SERIES)
 

@@ -88,8 +88,8 @@ def fitted(recording: Path) -> Fitted:
     assert trial is not None
     # The trial's linear step bends the ring too far; the effect's own values are near enough.
     start = before.model.layout.moved(before.vector, trial.model.layout)
-    selected = trial.model.layout.effect(WAVES)
-    start[selected] = trial.vector[selected]
+    of_waves = trial.model.layout.effect(WAVES)
+    start[of_waves] = trial.vector[of_waves]
     return Fitted(campaign, data, before, fit_model(trial.model, data, start))
 
 

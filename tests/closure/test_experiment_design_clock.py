@@ -50,9 +50,9 @@ def test_clock_comes_first(
     monkeypatch: pytest.MonkeyPatch, rivals: tuple[str, ...], asked: str, recording: Reason
 ) -> None:
     effects = {name: cast(AngleEffect, effect) for name, effect in catalogue().items()}
-    selected = effects["rolling radius"]
+    rolling_radius = effects["rolling radius"]
     inside: Any = SimpleNamespace(
-        names={selected.name}, fit=SimpleNamespace(model=SimpleNamespace(effects=(selected,)))
+        names={rolling_radius.name}, fit=SimpleNamespace(model=SimpleNamespace(effects=(rolling_radius,)))
     )
     posterior: Any = SimpleNamespace(with_effect=lambda _: inside)
     seen: list[str] = []
@@ -62,5 +62,5 @@ def test_clock_comes_first(
         return AGAIN
 
     monkeypatch.setattr(findings, "deciding_recording", deciding)
-    assert findings._decide(posterior, selected.name, rivals, effects) == recording
+    assert findings._decide(posterior, rolling_radius.name, rivals, effects) == recording
     assert seen == [f"rolling radius or {asked}"]

@@ -259,8 +259,8 @@ def test_plug_in_of_a_law_passes_its_own_test(tmp_path: Path, monkeypatch: pytes
     effect = runpy.run_path(str(tmp_path / "treadlink_splice" / "__init__.py"))["EFFECT"]
     assert (effect.name, effect.rank) == ("splice", 1234)
     assert effect.start_values[0][0] == pytest.approx(SPLICE, rel=0.03)
-    selected = runpy.run_path(str(tmp_path / "test_splice.py"))
-    tests = [test for name, test in selected.items() if name.startswith("test_")]
+    namespace = runpy.run_path(str(tmp_path / "test_splice.py"))
+    tests = [test for name, test in namespace.items() if name.startswith("test_")]
     assert len(tests) == 3
     for test in tests:
         test()

@@ -146,9 +146,9 @@ def test_mixture_of_sets_widens_the_errors() -> None:
     for name in TRUTH:
         mean = 0.3 * first[name].value + 0.7 * other[name].value
         apart = 0.21 * (first[name].value - other[name].value) ** 2
-        selected = 0.3 * first[name].std ** 2 + 0.7 * other[name].std ** 2
+        within = 0.3 * first[name].std ** 2 + 0.7 * other[name].std ** 2
         assert mixed[name].value == pytest.approx(mean), name
-        assert mixed[name].std == pytest.approx(np.sqrt(selected + apart)), name
+        assert mixed[name].std == pytest.approx(np.sqrt(within + apart)), name
     # With a clock that runs fast the numbers are those of the stated radius, 3 % apart.
     assert abs(first["Cw"].value / other["Cw"].value - 1.0) == pytest.approx(2.0 * LARGER, rel=0.2)
 
@@ -256,18 +256,18 @@ def test_effects_of_a_series_carry_the_error_of_its_equations() -> None:
     assert set(exact.parameters) == {name}
     layout = fit.model.layout
     places = range(*layout.effect(name).indices(len(fit.vector)))
-    selected = {
+    parameters = {
         parameter.name: Fitted(float(fit.vector[position]), float(np.sqrt(fit.covariance[position, position])))
         for parameter, position in zip(catalogue()[name].parameters, places, strict=True)
     }
-    stated = [Finding(item, Verdict.NAMED, selected, 1.0, 1.0) for item in (name, "gravity")]
+    stated = [Finding(item, Verdict.NAMED, parameters, 1.0, 1.0) for item in (name, "gravity")]
     result, unknown = apart_from(stated, exact.parameters)
-    for item, there_value in zip(selected, exact.parameters[name].tolist(), strict=True):
-        assert result.parameters[item].value == selected[item].value
+    for item, there_value in zip(parameters, exact.parameters[name].tolist(), strict=True):
+        assert result.parameters[item].value == parameters[item].value
         assert result.parameters[item].std == pytest.approx(
-            np.hypot(selected[item].std, selected[item].value - there_value)
+            np.hypot(parameters[item].std, parameters[item].value - there_value)
         )
-        assert result.parameters[item].std > 1.05 * selected[item].std
+        assert result.parameters[item].std > 1.05 * parameters[item].std
     assert unknown == stated[1]
 
 

@@ -46,12 +46,12 @@ def test_a_weak_packet_may_be_a_period_off(starts_rad: tuple[float, ...]) -> Non
     assert sum(weight for _, weight in posterior.considered) == pytest.approx(1.0)
     (finding,) = findings_of(posterior, {effect.name: effect}, {})
     position = finding.parameters["place_rad"]
-    selected = math.sqrt(best.fit.covariance[best.fit.model.layout.effect(effect.name)][-1, -1])
+    local_std = math.sqrt(best.fit.covariance[best.fit.model.layout.effect(effect.name)][-1, -1])
     assert position.value == pytest.approx(place_of(best))
     (note,) = other_optimum_notes(posterior)
     assert (note.code, note["effect"], note["parameter"]) == (Code.OTHER_OPTIMUM, effect.name, "place_rad")
     assert (note["best"], note["value"]) == (pytest.approx(place_of(best)), pytest.approx(place_of(other)))
-    assert position.std == pytest.approx(math.hypot(selected, PERIOD_RAD * math.sqrt(odds / (1.0 + odds))), rel=0.05)
+    assert position.std == pytest.approx(math.hypot(local_std, PERIOD_RAD * math.sqrt(odds / (1.0 + odds))), rel=0.05)
 
 
 def test_a_strong_packet_has_one_place() -> None:

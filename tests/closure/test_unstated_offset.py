@@ -70,8 +70,8 @@ def test_unstated_offset_is_listed_as_assumed(tmp_path: Path) -> None:
     assert not any(group.conditions.offset_known for group in campaign.groups)
     assert all(reason.code is not Code.STATED_OFFSET for reason in campaign.stated)
 
-    selected = RecordingReader(path).vehicle_toml or ""
-    text = selected.replace("[wheel.mounting]", "[wheel.mounting]\noffset_mm = 3.0")
+    recorded_toml = RecordingReader(path).vehicle_toml or ""
+    text = recorded_toml.replace("[wheel.mounting]", "[wheel.mounting]\noffset_mm = 3.0")
     stated = read_campaign([path], vehicle=parse_vehicle(text, "test"))
     assert Reason(Code.ASSUMED_OFFSET) not in stated.assumed
     assert all(group.conditions.offset_known for group in stated.groups)

@@ -96,8 +96,8 @@ def test_simulated_distance_over_a_drive() -> None:
 def test_distance_goes_on_where_known_effects_do_not_hold() -> None:
     with_effects = _Series(("kinematic", "distance"))
     without = _Series(("kinematic", "distance"), with_effects)
-    shared, selected = (
+    shared, separate = (
         [made for made in series.estimators if made.name == "distance"] for series in (with_effects, without)
     )
-    assert shared[0] is selected[0]
+    assert shared[0] is separate[0]
     assert without.estimators[0] is not with_effects.estimators[0]

@@ -88,14 +88,14 @@ def wear_of(conditions: TireConditions) -> Estimate:
 
 def test_wear_error_combines_all_sources() -> None:
     ratio = (2e-3 / 3.08e-3) ** (1 / 3)
-    selected = 15.0 * ratio / 3.0
+    by_ratio = 15.0 * ratio / 3.0
     softening = 0.006 * 2.0
     assert wear_of(CONDITIONS).value == pytest.approx(15.0 * (1.0 - ratio))
-    assert wear_of(CONDITIONS).std == pytest.approx(selected * math.hypot(0.02, softening))
+    assert wear_of(CONDITIONS).std == pytest.approx(by_ratio * math.hypot(0.02, softening))
     reference = replace(CONDITIONS, tire=replace(NEW, reference=replace(NEW.reference, Bs_std=3.08e-5)))
-    assert wear_of(reference).std == pytest.approx(selected * math.hypot(0.02, 0.01, softening))
+    assert wear_of(reference).std == pytest.approx(by_ratio * math.hypot(0.02, 0.01, softening))
     thickness = replace(CONDITIONS, tire=replace(NEW, ring_thickness_std_m=0.001))
-    assert wear_of(thickness).std == pytest.approx(math.hypot(selected * math.hypot(0.02, softening), 1.0 - ratio))
+    assert wear_of(thickness).std == pytest.approx(math.hypot(by_ratio * math.hypot(0.02, softening), 1.0 - ratio))
 
 
 @pytest.mark.parametrize("warmer_k", [-20.0, 20.0])

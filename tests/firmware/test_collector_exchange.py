@@ -107,12 +107,12 @@ def test_collector_refuses_a_command_kept_back_until_the_next_challenge(run: Run
     link.listens_to = lambda data: data[7] == 0  # the challenge arrives, the signed command does not
     with pytest.raises(SourceError, match="did not reply"):
         command(link, False)
-    remaining = link.sent[-1]
+    unanswered = link.sent[-1]
     link.listens_to = lambda data: True
     link.later(2.0)
     assert command(link, True).signed
     link.sent.clear()
-    link.send(remaining)
+    link.send(unanswered)
     link.later(1.0)
     refused = run(*link._records)
     assert bytes((32, 5)) in refused  # command 32, outcome 5

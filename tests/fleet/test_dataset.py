@@ -200,12 +200,12 @@ def test_a_dataset_whose_making_was_killed_is_taken_up(tmp_path):
     root = tmp_path / "ds"
     (root / ".incoming").mkdir(parents=True)
     (root / ".lock").touch()
-    remainder = root / f".treadlink-dataset.json.{10**8 * 5}.part"
-    remainder.write_text("{")
+    leftover = root / f".treadlink-dataset.json.{10**8 * 5}.part"
+    leftover.write_text("{")
     with opened(root, DESCRIPTION, lambda _: False):
         pass
     assert (root / "treadlink-dataset.json").is_file()
-    assert not remainder.exists()
+    assert not leftover.exists()
 
 
 def test_other_folders_are_not_taken(tmp_path, files):

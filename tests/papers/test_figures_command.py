@@ -109,9 +109,9 @@ def test_axes_have_labels_with_units() -> None:
 
 
 def test_fig_11_reports_good_fit_with_wrong_numbers(captions: dict[str, str]) -> None:
-    remainder = re.search(r"with a residual of (\d+)%", captions["ring-fig-11"])
-    assert remainder
-    assert int(remainder[1]) < 8
+    residual = re.search(r"with a residual of (\d+)%", captions["ring-fig-11"])
+    assert residual
+    assert int(residual[1]) < 8
     search_result = re.search(r"are ([\d., ]+) of the true", captions["ring-fig-11"])
     assert search_result
     cw, ts = (float(search_result[1].split(", ")[i]) for i in (1, 3))

@@ -139,11 +139,13 @@ def test_largest_where_the_blocks_come_by_at_the_belts_frequency_on_its_tread() 
 )
 def test_derivatives_match_differences(field: str, step: float) -> None:
     belt, omega = loaded_belt(rolling(75.0)), rolling(75.0).omega_radps
-    position = {"count": 67.3, "mass_kgpm": 3.8, "bending_time_s": 2e-5, "tread_time_s": 1e-5}
+    parameters = {"count": 67.3, "mass_kgpm": 3.8, "bending_time_s": 2e-5, "tread_time_s": 1e-5}
     above, below = (
-        block_response(belt, TreadBlocks(**{**position, field: position[field] + way * step}), omega, OFFSET_M).signal
+        block_response(
+            belt, TreadBlocks(**{**parameters, field: parameters[field] + way * step}), omega, OFFSET_M
+        ).signal
         for way in (1.0, -1.0)
     )
-    index = list(position).index(field)
-    row = block_response(belt, TreadBlocks(**position), omega, OFFSET_M).by[index]
+    index = list(parameters).index(field)
+    row = block_response(belt, TreadBlocks(**parameters), omega, OFFSET_M).by[index]
     assert np.abs(row - (above - below) / (2.0 * step)).max() < 1e-5 * np.abs(row).max()

@@ -85,6 +85,6 @@ def test_frictionless_bristles_stay_undeflected() -> None:
 
 
 def test_opposite_slip_mirrors_deflection() -> None:
-    _, remainder = solve(3000.0)
+    _, left = solve(3000.0)
     _, right = solve(3000.0, -0.02)
-    assert remainder.deflection_m == pytest.approx(-right.deflection_m)
+    assert left.deflection_m == pytest.approx(-right.deflection_m)

@@ -231,9 +231,9 @@ def test_undamaged_recording_needs_no_repair(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="being recorded"):
         needs_repair(unfinished.path)
     # As a killed writer leaves it.
-    remainder = tmp_path / "left.mcap"
-    remainder.write_bytes(unfinished.path.read_bytes())
-    assert needs_repair(remainder)
+    unmarked = tmp_path / "left.mcap"
+    unmarked.write_bytes(unfinished.path.read_bytes())
+    assert needs_repair(unmarked)
 
 
 def test_repair_never_overwrites(tmp_path: Path) -> None:

@@ -67,9 +67,9 @@ def test_chunk_indexes_of_mcap_are_replaced(tmp_path) -> None:
     writer = RecordingWriter(tmp_path / "r.mcap", start_ns=0)
     for number in range(3):
         writer.write(Chunk("a:b", number * 200_000_000, b"bytes"))
-    remaining = getattr(writer._output._writer, _CHUNK_INDEXES, None)
-    assert isinstance(remaining, PackedIndexes), f"mcap.writer.Writer has no attribute {_CHUNK_INDEXES} that it uses"
-    assert len(remaining) >= 2
+    packed = getattr(writer._output._writer, _CHUNK_INDEXES, None)
+    assert isinstance(packed, PackedIndexes), f"mcap.writer.Writer has no attribute {_CHUNK_INDEXES} that it uses"
+    assert len(packed) >= 2
     writer.close()
 
 

@@ -80,9 +80,9 @@ def right(duration_s: float = DURATION_S, hello: Hello = HELLO, *, rate_hz: floa
         sent.append(Sent(time_s, wheel, type_, tick_us, encode_payload(message)))
 
     for wheel in WHEELS:
-        selected = hello._replace(sensor_id=hello.sensor_id + wheel)
+        hello_of_wheel = hello._replace(sensor_id=hello.sensor_id + wheel)
         for k in range(math.ceil(duration_s / 2.0)):
-            send(2.0 * k + 1e-5 * wheel, wheel, MessageType.HELLO, selected)
+            send(2.0 * k + 1e-5 * wheel, wheel, MessageType.HELLO, hello_of_wheel)
         for k in range(math.ceil(duration_s)):
             send(k + 0.1 + 0.01 * wheel, wheel, MessageType.ENVIRONMENT, Environment(2.3e5, 31.0, 3.0))
         for k in range(int(duration_s * rate_hz) // BLOCK):
@@ -158,17 +158,17 @@ def _hello(**fields: Any) -> Stream:
 
 def _counters(count: Callable[[Sent, int, dict[int, int]], int]) -> Stream:
     """Frames whose counter is made of the message, its place in the stream and the counters of its source."""
-    selected: dict[int, int] = {}
+    counters: dict[int, int] = {}
     stream = []
     for index, sent in enumerate(right()):
-        seq = count(sent, index, selected)
+        seq = count(sent, index, counters)
         stream.append((sent.time_s, _frame(_with_frames_sent(sent, index), seq)))
     return stream
 
 
-def _counted(sent: Sent, selected: dict[int, int]) -> int:
-    selected[sent.wheel] = selected.get(sent.wheel, -1) + 1
-    return selected[sent.wheel]
+def _counted(sent: Sent, counters: dict[int, int]) -> int:
+    counters[sent.wheel] = counters.get(sent.wheel, -1) + 1
+    return counters[sent.wheel]
 
 
 def _ticks(change: Callable[[Sent], int], types: Iterable[int] = tuple(MessageType)) -> Stream:
@@ -338,23 +338,23 @@ WRONG: Final[dict[str, tuple[str, Callable[[], Stream]]]] = {
         ),
     ),
     # Counters
-    "one counter for all sources": ("seq", lambda: _counters(lambda sent, index, selected: index)),
-    "counter stands": ("seq", lambda: _counters(lambda sent, index, selected: 0)),
+    "one counter for all sources": ("seq", lambda: _counters(lambda sent, index, counters: index)),
+    "counter stands": ("seq", lambda: _counters(lambda sent, index, counters: 0)),
     "counter of samples only": (
         "seq",
         lambda: _counters(
-            lambda sent, index, selected: (
-                _counted(sent, selected) if sent.type == MessageType.SAMPLES else max(selected.get(sent.wheel, 0), 0)
+            lambda sent, index, counters: (
+                _counted(sent, counters) if sent.type == MessageType.SAMPLES else max(counters.get(sent.wheel, 0), 0)
             )
         ),
     ),
     "counter big endian": (
         "seq",
         lambda: _counters(
-            lambda sent, index, selected: int.from_bytes(struct.pack(">I", _counted(sent, selected)), "little")
+            lambda sent, index, counters: int.from_bytes(struct.pack(">I", _counted(sent, counters)), "little")
         ),
     ),
-    "counter of 8 bits": ("seq", lambda: _counters(lambda sent, index, selected: _counted(sent, selected) & 0xFF)),
+    "counter of 8 bits": ("seq", lambda: _counters(lambda sent, index, counters: _counted(sent, counters) & 0xFF)),
     "counters go on over a restart": ("start", lambda: _restarts(6, starts_counters=False)),
     "boot_count not counted": ("boot-count", lambda: _restarts(5)),
     "boot_count goes back": ("boot-count", lambda: _restarts(4)),

@@ -144,7 +144,7 @@ def test_returned_averages_do_not_change() -> None:
     data = waves(4)
     first = feed(average, data[0])
     second = feed(average, data[1])
-    remaining = (
+    copies = (
         second.radial_mps2.copy(),
         second.orders_mps2.copy(),
         second.scatter_mps2.copy(),
@@ -153,7 +153,7 @@ def test_returned_averages_do_not_change() -> None:
     feed(average, data[2])
     feed(average, data[3])
     for before, after in zip(
-        remaining, (second.radial_mps2, second.orders_mps2, second.scatter_mps2, first.radial_mps2), strict=True
+        copies, (second.radial_mps2, second.orders_mps2, second.scatter_mps2, first.radial_mps2), strict=True
     ):
         np.testing.assert_array_equal(before, after)
 

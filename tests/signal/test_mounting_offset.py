@@ -74,5 +74,5 @@ def test_closure_determines_order_1() -> None:
     plain = belt_kinematics(clean, 0.0, 0.0)
     disturbed = belt_kinematics(clean + 3.0 * np.cos(theta), 0.0, 0.0)
     assert disturbed.signal_order_1 == pytest.approx(plain.signal_order_1, abs=3e-5)
-    selected = 2.0 * float((clean * np.cos(theta)).mean()) / float(clean.mean())
-    assert plain.signal_order_1 == pytest.approx(selected, abs=3e-4)  # they differ by belt stretch
+    expected = 2.0 * float((clean * np.cos(theta)).mean()) / float(clean.mean())
+    assert plain.signal_order_1 == pytest.approx(expected, abs=3e-4)  # they differ by belt stretch

@@ -118,9 +118,9 @@ def test_duplicates_and_late_frames_are_counted_without_loss() -> None:
 
 def test_drop_removes_stated_number_of_bytes() -> None:
     fault = parse_fault("drop:rate=0.1,bytes=3", 1)
-    remainder = data_of(fault(stream()))
+    remaining = data_of(fault(stream()))
     assert fault.counts.bytes_dropped == 3 * fault.counts.frames_hit > 0
-    assert len(remainder) == len(data_of(stream())) - fault.counts.bytes_dropped
+    assert len(remaining) == len(data_of(stream())) - fault.counts.bytes_dropped
 
 
 def test_flip_changes_stated_number_of_bits() -> None:

@@ -151,13 +151,13 @@ def test_six_points_reject_few_laws() -> None:
     assert through.scatter == pytest.approx(0.033, abs=5e-4)
     assert through.scatter_range == pytest.approx((0.019, 0.124), abs=6e-4)
     tests = {law.name: rejection(law.fitted_rad, ANGLE, through) for law in compare(POINTS, ANGLE)}
-    remaining = {
+    accepted = {
         "K a / sqrt(p)": 0.972,
         "K a / sqrt(T (1 + p / 2.1 bar) / 2)": 0.256,
         "K Q / p": 0.132,
         "K a / p": 0.051,
     }
-    for name, probability in remaining.items():
+    for name, probability in accepted.items():
         assert tests[name] == pytest.approx(probability, abs=1e-3)
     assert tests["K / R (Eq. 18, flat contact)"] == pytest.approx(0.003, abs=6e-4)
     nominal = rejection(short_patch(POINTS, 1000.0, 0.5), ANGLE, through)

@@ -255,10 +255,10 @@ def test_recordings_of_unknown_tires_give_no_valid_number():
 
 
 def test_asymmetry_of_left_and_right():
-    remainder = history(1, position="FL")
+    left = history(1, position="FL")
     right = history(2, position="FR")
     right = changed(right, "ply_steer_contact_line_rad", right.columns["ply_steer_contact_line_rad"] - 2e-3)
-    (pair,) = trends_of(remainder, right).pairs
+    (pair,) = trends_of(left, right).pairs
     assert (pair.left, pair.right) == ("FL", "FR")
     steer, slip = pair.numbers
     assert steer.value == pytest.approx(math.degrees(2e-3), abs=3.0 * steer.std)

@@ -264,10 +264,10 @@ def test_memory_does_not_grow_with_rows(tmp_path: Path, table_format: TableForma
         tracemalloc.start(12)
         for _ in range(300):
             table.write(row)
-        remaining = tracemalloc.take_snapshot()
+        snapshot = tracemalloc.take_snapshot()
         tracemalloc.stop()
     # Threads of other tests may still run in this process.
-    selected = remaining.filter_traces([tracemalloc.Filter(True, open_table.__code__.co_filename, all_frames=True)])
+    selected = snapshot.filter_traces([tracemalloc.Filter(True, open_table.__code__.co_filename, all_frames=True)])
     assert sum(trace.size for trace in selected.traces) < 50_000
 
 
