@@ -231,7 +231,7 @@ class Code(Enum):
         "the car's wheel turns {ratio:.3f} ± {std:.3f} times as fast as the contacts in the signal say: {causes}"
     )
     WIDTH_CONTRADICTED = (
-        "Cw is {ratio:.3g} ± {std:.1g} times that of the new tire, and wear does not change it: load, pressure or belt "
+        "Cw is {ratio:.3f} ± {std:.3f} times that of the new tire, and wear does not change it: load, pressure or belt "
         "radius are not as stated"
     )
     WIDTH_DISAGREES = (
