@@ -64,7 +64,7 @@ class PlainView:
         if valid:
             if codes and codes not in self._noted:
                 self._noted.add(codes)
-                self._remark(note)
+                self._remark(f"{name} rev {result.revolution.index}: {note}")
         elif codes != self._given.get(result.position, ()):
             self._given[result.position] = codes
             if width(line) + width(note) > LINE_WIDTH:

@@ -101,7 +101,7 @@ def test_remark_on_valid_numbers_is_written_once(made, plain):
     view, lines = plain
     for position in ("FL", "FR", "FL"):
         view.result(made.result(position, reasons=(Reason(Code.LINEAR_RING),)))
-    assert [line for line in lines if line.startswith("#")] == [f"# {text(Reason(Code.LINEAR_RING))}"]
+    assert [line for line in lines if line.startswith("#")] == [f"# FL rev 12: {text(Reason(Code.LINEAR_RING))}"]
     assert all(line.endswith(" ok") for line in lines if line.startswith("F"))
 
 
