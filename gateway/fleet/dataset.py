@@ -414,11 +414,12 @@ def read_description(root: Path) -> Description:
         return Description(
             tuple(map(str, entries["estimators"])), tuple(map(str, entries["estimates"])), str(entries["rows"])
         )
-    except FileNotFoundError as error:
+    except (FileNotFoundError, NotADirectoryError) as error:
         if not root.exists():
             raise OutputError(f"dataset '{root}' does not exist", missing_path_remedy(root)) from error
+        fault = f"it has no file {DESCRIPTION}" if root.is_dir() else "it is no folder"
         raise OutputError(
-            f"'{root}' is not a dataset: it has no file {DESCRIPTION}",
+            f"'{root}' is not a dataset: {fault}",
             "Make one: treadlink campaign PATH... --out DATASET",
         ) from error
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:

@@ -11,11 +11,13 @@ def open_regular(path: Path) -> BinaryIO:
     """Open a file for reading; a FIFO or a device, which would wait for a writer, is refused.
 
     Raises:
-        RecordingError: it is neither a file nor a folder.
+        RecordingError: it is no file.
         OSError: the system refuses.
     """
     mode = path.stat().st_mode
-    if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
+    if stat.S_ISDIR(mode):
+        raise RecordingError(f"'{path}' is a folder, not a recording", f"Name its recordings: {path / '*.mcap'}")
+    if not stat.S_ISREG(mode):
         raise RecordingError(
             f"'{path}' is a FIFO or a device: it cannot be read at several places",
             f"Write it to a file first: cat '{path}' > recording.mcap",

@@ -203,8 +203,12 @@ def test_a_long_vehicle_name_finds_its_odometer(campaign, recordings, tmp_path):
 
 
 def test_missing_dataset_is_an_error(tmp_path):
-    with pytest.raises(OutputError, match="is not a dataset"):
+    with pytest.raises(OutputError, match="is not a dataset: it has no file"):
         read_histories(tmp_path)
+    recording = tmp_path / "drive.mcap"
+    recording.touch()
+    with pytest.raises(OutputError, match=r"drive.mcap' is not a dataset: it is no folder"):
+        read_histories(recording)
 
 
 @pytest.mark.parametrize(

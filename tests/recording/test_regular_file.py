@@ -32,3 +32,9 @@ def test_a_fifo_is_refused(tmp_path: Path, opens: Callable[[Path], object], name
     with pytest.raises(RecordingError, match="is a FIFO or a device") as caught:
         opens(path)
     assert "to a file first" in caught.value.remedy
+
+
+def test_a_folder_is_refused_with_what_to_name(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="is a folder, not a recording") as caught:
+        open_recorded_file(tmp_path)
+    assert caught.value.remedy == f"Name its recordings: {tmp_path / '*.mcap'}"
