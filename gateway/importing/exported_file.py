@@ -79,8 +79,10 @@ def import_exported(path: Path, out: Path, progress: Callable[[float], None] = l
     processes = ReaderProcesses()
     wheels = exported_wheels(path, processes)
     if not wheels:
+        if suffix_format(path) is None:  # a recording, a configuration: says what to do with it
+            open_columns(path, _PROBE, processes).close()
         raise ImportDataError(
-            f"{path} is no export of treadlink, so that its columns need an import map",
+            f"{path} is no CSV or MF4 file of `treadlink export`, so that its columns need an import map",
             f"Write a first one: treadlink import --guess {path}",
         )
     parts = []

@@ -91,8 +91,16 @@ def test_stated_pressure_and_radius_are_stated_again(tmp_path: Path) -> None:
 def test_other_files_and_contents_are_refused(drive, tmp_path: Path) -> None:
     foreign = tmp_path / "foreign.csv"
     foreign.write_text("t,z\n0,1\n")
-    with pytest.raises(ImportDataError, match="is no export of treadlink"):
-        import_exported(foreign, tmp_path / "a.mcap")
+    parquet = drive.export(tmp_path / "samples.parquet")
+    for path in (foreign, parquet):
+        with pytest.raises(ImportDataError, match="is no CSV or MF4 file of `treadlink export`"):
+            import_exported(path, tmp_path / "a.mcap")
+    recording = tmp_path / "drive.mcap"
+    recording.touch()
+    with pytest.raises(ImportDataError) as error:
+        import_exported(recording, tmp_path / "a.mcap")
+    assert error.value.remedy == "This is a recording already. Run: treadlink estimate drive.mcap"
+    recording.unlink()
     estimates = drive.export(tmp_path / "estimates.csv", what="estimates")
     with pytest.raises(ImportDataError, match="has no column"):
         import_exported(estimates, tmp_path / "b.mcap")
