@@ -32,6 +32,9 @@ from gateway.types import BoolArray, FloatArray
 
 # The template extends this far beyond the edges, to include the full slope of the overshoots.
 _BEYOND_RAD: Final = 0.35
+# Least mean of the acceleration over its range: without a contact it is R omega^2, in the contact 0, at its edges up to
+# twice R omega^2. Less is that of an AC-coupled sensor, from which no curvature follows.
+_LEAST_STEADY_SHARE: Final = 0.25
 # The samples must extend at least this far beyond either edge.
 MIN_BEYOND_RAD: Final = 0.12
 # Samples at either end of the data that are affected by the end condition of the interpolation.
@@ -177,7 +180,8 @@ def contact_template(
         ],
         axis=1,
     )
-    curvature = values * (omega_radps**2 / mean)
+    has_steady_value = mean > _LEAST_STEADY_SHARE * float(np.ptp(radial_mps2))
+    curvature = values * (omega_radps**2 / mean) if has_steady_value else ones
     turn = np.cumsum(curvature) - 0.5 * curvature
     turn -= turn[n // 2 - first]
     gravity = STANDARD_GRAVITY_MPS2 * np.cos(turn * step)

@@ -130,3 +130,12 @@ def test_waveform_without_contact_has_no_template() -> None:
     assert contact_template(np.full(N, 1000.0), OMEGA, 1069.0, WHITE) is None
     assert contact_template(WAVE - WAVE.mean() - 5.0, OMEGA, 1069.0, WHITE) is None
     assert contact_template(np.full(N, math.nan), OMEGA, 1069.0, WHITE) is None
+
+
+@pytest.mark.parametrize("mean_mps2", [1e-6, 0.01, 1.0])
+def test_signal_without_its_steady_value_turns_evenly(mean_mps2) -> None:
+    """The mean of an AC-coupled signal is what its high-pass left, of which no curvature can be a multiple."""
+    template = contact_template(WAVE - WAVE.mean() + mean_mps2, OMEGA, 2.0 * math.pi / STEP, WHITE)
+    assert template is not None
+    even = STANDARD_GRAVITY_MPS2 * np.cos(template.whole.angles_rad)
+    np.testing.assert_allclose(template.whole.gravity_mps2, even, atol=0.05)
