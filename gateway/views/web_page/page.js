@@ -232,7 +232,7 @@
     showTrend();
   };
   const showTrend = () => {
-    const shown = quantities.find((one) => one.name === quantity) || { label: quantity, unit: "" };
+    const shown = quantities.find((one) => one.name === quantity) || { label: "Trend", unit: "" };
     // A wheel keeps its colour, whichever quantities it has.
     const wheels = [...points.keys()].sort(), colourAt = (position) => colourOf(wheels.indexOf(position));
     const positions = wheels.filter((position) => points.get(position).length);
