@@ -5,7 +5,6 @@ contact is matched with it, using the same samples. The time of a contact is a w
 weights minimise its variance, which has two parts. One is the jitter of each edge: on a real tire the leading edge
 jitters several times as much as the trailing one. The other is the speed at the contact, which is extrapolated from the
 revolutions before it: its error shifts the two edges by amounts proportional to their angles, in opposite directions.
-So does another load, where the distance of the edges has changed by more than these explain.
 
 The average changes while it is built up. The shift of each new template against the one before it is measured and
 compensated, so that all contacts are timed at the same point of the belt.
@@ -53,8 +52,6 @@ _LEAST_WEIGHT: Final = 0.05
 _SCATTER_KNOWN: Final = 3
 # Error of either edge per change of the half angle against the template's: its shape is that at another load.
 _OTHER_LOAD_SHARE: Final = 0.2
-# Standard errors beyond which the distance of the edges is that at another load than their mean distance.
-_OTHER_LOAD_ERRORS: Final = 3.0
 # Angle by which the point of the belt that level crossings find may differ from the refined one.
 _CROSSING_STD_RAD: Final = 1e-3
 # Relative error of the speed at a contact before it is measured, counted as one value.
@@ -402,10 +399,6 @@ class ContactTimer:
         v00, v01, v11 = v00 + s00, v01 + s01, v11 + s11
         n00, n01, n11 = n00 + s00, n01 + s01, n11 + s11
         total = v00 + v11 - 2.0 * v01
-        # Another load moves both edges as far, in opposite directions.
-        other_load2 = max(0.0, ((trailing - leading - apart) ** 2 - _OTHER_LOAD_ERRORS**2 * total) / 4.0)
-        v00, v01, v11 = v00 + other_load2, v01 - other_load2, v11 + other_load2
-        total += 4.0 * other_load2
         share = (v00 - v01) / total if total > 0.0 and math.isfinite(total) else 0.5
         leading_weight, mixed_weight, trailing_weight = (1.0 - share) ** 2, 2.0 * share * (1.0 - share), share**2
         centre_std = math.sqrt(
