@@ -32,7 +32,7 @@ def step_for(residual: Unexplained) -> str:
 
 
 @pytest.mark.parametrize(
-    ("left", "part"),
+    ("residual", "part"),
     [
         (ANGLE, "49.3 to 53.9 deg behind the sensor"),
         (replace(ANGLE, scaling=Scaling(ScalingStatus.ONE_SPEED)), "record at a second speed"),
