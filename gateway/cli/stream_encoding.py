@@ -29,10 +29,10 @@ def nearest_text(text: str) -> str:
 
 
 class ShownText(TextIOWrapper):
-    """Text stream that says the nearest text for what it cannot encode, and lets nobody control the terminal.
+    """Text stream that replaces what it cannot encode by similar text, and escapes what would control the terminal.
 
-    Names and texts of others reach every message. What is not printable is written as an escape such as `\\u202e`, but
-    for line ends, tabulators, and the sequences of colours and cursor of the program's own lines.
+    Every message may hold names and texts from outside. What is not printable is written as an escape such as
+    `\\u202e`, except line ends, tabs, and the colour and cursor sequences of the program's own lines.
     """
 
     def write(self, text: str) -> int:

@@ -6,29 +6,15 @@ import queue
 import threading
 from collections.abc import Iterator
 
-from gateway.io.source import LinkItem, Source
+from gateway.io.source import LinkItem, WrappedSource
 
 
-class ReadAheadSource:
+class ReadAheadSource(WrappedSource):
     """A source that a thread of its own reads, without a limit.
 
     A reader that works between two reads leaves bytes in the buffers of the system: they arrive late by their times,
     and a hub whose link is full drops frames.
     """
-
-    def __init__(self, source: Source) -> None:
-        """Wrap a source."""
-        self._source = source
-
-    @property
-    def link(self) -> str:
-        """Name of the link."""
-        return self._source.link
-
-    @property
-    def vehicle_toml(self) -> str | None:
-        """Configuration that comes with the source."""
-        return self._source.vehicle_toml
 
     def items(self, stop: threading.Event) -> Iterator[LinkItem]:
         """Yield the items of the source; what its thread raises is raised here. Closing the generator closes it."""
@@ -53,7 +39,3 @@ class ReadAheadSource:
         finally:
             self.close()
             thread.join()
-
-    def close(self) -> None:
-        """Release the source."""
-        self._source.close()

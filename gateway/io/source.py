@@ -211,6 +211,28 @@ class Source(Protocol):
         ...
 
 
+class WrappedSource:
+    """A source around another one, whose name, configuration and end are that one's."""
+
+    def __init__(self, source: Source) -> None:
+        """Wrap a source."""
+        self._source = source
+
+    @property
+    def link(self) -> str:
+        """Name of the link."""
+        return self._source.link
+
+    @property
+    def vehicle_toml(self) -> str | None:
+        """Configuration that comes with the source."""
+        return self._source.vehicle_toml
+
+    def close(self) -> None:
+        """Release the source."""
+        self._source.close()
+
+
 @dataclass(frozen=True, slots=True)
 class SourceAddress:
     """The parts of a source URI, `scheme:target?key=value`."""

@@ -5,7 +5,7 @@ import threading
 from collections.abc import Iterator
 
 from gateway.io.playback import Playback, PlayedSource
-from gateway.io.source import LinkItem, Source
+from gateway.io.source import LinkItem, Source, WrappedSource
 
 
 def limited(source: Source, duration_s: float) -> Source:
@@ -14,7 +14,7 @@ def limited(source: Source, duration_s: float) -> Source:
     return kind(source, duration_s)
 
 
-class TimeLimitedSource:
+class TimeLimitedSource(WrappedSource):
     """A source whose items end a given time after its first, by their own times.
 
     The pace at which items are read and processed does not matter: a simulation or a recording that is played faster
@@ -28,18 +28,8 @@ class TimeLimitedSource:
             source: any source.
             duration_s: time between the first item and the last.
         """
-        self._source = source
+        super().__init__(source)
         self._duration_ns = round(duration_s * 1e9)
-
-    @property
-    def link(self) -> str:
-        """Name of the link."""
-        return self._source.link
-
-    @property
-    def vehicle_toml(self) -> str | None:
-        """Configuration that comes with the source."""
-        return self._source.vehicle_toml
 
     def items(self, stop: threading.Event) -> Iterator[LinkItem]:
         """Yield the items of the source up to the end of the time."""
@@ -52,10 +42,6 @@ class TimeLimitedSource:
                 if item.host_ns > end_ns:
                     return
                 yield item
-
-    def close(self) -> None:
-        """Release the source."""
-        self._source.close()
 
 
 class _TimeLimitedPlayback(TimeLimitedSource):

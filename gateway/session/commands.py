@@ -22,7 +22,7 @@ from firmware_protocol.messages import (
 )
 from gateway.clock import Clock
 from gateway.errors import LinkLostError, SourceError
-from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source
+from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source, WrappedSource
 from gateway.reasons import Code, Reason
 from gateway.security.cmac import Key
 from gateway.session.command_signing import HubAtLink, HubCommands, command_frame
@@ -59,7 +59,7 @@ class TwoWaySource(Source, Protocol):
         ...
 
 
-class CommandedSource:
+class CommandedSource(WrappedSource):
     """A source whose hub is sent the time, the rate and a start command at every connection.
 
     A hub that takes no commands streams without them, so a failed write is not a fault. With keys each start of a hub
@@ -77,20 +77,11 @@ class CommandedSource:
             keys: of sensors and hubs by identity.
             may_be_unsigned: whether with keys a hub that does not sign gets unsigned commands.
         """
-        self._source = source
+        super().__init__(source)
+        self._source: TwoWaySource = source
         self._clock = clock
         self._keys = keys
         self._may_be_unsigned = may_be_unsigned
-
-    @property
-    def link(self) -> str:
-        """Name of the link."""
-        return self._source.link
-
-    @property
-    def vehicle_toml(self) -> str | None:
-        """Configuration that comes with the source."""
-        return self._source.vehicle_toml
 
     def items(self, stop: threading.Event) -> Iterator[LinkItem]:
         """Yield the items of the source, and send the commands after each connection."""
@@ -109,10 +100,6 @@ class CommandedSource:
                 with suppress(LinkLostError, SourceError):
                     for seq, command in enumerate(self._settings()):
                         self._source.send(command_frame(command, seq))
-
-    def close(self) -> None:
-        """Close the source."""
-        self._source.close()
 
     def _settings(self) -> list[Command]:
         rate_hz = self._source.rate_hz

@@ -283,8 +283,8 @@ class ConsoleApp(App[None]):
         if self._live.recording or not self._session.may_record:
             self._form, self._asked = {}, []
             recording = self._live.recording
-            told = f"{recording} is being recorded" if recording else "this session cannot begin a recording"
-            self._open_input(f"{told}; Enter or Escape goes back")
+            message = f"{recording} is being recorded" if recording else "this session cannot begin a recording"
+            self._open_input(f"{message}; Enter or Escape goes back")
             return
         self._form = self._session.run_form
         self._asked = list(self._form)
