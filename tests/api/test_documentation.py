@@ -38,7 +38,7 @@ def test_reference_lists_every_name_and_column():
 
 @pytest.mark.parametrize("path", sorted(NOTEBOOKS.glob("*.ipynb")), ids=lambda path: path.stem)
 def test_notebook_has_a_page_with_its_code(path):
-    page = notebook_markdown()[f"tutorials/notebook-{path.stem}.md"]
+    page = notebook_markdown()[f"tutorials/notebook-{path.stem}.md"]()
     assert page.startswith("# ")
     assert "```python\n" in page
     assert ".ipynb)" not in page

@@ -1,5 +1,6 @@
 """Page of the accelerometers that are shipped: their data sheets, and what each can do on a tire at three speeds."""
 
+import functools
 from collections.abc import Iterator
 from typing import Final
 
@@ -32,6 +33,7 @@ sheet before you buy.
 """
 
 
+@functools.cache
 def accelerometers_markdown() -> str:
     """Return the page."""
     scenario = load_scenario(_SCENARIO)

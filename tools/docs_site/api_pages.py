@@ -1,5 +1,7 @@
 """API reference: one page per package, filled from docstrings when the site is built."""
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -32,18 +34,26 @@ PACKAGES: Final[dict[str, str]] = {
 _ROOT: Final = Path(__file__).parents[2]
 
 
-def api_markdown() -> dict[str, str]:
-    """Return file name -> page for every package, and an index."""
-    index = ["# API", "", "Python modules by package. Types are part of every signature; units are in the names.", ""]
-    pages = {}
-    for package, meaning in PACKAGES.items():
-        name = f"{package.replace('.', '-')}.md"
-        index.append(f"- [`{package}`]({name}): {meaning}")
-        lines = [f"# {package}", "", sentence(meaning), ""]
-        for module in _modules(package):
-            lines += [f"::: {module}", ""]
-        pages[name] = "\n".join(lines)
-    return {"index.md": "\n".join(index) + "\n", **pages}
+def api_markdown() -> dict[str, Callable[[], str]]:
+    """Return file name -> what writes the page of every package, and an index."""
+    return {"index.md": _index, **{_file(package): partial(_page, package) for package in PACKAGES}}
+
+
+def _file(package: str) -> str:
+    return f"{package.replace('.', '-')}.md"
+
+
+def _index() -> str:
+    lines = ["# API", "", "Python modules by package. Types are part of every signature; units are in the names.", ""]
+    lines += [f"- [`{package}`]({_file(package)}): {meaning}" for package, meaning in PACKAGES.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _page(package: str) -> str:
+    lines = [f"# {package}", "", sentence(PACKAGES[package]), ""]
+    for module in _modules(package):
+        lines += [f"::: {module}", ""]
+    return "\n".join(lines)
 
 
 def _modules(package: str) -> list[str]:

@@ -2,6 +2,8 @@
 
 import re
 import tempfile
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -11,9 +13,9 @@ _LINK: Final = re.compile(r"\]\(([\w-]+)\.ipynb\)")
 _TIMEOUT_S: Final = 600
 
 
-def notebook_markdown(*, run: bool = False) -> dict[str, str]:
-    """Return path in the site -> page of every notebook; `run` executes them, so that the pages have outputs."""
-    return {page_of(path): _page(path, run=run) for path in sorted(NOTEBOOKS.glob("*.ipynb"))}
+def notebook_markdown(*, run: bool = False) -> dict[str, Callable[[], str]]:
+    """Return path in the site -> what writes the page of every notebook; `run` executes it, so that it has outputs."""
+    return {page_of(path): partial(_page, path, run=run) for path in sorted(NOTEBOOKS.glob("*.ipynb"))}
 
 
 def page_of(path: Path) -> str:

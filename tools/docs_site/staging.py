@@ -3,7 +3,7 @@
 import os
 import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final
 
@@ -29,17 +29,17 @@ FILES: Final = "files"
 _LINK: Final = re.compile(r"(?<!`)(!?\[(?:[^\[\]]|\[[^\]]*\])*\]\()([^()\s]+)(\))")
 
 
-def generated_pages(*, run_notebooks: bool = False) -> dict[str, str]:
-    """Return path in the site -> Markdown of every generated page."""
+def generated_pages(*, run_notebooks: bool = False) -> dict[str, Callable[[], str]]:
+    """Return path in the site -> what writes the Markdown of every generated page."""
     return {
-        "reference/accelerometers.md": accelerometers_markdown(),
-        "reference/commands.md": commands_markdown(),
-        "reference/configuration.md": configuration_markdown(),
-        "reference/effects.md": effects_markdown(),
-        "reference/python.md": python_markdown(),
-        "reference/quantities.md": quantities_markdown(),
-        "reference/reasons.md": reasons_markdown(),
-        "reference/thresholds.md": thresholds_markdown(),
+        "reference/accelerometers.md": accelerometers_markdown,
+        "reference/commands.md": commands_markdown,
+        "reference/configuration.md": configuration_markdown,
+        "reference/effects.md": effects_markdown,
+        "reference/python.md": python_markdown,
+        "reference/quantities.md": quantities_markdown,
+        "reference/reasons.md": reasons_markdown,
+        "reference/thresholds.md": thresholds_markdown,
         **notebook_markdown(run=run_notebooks),
         **{f"reference/api/{name}": page for name, page in api_markdown().items()},
     }
@@ -64,8 +64,8 @@ def stage(target: Path, *, run_notebooks: bool = False) -> None:
     by_source = {path.resolve(): page for page, path in written_pages().items()}
     for page, path in written_pages().items():
         _write(target / page, _relinked(path, page, by_source, target))
-    for page, text in generated_pages(run_notebooks=run_notebooks).items():
-        _write(target / page, text)
+    for page, markdown in generated_pages(run_notebooks=run_notebooks).items():
+        _write(target / page, markdown())
     for path in DOCS.rglob("*"):
         if path.is_file() and path.suffix != ".md":
             _copy(path, target / path.relative_to(DOCS))
