@@ -180,18 +180,21 @@ def test_other_estimators_are_chosen_at_the_call(recording):
         recording.estimates(["magic"])
 
 
-def test_stream_is_whole_where_nothing_was_asked_before(tmp_path):
-    path = tmp_path / "long.mcap"
-    gateway.simulate("demo", duration_s=20.0, out=path)
-    with gateway.open(path) as fresh:
+@pytest.fixture(scope="module")
+def several_blocks(tmp_path_factory):
+    path = tmp_path_factory.mktemp("long") / "long.mcap"
+    gateway.simulate("demo", duration_s=12.0, out=path)
+    return path
+
+
+def test_stream_is_whole_where_nothing_was_asked_before(several_blocks):
+    with gateway.open(several_blocks) as fresh:
         streamed = sum(1 for _ in fresh.stream("kinematic"))
         assert streamed == sum(len(fresh[wheel].revolutions()) for wheel in fresh.wheels)
 
 
-def test_passes_over_one_recording_may_overlap(tmp_path):
-    path = tmp_path / "long.mcap"
-    gateway.simulate("demo", duration_s=20.0, out=path)
-    with gateway.open(path) as fresh:
+def test_passes_over_one_recording_may_overlap(several_blocks):
+    with gateway.open(several_blocks) as fresh:
         streamed = 0
         for _ in fresh.stream("kinematic"):
             streamed += 1
