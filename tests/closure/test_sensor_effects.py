@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
 
+from gateway.closure.data.campaign_data import ORDERS
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.effects.effect import (
     CIRCUMFERENTIAL,
@@ -16,6 +17,7 @@ from gateway.closure.effects.effect import (
     RingEffect,
 )
 from gateway.closure.model.ring_options import RingOptions
+from gateway.closure.model.sensor_signal import field_orders
 from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
 from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
 from gateway.simulator.tire_table import look_up
@@ -137,6 +139,25 @@ def test_clipping_limit_is_the_same_at_every_speed(speed_kmh: float) -> None:
     # On the grid the corners ring a little.
     assert rms(measured - plain - expected) < 0.02 * rms(expected) + 0.1
     assert (rms(expected) > 5.0) == (speed_kmh > 50.0)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.8, 0.97])
+@pytest.mark.parametrize("speed_kmh", [40.0, 100.0])
+def test_clipped_cosine_has_its_exact_coefficients(share: float, speed_kmh: float) -> None:
+    """Corners fold into no order that is compared: what folds would look like a low-pass."""
+    block = block_of(speed_kmh)
+    top = CONDITIONS.radius_m * block.conditions.omega_radps**2
+    signal = np.zeros_like(block.signal_mps2)
+    signal[RADIAL] = top * np.cos(3.0 * THETA)
+    cut = applied(replace(block, signal_mps2=signal), clipping=(1.0 / (share * top), 0.0)).signal_mps2 - signal
+    # Minus the integral of (cos t - share) cos(n t) / pi over the part that is cut off, from above and from below.
+    n, end = np.arange(3, ORDERS // 3, 2), math.acos(share)
+    above = np.sin((n - 1) * end) / (n - 1) + np.sin((n + 1) * end) / (n + 1) - 2.0 * share * np.sin(n * end) / n
+    orders = field_orders(cut)[RADIAL]
+    # The grid starts at -pi, where the cosine is negative.
+    assert orders[3 * n] == pytest.approx(-2.0 * top / math.pi * above, abs=4e-6 * top)
+    orders[3 : 3 * n[-1] + 1 : 6] = 0.0
+    assert np.abs(orders).max() < 4e-6 * top
 
 
 def test_knee_matches_the_mean_of_noisy_clipped_revolutions() -> None:

@@ -20,7 +20,7 @@ from gateway.closure.effects.effect import (
     SignalEffect,
     Stage,
 )
-from gateway.closure.effects.periodic_filter import ORDER, filtered, order_hz
+from gateway.closure.effects.periodic_filter import ORDER, filtered, from_fine_grid, on_fine_grid, order_hz
 from gateway.constants import AXIS_NAMES, STANDARD_GRAVITY_MPS2
 from gateway.types import ComplexArray, FloatArray
 
@@ -80,6 +80,10 @@ class Clipping(SignalEffect):
     contact spread the signal about its mean. With a normal spread of standard deviation knee * limit the mean of the
     clipped signal is a - [w phi(z) + (a - limit) Phi(z)], w = knee * limit, z = (a - limit) / w; the same below
     -limit.
+
+    A clipped signal has a corner at each steep edge, and orders beyond those of the model's grid. On that grid they
+    would fold into the highest orders, by some 1e-3 of what is cut off, which resembles a low-pass: the fine grid has
+    them.
     """
 
     name = "clipping"
@@ -125,8 +129,8 @@ class Clipping(SignalEffect):
         inverse = float(parameters[0])
         if inverse > 0.0:
             limit, width = self._limit(parameters)
-            radial = block.signal_mps2[RADIAL]
-            change[RADIAL] = _excess(-radial - limit, width) - _excess(radial - limit, width)
+            radial = on_fine_grid(block.signal_mps2[RADIAL])
+            change[RADIAL] = from_fine_grid(_excess(-radial - limit, width) - _excess(radial - limit, width))
         return change
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
@@ -135,10 +139,10 @@ class Clipping(SignalEffect):
         inverse, knee = float(parameters[0]), float(parameters[1])
         if inverse > 0.0:
             limit, width = self._limit(parameters)
-            radial = block.signal_mps2[RADIAL]
+            radial = on_fine_grid(block.signal_mps2[RADIAL])
             above, below = (radial - limit) / width, (-radial - limit) / width
-            by_limit = _normal_cdf(above) - _normal_cdf(below)
-            by_width = _normal_density(below) - _normal_density(above)
+            by_limit = from_fine_grid(_normal_cdf(above) - _normal_cdf(below))
+            by_width = from_fine_grid(_normal_density(below) - _normal_density(above))
             change[0, RADIAL] = -limit * limit * (by_limit + by_width * width / limit)
             if abs(knee) > _MIN_KNEE:
                 change[1, RADIAL] = by_width * math.copysign(limit, knee)

@@ -1,4 +1,4 @@
-"""Linear filters on signals that repeat with the wheel: order n at angular speed omega passes at n omega / 2 pi."""
+"""Signals that repeat with the wheel: filters, by which order n at omega passes at n omega / 2 pi, and a finer grid."""
 
 import math
 from typing import Final
@@ -7,6 +7,9 @@ import numpy as np
 
 from gateway.closure.effects.effect import FIELD_SIZE, GroupConditions
 from gateway.types import ComplexArray, FloatArray
+
+FINE: Final = 8
+"""Points of a fine grid for each of the model's: what has corners at steep edges has orders beyond the model's own."""
 
 ORDER: Final[ComplexArray] = np.arange(FIELD_SIZE // 2 + 1).astype(np.complex128)
 """Orders of the spectra, 0 to FIELD_SIZE / 2."""
@@ -26,6 +29,22 @@ def filtered(signal: FloatArray, response: ComplexArray) -> FloatArray:
     """
     # The grid's last order has no phase, so it is left out.
     spectrum = np.fft.rfft(signal) * response
+    spectrum[..., -1] = 0.0
+    result: FloatArray = np.fft.irfft(spectrum, n=FIELD_SIZE)
+    return result
+
+
+def on_fine_grid(signal: FloatArray) -> FloatArray:
+    """Return a periodic signal (..., FIELD_SIZE) on the fine grid, (..., FINE FIELD_SIZE)."""
+    spectrum = np.fft.rfft(signal)
+    spectrum[..., -1] = 0.0
+    result: FloatArray = FINE * np.fft.irfft(spectrum, n=FINE * FIELD_SIZE)
+    return result
+
+
+def from_fine_grid(fine: FloatArray) -> FloatArray:
+    """Return the orders of a signal (..., FINE FIELD_SIZE) that the model's grid has, on that grid."""
+    spectrum = np.fft.rfft(fine)[..., : FIELD_SIZE // 2 + 1] / FINE
     spectrum[..., -1] = 0.0
     result: FloatArray = np.fft.irfft(spectrum, n=FIELD_SIZE)
     return result
