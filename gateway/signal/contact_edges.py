@@ -127,7 +127,8 @@ def find_contact_edges(
         return _not_found(reason, plateau, baseline, contrast)
     smoothed = [levels, *_smoothed_more(radial_mps2, spectrum, width)]
     ripple = _ripple(smoothed[0], smoothed[1], noise_coefficient_mps2) if len(smoothed) > 1 else 0.0
-    places = [_places(smoothed, side, noise_coefficient_mps2, scatter_mps2) for side in (0, 1)]
+    scatter = None if scatter_mps2 is None else (scatter_mps2, median(scatter_mps2))
+    places = [_places(smoothed, side, noise_coefficient_mps2, scatter) for side in (0, 1)]
     if not all(places):
         return _not_found(Reason(Code.CONTACT_HAS_NO_SLOPE), plateau, baseline, contrast)
     leading, trailing = (edge_among_waves(of_side, ripple) for of_side in places)
@@ -212,9 +213,15 @@ def _smoothed_more(radial_mps2: FloatArray, spectrum: ComplexArray, width: float
 
 
 def _places(
-    smoothed: list[ContactLevels], side: int, noise_coefficient_mps2: float, scatter_mps2: FloatArray | None
+    smoothed: list[ContactLevels],
+    side: int,
+    noise_coefficient_mps2: float,
+    scatter_mps2: tuple[FloatArray, float] | None,
 ) -> list[EdgePlace]:
-    """Return the places of one edge under each smoothing: 0 is the leading, 1 the trailing edge."""
+    """Return the places of one edge under each smoothing: 0 is the leading, 1 the trailing edge.
+
+    `scatter_mps2` is that of `find_contact_edges` with its median.
+    """
     places = []
     for levels in smoothed:
         assert levels.shapes is not None
@@ -224,7 +231,7 @@ def _places(
             noise_coefficient_mps2 * density for density in smoothing.noises
         )
         noises = shape.noises_rad(slope_noise, slope_bend_noise)
-        smear = _smear(shape, scatter_mps2) if scatter_mps2 is not None else 0.0
+        smear = _smear(shape, *scatter_mps2) if scatter_mps2 is not None else 0.0
         distance = edge_distance(width, shape.features_rad, noises, smear)
         if shape.bend_mps2 > 0.0:
             angle = shape.steepest_rad + (2 * side - 1) * distance.distance_rad
@@ -306,11 +313,14 @@ def _gaussian(n: int, width: float) -> tuple[FloatArray, FloatArray]:
     return orders, np.exp(-0.5 * (orders / width) ** 2)
 
 
-def _smear(shape: EdgeShape, scatter_mps2: FloatArray) -> float:
-    """Return the standard deviation of an edge's place in an average, rad; 0 while the scatter is not known."""
+def _smear(shape: EdgeShape, scatter_mps2: FloatArray, usual_mps2: float) -> float:
+    """Return the standard deviation of an edge's place in an average, rad; 0 while the scatter is not known.
+
+    `usual_mps2` is the median of the scatter.
+    """
     n = len(scatter_mps2)
     index = round((shape.steepest_rad + math.pi) * n / (2.0 * math.pi)) % n
-    excess = scatter_mps2.item(index) ** 2 - median(scatter_mps2) ** 2
+    excess = scatter_mps2.item(index) ** 2 - usual_mps2 * usual_mps2
     return math.sqrt(excess) / shape.slope_mps2 if excess > 0.0 < shape.slope_mps2 else 0.0
 
 
