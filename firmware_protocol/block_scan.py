@@ -119,7 +119,7 @@ def _check(buffer: Bytes, start: Indices, end: Indices, group: int) -> Flags:
     first = np.repeat(run[:-1] - group * before, pieces) + group * np.arange(pieces.sum())
     after = np.minimum(first + group, np.repeat(run[1:], pieces))
     frames = after - first
-    right = _crcs(buffer, start[first], end[after - 1]) == _back_to_back()[total[first], frames]
+    right = _crcs(buffer, start[first], end[after - 1]) == _of_runs(total[first], frames)
     good = np.ones(count, np.bool_)
     wrong = np.flatnonzero(~right)
     if len(wrong):
@@ -140,15 +140,23 @@ def _crcs(buffer: Bytes, start: Indices, end: Indices) -> NDArray[np.uint32]:
     return out
 
 
+def _of_runs(total: Indices, frames: Indices) -> NDArray[np.uint32]:
+    """Return the CRCs of runs of intact frames: `frames` of `total` bytes each, (n,)."""
+    lengths, index = np.unique(total, return_inverse=True)
+    crcs: NDArray[np.uint32] = np.stack([_back_to_back(length) for length in lengths.tolist()])[index, frames]
+    return crcs
+
+
 @cache
-def _back_to_back() -> NDArray[np.uint32]:
-    """Return the CRC of r intact frames of t bytes back to back, whatever they hold, at [t, r]."""
-    crcs = np.zeros((wire.MAX_FRAME_BYTES + 1, MAX_GROUP + 1), np.uint32)
-    for length in range(wire.MAX_PAYLOAD_BYTES + 1):
-        frame = encode_raw(0, bytes(length), 0, 0, 0, 0)
-        crc = 0
-        for count in range(1, MAX_GROUP + 1):
-            crc = crcs[len(frame), count] = crc32(frame, crc)
+def _back_to_back(total: int) -> NDArray[np.uint32]:
+    """Return the CRCs of intact frames of `total` bytes back to back, whatever they hold, by their number."""
+    crcs = np.zeros(MAX_GROUP + 1, np.uint32)
+    payload = total - len(encode_raw(0, b"", 0, 0, 0, 0))
+    if payload < 0:
+        return crcs  # no frame is that short
+    frame, crc = encode_raw(0, bytes(payload), 0, 0, 0, 0), 0
+    for count in range(1, MAX_GROUP + 1):
+        crc = crcs[count] = crc32(frame, crc)
     return crcs
 
 
