@@ -3,7 +3,7 @@
 import math
 from typing import Final
 
-from gateway.estimators.estimator import OF_LOSS, Estimate, Revolution, Status, TireConditions
+from gateway.estimators.estimator import OF_LOSS, Estimate, Revolution, Status, TireConditions, estimate_of
 from gateway.estimators.revolution_block import BlockEstimator, RevolutionBlock
 from gateway.reasons import Code, Reason
 
@@ -68,20 +68,28 @@ def _estimates(revolution: Revolution, conditions: TireConditions) -> tuple[Esti
     angle, angle_std = trailing - leading, leading_std + trailing_std
     length = radius * angle
     length_std = math.hypot(radius * angle_std, length * radius_error)
-    return (
-        _estimate(NAMES[0], speed, speed_std, speed * timing_scatter, *of_times),
-        _estimate(NAMES[1], revolution.omega_radps, omega_std, revolution.omega_radps * timing_scatter, *of_times),
-        _estimate(NAMES[2], rpm, rpm_std, rpm * timing_scatter, *of_times),
-        _estimate(NAMES[3], leading, math.hypot(leading_std, CENTRE_STD_RAD), 0.0, status, reasons),
-        _estimate(NAMES[4], trailing, math.hypot(trailing_std, CENTRE_STD_RAD), 0.0, status, reasons),
-        _estimate(NAMES[5], length, length_std, 0.0, status, reasons),
-        _estimate(NAMES[6], angle / _TURN_RAD, angle_std / _TURN_RAD, 0.0, status, reasons),
+    fraction, fraction_std = angle / _TURN_RAD, angle_std / _TURN_RAD
+    leading_std, trailing_std = math.hypot(leading_std, CENTRE_STD_RAD), math.hypot(trailing_std, CENTRE_STD_RAD)
+    omega = revolution.omega_radps
+    rows = (
+        (NAMES[0], speed, speed_std, *of_times, speed * timing_scatter),
+        (NAMES[1], omega, omega_std, *of_times, omega * timing_scatter),
+        (NAMES[2], rpm, rpm_std, *of_times, rpm * timing_scatter),
+        (NAMES[3], leading, leading_std, status, reasons, 0.0),
+        (NAMES[4], trailing, trailing_std, status, reasons, 0.0),
+        (NAMES[5], length, length_std, status, reasons, 0.0),
+        (NAMES[6], fraction, fraction_std, status, reasons, 0.0),
     )
+    # A sum is finite where all of it is.
+    if math.isfinite(rpm + speed + length + angle + timing_scatter):
+        return tuple(map(estimate_of, rows))
+    return tuple(_possibly_unknown(*row) for row in rows)
 
 
-def _estimate(
-    name: str, value: float, std: float, scatter_std: float, status: Status, reasons: tuple[Reason, ...]
+def _possibly_unknown(
+    name: str, value: float, std: float, status: Status, reasons: tuple[Reason, ...], scatter_std: float
 ) -> Estimate:
+    """Return an estimate, invalid where its value is not finite."""
     if not math.isfinite(value):
         return Estimate.invalid(name, *(reasons or (Reason(Code.NO_CONTACT_EDGES),)))
     return Estimate(name, value, std, status, reasons, scatter_std if math.isfinite(scatter_std) else 0.0)

@@ -4,7 +4,7 @@ import math
 from collections import deque
 from typing import Final
 
-from gateway.estimators.estimator import Estimate, Status
+from gateway.estimators.estimator import Estimate, Status, estimate_of
 from gateway.quantity_catalogue import quantities_of
 
 # Lag of an average over its change within its memory. A mean of all is behind by half of a steady drift, an exponential
@@ -34,15 +34,16 @@ class OwnDrift:
 
         The change is counted from the oldest valid value within it.
         """
-        return tuple([self._widened(estimate) if estimate.name in self._memory else estimate for estimate in estimates])
-
-    def _widened(self, estimate: Estimate) -> Estimate:
-        name, value, std, status, reasons, scatter_std = estimate
-        if status is not Status.VALID:
-            return estimate
-        values = self._valid.get(name)
-        if values is None:
-            values = self._valid[name] = deque(maxlen=self._memory[name])
-        values.append(value)
-        # Not by `_replace`, which takes four times as long.
-        return Estimate(name, value, math.hypot(std, _LAG * (value - values[0])), status, reasons, scatter_std)
+        memory, valid, hypot = self._memory, self._valid, math.hypot
+        widened: list[Estimate] = []
+        for estimate in estimates:
+            name, value, std, status, reasons, scatter_std = estimate
+            if status is Status.VALID and name in memory:
+                values = valid.get(name)
+                if values is None:
+                    values = valid[name] = deque(maxlen=memory[name])
+                values.append(value)
+                std = hypot(std, _LAG * (value - values[0]))
+                estimate = estimate_of((name, value, std, status, reasons, scatter_std))
+            widened.append(estimate)
+        return tuple(widened)
