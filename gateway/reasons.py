@@ -533,6 +533,7 @@ class Code(Enum):
     SINK_FAULT = "internal error: {error}"
     SINK_FULL = "the receiver is slower than the session"
     SINK_LOST = "{error}; trying again every {interval_s:g s} or sooner"
+    SINK_REFUSED = "the receiver refuses items: {error}"
     SINK_STALLED = "the receiver takes nothing"
     # - Health of links
     FIRMWARE_TOO_NEW = (

@@ -38,6 +38,7 @@ from gateway.publishing.sink import (
     SinkAddress,
     SinkDownError,
     SinkError,
+    SinkRefusedError,
     SinkSetting,
     host_and_port,
 )
@@ -180,6 +181,9 @@ class MqttSink:
         self._earlier: dict[str, str] = {}
         # Messages that the broker has not confirmed yet, by their number: whether each is counted.
         self._window: dict[int, bool] = {}
+        # Counted messages that the broker took from the client and refused, and why.
+        self._refused = 0
+        self._refused_for = ""
         self._refusal = ""
         self._has_connected = False
         self._has_ended = False
@@ -194,6 +198,7 @@ class MqttSink:
         if USERNAME in environment:
             self._client.username_pw_set(environment[USERNAME], environment.get(PASSWORD))
         self._client.on_connect = self._connected
+        self._client.on_disconnect = self._disconnected
         self._client.on_message = self._heard
         self._client.on_publish = self._confirmed
 
@@ -219,7 +224,7 @@ class MqttSink:
             if self._client.loop(_WAIT_S) is not paho.MQTT_ERR_SUCCESS and not self._refusal:
                 raise SinkDownError("the broker closed the connection")
         if self._refusal:
-            raise SinkDownError(f"the broker refuses: {self._refusal}")
+            raise SinkDownError(self._refusal)
         if not self._client.is_connected():
             raise SinkDownError("the broker does not answer")
         # The last will of an earlier connection may come late, after this one has said that it is online.
@@ -230,6 +235,7 @@ class MqttSink:
 
     def send(self, item: Item, stop: threading.Event) -> None:
         """Publish an item and wait for room in the window."""
+        self._check_refusals()
         if isinstance(item, PublishedRevolution):
             position = quote(item.result.position, safe="")
             topic = f"{self._prefix}/wheel/{position}/revolution"
@@ -247,6 +253,7 @@ class MqttSink:
     def poll(self) -> None:
         """Read confirmations and send keep-alive messages."""
         self._loop(0.0)
+        self._check_refusals()
 
     def flush(self, stop: threading.Event) -> int:
         """Wait for the confirmations, with `offline` as the last message; return how many are missing.
@@ -260,7 +267,9 @@ class MqttSink:
             self._publish(f"{self._prefix}/status", _OFFLINE, stop, retain=True)
         while self._window and not stop.is_set():
             self._loop(_WAIT_S)
-        return sum(self._window.values())
+        if not stop.is_set():
+            self._check_refusals()
+        return sum(self._window.values()) + self._refused
 
     def close(self) -> None:
         """Disconnect; what is not confirmed is sent again after `open`."""
@@ -352,14 +361,27 @@ class MqttSink:
             self._is_called_offline = False
             self._hand_over(f"{self._prefix}/status", _ONLINE, retain=True)
 
+    def _check_refusals(self) -> None:
+        if self._refused:
+            count, self._refused = self._refused, 0
+            raise SinkRefusedError(self._refused_for, count)
+
     def _connected(self, client: paho.Client, data: Any, flags: Any, reason: ReasonCode, properties: Any) -> None:
         del client, data, flags, properties
         if reason.is_failure:
-            self._refusal = str(reason).lower()
+            self._refusal = f"the broker refuses: {str(reason).lower()}"
+
+    def _disconnected(self, client: paho.Client, data: Any, flags: Any, reason: ReasonCode, properties: Any) -> None:
+        del client, data, properties
+        if flags.is_disconnect_packet_from_server and not self._refusal:
+            self._refusal = f"the broker ended the connection: {str(reason).lower()}"
 
     def _confirmed(self, client: paho.Client, data: Any, number: int, reason: ReasonCode, properties: Any) -> None:
-        del client, data, reason, properties
-        self._window.pop(number, None)
+        del client, data, properties
+        is_counted = self._window.pop(number, False)
+        if is_counted and reason.is_failure:
+            self._refused += 1
+            self._refused_for = str(reason).lower()
 
     def _heard(self, client: paho.Client, data: Any, message: paho.MQTTMessage) -> None:
         del client, data

@@ -30,6 +30,19 @@ class SinkDownError(Exception):
     """A receiver is not there or has left; the output is opened again later. The message is the cause."""
 
 
+class SinkRefusedError(Exception):
+    """A receiver refused revolutions or alarms that were sent before; they are not sent again.
+
+    Attributes:
+        count: how many.
+    """
+
+    def __init__(self, cause: str, count: int) -> None:
+        """Note what the receiver said, and how many it refused."""
+        super().__init__(cause)
+        self.count = count
+
+
 class SinkEndedError(Exception):
     """A receiver has left for good, such as the reader of a pipe."""
 
@@ -70,7 +83,8 @@ Item = PublishedRevolution | PublishedAlarm | PublishedState
 class Sink(Protocol):
     """A live output. All calls come from one thread, which belongs to it: blocking holds nothing else.
 
-    Every method may raise SinkDownError: the output is then closed and opened again later, with the same item.
+    Every method may raise SinkDownError: the output is then closed and opened again later, with the same item. `send`,
+    `poll` and `flush` may raise SinkRefusedError about earlier items before they do anything else; they are repeated.
     """
 
     def open(self, stop: threading.Event) -> None:

@@ -16,6 +16,7 @@ from gateway.publishing.sink import (
     Sink,
     SinkDownError,
     SinkEndedError,
+    SinkRefusedError,
 )
 from gateway.reasons import Code, Reason
 from gateway.session.bounded_buffer import Buffer
@@ -81,6 +82,7 @@ class SinkWorker:
         self._blocked_since_ns: int | None = None
         self._published = 0
         self._lost = 0
+        self._refusal: Reason | None = None
         self._seen_dropped = 0
         self._dropped_at_ns: int | None = None
         self._held: Item | None = None
@@ -131,7 +133,7 @@ class SinkWorker:
             and now_ns - self._dropped_at_ns < _DROP_SHOWN_NS
         )
         if is_dropping and phase is SinkState.UP:
-            note = Reason(Code.SINK_FULL)
+            note = self._refusal or Reason(Code.SINK_FULL)
         away_s = 0.0 if phase is SinkState.UP else (now_ns - since_ns) * 1e-9
         waiting = len(self._buffer) + _counts(held)
         return SinkSnapshot(self.name, phase, note, published, dropped, waiting, away_s, is_dropping)
@@ -143,7 +145,7 @@ class SinkWorker:
 
     @property
     def is_left(self) -> bool:
-        """Whether the output ended while its receiver was away or took nothing."""
+        """Whether the output ended while its receiver was away or took nothing, or its receiver refused items."""
         return self._note.code not in (Code.SINK_CLOSED, Code.SINK_ENDED)
 
     # Life cycle
@@ -222,17 +224,35 @@ class SinkWorker:
     def _serve(self) -> None:
         """Send items until the session ends and nothing waits."""
         while not self._stop.is_set():
-            if self._held is None:
-                self._held = self._next()
-            item = self._held
-            if item is not None:
-                self._send(item)
-                continue
-            if self._ending.is_set() and self._state is None:
-                self._sink.flush(self._stop)
-                self._enter(SinkState.UP, Reason(Code.SINK_CLOSED))
-                return
+            try:
+                if self._serve_once():
+                    return
+            except SinkRefusedError as error:
+                self._refused(error)
+
+    def _serve_once(self) -> bool:
+        """Send the next item, or do what there is to do without one; return whether the session has ended."""
+        if self._held is None:
+            self._held = self._next()
+        item = self._held
+        if item is not None:
+            self._send(item)
+        elif self._ending.is_set() and self._state is None:
+            self._sink.flush(self._stop)
+            self._enter(SinkState.UP, self._refusal or Reason(Code.SINK_CLOSED))
+            return True
+        else:
             self._sink.poll()
+        return False
+
+    def _refused(self, error: SinkRefusedError) -> None:
+        """Count items that the receiver refused as dropped."""
+        if self._refusal is None:
+            _logger.info("%s: %s", self.name, error)
+        with self._lock:
+            self._refusal = Reason(Code.SINK_REFUSED, error=str(error))
+            self._published -= error.count
+            self._lost += error.count
 
     def _next(self) -> Item | None:
         """Return a state when nothing waits before it, or when one is due in spite of that, else the oldest item."""

@@ -1,21 +1,22 @@
 """MQTT over a link that breaks many times: every item arrives, and the exit status tells of a broker that is away."""
 
 import json
-import socket
-from contextlib import suppress
-from itertools import count
+import random
+import signal
+from dataclasses import replace
+from itertools import count, cycle, islice
 
 import pytest
 from click.testing import CliRunner
 
 from gateway.cli import treadlink
 from gateway.clock import SystemClock
-from gateway.publishing.sink import SinkSetting, open_sink
+from gateway.publishing.sink import PublishedRevolution, SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
-from tests.publishing.scripted_broker import ScriptedBroker
+from gateway.reasons import Code, Reason
+from tests.publishing.scripted_broker import CUTS, ScriptedBroker
 from tests.testkit.waiting import TIMEOUT_S, until
-
-CUTS = 12
+from tools.mqtt_broker import PROGRAM, Broker
 
 
 @pytest.fixture
@@ -25,43 +26,121 @@ def broker():
     broker.close()
 
 
-@pytest.mark.parametrize("says_goodbye", [True, False])
-@pytest.mark.parametrize("confirms", [True, False])
-def test_every_item_arrives_over_a_link_that_breaks_many_times(items, broker, says_goodbye, confirms) -> None:
+def many(items, count: int) -> list[PublishedRevolution]:
+    """Return revolutions with numbers of their own."""
+    revolutions = [item for item in items if isinstance(item, PublishedRevolution)]
+    return [
+        replace(item, result=replace(item.result, revolution=replace(item.result.revolution, index=index)))
+        for index, item in enumerate(islice(cycle(revolutions), count))
+    ]
+
+
+def publish_over_cuts(items, broker, cuts, confirms: bool) -> set[str]:
+    """Publish with a cut in every fourth call that sends a revolution; return the causes that the client stated."""
     name, sink = open_sink(f"mqtt://127.0.0.1:{broker.port}/car?discovery=off", SinkSetting())
-    really_publish = sink._client.publish
-    number = count()
+    really_publish, really_close = sink._client.publish, sink.close
+    ways, number, causes = list(cuts), count(), set()
 
     def publish(topic, *rest):
-        if topic.endswith("/revolution") and len(broker.connects) <= CUTS:
+        if topic.endswith("/revolution") and ways:
             step = next(number) % 4
             if step == 1 and not confirms:
                 broker.confirms.clear()
             elif step == 3:
                 # The link breaks in the very call that sends: the case in which the client reports a failure.
-                if says_goodbye:
-                    broker.say_goodbye()
-                else:
-                    with suppress(OSError, AttributeError):  # it is closed already
-                        sink._client.socket().shutdown(socket.SHUT_RDWR)
+                broker.cut(ways.pop(0))
                 broker.confirms.set()
         return really_publish(topic, *rest)
 
-    sink._client.publish = publish
+    def close():
+        causes.add(sink._refusal)
+        really_close()
+
+    sink._client.publish, sink.close = publish, close
     worker = SinkWorker(name, sink, SystemClock())
     worker.start()
-    for item in items:
+    revolutions = many(items, 4 * len(cuts) + 8)
+    for item in revolutions:
         worker.offer(item)
-    until(lambda: worker.snapshot().waiting == 0)
+    until(lambda: worker.snapshot().waiting == 0, 60)
     broker.confirms.set()
     worker.finish()
     assert worker.join(TIMEOUT_S)
     worker.discard()
-    assert len(broker.connects) > CUTS
-    sent = [json.loads(message.payload) for message in broker.messages if message.topic.endswith("/revolution")]
-    assert len({(each["wheel"], each["index"]) for each in sent}) == len(items) - 3
-    assert (worker.snapshot().published, worker.snapshot().dropped) == (len(items) - 1, 0)
+    assert not ways, "every cut was made"
+    assert len(broker.connects) > len(cuts)
+    sent = {
+        json.loads(message.payload)["index"] for message in broker.messages if message.topic.endswith("/revolution")
+    }
+    assert sent == set(range(len(revolutions)))
+    assert (worker.snapshot().published, worker.snapshot().dropped) == (len(revolutions), 0)
     assert not worker.is_left
+    return causes
+
+
+@pytest.mark.parametrize("confirms", [True, False])
+def test_every_item_arrives_over_a_link_that_breaks_in_every_way(items, broker, confirms) -> None:
+    causes = publish_over_cuts(items, broker, CUTS, confirms)
+    assert any("the broker ended the connection: " in cause for cause in causes)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(10))
+def test_every_item_arrives_over_a_hundred_cuts(items, broker, seed) -> None:
+    generator = random.Random(seed)
+    cuts = [*CUTS, *generator.choices(CUTS, k=100 - len(CUTS))]
+    generator.shuffle(cuts)
+    publish_over_cuts(items, broker, cuts, confirms=bool(seed % 2))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(PROGRAM is None, reason="needs mosquitto")
+def test_a_broker_that_restarts_a_hundred_times_is_reached_again(items, tmp_path) -> None:
+    broker = Broker(tmp_path).start()
+    worker = SinkWorker(*open_sink(f"mqtt://127.0.0.1:{broker.port}/car", SinkSetting()), SystemClock())
+    worker.start()
+    try:
+        for number, item in enumerate(many(items, 100)):
+            until(lambda: worker.snapshot().state == "up")
+            worker.offer(item)
+            if number % 2:
+                broker.signal(signal.SIGTERM)
+            broker.kill()
+            broker.start()
+        worker.finish()
+        assert worker.join(TIMEOUT_S)
+    finally:
+        broker.kill()
+    worker.discard()
+    assert (worker.snapshot().published, worker.snapshot().dropped, worker.is_left) == (100, 0, False)
+
+
+def test_a_broker_that_refuses_connections_is_reached_when_it_takes_one(items, broker) -> None:
+    broker.connect_refusals += [0x97, 0x89, 0x87, 0x9C]  # quota, busy, not authorized, another server
+    worker = SinkWorker(*open_sink(f"mqtt://127.0.0.1:{broker.port}/car", SinkSetting()), SystemClock())
+    worker.start()
+    worker.offer(items[0])
+    worker.finish()
+    assert worker.join(TIMEOUT_S)
+    assert len(broker.connects) == 5
+    assert (worker.snapshot().published, worker.is_left) == (1, False)
+
+
+def test_items_that_the_broker_refuses_count_as_dropped(items, broker) -> None:
+    broker.refusals += [0x87, 0x97, 0x10]  # not authorized, quota exceeded; without a subscriber it is taken
+    worker = SinkWorker(*open_sink(f"mqtt://127.0.0.1:{broker.port}/car", SinkSetting()), SystemClock())
+    worker.start()
+    for item in items[:-1]:
+        worker.offer(item)
+    until(lambda: worker.snapshot().dropped == 2)
+    assert worker.snapshot().note == Reason(Code.SINK_REFUSED, error="quota exceeded")
+    assert worker.snapshot().is_dropping
+    broker.refusals += [0x83]
+    worker.offer(items[0])
+    worker.finish()
+    assert worker.join(TIMEOUT_S)
+    assert (worker.snapshot().published, worker.snapshot().dropped) == (len(items) - 3, 3)
+    assert worker.is_left, "the exit status tells"
 
 
 def test_exit_status_tells_of_a_broker_that_is_away_at_the_end(broker) -> None:
