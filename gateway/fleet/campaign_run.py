@@ -210,7 +210,7 @@ class CampaignRun:
         token = content.recording_id
         self._jobs[token] = content
         order = EstimationOrder(content, self.settings, self.dataset.incoming, token)
-        self._tasks.submit(token, partial(run_order, self.work), order)
+        self._tasks.submit(token, partial(run_order, self.work), order, Estimated)
 
     def _finished(self, event: TaskResult, key: str) -> None:
         content = self._jobs.pop(event.token)

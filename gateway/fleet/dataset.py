@@ -197,8 +197,11 @@ class Dataset:
             start_ns: start of the recording, which decides about its day (UTC).
 
         Raises:
-            OutputError: the disk refuses; the recording is then not in the dataset.
+            OutputError: the disk refuses, or a part is elsewhere; the recording is then not in the dataset.
         """
+        strange = [part for part in parts.values() if part.parent != self.incoming]
+        if strange:
+            raise OutputError(f"a worker names '{strange[0]}' as its part", "Use a scheduler and workers of your own.")
         key = Key(path_key(content.path), content.recording_id, settings)
         with _explained(self.root):
             for old in (self._done.get(other) for other in (content.recording_id, *self.replaced_by(content))):

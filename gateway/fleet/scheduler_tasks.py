@@ -19,6 +19,8 @@ from gateway.reasons import Code, Reason
 
 _CONNECT_S: Final = 10.0
 _CLOSE_S: Final = 5.0
+# Longer than a busy scheduler takes, or a short cut of the network.
+_ANSWER_S: Final = 60.0
 _TOPIC: Final = "treadlink-campaign"
 _REPORT_NS: Final = 500_000_000
 
@@ -118,6 +120,13 @@ def _other_version(message: str) -> TreadlinkError:
     )
 
 
+def _lost_connection() -> TreadlinkError:
+    return TreadlinkError(
+        "the connection to the dask scheduler was lost: it ended or restarted, or the network is down",
+        "Start it again with its workers, and repeat the command: recordings that are done are kept.",
+    )
+
+
 class SchedulerTasks(WorkerTasks):
     """Tasks at the workers of a dask scheduler."""
 
@@ -130,7 +139,10 @@ class SchedulerTasks(WorkerTasks):
 
     def places(self) -> int:
         """Return the number of threads of all workers."""
-        return sum(self._client.nthreads().values())
+        try:
+            return sum(self._client.nthreads(callback_timeout=_ANSWER_S).values())
+        except OSError as error:  # no connection, a closed one, or no answer in time
+            raise _lost_connection() from error
 
     def read_bytes(self, token: str) -> int:
         """Return how far a running task has read its file."""
@@ -161,10 +173,7 @@ class SchedulerTasks(WorkerTasks):
         except (MemoryError, TreadlinkError):
             raise
         except CancelledError as error:  # this side cancels no task that it waits for
-            raise TreadlinkError(
-                "the connection to the dask scheduler was lost: it ended or restarted, or the network is down",
-                "Start it again with its workers, and repeat the command: recordings that are done are kept.",
-            ) from error
+            raise _lost_connection() from error
         except Exception as error:
             # What a worker raises before it calls the function: it cannot import this treadlink.
             raise _other_version(f"the workers cannot estimate: {type(error).__name__}: {error}") from error
@@ -173,10 +182,9 @@ class SchedulerTasks(WorkerTasks):
             task.future.release()
 
     def _take_position(self, event: tuple[float, Any]) -> None:
-        token, position = event[1]
-        task = self._running.get(str(token))
-        if task is not None:
-            task.read_bytes = int(position)
+        match event:
+            case [_, [str(token), int(position)]] if position >= 0 and token in self._running:
+                self._running[token].read_bytes = position
 
 
 def _work(work: Work, token: str, code: tuple[str, str], order: Any) -> Any:

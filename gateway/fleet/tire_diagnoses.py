@@ -153,7 +153,7 @@ def diagnose_tires(
         while waiting and len(running) < max(pool.places(), 1):
             name = waiting.pop(0)
             running.add(name)
-            pool.submit(name, diagnose_tire, orders[name][0])
+            pool.submit(name, diagnose_tire, orders[name][0], TireOutcome)
         event = pool.wait(_POLL_S)
         if event is None:
             continue

@@ -5,6 +5,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
+from gateway.errors import TreadlinkError
 from gateway.reasons import Code, Reason
 
 ATTEMPTS: Final = 2
@@ -33,11 +34,12 @@ class TaskResult(NamedTuple):
 class RunningTask:
     """A task that a worker has, or will have."""
 
-    def __init__(self, token: str, work: Work, order: Any) -> None:
-        """Take the work and its order."""
+    def __init__(self, token: str, work: Work, order: Any, returns: type) -> None:
+        """Take the work, its order and the type of its result."""
         self.token = token
         self.work = work
         self.order = order
+        self.returns = returns
         self.attempts = 0
         self.read_bytes = 0
         self.future: Any = None
@@ -71,9 +73,9 @@ class WorkerTasks(ABC):
     def _outcome(self, task: RunningTask) -> Any:
         """Return what a task returned, or the reason for which its worker ended."""
 
-    def submit(self, token: str, work: Work, order: Any) -> None:
-        """Give a task to the workers, as many as there are places."""
-        self._start(RunningTask(token, work, order))
+    def submit(self, token: str, work: Work, order: Any, returns: type = object) -> None:
+        """Give a task to the workers, as many as there are places; `returns` is the type of its result."""
+        self._start(RunningTask(token, work, order, returns))
 
     def wait(self, timeout_s: float) -> TaskResult | None:
         """Return the next result; None after the time.
@@ -94,6 +96,11 @@ class WorkerTasks(ABC):
         except MemoryError:
             outcome = Reason(Code.WORKER_MEMORY_FULL)
         if not isinstance(outcome, Reason):
+            if not isinstance(outcome, task.returns):
+                raise TreadlinkError(
+                    f"a worker returned {type(outcome).__name__} instead of {task.returns.__name__}",
+                    "Use a scheduler and workers of your own.",
+                )
             return TaskResult(token, outcome, None, task.attempts)
         if task.attempts == ATTEMPTS:
             return TaskResult(token, None, outcome, task.attempts)

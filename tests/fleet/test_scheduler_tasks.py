@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import threading
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,8 @@ from click.testing import CliRunner
 
 from gateway.cli import treadlink
 from gateway.errors import TreadlinkError
+from gateway.fleet import recording_estimation
+from gateway.fleet.recording_estimation import Estimated
 from gateway.fleet.scheduler_tasks import scheduler_tasks
 from gateway.reasons import Code
 from tests.fleet.test_campaign_run import is_whole, names
@@ -159,6 +162,95 @@ def test_scheduler_that_ends_is_named_and_what_is_done_is_kept():
         finally:
             _released.set()
     assert "repeat the command" in error.value.remedy
+
+
+@pytest.mark.slow  # dask gives a worker with a task 30 s to end
+def test_the_same_command_goes_on_after_the_scheduler_restarted(recordings, tmp_path, monkeypatch):
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    estimated, reached, really_open = [], threading.Event(), recording_estimation.open_recording
+
+    def open_recording(reader, *rest, **options):
+        estimated.append(reader.info.path.name)
+        if len(estimated) == 2:
+            reached.set()
+            _released.wait(60.0)
+        return really_open(reader, *rest, **options)
+
+    monkeypatch.setattr(recording_estimation, "open_recording", open_recording)
+    monkeypatch.setattr("gateway.fleet.scheduler_tasks._CONNECT_S", 1.0)
+    _released.clear()
+    first = cluster(scheduler_port=port)
+
+    def end():
+        reached.wait(60.0)
+        first.close()
+
+    thread = threading.Thread(target=end)
+    thread.start()
+    try:
+        result = run(recordings, tmp_path, first.scheduler_address)
+    finally:
+        reached.set()
+        thread.join()
+        _released.set()
+    assert "connection to the dask scheduler was lost" in str(result.exception)
+    assert "repeat the command" in result.exception.remedy
+    assert len(names(tmp_path)) == 1
+    with cluster(scheduler_port=port) as second:
+        again = run(recordings, tmp_path, second.scheduler_address)
+    assert again.exit_code == 0, again.output
+    assert "2 recordings estimated" in again.output
+    assert is_whole(tmp_path)
+    assert len(names(tmp_path)) == 3
+    assert sorted(Counter(estimated).values()) == [1, 1, 2], "only the one that was cut off is estimated twice"
+
+
+def test_a_scheduler_that_is_gone_or_silent_is_named(monkeypatch):
+    monkeypatch.setattr("gateway.fleet.scheduler_tasks._CONNECT_S", 0.5)
+    with cluster() as workers, scheduler_tasks(workers.scheduler_address) as tasks:
+        with monkeypatch.context() as silent:
+            silent.setattr("gateway.fleet.scheduler_tasks._ANSWER_S", 0.0)
+            with pytest.raises(TreadlinkError, match="connection to the dask scheduler was lost"):
+                tasks.places()
+        workers.close()
+        with pytest.raises(TreadlinkError, match="connection to the dask scheduler was lost"):
+            tasks.places()
+
+
+class Strange:
+    """A result of a worker that is not treadlink's."""
+
+
+@pytest.mark.parametrize(
+    ("outcome", "message"),
+    [
+        (Strange(), "a worker returned Strange instead of Estimated"),
+        (None, "a worker returned NoneType instead of Estimated"),
+        (Estimated(parts={"recordings": Path("/etc/passwd")}), "a worker names '/etc/passwd' as its part"),
+        (Estimated(parts={"recordings": Path("dataset/incoming/../../x")}), "as its part"),
+    ],
+)
+def test_results_of_a_strange_worker_end_the_campaign(recordings, tmp_path, monkeypatch, outcome, message):
+    monkeypatch.setattr("gateway.fleet.scheduler_tasks._work", lambda *_: outcome)
+    with cluster() as workers:
+        result = run(recordings, tmp_path, workers.scheduler_address)
+    assert message in str(result.exception)
+    assert "of your own" in result.exception.remedy
+    assert not list((tmp_path / "dataset").rglob("*.parquet"))
+
+
+def test_strange_events_of_a_scheduler_are_left_out():
+    with cluster() as workers, scheduler_tasks(workers.scheduler_address) as tasks:
+        _released.clear()
+        tasks.submit("one", held, "fine")
+        for event in (None, (1.0,), (1.0, "text"), (1.0, ["one", -1]), (1.0, ["one", "9"]), (1.0, ["two", 3])):
+            tasks._take_position(event)
+        assert tasks.read_bytes("one") == 0
+        tasks._take_position((1.0, ["one", 5]))
+        assert tasks.read_bytes("one") == 5
+        _released.set()
 
 
 def test_cancelled_tasks_have_no_result():
