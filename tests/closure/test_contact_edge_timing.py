@@ -1,18 +1,14 @@
 """Contact-edge jitter: detected in single revolutions, corrected, and distinguished from other causes."""
 
 import math
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.interpolate import CubicSpline
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
-
 from closure_rig.draw import Kind, Order, draw
 from closure_rig.record import record
+from scipy.interpolate import CubicSpline
 
 from gateway.closure.data.campaign_data import ORDERS, Block, EdgeTiming, Group
 from gateway.closure.data.contact_edge_timing import TERMS, Edges, bent_back, compare_edges, orders_bent_back

@@ -2,15 +2,11 @@
 
 import json
 import math
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
-
 from closure_rig.causes import CAUSES, SIZES
 from closure_rig.draw import Case, Kind, Order, blind, draw, pair
 from closure_rig.outside import STRANGERS

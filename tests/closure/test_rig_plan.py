@@ -2,16 +2,12 @@
 
 import json
 import math
-import sys
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
-
 from closure_rig.bench import draw_campaign
 from closure_rig.causes import CAUSES
 from closure_rig.draw import Case, Kind, Order, Parts

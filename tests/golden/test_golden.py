@@ -7,15 +7,11 @@ difference; the diff of tests/golden/data is then part of the change.
 import html
 import json
 import re
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
-
 from closure_rig.draw import blind, draw
 from closure_rig.record import record
 

@@ -1,19 +1,28 @@
-"""The accuracy bench measures what it says, and the weak form stays within its targets on the base case."""
+"""Benches of accuracy, validity and of the independent tire: they judge by the truth and repeat themselves."""
 
+import json
 import math
-import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
-
 from accuracy.cases import BASE_RING, MEASURED_WAVES, RADIUS_M, Case, all_cases, grid_cases, quick_cases
 from accuracy.measure import Effort, Outcome, Sample, measure
 from accuracy.signals import samples_of, truth_of
 from accuracy.tables import case_tables, grid_tables, percent, use_tables
+from bench_independent import campaign_of, read, wave_table
+from independent_tire.tires import TIRES
+from validity.bench import Order, ToldRun, judge_tire, size_of, told_runs
+from validity.cases import CASES, named
+from validity.judging import Judged
+from validity.left_out import add_counts, count_left_out, left_out_table
+from validity.summary import share, well_table
+from validity.tires import draw_world
 
+from gateway.closure.effects.belt_dispersion import BlockTread, belt_wave
+from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL
+from gateway.estimators.doubt_rules import DoubtRule
 from gateway.estimators.estimator import Estimate, Status
 
 SMALL = Effort(clean=6, single=8, single_slow=0, runs=2)
@@ -87,3 +96,128 @@ def test_grid_matches_paper_and_variants_differ() -> None:
     assert all(case in cases for case in quick_cases())
     worn = next(case for case in grid_cases() if case.wear_mm == 6.4)
     assert truth_of(worn).numbers.Bs < 0.3 * BASE_RING.numbers(worn.pressure_pa).Bs
+
+
+QUICK = ("kinematic", "weak-form")
+
+
+def order_of(tire: int) -> Order:
+    return Order(1, tire, ("radius",), QUICK)
+
+
+@pytest.fixture(scope="module")
+def told() -> list[ToldRun]:
+    return [run for tire in (0, 1) for run in told_runs(order_of(tire))]
+
+
+@pytest.fixture(scope="module")
+def judged(told: list[ToldRun]) -> list[Judged]:
+    return [item for run in told for item in run.judged()]
+
+
+def test_misstated_radius_is_judged_by_the_true_one(judged: list[Judged]) -> None:
+    case = named(["radius"])[0]
+    for tire in (0, 1):
+        speeds = [item for item in judged if item.tire == tire and item.quantity == "speed_mps"]
+        assert len(speeds) > 40
+        for speed in speeds:
+            assert speed.truth == pytest.approx(draw_world(1, tire).speed_kmh / 3.6, rel=1e-9)
+            assert speed.value / speed.truth == pytest.approx(1.0 + 0.01 * size_of(case, tire), rel=2e-3)
+
+
+def test_same_seed_gives_same_judgement(judged: list[Judged]) -> None:
+    again = judge_tire(order_of(0))
+    first = [item for item in judged if item.tire == 0]
+    assert [repr(item) for item in again] == [repr(item) for item in first]
+
+
+def test_every_estimate_of_the_estimators_is_judged(judged: list[Judged]) -> None:
+    assert {item.estimator for item in judged} == set(QUICK)
+    last = [item for item in judged if item.last and item.estimator == "weak-form"]
+    assert {item.quantity for item in last} == {"Bs", "Cw", "Rs", "Ts", "Bs/Cw", "Rs/Cw", "Ts/Cw"}
+    assert all(math.isfinite(item.truth) for item in last)
+
+
+def test_rule_left_out_makes_falsely_valid_what_it_doubts(told: list[ToldRun]) -> None:
+    """A radius that the steady value alone contradicts."""
+    counts = count_left_out(told[-1:], (DoubtRule.STEADY_VALUE, DoubtRule.GRAVITY))
+    assert counts["none"].false["one"] == 0
+    assert counts["none"].still_valid == counts["none"].valid
+    without, other = counts[DoubtRule.STEADY_VALUE], counts[DoubtRule.GRAVITY]
+    assert without.false["one"] > 40
+    assert without.still_valid["one"] < without.valid["one"]
+    assert other.false == counts["none"].false
+    twice = add_counts(counts, counts)
+    assert twice[DoubtRule.STEADY_VALUE].false["one"] == 2 * without.false["one"]
+    rows = {row[0]: row for row in left_out_table(twice).rows}
+    assert float(rows["steady value"][1]) > float(rows["none"][1])
+
+
+def test_share_counts_false_and_missing_estimates() -> None:
+    right = Judged("plain", "true", 0.0, 0, "car", 40, True, "weak-form", "Bs", 1.1, 0.1, 1.0, "valid", True, ())
+    wrong = replace(right, value=1.5)
+    missing = replace(right, value=math.nan, std=math.nan, status="invalid")
+    result = share([right, wrong, missing, replace(missing, determinable=False)])
+    assert (result.judged, result.valid, result.falsely_valid) == (4, 2, 1)
+    assert (result.able, result.falsely_invalid) == (3, 1)
+    assert result.largest == pytest.approx(5.0)
+    assert replace(right, std=0.0).falsely_valid
+    assert well_table([right, wrong, missing]).rows
+
+
+def test_cases_have_their_own_names() -> None:
+    names = [case.name for case in CASES]
+    assert len(set(names)) == len(names)
+    assert sum(case.well for case in CASES) == 4
+
+
+def test_referee_has_tires_of_other_sizes_and_is_right_where_all_is_true() -> None:
+    """Finite elements with friction, through the same chain."""
+    result = judge_tire(Order(1, 9, ("known",), QUICK, refereed=True))
+    valid = [item for item in result if item.valid]
+    assert {item.kind for item in result} == {"motorcycle"}
+    assert len(valid) > 0.8 * len(result)
+    assert not any(item.falsely_valid for item in valid)
+
+
+BELT = next(belt for belt in TIRES if belt.blocks)
+
+
+def write_orders(folder: Path, orders: tuple[float, float]) -> None:
+    """Write a tire that is round but for a wave on either side of its contact."""
+    theta = -math.pi + 2.0 * math.pi / 2048 * np.arange(2048)
+    shape = np.zeros((6, 2, 2048))
+    shape[0] = BELT.radius_m
+    for order, edge, ahead in zip(orders, (-0.2, 0.2), (True, False), strict=True):
+        there = theta < edge if ahead else theta > edge
+        shape[0] += there * 0.01 * np.cos(order * (theta - edge))
+    names = ("name", "radius_m", "pressure_pa", "tension_width_m", "bending_nm2", "mass_kgpm", "speed_mps", "blocks")
+    about = {name: getattr(BELT, name) for name in (*names, "sidewall_damping_nspm2", "bending_damping_nm2s")}
+    about |= {"load_n": 4000.0, "edges_rad": [-0.2, 0.2], "numbers": [3e-3, 0.2, 3.0, 2.5]}
+    np.savez(folder / f"{BELT.name}.npz", description=json.dumps(about), shape_0=shape, shape_4=shape)
+
+
+def test_wave_table_reads_the_orders(tmp_path: Path) -> None:
+    mass = BELT.mass_kgpm
+    tension = BELT.pressure_pa * BELT.tension_width_m * BELT.radius_m / mass
+    tread = BlockTread(BELT.blocks, BELT.bending_nm2 / mass, tension, 0.0, 0.0)
+    orders = tuple(belt_wave(tread, side, BELT.omega_radps, BELT.radius_m).order for side in (0, 1))
+    write_orders(tmp_path, (orders[0], orders[1]))
+    for row in wave_table(tmp_path).rows:
+        assert float(row[2]) == pytest.approx(float(row[3]), abs=0.5)
+
+
+def test_campaign_has_the_tires_orders(tmp_path: Path) -> None:
+    write_orders(tmp_path, (80.0, 55.0))
+    tire = read(tmp_path / f"{BELT.name}.npz", 4)
+    (group,) = campaign_of([tire], 4, 1e-6, 1).groups
+    orders = group.blocks[0].orders_mps2
+    assert orders[RADIAL, 0].real == pytest.approx(tire.signal_mps2[RADIAL].mean(), rel=1e-6)
+    assert np.isnan(orders[LATERAL]).all()
+    assert np.abs(orders[CIRCUMFERENTIAL]).max() < 1e-4
+    assert group.declared_offset_m == 4e-3
+
+
+def test_missing_tire_is_reported(tmp_path: Path) -> None:
+    with pytest.raises(SystemExit, match="is missing: make it with"):
+        read(tmp_path / "none.npz", 4)

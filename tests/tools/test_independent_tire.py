@@ -8,9 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
-
 from independent_tire.__main__ import write
 from independent_tire.elements import COORDINATES, Mesh, belt_matrices
 from independent_tire.rolling import Belt, History, RoadForce, roll
