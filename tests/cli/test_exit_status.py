@@ -1,6 +1,7 @@
-"""Exit status of the commands: 0 done, 1 no result, 2 wrong command line, 128 and more ended from outside."""
+"""Exit status and message of every command, also without memory and on a loop of symbolic links."""
 
 import csv
+import errno
 import io
 import json
 import os
@@ -13,7 +14,8 @@ from click.testing import CliRunner
 
 from firmware_protocol.codec import encode_frame
 from firmware_protocol.messages import Frame, MessageType, SampleBlock
-from gateway.cli import COMMANDS, treadlink
+from gateway.cli import COMMANDS, main, treadlink
+from gateway.errors import TreadlinkError
 from gateway.io.source import Chunk
 from gateway.recording.writer import RecordingWriter
 from gateway.simulator.scenario import load_scenario, vehicle_toml
@@ -184,3 +186,76 @@ def test_every_command_is_in_the_table() -> None:
     page = (Path(__file__).parents[2] / "docs" / "reference" / "exit-status.md").read_text("utf-8")
     missing = [name for name in COMMANDS if f"`{name}`" not in page]
     assert missing == []
+
+
+MAPPED = "libgfortran-8f1e9814.so.5.0.0: failed to map segment from shared object"
+SHORTAGES = {
+    "array": MemoryError("Unable to allocate 9.00 GiB for an array with shape (1,)"),
+    "library": ImportError(MAPPED),
+    "library of numpy": ImportError(f"IMPORTANT\n\nOriginal error was: {MAPPED}\n"),
+    "process": OSError(errno.ENOMEM, os.strerror(errno.ENOMEM)),
+}
+
+
+def ended(monkeypatch: pytest.MonkeyPatch, path: Path, error: Exception) -> pytest.ExceptionInfo[BaseException]:
+    """Return how `treadlink repair` ends when its work fails with an error."""
+
+    def fail(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr("gateway.recording.repair.repair_recording", fail)
+    monkeypatch.setattr("gateway.cli.stop_signals.install", lambda: None)
+    monkeypatch.setattr(sys, "argv", ["treadlink", "repair", str(path)])
+    with pytest.raises(BaseException) as raised:
+        main()
+    return raised
+
+
+@pytest.mark.parametrize("shortage", SHORTAGES)
+def test_no_memory_is_a_message(monkeypatch, capsys, tmp_path, shortage):
+    (tmp_path / "drive.mcap").touch()
+    raised = ended(monkeypatch, tmp_path / "drive.mcap", SHORTAGES[shortage])
+    assert isinstance(raised.value, SystemExit)
+    assert raised.value.code == 1
+    printed = capsys.readouterr().err
+    assert "there is not enough memory" in printed
+    assert "ulimit -v" in printed
+
+
+def test_a_missing_module_remains_a_fault_of_the_program(monkeypatch, tmp_path):
+    (tmp_path / "drive.mcap").touch()
+    raised = ended(monkeypatch, tmp_path / "drive.mcap", ImportError("cannot import name 'x' from 'y'"))
+    assert isinstance(raised.value, ImportError)
+
+
+INPUTS = [
+    "inspect {loop}",
+    "estimate {loop}",
+    "estimate {loop} {other}",
+    "orders {loop}",
+    "export {loop} {folder}/out.csv",
+    "replay {loop} --plain",
+    "repair {loop}",
+    "compact {loop}",
+    "diagnose {loop}",
+    "diagnose {loop} {other}",
+    "campaign {loop} --out {folder}/dataset",
+    "import {loop} {folder}/out.mcap --map {other}",
+    "plan {loop}",
+    "plan lab --sensors {loop}",
+    "doctor --config {loop}",
+]
+OUTPUTS = ["plan lab --sensor ADXL382 --json {loop} --force", "plan lab --sensor ADXL382 --figure {loop}.svg --force"]
+
+
+@pytest.mark.parametrize("line", [*INPUTS, *OUTPUTS])
+def test_loop_is_a_message(tmp_path: Path, line: str) -> None:
+    for name in ("loop", "loop.svg"):
+        (tmp_path / name).symlink_to(tmp_path / name)
+    (tmp_path / "other").write_text("")
+    words = line.format(loop=tmp_path / "loop", other=tmp_path / "other", folder=tmp_path)
+    result = CliRunner().invoke(treadlink, words)
+    assert result.exit_code == 1
+    assert isinstance(result.exception, (SystemExit, TreadlinkError)), repr(result.exception)
+    assert "loop" in f"{result.output}{result.exception}"
+    assert (tmp_path / "loop").is_symlink()

@@ -1,7 +1,8 @@
-"""No output passes on characters of names that control the terminal or turn the text around."""
+"""Output that a terminal cannot show: control characters of names, and characters outside its encoding."""
 
 import io
 import json
+import os
 import re
 import subprocess
 import sys
@@ -14,8 +15,9 @@ from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
+import gateway
 from gateway.cli import treadlink
-from gateway.cli.stream_encoding import ShownText
+from gateway.cli.stream_encoding import ShownText, nearest_text
 from gateway.views.text import json_text
 from tests.testkit.campaign_recordings import write_recording
 
@@ -123,3 +125,27 @@ def test_messages_escape_the_paths_that_they_name(tmp_path: Path, recording: byt
     assert r"\u202ex.mcap" in done.stdout
     assert r"\x9b31mx.mcap" in done.stdout
     assert not unprintable(done.stdout + done.stderr)
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    path = tmp_path_factory.mktemp("encoding") / "Reifen ü №1.mcap"
+    gateway.simulate("lab", duration_s=2.0, out=path)
+    return path
+
+
+@pytest.mark.parametrize("encoding", ["cp1252", "cp437", "latin-1"])
+@pytest.mark.parametrize(("command", "word"), [("inspect", "Reifen"), ("orders", "W1")])
+def test_every_code_page_takes_the_output(recorded, command, word, encoding):
+    environment = {**os.environ, "PYTHONIOENCODING": encoding}
+    done = subprocess.run(
+        [sys.executable, "-m", "gateway.cli", command, str(recorded)], capture_output=True, env=environment, check=False
+    )
+    assert done.returncode == 0, done.stderr.decode(encoding)
+    assert word in done.stdout.decode(encoding)
+    assert b"Traceback" not in done.stderr
+
+
+def test_nearest_text_keeps_the_meaning():
+    assert nearest_text("3.1 ± 0.2 m/s², −12 °C, Größe, №") == "3.1 +- 0.2 m/s^2, -12  degC, Gro?e, No"
+    assert nearest_text("⣿").isascii()
