@@ -1,5 +1,9 @@
-"""Stated and assumed inputs of a diagnosis, with their sources."""
+"""Inputs of a diagnosis besides its samples: stated, assumed, alarms of the sensor, and an unstated mounting offset.
 
+At one speed a sensor e below the neutral layer reads a (1 - e a / V^2) on its radial axis: as a nonlinear one does.
+"""
+
+import math
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -7,14 +11,24 @@ from pathlib import Path
 import pytest
 
 from gateway.closure.data.campaign_data import Remark
+from gateway.closure.effects.effect import RADIAL, BaselineModel, GroupConditions
+from gateway.closure.inference import criteria
+from gateway.closure.inference.set_evidence import log_prior_odds
+from gateway.closure.model.baseline_registry import make_core
+from gateway.closure.model.closure_model import ClosureModel
 from gateway.config.vehicle import parse_vehicle
 from gateway.reasons import Code, Reason
 from gateway.recording.reader import RecordingReader
 from gateway.session.campaign import read_campaign
+from gateway.session.campaign_diagnosis import diagnose_recordings
 from gateway.session.provenance import stated_conditions
 from gateway.views.report.diagnosis_json import diagnosis_json
 from gateway.views.report.html import diagnosis_html
+from gateway.views.report.phrases import why_undetermined
+from gateway.views.report.terminal import closure_summary_lines
 from gateway.views.wording import text
+from tests.closure.planted_campaign import ONE_SPEED, Plant, among, campaign_of, conditions, nothing, searched
+from tests.closure.test_sensor_depth import at_depth, bent
 from tests.testkit.campaign_recordings import START_NS, write_recording
 from tests.testkit.diagnosis_data import undrawn
 
@@ -104,3 +118,120 @@ def test_inputs_are_in_page_and_json() -> None:
     assert "Standard errors of the estimates do not include those of load" in rests
     assert "do not include those of load" not in diagnosis_html(undrawn())
     assert diagnosis_json(diagnosis)["stated"] == ["load 4300 N (--config)"]
+
+
+def failing_recording(folder: Path, keys: str = "") -> Path:
+    return write_recording(folder / "rec.mcap", AT_60, wheels=(keys,), duration_s=5.0)
+
+
+def about(path: Path) -> list[Reason]:
+    """Return the notes on the recording, without its name."""
+    results = [note["reason"] for note in read_campaign([path]).notes if note.code is Code.ABOUT_RECORDING]
+    return [reason for reason in results if isinstance(reason, Reason)]
+
+
+@pytest.mark.parametrize(
+    ("keys", "code", "is_doubted"),
+    [
+        ("[wheel.sensor]\nroll_deg = 60.0", Code.SENSOR_TILTED, True),
+        # Up to 45 deg a tilt is stated, and corrected.
+        ("[wheel.sensor]\nroll_deg = 30.0", Code.SENSOR_TILTED, False),
+        ("[wheel.sensor]\nradial_sign = -1\nsign_declared = false", Code.SENSOR_FLIPPED, False),
+        ("[wheel.sensor]\noffset_mm = 6.0\n[wheel.stated]\noffset_mm = 0.0", Code.OFFSET_CONTRADICTED, False),
+    ],
+)
+def test_alarm_is_noted(
+    tmp_path: Path, keys: str, code: Code, is_doubted: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = failing_recording(tmp_path, keys)
+    alarms = [reason["reason"] for reason in about(path) if reason.code is Code.SENSOR_ALARM]
+    assert code in [alarm.code for alarm in alarms if isinstance(alarm, Reason)]
+    assert {group.sensor_doubted for group in read_campaign([path]).groups} == {is_doubted}
+    assert caplog.messages == []
+
+
+def test_clipped_revolutions_are_noted(tmp_path: Path) -> None:
+    (note,) = about(failing_recording(tmp_path, "[wheel.defect]\nclip_g = 95.0"))
+    assert note.code is Code.REVOLUTIONS_CLIPPED
+    assert note["count"] == note["total"]
+
+
+def test_sound_sensor_has_no_note(tmp_path: Path) -> None:
+    assert about(failing_recording(tmp_path)) == []
+
+
+def test_numbers_of_a_loose_sensor_are_not_determined(monkeypatch: pytest.MonkeyPatch) -> None:
+    plain = campaign_of(ONE_SPEED)
+    loose = Reason(Code.SENSOR_ALARM, reason=Reason(Code.SENSOR_LOOSE, frequency_hz=250.0, share=0.03))
+    doubted = replace(
+        plain,
+        groups=tuple(replace(group, sensor_doubted=True) for group in plain.groups),
+        notes=(Reason(Code.RECORDING_ORDER_UNKNOWN), Reason(Code.ABOUT_RECORDING, recording="run 1", reason=loose)),
+    )
+    monkeypatch.setattr("gateway.session.campaign_diagnosis.read_campaign", lambda *_, **__: doubted)
+    diagnosis = diagnose_recordings([], budget_s=1e-6)
+    assert [note.code for note in diagnosis.notes][:2] == [Code.SENSOR_IN_DOUBT, Code.ABOUT_RECORDING]
+    assert not any(diagnosis.determined.values())
+    assert not any(diagnosis.determined_before.values())
+    assert why_undetermined(diagnosis, ["Bs"]) == "the sensor is in doubt: see the notes"
+    assert any("alarm of the sensor: rings at 250 Hz" in line for line in closure_summary_lines(diagnosis, 200))
+
+
+OFFSET, NONLINEARITY = "mounting offset", "sensor nonlinearity"
+EFFECTS = among(OFFSET, NONLINEARITY, "belt extension", "gain")
+
+
+def rolling_at(speed_kmh: float, *, is_known: bool = False) -> GroupConditions:
+    return conditions(speed_kmh, offset_known=is_known)
+
+
+@pytest.mark.parametrize(
+    ("plant", "speed_kmh", "noise_mps2"),
+    [(at_depth(4e-3), 75.0, 0.3), (at_depth(3e-3), 60.0, 1.0), (bent(-1e-5, 0.0), 60.0, 1.0)],
+    ids=["below, belt stretched", "below", "nonlinear"],
+)
+def test_offset_and_nonlinearity_are_left_open_at_one_speed(plant: Plant, speed_kmh: float, noise_mps2: float) -> None:
+    campaign = campaign_of((rolling_at(speed_kmh),), plant, axes=(RADIAL,), noise_mps2=noise_mps2, seed=2)
+    posterior, _ = searched(campaign, EFFECTS)
+    assert posterior.identified() == ()
+    assert {OFFSET, NONLINEARITY} <= set(*posterior.alternatives())
+
+
+def test_nothing_is_named_where_the_assumption_holds() -> None:
+    posterior, _ = searched(campaign_of((rolling_at(60.0),), nothing, axes=(RADIAL,)), EFFECTS)
+    assert posterior.identified() == ()
+    assert posterior.probability([OFFSET]) < criteria.SUPPORTED
+
+
+def test_only_an_unstated_offset_is_expected() -> None:
+    offset = EFFECTS[OFFSET]
+    assert not offset.expected((rolling_at(60.0, is_known=True), rolling_at(30.0, is_known=True)))
+    assert offset.expected((rolling_at(60.0, is_known=True), rolling_at(30.0)))
+    for item, odds in ((True, criteria.PRIOR_ODDS), (False, criteria.EXPECTED_ODDS)):
+        campaign = campaign_of((rolling_at(60.0, is_known=item),), axes=(RADIAL,))
+        model = ClosureModel(campaign, make_core(BaselineModel.EXACT), (offset, EFFECTS["gain"]))
+        assert log_prior_odds(model) == pytest.approx(math.log(odds * criteria.PRIOR_ODDS))
+
+
+def test_unstated_offset_is_listed_as_assumed(tmp_path: Path) -> None:
+    def unstated(toml: str) -> str:
+        return "\n".join(line for line in toml.splitlines() if not line.startswith("offset_mm"))
+
+    keys = "[wheel.sensor]\noffset_mm = 3.0\naxes = ['radial']"
+    path = write_recording(tmp_path / "rec.mcap", AT_60, wheels=(keys,), duration_s=3.0, change=unstated)
+    campaign = read_campaign([path])
+    assert Reason(Code.ASSUMED_OFFSET) in campaign.assumed
+    assert not any(group.conditions.offset_known for group in campaign.groups)
+    assert all(reason.code is not Code.STATED_OFFSET for reason in campaign.stated)
+
+    recorded_toml = RecordingReader(path).vehicle_toml or ""
+    text = recorded_toml.replace("[wheel.mounting]", "[wheel.mounting]\noffset_mm = 3.0")
+    stated = read_campaign([path], vehicle=parse_vehicle(text, "test"))
+    assert Reason(Code.ASSUMED_OFFSET) not in stated.assumed
+    assert all(group.conditions.offset_known for group in stated.groups)
+
+    listed = text.replace("[vehicle]", "[vehicle]\nassumed = ['mounting offset 3 mm: as on other tires']")
+    guessed = read_campaign([path], vehicle=parse_vehicle(listed, "test"))
+    assert guessed.assumed == ("mounting offset 3 mm: as on other tires",)
+    assert not any(group.conditions.offset_known for group in guessed.groups)
+    assert guessed.groups[0].declared_offset_m == pytest.approx(3e-3)

@@ -1,28 +1,37 @@
-"""Search of sets: trials, forms of one effect, limits of plausible values, and an end by time."""
+"""Search over sets of effects: steps, other optima of a set, and effects that explain nothing beside a large rest."""
 
 import itertools
+import math
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
+from gateway.closure.closed_loop import other_optimum_notes
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.effects.effect import LATERAL, GroupConditions
-from gateway.closure.inference import candidate_scan, criteria, set_search
+from gateway.closure.inference import candidate_scan, criteria, posterior, set_search
 from gateway.closure.inference.candidate_scan import Scan
 from gateway.closure.inference.candidate_trial import Trial, refit, shapes_of, try_effect
+from gateway.closure.inference.findings import findings_of
 from gateway.closure.inference.fit import Fit, FitFailedError, linearised
+from gateway.closure.inference.other_optima import other_optima
+from gateway.closure.inference.posterior import doubted_sets
 from gateway.closure.inference.residual import ByPart
+from gateway.closure.inference.set_evidence import Evaluated, settled
 from gateway.closure.inference.set_search import SetSearch, baseline_fit, is_taken, rivals_of
 from gateway.closure.model.baseline import Shape
 from gateway.closure.model.baseline_registry import angle_effects
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
+from gateway.reasons import Code
 from gateway.types import FloatArray
 from tests.closure.planted_campaign import (
     ALL_AXES,
     ONE_SPEED,
     TWO_SPEEDS,
+    Plant,
     Sideways,
     WavePacket,
     among,
@@ -265,3 +274,144 @@ def test_sets_that_count_as_alike_beside_much_that_is_left_are_not_climbed(monke
     assert search._is_worth_climbing(lateral, [start])
     monkeypatch.setattr(set_search, "ratios_by_part", lambda *_: ByPart(3.9, 1.0))
     assert search._is_worth_climbing(higher, [start])
+
+
+PERIOD_RAD = math.tau / 9.0
+STARTS_RAD = (0.3, 1.0, 1.7)
+
+
+def packet(size_mps2: float, place_rad: float) -> Plant:
+    def plant(signal: FloatArray, theta: FloatArray, conditions: GroupConditions) -> FloatArray:
+        read = signal.copy()
+        read[LATERAL] += size_mps2 * WavePacket.packet(theta - place_rad)[0]
+        return read
+
+    return plant
+
+
+def place_of(evaluation: Evaluated) -> float:
+    return float(evaluation.fit.vector[evaluation.fit.model.layout.effect("wave packet")][1])
+
+
+@pytest.mark.parametrize("starts_rad", [STARTS_RAD, STARTS_RAD[::-1]])
+def test_a_weak_packet_may_be_a_period_off(starts_rad: tuple[float, ...]) -> None:
+    effect = WavePacket(*starts_rad)
+    campaign = campaign_of(ONE_SPEED, packet(1.3, 1.1), noise_mps2=1.0, axes=ALL_AXES)
+    posterior, _ = searched(campaign, {effect.name: effect})
+    ((other,),) = posterior.optima.values()
+    best = posterior.best
+    assert abs(place_of(other) - place_of(best)) == pytest.approx(PERIOD_RAD, rel=0.02)
+    # Each optimum has the weight of its evidence, and the error of the place contains their distance.
+    weights = {place_of(item): weight for item, weight in posterior.considered if effect.name in item.names}
+    odds = math.exp(other.log_evidence - best.log_evidence)
+    assert weights[place_of(other)] / weights[place_of(best)] == pytest.approx(odds, rel=1e-6)
+    assert sum(weight for _, weight in posterior.considered) == pytest.approx(1.0)
+    (finding,) = findings_of(posterior, {effect.name: effect}, {})
+    position = finding.parameters["place_rad"]
+    local_std = math.sqrt(best.fit.covariance[best.fit.model.layout.effect(effect.name)][-1, -1])
+    assert position.value == pytest.approx(place_of(best))
+    (note,) = other_optimum_notes(posterior)
+    assert (note.code, note["effect"], note["parameter"]) == (Code.OTHER_OPTIMUM, effect.name, "place_rad")
+    assert (note["best"], note["value"]) == (pytest.approx(place_of(best)), pytest.approx(place_of(other)))
+    assert position.std == pytest.approx(math.hypot(local_std, PERIOD_RAD * math.sqrt(odds / (1.0 + odds))), rel=0.05)
+
+
+def test_a_strong_packet_has_one_place() -> None:
+    effect = WavePacket(*STARTS_RAD)
+    campaign = campaign_of(ONE_SPEED, packet(4.0, 1.1), noise_mps2=0.3, axes=ALL_AXES)
+    posterior, _ = searched(campaign, {effect.name: effect})
+    assert posterior.optima == {effect.name: ()}
+    assert not list(other_optimum_notes(posterior))
+    assert place_of(posterior.best) == pytest.approx(1.1, rel=0.02)
+
+
+def test_the_better_optimum_is_found_from_the_worse_one() -> None:
+    effect = WavePacket(*STARTS_RAD)
+    campaign = campaign_of(ONE_SPEED, packet(1.3, 1.1), noise_mps2=1.0, axes=ALL_AXES)
+    posterior, search = searched(campaign, {effect.name: effect})
+    ((worse,),) = search.optima.values()
+    bare = posterior.baseline.fit.under(worse.fit.applied)
+    first, *_ = other_optima(worse, bare, effect, (0,))
+    assert first.log_evidence == pytest.approx(search.best.log_evidence, abs=0.1)
+    assert place_of(first) == pytest.approx(place_of(posterior.best), abs=0.01)
+
+
+def test_an_effect_of_one_start_has_one_optimum() -> None:
+    effect = WavePacket(1.0)
+    campaign = campaign_of(ONE_SPEED, packet(1.3, 1.1), noise_mps2=1.0, axes=ALL_AXES)
+    posterior, _ = searched(campaign, {effect.name: effect})
+    assert not other_optima(posterior.best, posterior.baseline.fit, effect, (0,))
+
+
+def test_optima_beside_much_that_is_left_are_those_of_the_best_set() -> None:
+    """Sets come to rest before optima are sought, and another may then be the best."""
+    effect = WavePacket(*STARTS_RAD)
+
+    def beside(signal: FloatArray, theta: FloatArray, conditions: GroupConditions) -> FloatArray:
+        read = packet(4.0, 1.1)(signal, theta, conditions)
+        read[LATERAL] += 10.0 * np.cos(17.0 * theta + 3.0 * np.sin(theta))
+        return read
+
+    posterior, search = searched(campaign_of(ONE_SPEED, beside, noise_mps2=0.3, axes=ALL_AXES), {effect.name: effect})
+    assert max(posterior.temperatures) > 10.0
+    assert set(search.optima) == set(search.best.names)
+    best = search.best
+    std = np.sqrt(np.diagonal(best.fit.covariance))
+    assert float((np.abs(settled(best, search.data).fit.vector - best.fit.vector) / std).max()) < 0.03
+
+
+def judged(
+    monkeypatch: pytest.MonkeyPatch, ratios: Mapping[str, tuple[float, ...]]
+) -> tuple[dict[str, list[str]], ByPart]:
+    """Return the effects objected to in each set, and the temperatures.
+
+    Args:
+        monkeypatch: of the test.
+        ratios: of sets, effects as letters, their log evidence and the power that they leave over that of the noise in
+            the wheel's plane and, where it is not that of noise, on the lateral axis.
+    """
+    sets = {frozenset(names): Evaluated(frozenset(names), cast(Any, names), ratios[names][0]) for names in ratios}
+
+    monkeypatch.setattr(posterior, "ratios_by_part", lambda fit, data: ByPart(*ratios[fit][1:]))
+    result, temperatures = doubted_sets(sets, cast(Any, None))
+    assert all(
+        reason.code is Code.LEAVES_MORE_THAN_WITHOUT for item in result.values() for _, reason in item.objections
+    )
+    return {names: [name for name, _ in result[frozenset(names)].objections] for names in ratios}, temperatures
+
+
+def test_effect_that_moves_the_fit_away_does_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The evidence is for a and b together; without a, less is left."""
+    objected, temperatures = judged(monkeypatch, {"": (0.0, 400.0), "b": (50.0, 16.0), "ab": (90.0, 40.0)})
+    assert objected == {"": [], "b": [], "ab": ["a"]}
+    assert temperatures == pytest.approx((4.0, 1.0))
+
+
+def test_set_that_leaves_half_replaces_as_many_effects(monkeypatch: pytest.MonkeyPatch) -> None:
+    objected, _ = judged(monkeypatch, {"": (0.0, 400.0), "ac": (90.0, 40.0), "bc": (50.0, 18.0)})
+    assert objected["ac"] == ["a"]
+    # Of two that leave about as much, neither replaces the other.
+    objected, _ = judged(monkeypatch, {"": (0.0, 400.0), "ac": (90.0, 40.0), "bc": (50.0, 30.0)})
+    assert objected["ac"] == []
+
+
+def test_effects_at_the_noise_are_not_doubted(monkeypatch: pytest.MonkeyPatch) -> None:
+    objected, temperatures = judged(monkeypatch, {"": (0.0, 1.2), "a": (9.0, 1.3)})
+    assert objected["a"] == []
+    assert temperatures == pytest.approx((1.3**0.5, 1.0))
+
+
+def test_effect_on_one_part_is_not_doubted_for_what_is_left_of_the_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`l` explains the lateral axis; its set leaves a little more of the plane, which it does not move."""
+    sets = {"": (0.0, 400.0, 49.0), "l": (90.0, 401.0, 1.1), "p": (60.0, 200.0, 49.0), "pl": (95.0, 201.0, 1.1)}
+    objected, temperatures = judged(monkeypatch, sets)
+    assert objected == {"": [], "l": [], "p": [], "pl": []}
+    assert temperatures == pytest.approx((201.0**0.5, 1.1**0.5))
+
+
+def test_effect_whose_rival_leaves_half_of_its_part_is_doubted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What both leave of the lateral axis is the same but for noise."""
+    objected, _ = judged(monkeypatch, {"": (0.0, 400.0, 1.1), "a": (90.0, 40.0, 1.05), "b": (50.0, 16.0, 1.1)})
+    assert objected["a"] == ["a"]
+    objected, _ = judged(monkeypatch, {"": (0.0, 400.0, 9.0), "a": (90.0, 40.0, 1.05), "b": (50.0, 16.0, 9.0)})
+    assert objected["a"] == []
