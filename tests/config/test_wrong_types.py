@@ -1,4 +1,4 @@
-"""A value of a wrong type at any key of a file that a user writes is a message."""
+"""Fields of a user's files: a value of a wrong type names its field, and every field is described."""
 
 import copy
 from collections.abc import Callable, Iterator
@@ -171,3 +171,41 @@ def test_a_list_that_is_too_short_is_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="run: a list of 1 found, allowed: .*at least two runs") as caught:
         load_runs(SlipRunsFile, tmp_path / "runs.toml")
     assert "Correct 1 fault" in caught.value.remedy
+
+
+# Unit in a key -> its name in the description.
+UNITS = {
+    "mm": "mm",
+    "kpa": "kPa",
+    "n": " N",
+    "kg": "kg",
+    "hz": "Hz",
+    "deg": "degrees",
+    "rad": "rad",
+    "degc": "degrees Celsius",
+    "kmh": "km/h",
+    "percent": "percent",
+    "mps2": "m/s^2",
+    "ms": "ms",
+    "s": " s",
+    "g": " g",
+    "ppm": "ppm",
+    "dbm": "dBm",
+}
+
+
+def fields(model: type[BaseModel]) -> Iterator[tuple[str, str]]:
+    """Yield (key, description) of every field of a document."""
+    for name, field in model.model_fields.items():
+        yield f"{model.__name__}.{name}", field.description or ""
+        inner = model_in(field.annotation)
+        if inner is not None:
+            yield from fields(inner)
+
+
+@pytest.mark.parametrize("model", [VehicleConfig, ImportMap, Scenario, SlipRunsFile])
+def test_every_field_has_a_description_with_its_unit(model: type[BaseModel]) -> None:
+    for key, description in fields(model):
+        assert description, key
+        unit = UNITS.get(key.rsplit("_", 1)[-1]) if "_" in key else None
+        assert unit is None or unit in f" {description}", f"{key}: {description}"

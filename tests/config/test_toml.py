@@ -1,10 +1,15 @@
-"""TOML that no user writes: an error with words, soon."""
+"""TOML that no user writes: read with an error in words, and written as it is read."""
 
+import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from gateway.config.effects_file import load_effects
+from gateway.config.toml_writer import toml_text
 from gateway.config.validation import MAX_TOML_BYTES, parse_toml
 from gateway.config.vehicle import load_vehicle, parse_vehicle
 from gateway.errors import ConfigError
@@ -89,3 +94,29 @@ def test_hostile_effects_file_is_rejected(tmp_path: Path, text: str) -> None:
     path.write_text(text)
     with pytest.raises(ConfigError, match=r"e\.json: not valid JSON"):
         load_effects(path)
+
+
+SCALARS = (
+    st.text() | st.integers(-(2**63), 2**63 - 1) | st.floats(allow_nan=False, allow_infinity=False) | st.booleans()
+)
+VALUES = SCALARS | st.lists(SCALARS, max_size=3)
+TABLES = st.dictionaries(st.text(), VALUES, min_size=1, max_size=3)
+NESTED = st.recursive(
+    TABLES,
+    lambda inner: st.dictionaries(st.text(), VALUES | inner | st.lists(inner, min_size=1, max_size=3), min_size=1),
+    max_leaves=8,
+)
+
+
+@given(NESTED)
+def test_written_values_read_back(document: dict[str, Any]) -> None:
+    assert tomllib.loads(toml_text(document)) == document
+
+
+def test_empty_tables_are_left_out() -> None:
+    assert tomllib.loads(toml_text({"a": 1, "b": {}, "c": {"d": {}}})) == {"a": 1}
+
+
+def test_values_without_toml_form_are_rejected() -> None:
+    with pytest.raises(TypeError, match="NoneType"):
+        toml_text({"a": None})
