@@ -1,11 +1,12 @@
-"""Commands of the gateway to the reference collector, and what of them can be replayed."""
+"""The reference collector: commands, what of them can be replayed, and starts after resets or a failing flash."""
 
 import threading
 from collections.abc import Callable, Iterator
 
+import numpy as np
 import pytest
 
-from firmware_protocol.messages import SetStream
+from firmware_protocol.messages import SampleBlock, SetStream
 from gateway.clock import ManualClock
 from gateway.errors import SourceError
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem
@@ -13,8 +14,23 @@ from gateway.security.cmac import Key
 from gateway.security.key_file import hub_identity, sensor_identity
 from gateway.session.commands import Executed, execute
 from gateway.simulator.firmware import bench_records
-from gateway.simulator.firmware.bench_records import Kind, record
-from tests.testkit.collector_bench import HUB, HUB_KEY, SENSOR_KEY, SIGNING_HUB, SIGNING_WHEEL, WHEEL, started, tick
+from gateway.simulator.firmware.bench_records import Counters, Flash, Kind, counters, number, record
+from tests.testkit.collector_bench import (
+    BLOCK,
+    HUB,
+    HUB_KEY,
+    SENSOR_KEY,
+    SIGNING_HUB,
+    SIGNING_WHEEL,
+    WHEEL,
+    block,
+    blocks,
+    delivered,
+    rows_of,
+    seconds,
+    started,
+    tick,
+)
 
 Run = Callable[..., bytes]
 KEYS = {hub_identity(HUB.hub_id): Key(HUB_KEY), sensor_identity(WHEEL.sensor_id): Key(SENSOR_KEY)}
@@ -116,3 +132,72 @@ def test_collector_refuses_a_command_kept_back_until_the_next_challenge(run: Run
     link.later(1.0)
     refused = run(*link._records)
     assert bytes((32, 5)) in refused  # command 32, outcome 5
+
+
+STEPS = 256 + 16 + 2
+"""Steps of writing the flash in the longest start: erasing a page, then a record."""
+
+
+def test_reset_in_the_middle_of_a_frame(run: Run) -> None:
+    """After each number of bytes of a frame: that frame is lost, nothing false is read, all that follows is intact."""
+    frame = len(run(started(), blocks(0, 4))) - len(run(started(), blocks(0, 3)))
+    assert frame == 242
+    cuts = [blocks(0, 3) + number(Kind.RESET_AT, cut) + block(108) for cut in range(1, frame + 1)]
+    got = delivered(run(started(), *cuts, blocks(0, 3)))
+    assert got.boot_counts == list(range(1, frame + 2))
+    assert got.samples() == rows_of(0, 144)
+    assert [f.seq for f in got.of(SampleBlock)] == [2, 3, 4] * frame + [5, 2, 3, 4]
+    assert got.counters.bad_payload == got.counters.unknown_type == 0
+    assert got.counters.noise_bytes == sum(range(1, frame))
+
+
+def test_boot_count_survives_power_cuts_at_random_moments(run: Run) -> None:
+    rng = np.random.default_rng(14)
+    cuts = [number(Kind.CUT, int(step)) for step in rng.integers(1, STEPS, 1000)]
+    got = delivered(run(started(), *(cut + tick(0.0) for cut in cuts)))
+    starts = got.boot_counts
+    assert len(starts) > 900
+    assert all(later > earlier for earlier, later in zip(starts, starts[1:], strict=False))
+    assert starts[-1] <= 2 * len(cuts) + 2
+
+
+def test_boot_count_survives_a_power_cut_at_every_step(run: Run) -> None:
+    """A page holds 16 records, so 16 starts bring each step to every kind of page: new, part full, full."""
+    cuts = [number(Kind.CUT, step) + tick(0.0) + record(Kind.START) * 15 for step in range(1, STEPS)]
+    starts = delivered(run(started(), *cuts, tick(0.0))).boot_counts
+    assert starts == sorted(set(starts))
+    assert len(starts) >= STEPS
+    assert starts[-1] >= 16 * (STEPS - 1)
+
+
+@pytest.mark.parametrize("change", [{"axes": 0}, {"axes": 8}, {"rate_hz": 0.0}, {"scale_mps2": (0.0, 0.0, 0.0)}])
+def test_invalid_configuration_does_not_start(run: Run, change: dict[str, object]) -> None:
+    assert run(started(HUB, [WHEEL._replace(**change)]), blocks(0, 5), seconds(1, 3)) == b""  # type: ignore[arg-type]
+
+
+def test_repeated_cuts_in_one_start_lose_nothing(run: Run) -> None:
+    data = run(started(), b"".join(number(Kind.CUT, step) for step in range(1, 200)), tick(0.0))
+    (count,) = delivered(data).boot_counts[-1:]
+    assert count >= 2
+
+
+def test_hub_with_broken_flash_sends_unsigned_and_reports_it(run: Run) -> None:
+    broken = record(Kind.FLASH, bytes((Flash.BROKEN,)))
+    restart = record(Kind.START)
+    data = run(started(SIGNING_HUB, [SIGNING_WHEEL]), broken, restart, seconds(1, 3), restart, seconds(1, 3))
+    got = delivered(data)
+    assert any("boot count not stored" in line for line in got.log)
+    assert len(set(got.boot_counts)) == len(got.boot_counts) >= 2
+    repaired = delivered(run(started(), broken, restart, record(Kind.FLASH, bytes((Flash.WORKS,))), restart, tick(0.0)))
+    assert repaired.boot_counts[-1] == 2
+
+
+def test_signing_hub_restarts_before_its_counter_wraps(run: Run) -> None:
+    """(boot_count, seq) must not repeat under a key."""
+    near = Counters(2**32 - 4100, 0, 0, 0, 0, 0)
+    got = delivered(run(started(SIGNING_HUB, [SIGNING_WHEEL]), counters(near), blocks(0, 12), tick(0.1), blocks(0, 6)))
+    assert got.boot_counts == [1, 2]
+    highest = [frame.seq for frame in got.frames if frame.wheel == 0 and frame.seq > 2**31]
+    assert highest
+    assert max(highest) < 2**32 - 1
+    assert [f.seq for f in got.of(SampleBlock)][-1] < BLOCK

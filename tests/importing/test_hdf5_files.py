@@ -1,6 +1,8 @@
-"""HDF5 files and MATLAB 7.3 files made by h5py: names, layouts, and what cannot be imported."""
+"""HDF5, MATLAB and MDF files: columns, units, and what is refused with a remedy."""
 
+import warnings
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +13,11 @@ from gateway.errors import ImportDataError
 from gateway.importing.columns import require_columns
 from gateway.importing.import_map import FileFormat, parse_map
 from gateway.importing.importer import import_file
+from gateway.importing.map_guess import guess_map
 from gateway.importing.reader_process import ProcessColumns, ReaderProcesses
 from gateway.types import FloatArray
 from tests.importing.measurements import Decoded, simple_map, waveform
+from tests.importing.rolling_wheel import rolling
 
 h5py = pytest.importorskip("h5py")
 
@@ -180,3 +184,123 @@ def test_damaged_index_of_chunks_is_an_error(tmp_path: Path, processes: ReaderPr
     path.write_bytes(data[: data.rindex(b"TREE")] + b"BUSH" + data[data.rindex(b"TREE") + 4 :])
     with pytest.raises(ImportDataError, match="is damaged"):
         values(path, processes, "z")
+
+
+asammdf = pytest.importorskip("asammdf")
+RATE_HZ = 10_000.0
+START = datetime(2024, 5, 1, 12, 0, 0, tzinfo=UTC)
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    times = np.arange(70_000) / RATE_HZ
+    path = tmp_path_factory.mktemp("mdf") / "run.mf4"
+    with asammdf.MDF(version="4.10") as mdf:
+        mdf.header.start_time = START
+        counts = (100 * np.sin(50 * times)).astype("<i2")
+        invalid = np.zeros(len(times), dtype=bool)
+        invalid[1000:1010] = True
+        mdf.append(
+            [
+                asammdf.Signal(np.sin(50 * times), times, name="z", unit="g", invalidation_bits=invalid),
+                asammdf.Signal(counts, times, name="x", conversion={"a": 0.01, "b": 1.0}),
+            ]
+        )
+        slow = np.arange(8) / 1.0
+        mdf.append(
+            [
+                asammdf.Signal(220.0 + slow, slow, name="p", unit="kPa"),
+                asammdf.Signal(np.array([b"on"] * 8), slow, name="state", encoding="utf-8"),
+            ]
+        )
+        mdf.append([asammdf.Signal(times, times + 2e-5, name="x")])
+        mdf.save(path, overwrite=True, compression=2)
+    return path
+
+
+def test_channels_are_scaled_and_invalid_values_missing(measured: Path, processes: ReaderProcesses) -> None:
+    reader = ProcessColumns(measured, FileFormat.MF4, processes)
+    result = np.concatenate([block.values for block in reader.blocks(["z", "x (group 0)", "time"])])
+    assert reader.facts.units["z"] == "g"
+    reader.close()
+    times = np.arange(70_000) / RATE_HZ
+    np.testing.assert_allclose(result[:, 2], times, atol=1e-12)
+    np.testing.assert_allclose(result[:, 1], np.trunc(100 * np.sin(50 * times)) * 0.01 + 1.0)
+    assert np.flatnonzero(np.isnan(result[:, 0])).tolist() == list(range(1000, 1010))
+
+
+def test_slow_channel_is_interpolated_to_the_axes(measured: Path, processes: ReaderProcesses) -> None:
+    reader = ProcessColumns(measured, FileFormat.MF4, processes)
+    result = np.concatenate([block.values for block in reader.blocks(["z", "p"])])
+    with pytest.raises(ImportDataError, match="'state' is text"):
+        list(reader.blocks(["z", "state"]))
+    with pytest.raises(ImportDataError, match=r"'x \(group 2\)' has 70000 samples at times of its own"):
+        list(reader.blocks(["z", "x (group 2)"]))
+    reader.close()
+    assert result[25_000, 1] == pytest.approx(222.5)
+
+
+def test_import_takes_time_start_and_gaps_from_the_file(measured: Path, tmp_path: Path) -> None:
+    text = simple_map(
+        sampling='time_column = "time"',
+        environment='pressure_column = "p"',
+        **{"axis.circumferential": "", "axis.lateral": 'column = "x (group 0)"\nunit = "g"'},
+    )
+    report = import_file(measured, parse_map(text, "map"), tmp_path / "out.mcap")
+    assert (report.rate_hz, report.samples) == (pytest.approx(RATE_HZ), 70_000)
+    assert (report.wheels[0].gaps, report.start_is_file_date) == (10, False)
+    decoded = Decoded(tmp_path / "out.mcap")
+    assert len(decoded.counts) == 69_990
+    assert decoded.items[0].host_ns == int(START.timestamp()) * 10**9
+    assert decoded.environments[-1].pressure_pa == pytest.approx(226_500, abs=600)
+
+
+matio = pytest.importorskip("matio")
+pandas = pytest.importorskip("pandas")
+WHEEL = rolling(9600.0, 1.0)
+AXES = {f"acc_{name}": WHEEL.axes_mps2[:, k] / 9.80665 for k, name in enumerate("xyz")}
+BEGIN = np.datetime64("2024-05-01T12:00:00", "ns")
+STAMPS = BEGIN + np.round(WHEEL.times_s * 1e9).astype("timedelta64[ns]")
+
+
+def saved(path: Path, version: str, **variables: object) -> Path:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        matio.save_to_mat(str(path), variables, version=version)
+    return path
+
+
+@pytest.mark.parametrize("version", ["v7", "v7.3"])
+def test_table_is_imported_with_its_times(tmp_path: Path, version: str) -> None:
+    table = pandas.DataFrame({"t": WHEEL.times_s, **AXES, "note": ["x"] * len(WHEEL.times_s)})
+    path = saved(tmp_path / "run.mat", version, T=table, fs=9600.0)
+    text = guess_map(path)
+    assert 'column = "T.acc_z"' in text
+    assert 'time_column = "T.t"' in text
+    report = import_file(path, parse_map(text, "map"), tmp_path / "out.mcap")
+    assert report.samples == len(WHEEL.times_s)
+    assert np.abs(Decoded(report.recording).samples_mps2[:, 2] - WHEEL.axes_mps2[:, 2]).max() < 0.1
+
+
+@pytest.mark.parametrize("version", ["v7", "v7.3"])
+def test_row_times_of_a_timetable_are_dates(tmp_path: Path, version: str) -> None:
+    table = pandas.DataFrame(AXES, index=pandas.DatetimeIndex(STAMPS, name="Time"))
+    path = saved(tmp_path / "run.mat", version, TT=table)
+    kind = FileFormat.HDF5 if version == "v7.3" else FileFormat.MAT
+    reader = ProcessColumns(path, kind)
+    assert dict(reader.facts.dates) == {"TT.Time": None}
+    block = reader.sample(["TT.Time", "TT.acc_z"])
+    reader.close()
+    # MATLAB keeps datetimes as ms.
+    np.testing.assert_allclose(block.values[:, 0], WHEEL.times_s, atol=2e-6)
+    np.testing.assert_allclose(block.values[:, 1], AXES["acc_z"])
+
+
+def test_missing_package_is_named(tmp_path: Path, monkeypatch) -> None:
+    from gateway.importing import mat_columns
+
+    path = saved(tmp_path / "run.mat", "v7", T=pandas.DataFrame(AXES), t=WHEEL.times_s)
+    monkeypatch.setattr(mat_columns, "can_read_objects", lambda: False)
+    facts = mat_columns.MatColumns(path).facts
+    assert facts.names == ("t",)
+    assert "mat-io" in facts.unusable["tables and times"][1]

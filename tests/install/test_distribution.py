@@ -1,16 +1,24 @@
-"""Source distribution and wheel: equal in every build, and usable without the tree."""
+"""Distributions: equal in every build, complete without the tree, and the shipped unit and udev rule."""
 
+import configparser
+import email
 import hashlib
 import os
 import re
+import shlex
 import subprocess
 import sys
 import sysconfig
 import tarfile
 import venv
+import zipfile
 from pathlib import Path
 
+import click
 import pytest
+
+from gateway.cli import treadlink
+from gateway.io.source import is_live
 
 ROOT = Path(__file__).parents[2]
 PYTHON = Path("Scripts" if os.name == "nt" else "bin") / "python"
@@ -109,3 +117,106 @@ def test_container_is_given_what_its_build_copies() -> None:
     assert ignored == "*"
     assert copied == {name[1:] for name in more if name.startswith("!")}
     assert all((ROOT / name).exists() for name in copied)
+
+
+@pytest.fixture(scope="module")
+def wheel_names(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("wheel")
+    options = ["--quiet", "--no-deps", "--no-build-isolation", "--no-index", "--disable-pip-version-check"]
+    subprocess.run([sys.executable, "-m", "pip", "wheel", *options, "-w", str(folder), str(ROOT)], check=True)
+    (made,) = folder.glob("treadlink-*.whl")
+    return made
+
+
+def test_wheel_holds_both_packages_with_their_data(wheel_names: Path) -> None:
+    names = set(zipfile.ZipFile(wheel_names).namelist())
+    tops = {name.split("/")[0] for name in names}
+    assert {top for top in tops if not top.endswith(".dist-info")} == {"gateway", "firmware_protocol", "treadlink"}
+    for needed in (
+        "gateway/py.typed",
+        "firmware_protocol/py.typed",
+        "firmware_protocol/vectors/frames.json",
+        "firmware_protocol/collector/tl_collector.c",
+        "gateway/simulator/scenarios/demo.toml",
+    ):
+        assert needed in names
+    assert wheel_names.stat().st_size < 2_000_000
+
+
+def test_wheel_states_who_it_is(wheel_names: Path) -> None:
+    archive = zipfile.ZipFile(wheel_names)
+    (position,) = (name for name in archive.namelist() if name.endswith(".dist-info/METADATA"))
+    facts = email.message_from_bytes(archive.read(position))
+    assert facts["Name"] == "treadlink"
+    assert facts["Requires-Python"] == ">=3.11"
+    assert facts["License-Expression"] == "MIT"
+    assert {
+        "all",
+        "auth",
+        "campaign",
+        "can",
+        "cluster",
+        "formats",
+        "foxglove",
+        "mqtt",
+        "pandas",
+        "parquet",
+        "plot",
+        "web",
+    } <= set(facts.get_all("Provides-Extra", []))
+    entries = archive.read(position.replace("METADATA", "entry_points.txt")).decode()
+    assert "treadlink = gateway.cli:main" in entries
+
+
+def test_installed_wheel_runs(wheel_names: Path, tmp_path: Path) -> None:
+    options = ["--quiet", "--no-deps", "--no-index", "--disable-pip-version-check"]
+    subprocess.run(
+        [sys.executable, "-m", "pip", "install", *options, "--target", str(tmp_path / "site"), str(wheel_names)],
+        check=True,
+    )
+    command = [sys.executable, str(tmp_path / "site" / "bin" / "treadlink"), "simulate", "lab", "--duration", "1"]
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path / "site")}
+    done = subprocess.run(
+        [*command, "--out", str(tmp_path / "x.mcap")], env=environment, cwd=tmp_path, capture_output=True, text=True,
+        check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "x.mcap").stat().st_size > 10_000
+
+
+FOLDER = Path(__file__).parents[2] / "examples" / "gateway-service"
+
+
+def unit() -> configparser.ConfigParser:
+    parser = configparser.ConfigParser(strict=True, interpolation=None)
+    parser.optionxform = str  # type: ignore[assignment,method-assign]
+    parser.read(FOLDER / "treadlink.service", "utf-8")
+    return parser
+
+
+def test_unit_calls_record_with_options_that_exist() -> None:
+    program, command, *arguments = shlex.split(unit()["Service"]["ExecStart"])
+    assert Path(program).name == "treadlink"
+    result = treadlink.get_command(click.Context(treadlink), command)
+    assert result is not None
+    context = result.make_context(command, arguments)
+    assert context.params["sources"] == ("serial:///dev/treadlink",)
+    assert is_live(context.params["sources"][0])
+    # A folder takes a new file at every start: nothing is overwritten.
+    assert str(context.params["out"]).startswith(f"/var/lib/{unit()['Service']['StateDirectory']}")
+
+
+def test_unit_starts_again_and_ends_recordings() -> None:
+    service = unit()["Service"]
+    assert service["Restart"] == "always"
+    # The program finishes its recording on SIGTERM, which systemd sends unless the unit says otherwise.
+    assert "KillSignal" not in service
+    assert float(service["TimeoutStopSec"]) >= 10
+
+
+def test_udev_rule_makes_the_name_that_the_unit_uses() -> None:
+    rule = (FOLDER / "99-treadlink.rules").read_text("utf-8").splitlines()[-1]
+    parts = dict(re.findall(r'([A-Z]+(?:\{\w+\})?)(?:==|\+=|=)"([^"]*)"', rule))
+    assert f"serial:///dev/{parts['SYMLINK']}" in unit()["Service"]["ExecStart"]
+    assert parts["ENV{SYSTEMD_WANTS}"] == "treadlink.service"
+    assert parts["GROUP"] in unit()["Service"]["SupplementaryGroups"].split()

@@ -1,5 +1,6 @@
-"""Time columns of dates: zones, changes of the clock, and the start that they give."""
+"""Time columns: dates with zones and changes of the clock, counters that start again, and times since 1970."""
 
+from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -7,8 +8,10 @@ import numpy as np
 import pytest
 
 from gateway.errors import ConfigError, ImportDataError
+from gateway.importing.columns import BLOCK_ROWS
 from gateway.importing.import_map import parse_map
 from gateway.importing.importer import ImportReport, import_file
+from gateway.importing.time_counter import TimeCounter
 from tests.importing.measurements import Decoded, simple_map
 
 RADIAL_ONLY = {"axis.circumferential": "", "axis.lateral": ""}
@@ -21,7 +24,7 @@ def texts(start: str, rows: int = 400, suffix: str = "", separator: str = "T") -
     return [time.isoformat(sep=separator, timespec="microseconds") + suffix for time in times]
 
 
-def imported(tmp_path: Path, times: list[str], sampling: str = ISO) -> tuple[ImportReport, Decoded]:
+def imported_dates(tmp_path: Path, times: list[str], sampling: str = ISO) -> tuple[ImportReport, Decoded]:
     path, out = tmp_path / "run.csv", tmp_path / "out.mcap"
     rows = [f"{time},{k % 7}" for k, time in enumerate(times)]
     path.write_text("\n".join(["t,z", *rows]) + "\n", encoding="utf-8")
@@ -49,7 +52,7 @@ def test_zones_of_file_and_map_give_the_start(
     tmp_path: Path, suffix: str, separator: str, zone: str, utc_hour: int
 ) -> None:
     times = texts("2024-05-01T12:00:00", suffix=suffix, separator=separator)
-    report, decoded = imported(tmp_path, times, ISO + zone)
+    report, decoded = imported_dates(tmp_path, times, ISO + zone)
     assert report.rate_hz == pytest.approx(5000.0, rel=1e-6)
     assert not report.start_is_file_date
     assert start_of(decoded).hour == utc_hour
@@ -58,22 +61,22 @@ def test_zones_of_file_and_map_give_the_start(
 def test_digits_may_be_missing_and_cells_empty(tmp_path: Path) -> None:
     times = texts("2024-05-01T12:00:00", suffix="Z")
     times[0], times[7], times[5] = "2024-05-01T12:00:00Z", "", times[5].replace("1000Z", "1Z")
-    report, decoded = imported(tmp_path, times)
+    report, decoded = imported_dates(tmp_path, times)
     assert (report.samples, len(decoded.counts)) == (400, 400)
 
 
 def test_times_without_a_zone_are_rejected(tmp_path: Path) -> None:
     with pytest.raises(ImportDataError, match="line 2, column 't': .* states no time zone") as caught:
-        imported(tmp_path, texts("2024-05-01T12:00:00"))
+        imported_dates(tmp_path, texts("2024-05-01T12:00:00"))
     assert 'time_zone, such as "Europe/Berlin"' in caught.value.remedy
 
 
 @pytest.mark.parametrize(("start", "message"), [("2024-10-27T02:10:00", "twice"), ("2024-03-31T02:10:00", "not exist")])
 def test_ambiguous_local_times_are_rejected(tmp_path: Path, start: str, message: str) -> None:
     with pytest.raises(ImportDataError, match=f"line 2, .* {message} in Europe/Berlin") as caught:
-        imported(tmp_path, texts(start), ISO + '\ntime_zone = "Europe/Berlin"')
+        imported_dates(tmp_path, texts(start), ISO + '\ntime_zone = "Europe/Berlin"')
     assert 'time_zone = "+02:00"' in caught.value.remedy
-    report, _ = imported(tmp_path, texts(start), ISO + '\ntime_zone = "+01:00"')
+    report, _ = imported_dates(tmp_path, texts(start), ISO + '\ntime_zone = "+01:00"')
     assert report.samples == 400
 
 
@@ -82,7 +85,7 @@ def test_cell_that_is_no_iso_time_is_named(tmp_path: Path, cell: str) -> None:
     times = texts("2024-05-01T12:00:00", suffix="Z")
     times[3] = cell
     with pytest.raises(ImportDataError, match="line 5, column 't': .* is not an ISO time"):
-        imported(tmp_path, times)
+        imported_dates(tmp_path, times)
 
 
 def test_zone_that_does_not_exist_is_a_fault_of_the_map() -> None:
@@ -106,3 +109,76 @@ def test_timestamps_of_parquet_are_dates(tmp_path: Path, zone: str | None) -> No
         import_file(
             path, parse_map(simple_map(sampling='time_column = "t"', **RADIAL_ONLY), "map"), tmp_path / "b.mcap"
         )
+
+
+RATE_HZ = 9600.0
+
+
+def imported_counters(tmp_path: Path, times: Sequence[object], unit: str) -> ImportReport:
+    path = tmp_path / "run.csv"
+    rows = (f"{time},{np.sin(0.01 * k):.4f}" for k, time in enumerate(times))
+    path.write_text("\n".join(("t,z", *rows)) + "\n")
+    text = f"""
+[sampling]
+time_column = "t"
+time_unit = "{unit}"
+[axis.radial]
+column = "z"
+unit = "g"
+[sensor]
+coupling = "DC"
+"""
+    return import_file(path, parse_map(text, "map"), tmp_path / "out.mcap")
+
+
+def counter_us(count: int, bits: int, before: int) -> list[int]:
+    """Return microseconds of a counter that starts again after `before` rows."""
+    return [(2**bits + round((k - before) / RATE_HZ * 1e6)) % 2**bits for k in range(count)]
+
+
+@pytest.mark.parametrize(("bits", "unit"), [(32, "us"), (32, "s"), (24, "us"), (16, "us")])
+@pytest.mark.parametrize("before", [1, 500, BLOCK_ROWS, BLOCK_ROWS + 7])
+def test_counter_that_starts_again_goes_on(tmp_path: Path, bits: int, unit: str, before: int) -> None:
+    count = before + 3000
+    times = counter_us(count, bits, before)
+    report = imported_counters(tmp_path, times if unit == "us" else [f"{t * 1e-6:.6f}" for t in times], unit)
+    assert (report.samples, report.left_out) == (count, 0)
+    assert report.rate_hz == pytest.approx(RATE_HZ, rel=1e-6 + 1e-3 / count)
+
+
+def test_samples_missing_where_a_counter_starts_again_are_a_gap(tmp_path: Path) -> None:
+    times = counter_us(5000, 32, 2000)
+    report = imported_counters(tmp_path, times[:1997] + times[2004:], "us")
+    assert (report.samples, report.left_out) == (5000, 7)
+
+
+@pytest.mark.parametrize("back", [2**31, 10_000_000, 50_000])
+def test_other_steps_back_are_errors_of_their_line(tmp_path: Path, back: int) -> None:
+    times = [2**32 - 200_000 + round(k / RATE_HZ * 1e6) - (back if k >= 1500 else 0) for k in range(3000)]
+    with pytest.raises(ImportDataError, match="line 1502: the time steps by -") as caught:
+        imported_counters(tmp_path, times, "us")
+    assert "about 9600.0" in caught.value.remedy or "about 9599.9" in caught.value.remedy
+
+
+def test_fault_after_a_restart_names_its_line(tmp_path: Path) -> None:
+    times = counter_us(3000, 32, 1000)
+    times[2000:] = [time + 760 for time in times[2000:]]
+    with pytest.raises(ImportDataError, match=r"line 2002: the time steps by 8\.\d+ sample intervals"):
+        imported_counters(tmp_path, times, "us")
+
+
+def test_nanoseconds_since_1970_keep_the_rate(tmp_path: Path) -> None:
+    times = [1_764_000_000_000_000_000 + round(k / RATE_HZ * 1e9) for k in range(5000)]
+    report = imported_counters(tmp_path, times, "ns")
+    assert (report.samples, report.left_out) == (5000, 0)
+    assert report.rate_hz == pytest.approx(RATE_HZ, rel=1e-6)
+
+
+def test_rows_without_a_time_do_not_end_a_counter() -> None:
+    counter = TimeCounter()
+    times = np.array(counter_us(40, 16, 20), dtype=float)
+    times[17:23] = np.nan
+    continued = counter.look(times)
+    assert counter.restarts == 1
+    assert np.isnan(continued[17:23]).all()
+    assert np.diff(continued[[16, 23]]) == pytest.approx(7e6 / RATE_HZ, abs=1.0)
