@@ -1,4 +1,4 @@
-"""Status of estimates after all that is known against them."""
+"""Status of estimates after all that is known against them, drifting averages and old pressures; their names."""
 
 import math
 
@@ -6,15 +6,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from firmware_protocol.messages import Environment
 from gateway.estimators.estimator import Estimate, Status
+from gateway.estimators.ply_steer import HORIZON_REVOLUTIONS
 from gateway.estimators.sensor_claims import SensorClaims
 from gateway.estimators.signal_evidence import Evidence
+from gateway.pipeline.old_pressure import change_since_reading_pa
+from gateway.pipeline.own_drift import OwnDrift
 from gateway.pipeline.qualification import provisional_where, qualified
 from gateway.pipeline.sensor_limits import Doubt
+from gateway.pipeline.tire_estimates import TireEstimates
 from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.pipeline.wheels import Pipeline
 from gateway.quantity import Basis
 from gateway.quantity_catalogue import CATALOGUE, quantity_of
 from gateway.reasons import Code, Reason, codes_of
+from gateway.signal.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS
+from tests.pipeline.rolling_signals import LOAD_N, PRESSURE_PA, RADIUS_M
 from tests.testkit.simulated_wheel import last, simulated
 
 NOTHING = Evidence(0.0, 0.0, True, 0.0, 0.0, 0.3, 0.003)
@@ -93,3 +101,90 @@ def test_sign_of_an_unverified_lateral_axis_is_noted(verified: bool) -> None:
         assert noted == (rests and not verified), name
     # The size holds.
     assert result["ply_steer_contact_line_rad"].status is Status.VALID
+
+
+PRESSURE_SETUP = WheelSetup("FL", 0, 0, 0.32, load_n=4200.0, pressure_std_pa=1000.0)
+
+
+def reading(pressure_pa: float | None) -> Environment:
+    return Environment(pressure_pa, 30.0, None)
+
+
+def test_error_of_a_falling_pressure_is_that_of_its_fall_until_the_next_reading() -> None:
+    tire = TireEstimates(PRESSURE_SETUP, ("kinematic",))
+    for second, pressure_pa in enumerate((210e3, 209e3, 197e3, 185e3)):
+        tire.environment(1_000_000 * second, reading(pressure_pa), 0.0)
+    stds = [tire.conditions(1e6 * at_s).pressure_std_pa for at_s in (0.5, 1.5, 2.5, 3.5)]
+    fall = 12e3 / math.sqrt(3.0)
+    assert stds == pytest.approx([1000.0, 1000.0, fall, fall])
+    # The pressure at the end of each interval is within two of these errors.
+    assert 2.0 * fall > 12e3
+
+
+def test_readings_without_a_pressure_say_nothing_of_its_change() -> None:
+    readings = [(3, reading(None), 0.0), (2, reading(200e3), 0.0), (1, reading(None), 0.0), (0, reading(203e3), 0.0)]
+    assert change_since_reading_pa(readings) == pytest.approx(3e3 / math.sqrt(3.0))
+    assert change_since_reading_pa(readings[:2]) == 0.0
+
+
+def test_memories_are_those_of_the_averages() -> None:
+    assert quantity_of("Bs").memory_revolutions == DEFAULT_HORIZON_REVOLUTIONS
+    assert quantity_of("ply_steer_peak_rad").memory_revolutions == HORIZON_REVOLUTIONS
+
+
+def estimates(value: float, status: Status = Status.VALID) -> tuple[Estimate, ...]:
+    return Estimate("Bs", value, 0.01, status), Estimate("speed_mps", value, 0.01, Status.VALID)
+
+
+def test_steady_value_keeps_its_error() -> None:
+    drift = OwnDrift("weak-form")
+    assert drift.applies
+    assert not OwnDrift("kinematic").applies
+    for _ in range(60):
+        number, speed = drift.widened(estimates(1.0))
+        assert number.std == pytest.approx(0.01)
+        assert speed.std == 0.01
+
+
+@pytest.mark.parametrize("memory", [50])
+def test_ramp_is_in_the_error_within_the_memory(memory: int) -> None:
+    drift = OwnDrift("weak-form")
+    for index in range(200):
+        number, speed = drift.widened(estimates(0.01 * index))
+    lag = 0.01 * (memory - 1)
+    assert lag < 2.0 * number.std < 2.0 * lag
+    assert speed.std == 0.01
+
+
+def test_step_is_forgotten_with_the_average_and_values_in_doubt_do_not_count() -> None:
+    drift = OwnDrift("weak-form")
+    drift.widened(estimates(5.0, Status.PROVISIONAL))
+    assert drift.widened(estimates(1.0))[0].std == pytest.approx(0.01)
+    assert drift.widened(estimates(2.0))[0].std > 0.5
+    for _ in range(60):
+        number, _ = drift.widened(estimates(2.0))
+    assert number.std == pytest.approx(0.01)
+    drift.widened(estimates(3.0))
+    drift.reset()
+    assert drift.widened(estimates(9.0))[0].std == pytest.approx(0.01)
+
+
+NAMED_SETUP = WheelSetup("FL", 0, 0, RADIUS_M, load_n=LOAD_N, pressure_pa=PRESSURE_PA)
+
+
+def test_later_estimators_prefix_shared_names(roll, to_frames) -> None:
+    frames = to_frames(roll(65.0, 1.2).radial_mps2)
+
+    def names_and_values(*estimators: str) -> dict[str, float]:
+        pipeline = Pipeline([NAMED_SETUP], NAMED_SETUP, estimators)
+        results = pipeline.frames("link", frames, 10**18) + pipeline.finish()
+        last = results[-1].estimates
+        assert len({e.name for e in last}) == len(last)
+        return {e.name: e.value for e in last}
+
+    both = names_and_values("ring-paper", "weak-form")
+    weak, paper = names_and_values("weak-form"), names_and_values("ring-paper")
+    assert {"Bs", "Ts/Cw", "ring-paper:Bs", "ring-paper:Ts/Cw"} <= set(both)
+    assert {name: both[name] for name in weak} == weak
+    assert {name: both[f"ring-paper:{name}"] for name in paper} == paper
+    assert both["Cw"] != both["ring-paper:Cw"]

@@ -1,4 +1,4 @@
-"""What is known of a sensor itself, and what it biases."""
+"""What is known of a sensor, what its signal says against its hello, and what clipping below its range biases."""
 
 import math
 from dataclasses import replace
@@ -7,12 +7,17 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
+from firmware_protocol.messages import Coupling
 from gateway.estimators.estimator import Status
 from gateway.estimators.sensor_claims import SensorClaims
+from gateway.pipeline.sample_content import SampleContent, chosen
 from gateway.pipeline.sensor_limits import SensorLimits, coarse_steps, high_corner, narrow_band, step_counts
 from gateway.pipeline.wheel_setup import WheelSetup
-from gateway.reasons import Code, codes_of
+from gateway.pipeline.wheels import Pipeline
+from gateway.reasons import Code, Reason, codes_of
+from tests.session.hub_frames import HELLO
 from tests.testkit.signing_hub import hello_message
 from tests.testkit.simulated_wheel import last, simulated
 
@@ -117,3 +122,97 @@ def test_stated_ac_corner_is_undone_in_numbers_and_forces(corner_hz: float) -> N
     for name in names:
         assert abs(result[name].value - true[name].value) < result[name].std, name
     assert result["contact_length_m"].value == pytest.approx(true["contact_length_m"].value, rel=2e-3)
+
+
+CLIPPED_SETUP = WheelSetup("FL", 0, 0, 0.32, load_n=5000.0)
+
+
+@pytest.mark.parametrize("rate_hz", [2000.0, 9600.0])
+def test_undeclared_clipping_is_a_fault(roll, to_frames, rate_hz: float) -> None:
+    signal = roll(65.0, 5.0, rate_hz).radial_mps2
+    estimators = ("kinematic", "self-calibration")
+    pipeline = Pipeline((CLIPPED_SETUP,), CLIPPED_SETUP, estimators)
+    results = pipeline.frames("link", to_frames(np.minimum(signal, 1350.0), rate_hz), 10**18)
+    assert len(results) > 30
+    assert all(Reason(Code.RADIAL_CLIPPED) in result.revolution.faults for result in results)
+    assert pipeline.average_mps2("FL") is None
+    gain = {estimate.name: estimate for estimate in results[-1].estimates}["gain"]
+    assert gain.status is Status.INVALID
+    assert codes_of(gain.reasons) == (Code.REVOLUTION_NOT_USED, Code.RADIAL_CLIPPED)
+    whole = Pipeline((CLIPPED_SETUP,), CLIPPED_SETUP, estimators).frames("link", to_frames(signal, rate_hz), 10**18)
+    assert not any(result.revolution.faults for result in whole)
+
+
+BLOCKS = 16
+Words = NDArray[np.int16]
+
+
+def codes_of_stream(words: Words, **hello: object) -> set[Code]:
+    content, codes = SampleContent(), set()
+    for rows in np.array_split(words.astype("<i2"), BLOCKS):
+        codes |= {code for code, _ in content.block(HELLO._replace(**hello), rows)}
+    return codes
+
+
+def wheel(seed: int, noise: float, steady: float) -> Words:
+    """Return 864 rows of a wheel that rolls: a steady value with dips, and noise."""
+    rng = np.random.default_rng(seed)
+    dips = 1.0 - np.exp(-(((np.arange(864) % 200 - 100) / 10.0) ** 6))
+    rows = np.stack([0.2 * steady * np.gradient(dips) * 20, 0.0 * dips, steady * dips], axis=1)
+    return np.clip(np.round(rows + rng.normal(0.0, noise, rows.shape)), -32768, 32767).astype("<i2")
+
+
+@given(st.integers(0, 2**31), st.floats(0.6, 300.0), st.floats(-15_000.0, 15_000.0))
+def test_right_bytes_pass_and_swapped_ones_are_named(seed: int, noise: float, steady: float) -> None:
+    words = wheel(seed, noise, steady)
+    assert codes_of_stream(words) == set()
+    assert codes_of_stream(words.byteswap()) == {Code.SAMPLES_BYTES_SWAPPED}
+
+
+@given(st.integers(0, 2**31), st.integers(1, 15))
+def test_left_aligned_words_of_fewer_bits_pass(seed: int, shift: int) -> None:
+    words = np.random.default_rng(seed).integers(-(2 ** (15 - shift)), 2 ** (15 - shift), (864, 3)) << shift
+    assert codes_of_stream(words.astype("<i2")) == set()
+
+
+def test_noise_over_the_full_scale_and_still_samples_pass() -> None:
+    assert codes_of_stream(np.random.default_rng(1).integers(-32768, 32768, (864, 3)).astype("<i2")) == set()
+    assert codes_of_stream(np.full((864, 3), 1000, "<i2")) == set()
+
+
+@pytest.mark.parametrize(
+    ("hello", "named"),
+    [
+        ({"coupling": Coupling.DC}, False),
+        ({"coupling": Coupling.AC}, True),
+        ({"coupling": Coupling.AC, "highpass_hz": 2.0}, True),
+        # It passes what is steady for seconds.
+        ({"coupling": Coupling.AC, "highpass_hz": 0.05}, False),
+        # The steady value is the stated zero.
+        ({"coupling": Coupling.AC, "offset_counts": (0.0, 0.0, 7000.0)}, False),
+    ],
+)
+def test_a_steady_value_contradicts_ac_coupling(hello: dict[str, object], named: bool) -> None:
+    words = wheel(1, 20.0, 7600.0)
+    assert codes_of_stream(words, **hello) == ({Code.HELLO_AC_WITH_STEADY_VALUE} if named else set())
+
+
+def test_ac_coupled_wheel_and_gravity_alone_pass() -> None:
+    words = wheel(1, 20.0, 7600.0).astype(float)
+    assert codes_of_stream(np.round(words - words.mean(axis=0)), coupling=Coupling.AC) == set()
+    assert codes_of_stream(wheel(1, 2.0, 9.81 / 0.125), coupling=Coupling.AC) == set()
+
+
+def test_the_level_between_contacts_is_no_steady_value() -> None:
+    """Of an AC-coupled sensor, and no block has met a contact."""
+    words = wheel(1, 20.0, 7600.0).astype(float)
+    between = (words - words.mean(axis=0))[words[:, 2] > 7500]
+    assert between[:, 2].mean() > 300
+    assert codes_of_stream(np.round(between), coupling=Coupling.AC) == set()
+
+
+def test_one_block_in_32_is_chosen_at_distances_that_differ() -> None:
+    places = np.flatnonzero(chosen(np.arange(0, 36 * 100_000, 36)))
+    assert len(places) == pytest.approx(100_000 / 32, rel=0.05)
+    assert len(set(np.diff(places).tolist())) > 2
+    assert [bool(chosen(int(first))) for first in range(0, 36 * 50, 36)] == chosen(np.arange(0, 36 * 50, 36)).tolist()
