@@ -1,17 +1,22 @@
-"""Foxglove's server with a real WebSocket client: channels with schemas, numbers to plot, alarms in the log."""
+"""Foxglove's server with a real WebSocket client, and web pages only from an allowed origin."""
 
 import json
 import struct
+import threading
 from collections import defaultdict
 from collections.abc import Iterable
 from contextlib import suppress
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from gateway.clock import SystemClock
 from gateway.publishing.foxglove_server import FoxgloveSink, channel_schema
+from gateway.publishing.origin_gate import is_admitted
 from gateway.publishing.sink_worker import SinkWorker
 from tests.testkit.waiting import TIMEOUT_S, until
 
@@ -121,3 +126,36 @@ def test_channel_schemas_use_plain_types_only(kind: str) -> None:
     check(schema)
     assert schema["title"] == f"treadlink.{kind.capitalize()}"
     assert schema["type"] == "object"
+
+
+ALLOWED = "https://viewer.example"
+
+
+@pytest.mark.parametrize("origin", ["https://evil.example", "null", "http://localhost:8765", ALLOWED + ".evil"])
+def test_server_refuses_other_web_pages(origin: str) -> None:
+    sink = FoxgloveSink("127.0.0.1", 0, frozenset((ALLOWED,)))
+    sink.open(threading.Event())
+    try:
+        address = f"ws://127.0.0.1:{sink.port}"
+        with pytest.raises(InvalidStatus, match="403"):
+            connect(address, subprotocols=["foxglove.sdk.v1"], origin=origin)
+        for admitted in (ALLOWED, None):
+            with connect(address, subprotocols=["foxglove.sdk.v1"], origin=admitted) as viewer:
+                assert "serverInfo" in str(viewer.recv(10.0))
+    finally:
+        sink.close()
+
+
+NAMES = st.sampled_from(["Origin", "ORIGIN", "origin ", " origin", "oRiGiN"])
+
+
+@given(st.lists(st.tuples(NAMES, st.text(st.characters(codec="latin-1", exclude_characters="\r\n"))), min_size=1))
+def test_only_the_allowed_origin_alone_is_admitted(origins: list[tuple[str, str]]) -> None:
+    lines = ["GET / HTTP/1.1", "Upgrade: websocket", *(f"{name}: {value}" for name, value in origins)]
+    stated = [value.strip() for _, value in origins]
+    assert is_admitted("\r\n".join(lines).encode("latin-1"), frozenset((ALLOWED,))) == (stated == [ALLOWED])
+
+
+def test_what_is_no_websocket_is_refused() -> None:
+    assert not is_admitted(b"GET / HTTP/1.1\r\nHost: x", frozenset())
+    assert not is_admitted(b"POST / HTTP/1.1\r\nUpgrade: websocket", frozenset())
