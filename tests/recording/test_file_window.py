@@ -1,4 +1,4 @@
-"""Tests of reading with a window, and of repairs and compressions that are disturbed from outside."""
+"""Files read with a window, disturbed from outside, or not regular; files that are no recordings have a remedy."""
 
 import os
 import re
@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import tracemalloc
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -13,11 +14,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.errors import RecordingError
+from gateway.importing.import_map import SUFFIXES
 from gateway.io.source import Chunk
 from gateway.recording import file_window
 from gateway.recording.compact import compact_recording
 from gateway.recording.container import McapOutput
+from gateway.recording.file_content import read_content
 from gateway.recording.file_window import FileWindow
+from gateway.recording.reader import MEASUREMENT_SUFFIXES, RecordingReader
+from gateway.recording.recorded_file import open_recorded_file
 from gateway.recording.repair import repair_recording
 from tests.recording import streams
 
@@ -130,3 +135,64 @@ def test_window_reads_and_searches_as_the_whole_file(
             assert bytes(window_of_file.part(first, end)) == data[first:end]
             match = pattern.search(data, first, end)
             assert window_of_file.search(pattern, 3, first, end) == (match.start() if match else None)
+
+
+def test_suffixes_are_those_of_the_import() -> None:
+    assert set(SUFFIXES) == MEASUREMENT_SUFFIXES
+
+
+@pytest.mark.parametrize("rows", [2, 3000])
+@pytest.mark.parametrize("name", ["x.csv", "X.TXT", "run.dat", "run.mf4", "a.parquet"])
+def test_measurement_is_imported(tmp_path: Path, name: str, rows: int) -> None:
+    path = tmp_path / name
+    path.write_text("t,z\n" + "0.1,2.5\n" * rows)
+    with pytest.raises(RecordingError, match="is not a recording") as caught:
+        list(RecordingReader(path).items())
+    assert f"treadlink import --guess '{path}'" in caught.value.remedy
+
+
+@pytest.mark.parametrize("start", [b"\x89HDF\r\n\x1a\n", b"MATLAB 5.0 MAT-file", b"MDF     4.10", b"PAR1"])
+def test_measurement_without_its_suffix_is_known_by_its_first_bytes(tmp_path: Path, start: bytes) -> None:
+    path = tmp_path / "run.mcap"
+    path.write_bytes(start + bytes(5000))
+    with pytest.raises(RecordingError) as caught:
+        list(RecordingReader(path).items())
+    assert "treadlink import --guess" in caught.value.remedy
+
+
+def test_recording_whose_beginning_is_lost_is_repaired(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    path.write_bytes(bytes(5000))
+    with pytest.raises(RecordingError) as caught:
+        list(RecordingReader(path).items())
+    assert "treadlink repair" in caught.value.remedy
+    path.rename(tmp_path / "notes.bin")
+    with pytest.raises(RecordingError) as caught:
+        list(RecordingReader(tmp_path / "notes.bin").items())
+    assert "treadlink repair" not in caught.value.remedy
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no FIFO in folders")
+@pytest.mark.parametrize(
+    "opens",
+    [
+        RecordingReader,
+        open_recorded_file,
+        read_content,
+        lambda path: repair_recording(path, path.with_name("fixed.mcap")),
+    ],
+    ids=["reader", "recorded file", "content", "repair"],
+)
+@pytest.mark.parametrize("name", ["fifo.mcap", "fifo.bin"])
+def test_a_fifo_is_refused(tmp_path: Path, opens: Callable[[Path], object], name: str) -> None:
+    path = tmp_path / name
+    os.mkfifo(path)
+    with pytest.raises(RecordingError, match="is a FIFO or a device") as caught:
+        opens(path)
+    assert "to a file first" in caught.value.remedy
+
+
+def test_a_folder_is_refused_with_what_to_name(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="is a folder, not a recording") as caught:
+        open_recorded_file(tmp_path)
+    assert caught.value.remedy == f"Name its recordings: {tmp_path / '*.mcap'}"

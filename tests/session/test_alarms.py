@@ -1,12 +1,18 @@
-"""Alarms: one per crossed threshold, with value and limit."""
+"""Alarms: one per crossed threshold with time and value, in recordings, of pairs of wheels, and of late losses."""
 
+import json
+from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
+from click.testing import CliRunner
 
-from gateway.config.vehicle import Thresholds
+from gateway.cli import treadlink
+from gateway.config.vehicle import Thresholds, parse_vehicle
 from gateway.estimators.estimator import Estimate, Status
+from gateway.io.source import Chunk, LinkEvent, LinkEventKind
 from gateway.pipeline.results import (
+    Alarm,
     LinkSnapshot,
     RevolutionResult,
     Silence,
@@ -14,9 +20,20 @@ from gateway.pipeline.results import (
     WheelCounters,
     WheelSnapshot,
 )
-from gateway.reasons import Code, Reason
+from gateway.pipeline.wheel_pairs import ALARM
+from gateway.reasons import Code, Level, Reason
+from gateway.recording.inspection import inspect_recording
+from gateway.recording.writer import RecordingWriter
+from gateway.session.alarm_log import AlarmLog
 from gateway.session.alarms import AlarmName, alarms, present_values, silent_alarms, superseded
+from gateway.session.core import SessionCore
+from gateway.session.recent_loss import WINDOW_S, RecentLoss
+from gateway.session.recording_pass import OpenedRecording, RecordingPass
 from gateway.session.silence import SilentHub
+from gateway.simulator.scenario import parse_scenario, vehicle_toml
+from gateway.simulator.simulation import simulate
+from gateway.views.wording import notice_text
+from tests.session.test_computer_events import START_NS, S, frames_until
 
 LIMITS = Thresholds(
     pressure_min_kpa=180.0,
@@ -122,3 +139,217 @@ def test_hubs_of_several_links_are_told_apart() -> None:
 def test_unknown_values_and_limits_give_no_alarm() -> None:
     assert alarms([WheelSnapshot("FL")], [], LIMITS) == ()
     assert alarms([replace(WHEEL, pressure_pa=1.0, load_n=1e9)], [replace(LINK, recent_loss=0.9)], Thresholds()) == ()
+
+
+KEY = ("FL", AlarmName.PRESSURE)
+
+
+def low(pressure_pa: float = 210e3) -> Alarm:
+    reason = Reason(Code.PRESSURE_BELOW_LIMIT, pressure_pa=pressure_pa, limit_pa=230e3)
+    return Alarm("FL", AlarmName.PRESSURE, reason)
+
+
+def silent(silence_s: float) -> Alarm:
+    return Alarm("W1", AlarmName.SILENT, Reason(Code.SAMPLES_SILENT, silence_s=silence_s))
+
+
+def test_alarm_is_raised_and_over_with_time_and_value() -> None:
+    log = AlarmLog()
+    (raised,) = log.update([low()], 3.0)
+    assert (raised.subject, raised.level) == ("FL", Level.WARNING)
+    assert notice_text(raised) == "FL: ALARM at 3.0 s: pressure 210 kPa is below 230 kPa"
+    assert log.update([low(205e3)], 4.0) == []
+    assert log.standing() == {KEY: Code.PRESSURE_BELOW_LIMIT}
+    (over,) = log.update([], 5.5, values=lambda: {KEY: Reason(Code.PRESSURE_NOW, pressure_pa=236e3)})
+    assert notice_text(over) == "FL: alarm over at 5.5 s, after 2.5 s: pressure 236 kPa"
+    (record,) = log.records()
+    assert (record.count, record.first_s, record.last_s, record.total_s) == (1, 3.0, 5.5, 2.5)
+    assert record.reason["pressure_pa"] == 205e3
+    assert not record.is_standing
+
+
+def test_alarm_that_flutters_does_not_flood() -> None:
+    log = AlarmLog()
+    notices = []
+    for second in range(40):
+        notices += log.update([low()] if second % 2 else [], float(second))
+    codes = [notice.reason.code for notice in notices]
+    assert codes == 3 * [Code.ALARM_RAISED, Code.ALARM_CLEARED] + [Code.ALARM_COMES_AND_GOES]
+    assert log.records()[0].count == 20
+    (again,) = log.update([], 60.0) + log.update([low()], 150.0)
+    assert again.reason.code is Code.ALARM_RAISED
+
+
+def test_lasting_silence_is_repeated_rarely() -> None:
+    log = AlarmLog()
+    notices = [notice for second in range(7300) for notice in log.update([silent(1.0 + second)], float(second))]
+    stands = [notice.reason["at_s"] for notice in notices if notice.reason.code is Code.ALARM_STANDS]
+    assert stands == [60.0, 600.0, 3600.0, 7200.0]
+    lasting = AlarmLog()
+    assert sum(len(lasting.update([low()], float(second))) for second in range(100)) == 1
+
+
+def test_other_reason_of_the_same_alarm_is_reported() -> None:
+    log = AlarmLog()
+    log.update([silent(2.0)], 0.0)
+    gone = Alarm("W1", AlarmName.SILENT, Reason(Code.SENSOR_SILENT, silence_s=4.0))
+    (notice,) = log.update([gone], 1.0)
+    assert notice.reason["alarm"].code is Code.SENSOR_SILENT
+
+
+def test_hidden_alarm_is_neither_reported_nor_over() -> None:
+    log = AlarmLog()
+    log.update([silent(2.0)], 0.0)
+    assert log.update([], 1.0, hidden=[("W1", AlarmName.SILENT)]) == []
+    assert log.standing() == {("W1", AlarmName.SILENT): Code.SAMPLES_SILENT}
+    (over,) = log.update([], 9.0)
+    assert over.reason["what"] == Reason(Code.SENDS_AGAIN, away_s=11.0)
+
+
+def test_update_leaves_alarms_that_it_does_not_cover() -> None:
+    log = AlarmLog()
+    log.update([low(), silent(1.0)], 0.0)
+    (over,) = log.update([], 1.0, covers=lambda key: key[0] == "W1")
+    assert over.subject == "W1"
+    assert log.standing_at("FL", 0.5) == (low(),)
+    assert log.standing_at("W1", 0.5) == (silent(1.0),)
+    assert log.standing_at("W1", 1.5) == ()
+
+
+def test_alarms_of_links_are_left_to_their_events() -> None:
+    log = AlarmLog()
+    down = Alarm("ble:x", AlarmName.LINK, Reason(Code.LINK_DOWN, state=Reason(Code.LINK_LOST)))
+    assert log.update([down], 1.0) == []
+    assert [record.name for record in log.records()] == [AlarmName.LINK]
+
+
+def test_an_acknowledged_alarm_is_new_with_another_reason_or_when_raised_again() -> None:
+    log = AlarmLog()
+    log.update([low()], 1.0)
+    log.acknowledge(2.0)
+    log.acknowledge(2.5)
+    assert [(change.state, change.at_s, change.stood_s) for change in log.take_changes()] == [
+        ("raised", 1.0, 0.0),
+        ("acknowledged", 2.0, 1.0),
+    ]
+    assert log.records()[0].is_acknowledged
+    high = Reason(Code.PRESSURE_ABOVE_LIMIT, pressure_pa=290e3, limit_pa=260e3)
+    log.update([Alarm("FL", AlarmName.PRESSURE, high)], 3.0)
+    assert not log.records()[0].is_acknowledged
+    log.acknowledge(4.0)
+    log.update([], 5.0)
+    log.update([low()], 6.0)
+    assert not log.records()[0].is_acknowledged
+    assert [change.state for change in log.take_changes()] == ["raised", "acknowledged", "over", "raised"]
+
+
+def test_history_of_an_alarm_is_recorded_and_inspected(tmp_path) -> None:
+    items, vehicle = frames_until(3.0)
+    path = tmp_path / "r.mcap"
+    core = SessionCore(vehicle, recorder=RecordingWriter(path, start_ns=START_NS), estimators=("kinematic",))
+    link = items[0].link
+    for item in items:
+        core.take(item)
+    core.take(LinkEvent(link, START_NS + 4 * S, LinkEventKind.LOST, "unplugged"))
+    core.tick(START_NS + 5 * S)
+    core.acknowledge_alarms()
+    states = [(change.alarm.name, change.state) for change in core.take_alarm_changes()]
+    assert ("link", "acknowledged") in states
+    core.take(LinkEvent(link, START_NS + 6 * S, LinkEventKind.RESTORED))
+    core.tick(START_NS + 6 * S + S // 10)
+    core.take(LinkEvent(link, START_NS + 7 * S, LinkEventKind.LOST, "unplugged"))
+    core.tick(START_NS + 8 * S)
+    core.finish()
+    first, second = [alarm for alarm in inspect_recording(path).alarms if alarm.name == "link"]
+    assert first.subject == link
+    assert first.end_ns is not None
+    assert first.acknowledged_ns is not None
+    assert first.begin_ns <= first.acknowledged_ns <= first.end_ns <= second.begin_ns
+    assert (second.acknowledged_ns, second.end_ns) == (None, None)
+    assert "unplugged" in second.text
+    printed = CliRunner().invoke(treadlink, ["inspect", str(path)], catch_exceptions=False).output
+    assert "(acknowledged at " in printed
+    assert "to the end" in printed
+    listed = json.loads(CliRunner().invoke(treadlink, ["inspect", "--json", str(path)]).stdout)["alarms"]
+    assert [alarm["name"] for alarm in listed].count("link") == 2
+
+
+PAIR_START_NS = 1_700_000_000_000_000_000
+SCENARIO = """
+[scenario]
+seed = 3
+[motion]
+speed_kmh = 65.0
+[sensor]
+noise_mg_rthz = 5.0
+[[wheel]]
+position = "FL"
+wheel = 0
+slip_angle_deg = [[0, 0], [2, 1], [6, -1]]
+[[wheel]]
+position = "FR"
+wheel = 1
+slip_angle_deg = [[0, 0], [2, -1], [6, 1]]
+"""
+ESTIMATORS = ("kinematic", "slip-angle")
+
+
+class Recorded:
+    """Chunks in memory."""
+
+    def __init__(self, chunks: list[Chunk]) -> None:
+        self._chunks = chunks
+        self.position = 0
+
+    def items(self) -> Iterator[Chunk]:
+        return iter(self._chunks)
+
+
+def test_pair_alarm_begins_with_its_revolution() -> None:
+    scenario = parse_scenario(SCENARIO, "test")
+    chunks = list(simulate(scenario, duration_s=6.0).chunks("sim:test", PAIR_START_NS))
+    vehicle = parse_vehicle(vehicle_toml(scenario), "test")
+    core = SessionCore(vehicle, estimators=ESTIMATORS)
+    raised: dict[str, float] = {}
+    for chunk in chunks:
+        core.take(chunk)
+        core.tick(chunk.host_ns)
+        for change in core.take_alarm_changes():
+            if change.alarm.name == ALARM:
+                raised.setdefault(change.alarm.position, change.at_s)
+    batch = RecordingPass(OpenedRecording(Recorded(chunks), vehicle), ESTIMATORS)
+    rows = [result for result in batch if any(alarm.name == ALARM for alarm in result.alarms)]
+    recorded = {alarm.position: alarm.first_s for alarm in batch.alarms() if alarm.name == ALARM}
+    assert set(recorded) == set(raised) == {"FL", "FR"}
+    # Live shows a revolution a little after its end.
+    assert recorded == pytest.approx(raised, abs=0.6)
+    assert min(recorded.values()) < 5.2
+    assert any(row.position == "FR" for row in rows)
+
+
+SECOND_NS = 1_000_000_000
+
+
+def test_a_gap_is_forgotten_after_the_window() -> None:
+    loss = RecentLoss()
+    assert loss.share(0, 0, 0) is None
+    assert loss.share(SECOND_NS, 100, 0) == 0.0
+    assert loss.share(2 * SECOND_NS, 200, 200) == pytest.approx(0.5)
+    shares = [loss.share(second * SECOND_NS, 100 * second, 200) for second in range(3, 20)]
+    assert shares[0] == pytest.approx(200 / 500)
+    assert [share for second, share in enumerate(shares, 3) if second > 2 + WINDOW_S] == [0.0] * 7
+
+
+def test_a_link_that_becomes_bad_after_a_day_is_told() -> None:
+    loss = RecentLoss()
+    for second in range(0, 86_400, 10):
+        loss.share(second * SECOND_NS, 100 * second, 0)
+    assert loss.share(86_401 * SECOND_NS, 8_640_000, 300) > 0.2
+
+
+def test_late_frames_are_no_gain() -> None:
+    loss = RecentLoss()
+    loss.share(0, 100, 50)
+    loss.share(SECOND_NS, 200, 50)
+    loss.share(20 * SECOND_NS, 300, 50)
+    assert loss.share(21 * SECOND_NS, 400, 10) == 0.0
