@@ -39,6 +39,13 @@ class Sighting:
     is_hub: bool
     device: BLEDevice = field(repr=False, compare=False)
 
+    @property
+    def is_paired(self) -> bool:
+        """Whether this computer has a key of it, where the system tells."""
+        details = self.device.details
+        properties = details.get("props", {}) if isinstance(details, dict) else {}
+        return bool(properties.get("Paired", False))
+
     def __str__(self) -> str:
         """Return name, address and signal in one phrase."""
         signal = f" ({self.rssi_dbm} dBm)" if self.rssi_dbm is not None else ""

@@ -13,7 +13,7 @@ from bleak.backends.device import BLEDevice
 
 from gateway.errors import LinkLostError, SourceError
 from gateway.io.ble_hub import Sighting, is_address, is_meant, pick, uart_characteristics
-from gateway.io.ble_radio import BLE_ERRORS, explain, radio
+from gateway.io.ble_radio import BLE_ERRORS, demands_pairing, explain, explain_pairing, radio
 from gateway.reasons import Code, Reason
 
 _logger = logging.getLogger(__name__)
@@ -105,7 +105,8 @@ class BleLink:
         try:
             radio().run(self._open())
         except BLE_ERRORS as error:
-            raise explain(error, f"connect to {self.sighting or self._settings.target}") from error
+            pairing = explain_pairing(error, self.sighting) if self.sighting is not None else None
+            raise pairing or explain(error, f"connect to {self.sighting or self._settings.target}") from error
 
     def read(self, timeout_s: float) -> bytes:
         """Return the bytes that have arrived, or wait for the first notification; empty after `timeout_s`.
@@ -184,7 +185,7 @@ class BleLink:
                     await self._connect(self.sighting.device)
             except BLE_ERRORS as error:
                 _logger.debug("attempt %d to connect to %s: %r", attempt, self.sighting, error)
-                if attempt == _ATTEMPTS:
+                if attempt == _ATTEMPTS or demands_pairing(error):  # each attempt asks the user again
                     raise
                 # A second attempt after a new scan mostly works: the system may have dropped the device that the first
                 # scan found.

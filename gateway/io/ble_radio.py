@@ -23,6 +23,7 @@ from bleak.exc import (
     BleakBluetoothNotAvailableReason,
     BleakDBusError,
     BleakError,
+    BleakGATTProtocolError,
 )
 
 from gateway.errors import SourceError
@@ -93,6 +94,16 @@ _DBUS: Final = {
         "the Bluetooth adapter is busy with another connection", "Wait a moment, or close the other program."
     ),
 }
+
+# BlueZ's errors where either side refuses a pairing.
+_NOT_PAIRED: Final = frozenset(
+    f"org.bluez.Error.{name}"
+    for name in ("AuthenticationCanceled", "AuthenticationFailed", "AuthenticationRejected", "AuthenticationTimeout")
+)
+# Insufficient authentication, encryption key size and encryption; BlueZ makes them "Not paired".
+_NOT_PAIRED_ATT: Final = frozenset({5, 12, 15})
+_PAIR: Final = "bluetoothctl pair {0}; bluetoothctl trust {0}" if _LINUX else "pair it in the system's settings"
+_PAIR_AGAIN: Final = f"bluetoothctl remove {{0}}; {_PAIR}" if _LINUX else f"remove it and {_PAIR}"
 
 
 class Radio:
@@ -199,6 +210,32 @@ class SharedScanner:
         )
         for listener in list(self._listeners):
             listener(sighting)
+
+
+def demands_pairing(error: Exception) -> bool:
+    """Return whether the hub refuses because it is not paired with this computer."""
+    if isinstance(error, BleakGATTProtocolError):
+        return error.code in _NOT_PAIRED_ATT
+    return isinstance(error, BleakDBusError) and (error.dbus_error in _NOT_PAIRED or "Not paired" in _brief(error))
+
+
+def explain_pairing(error: Exception, sighting: Sighting) -> SourceError | None:
+    """Return the error for the user for a hub that demands pairing, or has forgotten it; None for other errors.
+
+    Where the hub has forgotten, the key of this computer does not fit: the link ends before the services are known.
+    """
+    is_refused = demands_pairing(error)
+    if sighting.is_paired and (is_refused or type(error) is BleakError or "key-missing" in str(error)):
+        return SourceError(
+            f"{sighting} ends the connection, although this computer is paired with it",
+            f"If the hub was reset, pair it again: {_PAIR_AGAIN.format(sighting.address)}",
+            cause="pairing lost",
+        )
+    if is_refused:
+        return SourceError(
+            f"{sighting} demands pairing", f"Pair it once: {_PAIR.format(sighting.address)}", cause="not paired"
+        )
+    return None
 
 
 def explain(error: Exception, doing: str) -> SourceError:

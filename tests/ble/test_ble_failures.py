@@ -20,6 +20,7 @@ from gateway.clock import ManualClock
 from gateway.io.ble_radio import BLE_ERRORS, explain
 from gateway.io.ble_source import scan_devices
 from gateway.io.source import LinkEventKind, Source, open_source
+from gateway.reasons import Code, Reason
 from gateway.simulator.bluetooth.bluez_thread import BluezStandIn
 from gateway.simulator.bluetooth.dbus_daemon import PrivateBus
 from gateway.simulator.bluetooth.peripheral import Peripheral
@@ -81,6 +82,50 @@ def test_bluetooth_switched_off_and_on_again(bluez: BluezStandIn, hub: Periphera
     assert "switched off" in reader.event(LinkEventKind.RETRYING).text
     bluez.run(bluez.service.power(True))
     reader.event(LinkEventKind.RESTORED)
+
+
+@pytest.mark.parametrize("notify", ["", "&notify=socket"])
+def test_a_hub_that_demands_pairing_is_named_with_the_remedy(hub: Peripheral, read: Read, notify: str) -> None:
+    hub.demands_pairing = True
+    reader = read(open_source(f"ble://Treadlink-FL?scan=0.2{notify}", ManualClock()))
+    assert reader.next() is None
+    assert reader.error is not None
+    assert "demands pairing" in str(reader.error)
+    assert f"bluetoothctl pair {ADDRESSES[0]}" in reader.error.remedy
+
+
+def test_a_hub_that_is_paired_on_request_is_read(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
+    hub.demands_pairing = hub.agent_pairs = True
+    reader = read(open_source("ble://Treadlink-FL?scan=0.2", ManualClock()))
+    reader.event(LinkEventKind.CONNECTED)
+    assert hub.paired
+    bluez.run(bluez.service.notify(hub, [b"data"]))
+    assert reader.bytes(4)[0].data == b"data"
+
+
+def test_a_hub_that_has_forgotten_its_pairing_is_named(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
+    hub.demands_pairing = hub.paired = True
+    reader = read(open_source("ble://Treadlink-FL?scan=0.2", ManualClock()))
+    reader.event(LinkEventKind.CONNECTED)
+    hub.has_key = False  # as after a reset of the hub
+    bluez.run(bluez.service.lose(hub, advertising=True))
+    reader.event(LinkEventKind.LOST)
+    assert "although this computer is paired with it" in reader.event(LinkEventKind.RETRYING).text
+    hub.paired, hub.agent_pairs = False, True  # the user follows the remedy
+    while (item := reader.next()) is not None and getattr(item, "kind", None) is not LinkEventKind.RESTORED:
+        assert getattr(item, "kind", None) is LinkEventKind.RETRYING
+    assert hub.paired
+
+
+def test_an_mtu_that_changes_is_stated_with_the_new_connection(
+    bluez: BluezStandIn, hub: Peripheral, read: Read
+) -> None:
+    reader = read(open_source("ble://Treadlink-FL?scan=0.2", ManualClock()))
+    assert Reason(Code.MTU, mtu=247) in reader.event(LinkEventKind.CONNECTED).details
+    hub.mtu = 185
+    bluez.run(bluez.service.lose(hub, advertising=True))
+    reader.event(LinkEventKind.LOST)
+    assert Reason(Code.MTU_TOO_SMALL, mtu=185, needed=247) in reader.event(LinkEventKind.RESTORED).details
 
 
 def test_bluetooth_crashes_and_returns(bus: PrivateBus, read: Read) -> None:

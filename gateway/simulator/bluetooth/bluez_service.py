@@ -203,9 +203,16 @@ class BluezService:
         peripheral.connected = True
         await self._changed(path, DEVICE, {"Connected": Variant("b", True)})
         self._send(Message.new_method_return(message))
+        if peripheral.paired and not peripheral.has_key:  # encryption fails, and the link ends
+            await self._link_lost(peripheral)
+            return
         if not peripheral.explored:
             for below, interfaces in peripheral.attributes(self.adapter).items():
                 await self._added(below, interfaces)
+        elif peripheral.mtu is not None:
+            for below, interfaces in peripheral.attributes(self.adapter).items():
+                if CHARACTERISTIC in interfaces:
+                    await self._changed(below, CHARACTERISTIC, {"MTU": Variant("q", peripheral.mtu)})
         peripheral.explored = peripheral.resolved = True
         await self._changed(path, DEVICE, {"ServicesResolved": Variant("b", True)})
 
@@ -227,7 +234,20 @@ class BluezService:
         if path := peripheral.notify_path(self.adapter):
             await self._changed(path, CHARACTERISTIC, {"Notifying": Variant("b", False)})
 
+    async def _is_encrypted(self, message: Message, peripheral: Peripheral) -> bool:
+        """Return whether the link is as secure as the peripheral demands; BlueZ asks its agent to pair for that."""
+        if not peripheral.demands_pairing or peripheral.paired:
+            return True
+        if peripheral.agent_pairs:
+            peripheral.paired = peripheral.has_key = True
+            await self._changed(peripheral.path(self.adapter), DEVICE, {"Paired": Variant("b", True)})
+            return True
+        self._send(Message.new_error(message, "org.bluez.Error.NotPermitted", "Not paired"))
+        return False
+
     async def _start_notify(self, message: Message, peripheral: Peripheral) -> None:
+        if not await self._is_encrypted(message, peripheral):
+            return
         self._subscribers.setdefault(message.path or "", set()).add(message.sender or "")
         await self._changed(message.path or "", CHARACTERISTIC, {"Notifying": Variant("b", True)})
         self._send(Message.new_method_return(message))
@@ -238,6 +258,8 @@ class BluezService:
         self._send(Message.new_method_return(message))
 
     async def _acquire_notify(self, message: Message, peripheral: Peripheral) -> None:
+        if not await self._is_encrypted(message, peripheral):
+            return
         self._subscribers.setdefault(message.path or "", set()).add(message.sender or "")
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK)
         self._sockets[message.path or ""] = ours

@@ -34,6 +34,10 @@ class Peripheral:
         service: UUID of its service, which it also advertises.
         characteristics: UUID and flags of each characteristic.
         failures: errors of BlueZ for the next attempts to connect, as (name, text).
+        demands_pairing: whether it notifies only clients that are paired with it.
+        paired: whether this computer has a key of it.
+        has_key: whether it has kept its key of this computer.
+        agent_pairs: whether the user of this computer agrees when asked.
         on_write: called with the bytes that a client writes.
         on_notifying: called when clients subscribe or unsubscribe.
         advertising: whether it can be found.
@@ -55,6 +59,10 @@ class Peripheral:
         (UART_FROM_HUB, ("notify",)),
     )
     failures: list[tuple[str, str]] = field(default_factory=list)
+    demands_pairing: bool = False
+    paired: bool = False
+    has_key: bool = True
+    agent_pairs: bool = False
     on_write: Callable[[bytes], None] | None = None
     on_notifying: Callable[[bool], None] | None = None
     advertising: bool = True
@@ -81,7 +89,7 @@ class Peripheral:
             "Name": Variant("s", self.name),
             "Alias": Variant("s", self.name),
             "Adapter": Variant("o", adapter),
-            "Paired": Variant("b", False),
+            "Paired": Variant("b", self.paired),
             "Connected": Variant("b", self.connected),
             "ServicesResolved": Variant("b", self.resolved),
             "UUIDs": Variant("as", [self.service]),
