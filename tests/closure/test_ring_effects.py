@@ -116,13 +116,28 @@ def test_change_for_a_trial_is_that_of_the_shape(name: str) -> None:
     """Shear flexibility has one more unknown than the ring without it."""
     effect, core = ring_effect(name), ExactCore()
     after = effect.options(RingOptions(), np.array(effect.start_values[0]), STEADY)
-    change = core.change(np.zeros(5), STEADY, RingOptions(), after, 0.24)
+    (change,) = core.changes(np.zeros(5), STEADY, RingOptions(), after, (), 0.24)
     plain, there = (core.shape(np.zeros(5), STEADY, options, 0.24) for options in (RingOptions(), after))
     result, true = (
         waveform_orders(item, 60)
         for item in (change.waveform.radial_m, there.waveform.radial_m - plain.waveform.radial_m)
     )
     assert np.abs(result - true).max() < 0.15 * np.abs(true).max()
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_shapes_beside_another_are_those_of_rings_solved_anew(name: str) -> None:
+    effect, core = ring_effect(name), ExactCore()
+    start = np.array(effect.start_values[0])
+    steps = np.diag([parameter.step for parameter in effect.parameters])
+    options, *others = (effect.options(RingOptions(), values, STEADY) for values in (start, *(start + steps)))
+    core.refine(np.zeros(5), STEADY, options)
+    near = core.beside(np.zeros(5), STEADY, options, others, 0.24)
+    base, *anew = (core.shape(np.zeros(5), STEADY, each, 0.24) for each in (options, *others))
+    for shape, true in zip(near, anew, strict=True):
+        change = waveform_orders(np.subtract(true.waveform, base.waveform), 110)
+        error = waveform_orders(np.subtract(shape.waveform, true.waveform), 110)
+        assert np.linalg.norm(error) < 0.03 * np.linalg.norm(change)
 
 
 @pytest.mark.parametrize(

@@ -82,15 +82,19 @@ class Core(Protocol):
         """Return the derivatives of the shape by the state's K parameters, here or at a nearby point."""
         ...
 
-    def change(
+    def changes(
         self,
         parameters: FloatArray,
         conditions: GroupConditions,
         before: RingOptions,
         after: RingOptions,
+        beside: Sequence[RingOptions],
         half_angle_rad: float,
-    ) -> Shape:
-        """Return the approximate change of the shape by another option, to decide whether to fit it."""
+    ) -> list[Shape]:
+        """Return the approximate change of the shape by another option, to decide whether to fit it.
+
+        The changes by options that differ little from `after` follow it.
+        """
         ...
 
     def refine(self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions) -> None:

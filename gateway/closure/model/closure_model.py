@@ -144,17 +144,27 @@ class ClosureModel:
         with _standing():
             return self.core.shape(tire, group.conditions, self.options(vector, index), self._half_angles_rad[index])
 
-    def _shape_near(self, vector: FloatArray, index: int, name: str, without: Shape) -> Shape:
-        """Return the belt's shape of one group, with an approximate change by an effect to the shape without it."""
+    def _shapes_near(
+        self, vector: FloatArray, points: Sequence[FloatArray], index: int, name: str, without: Shape
+    ) -> list[Shape]:
+        """Return the belt's shapes of one group, with approximate changes by an effect to the shape without it.
+
+        Args:
+            vector: of parameters.
+            points: others that differ little from it in the effect's parameters.
+            index: of the group.
+            name: of the effect.
+            without: shape without it.
+        """
         effect = next((effect for effect in self._ring if effect.name == name), None)
         if effect is None:
-            return without
-        group, tire = self.campaign.groups[index], self.tire(vector, index)
+            return [without] * (len(points) + 1)
+        group, tire, where = self.campaign.groups[index], self.tire(vector, index), self.layout.effect(name)
         with _standing():
             before = self.options(vector, index, without=name).rounded()
-            after = effect.options(before, vector[self.layout.effect(name)], group.conditions)
-            change = self.core.change(tire, group.conditions, before, after, self._half_angles_rad[index])
-        return moved(without, change, 1.0)
+            after, *beside = (effect.options(before, point[where], group.conditions) for point in (vector, *points))
+            changes = self.core.changes(tire, group.conditions, before, after, beside, self._half_angles_rad[index])
+        return [moved(without, change, 1.0) for change in changes]
 
     def options(self, vector: FloatArray, index: int, without: str = "") -> RingOptions:
         """Return the ring options of one group with every effect but one."""
@@ -241,13 +251,16 @@ class ClosureModel:
             the places (k,) of the vector, the group's orders (3, ORDERS), and their derivatives (k, 3, ORDERS).
         """
         group, layout = self.campaign.groups[index], self.layout
-
-        def shape_at(point: FloatArray) -> Shape:
-            if only is None or without is None:
-                return self.shape(point, index)
-            return self._shape_near(point, index, only, without)
-
-        shape = shape_at(vector)
+        ring = [effect for effect in self._ring if only in (None, effect.name)]
+        points: dict[int, FloatArray] = {}
+        for effect in ring:
+            for position, parameter in enumerate(effect.parameters, layout.effect(effect.name).start):
+                points[position] = vector.copy()
+                points[position][position] += parameter.step
+        if only is None or without is None:
+            shape, *shapes = (self.shape(point, index) for point in (vector, *points.values()))
+        else:
+            shape, *shapes = self._shapes_near(vector, list(points.values()), index, only, without)
         core_signal = base_signal(self.core, shape, group.conditions)
         end, seen = self._chain(vector, core_signal, _declared(group))
         turn = self._turn(vector, index)
@@ -266,12 +279,8 @@ class ClosureModel:
                 add(position, float(step), moved(shape, tangent, float(step)), vector)
             places.append(layout.centre(index))
             rows.append(-1j * _ORDER * base)
-        for effect in self._ring:
-            if only in (None, effect.name):
-                for position, parameter in enumerate(effect.parameters, layout.effect(effect.name).start):
-                    there = vector.copy()
-                    there[position] += parameter.step
-                    add(position, parameter.step, shape_at(there), there)
+        for (position, there), shape_there in zip(points.items(), shapes, strict=True):
+            add(position, float(there[position] - vector[position]), shape_there, there)
         wanted = [effect.name for effect in self._signal if only in (None, effect.name)]
         if wanted:
             rows.extend(field_orders(self._signal_rows(vector, seen, _declared(group), wanted)) * turn)

@@ -149,21 +149,53 @@ class ExactCore:
         key = load, pressure, speed, self._grid(conditions)
         return self._tangents.at(key, parameters, options, lambda: self._slopes(parameters, conditions, options))
 
-    def change(
+    def beside(
+        self,
+        parameters: FloatArray,
+        conditions: GroupConditions,
+        options: RingOptions,
+        others: Sequence[RingOptions],
+        half_angle_rad: float,
+    ) -> list[Shape]:
+        """Return the shapes under options that differ little from others, to first order in the difference.
+
+        The tangent stiffness of the one ring serves all: a shape of its own takes three to five factorisations.
+        """
+        if not all(_is_first_order(options, other) for other in others):
+            return [self.shape(parameters, conditions, other, half_angle_rad) for other in others]
+        shape = self.shape(parameters, conditions, options, half_angle_rad)
+        solved = self._solve(parameters, conditions, options, self._grid(conditions))
+        shapes: dict[int, Shape] = {}
+        # A ring may be read at several depths.
+        for depth_m in {other.sensor_offset_m for other in others}:
+            numbers = [number for number, other in enumerate(others) if other.sensor_offset_m == depth_m]
+            solutions = nearby_solutions(
+                solved.ring,
+                [ring_parameters(parameters, conditions, others[number]) for number in numbers],
+                sensor_offset_m=depth_m,
+                drum_radius_m=options.drum_radius_m,
+                drum_radii_m=[others[number].drum_radius_m for number in numbers],
+            )
+            for number, solution in zip(numbers, solutions, strict=True):
+                there = _on_field(solution, others[number])
+                shapes[number] = replace(moved(shape, moved(there, solved.shape, -1.0), 1.0), belt=there.belt)
+        return [shapes[number] for number in range(len(others))]
+
+    def changes(
         self,
         parameters: FloatArray,
         conditions: GroupConditions,
         before: RingOptions,
         after: RingOptions,
+        beside: Sequence[RingOptions],
         half_angle_rad: float,  # noqa: ARG002 - as above
-    ) -> Shape:
-        """Return the approximate change of the shape by another option: on a coarse grid, at a nearby state."""
+    ) -> list[Shape]:
+        """Return the approximate changes of the shape by other options: on a coarse grid, at a nearby state."""
         near = tuple((np.round(parameters / _ROUNDED) * _ROUNDED).tolist())
+        base = _coarse_shape(near, conditions, before)
+        changed = _coarse_shape(near, conditions, after), *_coarse_beside(near, conditions, after, tuple(beside))
         # The belts of the coarse grid are not that of the shape which is to change, and may differ in their unknowns.
-        changed, base = (
-            replace(_coarse_shape(near, conditions, ring_options), belt=None) for ring_options in (after, before)
-        )
-        return moved(changed, base, -1.0)
+        return [moved(replace(shape, belt=None), base, -1.0) for shape in changed]
 
     def _slopes(self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions) -> tuple[Shape, ...]:
         """Return the derivatives of a tire's shape by the state's parameters."""
@@ -302,6 +334,28 @@ def _coarse_core() -> ExactCore:
 @lru_cache(maxsize=_KEPT_COARSE)
 def _coarse_shape(parameters: tuple[float, ...], conditions: GroupConditions, options: RingOptions) -> Shape:
     return _coarse_core().shape(np.array(parameters), conditions, options, 0.0)
+
+
+@lru_cache(maxsize=_KEPT_COARSE)
+def _coarse_beside(
+    parameters: tuple[float, ...], conditions: GroupConditions, options: RingOptions, others: tuple[RingOptions, ...]
+) -> tuple[Shape, ...]:
+    return tuple(_coarse_core().beside(np.array(parameters), conditions, options, others, 0.0))
+
+
+def _is_first_order(options: RingOptions, other: RingOptions) -> bool:
+    """Return whether a ring under other options follows to first order from one that is solved.
+
+    Traction is balanced by a torque that depends on the losses; run-out is made of several loads; losses make a shape
+    depend on speed. Shear and extension are inverses of stiffnesses, in which forces are not linear.
+    """
+    special = (options.traction, other.traction, options.runout_cosine_m, options.runout_sine_m)
+    return (
+        not any((*special, other.runout_cosine_m, other.runout_sine_m))
+        and options.shear_length_m == other.shear_length_m
+        and options.extension_stiffness_n == other.extension_stiffness_n
+        and options.depends_on_speed == other.depends_on_speed
+    )
 
 
 def ring_parameters(parameters: FloatArray, conditions: GroupConditions, options: RingOptions) -> RingParameters:

@@ -6,7 +6,7 @@ difference between the exact ring and the linear ring under the exact ring's own
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -100,17 +100,20 @@ class SeriesCore:
             key, parameters, options, lambda: differences(self, parameters, conditions, options, half_angle_rad)
         )
 
-    def change(
+    def changes(
         self,
         parameters: FloatArray,
         conditions: GroupConditions,
         before: RingOptions,
         after: RingOptions,
+        beside: Sequence[RingOptions],
         half_angle_rad: float,
-    ) -> Shape:
-        """Return the change of the shape by another option."""
-        base = self.shape(parameters, conditions, before, half_angle_rad)
-        return moved(self.shape(parameters, conditions, after, half_angle_rad), base, -1.0)
+    ) -> list[Shape]:
+        """Return the change of the shape by another option, and by each of those beside it."""
+        base, *shapes = (
+            self.shape(parameters, conditions, options, half_angle_rad) for options in (before, after, *beside)
+        )
+        return [moved(shape, base, -1.0) for shape in shapes]
 
     def refine(self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions) -> None:
         """Do nothing: a series has no grid."""
