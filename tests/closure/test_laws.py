@@ -32,7 +32,7 @@ from gateway.closure.known_effects import known_effects
 from gateway.closure.laws.law_plugin import plugin_files
 from gateway.closure.laws.law_search import LawsFound, propose_laws
 from gateway.closure.laws.library import library
-from gateway.closure.laws.unseen_recordings import judged_elsewhere
+from gateway.closure.laws.unseen_recordings import _beside_residual, judged_elsewhere
 from gateway.closure.model.baseline_registry import make_core
 from gateway.closure.model.ring_options import RingOptions
 from gateway.closure.model.sensor_signal import base_signal
@@ -52,6 +52,7 @@ from tests.closure.planted_campaign import (
     campaign_of,
     conditions,
     evaluated,
+    fitted,
     nothing,
     ring,
     searched,
@@ -301,6 +302,15 @@ def test_splice_in_one_recording_is_no_effect() -> None:
     posterior, search = searched(campaign_of(SPEEDS[:1], local(Change.BENDING, SPLICE), noise_mps2=0.5), effects)
     assert posterior.identified() == ()
     assert not {name for names in search.evaluations for name in names} - {"gain"}
+
+
+def test_effect_without_size_has_no_share_of_the_residual() -> None:
+    fit, data = fitted(campaign_of(SPEEDS[:1]), *among("radial hysteresis").values())
+    (effect,) = fit.model.effects
+    vector = fit.vector.copy()
+    vector[fit.model.layout.effect(effect.name)] = 0.0
+    read = {"half_width_mps2": Fitted(0.0, 0.1, "m/s^2")}
+    assert _beside_residual(read, effect, replace(fit, vector=vector), data) == read
 
 
 @pytest.mark.slow

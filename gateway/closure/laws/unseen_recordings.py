@@ -185,8 +185,12 @@ def _beside_residual(
 ) -> dict[str, Fitted]:
     """Return parameters whose sizes have the share in their errors that is left of the effect's axes beyond noise."""
     axes = list(effect.axes)
+    size_mps2 = float(np.linalg.norm(sizes_of(fit, effect)[axes]))
+    if not size_mps2 > 0.0:
+        # Without a size there is nothing of which the residual could be a share.
+        return dict(parameters)
     residuals = [np.square(residual.rms_mps2()[axes]).sum() for residual in group_residuals(fit, data)]
-    share = math.sqrt(float(np.mean(residuals))) / float(np.linalg.norm(sizes_of(fit, effect)[axes]))
+    share = math.sqrt(float(np.mean(residuals))) / size_mps2
     sizes = {parameter.name for parameter in effect.parameters[: effect.sizes]}
     return {
         name: replace(fitted, std=math.hypot(fitted.std, share * fitted.value)) if name in sizes else fitted
