@@ -15,7 +15,15 @@ import numpy as np
 
 from gateway.estimators.disagreement import CONTRADICTION, disagreement_std
 from gateway.estimators.doubt_rules import DoubtRule
-from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
+from gateway.estimators.estimator import (
+    AngleAverage,
+    Estimate,
+    Revolution,
+    Status,
+    TireConditions,
+    estimate_of,
+    not_used,
+)
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.quantity_catalogue import RING_NUMBERS, RING_RATIOS
 from gateway.reasons import Code, Reason
@@ -24,6 +32,8 @@ from gateway.types import BoolArray, FloatArray
 _CW: Final = 1
 _NAMES: Final = (*RING_NUMBERS, *RING_RATIOS)
 _COUNT: Final = len(RING_NUMBERS)
+_NUMBERS: Final = slice(_COUNT)
+_RATIOS: Final = slice(_COUNT, None)
 # Numbers over Cw, in the order of RING_RATIOS.
 _OVER_CW: Final = np.array([0, 2, 3])
 
@@ -240,12 +250,10 @@ def series_estimates(
             of_all = () if reason is None or code is Code.SCALE_BY_WIDTH else (reason,)
             doubted = (*revolution_doubts, *of_all) if code is Code.WIDTH_CONTRADICTED else revolution_doubts
             noted = (*notes, *of_all) if code is Code.WIDTH_DISAGREES else notes
-            numbers = _estimates(fitted, index, rows[index], range(_COUNT), doubted, noted)
+            numbers = _estimates(fitted, index, rows[index], _NUMBERS, doubted, noted)
             if reason is not None and code is Code.SCALE_BY_WIDTH and numbers[_CW].status is not Status.INVALID:
                 numbers[_CW] = numbers[_CW]._replace(reasons=(*numbers[_CW].reasons, reason))
-        estimates.append(
-            (*numbers, *_estimates(fitted, index, rows[index], range(_COUNT, len(_NAMES)), revolution_doubts, notes))
-        )
+        estimates.append((*numbers, *_estimates(fitted, index, rows[index], _RATIOS, revolution_doubts, notes)))
     return estimates
 
 
@@ -253,7 +261,7 @@ def _estimates(
     fitted: FittedSeries,
     index: int,
     row: tuple[list[float], list[float], list[float], list[bool]],
-    columns: range,
+    columns: slice,
     doubts: tuple[Reason, ...],
     notes: tuple[Reason, ...],
 ) -> list[Estimate]:
@@ -267,13 +275,13 @@ def _estimates(
         doubts: why they are provisional.
         notes: what valid ones rest on.
     """
-    values, errors, scatters, sound = row
     status, reasons = (Status.PROVISIONAL, doubts) if doubts else (Status.VALID, notes)
+    values, errors, scatters, sound = (column[columns] for column in row)
     return [
-        Estimate(_NAMES[column], values[column], errors[column], status, reasons, scatters[column])
-        if sound[column]
-        else _undetermined(fitted.at(index), column, values[column], errors[column], doubts)
-        for column in columns
+        estimate_of((name, value, error, status, reasons, scatter))
+        if is_sound
+        else _undetermined(fitted.at(index), _NAMES.index(name), value, error, doubts)
+        for name, value, error, scatter, is_sound in zip(_NAMES[columns], values, errors, scatters, sound, strict=True)
     ]
 
 

@@ -24,6 +24,7 @@ from gateway.estimators.estimator import (
     Revolution,
     Status,
     TireConditions,
+    estimate_of,
     sign_not_determined,
 )
 from gateway.estimators.lateral_shape import (
@@ -483,7 +484,7 @@ def _estimates(
     roll, unusable, claims = measured.followed.roll, measured.unusable, conditions.claims
     doubt = unusable or _doubt(measured.followed, claims)
     estimates = [
-        Estimate(name, value, std, Status.VALID, estimate_notes, scatter)
+        estimate_of((name, value, std, Status.VALID, estimate_notes, scatter))
         if sound and doubt is None
         else _doubted(name, value, std, estimate_notes, doubt)
         for name, value, std, scatter, estimate_notes, sound in zip(

@@ -30,6 +30,9 @@ _BENDING_POWER: Final = 3.0
 _SPACING_REVOLUTIONS: Final = round(2 * DEFAULT_HORIZON_REVOLUTIONS)
 # Usual difference from a pressure that is not known (one standard deviation).
 _UNKNOWN_PRESSURE_SHARE: Final = 0.1
+# Notes of most revolutions.
+_FROM_RATIO: Final = Reason(Code.FROM_RATIO, ratio="Bs/Cw")
+_NOT_COMPENSATED: Final = Reason(Code.TEMPERATURE_NOT_COMPENSATED, difference_k=UNKNOWN_DIFFERENCE_K)
 # Least number of values for a drift.
 _LEAST_VALUES: Final = 4
 
@@ -101,7 +104,7 @@ class WearEstimator(RevolutionEstimator):
         thickness_mm = 1e3 * (tire.ring_thickness_m or 0.0)
         reasons = [Reason(Code.OVER_REVOLUTIONS, revolutions=span)]
         if not softening.is_known:
-            reasons.append(Reason(Code.TEMPERATURE_NOT_COMPENSATED, difference_k=UNKNOWN_DIFFERENCE_K))
+            reasons.append(_NOT_COMPENSATED)
         std = math.hypot(scatter, thickness_mm / _BENDING_POWER * softening.std)
         return Estimate(NAMES[2], float(xy / xx) * span, std, Status.VALID, tuple(reasons))
 
@@ -130,7 +133,7 @@ def _wear(conditions: TireConditions) -> Estimate:
     remaining = thickness_left(bending.value - softening.logarithm)
     notes = list(bending.reasons)
     if not softening.is_known:
-        notes.append(Reason(Code.TEMPERATURE_NOT_COMPENSATED, difference_k=UNKNOWN_DIFFERENCE_K))
+        notes.append(_NOT_COMPENSATED)
     slope = thickness * remaining / _BENDING_POWER
     error = slope * math.hypot(bending.std, softening.std)
     std = math.hypot(error, (1.0 - remaining) * tire.ring_thickness_std_m)
@@ -184,7 +187,7 @@ def bending_since_reference(conditions: TireConditions, *, prefer_ratio: bool = 
         if ratio is not None and ratio.status is not Status.INVALID:
             bending, new = ratio, reference.Bs / reference.Cw
             new_relative = math.hypot(new_relative, reference.Cw_std / reference.Cw)
-            notes.append(Reason(Code.FROM_RATIO, ratio="Bs/Cw"))
+            notes.append(_FROM_RATIO)
     if bending.status is Status.INVALID:
         return Estimate.invalid(name, *bending.reasons)
     stiffness = bending.value / new

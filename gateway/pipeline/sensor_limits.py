@@ -97,6 +97,7 @@ class SensorLimits:
         self._highpass_hz = hello.highpass_hz if ac_coupled and hello.highpass_hz > 0.0 else None
         self._count_mps2 = abs(hello.scale_mps2[Axis.RADIAL])
         self._steps: list[float] = []
+        self._step_mps2 = 0.0
         # Of the latest revolution whose contacts were seen; without one the bias by a band has no size yet.
         self._contact_rad = math.inf
 
@@ -117,7 +118,8 @@ class SensorLimits:
             yield Doubt(Basis.COUPLING, corner, share)
         if len(self._steps) < _REVOLUTIONS:
             self._steps.append(step_counts(counts))
-        step_mps2 = self._count_mps2 * median(self._steps)
+            self._step_mps2 = self._count_mps2 * median(self._steps)
+        step_mps2 = self._step_mps2
         if step_mps2 > _LEAST_STEP * radius_m * revolution.omega_radps**2:
             # Of a sample: on the angle grid, more samples than its points are averaged.
             samples = revolution.rate_hz * revolution.period_s / revolution.turns

@@ -210,9 +210,11 @@ class WheelPairs:
             if not result.host_ns:
                 continue
             revolution, conditions = result.revolution, result.conditions
-            direction = next(
-                (e.value for e in result.estimates if e.name in self._names and e.status is not Status.INVALID), 0.0
-            )
+            direction = 0.0
+            for name, value, _, status, _, _ in result.estimates:
+                if name in self._names and status is not Status.INVALID:
+                    direction = value
+                    break
             right = right_of(result.position)
             if right is not None:
                 self._lefts[right] = result.position
