@@ -4,11 +4,14 @@ Both take a fraction of the time of numpy's, whose overhead exceeds the work on 
 work among threads where the environment does not forbid it, which makes systems this small a hundred times slower.
 """
 
+from collections.abc import Sequence
+from functools import lru_cache
+
 import numpy as np
 from scipy.linalg.lapack import dgels, dgeqrf, dtrtrs
 
 from gateway.compiled import core
-from gateway.types import FloatArray
+from gateway.types import BoolArray, FloatArray
 
 
 def upper_factor(columns: FloatArray) -> FloatArray:
@@ -17,8 +20,14 @@ def upper_factor(columns: FloatArray) -> FloatArray:
     The signs of its rows are not fixed.
     """
     upper, *_ = dgeqrf(columns)
-    result: FloatArray = np.triu(upper[: columns.shape[1]])
+    result: FloatArray = np.where(_is_upper(columns.shape[1]), upper[: columns.shape[1]], 0.0)
     return result
+
+
+@lru_cache(maxsize=16)
+def _is_upper(count: int) -> BoolArray:
+    """Return which elements of a square matrix are on or above its diagonal, (count, count)."""
+    return np.tri(count, dtype=np.bool_).T
 
 
 def solve_lower(factors: FloatArray, right: FloatArray, *, transposed: bool = False) -> FloatArray:
@@ -55,18 +64,18 @@ def _solved_by_core(factor: FloatArray, right: FloatArray, transposed: bool, out
 solved_lower = _solved_by_lapack if core is None else _solved_by_core
 
 
-def least_squares(matrices: FloatArray, right: FloatArray) -> FloatArray:
+def least_squares(matrices: FloatArray, right: FloatArray | Sequence[FloatArray]) -> FloatArray:
     """Return x of least |matrix x - right|^2 for each of b systems, (b, n, k).
 
     Args:
         matrices: (b, m, n), m >= n.
-        right: (b, m, k).
+        right: (b, m, k), or b arrays (m, k).
 
     Raises:
         numpy.linalg.LinAlgError: a matrix is singular.
     """
     count = matrices.shape[2]
-    solved = np.empty((len(right), count, right.shape[2]))
+    solved = np.empty((len(right), count, right[0].shape[1] if len(right) else 0))
     for index, both in enumerate(zip(matrices, right, strict=True)):
         if not fitted(*both, solved[index]):
             raise np.linalg.LinAlgError("the columns are not independent")

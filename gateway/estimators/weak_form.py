@@ -360,7 +360,7 @@ def uneven_rotation(orders: FloatArray) -> FloatArray:
     Args:
         orders: (m,) cosine orders of the signal over its mean.
     """
-    slopes = 0.125 * np.arange(len(orders)) * orders
+    slopes = 0.125 * _ORDERS[: len(orders)] * orders
     change = np.zeros(len(orders))
     change[:-2] -= slopes[2:]
     change[2:] += slopes[:-2]
@@ -442,7 +442,7 @@ def fits_of(solution: WeakFormSolution, order_std: FloatArray, systematic: Float
     return WaveformFits(
         values=solution.unknowns[:, :4],
         free=solution.free[:, :4],
-        noise=np.broadcast_to(noise, model.shape),
+        noise=noise if noise.shape == model.shape else np.broadcast_to(noise, model.shape),
         model=model,
         deflection=solution.unknowns[:, 5],
         misfit=solution.misfit,

@@ -34,6 +34,9 @@ FREEDOM: Final = ROWS + 1 - UNKNOWNS
 COLD_PASSES: Final = 4
 _GAUSS_NEWTON_STEPS: Final = 5
 _CONVERGED: Final = 1e-5
+# Ridge of the unknowns, and right-hand sides whose solutions are the columns of an inverse.
+_RIDGE: Final[FloatArray] = np.eye(UNKNOWNS)
+_ROW_BY_ROW: Final[FloatArray] = np.eye(ROWS + 1 + UNKNOWNS, ROWS + 1)
 # An unknown below this share of its unit is on its bound.
 _ON_BOUND: Final = 1e-6
 
@@ -132,7 +135,7 @@ def _weights(rows: BalanceRows, unknowns: FloatArray, order_std: FloatArray) -> 
     sensitivity = row_sensitivity(rows, unknowns)
     weighted = sensitivity * order_std[:, np.newaxis, :]
     # The product of `weighted` with its transpose is the covariance, but would square the condition number.
-    return _Weights(sensitivity, np.square(order_std), np.stack([upper_factor(matrix.T).T for matrix in weighted]))
+    return _Weights(sensitivity, np.square(order_std), np.array([upper_factor(matrix.T).T for matrix in weighted]))
 
 
 def _cold_start(rows: BalanceRows) -> FloatArray:
@@ -228,8 +231,7 @@ def _inverse(jacobian: FloatArray) -> FloatArray:
     """
     scaled = jacobian * UNITS
     # A small ridge, so that the matrix is never singular.
-    ridge = 1e-7 * np.sqrt(np.sum(np.square(scaled), axis=(1, 2)))[:, np.newaxis, np.newaxis] * np.eye(UNKNOWNS)
-    count = scaled.shape[1]
-    right = np.broadcast_to(np.eye(count + UNKNOWNS, count), (len(scaled), count + UNKNOWNS, count))
-    inverse: FloatArray = least_squares(np.concatenate([scaled, ridge], axis=1), right) * UNITS[:, np.newaxis]
+    ridge = 1e-7 * np.sqrt(np.sum(np.square(scaled), axis=(1, 2)))[:, np.newaxis, np.newaxis] * _RIDGE
+    both = np.concatenate([scaled, ridge], axis=1)
+    inverse: FloatArray = least_squares(both, [_ROW_BY_ROW] * len(scaled)) * UNITS[:, np.newaxis]
     return inverse

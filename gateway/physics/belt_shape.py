@@ -121,11 +121,18 @@ def curvature_orders(signal_orders: FloatArray, offset: FloatArray | float = 0.0
         return relative
     signal = relative @ COSINES.T
     curvature = signal
+    quadruple = -4.0 * offset
     for _ in range(_OFFSET_STEPS):
         square = (np.square(curvature) @ TRAPEZOID / math.pi)[:, np.newaxis]
         read = signal * (1.0 - offset * square)
         # The root that tends to `read` as the offset tends to 0; the maximum keeps an impossible peak from being NaN.
-        curvature = 2.0 * read / (1.0 + np.sqrt(np.maximum(1.0 - 4.0 * offset * read, 0.0)))
+        root = read * quadruple
+        root += 1.0
+        np.maximum(root, 0.0, out=root)
+        np.sqrt(root, out=root)
+        root += 1.0
+        read *= 2.0
+        curvature = np.divide(read, root, out=read)
     orders: FloatArray = curvature @ _ANALYSIS
     orders /= orders[:, :1]
     return orders
@@ -155,8 +162,8 @@ def _closed(orders: FloatArray) -> tuple[FloatArray, FloatArray]:
     angle = closed @ _SINES.T
     for _ in range(_CLOSURE_STEPS):
         gap = np.cos(angle) @ TRAPEZOID
-        slope = -np.sin(angle) @ _CLOSING
-        change = -gap / slope
+        slope = np.sin(angle) @ _CLOSING
+        change = gap / slope
         closed[:, 1] += change
         angle += change[:, np.newaxis] * _SINES[:, 1]
     return closed, angle
@@ -182,8 +189,8 @@ def integrate_from_zero(values: ComplexArray) -> ComplexArray:
     opposite symmetry, such as forces, integrate -1j times the field and multiply by 1j.
     """
     # Such a field has a real spectrum. Its mean has an x component only and integrates to a ramp.
-    spectrum = np.fft.hfft(values, axis=-1)
+    spectrum = np.fft.irfft(values.conj(), axis=-1, norm="forward")
     mean = spectrum[..., :1] / (2 * HALF_STEPS)
-    integral = -1j * np.fft.ihfft(spectrum * _INVERSE, axis=-1)
+    integral = -1j * np.fft.rfft(spectrum * _INVERSE, axis=-1, norm="forward").conj()
     result: ComplexArray = integral - integral[..., :1] + mean * ANGLES_RAD
     return result

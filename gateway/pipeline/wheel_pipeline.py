@@ -469,7 +469,7 @@ class WheelPipeline:
                 is_hidden = is_hidden or _may_hide_contacts(buffer, start, end, turns, dips)
                 checked.append(_Checked(0.0, turns) if is_hidden else _SOUND)
                 continue
-            total = int(buffer.view(first, last)[:, column].sum(dtype=np.int64))
+            total = int(np.add.reduce(buffer.view(first, last)[:, column], dtype=np.int64))
             mean_mps2 = scale * (total / (last - first) - offset)
             if (turns := self._unmarked.turns(end - start, mean_mps2)) > 1:
                 checked.append(_Checked(0.0, turns))

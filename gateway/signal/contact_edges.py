@@ -179,8 +179,8 @@ def _levels(radial_mps2: FloatArray, spectrum: ComplexArray, width: float) -> Co
     middle, reach, search = n // 2, round(_CENTRE_RAD * points_per_rad), round(_SEARCH_RAD * points_per_rad)
     beyond = math.ceil(_FREE_RAD * points_per_rad)
     baseline = median(np.concatenate((smooth[: middle - beyond + 1], smooth[middle + beyond :])))
-    inside = middle - reach + int(np.argmin(smooth[middle - reach : middle + reach + 1]))
-    plateau = float(smooth[inside])
+    inside = middle - reach + int(smooth[middle - reach : middle + reach + 1].argmin())
+    plateau = smooth.item(inside)
     crossings = _half_level_crossings(smooth, inside, 0.5 * (plateau + baseline), search)
     if crossings is not None:
         # Second pass with the level of the plateau instead of the minimum, which noise and overshoots bias.
@@ -328,12 +328,16 @@ def _half_level_crossings(smooth: FloatArray, inside: int, level: float, reach: 
     """Return the last indices at or below the level on either side of `inside`, or None without crossings."""
     if not smooth[inside] < level:
         return None
-    above = smooth > level
-    before = above[max(0, inside - reach) : inside][::-1]
-    after = above[inside + 1 : inside + 1 + reach]
-    if not (before.any() and after.any()):
+    first = max(0, inside - reach)
+    above = smooth[first : inside + 1 + reach] > level
+    before, after = above[: inside - first][::-1], above[inside - first + 1 :]
+    if not (len(before) and len(after)):
         return None
-    return inside - int(np.argmax(before)), inside + int(np.argmax(after))
+    # The first point above the level; the first of all where there is none.
+    last_before, last_after = int(before.argmax()), int(after.argmax())
+    if not (before.item(last_before) and after.item(last_after)):
+        return None
+    return inside - last_before, inside + last_after
 
 
 def _not_found(

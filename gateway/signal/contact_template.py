@@ -13,6 +13,7 @@ fitted by least squares; the latter absorb load, speed and the high-pass filter 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -28,7 +29,7 @@ from gateway.signal.angle_resampling import (
 )
 from gateway.signal.contact_edges import ContactEdges, find_contact_edges, smoothing_order
 from gateway.signal.segmentation import refine_contact
-from gateway.types import BoolArray, FloatArray
+from gateway.types import BoolArray, ComplexArray, FloatArray
 
 # The template extends this far beyond the edges, to include the full slope of the overshoots.
 _BEYOND_RAD: Final = 0.35
@@ -371,10 +372,15 @@ def _extended_variance(variance: FloatArray, orders: int) -> FloatArray:
 def _curves(waveform: FloatArray, width: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the smoothed waveform, its derivative by angle, and the derivative without smoothing, (n,) each."""
     n = waveform.shape[0]
+    curves: FloatArray = np.fft.irfft(np.fft.rfft(waveform) * _curve_factors(n, width), n=n, axis=1)
+    return curves[0], curves[1], curves[2]
+
+
+@lru_cache(maxsize=32)
+def _curve_factors(n: int, width: float) -> ComplexArray:
+    """Return the factors of the orders of a waveform (n,) that give its curves, (3, n / 2 + 1)."""
     orders = np.arange(n // 2 + 1.0)
     gain = np.exp(-0.5 * (orders / width) ** 2)
-    spectrum = np.fft.rfft(waveform)
-    turned = spectrum * (1j * orders)
-    turned[_DERIVATIVE_ORDERS:] = 0.0
-    curves: FloatArray = np.fft.irfft(np.stack([spectrum * gain, turned * gain, turned]), n=n, axis=1)
-    return curves[0], curves[1], curves[2]
+    turn = 1j * orders
+    turn[_DERIVATIVE_ORDERS:] = 0.0
+    return np.stack([gain.astype(np.complex128), turn * gain, turn])

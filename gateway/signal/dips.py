@@ -126,7 +126,7 @@ class _Scale(NamedTuple):
         around = index[:, np.newaxis] + np.arange(-self.reach, self.reach + 1)
         np.minimum(np.maximum(around, 0, out=around), n - 1, out=around)
         around += (of * n)[:, np.newaxis]
-        values: FloatArray = self.score.reshape(-1).take(around).max(axis=1)
+        values: FloatArray = np.maximum.reduce(self.score.reshape(-1).take(around), axis=1)
         values[(index < 0) | (index >= n)] = -math.inf
         return values
 
