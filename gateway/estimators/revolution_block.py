@@ -4,6 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from operator import attrgetter
 from typing import Final, NamedTuple, Self
 
 import numpy as np
@@ -112,7 +113,7 @@ class ConditionArrays(NamedTuple):
     @classmethod
     def of(cls, conditions: Sequence[TireConditions]) -> Self:
         """Return the conditions as arrays."""
-        return cls(*np.array([[getattr(condition, name) for name in cls._fields] for condition in conditions]).T)
+        return cls(*np.array(list(map(attrgetter(*cls._fields), conditions))).T)
 
     def rows(self, taken: slice) -> Self:
         """Return the conditions of some of the revolutions."""

@@ -515,8 +515,8 @@ def _is_next(before: float, period: float) -> bool:
 def _passage(start: float, end: float, previous_period: float | None, *, zero_at: float | None = None) -> Phase:
     """Return the phase around the later contact of a revolution, angle 0 at `zero_at`, or else at that contact."""
     phase = fit_phase(start, end, start - previous_period if previous_period is not None else None)
-    zero = end if zero_at is None else zero_at
-    return Phase(zero, zero + phase.samples, phase.rate + phase.acceleration * phase.samples, phase.acceleration)
+    zero, samples = end if zero_at is None else zero_at, end - start
+    return Phase(zero, zero + samples, phase.rate + phase.acceleration * samples, phase.acceleration)
 
 
 def _moved(phase: Phase, samples: float) -> Phase:

@@ -188,9 +188,10 @@ def _in_angle(
     else:
         axes.fill(math.nan)
         axes[:, list(reading.columns)] = resample_revolutions(counts, phases, GRID_SIZE, scale)
+    periods = [phase.samples for phase in phases]
     omegas_radps = [
-        2.0 * math.pi * timed_revolution.turns * timed_revolution.rate_hz / phase.samples
-        for timed_revolution, phase in zip(revolutions, phases, strict=True)
+        2.0 * math.pi * timed_revolution.turns * timed_revolution.rate_hz / period
+        for timed_revolution, period in zip(revolutions, periods, strict=True)
     ]
     corners = [2.0 * math.pi * reading.corner_hz / omega_radps for omega_radps in omegas_radps]
     for row, revolution, corner in zip(axes, revolutions, corners, strict=True):
@@ -220,7 +221,7 @@ def _in_angle(
             state = timed_revolution.sign, timed_revolution.contribution_mps2 is None
             is_usable = filling.take(row, omega_radps, inside, state, timed_revolution.start_s)
         faults.append(against if is_usable else (Reason(Code.SAMPLES_LOST), *against))
-        missing.append(lost / phase.samples)
+        missing.append(lost / phase.samples if lost else 0.0)
         saturated.append(is_saturated)
     radial[:] = normalise_revolutions(
         axes[:, Axis.RADIAL],
@@ -230,9 +231,10 @@ def _in_angle(
     ).radial_mps2
     spectra = np.fft.rfft(radial, axis=1)
     orders[:] = spectrum_coefficients(spectra)
-    noises = band_noises(spectra, [phase.samples for phase in phases])
-    for row_index, (revolution, phase, noise_coefficient) in enumerate(zip(revolutions, phases, noises, strict=True)):
-        period = phase.samples
+    noises = band_noises(spectra, periods)
+    for row_index, (revolution, phase, period, noise_coefficient) in enumerate(
+        zip(revolutions, phases, periods, noises, strict=True)
+    ):
         order_max = highest_order(period)
         if order_max < ORDER_COUNT - 1:
             orders[row_index, order_max + 1 :] = complex(math.nan, math.nan)

@@ -190,7 +190,10 @@ class _Pair:
 
     def verdict(self, at_ns: float) -> _Verdict:
         """Return what is known at a time."""
-        return next((verdict for verdict in reversed(self.verdicts) if verdict.at_ns <= at_ns), _NOTHING)
+        for verdict in reversed(self.verdicts):
+            if verdict.at_ns <= at_ns:
+                return verdict
+        return _NOTHING
 
 
 class WheelPairs:

@@ -174,8 +174,9 @@ def resample_revolutions(
         rows = samples.shape[0]
         if phase.start < 0.0 or phase.end > rows - 1 or rows < 6:
             raise ValueError(f"{rows} samples do not cover a revolution from {phase.start:.1f} to {phase.end:.1f}")
-        order: Literal[3, 5] = 3 if phase.samples >= _CUBIC_FROM_SAMPLES else 5
-        alike.setdefault((order, max(1, math.ceil(phase.samples / (_MAX_DENSITY * n)))), []).append(row)
+        period = phase.end - phase.start
+        order: Literal[3, 5] = 3 if period >= _CUBIC_FROM_SAMPLES else 5
+        alike.setdefault((order, max(1, math.ceil(period / (_MAX_DENSITY * n)))), []).append(row)
     for (order, density), places in alike.items():
         together = max(1, _TOGETHER // density)
         for begin in range(0, len(places), together):
