@@ -199,7 +199,15 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             possible=_POSITIVE,
             label="contact length",
             bus=OnBus(_CONTACT_FRAME, "ContactLength", 1e-5),
-            watch=Watch(number="contact_length", unit="mm", factor=1e3, notable=5.0, shifted_by=_BY_RADIUS),
+            # Where no load is calibrated, it shows a load that is not as stated.
+            watch=Watch(
+                number="contact_length",
+                unit="mm",
+                factor=1e3,
+                notable=5.0,
+                shifted_by=_BY_RADIUS,
+                explains=frozenset({Basis.LOAD}),
+            ),
             live_label="contact",
         ),
         # Grows with load over pressure, and is right where radius and rate are stated wrongly.

@@ -806,6 +806,10 @@ class Code(Enum):
         "left out, because the clock of the recorder was wrong: {path} says it began on {date}. Set its clock and "
         "record again"
     )
+    TREND_CONTACT_CHANGED = (
+        "since {date}, {name:series} is {change:+.3g}{unit: } ± {std:.2g}{unit: } from its earlier trend, by the load, "
+        "the stiffness, or a pressure that is not measured: {count} recordings, {first} to {last}"
+    )
     TREND_DAMAGED = "damaged: {count} of {of} recordings, whose readable part was estimated"
     TREND_DISTANCE_CONSTANT = (
         "the distance is the same in all recordings; an odometer file needs readings before and after them"

@@ -19,10 +19,11 @@ _TOGETHER: Final = 2
 # What a tire follows is declared apart from what an estimate of it rests on, as stated values.
 _OF_TIRE: Final = frozenset({Basis.PRESSURE, Basis.LOAD})
 _QUANTITIES: Final = {quantity.column: quantity for quantity in declared() if quantity.watch is not None}
-# Those of the sensor first: a false reading may look like any change of the tire.
+# Those of the sensor first: a false reading may look like any change of the tire. What may follow from another cause is
+# the last.
 _CAUSES: Final = sorted(
     (series for series in SERIES.values() if series.watch.explains),
-    key=lambda series: bool(series.watch.explains & _OF_TIRE),
+    key=lambda series: (bool(series.watch.explains & _OF_TIRE), bool(series.watch.explains & series.watch.follows)),
 )
 # At a steady load the area of the contact is inverse to the pressure, and the belt's tension goes with it: a tire's
 # number follows pressure and load by their first powers at most, beside those by which it is scaled.
@@ -70,10 +71,17 @@ def with_causes(findings: Sequence[Finding], onsets: Mapping[str, Sequence[Chang
     explained: set[int] = set()
     for cause, _, watch in _CAUSES:
         of_cause = [index for index, finding in enumerate(findings) if finding.series == cause]
+        if of_cause and explained.issuperset(of_cause):
+            continue
         changes = [*onsets.get(cause, ()), *(findings[index].change for index in of_cause)]
         for index, finding in enumerate(findings):
             quantity = _QUANTITIES.get(finding.series)
-            if index in explained or quantity is None or not watch.explains & _bases_of(quantity):
+            if (
+                index in explained
+                or quantity is None
+                or finding.series == cause
+                or not watch.explains & _bases_of(quantity)
+            ):
                 continue
             if any(_follows(finding.change, change, quantity, watch.explains) for change in changes):
                 explained.add(index)

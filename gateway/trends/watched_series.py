@@ -28,6 +28,7 @@ _OF_RECORDINGS: Final = (
             trend=Trend.APART,
             worse=-1.0,
             is_drawn=True,
+            follows=frozenset(),
             explains=frozenset({Basis.PRESSURE}),
         ),
     ),

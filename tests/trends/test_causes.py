@@ -117,6 +117,50 @@ def test_a_refill_explains_what_follows_from_its_size(share):
     assert names == (set() if share < 0.1 else {"contact_length_m"})
 
 
+@pytest.mark.parametrize("is_calibrated", [False, True])
+def test_another_load_is_one_finding(is_calibrated):
+    # The simulator's tire at 4600 N in place of the 4000 N that are stated, at the same pressure: estimated means.
+    ratios = {
+        "contact_length_m": 0.14525 / 0.13154,
+        "contact_fraction": 0.07224 / 0.06542,
+        "Bs": 0.00268 / 0.00308,
+        "Cw": 0.16972 / 0.19524,
+        "Rs": 2.58382 / 2.97031,
+        "Ts": 2.16722 / 2.49783,
+    }
+    tire = history()
+    after = np.arange(100) >= 60
+    tire.columns["contact_fraction"] = tire.columns["contact_length_m"] / (2.0 * np.pi * RADIUS_M)
+    columns = {**tire.columns}
+    for name, ratio in ratios.items():
+        columns[name] = columns[name] * np.where(after, ratio, 1.0)
+    if is_calibrated:
+        columns["estimated_load_n"] = columns["estimated_load_n"] * np.where(after, 1.15, 1.0)
+    else:
+        columns["estimated_load_n"] = np.full(100, np.nan)
+    findings = findings_of(replace(tire, columns=columns))
+    code = Code.TREND_LOAD_STEPS if is_calibrated else Code.TREND_CONTACT_CHANGED
+    assert set(findings) == {code}
+    others = {"Bs", "Cw", "Rs", "Ts", "contact_fraction"}
+    assert set(findings[code]["consequences"]) == others | ({"contact_length_m"} if is_calibrated else set())
+    if not is_calibrated:
+        assert findings[code]["change"] == pytest.approx(12.5, abs=1.0)
+        assert "by the load, the stiffness" in text(findings[code])
+
+
+def test_a_stiffness_that_changes_more_than_the_contact_is_a_finding_of_its_own():
+    tire = history()
+    after = np.arange(100) >= 60
+    columns = {
+        **tire.columns,
+        "contact_length_m": tire.columns["contact_length_m"] * np.where(after, 1.06, 1.0),
+        "Cw": tire.columns["Cw"] * np.where(after, 0.6, 1.0),
+    }
+    columns["estimated_load_n"] = np.full(100, np.nan)
+    findings = findings_of(replace(tire, columns=columns))
+    assert {finding["name"] for finding in findings.values()} == {"contact_length_m", "Cw"}
+
+
 @pytest.mark.parametrize(("gain", "name"), [(0.004, "Cw"), (0.03, "gain")])
 def test_a_change_too_small_for_a_finding_hides_none(gain, name):
     tire = history()
