@@ -10,9 +10,10 @@ import pytest
 
 from gateway.clock import ManualClock
 from gateway.errors import LinkLostError, SourceError
+from gateway.io.bus_frames import unpack
 from gateway.io.can_source import CanBusSource
 from gateway.io.reconnect import Backoff, LinkState, ReconnectingSource
-from gateway.io.source import Chunk, LinkEvent, LinkEventKind
+from gateway.io.source import BusFrames, Chunk, LinkEvent, LinkEventKind
 
 MISSING = SourceError("there is no port X", "Plug it in.", cause=errno.ENOENT)
 BUSY = SourceError("X is in use", "Close the other program.", cause=errno.EBUSY)
@@ -241,3 +242,47 @@ def test_a_bus_that_flaps_is_opened_less_and_less_often() -> None:
     pauses_s = [(b - a) * 1e-9 for a, b in itertools.pairwise(opened_ns)]
     assert pauses_s == [0.25, 0.5, 1.0, 2.0, 4.0, 5.0, 5.0, 5.0]
     assert kinds(items)[:4] == ["connected", "chunk", "lost", "restored"]
+
+
+class BusOffBus(can.BusABC):
+    """A controller that goes bus-off: its last messages, then errors of a network that is down."""
+
+    def __init__(self, messages: list[can.Message], then: Callable[[], None]) -> None:
+        self._messages, self._then = messages, then
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        if self._messages:
+            return self._messages.pop(0)
+        self._then()
+        return None
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        raise AssertionError("a source sends nothing")
+
+    def shutdown(self) -> None:
+        pass
+
+
+def test_a_bus_that_goes_off_and_returns_keeps_its_frames_and_its_errors() -> None:
+    clock, stop, openings = ManualClock(0), threading.Event(), itertools.count(1)
+    # SocketCAN's error class "bus off", as python-can hands it on.
+    bus_off = can.Message(arbitration_id=0x40, is_error_frame=True, dlc=8, data=bytes(8))
+
+    def is_down() -> None:
+        raise OSError(errno.ENETDOWN, "Network is down")
+
+    def open_bus() -> can.BusABC:
+        number = next(openings)
+        if number in (2, 3):  # `ip link set can0 up` is not done yet
+            is_down()
+        before = number == 1
+        messages = [can.Message(arbitration_id=1 if before else 2)] + [bus_off] * before
+        return BusOffBus(messages, is_down if before else stop.set)
+
+    items = list(CanBusSource("can:can0", open_bus, clock, None).items(stop))
+    assert kinds(items) == ["connected", "chunk", "lost", "retrying", "restored", "chunk"]
+    assert [item.text for item in items if isinstance(item, LinkEvent)][1:3] == ["Network is down"] * 2
+    frames = [frame for item in items if isinstance(item, BusFrames) for frame in unpack(item.data, item.host_ns)]
+    assert [(frame.can_id, frame.is_error) for frame in frames] == [(1, False), (0x40, True), (2, False)]
+    away = next(item for item in items if getattr(item, "kind", None) is LinkEventKind.RESTORED).details[0]
+    assert away["away_s"] == pytest.approx(0.25 + 0.5 + 1.0)
