@@ -20,6 +20,7 @@ from gateway.publishing.line_schema import line_schema
 from gateway.publishing.mqtt import PASSWORD, USERNAME
 from gateway.publishing.sink import PublishedState, SinkError, SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
+from gateway.views.wording import text
 from tests.testkit.waiting import TIMEOUT_S, until
 from tools.mqtt_broker import PROGRAM, Broker, Listener
 
@@ -274,6 +275,22 @@ def test_refused_credentials_are_named_and_right_ones_work(items, tmp_path, monk
         assert worker.snapshot().published == 1
     finally:
         broker.kill()
+
+
+def test_revolutions_that_permissions_forbid_count_as_dropped(items, tmp_path) -> None:
+    permissions = tmp_path / "permissions"
+    permissions.write_text("topic readwrite car/status\ntopic write car/alarm\n")
+    broker = Broker(tmp_path, f"allow_anonymous true\nacl_file {permissions}").start()
+    try:
+        worker = begin(f"mqtt://127.0.0.1:{broker.port}/car")
+        for item in items[:-1]:
+            worker.offer(item)
+        finish(worker)
+    finally:
+        broker.kill()
+    assert (worker.snapshot().published, worker.snapshot().dropped) == (2, len(items) - 3)
+    assert text(worker.snapshot().note) == "the receiver refuses items: not authorized"
+    assert worker.is_left
 
 
 def write_certificates(folder: Path) -> None:
