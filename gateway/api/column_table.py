@@ -120,7 +120,9 @@ class ColumnTable:
         Raises:
             OutputError: pyarrow is not installed.
         """
-        pyarrow = require_pyarrow()
+        require_packages("this", "parquet", "pyarrow")
+        import pyarrow
+
         descriptions, units = self.descriptions, self.units
         arrays = {name: _arrow_column(pyarrow, values) for name, values in self.to_dict().items()}
         schema = pyarrow.schema(
@@ -212,18 +214,6 @@ def require_pandas() -> Any:
     import pandas
 
     return pandas
-
-
-def require_pyarrow() -> Any:
-    """Return pyarrow.
-
-    Raises:
-        OutputError: it is not installed; the remedy names the extra.
-    """
-    require_packages("this", "parquet", "pyarrow")
-    import pyarrow
-
-    return pyarrow
 
 
 def text_array(values: list[str]) -> TextArray:

@@ -1,7 +1,7 @@
 """`treadlink calibrate`: tire calibration from recordings with known loads, slip angles or side forces."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import click
@@ -80,11 +80,8 @@ def load(
         raise no_points_error(positions)
     fit = fit_load_calibration(points)
     reference = reference_numbers(points, ESTIMATOR)
-    say = SummaryOutput(err=is_stdout(out_path))
-    for line in fit_lines(points, fit, reference):
-        say(line)
-    text = calibration_toml(fit.calibration, reference)
-    _write(text, out_path, say, force=force)
+    table = calibration_toml(fit.calibration, reference)
+    _write(fit_lines(points, fit, reference), table, out_path, force=force)
 
 
 def _of_runs(command: Callable[..., None]) -> Callable[..., None]:
@@ -127,10 +124,7 @@ def slip(runs_path: Path, config_path: Path | None, out_path: Path | None, force
 
     runs = measured_runs(runs_path, runs_file, config_path)
     fit = fit_slip_calibration(runs, math.radians(runs_file.slip_zero_std_deg))
-    say = SummaryOutput(err=is_stdout(out_path))
-    for line in slip_lines(runs, fit):
-        say(line)
-    _write(slip_toml(fit.calibration), out_path, say, force=force)
+    _write(slip_lines(runs, fit), slip_toml(fit.calibration), out_path, force=force)
 
 
 @calibrate.command(name="side-force")
@@ -157,14 +151,14 @@ def side_force(runs_path: Path, config_path: Path | None, out_path: Path | None,
 
     runs = measured_force_runs(runs_path, runs_file, config_path)
     calibration = fit_side_force(runs, runs_file)
+    _write(force_lines(runs, calibration), force_toml(calibration), out_path, force=force)
+
+
+def _write(lines: Iterable[str], text: str, out_path: Path | None, *, force: bool) -> None:
+    """Print the lines of the fit, and print its tables or write them to a file."""
     say = SummaryOutput(err=is_stdout(out_path))
-    for line in force_lines(runs, calibration):
+    for line in lines:
         say(line)
-    _write(force_toml(calibration), out_path, say, force=force)
-
-
-def _write(text: str, out_path: Path | None, say: SummaryOutput, *, force: bool) -> None:
-    """Print the tables, or write them to a file."""
     if out_path is None:
         say("\n" + text.removesuffix("\n"))
         say.finish()

@@ -115,7 +115,6 @@ def cord_ply(
     cord_share: float,
     thickness_m: float,
     angle_rad: float,
-    cord_poisson_ratio: float = STEEL_POISSON_RATIO,
 ) -> Ply:
     """Return a ply of cords in rubber: rule of mixtures along (E1, nu12), Halpin-Tsai across (E2, xi 2; G12, xi 1).
 
@@ -125,7 +124,6 @@ def cord_ply(
         cord_share: volume share of the cords, between 0 and 1.
         thickness_m: of the ply.
         angle_rad: of the cords from the belt's length.
-        cord_poisson_ratio: of the cord.
 
     Raises:
         ValueError: a share outside 0 to 1, or a modulus or thickness that is not positive.
@@ -135,13 +133,13 @@ def cord_ply(
     for name, value in (("cord_pa", cord_pa), ("rubber_pa", rubber_pa), ("thickness_m", thickness_m)):
         if not value > 0.0:
             raise ValueError(f"{name} must be positive, not {value:g}")
-    cord_shear = cord_pa / (2.0 * (1.0 + cord_poisson_ratio))
+    cord_shear = cord_pa / (2.0 * (1.0 + STEEL_POISSON_RATIO))
     rubber_shear = rubber_pa / (2.0 * (1.0 + RUBBER_POISSON_RATIO))
     return Ply(
         along_pa=cord_share * cord_pa + (1.0 - cord_share) * rubber_pa,
         across_pa=_halpin_tsai(cord_pa, rubber_pa, cord_share, 2.0),
         shear_pa=_halpin_tsai(cord_shear, rubber_shear, cord_share, 1.0),
-        poisson_ratio=cord_share * cord_poisson_ratio + (1.0 - cord_share) * RUBBER_POISSON_RATIO,
+        poisson_ratio=cord_share * STEEL_POISSON_RATIO + (1.0 - cord_share) * RUBBER_POISSON_RATIO,
         thickness_m=thickness_m,
         angle_rad=angle_rad,
     )

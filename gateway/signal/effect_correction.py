@@ -145,14 +145,13 @@ class CorrectionTable:
             reasons.append(Reason(Code.EFFECTS_OF_OTHER_OFFSET, found_m=self.sensor_offset_m, offset_m=max(offsets_m)))
         return tuple(reasons)
 
-    def contribution_mps2(self, omega_radps: float, n: int = GRID_SIZE, *, ac_coupled: bool = False) -> FloatArray:
-        """Return the contribution at a speed on the angle grid theta = -pi + 2 pi k / n, (3, n).
+    def contribution_mps2(self, omega_radps: float, *, ac_coupled: bool = False) -> FloatArray:
+        """Return the contribution at a speed on the angle grid, (3, GRID_SIZE).
 
         It is linear in the square of the speed between the table's speeds and constant beyond them.
 
         Args:
             omega_radps: angular speed.
-            n: size of the grid, even, above twice the table's highest order.
             ac_coupled: True omits order 0, which such a sensor does not pass.
         """
         square, speed_squared = np.square(self.omega_radps), omega_radps * omega_radps
@@ -164,9 +163,9 @@ class CorrectionTable:
             share = min(1.0, max(0.0, float((speed_squared - square[below]) / (square[above] - square[below]))))
             orders = (1.0 - share) * self.orders_mps2[below] + share * self.orders_mps2[above]
         count = orders.shape[-1]
-        spectrum = np.zeros((3, n // 2 + 1), dtype=np.complex128)
+        spectrum = np.zeros((3, GRID_SIZE // 2 + 1), dtype=np.complex128)
         signs = np.where(np.arange(count) % 2, -1.0, 1.0)
-        spectrum[:, :count] = orders * (signs * (n / 2.0))
+        spectrum[:, :count] = orders * (signs * (GRID_SIZE / 2.0))
         spectrum[:, 0] *= 0.0 if ac_coupled else 2.0
-        waveform: FloatArray = np.fft.irfft(spectrum, n=n, axis=-1)
+        waveform: FloatArray = np.fft.irfft(spectrum, n=GRID_SIZE, axis=-1)
         return waveform
