@@ -57,7 +57,7 @@ from tests.closure.planted_campaign import (
     ring,
     searched,
 )
-from tests.closure.test_transfer import table_of
+from tests.closure.test_closed_loop import table_of
 from tests.testkit.diagnosis_data import empty, ordinary
 
 SPEEDS = (conditions(60.0), conditions(40.0), conditions(80.0))
