@@ -78,7 +78,7 @@ class WaterWedgeEstimator:
         All are of the contact in which this revolution begins, and never more than provisional. Never raises on values.
         """
         if revolution.faults:
-            self._clear()
+            self.reset()
             return _invalid(not_used(revolution.faults))
         if not revolution.trailing_edge_rad > revolution.leading_edge_rad:
             self._clear()

@@ -59,11 +59,11 @@ _RATE_ERROR_PRIOR: Final = 1e-3
 # Change of either edge from one contact to the next before it is measured, counted as one value: that of a load that
 # changes by a tenth of itself.
 _EDGE_CHANGE_PRIOR_RAD: Final = 0.01
-MOST_UNSEEN: Final = 8
-"""Contacts in a row whose edges may be those of an earlier one.
-
-About a second of driving, for which steps from one contact to the next tell how far the edges move.
-"""
+MOST_UNSEEN: Final = 16
+"""Contacts in a row whose edges may be those of an earlier one: about two seconds of driving."""
+# Of these, so many for which chance steps from one contact to the next tell how far the edges move, about a second. A
+# change that lasts longer is one of the drive, and goes on at its pace.
+_UNSEEN_BY_CHANCE: Final = 8
 # Shift of a contact, rad, per relative error of its speed, that remains with weights for which the shifts of both edges
 # cancel: quadratic phase, Euler acceleration and change of the centripetal acceleration across the contact.
 _RATE_SHIFT_RAD: Final = 0.02
@@ -447,7 +447,8 @@ class ContactTimer:
         if seen is None or self._unseen > MOST_UNSEEN:
             return contact
         centre_rad = contact.centre_std * 2.0 * math.pi / (pair.end.centre - pair.start.centre)
-        leading_rad, trailing_rad = (math.sqrt(self._unseen * change2) for change2 in self._edge_change2.values)
+        steps2 = self._unseen * max(self._unseen / _UNSEEN_BY_CHANCE, 1.0)
+        leading_rad, trailing_rad = (math.sqrt(steps2 * change2) for change2 in self._edge_change2.values)
         return contact._replace(
             leading_rad=seen.leading_rad,
             trailing_rad=seen.trailing_rad,

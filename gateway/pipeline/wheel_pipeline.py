@@ -454,7 +454,9 @@ class WheelPipeline:
             first, last = math.ceil(start), math.ceil(end)
             is_predicted = pair.start.predicted or pair.end.predicted
             is_lossy = buffer.missing_between(first, last) > 0
-            if is_predicted and not is_lossy:
+            is_seen = timed_pair.start.is_seen and timed_pair.end.is_seen
+            if not is_lossy and (is_predicted or not is_seen):
+                # The period is not measured, as where the loss is in the contact before this revolution begins.
                 checked.append(_SOUND)
                 continue
             if is_lossy:
