@@ -145,5 +145,5 @@ def _rate(report: ImportReport) -> str:
         return f"{report.rate_hz:.8g} Hz by the time column (steps within {report.jitter_s * 1e6:.2g} us)"
     return (
         f"{report.rate_hz:.8g} +- {report.rate_std_hz:.1g} Hz by the time column, whose times are rounded to "
-        f"{report.rounding_s * 1e3:g} ms; if the rate is known exactly, state rate_hz instead"
+        f"{report.rounding_s * 1e3:g} ms; if the rate is known better, state rate_hz and rate_std_percent instead"
     )

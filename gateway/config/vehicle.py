@@ -26,6 +26,7 @@ from gateway.pipeline.wheel_setup import (
     LOAD_STD,
     PRESSURE_STD,
     RADIUS_STD,
+    RATE_STD,
     SOFTENING_PER_K,
     SOFTENING_STD_PER_K,
     ZERO_G_STD_MPS2,
@@ -39,6 +40,10 @@ from gateway.reasons import Code, Notice, Reason
 
 _logger = logging.getLogger(__name__)
 
+CLOCK_STD_PERCENT: Final = 100.0 * RATE_STD
+"""Standard error of a sampling rate that is measured against a clock, in percent."""
+STATED_RATE_STD_PERCENT: Final = 1.0
+"""That of a stated one, in percent: data sheets give a sensor's own oscillator 1 to 3 %."""
 ASSUMED_RADIUS_MM: Final = 320.0
 # Belts of passenger cars to trucks.
 ASSUMED_RADIUS_STD_MM: Final = 80.0
@@ -399,6 +404,12 @@ class Sensor(Section):
     bandwidth_hz: float | None = Field(
         default=None, ge=10, le=1e6, description="-3 dB bandwidth of the sensor in Hz; default: not known"
     )
+    rate_std_percent: float = Field(
+        default=CLOCK_STD_PERCENT,
+        ge=0,
+        le=50,
+        description=f"standard error of the sampling rate in percent; default: {CLOCK_STD_PERCENT:g}, of a hub's clock",
+    )
 
 
 class Wheel(Section):
@@ -560,6 +571,7 @@ class VehicleConfig(Section):
                 zero_g_std_mps2=wheel.sensor.zero_g_std_mps2,
                 roll_rad=None if wheel.mounting.roll_deg is None else wheel.mounting.roll_rad,
                 roll_std_rad=math.radians(wheel.mounting.roll_std_deg),
+                rate_std=wheel.sensor.rate_std_percent * 1e-2,
                 bandwidth_hz=wheel.sensor.bandwidth_hz,
                 lateral_is_left=wheel.mounting.lateral_is_left,
             ),

@@ -16,13 +16,16 @@ from gateway.config.validation import Fault, Section, parse_document, read_text,
 from gateway.config.vehicle import (
     ASSUMED_RADIUS_MM,
     ASSUMED_RADIUS_STD_MM,
+    CLOCK_STD_PERCENT,
     POSITION_PATTERN,
+    STATED_RATE_STD_PERCENT,
     Mounting,
     Tire,
     Vehicle,
     VehicleConfig,
     Wheel,
 )
+from gateway.config.vehicle import Sensor as Accuracy
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.nearest_name import nearest
 
@@ -148,6 +151,13 @@ class Sampling(Section):
     """`[sampling]`: sampling rate or time column, and start of the measurement."""
 
     rate_hz: float | None = Field(default=None, gt=0, le=1e7, description="sampling rate in Hz")
+    rate_std_percent: float | None = Field(
+        default=None,
+        ge=0,
+        le=50,
+        description=f"standard error of the rate in percent; default: {STATED_RATE_STD_PERCENT:g} of a stated rate, "
+        f"{CLOCK_STD_PERCENT:g} of a time column",
+    )
     time_column: str | None = Field(default=None, description="name of the time column, instead of rate_hz")
     time_unit: Annotated[str, _one_of(TIME_UNITS_S)] = Field(
         default="s",
@@ -170,6 +180,14 @@ class Sampling(Section):
         description="start of the measurement: date and time with time zone, such as 2014-05-01T12:00:00Z; default: "
         "as the file states it, or else its modification time",
     )
+
+    def accuracy(self, rounding_std: float) -> Accuracy:
+        """Return the error of the rate; that of a time column includes a relative one by the rounding of its times."""
+        percent = self.rate_std_percent
+        if percent is None:
+            by_times = math.hypot(CLOCK_STD_PERCENT, 100.0 * rounding_std)
+            percent = by_times if self.rate_hz is None else STATED_RATE_STD_PERCENT
+        return Accuracy(rate_std_percent=percent)
 
 
 class AxisColumn(Section):
@@ -399,8 +417,13 @@ class ImportMap(Section):
             return (*self.assumed, f"belt radius {ASSUMED_RADIUS_MM:g} mm (not stated in the map)")
         return self.assumed
 
-    def vehicle(self, more_assumed: tuple[str, ...] = ()) -> VehicleConfig:
-        """Return the vehicle configuration for the recording, with further assumptions."""
+    def vehicle(self, more_assumed: tuple[str, ...] = (), *, rounding_std: float = 0.0) -> VehicleConfig:
+        """Return the vehicle configuration for the recording.
+
+        Args:
+            more_assumed: further assumptions.
+            rounding_std: relative error of the rate by rounded times.
+        """
         stated = self.conditions
         tire = Tire(
             size=stated.tire,
@@ -420,6 +443,7 @@ class ImportMap(Section):
                 load_n=wheel.load_n,
                 load_std_n=wheel.load_std_n,
                 mounting=wheel.mounting,
+                sensor=self.sampling.accuracy(rounding_std),
                 tire=_own_tire(wheel),
             )
             for number, wheel in enumerate(self.wheels())

@@ -311,7 +311,10 @@ def _import(
     part = _Part(path, reader, import_map, lambda share: progress(0.5 * share))
     start_ns, start_is_file_date = _start_ns(path, reader.facts, import_map, part.scan)
     more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
-    vehicle = import_map.vehicle(() if part.scan.decimation is None else (_decimation_text(part.scan.decimation),))
+    vehicle = import_map.vehicle(
+        () if part.scan.decimation is None else (_decimation_text(part.scan.decimation),),
+        rounding_std=(part.scan.rate_std_hz or 0.0) / part.scan.rate_hz,
+    )
     recording = _recorded([part], vehicle, path, more, start_ns, out, lambda share: progress(0.5 + 0.5 * share))
     return _report([part], vehicle, recording, start_is_file_date=start_is_file_date)
 

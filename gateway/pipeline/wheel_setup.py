@@ -11,6 +11,7 @@ from gateway.estimators.sensor_claims import HAND_MOUNTED_STD_RAD as HAND_MOUNTE
 from gateway.estimators.sensor_claims import LOAD_STD as LOAD_STD
 from gateway.estimators.sensor_claims import PRESSURE_STD as PRESSURE_STD
 from gateway.estimators.sensor_claims import RADIUS_STD as RADIUS_STD
+from gateway.estimators.sensor_claims import RATE_STD as RATE_STD
 from gateway.estimators.sensor_claims import ZERO_G_STD_MPS2 as ZERO_G_STD_MPS2
 from gateway.estimators.sensor_claims import SensorClaims as SensorClaims
 from gateway.estimators.side_force_calibration import LinearLaw as LinearLaw

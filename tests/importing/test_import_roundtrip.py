@@ -49,6 +49,23 @@ def test_csv(tmp_path: Path) -> None:
         assert axis.high_mps2 == pytest.approx(data[:, axis.axis].max() * STANDARD_GRAVITY_MPS2)
 
 
+@pytest.mark.parametrize(
+    ("sampling", "std"),
+    [
+        ("rate_hz = 10000", 0.01),
+        ("rate_hz = 10000\nrate_std_percent = 0.002", 2e-5),
+        ('time_column = "t"', 1e-4),
+    ],
+)
+def test_rate_has_the_error_of_what_it_rests_on(tmp_path: Path, sampling: str, std: float) -> None:
+    """Nothing has measured a rate that is only stated; the times of a column are those of a clock."""
+    columns = {"t": np.arange(500) * 1e-4, **dict(zip("xyz", waveform(500).T, strict=True))}
+    _, decoded = imported(write_csv(tmp_path / "run.csv", columns), simple_map(sampling=sampling))
+    assert decoded.vehicle_toml is not None
+    (setup,) = parse_vehicle(decoded.vehicle_toml, "recording").wheel_setups()
+    assert setup.sensor.rate_std == pytest.approx(std, rel=1e-6)
+
+
 def test_long_csv_is_one_continuous_stream(tmp_path: Path) -> None:
     count = BLOCK_ROWS + 1001
     values = np.sin(np.arange(count) * 0.01)
@@ -139,6 +156,7 @@ def test_mounting_becomes_that_of_the_configuration(tmp_path: Path) -> None:
     text = simple_map() + "\n[mounting]\noffset_mm = 6.0\noffset_std_mm = 0.5\n"
     _, decoded = imported(path, text)
     assert decoded.vehicle_toml is not None
+    assert decoded.vehicle_toml is not None
     (setup,) = parse_vehicle(decoded.vehicle_toml, "recording").wheel_setups()
     assert setup.sensor.offset_m == pytest.approx(6e-3)
     assert setup.sensor.offset_std_m == pytest.approx(5e-4)
@@ -160,6 +178,7 @@ def test_conditions_become_the_configuration(tmp_path: Path) -> None:
         sensor='coupling = "AC"\nhighpass_hz = 0.5\nsensor_id = "a1"',
     )
     report, decoded = imported(path, text)
+    assert decoded.vehicle_toml is not None
     assert decoded.vehicle_toml is not None
     (setup,) = parse_vehicle(decoded.vehicle_toml, "recording").wheel_setups()
     assert (setup.position, setup.hub, setup.wheel) == ("RL", 0, 0)
