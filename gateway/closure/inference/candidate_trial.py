@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from gateway.closure.effects.effect import SignalEffect
+from gateway.closure.effects.local_effects import LocalChange
 from gateway.closure.inference.fit import Fit, fit_model
 from gateway.closure.inference.likelihood import Whitened, as_real
 from gateway.closure.model.baseline import NoShapeError, Shape
@@ -124,10 +125,19 @@ def _nearest(
     by_speed = sorted(shapes, key=lambda index: (groups[index].conditions.omega_radps, index))
     few = {index: shapes[index] for index in sorted({by_speed[0], by_speed[-1]})}
     conditions = tuple(groups[index].conditions for index in few)
-    trials = _trials(fit, model, effect, few, starts)
+    # On a coarser belt, unless something else of the fit answers with the belt: its change would be tried as well.
+    coarse = few
+    if not any(isinstance(other, LocalChange) for other in fit.model.effects):
+        coarse = {
+            index: replace(shape, belt=None if shape.belt is None else shape.belt.coarser())
+            for index, shape in few.items()
+        }
+    trials = _trials(fit, model, effect, coarse, starts)
     for stage in range(effect.refinements if trials else 0):
         best = max(trials, key=_promise)
-        trials += _trials(fit, model, effect, few, effect.nearer(stage, best.start.tolist(), conditions))
+        trials += _trials(fit, model, effect, coarse, effect.nearer(stage, best.start.tolist(), conditions))
+    finalists = sorted(trials, key=_promise, reverse=True)[:_FINALISTS]
+    trials = _trials(fit, model, effect, few, [trial.start.tolist() for trial in finalists])
     where = model.layout.effect(effect.name)
     for _ in range(_FOLLOWED):
         trials = sorted(trials, key=_promise, reverse=True)[:_FINALISTS]
