@@ -75,8 +75,12 @@ def open_tcp(address: SourceAddress, clock: Clock) -> Source:
     )
 
 
-def connect(host_port: HostPort) -> socket.socket:
+def connect(host_port: HostPort, device: str = "hub") -> socket.socket:
     """Return a connection to the first address of the host that accepts one.
+
+    Args:
+        host_port: host and port.
+        device: what answers there, for errors.
 
     Raises:
         SourceError: the host is not known, or no address of it accepts a connection.
@@ -92,13 +96,13 @@ def connect(host_port: HostPort) -> socket.socket:
     except TimeoutError as error:
         raise SourceError(
             f"cannot connect to {host_port}: no answer for {CONNECT_TIMEOUT_S:g} s",
-            "Is the hub on, and is it in the same network?",
+            f"Is the {device} on, and is it in the same network?",
             cause=errno.ETIMEDOUT,
         ) from error
     except OSError as error:
         raise SourceError(
             f"cannot connect to {host_port}: {_brief(error)}",
-            "Is the hub on, and are host and port right?",
+            f"Is the {device} on, and are host and port right?",
             cause=error.errno or 0,
         ) from error
 
@@ -106,14 +110,15 @@ def connect(host_port: HostPort) -> socket.socket:
 class TcpLink:
     """A `Link` of `gateway.io.reconnect` over a socket: every byte from the moment the peer accepts it."""
 
-    def __init__(self, host_port: HostPort, keepalive: Keepalive | None = None) -> None:
+    def __init__(self, host_port: HostPort, keepalive: Keepalive | None = None, device: str = "hub") -> None:
         """Describe the connection.
 
         Args:
             host_port: host and port.
             keepalive: probes of an idle connection.
+            device: what answers there, for errors.
         """
-        self._host_port = host_port
+        self._host_port, self._device = host_port, device
         self._keepalive = keepalive if keepalive is not None else Keepalive()
         self._socket: socket.socket | None = None
 
@@ -123,7 +128,7 @@ class TcpLink:
         Raises:
             SourceError: it cannot be opened now.
         """
-        self._socket = connect(self._host_port)
+        self._socket = connect(self._host_port, self._device)
         set_keepalive(self._socket, self._keepalive)
 
     def read(self, timeout_s: float) -> bytes:
@@ -143,14 +148,14 @@ class TcpLink:
             if error.errno is None:
                 return b""
             raise LinkLostError(
-                f"{self._host_port} does not answer any more", "Is the hub still on, and in the network?"
+                f"{self._host_port} does not answer any more", f"Is the {self._device} still on, and in the network?"
             ) from error
         except OSError as error:
             raise LinkLostError(
-                f"{self._host_port} broke the connection: {_brief(error)}", "Is the hub still on?"
+                f"{self._host_port} broke the connection: {_brief(error)}", f"Is the {self._device} still on?"
             ) from error
         if not data:
-            raise LinkLostError(f"{self._host_port} closed the connection", "Is the hub still on?")
+            raise LinkLostError(f"{self._host_port} closed the connection", f"Is the {self._device} still on?")
         return data
 
     def write(self, data: bytes) -> None:
@@ -166,7 +171,7 @@ class TcpLink:
             connection.sendall(data)
         except OSError as error:
             raise LinkLostError(
-                f"{self._host_port} broke the connection: {_brief(error)}", "Is the hub still on?"
+                f"{self._host_port} broke the connection: {_brief(error)}", f"Is the {self._device} still on?"
             ) from error
 
     def close(self) -> None:
