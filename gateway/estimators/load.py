@@ -26,6 +26,8 @@ from gateway.signal.contact_edges import EDGE_MODEL_STD_RAD, error_beyond_defini
 NAMES: Final = ("load_n", "load_by_angle_n", "load_by_width_n", "pressure_number")
 
 _ASSUMED_LOAD_N: Final = 4000.0
+# Revolutions whose mean load is the stated one: a kilometre, with its curves and bumps.
+_DRIVE_REVOLUTIONS: Final = 500
 # Change of the logarithm of EI from which its correction is reported: half a millimetre of wear of a usual ring.
 _REPORTED_CHANGE: Final = 0.1
 # beta on random tires of the exact ring: mean, standard deviation, and change with ln Bs about the mean of ln Bs.
@@ -58,6 +60,9 @@ class LoadEstimator(RevolutionEstimator):
         self._numbers: Estimator | None = None
         nothing = TireData()
         self._tires = nothing, nothing
+        # Mean of pressure times the square of the half angle, which load is proportional to, and revolutions in it.
+        self._as_stated = 0.0
+        self._count = 0
 
     def _estimates(self, block: RevolutionBlock, index: int) -> tuple[Estimate, ...]:
         revolution, conditions = block.revolutions[index], block.conditions[index]
@@ -79,8 +84,22 @@ class LoadEstimator(RevolutionEstimator):
         doubts = _contradictions((by_angle, by_width), conditions)
         edges, faults = edge_condition(revolution)
         doubts = doubts if edges is Status.VALID else (*doubts, *faults)
-        stated = replace(conditions, load_std_n=math.hypot(conditions.load_std_n, disagreement_n))
+        change_n = self._change(revolution, half, half_std, pressure) * (conditions.load_n or 0.0)
+        stated = replace(conditions, load_std_n=math.hypot(conditions.load_std_n, disagreement_n, change_n))
         return load, by_angle, by_width, _pressure_number(load, stated, doubts, half, half_std, pressure)
+
+    def _change(self, revolution: Revolution, half: float, half_std: float, pressure: float) -> float:
+        """Return the relative change of the load against its mean so far, as far as errors do not explain it.
+
+        A load is stated of the whole drive. Steps and curves change it within.
+        """
+        if revolution.faults or not (half > 0.0 and math.isfinite(half_std)):
+            return 0.0
+        now = pressure * half * half
+        self._count += 1
+        self._as_stated += (now - self._as_stated) / min(self._count, _DRIVE_REVOLUTIONS)
+        change = math.log(now / self._as_stated)
+        return math.sqrt(max(change * change - (2.0 * half_std / half) ** 2, 0.0))
 
     def _without_width(self, tire: TireData) -> TireData:
         """Return data of the tire without its width, which an assumed load must not be compared with."""

@@ -247,6 +247,25 @@ def test_pressure_number() -> None:
     assert result.value == pytest.approx(0.485, rel=0.025)  # physics notes, section 1
 
 
+def test_stated_load_that_steps_widens_the_pressure_number() -> None:
+    tire = replace(NEW, reference=replace(NEW.reference, Cw=None))
+    results, truth = simulated(
+        "", 8.0, wheel(4000.0, tire), ("kinematic", "load"), "load_n = [[0, 4000], [5, 4000], [5.1, 6000]]"
+    )
+    relative: list[float] = []
+    for result in results[20:]:
+        number = {estimate.name: estimate for estimate in result.estimates}["pressure_number"]
+        middle_s = result.revolution.start_s + 0.5 * result.revolution.period_s
+        leading_rad, trailing_rad = truth.contact_edges_rad(middle_s)
+        conditions = result.conditions
+        assert conditions.pressure_pa is not None
+        scale = conditions.pressure_pa * conditions.radius_m**2
+        assert abs(number.value - truth.load_n(middle_s) / (scale * (trailing_rad - leading_rad))) < 3.5 * number.std
+        relative.append(number.std / number.value)
+    # Before the step the error is that of the stated load and pressure.
+    assert relative[0] < 0.15 < 0.2 < relative[-1]
+
+
 def test_load_that_the_contact_angle_disagrees_with_widens_the_pressure_number() -> None:
     # Without the width of the new tire, which would contradict it.
     tire = replace(CALIBRATED, reference=replace(NEW.reference, Cw=None))
