@@ -160,7 +160,8 @@ def _fit(
     basis, triangle = _basis(factors)
     # The square of shifted - known and its products with the basis are sums of the spectrum times the factors of a lag.
     columns = np.concatenate([spectrum * basis.conj().T, [spectrum * (0.0 if predicted is None else predicted.conj())]])
-    products = (_shifts(tuple(orders.tolist())) @ columns.T).real
+    # Real parts alone: half of the work of a complex product.
+    products = _shifts(tuple(orders.tolist())) @ np.concatenate([columns.real, columns.imag], axis=1).T
     whole = float(np.vdot(spectrum, spectrum).real)
     explained, square = products[:, :-1], whole
     if predicted is not None:
@@ -190,6 +191,7 @@ def _basis(factors: ComplexArray) -> tuple[ComplexArray, FloatArray]:
 
 
 @lru_cache(maxsize=64)
-def _shifts(orders: tuple[int, ...]) -> ComplexArray:
-    """Return the factors that undo each lag, (lags, m)."""
-    return np.exp(1j * np.multiply.outer(_LAGS_RAD, np.array(orders, dtype=np.float64)))
+def _shifts(orders: tuple[int, ...]) -> FloatArray:
+    """Return the factors that undo each lag, real parts, then minus the imaginary ones, (lags, 2 m)."""
+    angles = np.multiply.outer(_LAGS_RAD, np.array(orders, dtype=np.float64))
+    return np.concatenate([np.cos(angles), -np.sin(angles)], axis=1)
