@@ -6,6 +6,7 @@ does (live), with 1 and 4 wheels, at 2 and 9.6 kHz. CPU is user time of one proc
 
 Run: `python tools/bench_throughput.py`; `--against GIT_REV` compares, `--quick` measures recordings of four
 wheels at 9600 Hz only. The stages of batch and live follow. `--scaling` measures 1 to 64 wheels at 2 to 25.6 kHz.
+`--calls` counts calls a revolution, which do not depend on the load of the machine.
 """
 
 import argparse
@@ -208,6 +209,22 @@ def measure(case: Case, path: Path, clock: StageClock | None) -> dict[str, Any]:
     return {"revolutions": revolutions, "cpu_s": cpu_s, "peak_mb": peak_mb, "stages": stages}
 
 
+def print_calls(path: Path) -> None:
+    """Print how many calls of Python and of C functions a revolution of the default estimators takes."""
+    counts = {"call": 0, "c_call": 0}
+
+    def count(_: Any, event: str, __: Any) -> None:
+        if event in counts:
+            counts[event] += 1
+
+    measure(CASES[0], path, None)  # imports modules and fills caches
+    sys.setprofile(count)
+    revolutions = measure(CASES[0], path, None)["revolutions"]
+    sys.setprofile(None)
+    python, compiled = (number / revolutions for number in counts.values())
+    print(f"calls a revolution: {python:.0f} of Python, {compiled:.0f} of C functions")
+
+
 def scenario_of(wheels: int, rate_hz: int) -> str:
     """Return the demo car at a rate with the first of its wheels, or with more of them, by their numbers."""
     text = SCENARIO.read_text().replace("rate_hz = 9600.0", f"rate_hz = {rate_hz}.0")
@@ -320,6 +337,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=3, help="runs of each case; the best counts (default: 3)")
     parser.add_argument("--quick", action="store_true", help="only four wheels at 9600 Hz in batch, and the stages")
     parser.add_argument("--scaling", action="store_true", help="only 1 to 64 wheels at several rates")
+    parser.add_argument("--calls", action="store_true", help="only count calls a revolution of four wheels at 9600 Hz")
     parser.add_argument("--child", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.child:
@@ -331,6 +349,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder, checked_out(arguments.against) as trees:
         cases = SCALING if arguments.scaling else CASES[:2] if arguments.quick else CASES
         stage_cases = () if arguments.scaling else STAGE_CASES
+        if arguments.calls:
+            print_calls(*record(Path(folder), arguments.seconds, CASES[:1]).values())
+            return
         recordings = record(Path(folder), arguments.seconds, (*cases, *stage_cases))
         print_cases(trees, recordings, cases, arguments.seconds, arguments.rounds)
         for case in stage_cases:
