@@ -32,3 +32,12 @@ def test_no_kill_leaves_half_a_result_or_stops_the_next_run(tmp_path: Path) -> N
     for each in swept:
         assert each.faults == []
         assert each.kills >= each.calls > 1
+
+
+def test_a_limit_of_time_kills_at_calls_of_the_whole_command(tmp_path: Path) -> None:
+    for name in ("none", "some"):
+        (tmp_path / name).mkdir()
+    (none,) = sweep(tmp_path.resolve() / "none", ("note",), most_s=0.0)
+    (some,) = sweep(tmp_path.resolve() / "some", ("note",), most_s=600.0)
+    assert (none.kills, none.faults, some.faults) == (0, [], [])
+    assert some.kills >= some.calls > 1

@@ -21,8 +21,10 @@ import hashlib
 import importlib
 import io
 import json
+import math
 import mmap
 import os
+import random
 import re
 import shutil
 import signal
@@ -30,6 +32,7 @@ import struct
 import subprocess
 import sys
 import tempfile
+import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -64,6 +67,7 @@ wheel = 0
 sensor_id = "0000b001"
 load_n = {load_n}
 """
+_ORDER_SEED: Final = 1
 _KILLED: Final = -signal.SIGKILL
 _MOST_CALLS: Final = 5000
 
@@ -310,15 +314,27 @@ class Sweep:
         status = self._forked.run(line.split(), folder)
         assert status == 0, f"{line}: {status}\n{self._forked.output.read_text()}"
 
-    def run(self, every: int = 1) -> Swept:
-        """Kill the command at each call, or each `every`-th, whole and torn."""
-        writes = []
-        for number in range(1, _MOST_CALLS, every):
-            call = self._kill(number, torn=False)
-            if not call:
+    def run(self, every: int = 1, most_s: float = math.inf) -> Swept:
+        """Kill the command at each call, or each `every`-th, and once more where that is a write, which is then torn.
+
+        With a limit of time, in a random order, so that the kills are spread over the whole command.
+        """
+        numbers = list(range(1, _MOST_CALLS, every))
+        if most_s < math.inf:
+            numbers = numbers[: math.ceil(self.swept.calls / every)]
+            random.Random(_ORDER_SEED).shuffle(numbers)
+        end_s, writes = time.monotonic() + most_s, []
+        for number in numbers:
+            if time.monotonic() >= end_s:
                 break
-            if "write" in call.split()[0]:
-                writes.append(number)
+            call = self._kill(number, torn=False)
+            if not call and most_s == math.inf:
+                break
+            if call and "write" in call.split()[0]:
+                if most_s < math.inf:
+                    self._kill(number, torn=True)
+                else:
+                    writes.append(number)
         for number in writes:
             self._kill(number, torn=True)
         return self.swept
@@ -527,7 +543,7 @@ def make_inputs(folder: Path) -> None:
     treadlink(["note", str(folder / "drive.mcap"), "--comment", "first"], standalone_mode=False)
 
 
-def sweep(folder: Path, names: Sequence[str] = (), every: int = 1) -> Iterator[Swept]:
+def sweep(folder: Path, names: Sequence[str] = (), every: int = 1, most_s: float = math.inf) -> Iterator[Swept]:
     """Yield what a sweep over each command, or those named, leaves."""
     inputs = folder / "inputs"
     make_inputs(inputs)
@@ -539,7 +555,7 @@ def sweep(folder: Path, names: Sequence[str] = (), every: int = 1) -> Iterator[S
             if names and case.name not in names:
                 continue
             try:
-                yield Sweep(case, inputs, folder / f"case{number}", forked).run(every)
+                yield Sweep(case, inputs, folder / f"case{number}", forked).run(every, most_s)
             except AssertionError as error:
                 yield Swept(case.name, faults=[str(error)])
             shutil.rmtree(folder / f"case{number}")
@@ -565,6 +581,9 @@ def main() -> int:
     parser.add_argument("--serve", action="store_true", help=argparse.SUPPRESS)
     parser.add_argument("--only", nargs="+", default=(), choices=[case.name for case in CASES], metavar="COMMAND")
     parser.add_argument("--every", type=int, default=1, help="kill at each N-th call only")
+    parser.add_argument(
+        "--seconds", type=float, default=math.inf, help="kill for this long, each command at random calls"
+    )
     arguments = parser.parse_args()
     if arguments.serve:
         _serve()
@@ -572,7 +591,7 @@ def main() -> int:
     print(HEAD, flush=True)
     faults = 0
     with tempfile.TemporaryDirectory() as folder:
-        for swept in sweep(Path(folder).resolve(), arguments.only, arguments.every):
+        for swept in sweep(Path(folder).resolve(), arguments.only, arguments.every, arguments.seconds):
             print(row(swept), flush=True)
             faults += len(swept.faults)
             for text, count in Counter(swept.faults).items():
