@@ -44,6 +44,8 @@ LATENCIES_S = (0.0, 0.1, 0.5)
 _PIECE_BYTES, _PIECE_NS = 512, 1_500_000
 # Less than a revolution, more than times of its start differ by.
 _SAME_S = 0.01
+# A frame has 32 bits of the hub's microseconds: who joins later knows its time but for whole turns of this counter.
+_HUB_CLOCK_S = 2**32 * 1e-6
 BINS_MS = (5, 10, 15, 20, 30, 50, 100, 200, 500, 1000)
 
 
@@ -124,7 +126,7 @@ def needed(scenario: str, written: Timed) -> dict[tuple[str, int], float]:
     """Return when the last byte was written that each result needs, by its wheel and the hub's time."""
     core = session_core(scenario, 0.0, estimators=("kinematic",))
     return {
-        (result.position, round(result.revolution.start_s / _SAME_S)): time_s
+        (result.position, round(result.revolution.start_s % _HUB_CLOCK_S / _SAME_S)): time_s
         for time_s, piece in written
         for result in core.take(Chunk("bench", round(time_s * 1e9), piece))
     }
@@ -141,7 +143,7 @@ def latencies_ms(scenario: str, written: Timed, printed: Timed) -> np.ndarray:
             if not (len(words) > 2 and words[1].isdigit() and words[2].replace(b".", b"").isdigit()):
                 continue
             # By the hub's time: a session that misses the first bytes counts revolutions from another one on.
-            start = float(words[2]) / _SAME_S
+            start = float(words[2]) % _HUB_CLOCK_S / _SAME_S
             keys = [(words[0].decode(), near) for near in (math.floor(start), math.ceil(start))]
             since_s = next((needed_s[key] for key in keys if key in needed_s), -math.inf)
             if since_s > written[0][0] + WARM_UP_S:
