@@ -184,6 +184,9 @@ class Code(Enum):
         "the lateral axis reads what the circumferential one should, and the other way round: the two are swapped"
     )
     AXIS_LATE = "the {axis} axis is {late_s:.2f ms} later than the radial one"
+    AXIS_LATER_THAN_OTHERS = (
+        "the {axis} axis is {late_s:.2f ms} ± {std_s:.2f ms} later behind the radial one than those of the other wheels"
+    )
     COUPLING_CONTRADICTED = (
         "the steady radial value is {share:.2f} ± {std:.2f} times what the contact shows: the sensor is AC-coupled and "
         "stated as DC-coupled; state its coupling as AC"

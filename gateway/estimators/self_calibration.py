@@ -105,6 +105,8 @@ GREATEST_MEAN_SQUARE: Final = 1.5
 _LEAST_OF_OFFSET: Final = 3
 # Revolutions in the average whose axes are compared with each other.
 _LEAST_OF_RELATIONS: Final = 2.5
+# Those from which their lags are compared with those of other wheels: before, acceleration looks like a lag.
+_LEAST_OF_LAGS: Final = 12.0
 
 # Places in the running sums: equations of the mounting, of the means, of gravity, then normal matrix and right-hand
 # side of G, z, G' and a, and what a relative error of the steady value adds to the right-hand side.
@@ -374,6 +376,8 @@ class SelfCalibrationEstimator(BlockEstimator):
             reaction / weight,
             block.revolutions[index].order_max,
         )
+        if weight < _LEAST_OF_LAGS:
+            self._relations = self._relations._replace(lags=(None, None))
         self._by_yaw_m = offset_by_yaw_m(axes, self._belt, square / weight, block.revolutions[index].order_max)
         means = axes.mean(axis=1)
         self._roll_by_mean = math.atan2(float(means[_LATERAL]), float(means[_RADIAL]))

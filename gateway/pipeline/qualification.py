@@ -60,7 +60,7 @@ def provisional_where(
         share: of its value, by which its error grows.
     """
     return tuple(
-        _provisional(estimate, why, share) if basis in quantity_of(estimate.name).rests_on else estimate
+        provisional(estimate, why, share) if basis in quantity_of(estimate.name).rests_on else estimate
         for estimate in estimates
     )
 
@@ -93,11 +93,11 @@ def _possible(estimate: Estimate) -> Estimate:
     if not beyond > 0.0 or beyond <= _BEYOND * estimate.std:
         return estimate
     if not estimate.std > 0.0:
-        return _provisional(estimate, Reason(Code.NOT_POSSIBLE_AT_ALL))
-    return _provisional(estimate, Reason(Code.NOT_POSSIBLE, errors=beyond / estimate.std))
+        return provisional(estimate, Reason(Code.NOT_POSSIBLE_AT_ALL))
+    return provisional(estimate, Reason(Code.NOT_POSSIBLE, errors=beyond / estimate.std))
 
 
-def _provisional(estimate: Estimate, why: Reason, share: float = 0.0) -> Estimate:
+def provisional(estimate: Estimate, why: Reason, share: float = 0.0) -> Estimate:
     """Return an estimate that is provisional at best, with the reason, and a share of its value in its error."""
     status = Status.PROVISIONAL if estimate.status is Status.VALID else estimate.status
     if any(why in reason for reason in estimate.reasons):

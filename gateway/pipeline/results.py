@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from gateway.estimators.estimator import Estimate, Revolution, TireConditions
 from gateway.reasons import Notice, Reason
+from gateway.signal.axis_relations import Lag
 from gateway.types import FloatArray
 
 
@@ -37,6 +38,7 @@ class RevolutionResult:
         estimates: of every estimator, in running order.
         alarms: alarms that stood at the wheel; of recordings that are estimated in one pass only, as the next.
         silent_before_s: time for which its sensor was silent between the previous result and this one.
+        axis_lags: of the circumferential and the lateral axis, as `AxisRelations.lags`.
     """
 
     position: str
@@ -46,6 +48,7 @@ class RevolutionResult:
     estimates: tuple[Estimate, ...]
     alarms: tuple[Alarm, ...] = ()
     silent_before_s: float = 0.0
+    axis_lags: tuple[Lag | None, Lag | None] = (None, None)
 
 
 class WheelState(StrEnum):

@@ -323,8 +323,12 @@ class TireEstimates:
         results = []
         for index, revolution in enumerate(revolutions):
             final = self._finished(estimates[index], earlier[index], ends_us[index])
+            measurement = measured[index]
+            lags = (None, None) if measurement is None else measurement.relations.lags
             results.append(
-                RevolutionResult(self._setup.position, hosts_ns[index], revolution, conditions[index], final)
+                RevolutionResult(
+                    self._setup.position, hosts_ns[index], revolution, conditions[index], final, axis_lags=lags
+                )
             )
         self.last = results[-1]
         return results

@@ -1,4 +1,4 @@
-"""Comparison of the left and the right wheel of an axle: they slip to the same side at a time, and roll as fast.
+"""Comparison of the wheels of a vehicle: those of an axle slip to the same side at a time, and roll as fast.
 
 Steering, side wind and a banked road turn or push both wheels to one side. What differs between them, toe and ply
 steer, is constant, and so part of the zero that each wheel's slip is counted from. A wheel that slips to the right
@@ -7,6 +7,8 @@ whenever the other slips to the left has a lateral axis that points the other wa
 Both wheels roll the same way but in a curve, where speeds that differ by a share d at the speed v mean a lateral
 acceleration of d v^2 over the track. What no curve explains is a belt radius or a rate that is not as stated, until the
 speeds agree within their errors. One wheel alone shows neither.
+
+`gateway.pipeline.axis_lags` compares the axes of all wheels.
 
 What is compared depends on the times of the revolutions alone, not on the order in which they come.
 """
@@ -24,6 +26,8 @@ import numpy as np
 from gateway.estimators.disagreement import CONTRADICTION
 from gateway.estimators.estimator import Status
 from gateway.estimators.signal_evidence import Contradiction, Evidence, Subject
+from gateway.pipeline.axis_lags import ALARM as AXIS_LAG
+from gateway.pipeline.axis_lags import AxisLags
 from gateway.pipeline.qualification import provisional_where
 from gateway.pipeline.results import Alarm, RevolutionResult
 from gateway.quantity import Basis
@@ -34,8 +38,8 @@ from gateway.wheel_position import right_of
 ALARM: Final = "lateral axis"
 """Name of the alarm of a pair that slips to opposite sides."""
 
-ALARMS: Final = frozenset({ALARM, str(Subject.WHEEL_SPEED)})
-"""Names of the alarms of pairs."""
+ALARMS: Final = frozenset({ALARM, AXIS_LAG, str(Subject.WHEEL_SPEED)})
+"""Names of the alarms of wheels that are compared."""
 
 # A block of one wheel's revolutions may come before those of the other wheel.
 _WAITING: Final = 4096
@@ -202,6 +206,7 @@ class WheelPairs:
     def __init__(self, witnesses: Callable[[], Iterable[Alarm]] = tuple) -> None:
         """Start without revolutions; `witnesses` returns the alarms of what the vehicle's signals contradict."""
         self._witnesses = witnesses
+        self._axis_lags = AxisLags()
         self._pairs: dict[str, _Pair] = {}
         self._lefts: dict[str, str] = {}
         self._names = frozenset(quantity.name for quantity in declared() if quantity.is_of_axle)
@@ -212,6 +217,7 @@ class WheelPairs:
         for result in results:
             if not result.host_ns:
                 continue
+            self._axis_lags.compare(result)
             revolution, conditions = result.revolution, result.conditions
             direction = 0.0
             for name, value, _, status, _, _ in result.estimates:
@@ -236,16 +242,20 @@ class WheelPairs:
         """Take the next result, which was compared; its time is the present of its pair's alarms.
 
         Returns:
-            The result with what the other wheel contradicts of it, and whether alarms of its pair begin or end.
+            The result with what the other wheels contradict of it, and whether alarms of them begin or end.
         """
+        if not result.host_ns:
+            return result, False
+        known_ns = result.host_ns - _LATER_NS
+        result, is_changed = self._axis_lags.take(result, known_ns)
         right = right_of(result.position) or result.position
         pair, left = self._pairs.get(right), self._lefts.get(right)
-        if pair is None or left is None or not result.host_ns:
-            return result, False
+        if pair is None or left is None:
+            return result, is_changed
         before = pair.verdict(self._at_ns.get(right, -math.inf)).says
         self._at_ns[right] = max(self._at_ns.get(right, -math.inf), result.host_ns)
-        is_changed = pair.verdict(self._at_ns[right]).says != before
-        verdict = pair.verdict(result.host_ns - _LATER_NS)
+        is_changed |= pair.verdict(self._at_ns[right]).says != before
+        verdict = pair.verdict(known_ns)
         if not any(verdict.says):
             return result, is_changed
         is_right = result.position == right
@@ -259,8 +269,9 @@ class WheelPairs:
         return replace(result, estimates=estimates), is_changed
 
     def alarms(self) -> Iterator[Alarm]:
-        """Yield those of the vehicle's signals, and those of pairs that slip to opposite sides or roll apart."""
+        """Yield those of the vehicle's signals, of axes, and of pairs that slip to opposite sides or roll apart."""
         yield from self._witnesses()
+        yield from self._axis_lags.alarms()
         for right, left in self._lefts.items():
             verdict = self._pairs[right].verdict(self._at_ns.get(right, -math.inf))
             slips_apart, rolls_apart = verdict.says

@@ -42,6 +42,13 @@ _LEAST_LAG_SHARE: Final = 0.1
 _SWAPPED_FACTOR: Final = 30.0
 
 
+class Lag(NamedTuple):
+    """Lag of an axis behind the radial one, significant or not, and its standard error by what the relation leaves."""
+
+    late_s: float
+    std_s: float
+
+
 class AxisRelations(NamedTuple):
     """What the relations say.
 
@@ -54,6 +61,8 @@ class AxisRelations(NamedTuple):
             NaN likewise.
         tilt: of the radial axis into the circumferential one, by the shape of the latter; NaN likewise.
         along_zero_mps2: zero-g offset of the latter, what its mean has beyond the tilt; NaN likewise.
+        lags: of the circumferential and the lateral axis that are not significant by themselves, to compare with those
+            of other wheels; None where the relation does not hold.
     """
 
     circumferential_late_rad: float = 0.0
@@ -63,12 +72,14 @@ class AxisRelations(NamedTuple):
     swapped_offset_m: float = math.nan
     tilt: float = math.nan
     along_zero_mps2: float = math.nan
+    lags: tuple[Lag | None, Lag | None] = (None, None)
 
 
 class _Fit(NamedTuple):
-    """Best lag of an axis, the square it leaves, that without a lag, the square of the axis, and the factors."""
+    """Best lag of an axis, its error, the square it leaves, that without a lag, that of the axis, and the factors."""
 
     lag_rad: float
+    std_rad: float
     least: float
     without: float
     whole: float
@@ -82,6 +93,12 @@ class _Fit(NamedTuple):
             and self.without > _LEAST_FACTOR * self.least
         )
         return self.lag_rad if is_late else 0.0
+
+    def lag(self, late_rad: float, most_left: float, omega_radps: float) -> Lag | None:
+        """Return the lag of a relation that holds and does not say by itself that the axis is late."""
+        if late_rad or not self.least < most_left * self.whole:
+            return None
+        return Lag(self.lag_rad / omega_radps, self.std_rad / omega_radps)
 
 
 def axis_relations(
@@ -111,12 +128,15 @@ def axis_relations(
     half_rad = 0.5 * (edges_rad[1] - edges_rad[0])
     late_along = late_lateral = 0.0
     is_swapped, roll_rad, tilt, zero_mps2, swapped_offset_m = False, math.nan, math.nan, math.nan, math.nan
+    lag_along = lag_lateral = None
+    omega_radps = math.sqrt(square_radps2)
     if has_along:
         orders = np.delete(np.arange(1, count + 1), HUB_ORDER - 1)
         predicted = STANDARD_GRAVITY_MPS2 * belt.known_spectra[0] + reaction_mps2 * belt.known_spectra[1]
         factors = np.array([square_radps2 * belt.along[orders], spectra[_RADIAL, orders]])
         along = _fit(spectra[_CIRCUMFERENTIAL, orders], factors, orders, predicted[orders])
         late_along = along.late_rad(0.0, _LEFT_ALONG)
+        lag_along = along.lag(late_along, _LEFT_ALONG, omega_radps)
         if along.least < _LEFT_ALONG * along.whole and not late_along:
             tilt = float(along.factors[1])
             # Order 0 of a spectrum is twice the mean; that by the depth has none.
@@ -129,11 +149,13 @@ def axis_relations(
         orders = np.arange(1, count + 1)
         lateral = _fit(spectra[_LATERAL, orders], _lateral_factors(axes_mps2[_RADIAL], belt, edges_rad, count), orders)
         late_lateral = lateral.late_rad(_LEAST_LAG_SHARE * half_rad, _LEFT_LATERAL)
+        lag_lateral = lateral.lag(late_lateral, _LEFT_LATERAL, omega_radps)
         if lateral.least < _LEFT_LATERAL * lateral.whole:
             roll_rad = math.atan(float(lateral.factors[2]))
     if is_swapped:
         return AxisRelations(0.0, late_lateral, is_swapped, roll_rad, swapped_offset_m)
-    return AxisRelations(late_along, late_lateral, is_swapped, roll_rad, math.nan, tilt, zero_mps2)
+    lags = lag_along, lag_lateral
+    return AxisRelations(late_along, late_lateral, is_swapped, roll_rad, math.nan, tilt, zero_mps2, lags)
 
 
 def _lateral_factors(
@@ -170,7 +192,19 @@ def _fit(
     squares = np.maximum(square - 2.0 * products[:, -1] - np.sum(explained * explained, axis=1), 0.0)
     best = int(squares.argmin())
     solution = np.linalg.lstsq(triangle, explained[best], rcond=None)[0]
-    return _Fit(float(_LAGS_RAD[best]), float(squares[best]), float(squares[len(_LAGS_RAD) // 2]), whole, solution)
+    lag_rad, std_rad = _lowest(squares, best, 2 * len(orders) - len(solution) - 1)
+    return _Fit(lag_rad, std_rad, float(squares[best]), float(squares[len(_LAGS_RAD) // 2]), whole, solution)
+
+
+def _lowest(squares: FloatArray, best: int, freedoms: int) -> tuple[float, float]:
+    """Return where the parabola through the least square and its neighbours is lowest, and the standard error."""
+    step_rad = float(_LAGS_RAD[1] - _LAGS_RAD[0])
+    before, least, after = squares[np.clip([best - 1, best, best + 1], 0, len(squares) - 1)].tolist()
+    curvature = before - 2.0 * least + after
+    if not curvature > 0.0:
+        return float(_LAGS_RAD[best]), math.inf
+    beyond = min(max(0.5 * (before - after) / curvature, -0.5), 0.5)
+    return float(_LAGS_RAD[best]) + beyond * step_rad, step_rad * math.sqrt(2.0 * least / (freedoms * curvature))
 
 
 def _remainder(spectrum: ComplexArray, factors: ComplexArray, predicted: ComplexArray) -> tuple[float, float, float]:

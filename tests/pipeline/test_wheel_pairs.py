@@ -9,10 +9,12 @@ import pytest
 from gateway.estimators.estimator import Estimate, Revolution, Status, TireConditions
 from gateway.pipeline.results import RevolutionResult
 from gateway.pipeline.wheel_pairs import WheelPairs
+from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.quantity_catalogue import declared
 from gateway.reasons import Code
 from tests.testkit.exact_ring import solution
 from tests.testkit.revolution_data import exact_wave, make_revolution
+from tests.testkit.simulated_wheel import restated
 
 REVOLUTION = make_revolution(exact_wave(solution()))
 (OF_AXLE,) = (quantity.name for quantity in declared() if quantity.is_of_axle)
@@ -138,3 +140,64 @@ def test_a_slow_stretch_does_not_end_what_a_fast_one_has_shown(slow_radius_m: fl
     ]
     assert alarms(*taken) == (dict.fromkeys(("FL", "FR"), Code.WHEELS_ROLL_APART) if goes_on else {})
     assert alarms(*taken[320:]) == {}
+
+
+CAR = """
+[motion]
+speed_kmh = 40.0
+[road]
+rms_mps2 = 2.0
+bandwidth_hz = 400.0
+[tire]
+cord_angle_deg = 22
+ply_separation_mm = 1.4
+[sensor]
+range_g = 1000
+rate_hz = 9600
+offset_mm = 2.0
+noise_mg_rthz = 5.0
+"""
+SETUP = WheelSetup("FL", 0, 0, 0.32, radius_std_m=0.0032, load_n=5000.0, pressure_pa=210e3)
+SAMPLES = 2
+ALONG = ("pitch_tilt_rad", "sensor_offset_m")
+
+
+def rolled(position: str, seed: int, late: int) -> tuple[list[RevolutionResult], list[Code]]:
+    """Return the results of a wheel, the last one again 11 s later, and what its own signal says."""
+    results, snapshot = restated(
+        CAR, 8.0, SETUP, ("kinematic", "ply-steer", "self-calibration"), late=(late, 0, 0), seed=seed
+    )
+    moved = [
+        replace(
+            item, position=position, host_ns=10**18 + round(1e9 * (item.revolution.start_s + item.revolution.period_s))
+        )
+        for item in results
+    ]
+    return [*moved, replace(moved[-1], host_ns=moved[-1].host_ns + 11 * 10**9)], [f.reason.code for f in snapshot.flags]
+
+
+@pytest.mark.parametrize("late", [(0, 0, 0), (0, SAMPLES, 0), (SAMPLES, SAMPLES, SAMPLES)])
+def test_lag_of_an_axis_that_one_wheel_alone_has_is_a_reason_on_what_rests_on_it(late: tuple[int, int, int]) -> None:
+    """0.2 ms at 40 km/h are below what a wheel reports; a lag of the whole kind of sensor is none of one wheel."""
+    wheels = [
+        rolled(position, seed, lag) for position, seed, lag in zip(("FL", "FR", "RL"), (4, 5, 6), late, strict=True)
+    ]
+    assert Code.AXIS_LATE not in [code for _, codes in wheels for code in codes]
+    taken = [*chain.from_iterable(results for results, _ in wheels)]
+    is_apart = len(set(late)) > 1
+    assert alarms(*taken) == ({"FR": Code.AXIS_LATER_THAN_OTHERS} if is_apart else {})
+    judged = rows(*taken)
+    for results, _ in wheels:
+        last = judged[results[-1].position, results[-1].host_ns]
+        with_reason = {
+            name
+            for name, each in last.items()
+            if Code.AXIS_LATER_THAN_OTHERS in [reason.code for reason in each.reasons]
+        }
+        assert (set(ALONG) <= with_reason) is (is_apart and results[-1].position == "FR")
+        assert with_reason.isdisjoint({"speed_mps", "ply_steer_contact_line_rad"})
+        if with_reason:
+            assert all(last[name].status is not Status.VALID for name in with_reason)
+            (reason,) = [each for each in last[ALONG[0]].reasons if each.code is Code.AXIS_LATER_THAN_OTHERS]
+            assert reason["axis"] == "circumferential"
+            assert abs(reason["late_s"] - SAMPLES / 9600.0) < 3.0 * reason["std_s"] < 0.1e-3
