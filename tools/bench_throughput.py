@@ -5,7 +5,8 @@ does (live), with 1 and 4 wheels, at 2 and 9.6 kHz. CPU is user time of one proc
 `--against` an older version runs beside this one, alternating in the same run.
 
 Run: `python tools/bench_throughput.py`; `--against GIT_REV` compares, `--quick` measures recordings of four
-wheels at 9600 Hz only. The stages of batch and live follow. `--scaling` measures 1 to 64 wheels at 2 to 25.6 kHz.
+wheels at 9600 Hz only. The stages of batch and live follow. `--scaling` measures 1 to 64 wheels at 2 to 25.6 kHz on
+short recordings, and four wheels over 30 s and 10 min; with `--hours` over 2 h.
 `--calls` counts calls a revolution, which do not depend on the load of the machine.
 """
 
@@ -105,6 +106,9 @@ SCALING: Final = tuple(
     for rate_hz in rates_hz
     for wheels in (1, 4, 16, 64)
 )
+LENGTHS_S: Final = (30.0, 600.0)
+LONGEST_S: Final = 7200.0
+LENGTHS_CASE: Final = Case("batch", 4, 2000, DEFAULT)
 STAGE_CASES: Final = (Case("batch", 4, 9600, DEFAULT), Case("live", 4, 9600, DEFAULT))
 
 
@@ -312,6 +316,22 @@ def print_cases(
         print(f"{row}   {revolutions}", flush=True)
 
 
+def print_scaling(
+    trees: dict[str, Path],
+    folder: Path,
+    cases: tuple[Case, ...],
+    lengths_s: tuple[float, ...],
+    seconds: float,
+    rounds: int,
+) -> None:
+    """Print cases on recordings of `seconds`, and LENGTHS_CASE over each length."""
+    print_cases(trees, record(folder, seconds, cases), cases, seconds, rounds)
+    for length_s in lengths_s:
+        print(f"\n{length_s:g} s")
+        recordings = record(folder, length_s, (LENGTHS_CASE,))
+        print_cases(trees, recordings, (LENGTHS_CASE,), length_s, rounds)
+
+
 def print_stages(trees: dict[str, Path], path: Path, case: Case, rounds: int) -> None:
     runs: dict[str, list[dict[str, Any]]] = {name: [] for name in trees}
     for _ in range(rounds):
@@ -333,10 +353,11 @@ def print_stages(trees: dict[str, Path], path: Path, case: Case, rounds: int) ->
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--against", metavar="GIT_REV", help="measure this older version too, alternating")
-    parser.add_argument("--seconds", type=float, default=60.0, help="length of the recordings (default: 60)")
+    parser.add_argument("--seconds", type=float, help="length of the recordings (default: 60, with --scaling 10)")
     parser.add_argument("--rounds", type=int, default=3, help="runs of each case; the best counts (default: 3)")
     parser.add_argument("--quick", action="store_true", help="only four wheels at 9600 Hz in batch, and the stages")
-    parser.add_argument("--scaling", action="store_true", help="only 1 to 64 wheels at several rates")
+    parser.add_argument("--scaling", action="store_true", help="only 1 to 64 wheels at several rates, and lengths")
+    parser.add_argument("--hours", action="store_true", help="with --scaling: 2 h as well")
     parser.add_argument("--calls", action="store_true", help="only count calls a revolution of four wheels at 9600 Hz")
     parser.add_argument("--child", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
@@ -344,17 +365,21 @@ def main() -> None:
         *values, path, by_stage = json.loads(arguments.child)
         print(json.dumps(measure(Case(*values), Path(path), StageClock() if by_stage else None)))
         return
+    seconds = arguments.seconds or (10.0 if arguments.scaling else 60.0)
     print(f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}")
-    print(f"demo car, {arguments.seconds:g} s, user CPU of one process, best of {arguments.rounds}")
+    print(f"demo car, {seconds:g} s, user CPU of one process, best of {arguments.rounds}")
     with tempfile.TemporaryDirectory() as folder, checked_out(arguments.against) as trees:
-        cases = SCALING if arguments.scaling else CASES[:2] if arguments.quick else CASES
-        stage_cases = () if arguments.scaling else STAGE_CASES
-        if arguments.calls:
-            print_calls(*record(Path(folder), arguments.seconds, CASES[:1]).values())
+        if arguments.scaling:
+            lengths_s = (*LENGTHS_S, LONGEST_S) if arguments.hours else LENGTHS_S
+            print_scaling(trees, Path(folder), SCALING, lengths_s, seconds, arguments.rounds)
             return
-        recordings = record(Path(folder), arguments.seconds, (*cases, *stage_cases))
-        print_cases(trees, recordings, cases, arguments.seconds, arguments.rounds)
-        for case in stage_cases:
+        if arguments.calls:
+            print_calls(*record(Path(folder), seconds, CASES[:1]).values())
+            return
+        cases = CASES[:2] if arguments.quick else CASES
+        recordings = record(Path(folder), seconds, (*cases, *STAGE_CASES))
+        print_cases(trees, recordings, cases, seconds, arguments.rounds)
+        for case in STAGE_CASES:
             print_stages(trees, recordings[case.wheels, case.rate_hz], case, arguments.rounds)
 
 
