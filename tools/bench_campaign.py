@@ -3,6 +3,7 @@
     python -m tools.bench_campaign FOLDER --make 1000           # simulate the recordings
     python -m tools.bench_campaign FOLDER --jobs 1 --jobs 2     # estimate them, a dataset for each number of workers
     python -m tools.bench_campaign FOLDER --check 2             # compare the trends of that dataset with the truth
+    python -m tools.bench_campaign FOLDER --packing 200         # many short recordings: overhead, `compact` and a query
 
 The fleet has eight vehicles with one instrumented wheel each, recorded for 30 s now and then while they roll 10,000 km
 in 250 days. Temperature, load and speed vary from recording to recording; pressure and stiffness follow the
@@ -22,14 +23,17 @@ import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 
+import duckdb
 import numpy as np
 
 from gateway.config.validation import parse_document
 from gateway.constants import STANDARD_ATMOSPHERE_PA, ZERO_CELSIUS_K
 from gateway.estimators.tire_data import SOFTENING_PER_K
 from gateway.fleet.history_reading import read_histories, read_odometer
+from gateway.fleet.recording_estimation import RECORDINGS, REVOLUTIONS
 from gateway.recording.writer import RecordingWriter
 from gateway.simulator.scenario import vehicle_toml
 from gateway.simulator.scenario_model import Scenario
@@ -45,6 +49,8 @@ KM_A_DAY = 40.0
 DAYS = 250.0
 DAYS_A_MONTH = 365.25 / 12.0
 DURATION_S = 30.0
+SHORT_S = 3.0
+QUERIES = 3
 BENDING = 3.08e-3
 PRESSURE_KPA = 220.0
 LOAD_N = 4000.0
@@ -140,7 +146,7 @@ def planned(folder: Path, count: int) -> list[Planned]:
     return sorted(plans, key=lambda plan: plan.start_ns)
 
 
-def write(plan: Planned) -> int:
+def write(plan: Planned, duration_s: float) -> int:
     """Simulate one recording; return its size."""
     path = Path(plan.path)
     if path.exists():
@@ -165,21 +171,21 @@ def write(plan: Planned) -> int:
     part = path.with_suffix(".part")
     part.unlink(missing_ok=True)
     writer = RecordingWriter(part, start_ns=plan.start_ns, vehicle_toml=toml, sources=("sim",))
-    for chunk in simulate(scenario, duration_s=DURATION_S).chunks("sim", plan.start_ns):
+    for chunk in simulate(scenario, duration_s=duration_s).chunks("sim", plan.start_ns):
         writer.write(chunk)
     writer.close()
     part.rename(path)
     return path.stat().st_size
 
 
-def make(folder: Path, count: int, jobs: int) -> None:
+def make(folder: Path, count: int, jobs: int, duration_s: float) -> None:
     """Simulate the fleet."""
     recordings = folder / "recordings"
     recordings.mkdir(parents=True, exist_ok=True)
     plans = planned(recordings, count)
     begin = time.monotonic()
     with ProcessPoolExecutor(jobs) as pool:
-        sizes = list(pool.map(write, plans, chunksize=4))
+        sizes = list(pool.map(partial(write, duration_s=duration_s), plans, chunksize=4))
     (folder / "truth.json").write_text(json.dumps([asdict(plan) for plan in plans]))
     lines = ["vehicle,utc,km"]
     for vehicle in FLEET:
@@ -187,7 +193,7 @@ def make(folder: Path, count: int, jobs: int) -> None:
             utc = np.datetime_as_string(np.datetime64(BEGIN_NS + day * DAY_NS, "ns"), unit="s")
             lines.append(f"{vehicle.name},{utc}Z,{20_000 + day * KM_A_DAY:.1f}")
     (folder / "odometer.csv").write_text("\n".join(lines) + "\n")
-    print(f"{len(plans)} recordings of {DURATION_S:.0f} s, {sum(sizes) / 1e6:.0f} MB, {time.monotonic() - begin:.0f} s")
+    print(f"{len(plans)} recordings of {duration_s:g} s, {sum(sizes) / 1e6:.0f} MB, {time.monotonic() - begin:.0f} s")
 
 
 def estimate(folder: Path, jobs: int, limit_s: float | None) -> None:
@@ -206,15 +212,52 @@ def estimate(folder: Path, jobs: int, limit_s: float | None) -> None:
     cpu_s = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     sizes = {
         name: [part.stat().st_size for part in (dataset / name).rglob("*.parquet")]
-        for name in ("recordings", "revolutions")
+        for name in (RECORDINGS, REVOLUTIONS)
     }
-    count = len(sizes["recordings"])
+    count = len(sizes[RECORDINGS])
     print(f"--jobs {jobs}: exit status {process.returncode}")
     print("\n".join(f"  {line}" for line in printed.splitlines()))
     memory = f"coordinator or worker {after.ru_maxrss / 1e3:.0f} MB at most"
-    print(f"  {count} recordings in the dataset; {wall_s:.0f} s, {cpu_s:.0f} s of CPU; {memory}")
+    print(
+        f"  {count} recordings in the dataset; {wall_s:.0f} s, {cpu_s:.0f} s of CPU, "
+        f"{cpu_s / max(count, 1):.2f} s each; {memory}"
+    )
     for name, result in sizes.items():
         print(f"  {name}: {sum(result) / 1e6:.1f} MB, {sum(result) / max(count, 1) / 1e3:.1f} kB a recording")
+
+
+def pack(dataset: Path, tables: Path) -> None:
+    """Pack a dataset with `treadlink compact`; print its files and a query over all revolutions, before and after."""
+    command = [sys.executable, "-m", "gateway.cli", "compact", str(dataset), "--out", str(tables)]
+    subprocess.run(command, stdout=subprocess.DEVNULL, check=True)
+    answers = []
+    for name, tree, revolutions in (
+        ("dataset", dataset, f"{REVOLUTIONS}/*/*/*.parquet"),
+        ("compact", tables, f"{REVOLUTIONS}-*.parquet"),
+    ):
+        sizes = [part.stat().st_size for part in tree.rglob("*.parquet")]
+        rows, took_s = timed_query(tree / revolutions)
+        answers.append(rows)
+        print(
+            f"  {name}: {len(sizes)} Parquet files, {sum(sizes) / 1e6:.2f} MB; mean speed of {len(rows)} vehicles "
+            f"{1e3 * took_s:.0f} ms, best of {QUERIES}"
+        )
+    # The order of a sum differs with the files.
+    before, after = (np.array([mean for _, mean in rows]) for rows in answers)
+    assert np.allclose(before, after, rtol=1e-12)
+
+
+def timed_query(files: Path) -> tuple[list[tuple[str, float]], float]:
+    """Return the mean speed, m/s, of each vehicle over the revolutions in files, and the least time, s, of QUERIES."""
+    query = f"SELECT vehicle, avg(speed_mps) FROM read_parquet('{files}') GROUP BY vehicle ORDER BY vehicle"
+    rows: list[tuple[str, float]] = []
+    took_s = []
+    for _ in range(QUERIES):
+        with duckdb.connect() as connection:
+            begin = time.monotonic()
+            rows = connection.sql(query).fetchall()
+            took_s.append(time.monotonic() - begin)
+    return rows, min(took_s)
 
 
 def check(folder: Path, jobs: int) -> None:
@@ -256,16 +299,26 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, action="append", default=[], help="estimate with this number of workers")
     parser.add_argument("--limit", type=float, metavar="SECONDS", help="stop each campaign after this time")
     parser.add_argument("--check", type=int, metavar="JOBS", help="compare the trends of this dataset with the truth")
+    parser.add_argument(
+        "--packing",
+        type=int,
+        metavar="COUNT",
+        help=f"simulate this number of recordings of {SHORT_S:g} s, estimate them with one worker and pack the dataset",
+    )
     arguments = parser.parse_args()
     print(
         f"{platform.processor() or platform.machine()}, {os.cpu_count()} processors, Python {platform.python_version()}"
     )
     if arguments.make:
-        make(arguments.folder, arguments.make, os.cpu_count() or 1)
+        make(arguments.folder, arguments.make, os.cpu_count() or 1, DURATION_S)
     for jobs in arguments.jobs:
         estimate(arguments.folder, jobs, arguments.limit)
     if arguments.check:
         check(arguments.folder, arguments.check)
+    if arguments.packing:
+        make(arguments.folder, arguments.packing, os.cpu_count() or 1, SHORT_S)
+        estimate(arguments.folder, 1, arguments.limit)
+        pack(arguments.folder / "jobs1.dataset", arguments.folder / "jobs1.tables")
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ from gateway.errors import OutputError
 from gateway.fleet import packed_tables
 from gateway.fleet.packed_tables import pack_tables
 from gateway.fleet.recording_estimation import RECORDINGS, REVOLUTIONS
+from tools.bench_campaign import main, pack
 
 
 @pytest.fixture
@@ -84,3 +85,22 @@ def test_dataset_is_packed_beside_itself_and_never_in_place(dataset) -> None:
     assert (dataset.parent / "dataset.tables" / "recordings-0001.parquet").is_file()
     result = CliRunner().invoke(treadlink, ["compact", str(dataset), "--in-place"])
     assert result.exit_code == 2
+
+
+def test_benchmark_of_packing_counts_files_and_asks_both(dataset, tmp_path, capfd) -> None:
+    pack(dataset, tmp_path / "tables")
+    before, after = (line for line in capfd.readouterr().out.splitlines() if "Parquet files" in line)
+    assert before.startswith("  dataset: 6 Parquet files")
+    assert after.startswith("  compact: 2 Parquet files")
+    assert "mean speed of 2 vehicles" in before
+
+
+@pytest.mark.slow
+def test_benchmark_of_packing_makes_its_recordings(tmp_path, monkeypatch, capfd) -> None:
+    monkeypatch.setattr("sys.argv", ["bench_campaign", str(tmp_path), "--packing", "8"])
+    main()
+    printed = capfd.readouterr().out
+    assert "8 recordings of 3 s" in printed
+    assert "exit status 0" in printed
+    assert "dataset: 16 Parquet files" in printed
+    assert "compact: 2 Parquet files" in printed
