@@ -23,7 +23,7 @@ import termios
 import threading
 import time
 import tty
-from collections.abc import MutableSequence
+from collections.abc import Callable, MutableSequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -78,9 +78,17 @@ def feed(master: int, source_uri: str, stop: threading.Event, written: MutableSe
 
 
 def measure_process(
-    scenario: str, seconds: float, *options: str, record: bool = False, screen: bool = False
+    scenario: str,
+    seconds: float,
+    *options: str,
+    record: bool = False,
+    screen: bool = False,
+    held: Callable[[int], contextlib.AbstractContextManager[None]] = contextlib.nullcontext,
 ) -> tuple[float, str, Timed, Timed]:
-    """Return the share of one core of a live session, its last link line, and what was written to it and by it."""
+    """Return the share of one core of a live session, its last link line, and what was written to it and by it.
+
+    `held` is entered with the number of its process after the warm-up and left at the end of the measurement.
+    """
     master, slave = os.openpty()
     tty.setraw(slave)
     port = os.ttyname(slave)
@@ -102,9 +110,10 @@ def measure_process(
         feeder.start()
         reader.start()
         time.sleep(WARM_UP_S)
-        before, since = cpu_s(process.pid), time.monotonic()
-        time.sleep(seconds)
-        share = (cpu_s(process.pid) - before) / (time.monotonic() - since)
+        with held(process.pid):
+            before, since = cpu_s(process.pid), time.monotonic()
+            time.sleep(seconds)
+            share = (cpu_s(process.pid) - before) / (time.monotonic() - since)
         process.wait(30)
         stop.set()
         os.close(slave)
