@@ -328,8 +328,8 @@ def print_scaling(
     print_cases(trees, record(folder, seconds, cases), cases, seconds, rounds)
     for length_s in lengths_s:
         print(f"\n{length_s:g} s")
-        recordings = record(folder, length_s, (LENGTHS_CASE,))
-        print_cases(trees, recordings, (LENGTHS_CASE,), length_s, rounds)
+        with tempfile.TemporaryDirectory(dir=folder) as part:
+            print_cases(trees, record(Path(part), length_s, (LENGTHS_CASE,)), (LENGTHS_CASE,), length_s, rounds)
 
 
 def print_stages(trees: dict[str, Path], path: Path, case: Case, rounds: int) -> None:
