@@ -4,14 +4,15 @@ import shutil
 import sys
 from pathlib import Path
 
+import pyarrow as pa
 import pytest
+from pyarrow import parquet
 
-from tools.reliability.kill_sweep import sweep
+from tools.reliability.kill_sweep import Forked, first_difference, sweep
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(sys.platform != "linux" or shutil.which("cc") is None, reason="needs Linux and a C compiler"),
-]
+needs_library = pytest.mark.skipif(
+    sys.platform != "linux" or shutil.which("cc") is None, reason="needs Linux and a C compiler"
+)
 
 QUICK = (
     "repair",
@@ -26,6 +27,8 @@ QUICK = (
 )
 
 
+@needs_library
+@pytest.mark.slow
 def test_no_kill_leaves_half_a_result_or_stops_the_next_run(tmp_path: Path) -> None:
     swept = list(sweep(tmp_path.resolve(), QUICK))
     assert [each.name for each in swept] == list(QUICK)
@@ -34,6 +37,8 @@ def test_no_kill_leaves_half_a_result_or_stops_the_next_run(tmp_path: Path) -> N
         assert each.kills >= each.calls > 1
 
 
+@needs_library
+@pytest.mark.slow
 def test_a_limit_of_time_kills_at_calls_of_the_whole_command(tmp_path: Path) -> None:
     for name in ("none", "some"):
         (tmp_path / name).mkdir()
@@ -41,3 +46,27 @@ def test_a_limit_of_time_kills_at_calls_of_the_whole_command(tmp_path: Path) -> 
     (some,) = sweep(tmp_path.resolve() / "some", ("note",), most_s=600.0)
     assert (none.kills, none.faults, some.faults) == (0, [], [])
     assert some.kills >= some.calls > 1
+
+
+@needs_library
+@pytest.mark.slow
+def test_commands_run_from_a_copy_which_a_commit_during_the_sweep_does_not_change(tmp_path: Path) -> None:
+    forked = Forked(tmp_path)
+    try:
+        assert not (forked.code / ".git").exists()
+        (forked.code / "gateway" / "cli" / "__init__.py").write_text("def main():\n    print('of the copy')\n")
+        (tmp_path / "work").mkdir()
+        assert forked.run(["--version"], tmp_path / "work") == 0
+    finally:
+        forked.close()
+    assert forked.output.read_text() == "of the copy\n"
+
+
+def test_a_difference_names_the_first_cell_or_byte(tmp_path: Path) -> None:
+    path, other = tmp_path / "a.parquet", tmp_path / "b.parquet"
+    parquet.write_table(pa.table({"effect": ["camber", "yaw"], "rms": [1.0, 2.0]}), path)
+    parquet.write_table(pa.table({"effect": ["camber", "yaw"], "rms": [1.0, 2.5]}), other)
+    assert first_difference(path, other) == "row 1, rms: at byte 2 of 3 b'2.0' instead of b'2.5', of 3"
+    path.write_bytes(other.read_bytes()[:-9])
+    whole = other.stat().st_size
+    assert first_difference(path, other).startswith(f"at byte {whole - 9} of {whole - 9} ")

@@ -10,8 +10,9 @@ write carried out by half. After each kill
   * the same command again succeeds, unless the result is there and whole, and leaves the files of an undisturbed run,
     with the same content, and no others.
 
-Needs Linux and a C compiler. The processes are forked from one that has imported everything, so that a kill costs
-little more than the work itself.
+The commands run from a copy of the code: a result names its commit, and must not differ for a commit or an edit during
+the sweep. Needs Linux and a C compiler. The processes are forked from one that has imported everything, so that a kill
+costs little more than the work itself.
 """
 
 import argparse
@@ -39,7 +40,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from gateway.config.validation import parse_document
 from gateway.io.source import Chunk
@@ -49,6 +50,8 @@ from gateway.simulator.scenario import vehicle_toml
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulation import simulate
 
+_CHECKOUT: Final = Path(__file__).resolve().parents[2]
+_RUN_FROM: Final = ("gateway", "firmware_protocol", "treadlink", "tools/reliability")
 _SHIM: Final = Path(__file__).with_name("killing_calls.c")
 _STATE: Final = struct.Struct("=qqq1024s256s")
 _START_NS: Final = 1_700_000_000 * 10**9
@@ -70,6 +73,7 @@ load_n = {load_n}
 _ORDER_SEED: Final = 1
 _KILLED: Final = -signal.SIGKILL
 _MOST_CALLS: Final = 5000
+_SHOWN_BYTES: Final = 60
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,9 +128,10 @@ CASES: Final = (
     Case("estimate --force", "estimate drive.mcap --csv old.csv --force", setup=("estimate other.mcap --csv old.csv",)),
     Case("orders", "orders drive.mcap --json out.json --csv out.csv"),
     Case("compare", "compare drive.mcap other.mcap --csv out.csv"),
+    # What a search reaches in a second depends on the load; with no time for it, results differ in durations only.
     Case(
         "diagnose",
-        "diagnose long.mcap --jobs 1 --budget 1 --json out.json --html out.html --save-effects out.effects.json",
+        "diagnose long.mcap --jobs 1 --budget 0.01 --json out.json --html out.html --save-effects out.effects.json",
     ),
     Case("calibrate load", "calibrate load long.mcap --out out.toml"),
     Case("campaign", "campaign drive.mcap other.mcap --out out.dataset --jobs 1 --estimator kinematic"),
@@ -172,25 +177,36 @@ class Swept:
 
 
 class Forked:
-    """Runs commands in processes that are forked from one with the library loaded."""
+    """Runs commands in processes that are forked from one with the library loaded.
+
+    Attributes:
+        code: folder with the copy of the code that runs.
+        output: file with what the last command printed.
+        calls: of the last command that change files.
+        last: call that the last command was killed at.
+    """
 
     def __init__(self, folder: Path) -> None:
-        """Compile the library and start the process; `folder` takes its files."""
+        """Compile the library, copy the code and start the process; `folder` takes its files."""
         library, self._state_path = folder / "killing_calls.so", folder / "state"
         subprocess.run(["cc", "-O2", "-shared", "-fPIC", "-o", str(library), str(_SHIM), "-ldl"], check=True)
         self._state_path.write_bytes(bytes(_STATE.size))
         with self._state_path.open("r+b") as file:
             self._state = mmap.mmap(file.fileno(), _STATE.size)
         self.output = folder / "output"
+        self.code = folder / "code"
+        for name in _RUN_FROM:
+            shutil.copytree(_CHECKOUT / name, self.code / name)
         environment = {
             **os.environ,
+            "PYTHONPATH": str(self.code),
             "LD_PRELOAD": str(library),
             "TREADLINK_KILL_STATE": str(self._state_path),
             "PYTHONHASHSEED": "0",
             "COLUMNS": "200",
         }
         self._process = subprocess.Popen(
-            [sys.executable, str(Path(__file__)), "--serve"],
+            [sys.executable, str(self.code / Path(__file__).resolve().relative_to(_CHECKOUT)), "--serve"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env=environment,
@@ -367,8 +383,8 @@ class Sweep:
             if name in self._new:
                 if self._case.appends == name:
                     self._check_appended(name, call)
-                elif contents.get(name) != content and not self._is_whole(name):
-                    self._fault(call, f"'{name}' is neither the old one nor the new one")
+                elif contents.get(name) != content and (difference := self._difference(name)):
+                    self._fault(call, f"'{name}' is neither the old one nor the new one: it {difference}")
             elif contents.get(name) != content:
                 self._fault(call, f"the input '{name}' has changed")
         for name in contents.keys() - self._before.keys():
@@ -377,8 +393,8 @@ class Sweep:
             if name == self._case.appends or name.endswith(".lock"):
                 continue
             if name in self._after:
-                if not self._is_whole(name):
-                    self._fault(call, f"half a file: '{name}'")
+                if difference := self._difference(name):
+                    self._fault(call, f"half a file: '{name}' {difference}")
             else:
                 self.swept.parts[_kind(name)] += 1
         if self._case.is_recording:
@@ -429,11 +445,11 @@ class Sweep:
             self._check_lines(self._work / case.appends, call)
         elif not case.is_recording:
             for name in results:
-                if not self._is_whole(name):
-                    self._fault(call, f"after the second run '{name}' is missing or differs")
+                if difference := self._difference(name):
+                    self._fault(call, f"after the second run '{name}' {difference}")
 
     def _is_there(self, names: Sequence[str]) -> bool:
-        return bool(names) and not self._case.appends and all(self._is_whole(name) for name in names)
+        return bool(names) and not self._case.appends and not any(map(self._difference, names))
 
     def _check_lines(self, path: Path, call: str) -> None:
         """Check that all lines of the second run can be read, after at most one half line of the first."""
@@ -451,14 +467,47 @@ class Sweep:
                 self._fault(call, f"a line of the second run is joined to half of one: {line[:60]!r}")
                 return
 
-    def _is_whole(self, name: str) -> bool:
-        """Return whether a result is that of the undisturbed run."""
+    def _difference(self, name: str) -> str:
+        """Return how a result differs from that of the undisturbed run; empty where it is the same."""
         path, reference = self._work / name, self._reference / name
         if not path.exists():
-            return False
+            return "is missing"
         if filecmp.cmp(path, reference, shallow=False):
-            return True
-        return name not in self._exact and _read(path) == _read(reference)
+            return ""
+        if name not in self._exact and _read(path) == _read(reference):
+            return ""
+        return f"differs: {first_difference(path, reference)}"
+
+
+def first_difference(path: Path, reference: Path) -> str:
+    """Return the first value in which a file differs from another of its kind: a cell, or a part of its bytes."""
+    if path.suffix == ".parquet":
+        with contextlib.suppress(Exception):  # what a reader raises on half a file
+            for number, (row, other) in enumerate(zip(_rows(path), _rows(reference), strict=True)):
+                for column in other:
+                    if row[column] != other[column]:
+                        place = f"row {number}, {column}"
+                        return f"{place}: {_first_bytes(_as_bytes(row[column]), _as_bytes(other[column]))}"
+    return _first_bytes(path.read_bytes(), reference.read_bytes())
+
+
+def _rows(path: Path) -> list[dict[str, Any]]:
+    from pyarrow import parquet
+
+    rows: list[dict[str, Any]] = parquet.read_table(path).to_pylist()
+    return rows
+
+
+def _as_bytes(value: Any) -> bytes:
+    return str(value).encode(errors="replace")
+
+
+def _first_bytes(data: bytes, reference: bytes) -> str:
+    pairs = zip(data, reference, strict=False)
+    same = next((index for index, (byte, other) in enumerate(pairs) if byte != other), min(len(data), len(reference)))
+    begin = max(same - _SHOWN_BYTES, 0)
+    parts = (whole[begin : same + _SHOWN_BYTES] for whole in (data, reference))
+    return f"at byte {same} of {len(data)} {next(parts)!r} instead of {next(parts)!r}, of {len(reference)}"
 
 
 def _contents(folder: Path) -> dict[str, str]:
