@@ -56,7 +56,7 @@ class LoadEstimator(RevolutionEstimator):
     name = "load"
 
     def reset(self) -> None:
-        """Forget the warm start of the estimator that gives Cw."""
+        """Forget the warm start of the estimator that gives Cw, and the mean load of the drive."""
         self._numbers: Estimator | None = None
         nothing = TireData()
         self._tires = nothing, nothing

@@ -108,10 +108,12 @@ class SteadyStatus:
         codes = {reason.code for reason in estimate.reasons}
         by_limit = _of_limit(estimate)
         others = codes - {reason.code for reason in before.reasons} - by_limit - _NOTES - {Code.REVOLUTION_NOT_USED}
-        if others or estimate.name != before.name:
+        is_unused = Code.REVOLUTION_NOT_USED in codes
+        # Without either, a reason that a valid value has as well lowers the status, by its size, or none is stated.
+        if others or estimate.name != before.name or not (by_limit or is_unused):
             return estimate
         std = estimate.std
-        if Code.REVOLUTION_NOT_USED in codes:
+        if is_unused:
             if not 0.0 < streak <= self._memory.get(estimate.name, MOST_UNSEEN):
                 return estimate
             std = max(std, before.std)

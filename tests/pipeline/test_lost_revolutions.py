@@ -142,6 +142,14 @@ def test_note_on_an_error_does_not_end_what_is_held() -> None:
     assert (estimate.status, estimate.reasons) == (Status.VALID, (not_used(LOST), note))
 
 
+@pytest.mark.parametrize("reasons", [(), (Reason(Code.OTHER_OFFSET_STATED, stated_m=0.003),)])
+def test_status_that_an_estimator_lowers_by_the_same_reasons_is_lowered_at_once(reasons: tuple[Reason, ...]) -> None:
+    losses = Losses("weak-form")
+    losses.steadied(number(Status.VALID, *reasons), CLEAN)
+    lowered = number(Status.PROVISIONAL, *reasons)
+    assert losses.steadied(lowered, CLEAN) == lowered
+
+
 def test_speed_is_valid_and_right_at_ten_percent_loss(
     tenth_lost: tuple[treadlink.Recording, treadlink.Estimates],
 ) -> None:
