@@ -71,9 +71,10 @@ def with_causes(findings: Sequence[Finding], onsets: Mapping[str, Sequence[Chang
     explained: set[int] = set()
     for cause, _, watch in _CAUSES:
         of_cause = [index for index, finding in enumerate(findings) if finding.series == cause]
-        if of_cause and explained.issuperset(of_cause):
+        # Those that follow from another cause are not named, so nothing can be named with them.
+        named = [index for index in of_cause if index not in explained]
+        if of_cause and not named:
             continue
-        changes = [*onsets.get(cause, ()), *(findings[index].change for index in of_cause)]
         for index, finding in enumerate(findings):
             quantity = _QUANTITIES.get(finding.series)
             if (
@@ -83,10 +84,17 @@ def with_causes(findings: Sequence[Finding], onsets: Mapping[str, Sequence[Chang
                 or not watch.explains & _bases_of(quantity)
             ):
                 continue
-            if any(_follows(finding.change, change, quantity, watch.explains) for change in changes):
+            causes = [
+                number
+                for number in named
+                if _follows(finding.change, findings[number].change, quantity, watch.explains)
+            ]
+            if causes or any(
+                _follows(finding.change, change, quantity, watch.explains) for change in onsets.get(cause, ())
+            ):
                 explained.add(index)
-                if of_cause:
-                    consequences.setdefault(of_cause[0], []).append(finding.series)
+                if named:
+                    consequences.setdefault((causes or named)[0], []).append(finding.series)
     return [
         Reason(finding.reason.code, **dict(finding.reason.values), consequences=tuple(dict.fromkeys(names)))
         if (names := consequences.get(index))

@@ -102,6 +102,21 @@ def test_consequences_of_a_refill_are_no_finding():
     assert with_causes(findings, onsets) == [changed, changed]
 
 
+def test_a_finding_is_named_with_the_cause_that_it_follows():
+    # A leak lengthens the contact; later another load does, and changes a number.
+    longer = [Reason(Code.TREND_CONTACT_CHANGED, date=date) for date in ("May", "July")]
+    leaks, narrower = Reason(Code.TREND_LEVEL_CHANGED), Reason(Code.TREND_LEVEL_CHANGED)
+    findings = [
+        Finding(leaks, "pressure_at_20_degc", Change(30, -0.1, 0.01)),
+        Finding(longer[0], "contact_length_m", Change(30, 0.05, 0.01)),
+        Finding(longer[1], "contact_length_m", Change(60, 0.1, 0.01)),
+        Finding(narrower, "Cw", Change(60, -0.1, 0.01)),
+    ]
+    leak, load = with_causes(findings, {})
+    assert leak["consequences"] == ("contact_length_m",)
+    assert (load["date"], load["consequences"]) == ("July", ("Cw",))
+
+
 @pytest.mark.parametrize("share", [0.04, 0.5])
 def test_a_refill_explains_what_follows_from_its_size(share):
     # From 200 to 214 kPa; a belt that gets stiffer by half with it has another cause.
