@@ -83,8 +83,9 @@ class SinkWorker:
         self._published = 0
         self._lost = 0
         self._refusal: Reason | None = None
-        self._seen_dropped = 0
+        self._seen_dropped = self._seen_full = 0
         self._dropped_at_ns: int | None = None
+        self._drop_note = Reason(Code.SINK_FULL)
         self._held: Item | None = None
         self._failures = 0
         self._thread = threading.Thread(target=self._run, name=f"publish {name}", daemon=True)
@@ -121,19 +122,22 @@ class SinkWorker:
         now_ns = self._clock.now_ns()
         with self._lock:
             phase, note, since_ns, sending_ns = self._phase, self._note, self._since_ns, self._sending_since_ns
-            published, lost, held = self._published, self._lost, self._held
-        dropped = lost + self._buffer.dropped
+            published, lost, held, refusal = self._published, self._lost, self._held, self._refusal
+        full = self._buffer.dropped
+        dropped = lost + full
         if phase is SinkState.UP and sending_ns is not None and now_ns - sending_ns >= _STALL_NS:
             phase, note, since_ns = SinkState.STALLED, Reason(Code.SINK_STALLED), sending_ns
         if dropped > self._seen_dropped:
-            self._seen_dropped, self._dropped_at_ns = dropped, now_ns
+            is_full = full > self._seen_full
+            self._drop_note = Reason(Code.SINK_FULL) if is_full or refusal is None else refusal
+            self._seen_dropped, self._seen_full, self._dropped_at_ns = dropped, full, now_ns
         is_dropping = (
             phase is not SinkState.ENDED
             and self._dropped_at_ns is not None
             and now_ns - self._dropped_at_ns < _DROP_SHOWN_NS
         )
         if is_dropping and phase is SinkState.UP:
-            note = self._refusal or Reason(Code.SINK_FULL)
+            note = self._drop_note
         away_s = 0.0 if phase is SinkState.UP else (now_ns - since_ns) * 1e-9
         waiting = len(self._buffer) + _counts(held)
         return SinkSnapshot(self.name, phase, note, published, dropped, waiting, away_s, is_dropping)

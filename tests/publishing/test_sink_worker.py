@@ -9,9 +9,16 @@ from gateway.clock import ManualClock, SystemClock
 from gateway.pipeline.results import RevolutionResult, SinkState
 from gateway.publishing import publisher as publisher_module
 from gateway.publishing.publisher import Publisher, open_publisher
-from gateway.publishing.sink import PublishedRevolution, PublishedState, SinkError, SinkSetting, open_sink
+from gateway.publishing.sink import (
+    PublishedRevolution,
+    PublishedState,
+    SinkError,
+    SinkRefusedError,
+    SinkSetting,
+    open_sink,
+)
 from gateway.publishing.sink_worker import SinkWorker
-from gateway.reasons import Code
+from gateway.reasons import Code, Reason
 from tests.publishing.receivers import Receiver
 from tests.testkit.waiting import TIMEOUT_S, until
 
@@ -144,6 +151,34 @@ def test_unconfirmed_items_count_as_dropped(items) -> None:
     worker.finish()
     assert worker.join(TIMEOUT_S)
     assert (worker.snapshot().published, worker.snapshot().dropped) == (3, 2)
+
+
+def test_drops_are_told_by_what_causes_them(items) -> None:
+    class Refusing(Receiver):
+        refused = 0
+
+        def send(self, item, stop) -> None:
+            count, self.refused = self.refused, 0
+            if count:
+                raise SinkRefusedError("quota exceeded", count)
+            super().send(item, stop)
+
+    receiver = Refusing()
+    worker = begin(receiver, max_items=20, clock=ManualClock())
+    worker.offer(items[0])
+    until(lambda: worker.snapshot().published == 1)
+    receiver.refused = 1
+    worker.offer(items[1])
+    until(lambda: worker.snapshot().dropped == 1)
+    assert worker.snapshot().note == Reason(Code.SINK_REFUSED, error="quota exceeded")
+    until(lambda: worker.snapshot().published == 1)  # the second, in place of the first
+    receiver.gate.clear()
+    for item in items[2:40]:
+        worker.offer(item)
+    assert worker.snapshot().note == Reason(Code.SINK_FULL)
+    receiver.gate.set()
+    worker.finish()
+    assert worker.join(TIMEOUT_S)
 
 
 def test_end_leaves_a_dead_receiver_and_waits_for_a_slow_one(items, monkeypatch) -> None:
