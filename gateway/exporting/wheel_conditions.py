@@ -202,6 +202,8 @@ def _conditions(wheel: MeasuredWheel, seen: FirstPass, recording: OpenedRecordin
         ends = ", ".join(f"{name} {end!r}" for name, end in ranges if math.isfinite(end))
         yield Condition("ranges_mps2", ends, "", by_sensor)
     yield Condition("rate_hz", wheel.rate_hz, "Hz", by_sensor)
+    if setup is not None:
+        yield Condition("relative_rate_std", setup.sensor.rate_std, "", stated)
     yield Condition("coupling", "ac" if wheel.ac_coupled else "dc", "", by_sensor)
     yield Condition("samples", wheel.samples)
     yield Condition("samples_lost", wheel.lost)

@@ -95,7 +95,10 @@ def import_exported(path: Path, out: Path, progress: Callable[[float], None] = l
                     f"{path}: wheel {position} has no column '{missing[0]}'", "Export samples: --what samples."
                 )
             parts.append(WheelRows(reader, _wheel_map(path, position, conditions, reader), reader.begin_s()))
-        whole = parts[0].import_map.model_copy(update={"wheel": tuple(part.import_map.wheel[0] for part in parts)})
+        maps = [part.import_map for part in parts]
+        # One error for the rates of all: the largest.
+        sampling = max((each.sampling for each in maps), key=lambda sampling: sampling.rate_std_percent or 0.0)
+        whole = maps[0].model_copy(update={"wheel": tuple(each.wheel[0] for each in maps), "sampling": sampling})
         start_ns = _start_ns(next(iter(wheels.values()))) or path.stat().st_mtime_ns
         return import_wheels(path, parts, whole, start_ns, out, progress)
 
@@ -154,7 +157,9 @@ def _wheel_map(path: Path, position: str, conditions: Conditions, reader: _Wheel
     radius_std_m = _number(conditions, "radius_std_m")
     offset_m, load_n = _number(conditions, "mounting_offset_m"), _number(conditions, "load_n")
     is_assumed = "assumed" in conditions.get("radius_m", ("", ""))[1]
+    rate_std = _number(conditions, "relative_rate_std")
     try:
+        sampling = Sampling(time_column=_TIME, rate_std_percent=None if rate_std is None else 100.0 * rate_std)
         wheel = ImportedWheel(
             position=position,
             sensor_id=conditions.get("sensor_id", ("", ""))[0] or None,
@@ -179,7 +184,7 @@ def _wheel_map(path: Path, position: str, conditions: Conditions, reader: _Wheel
     named = {"name": conditions.get("vehicle"), "tire": conditions.get("tire_size")}
     return ImportMap(
         assumed=(assumed,) if assumed else (),
-        sampling=Sampling(time_column=_TIME),
+        sampling=sampling,
         sensor=Sensor(coupling="AC" if conditions.get("coupling", ("", ""))[0] == "ac" else "DC"),
         conditions=StatedConditions.model_validate(
             {key: condition[0] for key, condition in named.items() if condition is not None}

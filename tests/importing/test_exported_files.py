@@ -72,20 +72,36 @@ def test_command_needs_no_map(drive, tmp_path: Path, monkeypatch) -> None:
     assert gateway.open(tmp_path / "drive.mcap").wheels == ("FL", "FR", "RL", "RR")
 
 
-def test_stated_pressure_and_radius_are_stated_again(tmp_path: Path) -> None:
+def test_what_is_stated_is_stated_again(tmp_path: Path) -> None:
     text = (
         "# FL exported_by: treadlink 0.1.0\r\n# FL load_n: 4000.0 N (configuration)\r\n"
         "# FL radius_m: 0.31 m (configuration)\r\n# FL radius_std_m: 0.0005 m (configuration)\r\n"
         "# FL pressure_pa: 220000.0 Pa (configuration)\r\n# FL axes: radial\r\n# FL coupling: ac (measured)\r\n"
+        "# FL relative_rate_std: 0.01 (configuration)\r\n"
         "# column wheel: position\r\nwheel,time_s,radial_mps2,device_s\r\n"
     )
     rows = [f"FL,{0.5 + k / 9600!r},{float(np.sin(k / 50))!r},{k / 9600!r}" for k in range(4000)]
     path = tmp_path / "one.csv"
     path.write_text(text + "\r\n".join(rows) + "\r\n", newline="")
-    vehicle = gateway.open(import_exported(path, tmp_path / "one.mcap").recording).vehicle
-    (setup,) = vehicle.wheel_setups()
-    assert (setup.pressure_pa, setup.load_n) == (220e3, 4000.0)
-    assert (setup.radius_m, setup.radius_std_m) == pytest.approx((0.31, 0.0005))
+    for name in ("one", "two"):
+        recording = gateway.open(import_exported(path, tmp_path / f"{name}.mcap").recording)
+        (setup,) = recording.vehicle.wheel_setups()
+        assert (setup.pressure_pa, setup.load_n) == (220e3, 4000.0)
+        assert (setup.radius_m, setup.radius_std_m) == pytest.approx((0.31, 0.0005))
+        assert setup.sensor.rate_std == pytest.approx(0.01)
+        path = recording.export(tmp_path / f"{name}-again.csv")
+
+
+def test_rates_of_all_wheels_have_the_largest_error(tmp_path: Path) -> None:
+    head = "".join(
+        f"# {wheel} exported_by: treadlink 0.1.0\r\n# {wheel} relative_rate_std: {std} (configuration)\r\n"
+        for wheel, std in (("FL", 0.0001), ("FR", 0.02))
+    )
+    rows = [f"{wheel},{k / 2000!r},{k % 7}.0,{k / 2000!r}" for wheel in ("FL", "FR") for k in range(100)]
+    path = tmp_path / "two.csv"
+    path.write_text(f"{head}wheel,time_s,radial_mps2,device_s\r\n" + "\r\n".join(rows) + "\r\n", newline="")
+    vehicle = gateway.open(import_exported(path, tmp_path / "two.mcap").recording).vehicle
+    assert [setup.sensor.rate_std for setup in vehicle.wheel_setups()] == pytest.approx([0.02, 0.02])
 
 
 def test_other_files_and_contents_are_refused(drive, tmp_path: Path) -> None:
