@@ -593,6 +593,13 @@ class VehicleConfig(Section):
         worn = (where for where, tire in tires.items() if tire.wear_mm is not None and tire.wear_std_mm is None)
         if positions := tuple(worn):
             yield "wear", f"{_WEAR_STD_MM:g} mm", positions
+        for what, name, text in (
+            ("sampling rate", "rate_std_percent", f"{CLOCK_STD_PERCENT:g} %"),
+            ("gain", "gain_std_percent", f"{100.0 * GAIN_STD:g} %"),
+            ("zero-g offset", "zero_g_std_mps2", f"{ZERO_G_STD_MPS2:g} m/s^2"),
+        ):
+            if unstated := tuple(each.position for each in self.wheel if name not in each.sensor.model_fields_set):
+                yield what, text, unstated
 
     def notices(self) -> tuple[Notice, ...]:
         """Return a notice for each assumption."""

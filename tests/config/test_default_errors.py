@@ -57,4 +57,5 @@ def test_doctor_lists_errors_that_are_assumed(tmp_path: Path) -> None:
     (line,) = [check.text for check in check_config(path) if "assumed" in check.text]
     assert "10 % of the load (FL)" in line
     assert "5 % of the pressure (FL)" in line
+    assert "0.01 % of the sampling rate (FL)" in line
     assert "radius" not in line
