@@ -413,9 +413,12 @@ class ImportMap(Section):
 
     def assumptions(self) -> tuple[str, ...]:
         """Return the assumptions that the results rest on, as texts for the recording's configuration."""
+        assumed = self.assumed
         if any(self.radius_mm(wheel) is None for wheel in self.wheels()):
-            return (*self.assumed, f"belt radius {ASSUMED_RADIUS_MM:g} mm (not stated in the map)")
-        return self.assumed
+            assumed = (*assumed, f"belt radius {ASSUMED_RADIUS_MM:g} mm (not stated in the map)")
+        if self.sampling.rate_hz is not None and self.sampling.rate_std_percent is None:
+            assumed = (*assumed, f"error of the stated rate {STATED_RATE_STD_PERCENT:g} % (not stated in the map)")
+        return assumed
 
     def vehicle(self, more_assumed: tuple[str, ...] = (), *, rounding_std: float = 0.0) -> VehicleConfig:
         """Return the vehicle configuration for the recording.

@@ -60,10 +60,11 @@ def test_csv(tmp_path: Path) -> None:
 def test_rate_has_the_error_of_what_it_rests_on(tmp_path: Path, sampling: str, std: float) -> None:
     """Nothing has measured a rate that is only stated; the times of a column are those of a clock."""
     columns = {"t": np.arange(500) * 1e-4, **dict(zip("xyz", waveform(500).T, strict=True))}
-    _, decoded = imported(write_csv(tmp_path / "run.csv", columns), simple_map(sampling=sampling))
+    report, decoded = imported(write_csv(tmp_path / "run.csv", columns), simple_map(sampling=sampling))
     assert decoded.vehicle_toml is not None
     (setup,) = parse_vehicle(decoded.vehicle_toml, "recording").wheel_setups()
     assert setup.sensor.rate_std == pytest.approx(std, rel=1e-6)
+    assert any("stated rate 1 %" in text for text in report.assumed) is (std == 0.01)
 
 
 def test_long_csv_is_one_continuous_stream(tmp_path: Path) -> None:
