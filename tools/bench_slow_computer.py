@@ -90,7 +90,10 @@ def print_session(wheels: int, share: float, seconds: float, options: tuple[str,
         late_s = 1e-3 * latencies_ms(uri, written, printed)
     print(f"{wheels} x {RATE_HZ} Hz, share {share:.0%} {' '.join(options)}".rstrip() + f": took {took:.1%} of a core")
     print(f"  {link}")
-    print(f"  {len(late_s)} lines, late by {np.median(late_s):.2f} s in the middle, {late_s.max():.2f} s at most")
+    if late_s.size:
+        print(f"  {late_s.size} lines, late by {np.median(late_s):.2f} s at the median, {late_s.max():.2f} s at most")
+    else:
+        print("  no line of a revolution after the warm-up")
     said = b"".join(piece for _, piece in printed).decode(errors="replace").splitlines()
     for line in dict.fromkeys(line for line in said if line.startswith("#") and "computer" in line):
         print(f"  {line}", flush=True)
