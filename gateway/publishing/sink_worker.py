@@ -6,7 +6,7 @@ from contextlib import suppress
 from typing import Final
 
 from gateway.clock import Clock
-from gateway.io.reconnect import Backoff
+from gateway.io.reconnect import Backoff, BriefConnections
 from gateway.pipeline.results import SinkSnapshot, SinkState
 from gateway.publishing.sink import (
     Item,
@@ -58,7 +58,7 @@ class SinkWorker:
         Args:
             name: for views.
             sink: used by this worker only.
-            clock: for the age of states.
+            clock: for the age of states, and the pauses between attempts.
             max_items: size of the buffer.
             state_interval_s: time from one state to the next.
             alarms_only: whether revolutions are left out.
@@ -88,6 +88,7 @@ class SinkWorker:
         self._drop_note = Reason(Code.SINK_FULL)
         self._held: Item | None = None
         self._failures = 0
+        self._brief = BriefConnections(BACKOFF)
         self._thread = threading.Thread(target=self._run, name=f"publish {name}", daemon=True)
 
     def start(self) -> None:
@@ -191,6 +192,8 @@ class SinkWorker:
                     self._serve()
                     break
                 except SinkDownError as error:
+                    if self._phase is SinkState.UP:
+                        self._failures = self._brief.lost(self._clock.now_ns())
                     self._away(Reason(Code.SINK_LOST, error=str(error), interval_s=BACKOFF.cap_ns * 1e-9))
                 except SinkEndedError:
                     self._enter(SinkState.ENDED, Reason(Code.SINK_ENDED))
@@ -222,6 +225,7 @@ class SinkWorker:
             self._enter(SinkState.CONNECTING, Reason(Code.SINK_CONNECTING))
         self._sink.open(self._stop)
         self._failures = 0
+        self._brief.opened(self._clock.now_ns())
         self._enter(SinkState.UP, Reason(Code.SINK_CONNECTED))
         _logger.info("%s: publishing", self.name)
 
@@ -292,7 +296,8 @@ class SinkWorker:
             self._held = None
         self._failures += 1
         self._enter(SinkState.DOWN, note)
-        self._stop.wait(BACKOFF.pause_ns(1 if self._ending.is_set() else self._failures) * 1e-9)
+        pause_ns = BACKOFF.pause_ns(1 if self._ending.is_set() else self._failures)
+        self._clock.sleep_until_ns(self._clock.now_ns() + pause_ns, self._stop)
 
     def _enter(self, phase: SinkState, note: Reason) -> None:
         with self._lock:

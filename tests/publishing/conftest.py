@@ -43,7 +43,7 @@ def items(drive) -> Sequence[Item]:
 
 @pytest.fixture(autouse=True)
 def _fast_retries(monkeypatch) -> None:
-    monkeypatch.setattr(sink_worker, "BACKOFF", Backoff(first_ns=10_000_000, cap_ns=50_000_000))
+    monkeypatch.setattr(sink_worker, "BACKOFF", Backoff(first_ns=10_000_000, cap_ns=10_000_000))
 
 
 @pytest.fixture

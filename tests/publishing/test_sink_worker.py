@@ -6,12 +6,15 @@ from dataclasses import replace
 import pytest
 
 from gateway.clock import ManualClock, SystemClock
+from gateway.io.reconnect import Backoff
 from gateway.pipeline.results import RevolutionResult, SinkState
 from gateway.publishing import publisher as publisher_module
+from gateway.publishing import sink_worker
 from gateway.publishing.publisher import Publisher, open_publisher
 from gateway.publishing.sink import (
     PublishedRevolution,
     PublishedState,
+    SinkDownError,
     SinkError,
     SinkRefusedError,
     SinkSetting,
@@ -20,7 +23,19 @@ from gateway.publishing.sink import (
 from gateway.publishing.sink_worker import SinkWorker
 from gateway.reasons import Code, Reason
 from tests.publishing.receivers import Receiver
-from tests.testkit.waiting import TIMEOUT_S, until
+from tests.testkit.waiting import TIMEOUT_S, HeldClock, until
+
+
+class PausesClock(HeldClock):
+    """A held clock that keeps the lengths of the pauses on it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.pauses_ms: list[float] = []
+
+    def sleep_until_ns(self, deadline_ns: int, stop: threading.Event | None = None) -> bool:
+        self.pauses_ms.append((deadline_ns - self.now_ns()) * 1e-6)
+        return super().sleep_until_ns(deadline_ns, stop)
 
 
 def begin(receiver: Receiver, *, max_items: int = 8192, clock=None) -> SinkWorker:
@@ -85,8 +100,27 @@ def test_lost_receiver_is_reached_again_with_the_same_item(items) -> None:
     assert worker.snapshot().dropped == 0
 
 
+def test_receiver_that_ends_each_connection_is_tried_less_and_less_often(items, monkeypatch) -> None:
+    monkeypatch.setattr(sink_worker, "BACKOFF", Backoff(first_ns=10_000_000, cap_ns=50_000_000))
+    receiver, clock = Receiver(), PausesClock()
+    lasted_ms = iter([0, 0, 49, 0, 0, 51, 0, 0])
+
+    def send(item, stop) -> None:
+        clock.advance_ns(next(lasted_ms, 0) * 1_000_000)
+        raise SinkDownError("the broker ended the connection")
+
+    receiver.send = send
+    worker = begin(receiver, clock=clock)
+    worker.offer(items[0])
+    until(lambda: len(clock.pauses_ms) >= 8)
+    worker.abandon()
+    assert worker.join(TIMEOUT_S)
+    # Doubling to the longest pause; a connection that has lasted longer begins anew.
+    assert clock.pauses_ms[:8] == [10, 20, 40, 50, 50, 10, 10, 20]
+
+
 def test_stall_that_ends_in_a_loss_is_one_absence(items) -> None:
-    receiver, clock = Receiver(), ManualClock()
+    receiver, clock = Receiver(), HeldClock()
     receiver.gate.clear()
     worker = begin(receiver, clock=clock)
     worker.offer(items[0])
