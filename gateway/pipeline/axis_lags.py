@@ -2,7 +2,8 @@
 
 The relations of a wheel's axes show a lag that explains half of what they leave without it. Noise and the road hide a
 smaller one. What one wheel has beyond the mean of the others, by four standard errors of the difference and by more
-than a sample, is its own: a lag that the relations have by their simplifications is common to all wheels.
+than a sample, twice in succession, is its own: a lag that the relations have by their simplifications is common to all
+wheels, and one that lost samples make of an average passes.
 
 Errors of lags are those of what the relation leaves. On simulated roads, differences have 1.15 of them as the standard
 deviation, with 2.8 as the largest of 112.
@@ -13,7 +14,7 @@ import math
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from itertools import combinations
+from itertools import combinations, islice
 from typing import Final, NamedTuple, TypeAlias
 
 from gateway.constants import AXIS_NAMES
@@ -63,9 +64,9 @@ class _Wheel:
     known_ns: float = -math.inf
     late: _Late = _IN_TIME
 
-    def lags(self, time_ns: float) -> _Lags | None:
-        """Return the lags as known at a time."""
-        return next((lags for end_ns, lags in reversed(self.changes) if end_ns <= time_ns), None)
+    def lags(self, time_ns: float) -> list[_Lags]:
+        """Return the lags as known at a time, and those before."""
+        return list(islice((lags for end_ns, lags in reversed(self.changes) if end_ns <= time_ns), 2))
 
 
 class AxisLags:
@@ -127,27 +128,34 @@ class AxisLags:
         """Return why each axis of a wheel is late as only this wheel's is, as known at a time."""
         wheel = self._wheels[position]
         lags = wheel.lags(time_ns)
-        if lags is None:
-            return _IN_TIME
-        others = [other.lags(time_ns) for name, other in self._wheels.items() if name != position]
+        others = [
+            latest[0] for name, other in self._wheels.items() if name != position and (latest := other.lags(time_ns))
+        ]
         along, lateral = (
-            _reason(axis, lags, [other.axes[axis] for other in others if other is not None], is_late=reason is not None)
+            _reason(axis, lags, [other.axes[axis] for other in others], is_late=reason is not None)
             for axis, reason in enumerate(wheel.late)
         )
         return along, lateral
 
 
-def _reason(axis: int, lags: _Lags, of_others: list[Lag | None], *, is_late: bool) -> Reason | None:
+def _reason(axis: int, lags: list[_Lags], of_others: list[Lag | None], *, is_late: bool) -> Reason | None:
     """Return the reason where an axis is later than those of the other wheels, which agree with each other."""
-    lag, others = lags.axes[axis], [other for other in of_others if other is not None]
-    if lag is None or not others:
+    others = [other for other in of_others if other is not None]
+    if len(lags) < 2 or not others:
+        return None
+    lag, lag_before = (each.axes[axis] for each in lags)
+    if lag is None or lag_before is None:
         return None
     if any(_are_apart(first, second, _APART) for first, second in combinations(others, 2)):
         return None  # the odd one may be among them
     count = len(others)
     mean = Lag(math.fsum(other.late_s for other in others) / count, math.hypot(*(o.std_s for o in others)) / count)
     beyond_s = lag.late_s - mean.late_s
-    if not _are_apart(lag, mean, _STILL_APART if is_late else _APART) or abs(beyond_s) <= lags.sample_s:
+    if not _are_apart(lag, mean, _STILL_APART if is_late else _APART) or abs(beyond_s) <= lags[0].sample_s:
+        return None
+    if not is_late and not (
+        _are_apart(lag_before, mean, _APART) and (lag_before.late_s - mean.late_s) * beyond_s > 0.0
+    ):
         return None
     std_s = math.hypot(lag.std_s, mean.std_s)
     return Reason(Code.AXIS_LATER_THAN_OTHERS, axis=AXIS_NAMES[axis], late_s=beyond_s, std_s=std_s)
