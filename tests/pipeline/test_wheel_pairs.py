@@ -12,6 +12,7 @@ from gateway.pipeline.wheel_pairs import WheelPairs
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.quantity_catalogue import declared
 from gateway.reasons import Code
+from gateway.signal.axis_relations import Lag
 from tests.testkit.exact_ring import solution
 from tests.testkit.revolution_data import exact_wave, make_revolution
 from tests.testkit.simulated_wheel import restated
@@ -201,3 +202,19 @@ def test_lag_of_an_axis_that_one_wheel_alone_has_is_a_reason_on_what_rests_on_it
             (reason,) = [each for each in last[ALONG[0]].reasons if each.code is Code.AXIS_LATER_THAN_OTHERS]
             assert reason["axis"] == "circumferential"
             assert abs(reason["late_s"] - SAMPLES / 9600.0) < 3.0 * reason["std_s"] < 0.1e-3
+
+
+@pytest.mark.parametrize(
+    ("late_ms", "is_late"), [((0.5, 0.5, 0.5), True), ((0.0, 0.0, 0.5), False), ((0.0, 0.5, -0.5), False)]
+)
+def test_lag_that_only_one_renewal_shows_is_none(late_ms: tuple[float, ...], is_late: bool) -> None:
+    """Lost samples may make a lag of an average, which the next one does not have."""
+    of_wheels = {"FL": (0.0,) * 3, "FR": late_ms, "RL": (0.0,) * 3}
+    taken = [
+        replace(item, axis_lags=(Lag(1e-3 * lag + 1e-6 * number, 0.1e-3), None))
+        for position, lags in of_wheels.items()
+        for number, (item, lag) in enumerate(zip(results(position, [1.0] * len(lags)), lags, strict=True))
+    ]
+    latest = max(item.host_ns for item in taken) + 11 * 10**9
+    taken += [replace(item, host_ns=latest) for item in taken[len(late_ms) - 1 :: len(late_ms)]]
+    assert alarms(*taken) == ({"FR": Code.AXIS_LATER_THAN_OTHERS} if is_late else {})
