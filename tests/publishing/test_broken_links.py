@@ -2,7 +2,6 @@
 
 import json
 import random
-import signal
 from dataclasses import replace
 from itertools import count, cycle, islice
 
@@ -103,9 +102,8 @@ def test_a_broker_that_restarts_a_hundred_times_is_reached_again(items, tmp_path
         for number, item in enumerate(many(items, 100)):
             until(lambda: worker.snapshot().state == "up")
             worker.offer(item)
-            if number % 2:
-                broker.signal(signal.SIGTERM)
-            broker.kill()
+            end = broker.stop if number % 2 else broker.kill
+            end()
             broker.start()
         worker.finish()
         assert worker.join(TIMEOUT_S)
