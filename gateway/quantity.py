@@ -95,6 +95,7 @@ class Watch:
         shifted_by: statements that shift its level.
         follows: what of the tire's operation changes it, pressure and load.
         explains: what its change is one of, so that changes of what rests on that, or follows it, are consequences.
+        level: finding where its level changes.
         drift: finding where the sensor drifts, and its value that says by how much; None for what is of the tire.
     """
 
@@ -111,6 +112,7 @@ class Watch:
     shifted_by: frozenset[Statement] = frozenset()
     follows: frozenset[Basis] = frozenset({Basis.PRESSURE, Basis.LOAD})
     explains: frozenset[Basis] = frozenset()
+    level: Code = Code.TREND_LEVEL_CHANGED
     drift: tuple[Code, str] | None = None
 
 

@@ -207,6 +207,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
                 notable=5.0,
                 shifted_by=_BY_RADIUS,
                 explains=frozenset({Basis.LOAD}),
+                level=Code.TREND_CONTACT_CHANGED,
             ),
             live_label="contact",
         ),

@@ -33,8 +33,8 @@ from gateway.views.session_summary import ResultSummary
 _logger = logging.getLogger(__name__)
 _Item = TypeVar("_Item")
 
-# Between the readers and the core: half a minute or more of any link.
 _NO_FORM: Final[Mapping[str, str]] = {}
+# Between the readers and the core: half a minute or more of any link.
 _QUEUE_ITEMS: Final = 8192
 _QUEUE_BYTES: Final = 32 << 20
 # Results and notices that a view has not fetched yet; the oldest are dropped, and dropped results counted.

@@ -911,7 +911,7 @@ def _findings_of_line(tire: _Tire, name: str, line: _Line) -> Iterator[Finding]:
         size, std = _size_of_step(line, number)
         if abs(size) >= watch.notable and size * (watch.worse or size) > 0.0:
             end = min([after for after in line.steps if after > begin], default=len(line.values))
-            changed = _changed(_level_code(name), history, name, line, (size, std), begin, end)
+            changed = _changed(watch.level, history, name, line, (size, std), begin, end)
             yield Finding(changed, name, _relative(name, line, begin, (size, std)))
     if change is None:
         return
@@ -942,13 +942,8 @@ def _findings_of_line(tire: _Tire, name: str, line: _Line) -> Iterator[Finding]:
             )  # fmt: skip
             yield Finding(loses, name, onset)
     elif abs(size) >= watch.notable:
-        code = Code.TREND_SLOPE_CHANGED if change.is_slope else _level_code(name)
+        code = Code.TREND_SLOPE_CHANGED if change.is_slope else watch.level
         yield Finding(_changed(code, history, name, line, (size, std), change.begin, end), name, onset)
-
-
-def _level_code(name: str) -> Code:
-    """Return the finding of another level; without a calibrated load, the contact is what shows another load."""
-    return Code.TREND_CONTACT_CHANGED if name == "contact_length_m" else Code.TREND_LEVEL_CHANGED
 
 
 def _changed(
