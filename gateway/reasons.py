@@ -705,7 +705,7 @@ class Code(Enum):
     COMMAND_UNKNOWN = "unknown command"
     COMMAND_VALUE_REFUSED = "value refused"
     DECODING_BEHIND = (
-        "this computer is too slow to decode and estimate; the recording is complete. Dropped data is counted"
+        "this computer is too slow to decode and estimate. Dropped data is counted; a recording has all of it"
     )
     EFFECTS_SUBTRACTED = "subtracted from its axes at {ranges}: {effects}"
     HUB_LOG = "log ({severity}): {text}"
