@@ -16,7 +16,7 @@ from gateway.io.playback import Playback, PlayedSource
 from gateway.io.source import LinkEvent, LinkEventKind, LinkItem, Source
 from gateway.pipeline.results import RevolutionResult, SessionSnapshot
 from gateway.pipeline.wheel_setup import CorrectionTable
-from gateway.reasons import Code, Notice, Reason
+from gateway.reasons import Code, Level, Notice, Reason
 from gateway.recording.run_description import NO_DESCRIPTION, RunDescription, filled_in, form_of
 from gateway.security.guard import Guard
 from gateway.session.bounded_buffer import Buffer
@@ -25,6 +25,7 @@ from gateway.session.control_socket import ControlSocket
 from gateway.session.core import SessionCore
 from gateway.session.disk_watch import DiskWatch
 from gateway.session.latency import Latency
+from gateway.session.lateness import LatenessWatch
 from gateway.session.publication import Publication
 from gateway.session.recording_stage import Recorder, RecordingStage, Stage, disk_watch_of
 from gateway.session.signal_decoding import SignalDecoder
@@ -125,6 +126,7 @@ class LiveSession:
         # Source of each link; a recording has several.
         self._source_of: dict[str, int] = {source.link: number for number, source in enumerate(self._sources)}
         self._taken_ns: dict[int, int] = {}
+        self._lateness = LatenessWatch()
         self._recording = RecordingStage(recorder, clock, disk) if recorder is not None else None
         self._open_recorder = open_recorder
         self._run_description = run
@@ -378,6 +380,7 @@ class LiveSession:
                 self._take_computer_events(computer.events())
             if item is not None:
                 self._note_time(item)
+                self._report_lateness(item)
                 self._take_results(self.core.take(item))
             else:
                 with self._lock:
@@ -428,6 +431,15 @@ class LiveSession:
         number = self._source_of.get(item.link)
         if number is not None and not (isinstance(item, LinkEvent) and not item.is_of_link):
             self._taken_ns[number] = item.host_ns
+
+    def _report_lateness(self, item: LinkItem) -> None:
+        """Report that items of a device wait for long; what can wait for this computer is never late."""
+        number = self._source_of.get(item.link)
+        if number is None or self._patient[number] or isinstance(item, LinkEvent):
+            return
+        late_s = self._lateness.take(item.host_ns, self._clock.now_ns())
+        if late_s is not None:
+            self.core.notify(Notice(item.link, Reason(Code.RESULTS_LATE, late_s=late_s), Level.WARNING))
 
     def _elapsed_s(self, now_ns: int) -> float:
         """Return the time since the start, pauses left out."""

@@ -7,6 +7,7 @@ import pytest
 
 from gateway.cli.session_setup import RunningSession, end_session, run_plain
 from gateway.cli.stop_signals import StopRequest
+from gateway.clock import ManualClock
 from gateway.errors import RecordingError, TreadlinkError
 from gateway.io.source import Chunk
 from gateway.reasons import Code, Notice
@@ -15,8 +16,10 @@ from gateway.recording.writer import RecordingWriter
 from gateway.session import live as live_module
 from gateway.session import recording_stage
 from gateway.session.bounded_buffer import Buffer
+from gateway.session.live import LiveSession
 from gateway.session.recording_stage import Stage
 from gateway.session.session_opening import OpenedSession
+from gateway.views.session_summary import ResultSummary
 from tests.reliability.sessions import TIMEOUT_S, Items, SlowWriter, prepare, start
 from tests.reliability.streams import link_bytes
 
@@ -93,6 +96,26 @@ def test_slow_estimates_do_not_affect_the_recording(lab, tmp_path, monkeypatch) 
     assert len(chunks) > 150
     assert any(notice.reason.code is Code.DECODING_BEHIND for notice in snapshot.notices)
     assert link_bytes(RecordingReader(path).items()) == link_bytes(items)
+
+
+@pytest.mark.parametrize(("took", "patient", "is_told"), [(3.0, False, True), (0.5, False, False), (3.0, True, False)])
+def test_session_that_falls_behind_says_so_before_it_drops(lab, took: float, patient: bool, is_told: bool) -> None:
+    items, vehicle = lab
+    clock = ManualClock(items[0].host_ns)
+    live = LiveSession([Items(items)], vehicle, clock, patient=[patient], summary=ResultSummary())
+    take, taken_ns = live.core.take, [items[0].host_ns]
+
+    def slow(item):
+        # The work on an item takes so many times as long as the item lasted.
+        clock.advance_ns(max(0, round(took * (item.host_ns - taken_ns[0]))))
+        taken_ns[0] = max(taken_ns[0], item.host_ns)
+        return take(item)
+
+    live.core.take = slow
+    live.start()
+    assert live.wait(TIMEOUT_S)
+    late = [notice.reason for notice in live.close().notices if notice.reason.code is Code.RESULTS_LATE]
+    assert [reason["late_s"] >= 3.0 for reason in late] == [True] * is_told
 
 
 def test_idle_view_keeps_latest_results(lab, monkeypatch) -> None:
