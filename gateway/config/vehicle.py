@@ -43,7 +43,7 @@ _logger = logging.getLogger(__name__)
 CLOCK_STD_PERCENT: Final = 100.0 * RATE_STD
 """Standard error of a sampling rate that is measured against a clock, in percent."""
 STATED_RATE_STD_PERCENT: Final = 1.0
-"""That of a stated one, in percent: data sheets give a sensor's own oscillator 1 to 3 %."""
+"""Standard error of a sampling rate that is only stated, in percent: oscillators of sensors have 1 to 3 %."""
 ASSUMED_RADIUS_MM: Final = 320.0
 # Belts of passenger cars to trucks.
 ASSUMED_RADIUS_STD_MM: Final = 80.0

@@ -26,7 +26,7 @@ from gateway.signal.contact_edges import EDGE_MODEL_STD_RAD, error_beyond_defini
 NAMES: Final = ("load_n", "load_by_angle_n", "load_by_width_n", "pressure_number")
 
 _ASSUMED_LOAD_N: Final = 4000.0
-# Revolutions whose mean load is the stated one: a kilometre, with its curves and bumps.
+# Revolutions over which a stated load is the mean: a kilometre, with its curves and bumps.
 _DRIVE_REVOLUTIONS: Final = 500
 # Change of the logarithm of EI from which its correction is reported: half a millimetre of wear of a usual ring.
 _REPORTED_CHANGE: Final = 0.1
@@ -61,7 +61,7 @@ class LoadEstimator(RevolutionEstimator):
         nothing = TireData()
         self._tires = nothing, nothing
         # Mean of pressure times the square of the half angle, which load is proportional to, and revolutions in it.
-        self._as_stated = 0.0
+        self._mean_proxy = 0.0
         self._count = 0
 
     def _estimates(self, block: RevolutionBlock, index: int) -> tuple[Estimate, ...]:
@@ -95,10 +95,10 @@ class LoadEstimator(RevolutionEstimator):
         """
         if revolution.faults or not (half > 0.0 and math.isfinite(half_std)):
             return 0.0
-        now = pressure * half * half
+        proxy = pressure * half * half
         self._count += 1
-        self._as_stated += (now - self._as_stated) / min(self._count, _DRIVE_REVOLUTIONS)
-        change = math.log(now / self._as_stated)
+        self._mean_proxy += (proxy - self._mean_proxy) / min(self._count, _DRIVE_REVOLUTIONS)
+        change = math.log(proxy / self._mean_proxy)
         return math.sqrt(max(change * change - (2.0 * half_std / half) ** 2, 0.0))
 
     def _without_width(self, tire: TireData) -> TireData:

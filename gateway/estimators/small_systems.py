@@ -4,7 +4,6 @@ Both take a fraction of the time of numpy's, whose overhead exceeds the work on 
 work among threads where the environment does not forbid it, which makes systems this small a hundred times slower.
 """
 
-from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -64,18 +63,18 @@ def _solved_by_core(factor: FloatArray, right: FloatArray, transposed: bool, out
 solved_lower = _solved_by_lapack if core is None else _solved_by_core
 
 
-def least_squares(matrices: FloatArray, right: FloatArray | Sequence[FloatArray]) -> FloatArray:
+def least_squares(matrices: FloatArray, right: FloatArray) -> FloatArray:
     """Return x of least |matrix x - right|^2 for each of b systems, (b, n, k).
 
     Args:
         matrices: (b, m, n), m >= n.
-        right: (b, m, k), or b arrays (m, k).
+        right: (b, m, k).
 
     Raises:
         numpy.linalg.LinAlgError: a matrix is singular.
     """
     count = matrices.shape[2]
-    solved = np.empty((len(right), count, right[0].shape[1] if len(right) else 0))
+    solved = np.empty((len(right), count, right.shape[2]))
     for index, both in enumerate(zip(matrices, right, strict=True)):
         if not fitted(*both, solved[index]):
             raise np.linalg.LinAlgError("the columns are not independent")

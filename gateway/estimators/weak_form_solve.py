@@ -232,6 +232,6 @@ def _inverse(jacobian: FloatArray) -> FloatArray:
     scaled = jacobian * UNITS
     # A small ridge, so that the matrix is never singular.
     ridge = 1e-7 * np.sqrt(np.sum(np.square(scaled), axis=(1, 2)))[:, np.newaxis, np.newaxis] * _RIDGE
-    both = np.concatenate([scaled, ridge], axis=1)
-    inverse: FloatArray = least_squares(both, [_ROW_BY_ROW] * len(scaled)) * UNITS[:, np.newaxis]
+    right = np.broadcast_to(_ROW_BY_ROW, (len(scaled), *_ROW_BY_ROW.shape))
+    inverse: FloatArray = least_squares(np.concatenate([scaled, ridge], axis=1), right) * UNITS[:, np.newaxis]
     return inverse

@@ -141,7 +141,7 @@ class SchedulerTasks(WorkerTasks):
         """Return the number of threads of all workers."""
         try:
             return sum(self._client.nthreads(callback_timeout=_ANSWER_S).values())
-        except OSError as error:  # no connection, a closed one, or no answer in time
+        except OSError as error:  # no connection, or no answer in time
             raise _lost_connection() from error
 
     def read_bytes(self, token: str) -> int:

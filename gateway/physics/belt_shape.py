@@ -189,8 +189,8 @@ def integrate_from_zero(values: ComplexArray) -> ComplexArray:
     opposite symmetry, such as forces, integrate -1j times the field and multiply by 1j.
     """
     # Such a field has a real spectrum. Its mean has an x component only and integrates to a ramp.
-    spectrum = np.fft.irfft(values.conj(), axis=-1, norm="forward")
+    spectrum = np.fft.hfft(values, axis=-1)
     mean = spectrum[..., :1] / (2 * HALF_STEPS)
-    integral = -1j * np.fft.rfft(spectrum * _INVERSE, axis=-1, norm="forward").conj()
+    integral = -1j * np.fft.ihfft(spectrum * _INVERSE, axis=-1)
     result: ComplexArray = integral - integral[..., :1] + mean * ANGLES_RAD
     return result

@@ -1,9 +1,9 @@
 """Comparison of the axes' timing between the wheels of one vehicle, whose hubs and sensors are of one kind.
 
 The relations of a wheel's axes show a lag that explains half of what they leave without it. Noise and the road hide a
-smaller one. What one wheel has beyond the mean of the others, by four standard errors of the difference and by more
-than a sample, twice in succession, is its own: a lag that the relations have by their simplifications is common to all
-wheels, and one that lost samples make of an average passes.
+smaller lag. What a wheel has beyond the mean of the others, by four standard errors of the difference and by more than
+a sample, twice in succession, is a lag of this wheel: a lag by the simplifications of the relations is common to all
+wheels, and a lag by samples lost from an average passes.
 
 Errors of lags are those of what the relation leaves. On simulated roads, differences have 1.15 of them as the standard
 deviation, with 2.8 as the largest of 112.

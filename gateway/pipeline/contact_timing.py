@@ -60,7 +60,7 @@ _RATE_ERROR_PRIOR: Final = 1e-3
 # changes by a tenth of itself.
 _EDGE_CHANGE_PRIOR_RAD: Final = 0.01
 MOST_UNSEEN: Final = 16
-"""Contacts in a row whose edges may be those of an earlier one: about two seconds of driving."""
+"""Contacts in a row whose edges may be those of an earlier contact: about two seconds of driving."""
 # Of these, so many for which chance steps from one contact to the next tell how far the edges move, about a second. A
 # change that lasts longer is one of the drive, and goes on at its pace.
 _UNSEEN_BY_CHANCE: Final = 8

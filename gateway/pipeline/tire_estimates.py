@@ -364,11 +364,7 @@ class TireEstimates:
     def conditions(self, tick_us: float) -> TireConditions:
         """Return the conditions of the tire at hub time `tick_us`."""
         # The latest reading before that time.
-        taken = None
-        for entry in reversed(self._environment):
-            if entry[0] <= tick_us:
-                taken = entry
-                break
+        taken = next((entry for entry in reversed(self._environment) if entry[0] <= tick_us), None)
         reading, conditions = self._stated
         if conditions is None or reading is not taken:
             conditions = self._conditions(taken)

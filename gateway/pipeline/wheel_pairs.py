@@ -194,10 +194,7 @@ class _Pair:
 
     def verdict(self, at_ns: float) -> _Verdict:
         """Return what is known at a time."""
-        for verdict in reversed(self.verdicts):
-            if verdict.at_ns <= at_ns:
-                return verdict
-        return _NOTHING
+        return next((verdict for verdict in reversed(self.verdicts) if verdict.at_ns <= at_ns), _NOTHING)
 
 
 class WheelPairs:
@@ -219,11 +216,9 @@ class WheelPairs:
                 continue
             self._axis_lags.compare(result)
             revolution, conditions = result.revolution, result.conditions
-            direction = 0.0
-            for name, value, _, status, _, _ in result.estimates:
-                if name in self._names and status is not Status.INVALID:
-                    direction = value
-                    break
+            direction = next(
+                (e.value for e in result.estimates if e.name in self._names and e.status is not Status.INVALID), 0.0
+            )
             right = right_of(result.position)
             if right is not None:
                 self._lefts[right] = result.position
