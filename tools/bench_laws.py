@@ -9,11 +9,12 @@ Run: python tools/bench_laws.py [--count 2] [--parts 1,2,3,4] [--seed 1] [--cach
 """
 
 import argparse
+import itertools
 import json
 import math
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -22,6 +23,7 @@ import numpy as np
 from accuracy.tables import Table
 from law_rig.causes import SENSORS, belt_causes, chain_causes, outside_causes, simulated, through
 from law_rig.rolling_in_time import Rolling
+from law_rig.unread_causes import unread_belt_causes, unread_chain_causes, unread_outside_causes
 
 from gateway.closure.data.campaign_data import ORDERS, Block, Campaign, Group
 from gateway.closure.data.revolution_orders import waveform_orders
@@ -50,12 +52,16 @@ _TIRE: Final = RingParameters.from_numbers(
 
 @dataclass(frozen=True)
 class Case:
-    """A case: its cause, the law that is right (empty for none), its size, and the orders of its three recordings."""
+    """A case: its cause, the law that is right (empty for none), its size, and the orders of its three recordings.
+
+    Unread: the cause's author had not read the library.
+    """
 
     cause: str
     law: str
     size: float
     orders_mps2: list[ComplexArray]
+    unread: bool = False
 
 
 def conditions() -> list[GroupConditions]:
@@ -71,7 +77,7 @@ class Bench:
 
     def __init__(self, cache: Path, *, belts: bool = True) -> None:
         self._cache = cache
-        self._belts = belt_causes() if belts else ()
+        self._belts = (*belt_causes(), *unread_belt_causes()) if belts else ()
         self._conditions = conditions()
         self._half_angle_rad = []
         self._plain = []
@@ -90,14 +96,17 @@ class Bench:
 
     def in_library(self, number: int, rng: np.random.Generator) -> Case:
         """Return a case of a kind in the library in another form."""
-        belt, chain = self._belts, chain_causes(rng)
-        # The kinds in turn, of chain and belt mixed.
-        which = 5 * number % (len(belt) + len(chain))
+        read_chain = chain_causes(rng)
+        belt, chain = self._belts, (*read_chain, *unread_chain_causes(rng))
+        # The causes in turn, those of chain and belt mixed.
+        causes = len(belt) + len(chain)
+        which = next(step for step in (5, 7, 1) if math.gcd(step, causes) == 1) * number % causes
         if which < len(chain):
             cause = chain[which]
             orders = [through(cause.fault, o, h) for o, h in zip(self._plain, self._conditions, strict=True)]
-            return Case(cause.name, cause.law, cause.size, orders)
+            return Case(cause.name, cause.law, cause.size, orders, which >= len(read_chain))
         belt_cause = belt[which - len(chain)]
+        unread = which - len(chain) >= len(belt_causes())
         sensor, factor = int(rng.integers(SENSORS)), rng.uniform(0.4, 1.0)
         orders = []
         for plain, condition in zip(self._plain, self._conditions, strict=True):
@@ -109,14 +118,16 @@ class Bench:
             read = plain.copy()
             read[[RADIAL, CIRCUMFERENTIAL]] += factor * condition.omega_radps**2 * change
             orders.append(read)
-        return Case(belt_cause.name, belt_cause.law, factor * belt_cause.size, orders)
+        return Case(belt_cause.name, belt_cause.law, factor * belt_cause.size, orders, unread)
 
     def outside(self, number: int, rng: np.random.Generator) -> Case:
         """Return a case outside library and catalogue."""
-        causes = outside_causes(rng)
-        name, fault = causes[number % len(causes)]
+        read = outside_causes(rng)
+        causes = (*read, *unread_outside_causes(rng))
+        which = number % len(causes)
+        name, fault = causes[which]
         orders = [through(fault, o, h) for o, h in zip(self._plain, self._conditions, strict=True)]
-        return Case(name, "", math.nan, orders)
+        return Case(name, "", math.nan, orders, which >= len(read))
 
     def nothing(self, number: int, rng: np.random.Generator) -> Case:  # noqa: ARG002 - alike
         """Return a case without anything."""
@@ -132,7 +143,7 @@ class Bench:
             factor, name = np.exp(1j * rng.uniform(0.0, 2.0 * math.pi, ORDERS)), "scrambled"
             factor[0] = 1.0
         orders = [p + factor * (o - p) for o, p in zip(case.orders_mps2, self._plain, strict=True)]
-        return Case(f"{name}: {case.cause}", "", math.nan, orders)
+        return Case(f"{name}: {case.cause}", "", math.nan, orders, case.unread)
 
     def campaign(self, case: Case, rng: np.random.Generator) -> Campaign:
         """Return the recordings of a case with noise."""
@@ -167,19 +178,30 @@ def judged(campaign: Campaign) -> tuple[tuple[Law, ...], float, float]:
     return laws, time.process_time() - started, residual_ratio(base.fit, data)
 
 
-def outcomes(bench: Bench, parts: list[int], count: int, seed: int) -> Iterator[dict[str, Any]]:
-    """Yield the outcome of every case, the parts in turn."""
+def outcomes(
+    bench: Bench, parts: list[int], count: int, seed: int, done: Container[tuple[int, int, int]] = ()
+) -> Iterator[dict[str, Any]]:
+    """Yield the outcome of every case, the parts in turn, less those done: seed, part and number of each."""
     draws = {1: bench.in_library, 2: bench.outside, 3: bench.nothing, 4: bench.turned}
     for number in range(count):
         for part in parts:
+            if (seed, part, number) in done:
+                continue
             rng = np.random.default_rng([seed, part, number])
             case = draws[part](number, rng)
             laws, cpu_s, ratio = judged(bench.campaign(case, rng))
-            yield _outcome(part, case, laws, cpu_s, ratio)
+            yield {"seed": seed, "number": number, **_outcome(part, case, laws, cpu_s, ratio)}
 
 
 def _outcome(part: int, case: Case, laws: tuple[Law, ...], cpu_s: float, ratio: float) -> dict[str, Any]:
-    told: dict[str, Any] = {"part": part, "cause": case.cause, "right": case.law, "left": ratio, "cpu_s": cpu_s}
+    told: dict[str, Any] = {
+        "part": part,
+        "cause": case.cause,
+        "unread": case.unread,
+        "right": case.law,
+        "left": ratio,
+        "cpu_s": cpu_s,
+    }
     if not laws:
         return {**told, "said": ""}
     law = laws[0]
@@ -208,8 +230,8 @@ def summary(cases: list[dict[str, Any]]) -> tuple[Table, Table]:
     """Return the tables: by part, and by kind for those of the library."""
     rows = []
     titles = {1: "library, other forms", 2: "outside", 3: "nothing", 4: "turned, scrambled"}
-    for part, title in titles.items():
-        selected = [case for case in cases if case["part"] == part]
+    for (part, title), unread in itertools.product(titles.items(), (False, True)):
+        selected = [case for case in cases if case["part"] == part and case["unread"] is unread]
         if not selected:
             continue
         laws = [case for case in selected if case["said"] and case["certain"]]
@@ -217,6 +239,7 @@ def summary(cases: list[dict[str, Any]]) -> tuple[Table, Table]:
         right, hints = (sum(case["said"] == case["right"] for case in some) for some in (laws, clues))
         cpu = float(np.median([case["cpu_s"] for case in selected]))
         nothing = len(selected) - len(laws) - len(clues)
+        title += ", unread" if unread else ""
         rows.append((title, *map(str, (len(selected), len(laws), right, len(clues), hints, nothing)), f"{cpu:.1f}"))
     heads = ("part", "cases", "laws", "right in kind", "clues", "right", "nothing", "CPU s")
     parts = Table("Laws", "CPU is the median of the search.", heads, tuple(rows))
@@ -244,11 +267,17 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--cache", type=Path, default=Path(tempfile.gettempdir()) / "treadlink-laws")
     parser.add_argument("--no-belts", action="store_true", help="of the library, errors of the sensor chain alone")
-    parser.add_argument("--cases", type=Path, help="write the outcome of each case to this file, a JSON object a line")
+    parser.add_argument(
+        "--cases", type=Path, help="file of outcomes, a JSON object a line: read, not run again, and added to"
+    )
     chosen = parser.parse_args()
     bench = Bench(chosen.cache, belts=not chosen.no_belts)
+    parts = [int(part) for part in chosen.parts.split(",")]
     results = []
-    for case in outcomes(bench, [int(part) for part in chosen.parts.split(",")], chosen.count, chosen.seed):
+    if chosen.cases is not None and chosen.cases.is_file():
+        results = [json.loads(line) for line in chosen.cases.read_text(encoding="utf-8").splitlines()]
+    done = {(case["seed"], case["part"], case["number"]) for case in results}
+    for case in outcomes(bench, parts, chosen.count, chosen.seed, done):
         results.append(case)
         if chosen.cases is not None:
             with chosen.cases.open("a", encoding="utf-8") as file:

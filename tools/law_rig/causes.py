@@ -49,7 +49,8 @@ def _box(half_rad: float) -> FloatArray:
     return np.clip((half_rad - np.abs(_THETA)) / _STEP_RAD + 0.5, 0.0, 1.0)
 
 
-def _arch(half_rad: float) -> FloatArray:
+def arch(half_rad: float) -> FloatArray:
+    """Return an arch of height 1 over the nodes within an angle."""
     return np.where(np.abs(_THETA) < half_rad, np.cos(0.5 * math.pi * _THETA / half_rad) ** 2, 0.0)
 
 
@@ -63,26 +64,27 @@ def _bump(height_m: float, half_rad: float) -> Callable[[FloatArray], FloatArray
     return axle_m
 
 
-def _area(window: FloatArray) -> float:
+def area(window: FloatArray) -> float:
+    """Return the integral of a window over the nodes' angles, in its unit times rad."""
     return float(window.sum()) * _STEP_RAD
 
 
 def belt_causes() -> tuple[BeltCause, ...]:
     """Return the changes of the belt that are simulated."""
     weight, ply = 0.4 * _box(0.04), 0.25 * _box(0.12)
-    nail, strip = 6e-5 * _box(0.02), -4e-5 * _arch(0.09)
+    nail, strip = 6e-5 * _box(0.02), -4e-5 * arch(0.09)
     return (
-        BeltCause("weight, box", "law: local mass", _area(weight), LocalChange(mass=weight)),
-        BeltCause("nail, box", "law: local tread height", _area(nail), LocalChange(tread_m=nail)),
+        BeltCause("weight, box", "law: local mass", area(weight), LocalChange(mass=weight)),
+        BeltCause("nail, box", "law: local tread height", area(nail), LocalChange(tread_m=nail)),
         BeltCause("bent rim, arch", "law: bent rim", 1.5e-4 * 0.75 * 0.5, LocalChange(axle_m=_bump(1.5e-4, 0.5))),
-        BeltCause("ply end, box", "law: local sidewall stiffness", _area(ply), LocalChange(sidewall=ply)),
+        BeltCause("ply end, box", "law: local sidewall stiffness", area(ply), LocalChange(sidewall=ply)),
         BeltCause(
             "oval rim",
             "law: axle height of order 2",
             1.5e-4,
             LocalChange(axle_m=lambda angle: 1.5e-4 * np.cos(2.0 * angle)),
         ),
-        BeltCause("worn tread, arch", "law: local tread height", _area(strip), LocalChange(tread_m=strip)),
+        BeltCause("worn tread, arch", "law: local tread height", area(strip), LocalChange(tread_m=strip)),
     )
 
 
