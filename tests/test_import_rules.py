@@ -70,6 +70,11 @@ ALLOWED: dict[str, set[str]] = {
     },
     "gateway.cli": {"*"},
 }  # fmt: skip
+# Rooms and single modules of the closed loop: each may import those before it.
+CLOSURE_ORDER = (
+    "effects", "data", "model", "criteria", "result", "bayes", "angle", "remainder", "search", "checks", "spectrum",
+    "report", "laws", "known_effects", "self_test", "transfer", "closed_loop",
+)  # fmt: skip
 # The top package names the interface for programs, and loads it on first use.
 FRONT: dict[str, set[str]] = {"gateway": {"gateway.api"}}
 # Standard modules that only some places may import.
@@ -130,6 +135,24 @@ def test_imports_run_in_one_direction():
     for path in sorted((ROOT / "tools").rglob("*.py")):
         tests = [other for other in imports(path) if other.split(".")[0] == "tests"]
         results += [f"{path.relative_to(ROOT)} imports {other}: tools may not import tests" for other in tests]
+    assert results == []
+
+
+def closure_imports(path: Path) -> Iterator[str]:
+    """Yield the rooms and single modules of the closed loop that a module imports."""
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module == "gateway.closure":
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("gateway.closure."):
+            yield str(node.module).split(".")[2]
+
+
+def test_imports_between_rooms_of_the_closed_loop_run_in_one_direction():
+    results = []
+    for path in sorted((ROOT / "gateway/closure").rglob("[!_]*.py")):
+        room = path.relative_to(ROOT / "gateway/closure").parts[0].removesuffix(".py")
+        later = CLOSURE_ORDER[CLOSURE_ORDER.index(room) + 1 :]
+        results += [f"{path.relative_to(ROOT)} imports {other}" for other in closure_imports(path) if other in later]
     assert results == []
 
 

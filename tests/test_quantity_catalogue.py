@@ -82,7 +82,7 @@ def test_an_old_pressure_reaches_all_that_rests_on_it(name: str) -> None:
 
 # Modules that may list quantities by name, each with the reason.
 LISTS = {
-    "gateway.closure.inference.number_estimates": "errors of the closed loop's own grid, by parameter of its ring",
+    "gateway.closure.angle.number_estimates": "errors of the closed loop's own grid, by parameter of its ring",
     "gateway.closure.model.tire_state": "parameters of the closed loop's ring that the sidewall gives",
     "gateway.planning.cramer_rao": "equations of the bound of each quantity",
     "gateway.planning.planned_errors": "true values of a simulated wheel",

@@ -21,8 +21,9 @@ import numpy as np
 from accuracy.tables import Table
 
 from gateway.closure.closed_loop import diagnose
-from gateway.closure.data.campaign_data import ORDERS, Block, Campaign, Group
+from gateway.closure.data.campaign_data import Block, Campaign, Group
 from gateway.closure.data.revolution_orders import waveform_orders
+from gateway.closure.effects.angle_orders import ORDERS
 from gateway.closure.effects.belt_dispersion import BlockTread, belt_wave
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, RADIAL, GroupConditions
 from gateway.closure.result import Diagnosis, Finding, Verdict

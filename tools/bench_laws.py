@@ -25,14 +25,15 @@ from law_rig.causes import SENSORS, belt_causes, chain_causes, outside_causes, s
 from law_rig.rolling_in_time import Rolling
 from law_rig.unread_causes import unread_belt_causes, unread_chain_causes, unread_outside_causes
 
-from gateway.closure.data.campaign_data import ORDERS, Block, Campaign, Group
+from gateway.closure.angle.discrepancy import Discrepancy
+from gateway.closure.angle.fit import fit_model
+from gateway.closure.angle.likelihood import whiten
+from gateway.closure.angle.residual import residual_ratio
+from gateway.closure.angle.set_evidence import evaluate
+from gateway.closure.data.campaign_data import Block, Campaign, Group
 from gateway.closure.data.revolution_orders import waveform_orders
+from gateway.closure.effects.angle_orders import ORDERS
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL, BaselineModel, GroupConditions
-from gateway.closure.inference.discrepancy import Discrepancy
-from gateway.closure.inference.fit import fit_model
-from gateway.closure.inference.likelihood import whiten
-from gateway.closure.inference.residual import residual_ratio
-from gateway.closure.inference.set_evidence import evaluate
 from gateway.closure.laws.law_search import propose_laws
 from gateway.closure.model.baseline_registry import make_core
 from gateway.closure.model.closure_model import ClosureModel

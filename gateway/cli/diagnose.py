@@ -24,8 +24,8 @@ from gateway.views.output_file import check_outputs, is_stdout, write_whole
 from gateway.views.text import clean, json_text
 
 if TYPE_CHECKING:
-    from gateway.closure.inference.posterior import Posterior
     from gateway.closure.result import Diagnosis
+    from gateway.closure.search.tempered_posterior import Posterior
     from gateway.closure.transfer import Transfer
     from gateway.config.vehicle import VehicleConfig
     from gateway.planning.next_recording import RecordingPlan

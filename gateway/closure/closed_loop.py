@@ -9,52 +9,53 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gateway.closure.data.campaign_data import Campaign
-from gateway.closure.data.condition_groups import unlike_contacts
-from gateway.closure.effects.catalogue import candidates, corrections, plugin_effects
-from gateway.closure.effects.effect import BaselineModel
-from gateway.closure.inference import criteria
-from gateway.closure.inference.candidate_scan import Helpers
-from gateway.closure.inference.contact_edge_jitter import edge_findings
-from gateway.closure.inference.discrepancy import Discrepancy
-from gateway.closure.inference.drifts import drifts_of, with_drifts
-from gateway.closure.inference.effect_contribution import contribution_table, moved_by_law
-from gateway.closure.inference.findings import apart_from, beside_more, confirmed, findings_of
-from gateway.closure.inference.fit import Fit, FitFailedError
-from gateway.closure.inference.hold_out import alignment_note, hold_out
-from gateway.closure.inference.likelihood import Whitened, whiten
-from gateway.closure.inference.non_stationary import beside_changes, changing
-from gateway.closure.inference.nonsynchronous_diagnosis import TimeLocked, diagnose_time_locked
-from gateway.closure.inference.number_estimates import (
+from gateway.closure import criteria
+from gateway.closure.angle.discrepancy import Discrepancy
+from gateway.closure.angle.fit import Fit, FitFailedError
+from gateway.closure.angle.likelihood import Whitened, whiten
+from gateway.closure.angle.number_estimates import (
     belt_widths_apart,
     estimates_of,
     open_effects,
     still_determined,
     widened,
 )
-from gateway.closure.inference.outvoted_recordings import (
+from gateway.closure.angle.residual import PARTS, PLANE, left_shares, residual_ratio
+from gateway.closure.checks.outvoted_recordings import (
     RecordingsContradictedError,
     opposite_pair,
     unlike_contacts_of,
     unlike_loads,
     unlike_signals,
 )
-from gateway.closure.inference.posterior import Posterior, posterior_of
-from gateway.closure.inference.recordings_apart import Apart, recordings_apart
-from gateway.closure.inference.reference_model import OnExactRing, on_exact_ring
-from gateway.closure.inference.residual import PARTS, PLANE, left_shares, residual_ratio, unexplained
-from gateway.closure.inference.rolling_direction import turned_round
-from gateway.closure.inference.set_search import SetSearch, baseline_fit
-from gateway.closure.inference.single_speed import doubted, is_one_speed
-from gateway.closure.inference.unexplained_revolutions import unexplained_revolutions
+from gateway.closure.checks.recordings_apart import Apart, recordings_apart
+from gateway.closure.checks.reference_model import OnExactRing, on_exact_ring
+from gateway.closure.checks.rolling_direction import turned_round
+from gateway.closure.checks.single_speed import doubted, is_one_speed
+from gateway.closure.data.campaign_data import Campaign
+from gateway.closure.data.condition_groups import unlike_contacts
+from gateway.closure.effects.catalogue import candidates, corrections, plugin_effects
+from gateway.closure.effects.effect import BaselineModel
 from gateway.closure.laws.law_search import LawsFound, propose_laws
 from gateway.closure.laws.unseen_recordings import judged_elsewhere
 from gateway.closure.model.baseline import Core
 from gateway.closure.model.baseline_registry import angle_effects, make_core
 from gateway.closure.model.closure_model import AngleEffect
-from gateway.closure.report_curves import curves_of, effect_curves_of, trends_of
+from gateway.closure.remainder.contact_edge_jitter import edge_findings
+from gateway.closure.remainder.drifts import drifts_of, with_drifts
+from gateway.closure.remainder.non_stationary import beside_changes, changing
+from gateway.closure.remainder.unexplained_orders import unexplained
+from gateway.closure.remainder.unexplained_revolutions import unexplained_revolutions
+from gateway.closure.report.effect_contribution import contribution_table, moved_by_law
+from gateway.closure.report.findings import apart_from, beside_more, confirmed, findings_of
+from gateway.closure.report.hold_out import alignment_note, hold_out
+from gateway.closure.report.report_curves import curves_of, effect_curves_of, trends_of
 from gateway.closure.result import Diagnosis, Finding, Fitted, Unexplained, Verdict
+from gateway.closure.search.candidate_scan import Helpers
+from gateway.closure.search.set_search import SetSearch, baseline_fit
+from gateway.closure.search.tempered_posterior import Posterior, posterior_of
 from gateway.closure.self_test import self_test
+from gateway.closure.spectrum.nonsynchronous_diagnosis import TimeLocked, diagnose_time_locked
 from gateway.constants import AXIS_NAMES
 from gateway.errors import TreadlinkError
 from gateway.plugins import error_text, is_from_user

@@ -5,10 +5,10 @@ from typing import Final
 
 import numpy as np
 
+from gateway.closure import criteria
 from gateway.closure.effects.catalogue import candidates
 from gateway.closure.effects.effect import BaselineModel, Parameter
 from gateway.closure.effects.local_effects import LocalChange
-from gateway.closure.inference import criteria
 from gateway.closure.laws.library import library
 from gateway.closure.model.baseline_registry import angle_effects
 from gateway.closure.model.closure_model import AngleEffect

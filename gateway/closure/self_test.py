@@ -15,10 +15,11 @@ from typing import Final
 
 import numpy as np
 
-from gateway.closure.data.campaign_data import ORDERS, Campaign, Group
-from gateway.closure.inference.fit import Fit
-from gateway.closure.inference.likelihood import as_complex
-from gateway.closure.inference.number_estimates import estimates_of
+from gateway.closure.angle.fit import Fit
+from gateway.closure.angle.likelihood import as_complex
+from gateway.closure.angle.number_estimates import estimates_of
+from gateway.closure.data.campaign_data import Campaign, Group
+from gateway.closure.effects.angle_orders import ORDERS
 from gateway.closure.result import Diagnosis, SelfTest, Verdict
 from gateway.errors import TreadlinkError
 from gateway.types import ComplexArray

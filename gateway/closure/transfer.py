@@ -7,24 +7,26 @@ from typing import Final
 
 import numpy as np
 
+from gateway.closure.angle.discrepancy import Discrepancy
+from gateway.closure.angle.fit import Fit, FitFailedError, fit_model
+from gateway.closure.angle.likelihood import Whitened, whiten
+from gateway.closure.angle.number_estimates import estimates_of
+from gateway.closure.angle.residual import PLANE, residual_ratio
+from gateway.closure.angle.set_evidence import evaluate
+from gateway.closure.bayes.parameter_estimates import fitted_parameter
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.effect import BaselineModel
-from gateway.closure.inference.discrepancy import Discrepancy
-from gateway.closure.inference.findings import fitted_parameter, sizes_of
-from gateway.closure.inference.fit import Fit, FitFailedError, fit_model
-from gateway.closure.inference.hold_out import alignment_note, hold_out
-from gateway.closure.inference.likelihood import Whitened, whiten
-from gateway.closure.inference.number_estimates import estimates_of
-from gateway.closure.inference.posterior import Posterior
-from gateway.closure.inference.residual import PLANE, residual_ratio, unexplained
-from gateway.closure.inference.set_evidence import evaluate
-from gateway.closure.inference.set_search import baseline_fit
 from gateway.closure.known_effects import known_effects
 from gateway.closure.model.baseline import Core
 from gateway.closure.model.baseline_registry import make_core
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
-from gateway.closure.report_curves import curves_of, trends_of
+from gateway.closure.remainder.unexplained_orders import unexplained
+from gateway.closure.report.findings import sizes_of
+from gateway.closure.report.hold_out import alignment_note, hold_out
+from gateway.closure.report.report_curves import curves_of, trends_of
 from gateway.closure.result import Diagnosis, Finding, HeldOut, Verdict
+from gateway.closure.search.set_search import baseline_fit
+from gateway.closure.search.tempered_posterior import Posterior
 from gateway.errors import TreadlinkError
 from gateway.reasons import Code, Reason
 from gateway.signal.effect_correction import CorrectedEffect, CorrectedSignal, CorrectionTable

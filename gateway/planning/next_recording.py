@@ -1,7 +1,7 @@
 """The next recording of a diagnosis: what it is expected to decide, and the errors of the numbers after it.
 
 Each set of effects that the recordings leave possible predicts the waveform of a further one, with the errors of its
-parameters, the sensor's scatter and what it leaves unexplained (`gateway.closure.inference.imagined_recording`). A
+parameters, the sensor's scatter and what it leaves unexplained (`gateway.closure.report.imagined_recording`). A
 waveform is drawn from each in turn, and Bayes' theorem weighs the sets by it: the mean over the draws is what the
 recording is expected to do. Lindley (1956), On a measure of the information provided by an experiment.
 """
@@ -14,14 +14,14 @@ from typing import Final, NamedTuple
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
+from gateway.closure import criteria
+from gateway.closure.angle.fit import Fit
+from gateway.closure.angle.number_estimates import values_and_gradients
 from gateway.closure.effects.effect import GroupConditions
-from gateway.closure.inference import criteria
-from gateway.closure.inference.fit import Fit
-from gateway.closure.inference.imagined_recording import ImaginedRecording, reference_group
-from gateway.closure.inference.number_estimates import values_and_gradients
-from gateway.closure.inference.posterior import Posterior
 from gateway.closure.model.baseline import NoShapeError
+from gateway.closure.report.imagined_recording import ImaginedRecording, reference_group
 from gateway.closure.result import Fitted
+from gateway.closure.search.tempered_posterior import Posterior
 from gateway.planning.wants import Want
 from gateway.types import BoolArray, FloatArray
 

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Final
 
 from gateway.clock import Clock, SystemClock
+from gateway.closure.checks.outvoted_recordings import RecordingsContradictedError, unlike_signals
 from gateway.closure.closed_loop import SEARCHED, BaselineUnfittedError, baseline_fits, diagnose
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.effect import BaselineModel
-from gateway.closure.inference.outvoted_recordings import RecordingsContradictedError, unlike_signals
-from gateway.closure.inference.posterior import Posterior
 from gateway.closure.result import Diagnosis, Origin, RecordingOrigin
+from gateway.closure.search.tempered_posterior import Posterior
 from gateway.closure.transfer import Transfer, transfer
 from gateway.config.vehicle import VehicleConfig
 from gateway.reasons import Code, Reason

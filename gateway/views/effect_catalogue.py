@@ -6,6 +6,7 @@ import unicodedata
 from collections.abc import Iterable, Iterator
 from typing import Any, Final
 
+from gateway.closure.bayes.parameter_estimates import fitted_parameter
 from gateway.closure.effects.catalogue import candidates, catalogue, group_of
 from gateway.closure.effects.effect import (
     BaselineModel,
@@ -17,7 +18,6 @@ from gateway.closure.effects.effect import (
     SignalEffect,
     SpectrumEffect,
 )
-from gateway.closure.inference.findings import fitted_parameter
 from gateway.constants import AXIS_NAMES
 from gateway.views.report.quantities import show_fitted, typeset
 

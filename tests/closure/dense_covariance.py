@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from gateway.closure.inference import criteria
-from gateway.closure.inference.discrepancy import Applied
-from gateway.closure.inference.likelihood import Whitened
+from gateway.closure import criteria
+from gateway.closure.angle.discrepancy import Applied
+from gateway.closure.angle.likelihood import Whitened
 from gateway.types import FloatArray
 
 

@@ -10,8 +10,13 @@ from functools import lru_cache
 
 import numpy as np
 
-from gateway.closure.data.campaign_data import ORDERS, Block, Campaign, Group
+from gateway.closure.angle.discrepancy import Discrepancy
+from gateway.closure.angle.fit import Fit, fit_model, linearised
+from gateway.closure.angle.likelihood import Whitened, whiten
+from gateway.closure.angle.set_evidence import Evaluated, evaluate
+from gateway.closure.data.campaign_data import Block, Campaign, Group
 from gateway.closure.data.revolution_orders import waveform_orders
+from gateway.closure.effects.angle_orders import ORDERS
 from gateway.closure.effects.catalogue import catalogue, corrections
 from gateway.closure.effects.effect import (
     CIRCUMFERENTIAL,
@@ -24,14 +29,10 @@ from gateway.closure.effects.effect import (
     SignalEffect,
     Stage,
 )
-from gateway.closure.inference.discrepancy import Discrepancy
-from gateway.closure.inference.fit import Fit, fit_model, linearised
-from gateway.closure.inference.likelihood import Whitened, whiten
-from gateway.closure.inference.posterior import Posterior, posterior_of
-from gateway.closure.inference.set_evidence import Evaluated, evaluate
-from gateway.closure.inference.set_search import SetSearch, baseline_fit
 from gateway.closure.model.baseline_registry import angle_effects, make_core
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
+from gateway.closure.search.set_search import SetSearch, baseline_fit
+from gateway.closure.search.tempered_posterior import Posterior, posterior_of
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.types import ComplexArray, FloatArray

@@ -23,8 +23,8 @@ from gateway.closure.effects.effect import (
     ModelledBlock,
     RingEffect,
 )
+from gateway.closure.effects.ring_options import RingOptions
 from gateway.closure.model.exact_baseline import ExactCore
-from gateway.closure.model.ring_options import RingOptions
 from gateway.closure.model.sensor_signal import base_signal
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.types import FloatArray

@@ -6,11 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.closure.data.campaign_data import ORDERS, Block, Campaign, Group
+from gateway.closure.angle.candidate_trial import refit, shapes_of, try_effect
+from gateway.closure.angle.fit import fit_model
+from gateway.closure.angle.likelihood import whiten
+from gateway.closure.data.campaign_data import Block, Campaign, Group
+from gateway.closure.effects.angle_orders import ORDERS
 from gateway.closure.effects.catalogue import catalogue
-from gateway.closure.inference.candidate_trial import refit, shapes_of, try_effect
-from gateway.closure.inference.fit import fit_model
-from gateway.closure.inference.likelihood import whiten
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
 from gateway.closure.model.exact_baseline import ExactCore
 from gateway.types import FloatArray

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.closure.data.campaign_data import ORDERS
 from gateway.closure.data.condition_groups import alike, far_apart, folded, modes, telling, tire_states
 from gateway.closure.data.revolution_deviations import deviation_rate_hz, deviations
 from gateway.closure.data.revolution_orders import carried_order, waveform_orders
 from gateway.closure.data.revolution_scatter import settle
+from gateway.closure.effects.angle_orders import ORDERS
 from gateway.signal.nonsynchronous_spectrum import welch_spectrum
 from gateway.signal.order_spectrum import order_coefficients
 from tests.closure.planted_campaign import conditions

@@ -7,18 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gateway.closure.angle.candidate_trial import Trial
+from gateway.closure.angle.discrepancy import Discrepancy
+from gateway.closure.angle.discrepancy_kernels import OrderLine
+from gateway.closure.angle.set_evidence import evaluate
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.effects.effect import BaselineModel
-from gateway.closure.inference.candidate_scan import Helpers, Scan
-from gateway.closure.inference.candidate_trial import Trial
-from gateway.closure.inference.discrepancy import Discrepancy
-from gateway.closure.inference.discrepancy_kernels import OrderLine
-from gateway.closure.inference.set_evidence import evaluate
+from gateway.closure.effects.ring_options import RingOptions
 from gateway.closure.model.baseline_registry import angle_effects, make_core
 from gateway.closure.model.exact_baseline import ExactCore
-from gateway.closure.model.ring_options import RingOptions
 from gateway.closure.model.tire_state import references
+from gateway.closure.search.candidate_scan import Helpers, Scan
 from gateway.errors import TreadlinkError
 from gateway.worker_pool import Workers
 from tests.closure.planted_campaign import ONE_SPEED, campaign_of, fitted

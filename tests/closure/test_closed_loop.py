@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from gateway.closure import closed_loop
+from gateway.closure.angle.fit import Fit
 from gateway.closure.closed_loop import diagnose
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, BaselineModel, GroupConditions
 from gateway.closure.effects.sensor_response import Gain
-from gateway.closure.inference.fit import Fit
 from gateway.closure.model.exact_baseline import ExactCore
 from gateway.closure.result import Diagnosis, Verdict
 from gateway.closure.self_test import self_test, simulated

@@ -10,15 +10,16 @@ from closure_rig.draw import Kind, Order, draw
 from closure_rig.record import record
 from scipy.interpolate import CubicSpline
 
-from gateway.closure.data.campaign_data import ORDERS, Block, EdgeTiming, Group
+from gateway.closure import criteria
+from gateway.closure.data.campaign_data import Block, EdgeTiming, Group
 from gateway.closure.data.contact_edge_timing import TERMS, Edges, bent_back, compare_edges, orders_bent_back
 from gateway.closure.data.revolution_orders import waveform_orders
 from gateway.closure.data.revolution_scatter import regressors
+from gateway.closure.effects.angle_orders import ORDERS
 from gateway.closure.effects.catalogue import candidates, catalogue
 from gateway.closure.effects.effect import BaselineModel, ScatterEffect
-from gateway.closure.inference import criteria
-from gateway.closure.inference.contact_edge_jitter import edge_findings
 from gateway.closure.model.baseline_registry import angle_effects
+from gateway.closure.remainder.contact_edge_jitter import edge_findings
 from gateway.closure.result import Verdict
 from gateway.reasons import Code
 from gateway.session.campaign import read_campaign

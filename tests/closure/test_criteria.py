@@ -1,6 +1,6 @@
 """Thresholds of the inference: every one has its reason."""
 
-from gateway.closure.inference import criteria
+from gateway.closure import criteria
 from tools.docs_site.threshold_pages import thresholds, thresholds_markdown
 
 

@@ -7,12 +7,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gateway.closure.data.campaign_data import ORDERS, Campaign
-from gateway.closure.effects.effect import RADIAL, BaselineModel, GroupConditions
-from gateway.closure.inference import criteria
-from gateway.closure.inference.discrepancy import Applied, Discrepancy
-from gateway.closure.inference.discrepancy_concentration import most_evident
-from gateway.closure.inference.discrepancy_kernels import (
+from gateway.closure import criteria
+from gateway.closure.angle.discrepancy import Applied, Discrepancy
+from gateway.closure.angle.discrepancy_kernels import (
     FROM_PLACES,
     PLACES,
     Burst,
@@ -22,11 +19,15 @@ from gateway.closure.inference.discrepancy_kernels import (
     concentrations,
     kernel,
 )
-from gateway.closure.inference.fit import Fit
-from gateway.closure.inference.likelihood import ANGLES, FROM_FIELD, Whitened, as_complex, whiten
-from gateway.closure.inference.set_evidence import log_evidence
-from gateway.closure.inference.set_search import SetSearch
+from gateway.closure.angle.fit import Fit
+from gateway.closure.angle.likelihood import ANGLES, FROM_FIELD, Whitened, as_complex, whiten
+from gateway.closure.angle.set_evidence import log_evidence
+from gateway.closure.data.campaign_data import Campaign
+from gateway.closure.effects.angle_orders import ORDERS
+from gateway.closure.effects.effect import RADIAL, BaselineModel, GroupConditions
 from gateway.closure.model.baseline_registry import make_core
+from gateway.closure.search.discrepancy_concentration import most_evident
+from gateway.closure.search.set_search import SetSearch
 from gateway.types import FloatArray
 from tests.closure.dense_covariance import covariance_of, joined, whitened
 from tests.closure.planted_campaign import (

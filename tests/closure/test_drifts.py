@@ -7,12 +7,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from gateway.closure.angle.residual import GroupResidual
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.data.revolution_orders import waveform_orders
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, RADIAL, GroupConditions
-from gateway.closure.inference import residual
-from gateway.closure.inference.drifts import drifts_of, with_drifts
-from gateway.closure.inference.non_stationary import SCALING, beside_changes, changing
+from gateway.closure.remainder import unexplained_orders
+from gateway.closure.remainder.drifts import drifts_of, with_drifts
+from gateway.closure.remainder.non_stationary import SCALING, beside_changes, changing
 from gateway.closure.result import Drift, Finding, Fitted, Scaling, ScalingStatus, Unexplained, Verdict
 from gateway.types import ComplexArray, FloatArray
 from gateway.views.report.phrases import residual_sentence
@@ -200,9 +201,9 @@ def test_residual_seen_only_together_has_mean_size(monkeypatch):
     """No single recording shows it significantly."""
     order_2 = (np.arange(3) == 1)[:, None] * (np.arange(111) == 2)
     # A size of 1 and a scatter of 1: as in every one of forty recordings, two standard errors of noise.
-    single = residual.GroupResidual(2.0 * order_2.astype(np.complex128), order_2.astype(np.float64))
-    monkeypatch.setattr(residual, "group_residuals", lambda *_: (single,) * 40)
+    single = GroupResidual(2.0 * order_2.astype(np.complex128), order_2.astype(np.float64))
+    monkeypatch.setattr(unexplained_orders, "group_residuals", lambda *_: (single,) * 40)
     fit = SimpleNamespace(model=SimpleNamespace(campaign=campaign_of(ONE_SPEED * 40)))
-    (entry,) = residual.unexplained(fit, None)
+    (entry,) = unexplained_orders.unexplained(fit, None)
     assert entry.rms_mps2 == pytest.approx(1.0)
     assert entry.std_mps2 == pytest.approx(40.0**-0.5)

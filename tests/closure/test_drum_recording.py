@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from gateway.closure.angle.candidate_trial import refit, shapes_of, try_effect
+from gateway.closure.angle.fit import Fit, fit_model
+from gateway.closure.angle.likelihood import Whitened, whiten
 from gateway.closure.closed_loop import diagnose
 from gateway.closure.data.campaign_data import Campaign
+from gateway.closure.effects.angle_orders import THETA, orders_field
 from gateway.closure.effects.belt_dispersion import BlockTread, belt_wave
 from gateway.closure.effects.belt_geometry import slopes
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, RADIAL
-from gateway.closure.inference.candidate_trial import refit, shapes_of, try_effect
-from gateway.closure.inference.fit import Fit, fit_model
-from gateway.closure.inference.likelihood import Whitened, whiten
 from gateway.closure.model.baseline_registry import angle_effects
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
 from gateway.closure.model.exact_baseline import ExactCore
-from gateway.closure.model.sensor_signal import THETA, orders_field
 from gateway.closure.result import Verdict
 from gateway.importing.import_map import load_map
 from gateway.importing.importer import import_file

@@ -6,6 +6,9 @@ from dataclasses import astuple, replace
 import numpy as np
 import pytest
 
+from gateway.closure.angle.candidate_trial import refit, shapes_of, try_effect
+from gateway.closure.angle.fit import FitFailedError, fit_model
+from gateway.closure.angle.likelihood import whiten
 from gateway.closure.effects.belt_dispersion import BlockTread, belt_wave, mass_of_wave
 from gateway.closure.effects.belt_waves import TravellingEdgeWaves
 from gateway.closure.effects.catalogue import candidates, catalogue
@@ -17,9 +20,6 @@ from gateway.closure.effects.effect import (
     ModelledBlock,
     SignalEffect,
 )
-from gateway.closure.inference.candidate_trial import refit, shapes_of, try_effect
-from gateway.closure.inference.fit import FitFailedError, fit_model
-from gateway.closure.inference.likelihood import whiten
 from gateway.closure.model.baseline_registry import angle_effects
 from gateway.closure.model.closure_model import ClosureModel
 from gateway.closure.model.exact_baseline import ExactCore

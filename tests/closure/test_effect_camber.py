@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gateway.closure.effects.effect import LATERAL, GroupConditions
-from gateway.closure.inference.findings import findings_of
+from gateway.closure.report.findings import findings_of
 from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
 from tests.closure.planted_campaign import (

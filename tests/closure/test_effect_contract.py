@@ -17,7 +17,7 @@ from gateway.closure.effects.effect import (
     SignalEffect,
     SpectrumEffect,
 )
-from gateway.closure.model.ring_options import RingOptions
+from gateway.closure.effects.ring_options import RingOptions
 from gateway.types import FloatArray
 from tests.closure.belt_data import CONDITIONS, THETA, block_of, rolling_at
 

@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.closure.data.campaign_data import ORDERS, Block, Campaign, Group
+from gateway.closure.data.campaign_data import Block, Campaign, Group
+from gateway.closure.effects.angle_orders import ORDERS
 from gateway.closure.effects.catalogue import catalogue
-from gateway.closure.inference.effect_contribution import contribution_table, moved_by_law
 from gateway.closure.model.closure_model import ClosureModel
 from gateway.closure.model.exact_baseline import ExactCore
+from gateway.closure.report.effect_contribution import contribution_table, moved_by_law
 from gateway.closure.result import Finding, Fitted, Verdict
 from gateway.signal.effect_correction import CorrectionTable
 from gateway.views import wording

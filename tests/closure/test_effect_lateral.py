@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from gateway.closure.bayes.parameter_estimates import fitted_parameter
 from gateway.closure.effects.effect import (
     CIRCUMFERENTIAL,
     FIELD_SIZE,
@@ -17,9 +18,8 @@ from gateway.closure.effects.effect import (
     SignalEffect,
 )
 from gateway.closure.effects.lateral_loads import STIFFNESSES, CarcassCompliance, Conicity, PlySteer
+from gateway.closure.effects.lateral_response import Load, Stiffness, unit_response
 from gateway.closure.effects.mounting import YawTilt
-from gateway.closure.inference.findings import fitted_parameter
-from gateway.closure.model.lateral_response import Load, Stiffness, unit_response
 from gateway.physics.laminate import crossed_coupling_length
 from gateway.physics.lateral_belt import LateralBelt, solve_lateral_belt
 from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform

@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from gateway.closure.angle.fit import Fit
 from gateway.closure.effects.effect import (
     CIRCUMFERENTIAL,
     LATERAL,
@@ -14,8 +15,7 @@ from gateway.closure.effects.effect import (
     GroupConditions,
     ModelledBlock,
 )
-from gateway.closure.inference.experiment_design import NOTHING, deciding_recording
-from gateway.closure.inference.fit import Fit
+from gateway.closure.report.experiment_design import NOTHING, deciding_recording
 from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
 from tests.closure.planted_campaign import (

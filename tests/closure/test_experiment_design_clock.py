@@ -7,9 +7,9 @@ from typing import Any, cast
 import pytest
 
 from gateway.closure.effects.catalogue import catalogue
-from gateway.closure.inference import findings
-from gateway.closure.inference.experiment_design import deciding_recording
 from gateway.closure.model.closure_model import AngleEffect
+from gateway.closure.report import findings
+from gateway.closure.report.experiment_design import deciding_recording
 from gateway.reasons import Code, Reason
 
 AGAIN = Reason(Code.RECORD_AT_SPEED, speed_ratio=1.5)

@@ -7,13 +7,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gateway.closure.data.campaign_data import ORDERS, Campaign
+from gateway.closure.angle.fit import Fit
+from gateway.closure.angle.residual import group_residuals
+from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.data.revolution_orders import waveform_orders
+from gateway.closure.effects.angle_orders import ORDERS
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL, GroupConditions
-from gateway.closure.inference.fit import Fit
-from gateway.closure.inference.hold_out import HeldOutErrors, alignment_note, hold_out, jackknife
-from gateway.closure.inference.residual import group_residuals
-from gateway.closure.inference.set_search import baseline_fit
+from gateway.closure.report.hold_out import HeldOutErrors, alignment_note, hold_out, jackknife
+from gateway.closure.search.set_search import baseline_fit
 from gateway.reasons import Code
 from gateway.types import FloatArray
 from tests.closure.planted_campaign import (

@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 
 from gateway.cli.diagnose import write_plugin
+from gateway.closure.angle.likelihood import Whitened
+from gateway.closure.angle.set_evidence import Evaluated
 from gateway.closure.closed_loop import diagnose
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.effect import (
@@ -25,17 +27,15 @@ from gateway.closure.effects.effect import (
     SignalEffect,
 )
 from gateway.closure.effects.local_effects import LOCAL_CHANGES
-from gateway.closure.inference.findings import findings_of
-from gateway.closure.inference.likelihood import Whitened
-from gateway.closure.inference.set_evidence import Evaluated
+from gateway.closure.effects.ring_options import RingOptions
 from gateway.closure.known_effects import known_effects
 from gateway.closure.laws.law_plugin import plugin_files
 from gateway.closure.laws.law_search import LawsFound, propose_laws
 from gateway.closure.laws.library import library
 from gateway.closure.laws.unseen_recordings import _beside_residual, judged_elsewhere
 from gateway.closure.model.baseline_registry import make_core
-from gateway.closure.model.ring_options import RingOptions
 from gateway.closure.model.sensor_signal import base_signal
+from gateway.closure.report.findings import findings_of
 from gateway.closure.result import Finding, Fitted, Verdict
 from gateway.closure.transfer import transfer
 from gateway.errors import TreadlinkError

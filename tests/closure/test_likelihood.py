@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.closure.data.campaign_data import ORDERS, PROFILE_SIZE, Campaign
+from gateway.closure.angle.likelihood import ANGLES, FROM_FIELD, TO_FIELD, as_complex, as_real, whiten
+from gateway.closure.data.campaign_data import PROFILE_SIZE, Campaign
 from gateway.closure.data.revolution_scatter import settle
+from gateway.closure.effects.angle_orders import ORDERS
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL, BaselineModel
-from gateway.closure.inference.likelihood import ANGLES, FROM_FIELD, TO_FIELD, as_complex, as_real, whiten
 from gateway.closure.model.exact_baseline import ExactCore
 from gateway.closure.model.series_baseline import SeriesCore
 from gateway.types import FloatArray

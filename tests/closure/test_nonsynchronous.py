@@ -6,16 +6,17 @@ import math
 import numpy as np
 import pytest
 
-from gateway.closure.data.campaign_data import ORDERS, Block, Group
+from gateway.closure import criteria
+from gateway.closure.data.campaign_data import Block, Group
+from gateway.closure.effects.angle_orders import ORDERS
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.effects.effect import GroupConditions, SpectrumEffect
-from gateway.closure.inference import criteria
-from gateway.closure.inference.contact_edge_jitter import edge_findings
-from gateway.closure.inference.nonsynchronous_density import Site
-from gateway.closure.inference.nonsynchronous_diagnosis import UNKNOWN, TimeLocked, beside_larger, diagnose_time_locked
-from gateway.closure.inference.nonsynchronous_spectra import group_spectra
-from gateway.closure.inference.unexplained_spectrum import Part, parts_left
+from gateway.closure.remainder.contact_edge_jitter import edge_findings
 from gateway.closure.result import Finding, Scaling, ScalingStatus, Verdict
+from gateway.closure.spectrum.nonsynchronous_density import Site
+from gateway.closure.spectrum.nonsynchronous_diagnosis import UNKNOWN, TimeLocked, beside_larger, diagnose_time_locked
+from gateway.closure.spectrum.nonsynchronous_spectra import group_spectra
+from gateway.closure.spectrum.unexplained_spectrum import Part, parts_left
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.reasons import Code, Reason
 from gateway.views.report.phrases import residual_remarks

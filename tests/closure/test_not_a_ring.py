@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from gateway.closure.angle.residual import left_shares
 from gateway.closure.closed_loop import diagnose
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL, GroupConditions
-from gateway.closure.inference.residual import left_shares
 from gateway.reasons import Code
 from gateway.types import FloatArray
 from gateway.views.report.phrases import why_undetermined

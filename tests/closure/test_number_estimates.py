@@ -5,26 +5,27 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.closure.data.campaign_data import Campaign
-from gateway.closure.effects.catalogue import candidates, catalogue, corrections
-from gateway.closure.effects.effect import CIRCUMFERENTIAL, BaselineModel, GroupConditions
-from gateway.closure.inference.findings import apart_from, confirmed
-from gateway.closure.inference.fit import Fit, fit_model
-from gateway.closure.inference.likelihood import whiten
-from gateway.closure.inference.number_estimates import (
+from gateway.closure.angle.fit import Fit, fit_model
+from gateway.closure.angle.likelihood import whiten
+from gateway.closure.angle.number_estimates import (
     belt_widths_apart,
     estimates_of,
     open_effects,
     still_determined,
     widened,
 )
-from gateway.closure.inference.reference_model import on_exact_ring
+from gateway.closure.checks.reference_model import on_exact_ring
+from gateway.closure.data.campaign_data import Campaign
+from gateway.closure.effects.angle_orders import field_orders
+from gateway.closure.effects.catalogue import candidates, catalogue, corrections
+from gateway.closure.effects.effect import CIRCUMFERENTIAL, BaselineModel, GroupConditions
+from gateway.closure.effects.ring_options import RingOptions
 from gateway.closure.model.baseline import Shape, moved
 from gateway.closure.model.baseline_registry import angle_effects, make_core
 from gateway.closure.model.closure_model import ClosureModel
 from gateway.closure.model.exact_baseline import ExactCore
-from gateway.closure.model.ring_options import RingOptions
-from gateway.closure.model.sensor_signal import base_signal, field_orders
+from gateway.closure.model.sensor_signal import base_signal
+from gateway.closure.report.findings import apart_from, confirmed
 from gateway.closure.result import Finding, Fitted, Verdict
 from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
 from gateway.reasons import Code

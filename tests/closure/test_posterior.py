@@ -8,18 +8,19 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from gateway.closure import criteria
+from gateway.closure.angle.number_estimates import estimates_of
+from gateway.closure.angle.set_evidence import Evaluated, evaluate, evaluated_at, log_evidence, settled
+from gateway.closure.bayes.parameter_estimates import outside_range
+from gateway.closure.bayes.posterior import over
 from gateway.closure.effects.catalogue import candidates
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL, BaselineModel, GroupConditions, Parameter
-from gateway.closure.inference import criteria
-from gateway.closure.inference.findings import beside_more, findings_of
-from gateway.closure.inference.number_estimates import estimates_of
-from gateway.closure.inference.parameter_range import outside_range
-from gateway.closure.inference.posterior import Posterior, over
-from gateway.closure.inference.set_evidence import Evaluated, evaluate, evaluated_at, log_evidence, settled
-from gateway.closure.inference.set_search import SetSearch
 from gateway.closure.model.baseline_registry import angle_effects
 from gateway.closure.model.closure_model import AngleEffect
+from gateway.closure.report.findings import beside_more, findings_of
 from gateway.closure.result import Finding, Verdict
+from gateway.closure.search.set_search import SetSearch
+from gateway.closure.search.tempered_posterior import Posterior
 from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
 from tests.closure.dense_covariance import covariance_of, joined

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from gateway.closure import criteria
+from gateway.closure.angle.set_evidence import log_prior_odds
 from gateway.closure.data.campaign_data import Remark
 from gateway.closure.effects.effect import RADIAL, BaselineModel, GroupConditions
-from gateway.closure.inference import criteria
-from gateway.closure.inference.set_evidence import log_prior_odds
 from gateway.closure.model.baseline_registry import make_core
 from gateway.closure.model.closure_model import ClosureModel
 from gateway.config.vehicle import parse_vehicle

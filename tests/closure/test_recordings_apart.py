@@ -6,17 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gateway.closure.checks.outvoted_recordings import opposite_pair, unlike_contacts_of, unlike_loads, unlike_signals
+from gateway.closure.checks.recordings_apart import recordings_apart
+from gateway.closure.checks.rolling_direction import turned_round
 from gateway.closure.closed_loop import diagnose
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL, BaselineModel, GroupConditions
-from gateway.closure.inference.outvoted_recordings import (
-    opposite_pair,
-    unlike_contacts_of,
-    unlike_loads,
-    unlike_signals,
-)
-from gateway.closure.inference.recordings_apart import recordings_apart
-from gateway.closure.inference.rolling_direction import turned_round
 from gateway.closure.model.baseline_registry import make_core
 from gateway.closure.result import Fitted, TireState
 from gateway.errors import TreadlinkError

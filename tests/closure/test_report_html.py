@@ -5,7 +5,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from gateway.closure.inference import likelihood
+from gateway.closure.angle import likelihood
 from gateway.closure.result import AxisError, Finding, Fitted, HeldOut, TireState, Verdict
 from gateway.reasons import Code, Reason
 from gateway.signal.order_spectrum import ORDER_COUNT

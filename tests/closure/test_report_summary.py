@@ -3,8 +3,8 @@ from dataclasses import replace
 
 import pytest
 
+from gateway.closure.bayes.parameter_estimates import fitted_parameter
 from gateway.closure.effects.catalogue import catalogue
-from gateway.closure.inference.findings import fitted_parameter
 from gateway.closure.result import Drift, Fitted, TireState, Verdict
 from gateway.reasons import Code, Reason
 from gateway.views.report.diagnosis_json import diagnosis_json

@@ -11,7 +11,7 @@ from closure_rig.judge import ALWAYS, CANNOT_TELL, Outcome, judge
 from closure_rig.score import Share, confusion, false_names, reliability, report
 
 from gateway.closure.effects.catalogue import catalogue
-from gateway.closure.inference.nonsynchronous_diagnosis import UNKNOWN
+from gateway.closure.spectrum.nonsynchronous_diagnosis import UNKNOWN
 
 
 def finding(name: str, verdict: str = "named", *rivals: str) -> dict[str, Any]:

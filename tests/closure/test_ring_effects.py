@@ -8,8 +8,8 @@ import pytest
 
 from gateway.closure.effects.catalogue import candidates, catalogue
 from gateway.closure.effects.effect import BaselineModel, GroupConditions, RingEffect
+from gateway.closure.effects.ring_options import RingOptions
 from gateway.closure.model.exact_baseline import ExactCore
-from gateway.closure.model.ring_options import RingOptions
 from gateway.closure.model.series_baseline import SeriesCore
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from gateway.closure.effects.angle_orders import THETA
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, RADIAL, GroupConditions
+from gateway.closure.effects.ring_options import RingOptions
 from gateway.closure.model.baseline import Shape, slopes, stepped
 from gateway.closure.model.exact_baseline import ExactCore
-from gateway.closure.model.ring_options import RingOptions
 from gateway.closure.model.run_out_shape import LoadedShape, load_steps, out_of_round
-from gateway.closure.model.sensor_signal import THETA
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.types import ComplexArray, FloatArray
 from tests.closure.planted_campaign import NODES, RADIUS_M, among, campaign_of, conditions, nothing, ring, searched

@@ -7,10 +7,10 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from gateway.closure.bayes.parameter_estimates import fitted_parameter
 from gateway.closure.effects.belt_geometry import relative_curvature, relative_offset
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, FIELD_SIZE, LATERAL, RADIAL, GroupConditions
-from gateway.closure.inference.findings import fitted_parameter
-from gateway.closure.model.lateral_response import Load, Stiffness, unit_response
+from gateway.closure.effects.lateral_response import Load, Stiffness, unit_response
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.physics.lateral_belt import LateralBelt, LateralSolution, solve_lateral_belt
 from gateway.physics.rolling_ring.sensor_waveform import sensor_waveform

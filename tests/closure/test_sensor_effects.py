@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
 
-from gateway.closure.data.campaign_data import ORDERS
+from gateway.closure.bayes.parameter_estimates import fitted_parameter
+from gateway.closure.effects.angle_orders import ORDERS, field_orders
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.effects.effect import (
     CIRCUMFERENTIAL,
@@ -22,9 +23,7 @@ from gateway.closure.effects.effect import (
     ModelledBlock,
     RingEffect,
 )
-from gateway.closure.inference.findings import fitted_parameter
-from gateway.closure.model.ring_options import RingOptions
-from gateway.closure.model.sensor_signal import field_orders
+from gateway.closure.effects.ring_options import RingOptions
 from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
 from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
 from gateway.simulator.tire_table import look_up

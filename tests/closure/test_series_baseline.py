@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from gateway.closure.effects.effect import FIELD_SIZE, BaselineModel, GroupConditions
-from gateway.closure.model.ring_options import RingOptions
+from gateway.closure.effects.ring_options import RingOptions
 from gateway.closure.model.series_baseline import SeriesCore
 from gateway.physics.contact_pressure import road_orders
 from gateway.physics.reference_tire import TABLE_3_NUMBERS

@@ -9,22 +9,23 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from gateway.closure import criteria
+from gateway.closure.angle.candidate_trial import Trial, refit, shapes_of, try_effect
+from gateway.closure.angle.fit import Fit, FitFailedError, linearised
+from gateway.closure.angle.set_evidence import Evaluated, settled
+from gateway.closure.bayes.posterior import ByPart
 from gateway.closure.closed_loop import other_optimum_notes
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.effects.effect import LATERAL, GroupConditions
-from gateway.closure.inference import candidate_scan, criteria, posterior, set_search
-from gateway.closure.inference.candidate_scan import Scan
-from gateway.closure.inference.candidate_trial import Trial, refit, shapes_of, try_effect
-from gateway.closure.inference.findings import findings_of
-from gateway.closure.inference.fit import Fit, FitFailedError, linearised
-from gateway.closure.inference.other_optima import other_optima
-from gateway.closure.inference.posterior import doubted_sets
-from gateway.closure.inference.residual import ByPart
-from gateway.closure.inference.set_evidence import Evaluated, settled
-from gateway.closure.inference.set_search import SetSearch, baseline_fit, is_taken, rivals_of
 from gateway.closure.model.baseline import Shape
 from gateway.closure.model.baseline_registry import angle_effects
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
+from gateway.closure.report.findings import findings_of
+from gateway.closure.search import candidate_scan, set_search, tempered_posterior
+from gateway.closure.search.candidate_scan import Scan
+from gateway.closure.search.other_optima import other_optima
+from gateway.closure.search.set_search import SetSearch, baseline_fit, is_taken, rivals_of
+from gateway.closure.search.tempered_posterior import doubted_sets
 from gateway.reasons import Code
 from gateway.types import FloatArray
 from tests.closure.planted_campaign import (
@@ -250,7 +251,7 @@ def test_an_expired_search_tries_no_further_effect(monkeypatch: pytest.MonkeyPat
     def counted(fit: object, effect: AngleEffect, shapes: object) -> None:
         tried.append(effect.name)
 
-    monkeypatch.setattr("gateway.closure.inference.candidate_scan.try_effect", counted)
+    monkeypatch.setattr("gateway.closure.search.candidate_scan.try_effect", counted)
     effects = among("roll tilt", "pitch tilt", "gain")
     _, search = searched(campaign, effects, expired=lambda: True)
     assert tried == []
@@ -372,7 +373,7 @@ def judged(
     """
     sets = {frozenset(names): Evaluated(frozenset(names), cast(Any, names), ratios[names][0]) for names in ratios}
 
-    monkeypatch.setattr(posterior, "ratios_by_part", lambda fit, data: ByPart(*ratios[fit][1:]))
+    monkeypatch.setattr(tempered_posterior, "ratios_by_part", lambda fit, data: ByPart(*ratios[fit][1:]))
     result, temperatures = doubted_sets(sets, cast(Any, None))
     assert all(
         reason.code is Code.LEAVES_MORE_THAN_WITHOUT for item in result.values() for _, reason in item.objections

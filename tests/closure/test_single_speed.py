@@ -2,7 +2,7 @@
 
 import pytest
 
-from gateway.closure.inference.single_speed import FIXED_FREQUENCY, doubted, is_one_speed
+from gateway.closure.checks.single_speed import FIXED_FREQUENCY, doubted, is_one_speed
 from gateway.closure.result import Finding, Verdict
 from gateway.reasons import Code, Reason
 from tests.closure.planted_campaign import ONE_SPEED, TWO_SPEEDS, among, campaign_of

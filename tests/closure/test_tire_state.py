@@ -9,10 +9,10 @@ from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.data.condition_groups import tire_states, unlike_contacts
 from gateway.closure.effects.catalogue import candidates
 from gateway.closure.effects.effect import RADIAL, BaselineModel
+from gateway.closure.effects.ring_options import RingOptions
 from gateway.closure.model.baseline_registry import angle_effects, make_core
 from gateway.closure.model.closure_model import ClosureModel
 from gateway.closure.model.exact_baseline import ExactCore, ring_parameters
-from gateway.closure.model.ring_options import RingOptions
 from gateway.closure.model.tire_state import shift, slopes
 from tests.closure.planted_campaign import LOAD_N, PLANE, campaign_of, conditions, searched
 

@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.closure.data.campaign_data import ORDERS, Block, EdgeTiming, Group, Repeats
+from gateway.closure.data.campaign_data import Block, EdgeTiming, Group, Repeats
 from gateway.closure.data.revolution_deviations import CELLS, angle_scatter
+from gateway.closure.effects.angle_orders import ORDERS
 from gateway.closure.effects.effect import GroupConditions
-from gateway.closure.inference.unexplained_revolutions import unexplained_revolutions
+from gateway.closure.remainder.unexplained_revolutions import unexplained_revolutions
 from gateway.closure.result import ScalingStatus
 from gateway.views.report.phrases import place_text, residual_remarks, residual_sentence
 

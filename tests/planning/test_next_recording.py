@@ -7,12 +7,13 @@ from functools import cache
 
 import pytest
 
+from gateway.closure.angle.number_estimates import estimates_of
+from gateway.closure.bayes.posterior import over
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.effect import GroupConditions
-from gateway.closure.inference.number_estimates import estimates_of
-from gateway.closure.inference.posterior import Posterior, over
 from gateway.closure.model.closure_model import AngleEffect
 from gateway.closure.result import Fitted
+from gateway.closure.search.tempered_posterior import Posterior
 from gateway.planning.next_recording import RecordingPlan, plan_recordings
 from gateway.planning.wants import Want
 from gateway.views.plans.recording_plan import recording_plan_json, recording_plan_lines

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from gateway.closure.checks.outvoted_recordings import RecordingsContradictedError
 from gateway.closure.closed_loop import BaselineUnfittedError
 from gateway.closure.data.campaign_data import Campaign
-from gateway.closure.inference.outvoted_recordings import RecordingsContradictedError
 from gateway.closure.result import Diagnosis
 from gateway.errors import RecordingError
 from gateway.reasons import Code, Reason

@@ -6,16 +6,16 @@ from typing import Final
 
 from accuracy.tables import Table
 
+from gateway.closure import criteria
+from gateway.closure.angle.discrepancy import Discrepancy
+from gateway.closure.angle.likelihood import whiten
+from gateway.closure.angle.number_estimates import estimates_of
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.catalogue import candidates
 from gateway.closure.effects.effect import BaselineModel
-from gateway.closure.inference import criteria
-from gateway.closure.inference.discrepancy import Discrepancy
-from gateway.closure.inference.likelihood import whiten
-from gateway.closure.inference.number_estimates import estimates_of
-from gateway.closure.inference.posterior import posterior_of
-from gateway.closure.inference.set_search import SetSearch, baseline_fit
 from gateway.closure.model.baseline_registry import angle_effects, make_core
+from gateway.closure.search.set_search import SetSearch, baseline_fit
+from gateway.closure.search.tempered_posterior import posterior_of
 from gateway.quantity_catalogue import RING_NUMBERS
 from gateway.session.campaign import read_campaign
 

@@ -7,7 +7,7 @@ from typing import Any, Final, NamedTuple
 from closure_rig.bench import Run
 from closure_rig.draw import Case
 from closure_rig.record import SECONDS, scenario_of
-from gateway.closure.model.lateral_response import (
+from gateway.closure.effects.lateral_response import (
     BENDING_STIFFNESS_NM2,
     SIDEWALL_STIFFNESS_NPM2,
     TREAD_STIFFNESS_NPM2,

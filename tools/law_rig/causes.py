@@ -13,9 +13,8 @@ from typing import Final
 
 import numpy as np
 
-from gateway.closure.data.campaign_data import ORDERS
+from gateway.closure.effects.angle_orders import ORDERS, field_orders, orders_field
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, FIELD_SIZE, RADIAL, GroupConditions
-from gateway.closure.model.sensor_signal import field_orders, orders_field
 from gateway.physics.rolling_ring.force_balance import ring_grid
 from gateway.types import ComplexArray, FloatArray
 from law_rig.rolling_in_time import NODES, STEPS, LocalChange, Rolling, last_revolution, read_by

@@ -12,10 +12,6 @@ from gateway.types import BoolArray, ComplexArray, FloatArray
 Remark: TypeAlias = Reason | str
 """A remark on the data: a reason, or text that a user wrote, as in a configuration."""
 
-ORDERS: Final = 111
-"""Number of orders compared, 0 to 110: on a measured tire nothing above repeats."""
-
-
 PROFILE_SIZE: Final = 128
 """Angles of a scatter profile."""
 

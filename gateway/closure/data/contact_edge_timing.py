@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates, spline_filter1d
 
-from gateway.closure.data.campaign_data import ORDERS, EdgeTiming
+from gateway.closure.data.campaign_data import EdgeTiming
 from gateway.closure.data.condition_groups import folded
 from gateway.closure.data.revolution_scatter import regress, regressors, robust_variance
+from gateway.closure.effects.angle_orders import ORDERS
 from gateway.closure.effects.contact import CONTACT_EDGE_JITTER, EDGE_REACH_RAD
 from gateway.types import ComplexArray, FloatArray, IntArray
 

@@ -8,12 +8,13 @@ from typing import Final
 import numpy as np
 from scipy.ndimage import median_filter
 
-from gateway.closure.data.campaign_data import ORDERS, Block, Group
+from gateway.closure.data.campaign_data import Block, Group
 from gateway.closure.data.condition_groups import alike, folded
 from gateway.closure.data.contact_edge_timing import TERMS, bent_back, compare_edges, orders_bent_back
 from gateway.closure.data.revolution_deviations import Deviations, deviation_rate_hz, deviations
 from gateway.closure.data.revolution_orders import RevolutionTable, carried_order
 from gateway.closure.data.revolution_scatter import settle
+from gateway.closure.effects.angle_orders import ORDERS
 from gateway.closure.effects.effect import GroupConditions
 from gateway.reasons import Code, Reason
 from gateway.signal.angle_resampling import GRID_SIZE, angle_grid

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.closure.data.campaign_data import ORDERS
+from gateway.closure.effects.angle_orders import ORDERS
 from gateway.estimators.estimator import Revolution, TireConditions
 from gateway.reasons import Code, Reason
 from gateway.types import ComplexArray, FloatArray

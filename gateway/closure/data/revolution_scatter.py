@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import convolve1d
 
-from gateway.closure.data.campaign_data import ORDERS, PROFILE_SIZE
+from gateway.closure.data.campaign_data import PROFILE_SIZE
+from gateway.closure.effects.angle_orders import ORDERS
 from gateway.types import BoolArray, ComplexArray, FloatArray
 
 # Number of revolutions from which the dependence on speed and its change is subtracted before scatter is measured.

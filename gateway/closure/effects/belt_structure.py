@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Final
 
 from gateway.closure.effects.effect import Confounder, GroupConditions, Parameter, RingEffect
-from gateway.closure.model.ring_options import RingOptions
+from gateway.closure.effects.ring_options import RingOptions
 from gateway.types import FloatArray
 
 

@@ -30,7 +30,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from gateway.closure.model.ring_options import RingOptions
+from gateway.closure.effects.ring_options import RingOptions
 from gateway.physics.rolling_ring import LoadedBelt
 from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
 from gateway.reasons import Reason

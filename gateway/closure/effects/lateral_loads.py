@@ -1,7 +1,7 @@
 """Lateral loads: ply steer, conicity, side force at a slip angle, and camber.
 
 The first three push, shear or bend the belt sideways. They share the belt's lateral stiffnesses and its response,
-`gateway.closure.model.lateral_response`.
+`gateway.closure.effects.lateral_response`.
 """
 
 import math
@@ -18,7 +18,7 @@ from gateway.closure.effects.effect import (
     SignalEffect,
     Stage,
 )
-from gateway.closure.model.lateral_response import Load, Response, Stiffness, unit_response
+from gateway.closure.effects.lateral_response import Load, Response, Stiffness, unit_response
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.types import FloatArray
 

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple, Self
 
 import numpy as np
 
-from gateway.closure.data.campaign_data import ORDERS
+from gateway.closure.effects.angle_orders import ORDERS, orders_field
 from gateway.closure.effects.belt_geometry import relative_offset
 from gateway.closure.effects.effect import (
     CIRCUMFERENTIAL,
@@ -24,7 +24,6 @@ from gateway.closure.effects.effect import (
     SignalEffect,
     Stage,
 )
-from gateway.closure.model.sensor_signal import orders_field
 from gateway.physics.rolling_ring import (
     PATTERNS,
     Change,

@@ -13,7 +13,7 @@ from gateway.closure.effects.effect import (
     Parameter,
     RingEffect,
 )
-from gateway.closure.model.ring_options import RingOptions
+from gateway.closure.effects.ring_options import RingOptions
 from gateway.physics.reference_tire import TABLE_3_LOAD_NUMBER
 from gateway.types import FloatArray
 

@@ -129,7 +129,7 @@ from {module} import EFFECT
 
 from gateway.closure.effects.effect import BaselineModel, GroupConditions
 from gateway.closure.model.baseline_registry import make_core
-from gateway.closure.model.ring_options import RingOptions
+from gateway.closure.effects.ring_options import RingOptions
 from gateway.closure.model.sensor_signal import base_signal
 
 

@@ -20,23 +20,23 @@ from typing import Final
 
 import numpy as np
 
+from gateway.closure import criteria
+from gateway.closure.angle.fit import Fit, FitFailedError
+from gateway.closure.angle.likelihood import Whitened
+from gateway.closure.angle.residual import POWER_SHARE, group_residuals, residual_ratio
+from gateway.closure.angle.set_evidence import Evaluated, evaluate, log_evidence
+from gateway.closure.bayes.parameter_estimates import fitted_parameter
+from gateway.closure.effects.angle_orders import THETA, orders_field
 from gateway.closure.effects.effect import BaselineModel, SignalEffect
-from gateway.closure.inference import criteria
-from gateway.closure.inference.effect_contribution import added_by
-from gateway.closure.inference.findings import fitted_parameter
-from gateway.closure.inference.fit import Fit, FitFailedError
-from gateway.closure.inference.hold_out import hold_out
-from gateway.closure.inference.likelihood import Whitened
-from gateway.closure.inference.posterior import Posterior
-from gateway.closure.inference.profile_scan import ProfileScan, Promise, fitted_with
-from gateway.closure.inference.residual import POWER_SHARE, group_residuals, residual_ratio
-from gateway.closure.inference.set_evidence import Evaluated, evaluate, log_evidence
 from gateway.closure.laws.library import library
 from gateway.closure.laws.unseen_recordings import reasons_against, single_sizes, unseen_errors, widening
 from gateway.closure.model.baseline import NoShapeError
-from gateway.closure.model.sensor_signal import THETA, orders_field
+from gateway.closure.report.effect_contribution import added_by
+from gateway.closure.report.hold_out import hold_out
 from gateway.closure.result import HeldOut, LawCurves, LawSize
 from gateway.closure.result import Law as ProposedLaw
+from gateway.closure.search.profile_scan import ProfileScan, Promise, fitted_with
+from gateway.closure.search.tempered_posterior import Posterior
 from gateway.constants import AXIS_NAMES
 from gateway.reasons import Code, Reason
 

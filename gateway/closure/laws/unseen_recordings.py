@@ -11,12 +11,12 @@ from typing import Final
 
 import numpy as np
 
+from gateway.closure.angle.fit import Fit
+from gateway.closure.angle.likelihood import Whitened, as_complex
+from gateway.closure.angle.residual import POWER_SHARE, group_residuals
 from gateway.closure.data.condition_groups import has_other_conditions
 from gateway.closure.effects.effect import SignalEffect
-from gateway.closure.inference.findings import sizes_of
-from gateway.closure.inference.fit import Fit
-from gateway.closure.inference.likelihood import Whitened, as_complex
-from gateway.closure.inference.residual import POWER_SHARE, group_residuals
+from gateway.closure.report.findings import sizes_of
 from gateway.closure.result import Finding, Fitted, LawSize, UnseenError, Verdict
 from gateway.constants import AXIS_NAMES
 from gateway.reasons import Code, Reason

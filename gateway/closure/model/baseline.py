@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from gateway.closure.effects.effect import BaselineModel, GroupConditions
-from gateway.closure.model.ring_options import RingOptions
+from gateway.closure.effects.ring_options import RingOptions
 from gateway.physics.rolling_ring import LoadedBelt
 from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
 from gateway.types import FloatArray

@@ -8,13 +8,14 @@ from typing import Final
 
 import numpy as np
 
-from gateway.closure.data.campaign_data import ORDERS, Campaign, Group
+from gateway.closure.data.campaign_data import Campaign, Group
 from gateway.closure.data.side_information import witnesses
+from gateway.closure.effects.angle_orders import ORDERS, field_orders
 from gateway.closure.effects.effect import GroupConditions, ModelledBlock, RingEffect, SignalEffect, Stage
+from gateway.closure.effects.ring_options import RingOptions
 from gateway.closure.model.baseline import Core, NoShapeError, Shape, moved
 from gateway.closure.model.parameter_vector import Layout
-from gateway.closure.model.ring_options import RingOptions
-from gateway.closure.model.sensor_signal import base_signal, field_orders, mounting_matrix, with_signal
+from gateway.closure.model.sensor_signal import base_signal, mounting_matrix, with_signal
 from gateway.closure.model.tire_state import half_angles_rad, references, shift, slopes
 from gateway.physics.rolling_ring import RingNotConvergedError
 from gateway.types import ComplexArray, FloatArray, IntArray

@@ -10,8 +10,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gateway.closure.effects.effect import FIELD_SIZE, BaselineModel, GroupConditions
+from gateway.closure.effects.ring_options import RingOptions
 from gateway.closure.model.baseline import Shape, moved, slopes, stepped
-from gateway.closure.model.ring_options import RingOptions
 from gateway.closure.model.run_out_shape import LoadedShape, load_steps, out_of_round
 from gateway.closure.model.shape_derivatives import Tangents
 from gateway.physics.reference_tire import TABLE_3_LOAD_N, TABLE_3_LOAD_NUMBER, TABLE_3_NUMBERS, TABLE_3_RADIUS_M

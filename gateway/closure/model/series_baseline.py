@@ -13,9 +13,9 @@ import numpy as np
 from scipy.special import spherical_jn
 
 from gateway.closure.effects.effect import FIELD_SIZE, BaselineModel, GroupConditions
+from gateway.closure.effects.ring_options import RingOptions
 from gateway.closure.model.baseline import Shape, differences, moved
 from gateway.closure.model.exact_baseline import ExactCore
-from gateway.closure.model.ring_options import RingOptions
 from gateway.closure.model.shape_derivatives import Tangents
 from gateway.physics.reference_tire import (
     TABLE_3_LOAD_N,

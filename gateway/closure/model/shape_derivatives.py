@@ -6,8 +6,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gateway.closure.effects.ring_options import RingOptions
 from gateway.closure.model.baseline import Shape
-from gateway.closure.model.ring_options import RingOptions
 from gateway.types import FloatArray
 
 # A derivative is valid while no parameter's logarithm changes by more, and no option by a larger share of itself.

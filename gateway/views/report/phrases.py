@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 from gateway.closure.data.campaign_data import Remark
 from gateway.closure.effects.catalogue import catalogue
-from gateway.closure.inference.effect_contribution import MEASURED
+from gateway.closure.report.effect_contribution import MEASURED
 from gateway.closure.result import (
     Diagnosis,
     Finding,

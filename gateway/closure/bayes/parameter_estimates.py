@@ -1,0 +1,60 @@
+"""An effect's parameters: value with unit, error over the sets of effects, and the physical range."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from gateway.closure.effects.effect import Parameter
+from gateway.closure.result import Fitted
+from gateway.reasons import Code, Reason
+from gateway.types import FloatArray
+
+
+def outside_range(parameter: Parameter, value: float) -> Reason:
+    """Return the reason to reject a value (SI) of a parameter; its numbers are in the display unit."""
+    return Reason(
+        Code.IMPLAUSIBLE_PARAMETER,
+        parameter=parameter.name,
+        value=value * parameter.factor,
+        low=parameter.low * parameter.factor,
+        high=parameter.high * parameter.factor,
+        unit=parameter.display_unit or parameter.unit,
+    )
+
+
+def over_sets(
+    shown: tuple[FloatArray, FloatArray], sets: Sequence[tuple[tuple[FloatArray, FloatArray], float]]
+) -> FloatArray:
+    """Return the mean square distance of an effect's parameters to those of one set, (P,).
+
+    The value shown is that of the most probable set, with which the other effects' values go together. What the choice
+    of the set leaves open is part of its error.
+
+    Args:
+        shown: the parameters of that set and their variances, (P,) each.
+        sets: the same of every set with the effect that matters, and its weight; none if the effect is in none.
+    """
+    values, variances = shown
+    total = sum(weight for _, weight in sets)
+    if not total > 0.0:
+        return variances
+    far = [weight / total * (variance + np.square(there - values)) for (there, variance), weight in sets]
+    result: FloatArray = np.sum(far, axis=0)
+    return result
+
+
+def fitted_parameter(parameter: Parameter, value: float, std: float, gain_std: float = 0.0) -> Fitted:
+    """Return a parameter's value in SI, with its display unit; its error includes that of the effect's equation.
+
+    Args:
+        parameter: of an effect.
+        value: in SI.
+        std: standard error by the data.
+        gain_std: relative standard error of the sensor's gain, a part of the error of what goes with it.
+    """
+    shown = parameter.factor, parameter.display_unit, parameter.inverse_display
+    by_gain = gain_std * value if parameter.by_gain else 0.0
+    std = math.hypot(std, parameter.shared_std or 0.0, by_gain, parameter.equation_share * value)
+    # A whole number is tried, not fitted: it has no error.
+    return Fitted(value, 0.0 if parameter.whole else std, parameter.unit, *shown)

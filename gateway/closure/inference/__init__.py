@@ -1,1 +1,0 @@
-"""Inference: fit, selection and validation of effects."""
