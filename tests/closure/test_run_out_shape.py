@@ -43,8 +43,33 @@ def test_each_angle_has_the_shape_under_its_own_load(height_mm: float, phase_deg
     loaded = [LoadedShape(shape_under(core, share), 0.3 - share / SWING_PM) for share in load_steps(cosine_m, sine_m)]
     result = out_of_round(loaded, CONDITIONS.radius_m, cosine_m, sine_m).waveform.radial_m
     expected = position * (1.0 + cosine_m / CONDITIONS.radius_m)
-    change = expected - loaded[2].shape.waveform.radial_m
+    change = expected - loaded[len(loaded) // 2].shape.waveform.radial_m
     assert rms(result - expected) < 2e-3 * rms(change)
+
+
+def test_shape_changes_smoothly_with_the_height() -> None:
+    """Heights from 0.3 to 1.3 mm, with loads that swing by more and more: no second difference is far from others."""
+    core = ExactCore()
+    heights_m = 1e-3 * np.geomspace(0.3, 1.3, 49)
+    shapes = np.stack(
+        [
+            core.shape(np.zeros(5), CONDITIONS, RingOptions(runout_sine_m=float(height_m)), 0.24).waveform.radial_m
+            for height_m in heights_m
+        ]
+    )
+    sizes = np.array([rms(second) for second in np.diff(shapes, 2, axis=0)])
+    assert sizes.max() < 6.0 * np.median(sizes)
+
+
+def test_derivatives_are_those_of_the_point_itself() -> None:
+    """At a point near one whose derivatives are known: a fit would stop where those of its way lead it."""
+    core, fresh = ExactCore(), ExactCore()
+    near, point = np.zeros(5), np.full(5, 0.004)
+    core.tangent(near, CONDITIONS, RingOptions(), 0.24)
+    result = core.tangent(point, CONDITIONS, RingOptions(), 0.24)
+    expected = fresh.tangent(point, CONDITIONS, RingOptions(), 0.24)
+    for slope, other in zip(result, expected, strict=True):
+        assert rms(slope.waveform.radial_m - other.waveform.radial_m) < 1e-6 * rms(other.waveform.radial_m)
 
 
 OPTIONS = RingOptions(runout_cosine_m=-1.5e-3, runout_sine_m=4e-4)

@@ -79,7 +79,7 @@ class Core(Protocol):
     def tangent(
         self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions, half_angle_rad: float
     ) -> tuple[Shape, ...]:
-        """Return the derivatives of the shape by the state's K parameters, here or at a nearby point."""
+        """Return the derivatives of the shape by the state's K parameters."""
         ...
 
     def changes(

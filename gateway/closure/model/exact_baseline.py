@@ -138,7 +138,7 @@ class ExactCore:
         options: RingOptions,
         half_angle_rad: float,  # noqa: ARG002 - as above
     ) -> tuple[Shape, ...]:
-        """Return the derivatives of the shape by the state's parameters, at a nearby point if one is known."""
+        """Return the derivatives of the shape by the state's parameters."""
         # So little run-out changes derivatives by 0.5 %.
         cosine_m, sine_m = (
             _ROUNDED_M * round(x / _ROUNDED_M) for x in (options.runout_cosine_m, options.runout_sine_m)

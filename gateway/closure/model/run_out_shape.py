@@ -14,11 +14,13 @@ from gateway.types import FloatArray
 
 # Share of the load by which a metre of run-out swings it on a car's tire; on a truck's tire it is half of that.
 _SWING_PM: Final = 50.0
-# Largest shares by which the loads of the shapes may differ from the middle one. They are few, so that the solutions
-# for one height serve its neighbours. Below the first the grid's error would be seen.
-_LARGEST: Final[FloatArray] = 0.02 * np.sqrt(2.0) ** np.arange(9)
-# Parts of it, at which a polynomial is nowhere far off.
-_PARTS: Final = (-1.0, -math.sqrt(0.5), 0.0, math.sqrt(0.5), 1.0)
+# Shares by which the loads of the shapes may differ from the middle one. They are few, so that the solutions for one
+# height serve its neighbours. With smaller ones the grid's error would be seen.
+_STEPS: Final[FloatArray] = 0.02 * np.sqrt(2.0) ** np.arange(-1, 9)
+_LAST: Final = len(_STEPS) - 2
+# Seven loads are those of two polynomials of five each, one of which swings them by more.
+_NARROW: Final = [1, 2, 3, 4, 5]
+_WIDE: Final = [0, 1, 3, 5, 6]
 _THETA: Final[FloatArray] = -math.pi + (2.0 * math.pi / FIELD_SIZE) * np.arange(FIELD_SIZE, dtype=np.float64)
 
 
@@ -30,10 +32,23 @@ class LoadedShape(NamedTuple):
 
 
 def load_steps(cosine_m: float, sine_m: float) -> list[float]:
-    """Return the shares of the load by which the five shapes are to differ from the middle one."""
-    swing = max(_SWING_PM * math.hypot(cosine_m, sine_m), float(_LARGEST[0]))
-    largest = float(_LARGEST[np.argmin(np.abs(np.log(_LARGEST / swing)))])
-    return [part * largest for part in _PARTS]
+    """Return the shares of the load by which the five or seven shapes are to differ from the middle one."""
+    level, share = _level(cosine_m, sine_m)
+    steps = _STEPS[level : level + (3 if share > 0.0 else 2)].tolist()
+    return [*(-step for step in reversed(steps)), 0.0, *steps]
+
+
+def _level(cosine_m: float, sine_m: float) -> tuple[int, float]:
+    """Return the index of the least load step, and the share of the polynomial that swings the load by more.
+
+    The share changes smoothly with the height: a fit would not come to rest at a height where a shape jumps from one
+    polynomial to the next.
+    """
+    swing = _SWING_PM * math.hypot(cosine_m, sine_m)
+    place = 2.0 * math.log2(max(swing / float(_STEPS[1]), 1e-9)) + 0.5
+    level = min(max(math.floor(place), 0), _LAST - 1)
+    part = min(max(place - level, 0.0), 1.0)
+    return level, part * part * (3.0 - 2.0 * part)
 
 
 def out_of_round(loaded: Sequence[LoadedShape], radius_m: float, cosine_m: float, sine_m: float) -> Shape:
@@ -45,7 +60,7 @@ def out_of_round(loaded: Sequence[LoadedShape], radius_m: float, cosine_m: float
     sensor rides on a radius that is larger by the cosine.
 
     Args:
-        loaded: the round tire under five loads, the mean load's in the middle.
+        loaded: the round tire under the loads of `load_steps`.
         radius_m: belt radius.
         cosine_m: height at the sensor.
         sine_m: height on the road a quarter of a turn after the sensor's bottom.
@@ -53,12 +68,23 @@ def out_of_round(loaded: Sequence[LoadedShape], radius_m: float, cosine_m: float
     middle = loaded[len(loaded) // 2]
     shapes = [load_case.shape for load_case in loaded]
     lower_m = np.array([middle.axle_height_m - load_case.axle_height_m for load_case in loaded])
-    weights = polynomial_weights(lower_m, cosine_m * np.cos(_THETA) + sine_m * np.sin(_THETA))
+    _, share = _level(cosine_m, sine_m)
+    weights = _weights(lower_m, cosine_m * np.cos(_THETA) + sine_m * np.sin(_THETA), share)
     fields = np.einsum("ks,sfk->fk", weights, np.array([shape.waveform for shape in shapes]))
     fields[0] *= 1.0 + cosine_m / radius_m
     edges = []
     for angles in np.array([(shape.leading_edge_rad, shape.trailing_edge_rad) for shape in shapes]).T:
         middle_rad = float(angles[len(loaded) // 2])
-        share = polynomial_weights(lower_m, cosine_m * math.cos(middle_rad) + sine_m * math.sin(middle_rad))
-        edges.append(float(share @ angles))
+        height_m = cosine_m * math.cos(middle_rad) + sine_m * math.sin(middle_rad)
+        edges.append(float(_weights(lower_m, height_m, share) @ angles))
     return Shape(SensorWaveform(*fields), edges[0], edges[1], middle.shape.belt)
+
+
+def _weights(places: FloatArray, wanted: FloatArray | float, share: float) -> FloatArray:
+    """Return the weights (..., k) of five or seven places (k,) in those wanted (...), a share by the wider one."""
+    if len(places) == len(_NARROW):
+        return polynomial_weights(places, wanted)
+    weights = np.zeros((*np.shape(wanted), len(places)))
+    weights[..., _NARROW] = (1.0 - share) * polynomial_weights(places[_NARROW], wanted)
+    weights[..., _WIDE] += share * polynomial_weights(places[_WIDE], wanted)
+    return weights
