@@ -277,6 +277,19 @@ def test_sets_that_count_as_alike_beside_much_that_is_left_are_not_climbed(monke
     assert search._is_worth_climbing(higher, [start])
 
 
+def test_a_set_leads_only_by_the_evidence_that_it_has_at_rest(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The set without the tilt says that it is the best, as one does whose last step promised what is not there."""
+    _, search = searched(campaign_of(ONE_SPEED, tilt_and_gain, axes=ALL_AXES), among("roll tilt", "gain"))
+    best, alone = search.best, search.evaluations[frozenset(["gain"])]
+    search.evaluations[alone.names] = replace(alone, log_evidence=best.log_evidence + 2.0)
+    monkeypatch.setattr(SetSearch, "_at_noise", lambda *_: False)
+    leaders = []
+    monkeypatch.setattr(SetSearch, "_neighbours", lambda _, leader: leaders.append(leader.names))
+    search._climb()
+    assert leaders[0] == search.best.names == best.names
+    assert search.evaluations[alone.names].log_evidence < best.log_evidence - 50.0
+
+
 PERIOD_RAD = math.tau / 9.0
 STARTS_RAD = (0.3, 1.0, 1.7)
 

@@ -237,6 +237,7 @@ def fit_model(
     from_afar: bool = False,
     most_steps: int = _MAX_STEPS,
     rough: float = 0.0,
+    done: float = _DONE,
 ) -> Fit:
     """Return the fit of a model.
 
@@ -248,6 +249,7 @@ def fit_model(
         from_afar: True first fits with loosened data, for a start far from the solution.
         most_steps: after which the fit is taken as it is, the steps from afar and those of other errors included.
         rough: share of the misfit beyond noise; the fit ends after a step that gains less.
+        done: decrease of the cost below which the fit has converged.
 
     Raises:
         FitFailedError: the model has no equilibrium near the start.
@@ -258,19 +260,19 @@ def fit_model(
     try:
         if from_afar:
             for share in _ANNEAL:
-                vector = _descend(model, data.loosened(share), vector, 1.0, None, steps, 0.0).vector
+                vector = _descend(model, data.loosened(share), vector, 1.0, None, steps, 0.0, done).vector
         model.refine(vector)
         if applied is not None:
-            return _descend(model, data, vector, 1.0, applied, steps, 0.0)
+            return _descend(model, data, vector, 1.0, applied, steps, 0.0, done)
         scale = _overdispersion(_misfit(model, data, vector, None), data, model)
         for _ in range(_RESCALINGS):
-            fit = _descend(model, data, vector, scale, None, steps, rough)
+            fit = _descend(model, data, vector, scale, None, steps, rough, done)
             vector, was = fit.vector, scale
             scale = _overdispersion(fit.misfit, data, model)
             model.refine(vector)
             if scale > _SETTLED * was or steps.none:
                 break
-        return _descend(model, data, vector, scale, None, steps, rough)
+        return _descend(model, data, vector, scale, None, steps, rough, done)
     except (NoShapeError, np.linalg.LinAlgError) as error:
         raise FitFailedError(str(error)) from error
 
@@ -333,11 +335,12 @@ def _descend(
     applied: Applied | None,
     steps: _Steps,
     rough: float,
+    least: float,
 ) -> Fit:
     fit = linearised(model, data, vector, scale=scale, applied=applied)
     while not steps.none:
         steps.take()
-        done = max(_DONE, rough * (fit.misfit - data.size) / scale)
+        done = max(least, rough * (fit.misfit - data.size) / scale)
         change = fit.step
         if float(change @ fit.precision @ change) < done:
             break

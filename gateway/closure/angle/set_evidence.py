@@ -25,11 +25,16 @@ _NO_DATA: Final = 1e-9
 # Most steps of the amplitudes, and the change of log evidence at which they end.
 _STEPS: Final = 15
 _SETTLED: Final = 0.03
-# Most rounds until all rest, and the change of a parameter over its error at which it does.
+# Most rounds until all rest, the change of a parameter over its error at which it does, and that of log evidence at
+# which the amplitudes do.
 _MOST_ROUNDS: Final = 20
 _AT_REST: Final = 0.02
-# Steps of the parameters with the discrepancy in: it moves them by little.
+_AMPLITUDES_AT_REST: Final = 1e-3
+# Steps of the parameters with the discrepancy in: it moves them by little. Most rounds of them, for those that it moves
+# by more, and the decrease of the cost up to which a step that was not made is believed.
 _FIT_STEPS: Final = 6
+_FIT_ROUNDS: Final = 3
+_BELIEVED: Final = 0.5
 
 
 @dataclass(frozen=True)
@@ -84,10 +89,20 @@ def evaluate(
         if rough < enough:
             return evaluated_at(fit.moved(_limited(fit)))
     fit, applied = _settled(fit, applied, _STEPS)
-    start = _inside(fit.vector + _limited(fit), fit)
-    fit = fit_model(fit.model, data, start, applied=applied, most_steps=_FIT_STEPS)
-    fit, applied = _settled(fit, applied, _STEPS)
-    return evaluated_at(fit.moved(_limited(fit)))
+    for _ in range(_FIT_ROUNDS):
+        start = _inside(fit.vector + _limited(fit), fit)
+        fit = fit_model(fit.model, data, start, applied=applied, most_steps=_FIT_STEPS)
+        fit, applied = _settled(fit, applied, _STEPS)
+        if _promised(fit) < _BELIEVED:
+            return evaluated_at(fit.moved(_limited(fit)))
+    # A fit that does not follow its own steps, as at a kink, has the evidence that it has.
+    return evaluated_at(fit)
+
+
+def _promised(fit: Fit) -> float:
+    """Return the decrease of the cost that the next step of a fit promises."""
+    step = _limited(fit)
+    return float(step @ fit.precision @ step)
 
 
 def settled(evaluated: Evaluated, data: Whitened) -> Evaluated:
@@ -96,18 +111,25 @@ def settled(evaluated: Evaluated, data: Whitened) -> Evaluated:
     Along a flat ridge the evidence changes by little long before both do. Where they stop then depends on the way
     there, and so on the rounding of the machine.
     """
-    for _ in range(_MOST_ROUNDS):
-        if evaluated.fit.applied is None:
-            break
-        try:
-            again = evaluate(evaluated.fit, data, evaluated.fit.applied.discrepancy, evaluated.fit.applied)
-        except (FitFailedError, np.linalg.LinAlgError):
-            break
-        moved = np.abs(again.fit.vector - evaluated.fit.vector) / np.sqrt(np.diagonal(again.fit.covariance))
-        evaluated = again
-        if float(moved.max()) < _AT_REST:
-            break
-    return evaluated
+    fit, applied = evaluated.fit, evaluated.fit.applied
+    if applied is None:
+        raise ValueError("a set rests with its discrepancy")
+    try:
+        for number in range(_MOST_ROUNDS):
+            before = fit.vector
+            fit = fit_model(fit.model, data, _inside(before, fit), applied=applied, done=_AT_REST**2)
+            fit, applied = _settled(fit, applied, _MOST_ROUNDS, _AMPLITUDES_AT_REST)
+            # The first fit is that under the amplitudes as they were.
+            if number and _in_errors(fit, fit.vector - before) < _AT_REST:
+                break
+    except (FitFailedError, np.linalg.LinAlgError):
+        return evaluated
+    return evaluated_at(fit)
+
+
+def _in_errors(fit: Fit, change: FloatArray) -> float:
+    """Return the largest change of a parameter over its error."""
+    return float((np.abs(change) / np.sqrt(np.diagonal(fit.covariance))).max())
 
 
 def evaluated_at(fit: Fit) -> Evaluated:
@@ -214,14 +236,14 @@ def impossible(fit: Fit) -> tuple[tuple[str, Reason], ...]:
     return tuple(objections)
 
 
-def _settled(fit: Fit, applied: Applied, steps: int) -> tuple[Fit, Applied]:
+def _settled(fit: Fit, applied: Applied, steps: int, done: float = _SETTLED) -> tuple[Fit, Applied]:
     """Return the fit under the amplitudes of the highest evidence, each time at the optimum of the linear model."""
     fit = fit.under(applied)
     was = -math.inf
     for _ in range(steps):
         there = fit.moved(_limited(fit))
         now = log_evidence(there)
-        if abs(now - was) < _SETTLED:
+        if abs(now - was) < done:
             break
         was = now
         applied = applied.improved(there.weighted, there.precision)

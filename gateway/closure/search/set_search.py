@@ -79,6 +79,7 @@ class SetSearch:
     _scanned: tuple[int, ...] = ()
     _begun: list[Scan] = field(default_factory=list)
     _scanned_places: set[Names] = field(default_factory=set)
+    _at_rest: dict[Names, Evaluated] = field(default_factory=dict)
 
     def run(self, start: Fit) -> Evaluated:
         """Search from the baseline model's fit; return the best set."""
@@ -105,26 +106,48 @@ class SetSearch:
         if expected is not None:
             self._chains(expected)
         self._climb()
-        while not self._stop() and (self._placed() or self._concentrate() or self._moved()):
+        while not self._stop() and (self._placed() or self._concentrate() or self._settled() or self._moved()):
             self._climb()
         return self.best
 
-    def _settle(self) -> None:
-        """Let the sets that matter rest."""
-        least = self.best.log_evidence + math.log(criteria.SUPPORTED)
+    def _rest(self, names: Names) -> None:
+        """Let a set rest where much is left; near the noise all sets do."""
+        evaluated = self.evaluations[names]
+        if self._at_rest.get(names) is evaluated or self._at_noise(evaluated.fit):
+            return
+        at_rest = self._at_rest[names] = self.evaluations[names] = settled(evaluated, self.data)
+        if at_rest is not self.best and at_rest.fit.applied is not None:
+            at_rest.fit.applied.release()
+
+    def _rest_best(self) -> None:
+        """Let the best set rest, and the one that is then the best, until it stays so.
+
+        A set that is taken for the best before it rests leads the search where the rounding of the machine decides.
+        """
+        while not self._stop():
+            best = self.best
+            self._rest(best.names)
+            if self.best.names == best.names:
+                return
+
+    def _settled(self) -> bool:
+        """Let the sets that matter rest; return whether another one is then the best."""
+        best = self.best
+        least = best.log_evidence + math.log(criteria.SUPPORTED)
         for names in sorted(self.evaluations, key=lambda names: (-self.evaluations[names].log_evidence, sorted(names))):
             if self._stop():
-                return
+                break
             if self.evaluations[names].log_evidence >= least or not names:
-                at_rest = self.evaluations[names] = settled(self.evaluations[names], self.data)
-                if at_rest is not self.best and at_rest.fit.applied is not None:
-                    at_rest.fit.applied.release()
+                self._rest(names)
+        self._rest_best()
+        return self.best.names != best.names
 
     def _climb(self) -> None:
         """Evaluate the neighbours of the best set until it is the best of them; likewise of its rivals."""
         done: list[Evaluated] = []
         grown: list[Evaluated] = []
         while not self._stop():
+            self._rest_best()
             leader = next(
                 (evaluated for evaluated in self._leaders() if not any(evaluated is other for other in done)), None
             )
@@ -253,11 +276,8 @@ class SetSearch:
 
     def _moved(self) -> bool:
         """Look for other optima of the best set; return whether one is better, which is then the set's own."""
-        # Near the noise all sets rest.
-        flat = not self._at_noise(self.best.fit)
-        if flat:
-            self._settle()
         best, self.optima = self.best, {}
+        flat = not self._at_noise(best.fit)
         for effect in sorted(best.fit.model.effects, key=lambda effect: effect.name):
             self.on_step(len(best.names))
             bare = None if self._stop() else self._bare(best, effect)
