@@ -183,6 +183,11 @@ class Fit:
         gradient = self.slope - self.prior_precision @ (self.vector - self.prior_mean)
         return np.asarray(np.linalg.solve(self.precision, gradient), dtype=np.float64)
 
+    def parameters_of(self, name: str) -> tuple[FloatArray, FloatArray]:
+        """Return the parameters of an effect and their variances, (P,) each."""
+        where = self.model.layout.effect(name)
+        return self.vector[where], np.diagonal(self.covariance)[where]
+
     def under(self, applied: Applied | None) -> Fit:
         """Return the same linearised model with another discrepancy in the covariance."""
         if applied is self.applied and self.scale == 1.0:

@@ -13,7 +13,7 @@ from gateway.closure.angle.candidate_trial import bounds
 from gateway.closure.angle.discrepancy import Applied, Discrepancy
 from gateway.closure.angle.fit import Fit, FitFailedError, fit_model
 from gateway.closure.angle.likelihood import Whitened
-from gateway.closure.bayes.parameter_estimates import outside_range
+from gateway.closure.bayes.parameter_estimates import beyond_range
 from gateway.closure.effects.effect import LATERAL, GroupConditions
 from gateway.closure.model.baseline import NoShapeError
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
@@ -219,21 +219,13 @@ def _by_prior_widths(fit: Fit) -> float:
 
 def impossible(fit: Fit) -> tuple[tuple[str, Reason], ...]:
     """Return the effects whose parameters are out of their physical range, with the reason."""
-    std = np.sqrt(np.diagonal(fit.covariance))
-    objections: list[tuple[str, Reason]] = []
+    reasons: list[tuple[str, Reason | None]] = []
     for effect in fit.model.effects:
-        where = fit.model.layout.effect(effect.name)
-        values, errors = fit.vector[where], std[where]
-        for parameter, value, error in zip(effect.parameters, values.tolist(), errors.tolist(), strict=True):
-            slack = criteria.BEYOND_BOUND * error
-            if not parameter.low - slack <= value <= parameter.high + slack:
-                objections.append((effect.name, outside_range(parameter, value)))
-                break
-        else:
-            reason = effect.reason_against(values, errors)
-            if reason is not None:
-                objections.append((effect.name, reason))
-    return tuple(objections)
+        values, variances = fit.parameters_of(effect.name)
+        errors = np.sqrt(variances)
+        reason = beyond_range(effect.parameters, values, errors) or effect.reason_against(values, errors)
+        reasons.append((effect.name, reason))
+    return tuple((name, reason) for name, reason in reasons if reason is not None)
 
 
 def _settled(fit: Fit, applied: Applied, steps: int, done: float = _SETTLED) -> tuple[Fit, Applied]:

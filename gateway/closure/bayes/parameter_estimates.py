@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gateway.closure import criteria
 from gateway.closure.effects.effect import Parameter
 from gateway.closure.result import Fitted
 from gateway.reasons import Code, Reason
@@ -23,25 +24,47 @@ def outside_range(parameter: Parameter, value: float) -> Reason:
     )
 
 
-def over_sets(
-    shown: tuple[FloatArray, FloatArray], sets: Sequence[tuple[tuple[FloatArray, FloatArray], float]]
-) -> FloatArray:
-    """Return the mean square distance of an effect's parameters to those of one set, (P,).
-
-    The value shown is that of the most probable set, with which the other effects' values go together. What the choice
-    of the set leaves open is part of its error.
+def beyond_range(parameters: Sequence[Parameter], values: FloatArray, errors: FloatArray) -> Reason | None:
+    """Return why parameters are impossible: the first beyond its range by more than its error allows; None if possible.
 
     Args:
-        shown: the parameters of that set and their variances, (P,) each.
+        parameters: of an effect.
+        values: in SI, (P,).
+        errors: standard errors, (P,).
+    """
+    for parameter, value, error in zip(parameters, values.tolist(), errors.tolist(), strict=True):
+        slack = criteria.BEYOND_BOUND * error
+        if not parameter.low - slack <= value <= parameter.high + slack:
+            return outside_range(parameter, value)
+    return None
+
+
+def parameters_over_sets(
+    parameters: Sequence[Parameter],
+    shown: tuple[FloatArray, FloatArray],
+    sets: Sequence[tuple[tuple[FloatArray, FloatArray], float]],
+    gain_std: float = 0.0,
+) -> dict[str, Fitted]:
+    """Return an effect's parameters in one set, by name; their errors are over all sets that matter.
+
+    The value shown is that of the most probable set, with which the other effects' values go together. What the choice
+    of the set leaves open, the mean square distance to it, is part of its error.
+
+    Args:
+        parameters: of the effect.
+        shown: their values in that set and the variances, (P,) each.
         sets: the same of every set with the effect that matters, and its weight; none if the effect is in none.
+        gain_std: relative standard error of the sensor's gain.
     """
     values, variances = shown
     total = sum(weight for _, weight in sets)
-    if not total > 0.0:
-        return variances
-    far = [weight / total * (variance + np.square(there - values)) for (there, variance), weight in sets]
-    result: FloatArray = np.sum(far, axis=0)
-    return result
+    if total > 0.0:
+        far = [weight / total * (variance + np.square(there - values)) for (there, variance), weight in sets]
+        variances = np.sum(far, axis=0)
+    return {
+        parameter.name: fitted_parameter(parameter, float(value), math.sqrt(max(float(variance), 0.0)), gain_std)
+        for parameter, value, variance in zip(parameters, values, variances, strict=True)
+    }
 
 
 def fitted_parameter(parameter: Parameter, value: float, std: float, gain_std: float = 0.0) -> Fitted:

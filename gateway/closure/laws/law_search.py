@@ -175,9 +175,8 @@ def _told(
 ) -> ProposedLaw:
     """Return the law with its parameters and its figure."""
     law, fit = best.law, best.set.fit
-    where = fit.model.layout.effect(law.name)
-    values = fit.vector[where]
-    stds = np.sqrt(np.diagonal(fit.covariance)[where]) * widening(sizes, law.sizes, values)
+    values, variances = fit.parameters_of(law.name)
+    stds = np.sqrt(variances) * widening(sizes, law.sizes, values)
     parameters = {
         parameter.name: fitted_parameter(parameter, value, std)
         for parameter, value, std in zip(law.parameters, values.tolist(), stds.tolist(), strict=True)

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 
@@ -13,7 +12,8 @@ from gateway.closure.angle.likelihood import Whitened
 from gateway.closure.angle.number_estimates import before_and_after, estimates_of
 from gateway.closure.angle.residual import POWER_SHARE, group_residuals
 from gateway.closure.angle.set_evidence import Evaluated
-from gateway.closure.bayes.parameter_estimates import fitted_parameter, over_sets
+from gateway.closure.bayes.parameter_estimates import parameters_over_sets
+from gateway.closure.bayes.verdicts import Judgement, judgements
 from gateway.closure.data.side_information import CLOCK
 from gateway.closure.model.closure_model import AngleEffect
 from gateway.closure.report.effect_contribution import added_by
@@ -22,9 +22,6 @@ from gateway.closure.result import Finding, Fitted, Verdict
 from gateway.closure.search.tempered_posterior import Posterior
 from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
-
-# Impossible effects listed.
-_MOST_LISTED: Final = 4
 
 
 def findings_of(
@@ -37,24 +34,7 @@ def findings_of(
         effects: candidates by name.
         rms_of: held-out rms of sets of effects.
     """
-    findings = [_finding(posterior, name, Verdict.NAMED, rms_of) for name in posterior.identified()]
-    seen = set(posterior.identified())
-    for group in posterior.alternatives():
-        for name in group:
-            rivals = tuple(other for other in group if other != name)
-            finding = _finding(
-                posterior, name, Verdict.INDISTINGUISHABLE, rms_of, rivals, _decide(posterior, name, rivals, effects)
-            )
-            findings.append(finding)
-        seen |= set(group)
-    for name in posterior.names:
-        probability = posterior.probability([name])
-        if name not in seen and probability >= criteria.LISTED:
-            reason = Reason(Code.PROBABILITY_TOO_LOW, probability=probability, needed=criteria.NAMED)
-            findings.append(_finding(posterior, name, Verdict.REFUSED, rms_of, reason=reason))
-            seen.add(name)
-    findings += _impossible(posterior, seen)
-    return findings
+    return [_finding(posterior, judgement, effects, rms_of) for judgement in judgements(posterior)]
 
 
 def apart_from(findings: Sequence[Finding], other: Mapping[str, FloatArray]) -> list[Finding]:
@@ -128,86 +108,46 @@ def _apart(parameters: Mapping[str, Fitted], other: FloatArray) -> dict[str, Fit
     }
 
 
-def _impossible(posterior: Posterior, seen: set[str]) -> list[Finding]:
-    """Return the effects that would be in the best set if their values were possible."""
-    findings: list[Finding] = []
-    better = sorted(
-        (evaluated for evaluated in posterior.every.values() if evaluated.objections),
-        key=lambda evaluated: (-evaluated.log_evidence, sorted(evaluated.names)),
-    )
-    for evaluated in better:
-        if evaluated.log_evidence < posterior.best.log_evidence or len(findings) >= _MOST_LISTED:
-            break
-        for name, reason in evaluated.objections:
-            if name not in seen:
-                seen.add(name)
-                findings.append(_of_set(evaluated, name, Verdict.REFUSED, reason=reason, probability=0.0))
-    return findings
-
-
 def _finding(
     posterior: Posterior,
-    name: str,
-    verdict: Verdict,
+    judgement: Judgement[Evaluated],
+    effects: Mapping[str, AngleEffect],
     rms_of: Mapping[frozenset[str], float],
-    rivals: tuple[str, ...] = (),
-    decide_with: Reason | None = None,
-    reason: Reason | None = None,
 ) -> Finding:
-    inside = posterior.with_effect(name)
+    name, inside, rivals = judgement.name, judgement.inside, judgement.rivals
+    considered = posterior.considered if judgement.possible else ()
+    effect = next(effect for effect in inside.fit.model.effects if effect.name == name)
+    finding = Finding(
+        name=name,
+        verdict=judgement.verdict,
+        parameters=parameters_over_sets(
+            effect.parameters,
+            inside.fit.parameters_of(name),
+            [(other.fit.parameters_of(name), weight) for other, weight in considered if name in other.names],
+            max(group.conditions.gain_std for group in inside.fit.model.campaign.groups),
+        ),
+        chi2=math.nan,
+        rms_mps2=float(np.max(sizes_of(inside.fit, effect))),
+        rivals=rivals,
+        decide_with=_decide(posterior, name, rivals, effects) if rivals else None,
+        reason=judgement.reason,
+        summary=effect.summary,
+        equation=effect.equation,
+        probability=0.0,
+    )
+    if not judgement.possible:
+        return finding
     without = posterior.every.get(inside.names - {name}) or posterior.without(name)
     before, _ = estimates_of([(without.fit, 1.0)])
     after, _ = estimates_of([(inside.fit, 1.0)])
-    return _of_set(
-        inside,
-        name,
-        verdict,
+    return replace(
+        finding,
         chi2=without.fit.misfit - inside.fit.misfit,
-        rms_before=rms_of.get(without.names, math.nan),
-        rms_after=rms_of.get(inside.names, math.nan),
+        rms_before_mps2=rms_of.get(without.names, math.nan),
+        rms_after_mps2=rms_of.get(inside.names, math.nan),
         estimates=before_and_after(before, after),
-        rivals=rivals,
-        decide_with=decide_with,
-        reason=reason,
         probability=posterior.probability([name]),
         log_odds=posterior.log_odds(name),
-        others=[(other, weight) for other, weight in posterior.considered if name in other.names],
-    )
-
-
-def _of_set(
-    evaluated: Evaluated,
-    name: str,
-    verdict: Verdict,
-    *,
-    others: Sequence[tuple[Evaluated, float]] = (),
-    chi2: float = math.nan,
-    rms_before: float = math.nan,
-    rms_after: float = math.nan,
-    estimates: Mapping[str, tuple[Fitted, Fitted]] | None = None,
-    rivals: tuple[str, ...] = (),
-    decide_with: Reason | None = None,
-    reason: Reason | None = None,
-    probability: float = math.nan,
-    log_odds: float = math.nan,
-) -> Finding:
-    effect = next(effect for effect in evaluated.fit.model.effects if effect.name == name)
-    return Finding(
-        name=name,
-        verdict=verdict,
-        parameters=_parameters(evaluated, effect, others),
-        chi2=chi2,
-        rms_mps2=float(np.max(sizes_of(evaluated.fit, effect))),
-        rms_before_mps2=rms_before,
-        rms_after_mps2=rms_after,
-        estimates=estimates or {},
-        rivals=rivals,
-        decide_with=decide_with,
-        reason=reason,
-        summary=effect.summary,
-        equation=effect.equation,
-        probability=probability,
-        log_odds=log_odds,
     )
 
 
@@ -223,24 +163,6 @@ def _decide(
     effect = next(effect for effect in inside.fit.model.effects if effect.name == name)
     recording = deciding_recording(inside.fit, effect, effects[rival])
     return Reason(Code.DECIDES_AGAINST, effect=rival, recording=recording) if len(rivals) > 1 else recording
-
-
-def _parameters(
-    evaluated: Evaluated, effect: AngleEffect, others: Sequence[tuple[Evaluated, float]]
-) -> dict[str, Fitted]:
-    """Return the parameters of an effect in one set, their errors over all sets that matter."""
-    values_and_variances = _of_effect(evaluated, effect.name)
-    variances = over_sets(values_and_variances, [(_of_effect(other, effect.name), weight) for other, weight in others])
-    gain_std = max(group.conditions.gain_std for group in evaluated.fit.model.campaign.groups)
-    return {
-        parameter.name: fitted_parameter(parameter, float(value), math.sqrt(max(float(variance), 0.0)), gain_std)
-        for parameter, value, variance in zip(effect.parameters, values_and_variances[0], variances, strict=True)
-    }
-
-
-def _of_effect(evaluated: Evaluated, name: str) -> tuple[FloatArray, FloatArray]:
-    where = evaluated.fit.model.layout.effect(name)
-    return evaluated.fit.vector[where], np.diagonal(evaluated.fit.covariance)[where]
 
 
 def sizes_of(fit: Fit, effect: AngleEffect) -> FloatArray:

@@ -7,13 +7,13 @@ from typing import Final
 
 import numpy as np
 
-from gateway.closure import criteria
-from gateway.closure.bayes.parameter_estimates import fitted_parameter, over_sets
+from gateway.closure.bayes.parameter_estimates import parameters_over_sets
 from gateway.closure.bayes.posterior import PosteriorOver, over
+from gateway.closure.bayes.verdicts import Judgement, judgements
 from gateway.closure.data.campaign_data import Group
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.effects.effect import SpectrumEffect
-from gateway.closure.result import Finding, Fitted, Spectra, Unexplained, Verdict
+from gateway.closure.result import Finding, Spectra, Unexplained, Verdict
 from gateway.closure.spectrum.nonsynchronous_density import FILTER_TERMS, LOW_PASS, Site, full_density, strange_name
 from gateway.closure.spectrum.nonsynchronous_spectra import group_spectra
 from gateway.closure.spectrum.spectrum_sets import SpectrumSearch, SpectrumSet
@@ -147,95 +147,49 @@ def _findings(
     posterior: PosteriorOver[SpectrumSet], effects: Sequence[SpectrumEffect], sites: Sequence[Site]
 ) -> list[Finding]:
     """Return the finding of every effect with evidence: identified, then undecided, then rejected."""
-    named = posterior.identified()
-    names = [effect.name for effect in effects]
-    findings = [
-        _finding(posterior, name, Verdict.NAMED, sites) for name in posterior.names if name in {*named} & {*names}
-    ]
-    seen = set(named)
-    another = Reason(Code.RECORD_ROAD_AT_ANOTHER_SPEED)
+    by_name = {effect.name: effect for effect in effects}
     # A strange band is no cause: where it is likely, no effect of the catalogue is certain to be present.
-    for group in posterior.alternatives({*names, LOW_PASS}):
-        for name in group:
-            if name in names:
-                others = tuple(ANTI_ALIAS if other == LOW_PASS else other for other in group if other != name)
-                decides = None if several_speeds(sites) else another
-                findings.append(
-                    _finding(posterior, name, Verdict.INDISTINGUISHABLE, sites, rivals=others, decide_with=decides)
-                )
-        seen |= set(group)
-    for name in posterior.names:
-        probability = posterior.probability([name])
-        if name in names and name not in seen and probability >= criteria.LISTED:
-            reason = Reason(Code.PROBABILITY_TOO_LOW, probability=probability, needed=criteria.NAMED)
-            findings.append(_finding(posterior, name, Verdict.REFUSED, sites, reason=reason))
-            seen.add(name)
-    impossible = sorted(
-        (spectrum_set for spectrum_set in posterior.every.values() if spectrum_set.objections),
-        key=lambda spectrum_set: -spectrum_set.log_evidence,
-    )
-    for spectrum_set in impossible:
-        for name, reason in spectrum_set.objections if spectrum_set.log_evidence > posterior.best.log_evidence else ():
-            if name not in seen:
-                seen.add(name)
-                findings.append(_finding(posterior, name, Verdict.REFUSED, sites, reason=reason, inside=spectrum_set))
-    return findings
+    return [
+        _finding(posterior, judgement, by_name[judgement.name], sites)
+        for judgement in judgements(posterior, {*by_name, LOW_PASS})
+        if judgement.name in by_name
+    ]
 
 
 def _finding(
     posterior: PosteriorOver[SpectrumSet],
-    name: str,
-    verdict: Verdict,
+    judgement: Judgement[SpectrumSet],
+    effect: SpectrumEffect,
     sites: Sequence[Site],
-    *,
-    rivals: tuple[str, ...] = (),
-    decide_with: Reason | None = None,
-    reason: Reason | None = None,
-    inside: SpectrumSet | None = None,
 ) -> Finding:
-    chosen_set = posterior.with_effect(name) if inside is None else inside
+    name, inside = judgement.name, judgement.inside
     # What remains without it: the best set that lacks it and any band in its place.
     stand_in = strange_name(name)
     without = max(
         (other for other in posterior.every.values() if not {name, stand_in} & other.names),
         key=lambda other: other.log_evidence,
     )
-    effect = catalogue()[name]
-    if not isinstance(effect, SpectrumEffect):
-        raise TypeError(name)
-    probability = 0.0 if inside is not None else posterior.probability([name])
-    matter = () if inside is not None else tuple(pair for pair in posterior.considered if name in pair[0].names)
+    considered = posterior.considered if judgement.possible else ()
+    several = several_speeds(sites)
     return Finding(
         name,
-        verdict,
-        _parameters(effect, chosen_set.fit, [(other.fit, weight) for other, weight in matter]),
-        without.fit.deviance - chosen_set.fit.deviance,
-        _rms(sites, chosen_set.fit, effect),
-        rivals=rivals,
-        decide_with=decide_with,
-        reason=reason,
+        judgement.verdict,
+        parameters_over_sets(
+            effect.parameters,
+            inside.fit.parameters_of(name),
+            [(other.fit.parameters_of(name), weight) for other, weight in considered if name in other.names],
+        ),
+        without.fit.deviance - inside.fit.deviance,
+        _rms(sites, inside.fit, effect),
+        rivals=tuple(ANTI_ALIAS if rival == LOW_PASS else rival for rival in judgement.rivals),
+        decide_with=Reason(Code.RECORD_ROAD_AT_ANOTHER_SPEED) if judgement.rivals and not several else None,
+        reason=judgement.reason,
         summary=effect.summary,
         equation=effect.equation,
         lock="time",
-        probability=probability,
-        log_odds=math.nan if inside is not None else posterior.log_odds(name),
+        probability=posterior.probability([name]) if judgement.possible else 0.0,
+        log_odds=posterior.log_odds(name) if judgement.possible else math.nan,
     )
-
-
-def _parameters(
-    effect: SpectrumEffect, fit: SpectrumFit, others: Sequence[tuple[SpectrumFit, float]]
-) -> dict[str, Fitted]:
-    values_and_variances = _of_effect(fit, effect.name)
-    variances = over_sets(values_and_variances, [(_of_effect(other, effect.name), weight) for other, weight in others])
-    return {
-        parameter.name: fitted_parameter(parameter, float(value), math.sqrt(max(float(variance), 0.0)))
-        for parameter, value, variance in zip(effect.parameters, values_and_variances[0], variances, strict=True)
-    }
-
-
-def _of_effect(fit: SpectrumFit, name: str) -> tuple[FloatArray, FloatArray]:
-    where = fit.parts.columns_of(name)
-    return fit.shared[where], np.diag(fit.covariance)[where]
 
 
 def _rms(sites: Sequence[Site], fit: SpectrumFit, effect: SpectrumEffect) -> float:

@@ -8,7 +8,7 @@ from typing import Final, Protocol, TypeAlias, runtime_checkable
 import numpy as np
 
 from gateway.closure import criteria
-from gateway.closure.bayes.parameter_estimates import outside_range
+from gateway.closure.bayes.parameter_estimates import beyond_range
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, RADIAL, GroupConditions, SpectrumEffect
 from gateway.closure.spectrum.nonsynchronous_density import (
     FILTER_STARTS,
@@ -298,19 +298,12 @@ def _removed(fit: SpectrumFit, name: str) -> SpectrumFit:
 
 def _impossible(fit: SpectrumFit) -> tuple[tuple[str, Reason], ...]:
     """Return the effects whose parameters are out of their physical range, with the reason."""
-    std = np.sqrt(np.maximum(np.diagonal(fit.covariance), 0.0))
-    objections: list[tuple[str, Reason]] = []
+    reasons: list[tuple[str, Reason | None]] = []
     for component in fit.parts.components:
-        if component.strange:
-            continue
-        where = fit.parts.columns_of(component.name)
-        values, errors = fit.shared[where], std[where]
-        for parameter, value, error in zip(component.effect.parameters, values.tolist(), errors.tolist(), strict=True):
-            slack = criteria.BEYOND_BOUND * error
-            if not parameter.low - slack <= value <= parameter.high + slack:
-                objections.append((component.name, outside_range(parameter, value)))
-                break
-        else:
-            if not values[0] > 0.0:
-                objections.append((component.name, Reason(Code.NOTHING_REMAINS)))
-    return tuple(objections)
+        if not component.strange:
+            values, variances = fit.parameters_of(component.name)
+            reason = beyond_range(component.effect.parameters, values, np.sqrt(np.maximum(variances, 0.0)))
+            if reason is None and not values[0] > 0.0:
+                reason = Reason(Code.NOTHING_REMAINS)
+            reasons.append((component.name, reason))
+    return tuple((name, reason) for name, reason in reasons if reason is not None)

@@ -77,6 +77,11 @@ class SpectrumFit:
     deviance: float
     log_evidence: float
 
+    def parameters_of(self, name: str) -> tuple[FloatArray, FloatArray]:
+        """Return the parameters of a component and their variances, (P,) each."""
+        where = self.parts.columns_of(name)
+        return self.shared[where], np.diagonal(self.covariance)[where]
+
 
 def start_fit(sites: Sequence[Site], observed: Sequence[Observed]) -> SpectrumFit:
     """Return white noise alone, at the median of each axis."""
