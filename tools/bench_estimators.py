@@ -24,7 +24,6 @@ from gateway.estimators.estimator import AngleAverage, Estimator, Revolution, Ti
 from gateway.estimators.registry import DEFAULT_ESTIMATORS, ESTIMATORS, make_estimator
 from gateway.estimators.revolution_block import extended
 from gateway.estimators.tire_data import ReferenceNumbers, TireData
-from gateway.estimators.weak_form import fit_waveforms
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.ring_series import stiffness_terms
 from gateway.physics.rolling_ring import solve_rolling_ring
@@ -36,7 +35,6 @@ from gateway.signal.synchronous_average import RunningAverage
 
 LOAD_N, PRESSURE_PA = 5000.0, 2.1e5
 REVOLUTIONS = 64
-WAVEFORMS = 512
 # Inputs of the load and wear estimators, without which they return invalid estimates at once.
 CONDITIONS = TireConditions(
     RADIUS_M,
@@ -120,15 +118,6 @@ def update_times(name: str, result: list[Turn]) -> np.ndarray:
     return np.array(durations)
 
 
-def print_batch(result: list[Turn]) -> None:
-    waves = np.stack([turn.average.radial_mps2 for turn in itertools.islice(itertools.cycle(result[8:]), WAVEFORMS)])
-    last = result[-1].average
-    centre = np.full(WAVEFORMS, 0.5 * (last.trailing_edge_rad + last.leading_edge_rad))
-    half = np.full(WAVEFORMS, 0.5 * (last.trailing_edge_rad - last.leading_edge_rad))
-    cost = microseconds(lambda: fit_waveforms(waves, last.orders_std_mps2, centre, half), 5) / WAVEFORMS
-    print(f"\nWeak form on {WAVEFORMS} averaged waveforms at once: {cost:.0f} microseconds each")
-
-
 def print_scipy(turn: Turn) -> None:
     """Eq. 28 by scipy.optimize.least_squares, Jacobian given, bounds at zero, from 1.5 times the paper's numbers."""
     average = turn.average
@@ -157,7 +146,6 @@ def main() -> None:
     print(f"numpy {np.__version__}, scipy {scipy.__version__}")
     result, samples, centres = turns()
     print_stages(result, samples, centres)
-    print_batch(result)
     print_scipy(result[-1])
 
 

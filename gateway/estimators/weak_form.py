@@ -6,7 +6,6 @@ only mark the beginning of the free belt. docs/explanation/estimators.md has the
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -28,11 +27,10 @@ from gateway.estimators.pace import LONGEST, SHARE_OF_STD, differ, is_due
 from gateway.estimators.revolution_block import BlockEstimator, ConditionArrays, RevolutionBlock
 from gateway.estimators.sidewall_damping import SidewallDamping, sidewall_damping
 from gateway.estimators.weak_form_rows import ROWS, motion_begin
-from gateway.estimators.weak_form_solve import FREEDOM, WeakFormSolution, solve_balance, solve_similar_balances
+from gateway.estimators.weak_form_solve import FREEDOM, WeakFormSolution, solve_balance
 from gateway.physics.belt_shape import (
     MAX_ORDER,
     curvature_orders,
-    even_orders,
     gravity_orders,
     orders_about,
 )
@@ -70,8 +68,6 @@ _SCATTER_CHANGE: Final = 0.5
 _SCATTER: Final = 2
 _STATE_SHARES: Final[FloatArray] = np.array([_SCATTER_CHANGE, SHARE_OF_STD])
 _ORDERS: Final[FloatArray] = np.arange(ORDER_COUNT, dtype=np.float64)
-
-_WAVEFORMS_PER_BLOCK: Final = 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -373,11 +369,10 @@ class WaveformFits:
     """The four numbers of b waveforms at load number Q / (p0 R^2) = 1; all are proportional to it.
 
     Attributes:
-        values: (b, 4) Bs, Cw, Rs, Ts; NaN where a waveform describes no belt.
+        values: (b, 4) Bs, Cw, Rs, Ts.
         free: (b, 4) False where a number is held at 0.
         noise: (b, 4, 4) covariance from the errors of the orders.
         model: (b, 4, 4) covariance from model error.
-        deflection: (b,) of the belt in the contact, over R; does not depend on the load number.
         misfit: (b,) chi-square of the balance over its degrees of freedom.
     """
 
@@ -385,32 +380,7 @@ class WaveformFits:
     free: BoolArray
     noise: FloatArray
     model: FloatArray
-    deflection: FloatArray
     misfit: FloatArray
-
-    def load_n(self, width_m: float, pressure_pa: float, radius_m: float) -> tuple[FloatArray, FloatArray]:
-        """Return the load that makes Cw equal to width over radius, and its standard error, (b,) each, N.
-
-        Cw is proportional to the load, so no other number needs to be known.
-        """
-        cw = np.where(self.free[:, 1], self.values[:, 1], math.nan)
-        load = width_m / radius_m / cw * pressure_pa * radius_m**2
-        return load, load * np.sqrt(self.noise[:, 1, 1] + self.model[:, 1, 1]) / cw
-
-
-def curvature_of(
-    radial_mps2: FloatArray, centre_rad: FloatArray | float, offset: float, max_order: int = MAX_ORDER
-) -> tuple[FloatArray, FloatArray]:
-    """Return cosine orders of kappa R about the contact centre, (b, MAX_ORDER + 1), and means of the signal, (b,).
-
-    Args:
-        radial_mps2: (b, n) radial waveforms on the angle grid, gravity removed, steady value included.
-        centre_rad: (b,) middle of the contact.
-        offset: sensor offset below the neutral layer, over the belt radius.
-        max_order: highest order that the sampling carries.
-    """
-    orders = even_orders(radial_mps2, centre_rad, max_order)
-    return curvature_orders(orders, offset), orders[:, 0]
 
 
 def fits_of(solution: WeakFormSolution, order_std: FloatArray, systematic: FloatArray | None = None) -> WaveformFits:
@@ -444,54 +414,5 @@ def fits_of(solution: WeakFormSolution, order_std: FloatArray, systematic: Float
         free=solution.free[:, :4],
         noise=noise if noise.shape == model.shape else np.broadcast_to(noise, model.shape),
         model=model,
-        deflection=solution.unknowns[:, 5],
         misfit=solution.misfit,
     )
-
-
-def fit_waveforms(
-    radial_mps2: FloatArray,
-    order_std_mps2: FloatArray,
-    centre_rad: FloatArray,
-    half_angle_rad: FloatArray,
-    *,
-    offset: float = 0.0,
-    max_order: int = MAX_ORDER,
-) -> WaveformFits:
-    """Fit many waveforms of one tire, such as averages along a recording.
-
-    Waveforms of nearly the same contact angle share the weights of their mean. This takes a quarter of the time of
-    single fits and changes the numbers in second order only.
-
-    Args:
-        radial_mps2: (b, n) waveforms on the angle grid, gravity removed, steady value included.
-        order_std_mps2: (ORDER_COUNT,) standard error of each order of one waveform.
-        centre_rad: (b,) middle of the contact.
-        half_angle_rad: (b,) half of the contact angle.
-        offset: sensor offset below the neutral layer, over the belt radius.
-        max_order: highest order that the sampling carries.
-    """
-    count = len(radial_mps2)
-    fits = WaveformFits(
-        values=np.full((count, 4), math.nan),
-        free=np.zeros((count, 4), dtype=np.bool_),
-        noise=np.full((count, 4, 4), math.nan),
-        model=np.full((count, 4, 4), math.nan),
-        deflection=np.full(count, math.nan),
-        misfit=np.full(count, math.nan),
-    )
-    orders, means = curvature_of(radial_mps2, centre_rad, offset, max_order)
-    usable = np.isfinite(orders).all(axis=1) & (half_angle_rad > 0.0) & (half_angle_rad < 0.5 * math.pi)
-    begins = np.array([motion_begin(angle) if good else -1 for angle, good in zip(half_angle_rad, usable, strict=True)])
-    for begin in np.unique(begins[usable]):
-        alike = np.flatnonzero(begins == begin)
-        for first in range(0, len(alike), _WAVEFORMS_PER_BLOCK):
-            block = alike[first : first + _WAVEFORMS_PER_BLOCK]
-            std = relative_std(order_std_mps2, float(means[block].mean()), orders[block].mean(axis=0), max_order)
-            try:
-                block_fits = fits_of(solve_similar_balances(orders[block], int(begin), std), std[np.newaxis])
-            except np.linalg.LinAlgError:
-                continue
-            for field in ("values", "free", "noise", "model", "deflection", "misfit"):
-                getattr(fits, field)[block] = getattr(block_fits, field)
-    return fits

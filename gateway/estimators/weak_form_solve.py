@@ -31,7 +31,6 @@ UNITS: Final[FloatArray] = np.array([*NUMBER_UNITS, 0.18 / 0.2325, 0.08])
 # Degrees of freedom: rows minus unknowns.
 FREEDOM: Final = ROWS + 1 - UNKNOWNS
 
-COLD_PASSES: Final = 4
 _GAUSS_NEWTON_STEPS: Final = 5
 _CONVERGED: Final = 1e-5
 # Ridge of the unknowns, and right-hand sides whose solutions are the columns of an inverse.
@@ -79,8 +78,8 @@ def solve_balance(
     orders: FloatArray,
     begin: int,
     order_std: FloatArray,
-    start: WeakFormSolution | None = None,
-    passes: int = COLD_PASSES,
+    start: WeakFormSolution | None,
+    passes: int,
 ) -> WeakFormSolution:
     """Solve the balance of b waveforms, each with its own weights.
 
@@ -89,7 +88,7 @@ def solve_balance(
         begin: grid index where the virtual motion begins.
         order_std: (b, SENSITIVE_ORDERS) standard errors of the relative signal's orders, all positive.
         start: a solution of nearly the same waveforms; None starts from the ring of Table 3.
-        passes: at least 1; one is enough from a start, COLD_PASSES are needed without one where the errors are large.
+        passes: at least 1; one is enough from a start, four are needed without one where the errors are large.
 
     Raises:
         numpy.linalg.LinAlgError: the orders describe no belt.
@@ -103,25 +102,6 @@ def solve_balance(
         solution = _solve_at(orders, rows, unknowns, _weights(rows, unknowns, order_std))
     assert solution is not None
     return solution
-
-
-def solve_similar_balances(orders: FloatArray, begin: int, order_std: FloatArray) -> WeakFormSolution:
-    """Solve the balance of b similar waveforms with the weights and the correction of their mean.
-
-    Args:
-        orders: (b, MAX_ORDER + 1) cosine orders of kappa R, order 0 being 1.
-        begin: grid index where the virtual motion begins.
-        order_std: (SENSITIVE_ORDERS,) standard errors of one waveform's orders, all positive.
-
-    Raises:
-        numpy.linalg.LinAlgError: the orders describe no belt.
-    """
-    mean = orders.mean(axis=0, keepdims=True)
-    common = solve_balance(mean, begin, order_std[np.newaxis])
-    mean_rows = balance_rows(belt_shape(_corrected(mean, common.correction)), begin)
-    weights = _weights(mean_rows, common.unknowns, order_std[np.newaxis])
-    rows = balance_rows(belt_shape(_corrected(orders, common.correction)), begin)
-    return _solve_at(orders, rows, np.repeat(common.unknowns, len(orders), axis=0), weights)
 
 
 def _corrected(orders: FloatArray, correction: FloatArray) -> FloatArray:

@@ -95,12 +95,6 @@ def orders_about(
     return orders
 
 
-def even_orders(waveform: FloatArray, centre_rad: FloatArray | float = 0.0, max_order: int = MAX_ORDER) -> FloatArray:
-    """Return the cosine orders about `centre_rad`, (..., MAX_ORDER + 1), of waveforms as in `orders_about`."""
-    orders: FloatArray = orders_about(waveform, centre_rad, max_order).real.copy()
-    return orders
-
-
 def curvature_orders(signal_orders: FloatArray, offset: FloatArray | float = 0.0) -> FloatArray:
     """Return the cosine orders of kappa R from those of the signal, whose gain may be unknown.
 

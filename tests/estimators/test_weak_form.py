@@ -10,11 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.estimators.estimator import Estimate, Status, TireConditions
-from gateway.estimators.order_errors import wave_std
+from gateway.estimators.order_errors import relative_std, wave_std
 from gateway.estimators.revolution_block import extended
 from gateway.estimators.ring_modal import RingModalEstimator, fit_modal
 from gateway.estimators.ring_paper import RingPaperEstimator
-from gateway.estimators.weak_form import WaveformFits, WeakFormEstimator, fit_waveforms
+from gateway.estimators.weak_form import WaveformFits, WeakFormEstimator
+from gateway.estimators.weak_form import fits_of as fits_of_solution
+from gateway.estimators.weak_form_rows import motion_begin
+from gateway.estimators.weak_form_solve import solve_balance
+from gateway.physics.belt_shape import MAX_ORDER, curvature_orders, orders_about
 from gateway.physics.contact_pressure import road_orders
 from gateway.physics.damped_modes import signal_orders
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
@@ -50,8 +54,11 @@ def errors_of(
 
 def fits_of(waves: np.ndarray, order_std: float) -> WaveformFits:
     """Fit waveforms over R omega^2 of the 5000 N ring."""
-    half = np.full(len(waves), solution().half_angle_rad)
-    return fit_waveforms(waves, np.full(61, order_std), np.zeros(len(waves)), half)
+    orders = orders_about(waves, 0.0, MAX_ORDER).real
+    shapes = curvature_orders(orders, 0.0)
+    std = relative_std(np.full(61, order_std), float(orders[:, 0].mean()), shapes.mean(axis=0), MAX_ORDER)[np.newaxis]
+    balance = solve_balance(shapes, motion_begin(solution().half_angle_rad), std.repeat(len(waves), axis=0), None, 4)
+    return fits_of_solution(balance, std)
 
 
 def test_numbers_are_recovered_over_table_1() -> None:
@@ -146,17 +153,6 @@ def test_ratios_need_neither_load_nor_pressure() -> None:
         assert ratios[name].status is Status.VALID
 
 
-def test_known_belt_width_gives_the_load() -> None:
-    for load in (2000.0, 8000.0):
-        ring = solution(load)
-        wave = on_grid(ring.sensor.radial_m)[np.newaxis]
-        half = np.array([ring.half_angle_rad])
-        fits = fit_waveforms(wave, np.full(61, 1e-6), np.zeros(1), half)
-        result, std = fits.load_n(BASE_RING.tension_width_m, PRESSURE_PA, RADIUS_M)
-        assert result[0] == pytest.approx(load, rel=0.003)
-        assert 0.0 < std[0] < 0.01 * load
-
-
 def test_scatter_matches_error_and_approaches_bound() -> None:
     """The Cramer-Rao bound with unknown tread stiffness is 0.39, 1.40, 0.98, 6.0 % for one revolution."""
     rng = np.random.default_rng(4)
@@ -171,23 +167,6 @@ def test_scatter_matches_error_and_approaches_bound() -> None:
     # Errors of the factors do not bias the mean: five standard errors of it.
     assert (np.abs(errors.mean(axis=0) - BASE_ERRORS) < 5.0 * spread / 16.0).all()
     assert np.median(fits.misfit) == pytest.approx(1.0, abs=0.15)
-
-
-def test_batch_matches_single_fits() -> None:
-    rng = np.random.default_rng(5)
-    clean = on_grid(solution().sensor.radial_m)
-    waves = clean + rng.normal(0.0, 0.1 * NOISE * RADIUS_M * math.sqrt(512.0), (40, 1024))
-    together = fits_of(waves, 0.1 * NOISE * RADIUS_M)
-    for index in (0, 17, 39):
-        alone = fits_of(waves[index : index + 1], 0.1 * NOISE * RADIUS_M)
-        moved = (together.values[index] - alone.values[0]) / np.sqrt(np.diagonal(alone.noise[0]))
-        assert np.abs(moved).max() < 0.1
-    spoiled = waves.copy()
-    spoiled[3] = np.nan
-    spoiled[4] = -1.0
-    result = fits_of(spoiled, 0.1 * NOISE * RADIUS_M)
-    assert np.isnan(result.values[[3, 4]]).all()
-    assert np.isfinite(np.delete(result.values, [3, 4], axis=0)).all()
 
 
 def test_repeating_errors_leave_bending_unbiased() -> None:
