@@ -1,5 +1,6 @@
 """Processes that share the work of a command: they end quietly on Ctrl-C, and a lost one is explained."""
 
+import gc
 import os
 import signal
 import sys
@@ -101,7 +102,7 @@ class Worker(ProcessPoolExecutor):
             counters: that all of them count with.
             progress: of each.
         """
-        super().__init__(1, get_context("spawn"), _begin, (index, counters, progress))
+        super().__init__(1, get_context("spawn"), _begin, (index, counters, progress, gc.get_threshold()))
 
     def submit(self, fn: Callable[_P, _T], /, *args: _P.args, **kwargs: _P.kwargs) -> Future[_T]:
         """Call `fn` in the process."""
@@ -324,8 +325,9 @@ def _worked(work: Work[_Order, _Result], order: _Order) -> _Result:
         return work(order, report)
 
 
-def _begin(index: int, counters: SharedNumbers, progress: SharedNumbers) -> None:
+def _begin(index: int, counters: SharedNumbers, progress: SharedNumbers, gc_threshold: tuple[int, int, int]) -> None:
     global _worker_index, _counters, _progress
+    gc.set_threshold(*gc_threshold)
     _worker_index, _counters, _progress = index, counters, progress
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # as of a command that a script runs in the background
         signal.signal(signal.SIGINT, signal.SIG_DFL)

@@ -170,6 +170,7 @@ class StageClock:
 
 def measure(case: Case, path: Path, clock: StageClock | None) -> dict[str, Any]:
     """Estimate a recording and return its revolutions, CPU in s, and peak memory in MB."""
+    import gateway.cli  # noqa: F401 - sets up the process as commands do
     from gateway.config.vehicle import parse_vehicle
     from gateway.estimators.registry import DEFAULT_ESTIMATORS, make_estimator
     from gateway.recording.reader import RecordingReader
