@@ -716,8 +716,8 @@ class Code(Enum):
     DISK_SPACE = "the disk has {free_bytes:.1f GB} left"
     DISK_TIME = "the disk has {free_bytes:.1f GB} left, which lasts {left_s:.1f h} at the present pace"
     RESULTS_LATE = (
-        "results come {late_s:.0f s} late: this computer is too slow to decode and estimate. --latency 0.5 takes half "
-        "the processor time"
+        "results come {late_s:.0f s} late: this computer is too slow to decode and estimate. Choose fewer estimators, "
+        "or record and estimate later"
     )
     RECORDING_BEHIND = "the disk is too slow: bytes are MISSING FROM THE RECORDING. Dropped data is counted"
     RECORDING_BEGUN = "recording to {path}"

@@ -129,6 +129,10 @@ class WheelPipeline:
         # The latest state for views, until something changes it.
         self._snapshot: WheelSnapshot | None = None
 
+    def hold(self, hold_s: float) -> None:
+        """Let the revolutions that come wait for the next ones for at most so long."""
+        self._hold_s = hold_s
+
     def hello(self, hello: Hello) -> None:
         """Take the layout and scaling of the samples; a changed sensor or rate restarts the wheel's processing."""
         previous = self._sensor

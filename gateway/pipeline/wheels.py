@@ -132,7 +132,6 @@ class Pipeline:
         self._estimators = tuple(estimators)
         self._hold_s = hold_s
         self._unknown = unknown
-        self._wheel_hold_s = (1.0 - _GATHERED_SHARE) * hold_s
         self._order = [WheelPipeline(setup, self._estimators, self._wheel_hold_s) for setup in setups]
         self._configured = {wheel.setup.position: wheel for wheel in self._order}
         self._positions = {(setup.hub, setup.wheel): setup.position for setup in setups}
@@ -142,6 +141,16 @@ class Pipeline:
         self.limit = self._router.limit
         # Sources of samples of each link, those that were admitted.
         self._sources: dict[str, dict[tuple[int, int], _Source]] = {}
+
+    @property
+    def _wheel_hold_s(self) -> float:
+        return (1.0 - _GATHERED_SHARE) * self._hold_s
+
+    def hold(self, hold_s: float) -> None:
+        """Let revolutions wait for at most so long from here on."""
+        self._hold_s = hold_s
+        for wheel in self._order:
+            wheel.hold(self._wheel_hold_s)
 
     def frames(self, link: str, frames: Iterable[Frame], host_ns: int) -> list[RevolutionResult]:
         """Take decoded frames that arrived on `link` at `host_ns`; return the revolutions that are complete and due."""

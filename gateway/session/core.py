@@ -130,7 +130,8 @@ class SessionCore:
         self.newest_ns = self._ticked_ns = 0
         unknown = UNKNOWN_WHEEL
         setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), effects)
-        self._pipeline = Pipeline(setups, unknown, estimators, Latency(latency_s).hold_s)
+        self._latency = self._present_latency = Latency(latency_s)
+        self._pipeline = Pipeline(setups, unknown, estimators, self._latency.hold_s)
         self._signals = signals or SignalDecoder()
         self._join = VehicleJoin(self._signals.history)
         self._vehicle = vehicle
@@ -185,6 +186,13 @@ class SessionCore:
             for notice in disk_notices(self._alarms.disk, room):
                 self.notify(notice)
         self._alarms.take_disk(room)
+
+    def late(self, late_s: float) -> None:
+        """Note by how much this computer is late: while it is, results wait longer, which takes less work."""
+        latency = self._latency.while_late(late_s)
+        if latency != self._present_latency:
+            self._present_latency = latency
+            self._pipeline.hold(latency.hold_s)
 
     def add_link(self, name: str) -> None:
         """Show a link before its first item."""

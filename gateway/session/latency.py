@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Final
 
+from gateway.constants import LONGEST_LATENCY_S
+
 # A link is read this often at most: a smaller chunk costs as much as a larger one.
 _LEAST_READ_S: Final = 0.004
 _MOST_READ_S: Final = 0.02
@@ -11,6 +13,8 @@ _MOST_ROUND_S: Final = 0.1
 _READ_SHARE: Final = 0.12
 _ROUND_SHARE: Final = 0.12
 _HOLD_SHARE: Final = 0.5
+# A session that is late by less is in time: a pause of the system's scheduler is shorter.
+_LATE_S: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,6 +26,14 @@ class Latency:
     """
 
     longest_s: float
+
+    def while_late(self, late_s: float) -> "Latency":
+        """Return the latency of a session that is late by so much.
+
+        Its results come no later by waiting as long, and take less work, so that it catches up.
+        """
+        steps = int(late_s / _LATE_S)
+        return Latency(min(max(self.longest_s, steps * _LATE_S), LONGEST_LATENCY_S)) if steps else self
 
     @property
     def read_s(self) -> float:

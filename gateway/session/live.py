@@ -380,7 +380,7 @@ class LiveSession:
                 self._take_computer_events(computer.events())
             if item is not None:
                 self._note_time(item)
-                self._report_lateness(item)
+                self._note_lateness(item)
                 self._take_results(self.core.take(item))
             else:
                 with self._lock:
@@ -432,12 +432,14 @@ class LiveSession:
         if number is not None and not (isinstance(item, LinkEvent) and not item.is_of_link):
             self._taken_ns[number] = item.host_ns
 
-    def _report_lateness(self, item: LinkItem) -> None:
-        """Report that items of a device wait for long; what can wait for this computer is never late."""
+    def _note_lateness(self, item: LinkItem) -> None:
+        """Take note of how late items of a device are, and report it; what can wait for this computer never is."""
         number = self._source_of.get(item.link)
         if number is None or self._patient[number] or isinstance(item, LinkEvent):
             return
-        late_s = self._lateness.take(item.host_ns, self._clock.now_ns())
+        now_ns = self._clock.now_ns()
+        self.core.late((now_ns - item.host_ns) * 1e-9)
+        late_s = self._lateness.take(item.host_ns, now_ns)
         if late_s is not None:
             self.core.notify(Notice(item.link, Reason(Code.RESULTS_LATE, late_s=late_s), Level.WARNING))
 

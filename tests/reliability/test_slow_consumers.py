@@ -103,7 +103,8 @@ def test_session_that_falls_behind_says_so_before_it_drops(lab, took: float, pat
     items, vehicle = lab
     clock = ManualClock(items[0].host_ns)
     live = LiveSession([Items(items)], vehicle, clock, patient=[patient], summary=ResultSummary())
-    take, taken_ns = live.core.take, [items[0].host_ns]
+    take, taken_ns, told_s = live.core.take, [items[0].host_ns], []
+    live.core.late = told_s.append
 
     def slow(item):
         # The work on an item takes so many times as long as the item lasted.
@@ -116,6 +117,7 @@ def test_session_that_falls_behind_says_so_before_it_drops(lab, took: float, pat
     assert live.wait(TIMEOUT_S)
     late = [notice.reason for notice in live.close().notices if notice.reason.code is Code.RESULTS_LATE]
     assert [reason["late_s"] >= 3.0 for reason in late] == [True] * is_told
+    assert max(told_s, default=0.0) >= 3.0 if is_told else max(told_s, default=0.0) < 0.1
 
 
 def test_idle_view_keeps_latest_results(lab, monkeypatch) -> None:
