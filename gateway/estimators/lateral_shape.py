@@ -17,14 +17,13 @@ from gateway.estimators.revolution_block import BlockEstimator, RevolutionArrays
 from gateway.reasons import Code, Reason
 from gateway.signal.angle_resampling import angle_grid, elapsed_angles
 from gateway.signal.lateral_deformation import (
-    HIGHEST_ORDER,
+    ORDERS,
     chord_row,
     lateral_coefficients,
     line_row,
     remove_roll,
     slope_row,
     streamline_slope,
-    trusted_orders,
 )
 from gateway.signal.sensor_mounting import RollCalibration
 from gateway.signal.synchronous_average import running_shares
@@ -33,7 +32,6 @@ from gateway.types import FloatArray
 # Rows of `Revolution.axes_mps2`.
 CIRCUMFERENTIAL, LATERAL, RADIAL = range(3)
 
-ORDERS: Final = trusted_orders(HIGHEST_ORDER)
 # Reach ahead of the leading edge in which the belt turns: several times its bending length.
 _AHEAD_RAD: Final = 0.8
 # Shorter contacts span too few grid points for a slope.
@@ -287,7 +285,7 @@ def _coefficients(
     others = in_plane[:, ::-1, ORDERS.start : ORDERS.stop] * _SIGNS
     others[np.isnan(others)] = 0.0
     result = np.empty((len(taken), 6, len(ORDERS)))
-    result[:, :2] = lateral_coefficients(lateral, ORDERS).reshape(-1, 2, len(ORDERS))
+    result[:, :2] = lateral_coefficients(lateral).reshape(-1, 2, len(ORDERS))
     result[:, 2::2] = others.real
     result[:, 3::2] = -others.imag
     result /= np.square([revolution.omega_radps for revolution in revolutions])[:, np.newaxis, np.newaxis]
@@ -354,7 +352,7 @@ def slopes(record: LateralRecord, edges_rad: tuple[float, float], radius_m: floa
     angles = _ANGLES
     parity_rows = _parity_rows(leading, trailing, radius_m)
     sign = np.sign(parity_rows[0] @ record.lateral_m) or 1.0
-    slope = sign * streamline_slope(record.lateral_m, ORDERS, radius_m, _GRID)
+    slope = sign * streamline_slope(record.lateral_m, radius_m, _GRID)
     start, end = np.searchsorted(angles, edges_rad)
     steep = int(start + slope[start:end].argmax())
     before = np.flatnonzero(slope[start:steep] <= 0.0)
@@ -364,23 +362,23 @@ def slopes(record: LateralRecord, edges_rad: tuple[float, float], radius_m: floa
     peak = min(max(_vertex(angles, slope, steep), leading), trailing)
     rows = np.stack(
         [
-            slope_row(peak, ORDERS, radius_m),
-            chord_row(leading, 0.5 * (leading + trailing), ORDERS, radius_m),
-            line_row(first, last, ORDERS, radius_m),
+            slope_row(peak, radius_m),
+            chord_row(leading, 0.5 * (leading + trailing), radius_m),
+            line_row(first, last, radius_m),
         ]
     )
     before_edge = int(np.searchsorted(angles, max(leading - _AHEAD_RAD, -math.pi)))
     lean = before_edge + int(slope[before_edge : start + 1].argmin())
     ahead = min(_vertex(angles, -slope, lean), leading)
-    ahead_row = -slope_row(ahead, ORDERS, radius_m)
+    ahead_row = -slope_row(ahead, radius_m)
     return Slopes(rows @ record.lateral_m, rows, (first, last), parity_rows @ record.lateral_m, parity_rows, ahead_row)
 
 
 def _parity_rows(leading_rad: float, trailing_rad: float, radius_m: float) -> FloatArray:
     middle = 0.5 * (leading_rad + trailing_rad)
-    first = chord_row(leading_rad, middle, ORDERS, radius_m)
-    second = chord_row(middle, trailing_rad, ORDERS, radius_m)
-    return np.stack([line_row(leading_rad, trailing_rad, ORDERS, radius_m), 0.5 * (second - first)])
+    first = chord_row(leading_rad, middle, radius_m)
+    second = chord_row(middle, trailing_rad, radius_m)
+    return np.stack([line_row(leading_rad, trailing_rad, radius_m), 0.5 * (second - first)])
 
 
 def edge_errors(
@@ -401,11 +399,11 @@ def edge_errors(
         end_std = std if at_edge else _zero_std(record, measured.stretch_rad[edge], radius_m)
         if math.isfinite(end_std) and end_std > 0.0:
             ends = [end + end_std * (side == edge) for side, end in enumerate(measured.stretch_rad)]
-            total[2] += (line_row(ends[0], ends[1], ORDERS, radius_m) @ record.lateral_m - measured.values_rad[2]) ** 2
+            total[2] += (line_row(ends[0], ends[1], radius_m) @ record.lateral_m - measured.values_rad[2]) ** 2
         if not (math.isfinite(std) and std > 0.0):
             continue
         leading, trailing = edges_rad[0] + std * (edge == 0), edges_rad[1] + std * (edge == 1)
-        chord = chord_row(leading, 0.5 * (leading + trailing), ORDERS, radius_m) @ record.lateral_m
+        chord = chord_row(leading, 0.5 * (leading + trailing), radius_m) @ record.lateral_m
         total[1] += (chord - measured.values_rad[1]) ** 2
         parity = _parity_rows(leading, trailing, radius_m) @ record.lateral_m
         total[len(DEFINITIONS) :] += np.square(parity - measured.parity_rad)
@@ -414,9 +412,9 @@ def edge_errors(
 
 def _zero_std(record: LateralRecord, zero_rad: float, radius_m: float) -> float:
     """Return the error by noise of the angle at which the slope of the streamline is zero; infinite without one."""
-    row = slope_row(zero_rad, ORDERS, radius_m)
+    row = slope_row(zero_rad, radius_m)
     step = _ANGLES[1] - _ANGLES[0]
-    bend = (slope_row(zero_rad + step, ORDERS, radius_m) - row) @ record.lateral_m / step
+    bend = (slope_row(zero_rad + step, radius_m) - row) @ record.lateral_m / step
     noise = math.sqrt(max(float(row @ record.covariance @ row), 0.0))
     return noise / abs(float(bend)) if bend else math.inf
 

@@ -30,7 +30,6 @@ from gateway.estimators.estimator import (
 from gateway.estimators.lateral_shape import (
     CIRCUMFERENTIAL,
     DEFINITIONS,
-    ORDERS,
     LateralAverage,
     LateralRecord,
     Roll,
@@ -43,7 +42,7 @@ from gateway.estimators.pace import LONGEST, SHARE_OF_STD, differ, is_due
 from gateway.estimators.revolution_block import BlockEstimator, RevolutionBlock
 from gateway.estimators.sensor_claims import SensorClaims
 from gateway.reasons import Code, Reason
-from gateway.signal.lateral_deformation import slope_row
+from gateway.signal.lateral_deformation import ORDERS, slope_row
 from gateway.signal.sensor_mounting import MOUNTING_STD_RAD, OFFSET_STD_MPS2, RollCalibration
 from gateway.types import BoolArray, FloatArray
 
@@ -364,7 +363,7 @@ def _renew(measured: _Measured, block: RevolutionBlock, state: FloatArray) -> _R
     record = followed.record()
     measured_slopes = slopes(record, edges, conditions.radius_m)
     rows = np.concatenate([measured_slopes.rows, measured_slopes.parity_rows, measured_slopes.ahead_row[np.newaxis]])
-    ends = np.stack([slope_row(end, ORDERS, conditions.radius_m) for end in measured_slopes.stretch_rad])
+    ends = np.stack([slope_row(end, conditions.radius_m) for end in measured_slopes.stretch_rad])
     ends_std = np.sqrt(np.maximum(np.sum((ends @ record.covariance) * ends, axis=1), 0.0))
     variance = np.sum((rows @ record.covariance) * rows, axis=1)
     # Peak and slope ahead are the largest of several places: their noise counts once more.

@@ -13,9 +13,10 @@ import numpy as np
 
 from gateway.estimators.determination import DETERMINED, SETTLED_REVOLUTIONS
 from gateway.estimators.estimator import Estimate, Status, TireConditions
-from gateway.estimators.lateral_shape import ORDERS, LateralEstimator, LateralSteps
+from gateway.estimators.lateral_shape import LateralEstimator, LateralSteps
 from gateway.estimators.side_force_calibration import LinearLaw
 from gateway.reasons import Code, Reason
+from gateway.signal.lateral_deformation import ORDERS
 from gateway.types import FloatArray
 
 NAMES: Final = ("belt_shift_m", "belt_yaw_rad", "side_force_n", "aligning_moment_nm")

@@ -20,7 +20,6 @@ from gateway.estimators.estimator import (
     sign_not_determined,
 )
 from gateway.estimators.lateral_shape import (
-    ORDERS,
     LateralEstimator,
     LateralSteps,
 )
@@ -91,7 +90,7 @@ class SlipAngleEstimator(LateralEstimator):
         self, conditions: TireConditions, edges_rad: tuple[float, float], steps: LateralSteps, row: int
     ) -> tuple[Estimate, ...]:
         # The roll tilt is the same in both, so its error cancels in their difference.
-        chord = chord_row(edges_rad[0], 0.5 * (edges_rad[0] + edges_rad[1]), ORDERS, conditions.radius_m)
+        chord = chord_row(edges_rad[0], 0.5 * (edges_rad[0] + edges_rad[1]), conditions.radius_m)
         own_m = steps.own_m[row]
         slope = float(chord @ own_m)
         mean = float(chord @ steps.mean_m[row])
@@ -103,7 +102,7 @@ class SlipAngleEstimator(LateralEstimator):
         else:
             zero, std = mean, math.hypot(scatter * math.sqrt(1.0 + 1.0 / count), _LEARNT_ZERO_STD_RAD)
         apparent = slope - zero
-        asymmetry = lateral_asymmetry(lateral_waveform(own_m, ORDERS, 512))
+        asymmetry = lateral_asymmetry(lateral_waveform(own_m, 512))
         if abs(apparent) > _SIDE_RAD:
             side = self._sides[math.copysign(1.0, apparent)]
             side.update(np.array([asymmetry]), max(1.0 / (side.count + 1), 1.0 / _HORIZON))

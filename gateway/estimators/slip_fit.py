@@ -20,10 +20,10 @@ from scipy.special import gammaincc
 
 from gateway.errors import CalibrationError
 from gateway.estimators.estimator import Revolution, TireConditions
-from gateway.estimators.lateral_shape import ORDERS, has_lateral, lateral_record
+from gateway.estimators.lateral_shape import has_lateral, lateral_record
 from gateway.estimators.slip_calibration import LAW_STD, SlipCalibration
 from gateway.signal.contact_edges import EDGE_MODEL_STD_RAD
-from gateway.signal.lateral_deformation import chord_row
+from gateway.signal.lateral_deformation import ORDERS, chord_row
 from gateway.signal.sensor_mounting import MOUNTING_STD_RAD, RollCalibration
 from gateway.types import FloatArray
 
@@ -130,7 +130,7 @@ class SlipRunRevolutions:
         leading, trailing = np.mean([taken.edges_rad for taken in self._taken], axis=0).tolist()
 
         def row(first: float, last: float) -> FloatArray:
-            return chord_row(first, 0.5 * (first + last), ORDERS, radius)
+            return chord_row(first, 0.5 * (first + last), radius)
 
         tilt = self._roll.roll_rad
         lateral, radial, along = (np.stack([taken[part] for taken in self._taken]) for part in range(3))

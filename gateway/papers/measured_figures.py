@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from gateway.errors import ConfigError
-from gateway.estimators.lateral_shape import ORDERS
 from gateway.nearest_name import did_you_mean
 from gateway.papers.measured_tires import SLOPES, MeasuredTire, Waveforms
 from gateway.papers.ring_data import ESTIMATORS, measured_orders
@@ -21,7 +20,7 @@ from gateway.papers.ring_figures import STYLES, draw_orders, draw_waveform, line
 from gateway.physics.ring_series import signal_orders
 from gateway.quantity_catalogue import RING_NUMBERS
 from gateway.signal.angle_resampling import GRID_SIZE, angle_grid
-from gateway.signal.lateral_deformation import deformation
+from gateway.signal.lateral_deformation import ORDERS, deformation
 from gateway.signal.order_spectrum import ORDER_COUNT
 from gateway.signal.order_statistics import BLOCK_REVOLUTIONS, OrderStatistics
 from gateway.types import FloatArray
@@ -251,7 +250,7 @@ def _make_ply_13(tires: Sequence[MeasuredTire]) -> Draw:
 def _ply_13(tire: MeasuredTire, lateral_m: FloatArray, figure: Figure) -> str:
     """Lateral deformation, integrated twice, with the slopes in the contact."""
     axes = figure.subplots()
-    shape = deformation(lateral_m, ORDERS, GRID_SIZE)
+    shape = deformation(lateral_m, GRID_SIZE)
     shape = shape - shape[GRID_SIZE // 2]
     axes.plot(np.degrees(angle_grid()), 1e3 * shape, color="black", label=tire.name)
     edges = np.array(tire.edges_rad)

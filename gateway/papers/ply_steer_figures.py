@@ -15,7 +15,7 @@ import numpy as np
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.belt_laminate import BeltLaminate, StatedPly, coupling_law
-from gateway.estimators.lateral_shape import DEFINITIONS, ORDERS, LateralRecord, Slopes, slopes
+from gateway.estimators.lateral_shape import DEFINITIONS, LateralRecord, Slopes, slopes
 from gateway.estimators.ply_steer import PEAK_OVER_LAMINATE, PEAK_OVER_LAMINATE_STD
 from gateway.estimators.ply_steer_models import (
     RADIUS_M,
@@ -30,7 +30,7 @@ from gateway.estimators.ply_steer_models import (
 from gateway.physics.lateral_belt import LateralBelt, LateralSolution, solve_lateral_belt
 from gateway.physics.rolling_ring import RingSolution
 from gateway.signal.angle_resampling import GRID_SIZE, angle_grid
-from gateway.signal.lateral_deformation import deformation, lateral_coefficients, lateral_waveform
+from gateway.signal.lateral_deformation import ORDERS, deformation, lateral_coefficients, lateral_waveform
 from gateway.types import FloatArray
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ def _fig_11(figure: Figure) -> str:
     """Lateral acceleration at zero slip, exact and from the orders that the estimator uses."""
     axes = figure.subplots()
     exact = _shape(0.0).lateral_mps2
-    wave = _ring().omega_radps ** 2 * lateral_waveform(_coefficients(0.0), ORDERS, GRID_SIZE)
+    wave = _ring().omega_radps ** 2 * lateral_waveform(_coefficients(0.0), GRID_SIZE)
     axes.plot(np.degrees(_ring().theta_rad), exact, label="belt model")
     axes.plot(np.degrees(angle_grid()), wave, "--", label=f"its orders {ORDERS.start} to {ORDERS.stop - 1}")
     axes.set(xlim=(-60, 60), xlabel="angle from contact centre, °", ylabel="lateral acceleration, m/s²")
@@ -126,7 +126,7 @@ def _fig_13(figure: Figure) -> str:
     clean = _coefficients(0.0)
     noisy = clean + _noise_m() * rng.normal(size=len(clean))
     angles = angle_grid()
-    exact, integrated = deformation(clean, ORDERS, GRID_SIZE), deformation(noisy, ORDERS, GRID_SIZE)
+    exact, integrated = deformation(clean, GRID_SIZE), deformation(noisy, GRID_SIZE)
     centre = GRID_SIZE // 2
     axes.plot(np.degrees(angles), 1e3 * (exact - exact[centre]), label="belt model")
     axes.plot(np.degrees(angles), 1e3 * (integrated - integrated[centre]), label=f"from {_REVOLUTIONS} revolutions")
@@ -200,7 +200,7 @@ def _laminate(figure: Figure) -> str:
         law = coupling_law(_belt_of(angle_deg))
         slope = law.slope(RADIUS_M)
         shape = solve_lateral_belt(ring, LateralBelt(coupling_length_m=law.length_m.value))
-        clean = lateral_coefficients(shape.lateral_m, ORDERS)
+        clean = lateral_coefficients(shape.lateral_m)
         slopes = _slopes(clean + _noise_m() * rng.normal(size=len(clean)), edges)
         stated.append(math.degrees(slope.value))
         stds.append(math.degrees(slope.std))
@@ -311,11 +311,11 @@ def _noise_m() -> float:
 
 def _coefficients(slip_deg: float) -> FloatArray:
     """Return the integrated orders of the lateral axis over Omega^2."""
-    return lateral_coefficients(_shape(slip_deg).lateral_m, ORDERS)
+    return lateral_coefficients(_shape(slip_deg).lateral_m)
 
 
 def _sampled(ring: RingSolution, shape: LateralSolution) -> tuple[FloatArray, tuple[float, float]]:
-    return lateral_coefficients(shape.lateral_m, ORDERS), (ring.leading_edge_rad, ring.trailing_edge_rad)
+    return lateral_coefficients(shape.lateral_m), (ring.leading_edge_rad, ring.trailing_edge_rad)
 
 
 def _slopes(coefficients_m: FloatArray, edges_rad: tuple[float, float]) -> Slopes:

@@ -9,62 +9,60 @@ A lateral record is the vector of its coefficients over Omega^2, x = (c_lo .. c_
 slope of the streamline is then a row times x, and its variance is row C row'.
 """
 
-from functools import lru_cache
 from typing import Final
 
 import numpy as np
 
 from gateway.types import ComplexArray, FloatArray
 
-HIGHEST_ORDER: Final = 40
+ORDERS: Final = range(1, 41)
+"""Orders that are integrated.
+
+Truncation at order 40 / 30 / 20 changes a tire's steepest slope by up to 0.0013 / 0.003 / 0.012 deg and the noise
+hardly at all, since low orders dominate it. Omitting order 1 would halve the variance of the noise but bias the mean
+slope in the first half of the contact by 0.02 to 0.05 deg, so it is kept. A yawed sensor adds gravity to it.
+"""
+_NUMBERS: Final[FloatArray] = np.arange(ORDERS.start, ORDERS.stop, dtype=np.float64)
+# The grid starts at -pi, so odd orders change sign.
+_SIGNS: Final[FloatArray] = np.where(_NUMBERS % 2, -1.0, 1.0)
 
 
-def trusted_orders(order_max: int) -> range:
-    """Return the orders that are integrated: from 1 to HIGHEST_ORDER, limited by the sampling.
-
-    Truncation at order 40 / 30 / 20 changes a tire's steepest slope by up to 0.0013 / 0.003 / 0.012 deg and the noise
-    hardly at all, since low orders dominate it. Omitting order 1 would halve the variance of the noise but bias the
-    mean slope in the first half of the contact by 0.02 to 0.05 deg, so it is kept. A yawed sensor adds gravity to it.
-    """
-    return range(1, min(HIGHEST_ORDER, order_max) + 1)
-
-
-def lateral_coefficients(waveforms: FloatArray, orders: range) -> FloatArray:
-    """Return the coefficients of the trusted orders of waveforms (..., n) on the angle grid, (..., 2 k).
+def lateral_coefficients(waveforms: FloatArray) -> FloatArray:
+    """Return the coefficients of `ORDERS` of waveforms (..., n) on the angle grid, (..., 2 k).
 
     Cosines first, then sines; in the unit of the waveforms.
     """
     n = waveforms.shape[-1]
-    spectrum = np.fft.rfft(waveforms, axis=-1)[..., orders.start : orders.stop] * (_signs(orders) * (2.0 / n))
+    spectrum = np.fft.rfft(waveforms, axis=-1)[..., ORDERS.start : ORDERS.stop] * (_SIGNS * (2.0 / n))
     return np.concatenate([spectrum.real, -spectrum.imag], axis=-1)
 
 
-def lateral_waveform(coefficients_m: FloatArray, orders: range, n: int) -> FloatArray:
-    """Return the waveform of the trusted orders on the angle grid, (n,), in the unit of the coefficients."""
-    return _synthesis(_complex(coefficients_m), orders, n)
+def lateral_waveform(coefficients_m: FloatArray, n: int) -> FloatArray:
+    """Return the waveform of `ORDERS` on the angle grid, (n,), in the unit of the coefficients."""
+    return _synthesis(_complex(coefficients_m), n)
 
 
-def deformation(coefficients_m: FloatArray, orders: range, n: int) -> FloatArray:
+def deformation(coefficients_m: FloatArray, n: int) -> FloatArray:
     """Return y on the angle grid, (n,) m, without its unknown mean (Eq. 21)."""
-    return _synthesis(-_complex(coefficients_m) / _numbers(orders) ** 2, orders, n)
+    return _synthesis(-_complex(coefficients_m) / _NUMBERS**2, n)
 
 
-def streamline_slope(coefficients_m: FloatArray, orders: range, radius_m: float, n: int) -> FloatArray:
+def streamline_slope(coefficients_m: FloatArray, radius_m: float, n: int) -> FloatArray:
     """Return dy/ds on the angle grid, (n,) rad."""
-    return _synthesis(_complex(coefficients_m) / (1j * radius_m * _numbers(orders)), orders, n)
+    return _synthesis(_complex(coefficients_m) / (1j * radius_m * _NUMBERS), n)
 
 
-def slope_row(angle_rad: float, orders: range, radius_m: float) -> FloatArray:
+def slope_row(angle_rad: float, radius_m: float) -> FloatArray:
     """Return the row that gives the slope at an angle, (2 k,) 1/m."""
-    n = _numbers(orders)
+    n = _NUMBERS
     weight = 1.0 / (n * radius_m)
     result: FloatArray = np.concatenate([np.sin(n * angle_rad) * weight, -np.cos(n * angle_rad) * weight])
     return result
 
 
-def chord_row(first_rad: float, last_rad: float, orders: range, radius_m: float) -> FloatArray:
+def chord_row(first_rad: float, last_rad: float, radius_m: float) -> FloatArray:
     """Return the row that gives the mean slope between two angles, (2 k,) 1/m."""
-    n = _numbers(orders)
+    n = _NUMBERS
     weight = 1.0 / (n * n * radius_m * (last_rad - first_rad))
     first, last = n * first_rad, n * last_rad
     cosine, sine = np.cos(first) - np.cos(last), np.sin(first) - np.sin(last)
@@ -72,9 +70,9 @@ def chord_row(first_rad: float, last_rad: float, orders: range, radius_m: float)
     return result
 
 
-def line_row(first_rad: float, last_rad: float, orders: range, radius_m: float) -> FloatArray:
+def line_row(first_rad: float, last_rad: float, radius_m: float) -> FloatArray:
     """Return the row that gives the slope of the least-squares line through y between two angles, (2 k,) 1/m."""
-    n = _numbers(orders)
+    n = _NUMBERS
     half, middle = n * (0.5 * (last_rad - first_rad)), n * (0.5 * (last_rad + first_rad))
     # The line's slope is int t y dt / int t^2 dt over t from the middle; int t sin(n t) dt = 2 (sin - x cos) / n^2 at
     # x = n times half the span, and the cosine's is zero.
@@ -100,23 +98,8 @@ def _complex(coefficients: FloatArray) -> ComplexArray:
     return result
 
 
-def _synthesis(coefficients: ComplexArray, orders: range, n: int) -> FloatArray:
+def _synthesis(coefficients: ComplexArray, n: int) -> FloatArray:
     """Return the waveform of complex coefficients c - i s."""
     spectrum = np.zeros(n // 2 + 1, dtype=np.complex128)
-    spectrum[orders.start : orders.stop] = coefficients * (_signs(orders) * (n / 2.0))
+    spectrum[ORDERS.start : ORDERS.stop] = coefficients * (_SIGNS * (n / 2.0))
     return np.fft.irfft(spectrum, n=n)
-
-
-@lru_cache(maxsize=64)
-def _numbers(orders: range) -> FloatArray:
-    numbers = np.arange(orders.start, orders.stop, dtype=np.float64)
-    numbers.setflags(write=False)
-    return numbers
-
-
-@lru_cache(maxsize=64)
-def _signs(orders: range) -> FloatArray:
-    """The grid starts at -pi, so odd orders change sign."""
-    signs: FloatArray = np.where(_numbers(orders) % 2, -1.0, 1.0)
-    signs.setflags(write=False)
-    return signs

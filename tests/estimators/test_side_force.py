@@ -9,14 +9,13 @@ import pytest
 
 from gateway.estimators.estimator import Estimate, Status, TireConditions
 from gateway.estimators.friction_use import FrictionUseEstimator, share_of_trail
-from gateway.estimators.lateral_shape import ORDERS
 from gateway.estimators.side_force import HORIZON_REVOLUTIONS, NAMES, SideForceEstimator, displacement_rows
 from gateway.estimators.side_force_calibration import LinearLaw, SideForceCalibration, fit_linear_law
 from gateway.estimators.tire_data import TireData
 from gateway.physics.lateral_belt import LateralBelt, LateralSolution, solve_lateral_belt
 from gateway.quantity_catalogue import quantity_of
 from gateway.reasons import Code, codes_of
-from gateway.signal.lateral_deformation import lateral_coefficients
+from gateway.signal.lateral_deformation import ORDERS, lateral_coefficients
 from tests.testkit.exact_ring import PRESSURE_PA, RADIUS_M, on_grid, solution
 from tests.testkit.revolution_data import CONDITIONS, OMEGA, exact_wave, make_revolution, settled
 
@@ -32,7 +31,7 @@ def belt(slip_deg: float, stiffness: float = 1e3, friction: float = 1.0) -> Late
 
 
 def displaced(result: LateralSolution) -> np.ndarray:
-    return displacement_rows(solution().half_angle_rad) @ lateral_coefficients(on_grid(result.lateral_m), ORDERS)
+    return displacement_rows(solution().half_angle_rad) @ lateral_coefficients(on_grid(result.lateral_m))
 
 
 def calibration() -> SideForceCalibration:
@@ -72,7 +71,7 @@ def test_force_and_moment_are_linear_in_displacement(stiffness: float) -> None:
 
 
 def test_gravity_of_order_one_does_not_matter() -> None:
-    clean = lateral_coefficients(on_grid(belt(1.0).lateral_m), ORDERS)
+    clean = lateral_coefficients(on_grid(belt(1.0).lateral_m))
     tilted = clean.copy()
     tilted[[0, len(ORDERS)]] += 1e-3
     rows = displacement_rows(solution().half_angle_rad)

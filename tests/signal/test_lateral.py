@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from gateway.signal.angle_resampling import angle_grid
 from gateway.signal.lateral_deformation import (
-    HIGHEST_ORDER,
     chord_row,
     deformation,
     lateral_coefficients,
@@ -18,14 +17,12 @@ from gateway.signal.lateral_deformation import (
     remove_roll,
     slope_row,
     streamline_slope,
-    trusted_orders,
 )
 from gateway.signal.sensor_mounting import MOUNTING_STD_RAD, RollCalibration
 from gateway.signal.synchronous_average import RunningMoments
 
 N, RADIUS_M = 1024, 0.32
 THETA = angle_grid(N)
-ORDERS = trusted_orders(60)
 
 
 def random_shape(seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -37,43 +34,37 @@ def random_shape(seed: int) -> tuple[np.ndarray, np.ndarray]:
     return y, (-(n**2) * (c * np.cos(n * THETA) + s * np.sin(n * THETA))).sum(axis=0)
 
 
-def test_trusted_orders_are_limited_by_sampling() -> None:
-    assert trusted_orders(60) == range(1, HIGHEST_ORDER + 1)
-    assert trusted_orders(17) == range(1, 18)
-    assert len(trusted_orders(0)) == 0
-
-
 @given(st.integers(0, 2**31))
 @settings(max_examples=20)
 def test_deformation_inverts_second_derivative(seed: int) -> None:
     y, second = random_shape(seed)
-    x = lateral_coefficients(second + 3.0, ORDERS)  # a constant is no deformation
-    assert deformation(x, ORDERS, N) == pytest.approx(y, abs=1e-10)
-    assert lateral_waveform(x, ORDERS, N) == pytest.approx(second, abs=1e-9)
+    x = lateral_coefficients(second + 3.0)  # a constant is no deformation
+    assert deformation(x, N) == pytest.approx(y, abs=1e-10)
+    assert lateral_waveform(x, N) == pytest.approx(second, abs=1e-9)
     slope = (np.roll(y, -1) - np.roll(y, 1)) / (2 * (THETA[1] - THETA[0]) * RADIUS_M)
-    assert streamline_slope(x, ORDERS, RADIUS_M, N) == pytest.approx(slope, abs=3e-2 * np.abs(slope).max())
+    assert streamline_slope(x, RADIUS_M, N) == pytest.approx(slope, abs=3e-2 * np.abs(slope).max())
 
 
 @given(st.integers(0, 2**31), st.floats(-0.5, -0.05), st.floats(0.0, 0.5))
 @settings(max_examples=20)
 def test_rows_match_slopes_of_the_curve(seed: int, first: float, last: float) -> None:
-    x = lateral_coefficients(random_shape(seed)[1], ORDERS)
+    x = lateral_coefficients(random_shape(seed)[1])
     fine = np.linspace(first, last, 2001)
-    dense = deformation(x, ORDERS, 2**17)
+    dense = deformation(x, 2**17)
     y = np.interp(fine, angle_grid(2**17), dense)
-    scale = np.abs(streamline_slope(x, ORDERS, RADIUS_M, N)).max()
+    scale = np.abs(streamline_slope(x, RADIUS_M, N)).max()
     chord = (y[-1] - y[0]) / (RADIUS_M * (last - first))
-    assert chord_row(first, last, ORDERS, RADIUS_M) @ x == pytest.approx(chord, abs=1e-4 * scale)
+    assert chord_row(first, last, RADIUS_M) @ x == pytest.approx(chord, abs=1e-4 * scale)
     line = np.polyfit(RADIUS_M * fine, y, 1)[0]
-    assert line_row(first, last, ORDERS, RADIUS_M) @ x == pytest.approx(line, abs=2e-3 * scale)
-    steep = np.interp(first, angle_grid(2**17), streamline_slope(x, ORDERS, RADIUS_M, 2**17))
-    assert slope_row(first, ORDERS, RADIUS_M) @ x == pytest.approx(steep, abs=1e-4 * scale)
+    assert line_row(first, last, RADIUS_M) @ x == pytest.approx(line, abs=2e-3 * scale)
+    steep = np.interp(first, angle_grid(2**17), streamline_slope(x, RADIUS_M, 2**17))
+    assert slope_row(first, RADIUS_M) @ x == pytest.approx(steep, abs=1e-4 * scale)
 
 
 def test_slope_variance_is_row_covariance_row() -> None:
     rng = np.random.default_rng(3)
-    records = lateral_coefficients(rng.normal(size=(4000, N)), ORDERS)
-    row = line_row(-0.2, 0.25, ORDERS, RADIUS_M)
+    records = lateral_coefficients(rng.normal(size=(4000, N)))
+    row = line_row(-0.2, 0.25, RADIUS_M)
     assert (records @ row).std() == pytest.approx(np.linalg.norm(row) * math.sqrt(2.0 / N), rel=0.04)
 
 

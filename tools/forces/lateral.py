@@ -21,13 +21,13 @@ from forces.runs import Measured
 from gateway.config.toml_writer import toml_text
 from gateway.config.vehicle import VehicleConfig, parse_vehicle
 from gateway.estimators.estimator import Estimate, Status
-from gateway.estimators.lateral_shape import ORDERS
 from gateway.estimators.side_force import displacement_rows
 from gateway.estimators.side_force_calibration import SideForceCalibration, fit_linear_law
 from gateway.physics.brush_tread import BrushNotConvergedError
 from gateway.physics.lateral_belt import LateralBelt
 from gateway.physics.reference_tire import TABLE_3_LOAD_N, TABLE_3_NUMBERS, TABLE_3_PRESSURE_PA, TABLE_3_RADIUS_M
 from gateway.physics.rolling_ring import RingNotConvergedError, RingParameters, RingSolution, solve_rolling_ring
+from gateway.signal.lateral_deformation import ORDERS
 from gateway.simulator.tire_model import TireModel
 from gateway.simulator.tire_table import LATERAL, TABLE_ANGLES, Range, TireTable
 from gateway.simulator.wheel_plan import WheelPlan
