@@ -73,6 +73,10 @@ sbom: $(STAMP)
 	@mkdir -p dist
 	$(BIN)/cyclonedx-py requirements requirements-run.lock --pyproject pyproject.toml --output-reproducible \
 	  --output-file dist/treadlink.cdx.json
+	@# The version is not in pyproject.toml, where that program looks for it.
+	@$(BIN)/python -c 'import gateway, json, pathlib; path = pathlib.Path("dist/treadlink.cdx.json"); \
+	  bom = json.loads(path.read_text("utf-8")); bom["metadata"]["component"]["version"] = gateway.__version__; \
+	  path.write_text(json.dumps(bom, indent=2) + "\n", "utf-8")'
 
 # The newest versions of everything; run the tests afterwards.
 locks: $(STAMP)

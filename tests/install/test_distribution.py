@@ -10,6 +10,7 @@ import subprocess
 import sys
 import sysconfig
 import tarfile
+import tomllib
 import venv
 import zipfile
 from pathlib import Path
@@ -117,6 +118,8 @@ def test_container_is_given_what_its_build_copies() -> None:
     assert ignored == "*"
     assert copied == {name[1:] for name in more if name.startswith("!")}
     assert all((ROOT / name).exists() for name in copied)
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+    assert copied >= set(project["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"])
 
 
 @pytest.fixture(scope="module")
