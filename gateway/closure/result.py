@@ -220,6 +220,9 @@ class UnseenError(NamedTuple):
         before_mps2: without the law.
         after_mps2: with the law as the other recordings determine it.
         noise_mps2: that a perfect model would leave.
+        contribution_mps2: of the law, beyond what the tire's own parameters take.
+        fall_std: by which noise alone changes the mean square that the law takes away, (m/s^2)^2.
+        coefficients: real coefficients compared.
     """
 
     recording: int
@@ -227,6 +230,9 @@ class UnseenError(NamedTuple):
     before_mps2: float
     after_mps2: float
     noise_mps2: float
+    contribution_mps2: float
+    fall_std: float
+    coefficients: int
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,5 +1,6 @@
 """Response of the rolling ring to a change at one place: limits that follow from other solutions."""
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -32,6 +33,10 @@ def solved(load_n: float = 4500.0) -> RingSolution:
     return solve_rolling_ring(RING, load_n, 2.2e5, OMEGA_RADPS, nodes=NODES)
 
 
+def loaded(tread_npm2: float) -> RingSolution:
+    return solve_rolling_ring(replace(RING, tread_stiffness_npm2=tread_npm2), 4500.0, 2.2e5, OMEGA_RADPS, nodes=NODES)
+
+
 def belt() -> LoadedBelt:
     return loaded_belt(solved())
 
@@ -51,6 +56,15 @@ def test_steady_rim_moves_the_belt_as_another_load_does() -> None:
     low, high = solved(4480.0), solved(4520.0)
     slope = (high.sensor.radial_m - low.sensor.radial_m) / (high.axle_height_m - low.axle_height_m)
     result = response(Change.RIM)[0, 0].real
+    assert np.linalg.norm(result - slope) < 0.05 * np.linalg.norm(slope)
+
+
+def test_stiffer_tread_all_around_is_that_of_another_ring() -> None:
+    soft, stiff = (loaded(tread_npm2) for tread_npm2 in (5.94e7, 6.06e7))
+    slope = (stiff.sensor.radial_m - soft.sensor.radial_m) / 0.02
+    # The load is the same, so that the axle moves.
+    rise_m = (stiff.axle_height_m - soft.axle_height_m) / 0.02
+    result = (response(Change.TREAD_STIFFNESS) + rise_m * response(Change.RIM))[0, 0].real
     assert np.linalg.norm(result - slope) < 0.05 * np.linalg.norm(slope)
 
 

@@ -6,14 +6,16 @@ from typing import Final
 
 from gateway.closure.effects.acquisition import CIRCUMFERENTIAL_DELAY, LATERAL_DELAY
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL, SignalEffect
-from gateway.closure.effects.local_effects import LOCAL_CHANGES, LOCAL_KINK, WheelOrder
+from gateway.closure.effects.local_effects import LOCAL_CHANGES, LOCAL_KINK, LOCAL_TREAD_STIFFNESS, WheelOrder
 from gateway.closure.effects.mounting import SENSOR_LENGTH
 from gateway.closure.effects.sensor_response import CIRCUMFERENTIAL_HYSTERESIS, LATERAL_HYSTERESIS, RADIAL_HYSTERESIS
-from gateway.closure.laws.sensor_errors import AxisSquare, CrossAxis, GainBelowZero
+from gateway.closure.laws.sensor_errors import AxisCube, AxisSquare, CrossAxis, GainBelowZero
 from gateway.constants import AXIS_NAMES
 from gateway.physics.rolling_ring import Change
 
 _AXLE_ORDERS: Final = (2, 3, 4)
+# The axis that reads, and the one that it reads.
+_LEAKS: Final = ((LATERAL, CIRCUMFERENTIAL), (RADIAL, CIRCUMFERENTIAL), (CIRCUMFERENTIAL, RADIAL))
 
 
 def library(without: Collection[str] = ()) -> dict[str, SignalEffect]:
@@ -31,13 +33,13 @@ def library(without: Collection[str] = ()) -> dict[str, SignalEffect]:
         (CIRCUMFERENTIAL_HYSTERESIS, LATERAL_HYSTERESIS, RADIAL_HYSTERESIS),
     )
     titled: list[tuple[SignalEffect, str]] = [
-        *((change, change.name) for change in (*LOCAL_CHANGES, LOCAL_KINK)),
+        *((change, change.name) for change in (*LOCAL_CHANGES, LOCAL_KINK, LOCAL_TREAD_STIFFNESS)),
         *((WheelOrder("", 0, order, Change.RIM, ()), f"axle height of order {order}") for order in _AXLE_ORDERS),
         *((delay, f"delay of the {AXIS_NAMES[delay.axis]} axis") for delay in delays),
         *((hysteresis, f"hysteresis of the {AXIS_NAMES[hysteresis.axis]} axis") for hysteresis in hystereses),
         *((error, error.name) for error in map(GainBelowZero, every)),
-        *((error, error.name) for error in map(AxisSquare, (CIRCUMFERENTIAL, LATERAL))),
-        *((error, error.name) for error in (CrossAxis(LATERAL, CIRCUMFERENTIAL), CrossAxis(RADIAL, CIRCUMFERENTIAL))),
+        *((error, error.name) for power in (AxisSquare, AxisCube) for error in map(power, (CIRCUMFERENTIAL, LATERAL))),
+        *((error, error.name) for error in (CrossAxis(sink, source) for sink, source in _LEAKS)),
         (SENSOR_LENGTH, "mean over a length"),
     ]
     laws = {}

@@ -1,4 +1,4 @@
-"""Errors of a sensor's axis that the catalogue does not have: other gain below zero, square, another axis."""
+"""Errors of a sensor's axis that the catalogue does not have: other gain below zero, powers, another axis."""
 
 from typing import Final
 
@@ -12,10 +12,12 @@ from gateway.closure.effects.effect import (
     Parameter,
     Stage,
 )
-from gateway.constants import AXIS_NAMES
+from gateway.constants import AXIS_NAMES, STANDARD_GRAVITY_MPS2
 from gateway.types import FloatArray
 
-_LEVEL_MPS2: Final = 1000.0
+# Circumferential and lateral axes are chosen for +-16 g or more; they deviate by up to 2 % of that.
+_LEVEL_MPS2: Final = 16.0 * STANDARD_GRAVITY_MPS2
+_DEVIATION: Final = 0.02
 
 
 class _OfAxis(LinearSignalEffect):
@@ -37,8 +39,10 @@ class _OfAxis(LinearSignalEffect):
         """Return the reading of a unit."""
         rows = np.zeros((1, *block.signal_mps2.shape))
         # In reverse the data's circumferential axis points against the sensor's own.
-        flip = -1.0 if block.conditions.reverse and CIRCUMFERENTIAL in (self.axis, self.other) else 1.0
-        rows[0, self.axis] = flip * self.unit(flip * block.signal_mps2[self.other])
+        own, others = (
+            -1.0 if block.conditions.reverse and axis == CIRCUMFERENTIAL else 1.0 for axis in (self.axis, self.other)
+        )
+        rows[0, self.axis] = own * self.unit(others * block.signal_mps2[self.other])
         return rows
 
     def unit(self, signal: FloatArray) -> FloatArray:
@@ -69,7 +73,7 @@ class AxisSquare(_OfAxis):
 
     parameters = (
         Parameter(
-            "square_s2pm", "s^2/m", -1e-3, 1e-3, 1e-5, 1e-8,
+            "square_s2pm", "s^2/m", -1e-3, 1e-3, _DEVIATION / _LEVEL_MPS2, 1e-8,
             factor=100.0 * _LEVEL_MPS2, display_unit=f"% at {_LEVEL_MPS2:.0f} m/s^2",
         ),
     )  # fmt: skip
@@ -85,6 +89,30 @@ class AxisSquare(_OfAxis):
     def unit(self, signal: FloatArray) -> FloatArray:
         """Return the square."""
         return np.square(signal)
+
+
+class AxisCube(_OfAxis):
+    """Cubic error of an axis: symmetric elements, which harden or saturate on both sides."""
+
+    parameters = (
+        Parameter(
+            "cube_s4pm2", "s^4/m^2", -8e-6, 8e-6, _DEVIATION / _LEVEL_MPS2**2, 1e-10,
+            factor=100.0 * _LEVEL_MPS2**2, display_unit=f"% at {_LEVEL_MPS2:.0f} m/s^2",
+        ),
+    )  # fmt: skip
+    start_values = ((1e-7,),)
+
+    def __init__(self, axis: int) -> None:
+        """Take the axis."""
+        super().__init__(axis)
+        self.name = f"cube of the {AXIS_NAMES[axis]} axis"
+        self.summary = f"The {AXIS_NAMES[axis]} axis hardens or saturates on both sides."
+        self.equation = f"{AXIS_NAMES[axis]} a + q a^3"
+
+    def unit(self, signal: FloatArray) -> FloatArray:
+        """Return the cube."""
+        result: FloatArray = signal**3
+        return result
 
 
 class CrossAxis(_OfAxis):

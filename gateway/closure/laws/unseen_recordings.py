@@ -14,13 +14,14 @@ import numpy as np
 from gateway.closure.angle.fit import Fit
 from gateway.closure.angle.likelihood import Whitened, as_complex
 from gateway.closure.angle.residual import POWER_SHARE, group_residuals
+from gateway.closure.data.campaign_data import ORDERS
 from gateway.closure.data.condition_groups import has_other_conditions
 from gateway.closure.effects.effect import SignalEffect
 from gateway.closure.report.findings import sizes_of
 from gateway.closure.result import Finding, Fitted, LawSize, UnseenError, Verdict
 from gateway.constants import AXIS_NAMES
 from gateway.reasons import Code, Reason
-from gateway.types import FloatArray, IntArray
+from gateway.types import ComplexArray, FloatArray, IntArray
 
 RISE: Final = 1.02
 """Ratio by which the error of an axis may rise on a recording that the law has not seen: what noise alone makes."""
@@ -28,6 +29,11 @@ FALL: Final = 0.6
 """Share of the power beyond noise that may be left of such a recording on one axis at least."""
 TESTABLE: Final = 1.3
 """Power over that of the noise from which an axis of a recording tests a law: noise alone reaches 1.2."""
+SEEN: Final = 3.0
+"""Power of a law over what noise alone changes of it, from which an axis of a recording tests the law: noise of three
+standard deviations would hide it."""
+CHANCE: Final = 2.0
+"""Standard deviations of the noise that a share of power is given."""
 SIZES_APART: Final = 0.1
 """Relative difference of sizes of single recordings, beyond two errors, at which a law is another thing: right ones
 differ by 2 %, wrong ones by 17 % and more."""
@@ -82,37 +88,51 @@ def unseen_errors(before: Fit, after: Fit, data: Whitened, law: SignalEffect) ->
         held[where] = change[where]
         with_law = after.moved(held)
         remaining = [_left(fit, data, groups) for fit in (before, with_law)]
-        noise = _noise_mps2(data, groups)
+        contribution = remaining[0] - remaining[1]
+        noise = _noise(data, groups)
+        square = [_mean_square(orders) for orders in (*remaining, contribution)]
+        # The difference of |r|^2 and |r - s|^2 has the noise's share 2 Re r* s: a real coefficient has half of it each.
+        random = (np.where(np.arange(ORDERS), 2.0, 4.0) * POWER_SHARE * np.abs(contribution) ** 2 * noise).sum(
+            axis=(0, 2)
+        ) / len(groups) ** 2
+        count = (np.where(np.arange(ORDERS), 2, 1) * (noise > 0.0)).sum(axis=(0, 2))
+        rms = np.sqrt(noise.sum(axis=2).mean(axis=0))
         for axis, name in enumerate(AXIS_NAMES):
-            if noise[axis] > 0.0:
+            if rms[axis] > 0.0:
                 errors.append(
                     UnseenError(
-                        recording, name, float(remaining[0][axis]), float(remaining[1][axis]), float(noise[axis])
+                        recording,
+                        name,
+                        *(math.sqrt(float(power[axis])) for power in square[:2]),
+                        float(rms[axis]),
+                        math.sqrt(float(square[2][axis])),
+                        math.sqrt(float(random[axis])),
+                        int(count[axis]),
                     )
                 )
     return tuple(errors)
 
 
-def _left(fit: Fit, data: Whitened, groups: Sequence[int]) -> FloatArray:
-    """Return the rms of what is left of these groups, (3,), their own parameters fitted to them."""
+def _left(fit: Fit, data: Whitened, groups: Sequence[int]) -> ComplexArray:
+    """Return what is left of these groups, (groups, 3, ORDERS), their own parameters fitted to them."""
     change, _ = _step(fit, data, groups, _own_parameters(fit, groups))
     there = fit.moved(change)
-    total = np.zeros(3)
-    for index in groups:
-        used = data.used[index]
-        total += (POWER_SHARE * np.abs(as_complex(there.residual[index])) ** 2 * used).sum(axis=1)
-    result: FloatArray = np.sqrt(total / len(groups))
+    return np.stack([as_complex(there.residual[index]) * data.used[index] for index in groups])
+
+
+def _mean_square(orders: ComplexArray) -> FloatArray:
+    """Return the mean square of waveforms (groups, 3, ORDERS) over the groups, (3,)."""
+    result: FloatArray = (POWER_SHARE * np.abs(orders) ** 2).sum(axis=2).mean(axis=0)
     return result
 
 
-def _noise_mps2(data: Whitened, groups: Sequence[int]) -> FloatArray:
-    """Return the rms of the noise of these groups' means, (3,)."""
-    total = np.zeros(3)
-    for index in groups:
+def _noise(data: Whitened, groups: Sequence[int]) -> FloatArray:
+    """Return the mean square of the noise of each order of these groups' means, (groups, 3, ORDERS)."""
+    result = np.zeros((len(groups), *data.used[0].shape))
+    for number, index in enumerate(groups):
         square = np.square(data.weights[index]).sum(axis=0)
         present = square > 0.0
-        total += np.where(present, 1.0 / np.where(present, square, 1.0), 0.0).sum(axis=1)
-    result: FloatArray = np.sqrt(total / len(groups))
+        result[number][present] = 1.0 / square[present]
     return result
 
 
@@ -220,8 +240,13 @@ def _against_unseen(recordings: Sequence[str], unseen: Sequence[UnseenError]) ->
     for error in unseen:
         if error.after_mps2 > RISE * max(error.before_mps2, error.noise_mps2):
             return [_unseen_reason(recordings, error)]
-    # Where hardly more than noise is left there is nothing to fall.
-    above = [error for error in unseen if error.before_mps2**2 > TESTABLE * error.noise_mps2**2]
+    # Where hardly more than noise is left, and less of the law, there is nothing to fall.
+    above = [
+        error
+        for error in unseen
+        if error.before_mps2**2 > TESTABLE * error.noise_mps2**2
+        or error.contribution_mps2**2 > SEEN * error.fall_std > 0.0
+    ]
     if not above:
         return [Reason(Code.LAW_UNTESTED)]
     for recording in dict.fromkeys(error.recording for error in above):
@@ -232,9 +257,12 @@ def _against_unseen(recordings: Sequence[str], unseen: Sequence[UnseenError]) ->
 
 
 def _excess_left(error: UnseenError) -> float:
-    """Return the share of the power beyond noise that a law leaves."""
-    noise = error.noise_mps2**2
-    return (error.after_mps2**2 - noise) / (error.before_mps2**2 - noise)
+    """Return the share of the power that a law leaves: of that beyond noise, where it is hardly more of its own."""
+    noise, fall = error.noise_mps2**2, error.before_mps2**2 - error.after_mps2**2
+    # The power beyond noise is not known better than the power of the noise.
+    least = CHANCE * math.sqrt(2.0 / error.coefficients) * noise
+    beyond = error.before_mps2**2 - noise - least
+    return 1.0 - fall / max(beyond, error.contribution_mps2**2)
 
 
 def _unseen_reason(recordings: Sequence[str], error: UnseenError) -> Reason:

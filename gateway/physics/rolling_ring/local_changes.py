@@ -35,7 +35,8 @@ class Change(StrEnum):
     """Kind of a change; the response is that to a unit of the quantity times its width in radians.
 
     BENDING: share of EI. KINK: belt's own angle, rad. MASS: share of rho A. SIDEWALL: share of kw and kv. TREAD: height
-    of the tread, m. RIM: height of the axle, m. RUN_OUT: radius of the tire, its axle at one height, m.
+    of the tread, m. TREAD_STIFFNESS: share of kt. RIM: height of the axle, m. RUN_OUT: radius of the tire, its axle at
+    one height, m.
     """
 
     BENDING = "bending"
@@ -43,6 +44,7 @@ class Change(StrEnum):
     MASS = "mass"
     SIDEWALL = "sidewall"
     TREAD = "tread"
+    TREAD_STIFFNESS = "tread stiffness"
     RIM = "rim"
     RUN_OUT = "run-out"
 
@@ -115,7 +117,8 @@ def _force_n(belt: LoadedBelt, omega_radps: float, count: int, change: Change) -
 def _steady(belt: LoadedBelt) -> dict[Change, FloatArray]:
     """Return what a unit of each kind acts with on the steady shape.
 
-    Moments (N,) of bending and kink; loads (N, 2) of mass (over omega^2), sidewall, and the road by tread and axle.
+    Moments (N,) of bending and kink; loads (N, 2) of mass (over omega^2), sidewall, and the road by tread, its
+    stiffness and axle.
     """
     law, grid = belt.law, ring_grid(len(belt.state))
     position, step = belt.state[:, :2], grid.step_rad
@@ -143,6 +146,7 @@ def _steady(belt: LoadedBelt) -> dict[Change, FloatArray]:
         Change.MASS: inertia,
         Change.SIDEWALL: pull,
         Change.TREAD: length * law.tread_npm2 * towards,
+        Change.TREAD_STIFFNESS: length * road.force_npm,
         Change.RIM: length * road.d_height,
         Change.RUN_OUT: -length * road.d_height,
     }
