@@ -32,11 +32,12 @@ from gateway.closure.known_effects import known_effects
 from gateway.closure.laws.law_plugin import plugin_files
 from gateway.closure.laws.law_search import LawsFound, propose_laws
 from gateway.closure.laws.library import library
-from gateway.closure.laws.unseen_recordings import _beside_residual, judged_elsewhere
+from gateway.closure.laws.sensor_errors import AxisCube, AxisSquare, CrossAxis
+from gateway.closure.laws.unseen_recordings import _beside_residual, judged_elsewhere, reasons_against
 from gateway.closure.model.baseline_registry import make_core
 from gateway.closure.model.sensor_signal import base_signal
 from gateway.closure.report.findings import findings_of
-from gateway.closure.result import Finding, Fitted, Verdict
+from gateway.closure.result import Finding, Fitted, LawSize, UnseenError, Verdict
 from gateway.closure.transfer import transfer
 from gateway.errors import TreadlinkError
 from gateway.physics.rolling_ring import PATTERNS, Change, loaded_belt, local_response
@@ -127,6 +128,13 @@ def test_law_in_reverse_is_finite_and_says_what_it_is(laws: Mapping[str, SignalE
     backwards = replace(current, conditions=replace(current.conditions, reverse=True))
     assert np.isfinite(law.contribution(backwards, np.array(law.start_values[0]))).all()
     assert all((law.equation, law.summary, law.scaling, law.source))
+
+
+@pytest.mark.parametrize("name", ["radial in the circumferential", "circumferential in the radial"])
+def test_leak_between_the_axes_of_the_plane_turns_over_in_reverse(laws: Mapping[str, SignalEffect], name: str) -> None:
+    law, current, size = laws[f"law: {name} axis"], block(), np.array([0.01])
+    backwards = replace(current, conditions=replace(current.conditions, reverse=True))
+    assert np.array_equal(law.contribution(backwards, size), -law.contribution(current, size))
 
 
 @lru_cache
@@ -229,6 +237,33 @@ def test_size_that_differs_between_recordings_is_a_clue() -> None:
     assert not result.laws[0].certain
     assert result.fit is None
     assert Code.LAW_SIZES_DIFFER in {reason.code for reason in result.laws[0].reasons}
+
+
+def test_leak_through_a_pole_becomes_another_axis_in_this_one() -> None:
+    share, pole_hz = 0.01, 1500.0
+
+    def leak(signal: FloatArray, theta: FloatArray, group_conditions: GroupConditions) -> FloatArray:
+        result, order = signal.copy(), np.arange(len(theta) // 2 + 1)
+        transfer = share / (1.0 + 1j * order * group_conditions.omega_radps / (2.0 * math.pi * pole_hz))
+        result[CIRCUMFERENTIAL] += np.fft.irfft(np.fft.rfft(signal[RADIAL]) * transfer, n=len(theta))
+        return result
+
+    some = {name: law for name, law in library().items() if isinstance(law, (CrossAxis, AxisSquare, AxisCube))}
+    (law,) = found_in(campaign_of(SPEEDS, leak, noise_mps2=0.5), some).laws
+    assert (law.name, law.certain) == ("law: radial in the circumferential axis", True)
+    assert law.parameters["share"].value == pytest.approx(share, rel=0.05)
+
+
+def test_law_that_the_noise_of_a_recording_does_not_hide_is_tested_there() -> None:
+    """Power 1.2 of the noise: no sum of squares shows it, the law's own waveform does."""
+    right = UnseenError(1, "radial", math.sqrt(1.2), 1.0, 1.0, math.sqrt(0.2), 0.05, 221)
+    sizes = (LawSize(0, 1.0, 0.05), LawSize(1, 1.02, 0.05))
+    recordings = ("first", "second")
+    assert reasons_against(recordings, (right,), sizes) == ()
+    hidden = right._replace(fall_std=0.1)
+    assert [reason.code for reason in reasons_against(recordings, (hidden,), sizes)] == [Code.LAW_UNTESTED]
+    too_large = right._replace(after_mps2=math.sqrt(1.15))
+    assert [reason.code for reason in reasons_against(recordings, (too_large,), sizes)] == [Code.LAW_FAILS_UNSEEN]
 
 
 def test_law_is_judged_on_other_recordings() -> None:

@@ -14,8 +14,8 @@ import numpy as np
 from gateway.closure.angle.fit import Fit
 from gateway.closure.angle.likelihood import Whitened, as_complex
 from gateway.closure.angle.residual import POWER_SHARE, group_residuals
-from gateway.closure.data.campaign_data import ORDERS
 from gateway.closure.data.condition_groups import has_other_conditions
+from gateway.closure.effects.angle_orders import ORDERS
 from gateway.closure.effects.effect import SignalEffect
 from gateway.closure.report.findings import sizes_of
 from gateway.closure.result import Finding, Fitted, LawSize, UnseenError, Verdict
@@ -103,7 +103,8 @@ def unseen_errors(before: Fit, after: Fit, data: Whitened, law: SignalEffect) ->
                     UnseenError(
                         recording,
                         name,
-                        *(math.sqrt(float(power[axis])) for power in square[:2]),
+                        math.sqrt(float(square[0][axis])),
+                        math.sqrt(float(square[1][axis])),
                         float(rms[axis]),
                         math.sqrt(float(square[2][axis])),
                         math.sqrt(float(random[axis])),
