@@ -14,7 +14,7 @@ from gateway.closure.angle.fit import Fit
 from gateway.closure.angle.likelihood import Whitened
 from gateway.closure.angle.residual import POWER_SHARE
 from gateway.closure.data.campaign_data import Group
-from gateway.closure.remainder.unexplained_orders import BANDS, joined
+from gateway.closure.remainder.unexplained_orders import BANDS, core_orders, joined
 from gateway.closure.result import Scaling, ScalingStatus, Unexplained
 from gateway.constants import AXIS_NAMES
 from gateway.types import ComplexArray, FloatArray
@@ -130,9 +130,7 @@ def _entry(
     first, last = low, high - 1
     if (change := changes[largest]) is not None:
         power = np.maximum((change.power - change.scatter)[axis, orders], 0.0)
-        share = np.cumsum(power) / max(float(power.sum()), 1e-300)
-        first = low + int(np.searchsorted(share, 0.02))
-        last = min(low + int(np.searchsorted(share, 0.98)), high - 1)
+        first, last = core_orders(power, low)
     omegas = [group.conditions.omega_radps / (2.0 * math.pi) for group in groups]
     return Unexplained(
         AXIS_NAMES[axis],

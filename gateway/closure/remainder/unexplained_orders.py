@@ -81,7 +81,7 @@ def _described(campaign: Campaign, residuals: Sequence[GroupResidual], axis: int
         # If only the groups together show it, the mean square of all.
         size = math.sqrt(float(power.mean()))
         std = math.sqrt(float(np.square(rms * error).sum())) / max(len(rms) * size, 1e-300)
-    low, high = _core_orders(residuals, axis, first, last)
+    low, high = core_orders(np.sum([np.maximum(r.excess()[axis, first:last], 0.0) for r in residuals], axis=0), first)
     omegas = np.array([group.conditions.omega_radps for group in campaign.groups])
     hz = (low * float(omegas.min()) / (2.0 * math.pi), high * float(omegas.max()) / (2.0 * math.pi))
     states = np.array([group.state for group in campaign.groups])
@@ -98,13 +98,11 @@ def _rms_error(residual: GroupResidual, axis: int, first: int, last: int) -> flo
     return 0.5 * math.sqrt(float((square * variance).sum())) / math.sqrt(total)
 
 
-def _core_orders(residuals: Sequence[GroupResidual], axis: int, first: int, last: int) -> tuple[int, int]:
-    """Return the orders that hold nearly all of the residual."""
-    power = sum(np.maximum(r.excess()[axis, first:last], 0.0) for r in residuals)
-    share = np.cumsum(power) / max(float(np.sum(power)), 1e-300)
-    low = first + int(np.searchsorted(share, 0.02))
-    high = first + int(np.searchsorted(share, 0.98))
-    return low, min(high, last - 1)
+def core_orders(power: FloatArray, first: int) -> tuple[int, int]:
+    """Return the lowest and the highest order that hold nearly all of the power of orders from the first one, (n,)."""
+    fraction = np.cumsum(power) / max(float(power.sum()), 1e-300)
+    low, high = np.searchsorted(fraction, [0.02, 0.98]).tolist()
+    return first + low, first + min(high, len(power) - 1)
 
 
 def _window(residual: GroupResidual, axis: int, first: int, last: int) -> tuple[float, float] | None:
