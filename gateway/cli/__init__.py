@@ -19,10 +19,10 @@ from gateway.cli.path_option import path_option
 from gateway.errors import OutputError, TreadlinkError
 from gateway.nearest_name import did_you_mean
 
-# The matrices here are small, so waking a thread costs more than the product it computes. This must be set before numpy
-# is imported; child processes inherit it.
+# The matrices here are small, so waking a thread costs more than the product it computes, many times more on a busy
+# computer, whatever the environment asks for. This must be set before numpy is imported; child processes inherit it.
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_variable, "1")
+    os.environ[_variable] = "1"
 # Results are freed without the collector. By default it takes 6 % of the time of an estimation, a pass over all objects
 # 60 ms, which a live result would wait for.
 gc.set_threshold(20_000, 20, 20)
