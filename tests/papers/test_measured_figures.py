@@ -65,6 +65,14 @@ def test_stated_load_scales_what_rests_on_it(folder, tires):
     assert math.isnan(recorded.wear_mm)
 
 
+def test_stated_pressure_replaces_that_of_the_recording(folder, tmp_path):
+    table = tmp_path / "grid.csv"
+    table.write_text(f"recording, wheel, pressure_kpa\n{folder / '1.mcap'}, W0, 250\n")
+    (tire,) = measured_tires(read_grid(table), None, lambda _: None)
+    assert tire.pressure_pa == pytest.approx(250e3)
+    assert tire.load_n == pytest.approx(LOADS_N[1])
+
+
 def test_command_draws_tabulates_and_warns_of_another_speed(folder, tmp_path):
     out = tmp_path / "out"
     result = CliRunner().invoke(treadlink, ["figures", "--grid", str(folder / "grid.csv"), "--out", str(out)])

@@ -23,8 +23,11 @@ def test_files_of_a_room_are_added():
 
 def test_a_room_below_is_named(tmp_path, capsys):
     path = tmp_path / "coverage.json"
-    path.write_text(json.dumps(report(io=90, fleet=84)))
+    path.write_text(json.dumps(report(io=90, trends=84)))
     assert main([str(path)]) == 1
-    assert "gateway/fleet is below 85 %" in capsys.readouterr().out
-    path.write_text(json.dumps(report(io=90, fleet=85)))
+    assert "gateway/trends is below 85 %" in capsys.readouterr().out
+    path.write_text(json.dumps(report(io=90, trends=85)))
     assert main([str(path)]) == 0
+    path.write_text(json.dumps(report(io=90, importing=84)))
+    assert main([str(path)]) == 0
+    assert "gateway/importing may be below: readers" in capsys.readouterr().out
