@@ -232,7 +232,7 @@ def summary(cases: list[dict[str, Any]]) -> tuple[Table, Table]:
     rows = []
     titles = {1: "library, other forms", 2: "outside", 3: "nothing", 4: "turned, scrambled"}
     for (part, title), unread in itertools.product(titles.items(), (False, True)):
-        selected = [case for case in cases if case["part"] == part and case["unread"] is unread]
+        selected = [case for case in cases if case["part"] == part and (case["unread"] and part == 1) is unread]
         if not selected:
             continue
         laws = [case for case in selected if case["said"] and case["certain"]]
@@ -252,11 +252,8 @@ def summary(cases: list[dict[str, Any]]) -> tuple[Table, Table]:
         sized = [case for case in hits if math.isfinite(case["truth"])]
         ratio = f"{np.median([case['size'] / case['truth'] for case in sized]):.3f}" if sized else "-"
         rms = f"{math.sqrt(np.mean([case['pull'] ** 2 for case in sized])):.2f}" if sized else "-"
-        clue_count = sum(bool(case["said"]) and not case["certain"] for case in selected)
-        kinds.append(
-            (law.removeprefix("law: "), *map(str, (len(selected), len(certain), len(hits), clue_count)), ratio, rms)
-        )
-    by_kind = ("kind", "cases", "laws", "right", "clues", "size over truth", "rms of pulls")
+        kinds.append((law.removeprefix("law: "), *map(str, (len(selected), len(certain), len(hits))), ratio, rms))
+    by_kind = ("kind", "cases", "laws", "right", "size over truth", "rms of pulls")
     return parts, Table("Kinds", "Cases of part 1; sizes of right laws.", by_kind, tuple(kinds))
 
 
