@@ -20,6 +20,8 @@ TABLES: Final = (RECORDINGS, REVOLUTIONS, DIAGNOSES)
 _FILE_BYTES: Final = 100_000_000
 # A group of rows is the least that a query reads; so many fit into some 100 MB of memory.
 _GROUP_ROWS: Final = 65_536
+# Small tables that are kept before they become one: each takes some 100 kB besides its rows.
+_SMALL_TABLES: Final = 256
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +92,9 @@ def _packed(table: str, paths: list[Path], folder: Path, count: Callable[[], Non
     import pyarrow as pa
 
     files = _Files(table, folder)
+    # Rows that have not been written, and those of them that are in small tables still.
     held: list[Any] = []
+    small: list[Any] = []
     held_rows = 0
     unreadable = []
     try:
@@ -99,14 +103,17 @@ def _packed(table: str, paths: list[Path], folder: Path, count: Callable[[], Non
                 unreadable.append(path)
             else:
                 files.schema = files.schema or rows.schema
-                held.append(rows)
+                small.append(rows)
                 held_rows += rows.num_rows
+                if len(small) >= _SMALL_TABLES:
+                    held.append(pa.concat_tables(small).combine_chunks())
+                    small = []
                 if held_rows >= _GROUP_ROWS:
-                    files.write(pa.concat_tables(held))
-                    held, held_rows = [], 0
+                    files.write(pa.concat_tables([*held, *small]))
+                    held, small, held_rows = [], [], 0
             count()
-        if held:
-            files.write(pa.concat_tables(held))
+        if held_rows:
+            files.write(pa.concat_tables([*held, *small]))
         files.close()
     except BaseException:
         files.discard()

@@ -30,10 +30,13 @@ def rows_of(files: str) -> list[str]:
     return sorted(map(str, duckdb.sql(f"SELECT {named} FROM '{files}'").fetchall()))
 
 
-@pytest.mark.parametrize("file_bytes", [100_000_000, 1])
-def test_packed_tables_have_the_rows_of_the_dataset(dataset, tmp_path, monkeypatch, file_bytes: int) -> None:
+@pytest.mark.parametrize(("file_bytes", "group_rows"), [(100_000_000, 1), (1, 1), (100_000_000, 65_536)])
+def test_packed_tables_have_the_rows_of_the_dataset(
+    dataset, tmp_path, monkeypatch, file_bytes: int, group_rows: int
+) -> None:
     monkeypatch.setattr(packed_tables, "_FILE_BYTES", file_bytes)
-    monkeypatch.setattr(packed_tables, "_GROUP_ROWS", 1)
+    monkeypatch.setattr(packed_tables, "_GROUP_ROWS", group_rows)
+    monkeypatch.setattr(packed_tables, "_SMALL_TABLES", 2)
     before = {path: path.read_bytes() for path in dataset.rglob("*.parquet")}
     shares: list[tuple[int, int]] = []
     target = tmp_path / "tables"
