@@ -1,9 +1,24 @@
 """Errors for the user: each names the thing that failed and the remedy."""
 
+import errno
 from collections.abc import Mapping
 from typing import Final
 
 _LONGEST_LINE: Final = 2000
+# What the system says of a file that cannot be read, where permissions do not help.
+_READING_REMEDIES: Final = {
+    errno.ELOOP: "The links of this path lead back to themselves: correct them.",
+    errno.ENAMETOOLONG: "Give a shorter path.",
+    errno.ENOTDIR: "Check the path: a file stands where a folder is needed.",
+    errno.EISDIR: "Give a file in this folder.",
+    errno.EINVAL: "Give a regular file.",
+    errno.EIO: "Copy it from another place: the disk may be failing.",
+}
+
+
+def reading_remedy(error: OSError) -> str:
+    """Return what helps where the system refuses to read a file."""
+    return _READING_REMEDIES.get(error.errno or 0, "Check its permissions.")
 
 
 class TreadlinkError(Exception):

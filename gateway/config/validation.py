@@ -15,9 +15,9 @@ import annotated_types
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic.fields import FieldInfo
 
-from gateway.bounded_input import NotRegularFileError, read_bounded
+from gateway.bounded_input import read_bounded
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.errors import ConfigError
+from gateway.errors import ConfigError, reading_remedy
 from gateway.nearest_name import missing_path_remedy, nearest
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
@@ -150,13 +150,10 @@ def read_text(path: Path, what: str, *, max_bytes: int = MAX_TOML_BYTES) -> str:
     except FileNotFoundError as error:
         raise ConfigError(f"{path}: {what} cannot be read: no such file", missing_path_remedy(path)) from error
     except IsADirectoryError as error:
-        raise ConfigError(f"{path}: {what} cannot be read: this is a folder", "Give a file in it.") from error
-    except NotRegularFileError as error:
-        reason = error.strerror or str(error)
-        raise ConfigError(f"{path}: {what} cannot be read: {reason}", "Give a regular file.") from error
+        raise ConfigError(f"{path}: {what} cannot be read: this is a folder", reading_remedy(error)) from error
     except OSError as error:
         reason = error.strerror or str(error)
-        raise ConfigError(f"{path}: {what} cannot be read: {reason}", "Check the permissions.") from error
+        raise ConfigError(f"{path}: {what} cannot be read: {reason}", reading_remedy(error)) from error
     if len(data) > max_bytes:
         raise ConfigError(f"{path}: {what} is larger than {max_bytes >> 10} KiB", "Check that it is the right file.")
     try:

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from gateway.errors import ImportDataError
+from gateway.errors import ImportDataError, reading_remedy
 from gateway.importing.columns import Block, ColumnReader, FileFacts
 from gateway.importing.csv_columns import CsvColumns
 from gateway.importing.import_map import ISO, SUFFIXES, FileFormat, ImportMap
@@ -155,7 +155,7 @@ def open_columns(path: Path, import_map: ImportMap, processes: ReaderProcesses |
         return ProcessColumns(path, file_format, processes)
     except OSError as error:
         reason = error.strerror or str(error)
-        raise ImportDataError(f"{path} cannot be read: {reason}", "Check its permissions.") from error
+        raise ImportDataError(f"{path} cannot be read: {reason}", reading_remedy(error)) from error
 
 
 def plugin_fault(_plugin: Plugin, loaded: object) -> Reason | None:

@@ -22,7 +22,7 @@ from typing import Any, Final, TypeVar
 
 import numpy as np
 
-from gateway.errors import ImportDataError
+from gateway.errors import ImportDataError, reading_remedy
 from gateway.importing.columns import Block, BlockReader, FileFacts, row_places
 from gateway.importing.import_map import FileFormat
 from gateway.worker_pool import main_module_hidden
@@ -275,7 +275,7 @@ def _serve_file(pipe: Connection, reader_class: type[BlockReader], kind: str, pa
             remedy="If it is not damaged, save it without compression (in MATLAB with -v6), or in parts.",
         )
     except OSError as error:
-        _send(pipe, error=f"{path} cannot be read: {error.strerror or error}", remedy="Check its permissions.")
+        _send(pipe, error=f"{path} cannot be read: {error.strerror or error}", remedy=reading_remedy(error))
     finally:
         if reader is not None:
             with contextlib.suppress(Exception):  # a damaged file; nothing was written

@@ -12,7 +12,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Metadata
 
 from firmware_protocol.decoder import FrameDecoder
-from gateway.errors import RecordingError
+from gateway.errors import RecordingError, reading_remedy
 from gateway.io.source import LinkItem
 from gateway.nearest_name import missing_path_remedy
 from gateway.reasons import Code, Reason
@@ -390,7 +390,7 @@ class RecordingReader:
             raise RecordingError(f"recording '{self._path}' does not exist", missing_path_remedy(self._path)) from error
         except OSError as error:
             raise RecordingError(
-                f"cannot read recording '{self._path}': {error.strerror}", "Check its permissions."
+                f"cannot read recording '{self._path}': {error.strerror}", reading_remedy(error)
             ) from error
 
 

@@ -4,7 +4,7 @@ from collections.abc import Generator, Iterable, Iterator
 from pathlib import Path
 from typing import Final, Protocol
 
-from gateway.errors import RecordingError
+from gateway.errors import RecordingError, reading_remedy
 from gateway.io.source import Chunk, LinkItem
 from gateway.nearest_name import missing_path_remedy
 from gateway.reasons import Reason
@@ -107,5 +107,5 @@ def open_recorded_file(path: Path | str, rate_bytes_per_s: float | None = None) 
     except FileNotFoundError as error:
         raise RecordingError(f"recording '{path}' does not exist", missing_path_remedy(path)) from error
     except OSError as error:
-        raise RecordingError(f"cannot read recording '{path}': {error.strerror}", "Check its permissions.") from error
+        raise RecordingError(f"cannot read recording '{path}': {error.strerror}", reading_remedy(error)) from error
     return RecordingReader(path) if magic == MAGIC else RawDump(path, rate_bytes_per_s)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from firmware_protocol.decoder import FrameDecoder
-from gateway.errors import RecordingError
+from gateway.errors import RecordingError, reading_remedy
 from gateway.nearest_name import missing_path_remedy
 from gateway.recording.container import McapOutput
 from gateway.recording.file_window import FileWindow
@@ -157,4 +157,4 @@ def _opened(path: Path) -> BinaryIO:
     except FileNotFoundError as error:
         raise RecordingError(f"recording '{path}' does not exist", missing_path_remedy(path)) from error
     except OSError as error:
-        raise RecordingError(f"cannot read '{path}': {error.strerror}", "Check its permissions.") from error
+        raise RecordingError(f"cannot read '{path}': {error.strerror}", reading_remedy(error)) from error

@@ -12,7 +12,8 @@ from gateway.config.effects_file import load_effects
 from gateway.config.toml_writer import toml_text
 from gateway.config.validation import MAX_TOML_BYTES, parse_toml
 from gateway.config.vehicle import load_vehicle, parse_vehicle
-from gateway.errors import ConfigError
+from gateway.errors import ConfigError, RecordingError
+from gateway.recording.recorded_file import open_recorded_file
 
 
 @pytest.mark.parametrize(
@@ -77,7 +78,19 @@ def test_remedy_fits_the_unreadable_file(tmp_path: Path, data: bytes | None, mes
 def test_folder_is_no_configuration(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="this is a folder") as caught:
         load_vehicle(tmp_path)
-    assert caught.value.remedy == "Give a file in it."
+    assert caught.value.remedy == "Give a file in this folder."
+
+
+def test_remedy_of_a_path_that_is_not_read_fits_the_path(tmp_path: Path) -> None:
+    loop, text = tmp_path / "loop", tmp_path / "text"
+    loop.symlink_to(loop)
+    text.write_text("")
+    paths = {loop: "lead back", text / "v.toml": "a file stands where", tmp_path / ("v" * 300): "shorter path"}
+    for path, remedy in paths.items():
+        for read, error in ((load_vehicle, ConfigError), (open_recorded_file, RecordingError)):
+            with pytest.raises(error) as caught:
+                read(path)
+            assert remedy in caught.value.remedy
 
 
 def test_byte_order_mark_is_allowed(tmp_path: Path) -> None:
