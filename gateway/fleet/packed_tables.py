@@ -112,7 +112,7 @@ def _packed(table: str, paths: list[Path], folder: Path, count: Callable[[], Non
                     files.write(pa.concat_tables([*held, *small]))
                     held, small, held_rows = [], [], 0
             count()
-        if held_rows:
+        if held or small:
             files.write(pa.concat_tables([*held, *small]))
         files.close()
     except BaseException:

@@ -266,6 +266,16 @@ def test_law_that_the_noise_of_a_recording_does_not_hide_is_tested_there() -> No
     assert [reason.code for reason in reasons_against(recordings, (too_large,), sizes)] == [Code.LAW_FAILS_UNSEEN]
 
 
+@pytest.mark.parametrize("coefficients", [20, 40, 89, 221])
+def test_law_that_does_nothing_where_much_is_left_fails_however_few_the_coefficients(coefficients: int) -> None:
+    sizes = (LawSize(0, 1.0, 0.05), LawSize(1, 1.02, 0.05))
+    for before in (1.15, 1.2, 2.0):
+        for contribution in (0.0, 1e-4):
+            after = before - contribution
+            error = UnseenError(1, "lateral", before, after, 1.0, contribution, contribution, coefficients)
+            assert [reason.code for reason in reasons_against(("a", "b"), (error,), sizes)] == [Code.LAW_FAILS_UNSEEN]
+
+
 def test_law_is_judged_on_other_recordings() -> None:
     """A law of a file lowers the error of a recording at another speed, nothing of it fitted again."""
     other = campaign_of((conditions(70.0),), local(Change.BENDING, SPLICE), noise_mps2=0.5, seed=5)

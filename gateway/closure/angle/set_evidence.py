@@ -31,10 +31,10 @@ _MOST_ROUNDS: Final = 20
 _AT_REST: Final = 0.02
 _AMPLITUDES_AT_REST: Final = 1e-3
 # Steps of the parameters with the discrepancy in: it moves them by little. Most rounds of them, for those that it moves
-# by more, and the decrease of the cost up to which a step that was not made is believed.
+# by more, and the predicted decrease of the cost up to which the last step is taken without a fit.
 _FIT_STEPS: Final = 6
 _FIT_ROUNDS: Final = 3
-_BELIEVED: Final = 0.5
+_UNTAKEN_DECREASE: Final = 0.5
 
 
 @dataclass(frozen=True)
@@ -93,14 +93,14 @@ def evaluate(
         start = _inside(fit.vector + _limited(fit), fit)
         fit = fit_model(fit.model, data, start, applied=applied, most_steps=_FIT_STEPS)
         fit, applied = _settled(fit, applied, _STEPS)
-        if _promised(fit) < _BELIEVED:
+        if _predicted_decrease(fit) < _UNTAKEN_DECREASE:
             return evaluated_at(fit.moved(_limited(fit)))
     # A fit that does not follow its own steps, as at a kink, has the evidence that it has.
     return evaluated_at(fit)
 
 
-def _promised(fit: Fit) -> float:
-    """Return the decrease of the cost that the next step of a fit promises."""
+def _predicted_decrease(fit: Fit) -> float:
+    """Return the decrease of the cost that a fit predicts of its next step."""
     step = _limited(fit)
     return float(step @ fit.precision @ step)
 

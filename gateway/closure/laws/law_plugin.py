@@ -128,8 +128,8 @@ import numpy as np
 from {module} import EFFECT
 
 from gateway.closure.effects.effect import BaselineModel, GroupConditions
-from gateway.closure.model.baseline_registry import make_core
 from gateway.closure.effects.ring_options import RingOptions
+from gateway.closure.model.baseline_registry import make_core
 from gateway.closure.model.sensor_signal import base_signal
 
 

@@ -39,10 +39,10 @@ class _OfAxis(LinearSignalEffect):
         """Return the reading of a unit."""
         rows = np.zeros((1, *block.signal_mps2.shape))
         # In reverse the data's circumferential axis points against the sensor's own.
-        own, others = (
+        axis_sign, other_sign = (
             -1.0 if block.conditions.reverse and axis == CIRCUMFERENTIAL else 1.0 for axis in (self.axis, self.other)
         )
-        rows[0, self.axis] = own * self.unit(others * block.signal_mps2[self.other])
+        rows[0, self.axis] = axis_sign * self.unit(other_sign * block.signal_mps2[self.other])
         return rows
 
     def unit(self, signal: FloatArray) -> FloatArray:

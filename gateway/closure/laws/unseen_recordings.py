@@ -92,7 +92,7 @@ def unseen_errors(before: Fit, after: Fit, data: Whitened, law: SignalEffect) ->
         noise = _noise(data, groups)
         square = [_mean_square(orders) for orders in (*remaining, contribution)]
         # The difference of |r|^2 and |r - s|^2 has the noise's share 2 Re r* s: a real coefficient has half of it each.
-        random = (np.where(np.arange(ORDERS), 2.0, 4.0) * POWER_SHARE * np.abs(contribution) ** 2 * noise).sum(
+        fall_variance = (np.where(np.arange(ORDERS), 2.0, 4.0) * POWER_SHARE * np.abs(contribution) ** 2 * noise).sum(
             axis=(0, 2)
         ) / len(groups) ** 2
         count = (np.where(np.arange(ORDERS), 2, 1) * (noise > 0.0)).sum(axis=(0, 2))
@@ -107,7 +107,7 @@ def unseen_errors(before: Fit, after: Fit, data: Whitened, law: SignalEffect) ->
                         math.sqrt(float(square[1][axis])),
                         float(rms[axis]),
                         math.sqrt(float(square[2][axis])),
-                        math.sqrt(float(random[axis])),
+                        math.sqrt(float(fall_variance[axis])),
                         int(count[axis]),
                     )
                 )
@@ -242,12 +242,7 @@ def _against_unseen(recordings: Sequence[str], unseen: Sequence[UnseenError]) ->
         if error.after_mps2 > RISE * max(error.before_mps2, error.noise_mps2):
             return [_unseen_reason(recordings, error)]
     # Where hardly more than noise is left, and less of the law, there is nothing to fall.
-    above = [
-        error
-        for error in unseen
-        if error.before_mps2**2 > TESTABLE * error.noise_mps2**2
-        or error.contribution_mps2**2 > SEEN * error.fall_std > 0.0
-    ]
+    above = [error for error in unseen if _is_above(error) or error.contribution_mps2**2 > SEEN * error.fall_std > 0.0]
     if not above:
         return [Reason(Code.LAW_UNTESTED)]
     for recording in dict.fromkeys(error.recording for error in above):
@@ -257,13 +252,19 @@ def _against_unseen(recordings: Sequence[str], unseen: Sequence[UnseenError]) ->
     return []
 
 
+def _is_above(error: UnseenError) -> bool:
+    """Return whether more than noise is left without the law."""
+    return error.before_mps2**2 > TESTABLE * error.noise_mps2**2
+
+
 def _excess_left(error: UnseenError) -> float:
-    """Return the share of the power that a law leaves: of that beyond noise, where it is hardly more of its own."""
+    """Return the share that a law leaves of the larger of two powers: that surely beyond noise, and the law's own."""
     noise, fall = error.noise_mps2**2, error.before_mps2**2 - error.after_mps2**2
-    # The power beyond noise is not known better than the power of the noise.
-    least = CHANCE * math.sqrt(2.0 / error.coefficients) * noise
-    beyond = error.before_mps2**2 - noise - least
-    return 1.0 - fall / max(beyond, error.contribution_mps2**2)
+    # The power beyond noise is not known better than the power of the noise, which may hide it where coefficients are
+    # few; half of the least power that tests a law is then the measure.
+    surely = error.before_mps2**2 - noise - CHANCE * math.sqrt(2.0 / error.coefficients) * noise
+    least = 0.5 * (TESTABLE - 1.0) * noise if _is_above(error) else 0.0
+    return 1.0 - fall / max(surely, error.contribution_mps2**2, least)
 
 
 def _unseen_reason(recordings: Sequence[str], error: UnseenError) -> Reason:
