@@ -273,7 +273,8 @@ def main() -> None:
     parts = [int(part) for part in chosen.parts.split(",")]
     results = []
     if chosen.cases is not None and chosen.cases.is_file():
-        results = [json.loads(line) for line in chosen.cases.read_text(encoding="utf-8").splitlines()]
+        lines = map(json.loads, chosen.cases.read_text(encoding="utf-8").splitlines())
+        results = [case for case in lines if case["seed"] == chosen.seed and case["part"] in parts]
     done = {(case["seed"], case["part"], case["number"]) for case in results}
     for case in outcomes(bench, parts, chosen.count, chosen.seed, done):
         results.append(case)

@@ -20,7 +20,7 @@ TABLES: Final = (RECORDINGS, REVOLUTIONS, DIAGNOSES)
 _FILE_BYTES: Final = 100_000_000
 # A group of rows is the least that a query reads; so many fit into some 100 MB of memory.
 _GROUP_ROWS: Final = 65_536
-# Small tables that are kept before they become one: each takes some 100 kB besides its rows.
+# Small tables until they become one: each takes some 100 kB besides its rows.
 _SMALL_TABLES: Final = 256
 
 

@@ -51,10 +51,7 @@ def test_clock_comes_first(
 ) -> None:
     effects = {name: cast(AngleEffect, effect) for name, effect in catalogue().items()}
     rolling_radius = effects["rolling radius"]
-    inside: Any = SimpleNamespace(
-        names={rolling_radius.name}, fit=SimpleNamespace(model=SimpleNamespace(effects=(rolling_radius,)))
-    )
-    posterior: Any = SimpleNamespace(with_effect=lambda _: inside)
+    fit: Any = SimpleNamespace()
     seen: list[str] = []
 
     def deciding(_final: object, effect: AngleEffect, rival: AngleEffect) -> Reason:
@@ -62,5 +59,5 @@ def test_clock_comes_first(
         return AGAIN
 
     monkeypatch.setattr(findings, "deciding_recording", deciding)
-    assert findings._decide(posterior, rolling_radius.name, rivals, effects) == recording
+    assert findings._decide(fit, rolling_radius, rivals, effects) == recording
     assert seen == [f"rolling radius or {asked}"]

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from gateway.closure.effects.angle_orders import ORDERS, field_orders, orders_field
+from gateway.closure.effects.angle_orders import ORDERS, THETA, field_orders, orders_field
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, FIELD_SIZE, RADIAL, GroupConditions
 from gateway.physics.rolling_ring.force_balance import ring_grid
 from gateway.types import ComplexArray, FloatArray
@@ -194,8 +194,7 @@ def outside_causes(rng: np.random.Generator) -> tuple[tuple[str, Fault], ...]:
     """Return causes that neither the library nor the catalogue has."""
     position, width = rng.uniform(-2.5, 2.5), rng.uniform(0.03, 0.15)
     hz, size = rng.uniform(250.0, 700.0), rng.uniform(2.0, 15.0)
-    theta = -math.pi + 2.0 * math.pi / FIELD_SIZE * np.arange(FIELD_SIZE)
-    from_it = np.mod(theta - position + math.pi, 2.0 * math.pi) - math.pi
+    from_it = np.mod(THETA - position + math.pi, 2.0 * math.pi) - math.pi
     phases = rng.uniform(0.0, 2.0 * math.pi, 12)
     first = int(rng.integers(4, 40))
     power = float(rng.choice([0.0, 1.0, 3.0]))
@@ -210,7 +209,7 @@ def outside_causes(rng: np.random.Generator) -> tuple[tuple[str, Fault], ...]:
     def ringing(signal: FloatArray, conditions: GroupConditions) -> FloatArray:
         # A loose part that rings at its own frequency from one place on.
         result = signal.copy()
-        after = np.mod(theta - position, 2.0 * math.pi) / conditions.omega_radps
+        after = np.mod(THETA - position, 2.0 * math.pi) / conditions.omega_radps
         ring = np.exp(-after / 0.006) * np.sin(2.0 * math.pi * hz * after)
         result[RADIAL] += size * ring
         result[CIRCUMFERENTIAL] += 0.4 * size * ring
@@ -219,7 +218,7 @@ def outside_causes(rng: np.random.Generator) -> tuple[tuple[str, Fault], ...]:
     def hum(signal: FloatArray, conditions: GroupConditions) -> FloatArray:
         # A band of orders all around, of a power of speed that no law has.
         result = signal.copy()
-        waves = sum(np.cos((first + k) * theta + phase) for k, phase in enumerate(phases.tolist()))
+        waves = sum(np.cos((first + k) * THETA + phase) for k, phase in enumerate(phases.tolist()))
         result[RADIAL] += 0.3 * size * (conditions.omega_radps / 50.0) ** power * waves
         return result
 

@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from gateway.closure.effects.angle_orders import THETA
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, FIELD_SIZE, RADIAL, GroupConditions
 from gateway.physics.rolling_ring.force_balance import ring_grid
 from gateway.types import FloatArray
@@ -16,7 +17,6 @@ from law_rig.causes import BeltCause, ChainCause, Fault, arch, area
 from law_rig.rolling_in_time import NODES, LocalChange
 
 _STEP_RAD: Final = 2.0 * math.pi / FIELD_SIZE
-_THETA: Final = -math.pi + _STEP_RAD * np.arange(FIELD_SIZE)
 _ORDER: Final = np.arange(FIELD_SIZE // 2 + 1)
 _ALONG: Final = "circumferential axis"
 _REFERENCE_RADPS: Final = 50.0
@@ -155,7 +155,7 @@ def unread_outside_causes(rng: np.random.Generator) -> tuple[tuple[str, Fault], 
     def chatter(signal: FloatArray, conditions: GroupConditions) -> FloatArray:
         # Rubber that sticks and slips as it leaves the contact: saw teeth in time, more of them under more load.
         result = signal.copy()
-        after_s = (_THETA - _exit(signal)) / conditions.omega_radps
+        after_s = (THETA - _exit(signal)) / conditions.omega_radps
         teeth = np.mod(after_s * hz, 1.0) - 0.5
         size = size_mps2 * (conditions.load_n / _REFERENCE_LOAD_N) ** 2
         result[CIRCUMFERENTIAL] += np.where(after_s > 0.0, 4.0 * size * teeth * np.exp(-np.abs(after_s) / 0.004), 0.0)
@@ -164,7 +164,7 @@ def unread_outside_causes(rng: np.random.Generator) -> tuple[tuple[str, Fault], 
     def cable(signal: FloatArray, conditions: GroupConditions) -> FloatArray:
         # A lead thrown about once a turn: a chirp that slackens, far stronger under load.
         result = signal.copy()
-        after_rad = np.mod(_THETA - place_rad, 2.0 * math.pi)
+        after_rad = np.mod(THETA - place_rad, 2.0 * math.pi)
         size = size_mps2 * (conditions.load_n / _REFERENCE_LOAD_N) ** 3 * conditions.omega_radps / _REFERENCE_RADPS
         whip = np.sin(14.0 * np.sqrt(after_rad)) * after_rad * np.exp(-after_rad / 0.25) / 0.1
         result[RADIAL] += size * whip
@@ -174,7 +174,7 @@ def unread_outside_causes(rng: np.random.Generator) -> tuple[tuple[str, Fault], 
     def warmed_zero(signal: FloatArray, conditions: GroupConditions) -> FloatArray:
         # The contact warms the cell: its zero rises there and cools off, in time, at no rate of the tire's.
         result = signal.copy()
-        heat = np.where(np.abs(_THETA) < _exit(signal), 1.0, 0.0)
+        heat = np.where(np.abs(THETA) < _exit(signal), 1.0, 0.0)
         cooling = 1.0 / (1.0 + 1j * _ORDER * conditions.omega_radps * 0.006)
         result[CIRCUMFERENTIAL] += 40.0 * size_mps2 * zero * np.fft.irfft(np.fft.rfft(heat) * cooling, n=FIELD_SIZE)
         return result
@@ -182,7 +182,7 @@ def unread_outside_causes(rng: np.random.Generator) -> tuple[tuple[str, Fault], 
     def cavity(signal: FloatArray, conditions: GroupConditions) -> FloatArray:
         # Air that rings round the torus at one frequency, struck at each contact.
         result = signal.copy()
-        after_s = np.mod(_THETA + _exit(signal), 2.0 * math.pi) / conditions.omega_radps
+        after_s = np.mod(THETA + _exit(signal), 2.0 * math.pi) / conditions.omega_radps
         result[RADIAL] += 0.3 * size_mps2 * np.exp(-after_s / 0.03) * np.sin(2.0 * math.pi * cavity_hz * after_s)
         return result
 
@@ -204,8 +204,8 @@ def unread_outside_causes(rng: np.random.Generator) -> tuple[tuple[str, Fault], 
 
 def _exit(signal: FloatArray) -> float:
     """Return the angle at which a sensor leaves the contact: where its radial axis rises most."""
-    slope = np.where((_THETA > 0.05) & (_THETA < 0.6), np.gradient(signal[RADIAL]), -math.inf)
-    return float(_THETA[int(np.argmax(slope))])
+    slope = np.where((THETA > 0.05) & (THETA < 0.6), np.gradient(signal[RADIAL]), -math.inf)
+    return float(THETA[int(np.argmax(slope))])
 
 
 def _finer(axis: FloatArray, times: int) -> FloatArray:

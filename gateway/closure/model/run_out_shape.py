@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gateway.closure.effects.effect import FIELD_SIZE
+from gateway.closure.effects.angle_orders import THETA
 from gateway.closure.model.baseline import Shape
 from gateway.physics.polynomial_weights import polynomial_weights
 from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
@@ -21,7 +21,6 @@ _LAST: Final = len(_STEPS) - 2
 # Seven loads are those of two polynomials of five each, one of which swings them by more.
 _NARROW: Final = [1, 2, 3, 4, 5]
 _WIDE: Final = [0, 1, 3, 5, 6]
-_THETA: Final[FloatArray] = -math.pi + (2.0 * math.pi / FIELD_SIZE) * np.arange(FIELD_SIZE, dtype=np.float64)
 
 
 class LoadedShape(NamedTuple):
@@ -45,9 +44,9 @@ def _level(cosine_m: float, sine_m: float) -> tuple[int, float]:
     polynomial to the next.
     """
     swing = _SWING_PM * math.hypot(cosine_m, sine_m)
-    place = 2.0 * math.log2(max(swing / float(_STEPS[1]), 1e-9)) + 0.5
-    level = min(max(math.floor(place), 0), _LAST - 1)
-    part = min(max(place - level, 0.0), 1.0)
+    steps = 2.0 * math.log2(max(swing / float(_STEPS[1]), 1e-9)) + 0.5
+    level = min(max(math.floor(steps), 0), _LAST - 1)
+    part = min(max(steps - level, 0.0), 1.0)
     return level, part * part * (3.0 - 2.0 * part)
 
 
@@ -69,7 +68,7 @@ def out_of_round(loaded: Sequence[LoadedShape], radius_m: float, cosine_m: float
     shapes = [load_case.shape for load_case in loaded]
     lower_m = np.array([middle.axle_height_m - load_case.axle_height_m for load_case in loaded])
     _, share = _level(cosine_m, sine_m)
-    weights = _weights(lower_m, cosine_m * np.cos(_THETA) + sine_m * np.sin(_THETA), share)
+    weights = _weights(lower_m, cosine_m * np.cos(THETA) + sine_m * np.sin(THETA), share)
     fields = np.einsum("ks,sfk->fk", weights, np.array([shape.waveform for shape in shapes]))
     fields[0] *= 1.0 + cosine_m / radius_m
     edges = []
@@ -80,11 +79,11 @@ def out_of_round(loaded: Sequence[LoadedShape], radius_m: float, cosine_m: float
     return Shape(SensorWaveform(*fields), edges[0], edges[1], middle.shape.belt)
 
 
-def _weights(places: FloatArray, wanted: FloatArray | float, share: float) -> FloatArray:
-    """Return the weights (..., k) of five or seven places (k,) in those wanted (...), a share by the wider one."""
-    if len(places) == len(_NARROW):
-        return polynomial_weights(places, wanted)
-    weights = np.zeros((*np.shape(wanted), len(places)))
-    weights[..., _NARROW] = (1.0 - share) * polynomial_weights(places[_NARROW], wanted)
-    weights[..., _WIDE] += share * polynomial_weights(places[_WIDE], wanted)
+def _weights(nodes_m: FloatArray, height_m: FloatArray | float, share: float) -> FloatArray:
+    """Return the weights (..., k) of five or seven heights (k,) for those wanted (...), a share by the wider ones."""
+    if len(nodes_m) == len(_NARROW):
+        return polynomial_weights(nodes_m, height_m)
+    weights = np.zeros((*np.shape(height_m), len(nodes_m)))
+    weights[..., _NARROW] = (1.0 - share) * polynomial_weights(nodes_m[_NARROW], height_m)
+    weights[..., _WIDE] += share * polynomial_weights(nodes_m[_WIDE], height_m)
     return weights

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 from scipy.special import spherical_jn
 
+from gateway.closure.effects.angle_orders import THETA
 from gateway.closure.effects.effect import FIELD_SIZE, BaselineModel, GroupConditions
 from gateway.closure.effects.ring_options import RingOptions
 from gateway.closure.model.baseline import Shape, differences, moved
@@ -56,7 +57,6 @@ _BELOW: Final[FloatArray] = 0.5 * (1.0 + 1.0 / _ORDER)
 _ABOVE: Final[FloatArray] = 0.5 * (1.0 - 1.0 / _ORDER)
 _ALL: Final[FloatArray] = np.arange(_MAX_ORDER + 2.0)
 
-_THETA: Final[FloatArray] = np.linspace(-math.pi, math.pi, FIELD_SIZE, endpoint=False)
 # From a cosine coefficient to the half-spectrum of a field that begins at -pi.
 _TO_SPECTRUM: Final[FloatArray] = 0.5 * FIELD_SIZE * np.where(_ORDER % 2.0, -1.0, 1.0)
 
@@ -157,7 +157,7 @@ class SeriesCore:
         zero = np.zeros(FIELD_SIZE)
         if not self._corrected:
             return SensorWaveform(radial - radial.mean(), along, zero, zero, zero, zero)
-        angle = _THETA + turn
+        angle = THETA + turn
         cosine, sine = np.cos(angle), np.sin(angle)
         # The belt does not stretch: its speed past the axle is R omega along its own direction.
         spin_along = radius_m * (1.0 - cosine) - offset_m * curvature

@@ -1,6 +1,5 @@
 """Cache of the derivatives of a baseline model's shape."""
 
-from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from typing import Final
 
@@ -8,7 +7,7 @@ from gateway.closure.effects.ring_options import RingOptions
 from gateway.closure.model.baseline import Shape
 from gateway.types import FloatArray
 
-_KEPT: Final = 64
+_MOST_POINTS: Final = 64
 
 
 class Tangents:
@@ -20,7 +19,7 @@ class Tangents:
 
     def __init__(self) -> None:
         """Start empty."""
-        self._cache: OrderedDict[Hashable, tuple[Shape, ...]] = OrderedDict()
+        self._cache: dict[Hashable, tuple[Shape, ...]] = {}
 
     def at(
         self,
@@ -37,10 +36,10 @@ class Tangents:
             options: with every ring effect in.
             work_out: returns the derivatives.
         """
-        place = key, parameters.tobytes(), options
-        slopes = self._cache.get(place)
+        point = key, parameters.tobytes(), options
+        slopes = self._cache.get(point)
         if slopes is None:
-            slopes = self._cache[place] = work_out()
-            if len(self._cache) > _KEPT:
-                self._cache.popitem(last=False)
+            slopes = self._cache[point] = work_out()
+            if len(self._cache) > _MOST_POINTS:
+                del self._cache[next(iter(self._cache))]
         return slopes

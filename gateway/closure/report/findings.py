@@ -129,7 +129,7 @@ def _finding(
         chi2=math.nan,
         rms_mps2=float(np.max(sizes_of(inside.fit, effect))),
         rivals=rivals,
-        decide_with=_decide(posterior, name, rivals, effects) if rivals else None,
+        decide_with=_decide(inside.fit, effect, rivals, effects) if rivals else None,
         reason=judgement.reason,
         summary=effect.summary,
         equation=effect.equation,
@@ -152,16 +152,14 @@ def _finding(
 
 
 def _decide(
-    posterior: Posterior, name: str, rivals: tuple[str, ...], effects: Mapping[str, AngleEffect]
+    fit: Fit, effect: AngleEffect, rivals: tuple[str, ...], effects: Mapping[str, AngleEffect]
 ) -> Reason | None:
     """Return the recording that would distinguish an effect from a rival, preferably from the clock.
 
     The clock needs no fit: a recording with the host's time measures it independently of other effects.
     """
     rival = CLOCK if CLOCK in rivals else rivals[0]
-    inside = posterior.with_effect(name)
-    effect = next(effect for effect in inside.fit.model.effects if effect.name == name)
-    recording = deciding_recording(inside.fit, effect, effects[rival])
+    recording = deciding_recording(fit, effect, effects[rival])
     return Reason(Code.DECIDES_AGAINST, effect=rival, recording=recording) if len(rivals) > 1 else recording
 
 
