@@ -23,14 +23,14 @@ import termios
 import threading
 import time
 import tty
-from collections.abc import Callable, MutableSequence
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from gateway.clock import ManualClock, SystemClock
+from gateway.clock import ManualClock
 from gateway.config.vehicle import parse_vehicle
 from gateway.io.source import Chunk, open_source
 from gateway.recording.writer import RecordingWriter
@@ -59,22 +59,32 @@ Timed = list[tuple[float, bytes]]
 """Pieces with the time of the monotonic clock at which they were written or read."""
 
 
-def feed(master: int, source_uri: str, stop: threading.Event, written: MutableSequence[tuple[float, bytes]]) -> None:
-    """Write the simulated hub's bytes to the pseudo-terminal in real time, frame by frame as a hub would."""
-    clock = SystemClock()
-    for item in open_source(source_uri, clock).items(stop):
-        if isinstance(item, Chunk):
-            view, due_ns = memoryview(item.data), item.host_ns
-            while view and not stop.is_set():
-                due_ns += _PIECE_NS
-                if (wait_ns := due_ns - clock.now_ns()) > 0:
-                    stop.wait(1e-9 * wait_ns)
-                try:
-                    size = os.write(master, view[:_PIECE_BYTES])
-                except OSError:
-                    return
-                written.append((time.monotonic(), bytes(view[:size])))
-                view = view[size:]
+def hub_pieces(scenario: str, seconds: float) -> Timed:
+    """Return the bytes of a simulated hub in the pieces in which a serial link brings them, with their times, s."""
+    source = open_source(f"sim:{scenario}?speed=max&duration={seconds}", ManualClock())
+    return [
+        (1e-9 * (item.host_ns + _PIECE_NS * number), item.data[first : first + _PIECE_BYTES])
+        for item in source.items(threading.Event())
+        if isinstance(item, Chunk)
+        for number, first in enumerate(range(0, len(item.data), _PIECE_BYTES))
+    ]
+
+
+def feed(master: int, pieces: Timed, stop: threading.Event, written: Timed) -> None:
+    """Write pieces to the pseudo-terminal in real time, and note when each was written."""
+    late_s = time.monotonic() - pieces[0][0]
+    for due_s, piece in pieces:
+        if (wait_s := due_s + late_s - time.monotonic()) > 0.0:
+            stop.wait(wait_s)
+        view = memoryview(piece)
+        while view:
+            if stop.is_set():
+                return
+            try:
+                view = view[os.write(master, view) :]
+            except OSError:
+                return
+        written.append((time.monotonic(), piece))
 
 
 def measure_process(
@@ -92,8 +102,8 @@ def measure_process(
     master, slave = os.openpty()
     tty.setraw(slave)
     port = os.ttyname(slave)
-    uri = f"sim:{scenario}?speed=1"
-    toml = open_source(uri, SystemClock()).vehicle_toml
+    toml = open_source(f"sim:{scenario}", ManualClock()).vehicle_toml
+    pieces = hub_pieces(scenario, WARM_UP_S + seconds + 2)
     with tempfile.TemporaryDirectory() as folder:
         config = Path(folder) / "vehicle.toml"
         config.write_text(toml or "")
@@ -105,7 +115,7 @@ def measure_process(
         stop = threading.Event()
         written: Timed = []
         printed: Timed = []
-        feeder = threading.Thread(target=feed, args=(master, uri, stop, written), daemon=True)
+        feeder = threading.Thread(target=feed, args=(master, pieces, stop, written), daemon=True)
         reader = threading.Thread(target=read_all, args=(output, printed))
         feeder.start()
         reader.start()
@@ -167,13 +177,7 @@ def scheduled(scenario: str, seconds: float, latency_s: float) -> tuple[float, n
     Reads and rounds come when they are due and the work before them is done; the work takes its CPU time. Hand-over
     between threads and output are left out. Other work on the machine matters little.
     """
-    source = open_source(f"sim:{scenario}?speed=max&duration={WARM_UP_S + seconds}", ManualClock())
-    written = [
-        (1e-9 * (item.host_ns + _PIECE_NS * number), item.data[first : first + _PIECE_BYTES])
-        for item in source.items(threading.Event())
-        if isinstance(item, Chunk)
-        for number, first in enumerate(range(0, len(item.data), _PIECE_BYTES))
-    ]
+    written = hub_pieces(scenario, WARM_UP_S + seconds)
     needed_s, latency, core = needed(scenario, written), Latency(latency_s), session_core(scenario, latency_s)
     begin_s = written[0][0] + WARM_UP_S
     waits: list[float] = []

@@ -23,7 +23,6 @@ import numpy as np
 from tools.bench_live import latencies_ms, measure_process
 from tools.bench_throughput import scenario_of
 
-RATE_HZ: Final = 9600
 _GROUPS: Final = Path("/sys/fs/cgroup")
 # Short, so that a process runs often and little, as on a slow core, and not 10 ms in every 100.
 _PERIOD_US: Final = 20_000
@@ -80,15 +79,15 @@ def _run_on(pid: int, processors: set[int]) -> None:
         os.sched_setaffinity(int(thread.name), processors)
 
 
-def print_session(wheels: int, share: float, seconds: float, options: tuple[str, ...] = ()) -> None:
+def print_session(wheels: int, rate_hz: int, share: float, seconds: float, options: tuple[str, ...] = ()) -> None:
     """Print what a session with this share of a core took, lost and said."""
     with tempfile.TemporaryDirectory() as folder:
         scenario = Path(folder, "car.toml")
-        scenario.write_text(scenario_of(wheels, RATE_HZ))
+        scenario.write_text(scenario_of(wheels, rate_hz))
         uri = str(scenario)
         took, link, written, printed = measure_process(uri, seconds, *options, held=partial(held_to, share))
         late_s = 1e-3 * latencies_ms(uri, written, printed)
-    print(f"{wheels} x {RATE_HZ} Hz, share {share:.0%} {' '.join(options)}".rstrip() + f": took {took:.1%} of a core")
+    print(f"{wheels} x {rate_hz} Hz, share {share:.0%} {' '.join(options)}".rstrip() + f": took {took:.1%} of a core")
     print(f"  {link}")
     if late_s.size:
         print(f"  {late_s.size} lines, late by {np.median(late_s):.2f} s at the median, {late_s.max():.2f} s at most")
@@ -103,12 +102,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--share", type=float, default=0.1, help="of one core (default: 0.1)")
     parser.add_argument("--wheels", type=int, action="append", help="number of wheels (default: 1, then 4)")
+    parser.add_argument("--rate", type=int, default=9600, help="samples a second of each axis (default: 9600)")
     parser.add_argument("--seconds", type=float, default=60.0, help="of real time for each (default: 60)")
     parser.add_argument("--latency", default="0", help="of the session (default: 0)")
     arguments = parser.parse_args()
     print(f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}")
     for wheels in arguments.wheels or (1, 4):
-        print_session(wheels, arguments.share, arguments.seconds, ("--latency", arguments.latency))
+        print_session(wheels, arguments.rate, arguments.share, arguments.seconds, ("--latency", arguments.latency))
 
 
 if __name__ == "__main__":
