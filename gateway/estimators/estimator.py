@@ -145,6 +145,7 @@ class Revolution:
             them; None when they were, or when there is no such file.
         turns: between the two contacts; more than 1 where contacts between them were not seen.
         corner: of the AC coupling over the wheel's frequency, undone in the axes; 0 for none, or where none is stated.
+        assumed_steady: True when the angular acceleration could not be measured, without a revolution before, and is 0.
     """
 
     index: int
@@ -170,6 +171,7 @@ class Revolution:
     uncorrected: Reason | None = None
     turns: int = 1
     corner: float = 0.0
+    assumed_steady: bool = False
 
 
 def sign_not_determined(value: float, std: float) -> Reason:

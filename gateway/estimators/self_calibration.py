@@ -453,6 +453,10 @@ class SelfCalibrationEstimator(BlockEstimator):
         along = np.isfinite(spectra[:, 0, 0].real) & _measures(spectra[:, 0])
         if self._is_absent:
             along[:] = False
+        self._has_along |= bool(along.any())
+        # The circumferential axis reads the acceleration of wheel and car.
+        is_timed = np.array([not block.revolutions[index].assumed_steady for index in taken])
+        along &= is_timed
         if along.any():
             order_max = np.array([block.revolutions[index].order_max for index in taken])
             with_mean = not first.ac_coupled
@@ -461,7 +465,6 @@ class SelfCalibrationEstimator(BlockEstimator):
             )
             rows[:, _MOUNTING] = np.where(along[:, np.newaxis], mounting.sums, 0.0)
             hub = np.where(along[:, np.newaxis], mounting.hub, 0.0)
-        self._has_along |= bool(along.any())
         warm, expected = [self._last.warm] * len(taken), np.full(len(taken), math.nan)
         is_calibrated = False
         if not first.ac_coupled:
@@ -484,13 +487,11 @@ class SelfCalibrationEstimator(BlockEstimator):
         sums = powers[:, np.newaxis] * before + decay @ rows
         powers, decay = _decay(len(taken), _KEEP_OF_HUB)
         hub = powers[:, np.newaxis] * self._hub + decay @ hub
-        axes = block.arrays.axes_mps2[selection]
-        total = (decay[-1] @ axes.reshape(len(taken), -1)).reshape(axes.shape[1:])
+        axes, weights = block.arrays.axes_mps2[selection], decay[-1] * is_timed
+        total = (weights @ axes.reshape(len(taken), -1)).reshape(axes.shape[1:])
         self._axes = total + powers[-1] * self._axes if self._axes.size else total
         reaction = omega_dot * first_conditions.radius_m
-        self._axes_with = (
-            powers[-1] * self._axes_with + decay[-1] @ np.array([np.ones(len(taken)), omega**2, reaction]).T
-        )
+        self._axes_with = powers[-1] * self._axes_with + weights @ np.array([np.ones(len(taken)), omega**2, reaction]).T
         self._hub = hub[-1]
         return self._record(block, taken, belt, sums, hub, warm, expected.tolist())
 

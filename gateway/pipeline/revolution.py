@@ -267,6 +267,7 @@ def _in_angle(
             uncorrected=revolution.uncorrected,
             turns=revolution.turns,
             corner=corners[row_index],
+            assumed_steady=revolution.timed.previous_period is None,
         )
 
 

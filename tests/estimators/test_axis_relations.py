@@ -19,7 +19,7 @@ SLOPES = ("ply_steer_peak_rad", "ply_steer_first_half_rad", "ply_steer_contact_l
 OF_AXES = (Code.AXES_SWAPPED, Code.AXIS_LATE, Code.GRAVITY_ABSENT)
 
 
-def tables(speed_kmh: float, sensor: str = "", others: str = "") -> str:
+def tables(speed_kmh: float | str, sensor: str = "", others: str = "") -> str:
     return (
         f"[motion]\nspeed_kmh = {speed_kmh}\n[tire]\ncord_angle_deg = 22\nply_separation_mm = 1.4\n"
         f"[sensor]\nrange_g = 1000\nrate_hz = 4800\noffset_mm = 2.0\n{sensor}\n{others}"
@@ -41,6 +41,20 @@ def test_axes_in_order_and_in_time_raise_nothing(speed_kmh: float) -> None:
     result = last(results)
     assert result["ply_steer_contact_line_rad"].status is Status.VALID
     assert result["sensor_offset_m"].status is Status.VALID
+
+
+def test_first_revolution_of_a_car_that_accelerates_does_not_make_an_axis_late() -> None:
+    """Its acceleration is not measured, and turns the gravity that the circumferential axis reads."""
+    text = tables("[[0, 25], [4, 75]]").replace("offset_mm = 2.0", "offset_mm = 0.0")
+    results, _ = simulated(text, 2.0, SETUP, ESTIMATORS)
+    assert [result.revolution.assumed_steady for result in results[:3]] == [True, False, False]
+    doubts = {
+        reason["why"].code
+        for result in results
+        for reason in last((result,))["pitch_tilt_rad"].reasons
+        if reason.code is Code.MAY_CHANGE_BY
+    }
+    assert Code.AXIS_LATE not in doubts
 
 
 @pytest.mark.parametrize("speed_kmh", [40.0, 120.0])
