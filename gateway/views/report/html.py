@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -15,7 +15,7 @@ from gateway.closure.result import Curves, Diagnosis, EffectCurves, HeldOut, Law
 from gateway.constants import AXIS_NAMES
 from gateway.reasons import Code, Reason
 from gateway.views.html_template import html_template, report_css
-from gateway.views.numbers import fixed, split_name
+from gateway.views.numbers import MISSING, fixed, split_name
 from gateway.views.output_file import check_target, write_whole
 from gateway.views.report.figures import (
     CONTACT_VIEW_DEG,
@@ -32,12 +32,13 @@ from gateway.views.report.figures import (
     trend_figure,
     waveform_figure,
 )
-from gateway.views.report.next_steps import NextStep, next_steps
+from gateway.views.report.next_steps import next_steps
 from gateway.views.report.phrases import (
     GROWN,
     NON_STATIONARY,
     effect_title,
     effects_listed,
+    law_text,
     likely,
     listed,
     model_words,
@@ -55,29 +56,16 @@ from gateway.views.report.quantities import (
     recorded_axes,
     reference_group,
     residuals,
+    show_fitted,
     significant,
     typeset,
 )
 from gateway.views.report.report_tables import (
-    AxisRow,
-    BlockRow,
-    EffectRow,
-    ErrorRow,
-    EstimateRow,
-    LawRow,
-    OriginRow,
-    StateRows,
-    StepRow,
-    UnexplainedRow,
-    axis_rows,
-    block_rows,
     by_state,
     effect_rows,
     error_rows,
     estimate_rows,
-    law_rows,
     omissions,
-    origin_rows,
     refused_rows,
     unexplained_rows,
 )
@@ -121,79 +109,48 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
         OutputError: matplotlib or jinja2 is missing.
     """
     require_report_packages()
-    return html_template(*_TEMPLATE).render(page=_page(diagnosis))
+    return html_template(*_TEMPLATE).render(
+        page=_page(diagnosis),
+        diagnosis=diagnosis,
+        clean=clean,
+        fixed=fixed,
+        law_text=law_text,
+        show_fitted=show_fitted,
+        significant=significant,
+        utc=_utc,
+    )
 
 
-@dataclass(frozen=True, slots=True)
-class _Page:
-    """The values of the template, which escapes all text except `style` and drawings."""
-
-    version: str
-    style: Any
-    wheel: str
-    model: str
-    facts: str
-    answer: str
-    next_steps: list[NextStep]
-    folds: str
-    errors: list[ErrorRow]
-    axes: list[AxisRow]
-    effects: list[EffectRow]
-    refused: list[EffectRow]
-    unexplained: list[UnexplainedRow]
-    no_residual: str
-    laws: list[LawRow]
-    estimates: list[StateRows[EstimateRow]]
-    legend: bool
-    states: bool
-    logarithms: bool
-    step_names: list[str]
-    steps: list[StateRows[StepRow]]
-    stated: list[str]
-    assumed: list[str]
-    notes: list[str]
-    recordings: list[str]
-    blocks: list[BlockRow]
-    origins: list[OriginRow]
-    provenance: list[tuple[str, str]]
-    chapters: list[Chapter]
-
-
-def _page(diagnosis: Diagnosis) -> _Page:
-
+def _page(diagnosis: Diagnosis) -> dict[str, object]:
+    """Return the values of the template, which escapes all text except `style` and drawings."""
     estimates = estimate_rows(diagnosis)
     step_names, step_rows = omissions(diagnosis)
-    return _Page(
-        version=__version__,
-        style=report_css(),
-        wheel=clean(diagnosis.wheel),
-        model=model_words(diagnosis.model),
-        facts=_facts(diagnosis),
-        answer=" ".join(_answer(diagnosis)),
-        next_steps=next_steps(diagnosis),
-        folds=_folds(diagnosis),
-        errors=error_rows(diagnosis),
-        axes=axis_rows(diagnosis),
-        effects=effect_rows(diagnosis),
-        refused=refused_rows(diagnosis),
-        unexplained=unexplained_rows(diagnosis),
-        no_residual=no_residual(diagnosis, "Nothing"),
-        laws=law_rows(diagnosis),
-        estimates=by_state(estimates),
-        legend=any(row.drawn for row in estimates),
-        states=any(row.state for row in estimates),
-        logarithms=any(name.endswith("_ln") for finding in diagnosis.findings for name in finding.parameters),
-        step_names=step_names,
-        steps=by_state(step_rows),
-        stated=[remark(text) for text in diagnosis.stated],
-        assumed=[remark(text) for text in diagnosis.assumed],
-        notes=[remark(text) for text in diagnosis.notes],
-        recordings=[clean(path) for path in diagnosis.recordings],
-        blocks=block_rows(diagnosis),
-        origins=origin_rows(diagnosis.origin) if diagnosis.origin is not None else [],
-        provenance=_provenance(diagnosis.origin, diagnosis.self_test) if diagnosis.origin is not None else [],
-        chapters=chapters(diagnosis),
-    )
+    return {
+        "version": __version__,
+        "style": report_css(),
+        "wheel": clean(diagnosis.wheel),
+        "model": model_words(diagnosis.model),
+        "facts": _facts(diagnosis),
+        "answer": " ".join(_answer(diagnosis)),
+        "next_steps": next_steps(diagnosis),
+        "folds": _folds(diagnosis),
+        "errors": error_rows(diagnosis),
+        "effects": effect_rows(diagnosis),
+        "refused": refused_rows(diagnosis),
+        "unexplained": unexplained_rows(diagnosis),
+        "no_residual": no_residual(diagnosis, "Nothing"),
+        "estimates": by_state(estimates),
+        "legend": any(row.drawn for row in estimates),
+        "states": any(row.state for row in estimates),
+        "logarithms": any(name.endswith("_ln") for finding in diagnosis.findings for name in finding.parameters),
+        "step_names": step_names,
+        "steps": by_state(step_rows),
+        "stated": [remark(text) for text in diagnosis.stated],
+        "assumed": [remark(text) for text in diagnosis.assumed],
+        "notes": [remark(text) for text in diagnosis.notes],
+        "provenance": _provenance(diagnosis.origin, diagnosis.self_test) if diagnosis.origin is not None else [],
+        "chapters": chapters(diagnosis),
+    }
 
 
 def _facts(diagnosis: Diagnosis) -> str:
@@ -204,6 +161,10 @@ def _facts(diagnosis: Diagnosis) -> str:
     if diagnosis.rejected:
         parts.append(f"{diagnosis.rejected} left out")
     return " · ".join(parts)
+
+
+def _utc(time_s: float) -> str:
+    return f"{datetime.fromtimestamp(time_s, UTC):%Y-%m-%d %H:%M:%S}" if time_s > 0.0 else MISSING
 
 
 def _folds(diagnosis: Diagnosis) -> str:

@@ -3,10 +3,9 @@
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from typing import Final, Generic, NamedTuple, Protocol, TypeVar
 
-from gateway.closure.result import Diagnosis, Finding, Fitted, Origin, Scaling, ScalingStatus, Verdict
+from gateway.closure.result import Diagnosis, Finding, Fitted, Scaling, ScalingStatus, Verdict
 from gateway.views.numbers import MISSING, fixed
 from gateway.views.probabilities import probability_text
 from gateway.views.report.phrases import (
@@ -14,7 +13,6 @@ from gateway.views.report.phrases import (
     VERDICTS,
     effect_title,
     effects_listed,
-    law_text,
     reason_text,
     residual_remarks,
     scaling_text,
@@ -58,37 +56,6 @@ class ErrorRow(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class AxisRow:
-    """Held-out errors of one axis, as text."""
-
-    axis: str
-    before: str
-    after: str
-    with_discrepancy: str
-    floor: str
-    before_weighted: str
-    after_weighted: str
-
-
-class BlockRow(NamedTuple):
-    """Held-out error of one block, as text."""
-
-    group: str
-    revolutions: str
-    before: str
-    after: str
-
-
-class OriginRow(NamedTuple):
-    """Identity of one recording, as text; times are UTC."""
-
-    path: str
-    sha256: str
-    first: str
-    last: str
-
-
-@dataclass(frozen=True, slots=True)
 class EffectRow:
     """One effect; remarks are (label, text)."""
 
@@ -116,29 +83,6 @@ class UnexplainedRow(NamedTuple):
     scaling: str
     rms: str
     remark: str
-
-
-class UnseenRow(NamedTuple):
-    """Error of one axis of a recording that a law has not seen."""
-
-    recording: str
-    axis: str
-    before: str
-    after: str
-    noise: str
-
-
-class LawRow(NamedTuple):
-    """A law or a clue to one."""
-
-    kind: str
-    title: str
-    text: str
-    equation: str
-    scaling: str
-    parameters: str
-    size: str
-    unseen: list[UnseenRow]
 
 
 class Interval(NamedTuple):
@@ -220,44 +164,6 @@ def _with_error(value: float, std: float) -> str:
     return plain(value, std) if 0.0 < std < math.inf else significant(value)
 
 
-def block_rows(diagnosis: Diagnosis) -> list[BlockRow]:
-    """Return the held-out error of every block."""
-    return [
-        BlockRow(
-            clean(block.group), str(block.revolutions), significant(block.before_mps2), significant(block.after_mps2)
-        )
-        for block in diagnosis.held_out.blocks
-    ]
-
-
-def origin_rows(origin: Origin) -> list[OriginRow]:
-    """Return the identity of every recording."""
-    return [
-        OriginRow(clean(recording.path), recording.sha256, _utc(recording.first_s), _utc(recording.last_s))
-        for recording in origin.recordings
-    ]
-
-
-def _utc(time_s: float) -> str:
-    return f"{datetime.fromtimestamp(time_s, UTC):%Y-%m-%d %H:%M:%S}" if time_s > 0.0 else MISSING
-
-
-def axis_rows(diagnosis: Diagnosis) -> list[AxisRow]:
-    """Return the errors of each axis."""
-    return [
-        AxisRow(
-            axis.axis,
-            significant(axis.before_mps2),
-            significant(axis.after_mps2),
-            significant(axis.with_discrepancy_mps2),
-            significant(axis.noise_mps2),
-            fixed(axis.before_weighted, 2),
-            fixed(axis.after_weighted, 2),
-        )
-        for axis in diagnosis.held_out.axes
-    ]
-
-
 def _probability(probability: float) -> str:
     """Return a probability, near 1 as a bound."""
     if not math.isfinite(probability):
@@ -301,36 +207,6 @@ def unexplained_rows(diagnosis: Diagnosis) -> list[UnexplainedRow]:
         )
         for residual in diagnosis.unexplained
     ]
-
-
-def law_rows(diagnosis: Diagnosis) -> list[LawRow]:
-    """Return the laws and clues."""
-    rows = []
-    for law in diagnosis.laws:
-        shown = [show_fitted(name, fitted) for name, fitted in law.parameters.items()]
-        unseen = [
-            UnseenRow(
-                clean(diagnosis.recordings[check.recording]),
-                clean(check.axis),
-                significant(check.before_mps2),
-                significant(check.after_mps2),
-                significant(check.noise_mps2),
-            )
-            for check in law.unseen
-        ]
-        rows.append(
-            LawRow(
-                "Law" if law.certain else "Clue, not certain",
-                clean(law.title),
-                law_text(law).removesuffix("."),
-                clean(law.equation),
-                clean(law.scaling),
-                ", ".join(f"{number.label} {number.joined()}" for number in shown),
-                f"{significant(law.rms_mps2)} m/s² rms over {', '.join(law.axes)}",
-                unseen,
-            )
-        )
-    return rows
 
 
 def estimate_rows(diagnosis: Diagnosis) -> list[EstimateRow]:
