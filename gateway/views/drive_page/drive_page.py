@@ -123,22 +123,6 @@ class _Value(NamedTuple):
     is_doubtful: bool
 
 
-class _Section(NamedTuple):
-    """What the page shows of one recording; the template escapes all text except drawings."""
-
-    id: str
-    title: str
-    facts: str
-    run: list[str]
-    wheels: list[str]
-    glance: list[tuple[str, list[str]]]
-    means: list[tuple[str, str, list[_Value]]]
-    notes: list[tuple[str, str, str]]
-    messages: list[str]
-    drawings: list[tuple[Any, str]]
-    drawn: str
-
-
 def check_page(path: Path, *, force: bool = False) -> None:
     """Fail before the work if a page cannot be made.
 
@@ -171,30 +155,31 @@ def drive_page(drives: Sequence[Drive]) -> str:
     return html_template(*_TEMPLATE).render(version=__version__, style=report_css(), title=title, sections=sections)
 
 
-def _section(identity: str, drive: Drive) -> _Section:
+def _section(identity: str, drive: Drive) -> dict[str, object]:
+    """Return what the page shows of one recording; the template escapes all text except drawings."""
     wheels = list(drive.wheels)
     rows = {position: wheel.row.cells(wheel.state, ()) for position, wheel in drive.wheels.items()}
     means, notes = _means(drive)
-    return _Section(
-        id=identity,
-        title=drive.name,
-        facts=_facts(drive),
-        run=[clean(line) for line in drive.run],
-        wheels=wheels,
-        glance=[
+    return {
+        "id": identity,
+        "title": drive.name,
+        "facts": _facts(drive),
+        "run": [clean(line) for line in drive.run],
+        "wheels": wheels,
+        "glance": [
             (label, [text(rows[position]) for position in wheels])
             for label, text in GLANCE
             if any(text(row) != MISSING for row in rows.values())
         ],
-        means=means,
-        notes=notes,
-        messages=[
+        "means": means,
+        "notes": notes,
+        "messages": [
             *(clean(notice_text(notice)) for notice in drive.notices),
             *(clean(alarm_line(alarm).strip()) for alarm in drive.alarms),
         ],
-        drawings=list(_drawings(identity, drive)),
-        drawn=_drawn(drive.wheels.values()),
-    )
+        "drawings": list(_drawings(identity, drive)),
+        "drawn": _drawn(drive.wheels.values()),
+    }
 
 
 def _facts(drive: Drive) -> str:

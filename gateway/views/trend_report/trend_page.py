@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
@@ -150,25 +149,6 @@ class Table(NamedTuple):
     notes_left: int
 
 
-@dataclass(frozen=True, slots=True)
-class _Page:
-    """The values of the template, which escapes all text except `style` and drawings."""
-
-    version: str
-    style: Any
-    facts: str
-    answer: str
-    notes: list[str]
-    findings: list[tuple[str, str]]
-    tires: list[tuple[str, str, str, str, str]]
-    tables: list[Table]
-    pairs: list[tuple[str, str, str, str]]
-    outliers: list[tuple[str, str, str, str, str, str]]
-    outliers_left: int
-    drawings: list[Drawing]
-    drawings_left: int
-
-
 def write_trends_page(trends: FleetTrends, path: Path, *, force: bool = False) -> None:
     """Write trends as one self-contained HTML file, whole or not at all.
 
@@ -186,49 +166,25 @@ def trends_page(trends: FleetTrends) -> str:
         OutputError: matplotlib or jinja2 is missing.
     """
     require_report_packages()
-    return html_template(*_TEMPLATE).render(page=_page(trends))
-
-
-def _page(trends: FleetTrends) -> _Page:
-
     drawn = _most_notable(trends)
-    return _Page(
+    return html_template(*_TEMPLATE).render(
         version=__version__,
         style=report_css(),
+        trends=trends,
         facts=_facts(trends),
         answer=" ".join(_answer(trends)),
-        notes=[clean(text(note)) for note in trends.notes],
-        findings=[(tire_name(trend), clean(text(finding))) for trend in trends.tires for finding in trend.findings],
-        tires=[
-            (
-                tire_name(trend),
-                f"{day(trend.first_ns)} to {day(trend.last_ns)}",
-                str(trend.recordings),
-                f"{trend.distance_km:.0f}",
-                "odometer" if trend.has_odometer else "recorded only",
-            )
-            for trend in trends.tires
-        ],
         tables=[_table(trends.tires, *table) for table in _TABLES],
-        pairs=[
-            (clean(pair.vehicle), f"{pair.left}, {pair.right}", LABELS[number.quantity], _with_unit(number))
-            for pair in trends.pairs
-            for number in pair.numbers
-        ],
-        outliers=[
-            (
-                clean(outlier.recording),
-                tire_name(outlier),
-                label_of(outlier.name),
-                plain_number(outlier.value, outlier.unit),
-                plain_number(outlier.expected, outlier.unit),
-                f"{outlier.deviation:+.1f}",
-            )
-            for outlier in trends.outliers[:MOST_OUTLIERS]
-        ],
-        outliers_left=max(len(trends.outliers) - MOST_OUTLIERS, 0),
+        most_outliers=MOST_OUTLIERS,
         drawings=_drawings(drawn),
         drawings_left=len(trends.tires) - len(drawn),
+        clean=clean,
+        day=day,
+        label_of=label_of,
+        labels=LABELS,
+        number_text=plain_number,
+        text=text,
+        tire_name=tire_name,
+        with_unit=_with_unit,
     )
 
 
