@@ -11,7 +11,7 @@ from gateway.closure.effects.effect import CIRCUMFERENTIAL, FIELD_SIZE, LATERAL,
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import Revolution
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
-from gateway.physics.rolling_ring import RingParameters, RingSolution, loaded_belt, solve_rolling_ring
+from gateway.physics.rolling_ring import LoadedBelt, RingParameters, RingSolution, loaded_belt, solve_rolling_ring
 from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.types import FloatArray
@@ -48,15 +48,17 @@ SETUP = WheelSetup("FL", 0, 0, RADIUS_M, load_n=LOAD_N, pressure_pa=PRESSURE_PA)
 
 
 @lru_cache(maxsize=8)
-def _solved(offset_m: float) -> RingSolution:
-    return solve_rolling_ring(TIRE, LOAD_N, PRESSURE_PA, OMEGA, nodes=720, sensor_offset_m=offset_m)
+def _solved(offset_m: float) -> tuple[RingSolution, LoadedBelt]:
+    """Return a ring and its belt, which is one object because effects remember their answers by belt."""
+    ring = solve_rolling_ring(TIRE, LOAD_N, PRESSURE_PA, OMEGA, nodes=720, sensor_offset_m=offset_m)
+    return ring, loaded_belt(ring)
 
 
 def block_of(
     conditions: GroupConditions = CONDITIONS, *, offset_m: float = 0.0, as_paper: bool = False
 ) -> ModelledBlock:
     """Return a block of the exact ring; with `as_paper`, without mean, gravity and spin."""
-    ring = _solved(offset_m)
+    ring, belt = _solved(offset_m)
     shape = SensorWaveform(*(on_grid(values, FIELD_SIZE) for values in ring.sensor))
     square = conditions.omega_radps**2
     signal = np.zeros((3, FIELD_SIZE))
@@ -70,7 +72,7 @@ def block_of(
         signal[CIRCUMFERENTIAL] = along
         signal[LATERAL] = 0.02 * square * RADIUS_M * np.sin(2.0 * THETA) * np.exp(-np.square(THETA / 0.5))
     edges = ring.leading_edge_rad, ring.trailing_edge_rad
-    return ModelledBlock(conditions, THETA, signal, shape, *edges, loaded_belt(ring))
+    return ModelledBlock(conditions, THETA, signal, shape, *edges, belt)
 
 
 def rolling_at(speed_kmh: float) -> GroupConditions:
