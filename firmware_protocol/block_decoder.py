@@ -14,20 +14,20 @@ from firmware_protocol.block_scan import LOOKAHEAD_BYTES, MAX_GROUP, Bytes, Indi
 from firmware_protocol.block_tracking import BootNotice, BySource, accept_batch, by_source
 from firmware_protocol.codec import DECODERS, FIXED_LENGTHS, SAMPLE_DTYPE, SAMPLE_LAYOUTS, decode_payload
 from firmware_protocol.counters import LinkCounters
+from firmware_protocol.declaration import SAMPLES, SAMPLES_FRAME, SAMPLES_WORD
 from firmware_protocol.messages import Frame, Hello, Message, MessageType
 from firmware_protocol.signing import Gate
 from firmware_protocol.source_tracking import LinkTracker
 
 # The header and the start of a sample payload as six little-endian 32-bit words, one row of an array each.
-_WORDS: Final = 6
-_WORD0, _WORD1, _SEQ, _TICK, _FIRST_SAMPLE, _AXES_N = range(_WORDS)
-_FLAGS_SHIFT: Final = 24
+_NAMES: Final = ("sync", "length", "seq", "tick_us", "first_sample", "axes")
+_WORD0, _WORD1, _SEQ, _TICK, _FIRST_SAMPLE, _AXES_N = (SAMPLES_FRAME.offset(name) // 4 for name in _NAMES)
+_WORDS: Final = _AXES_N + 1
+_FLAGS_SHIFT: Final = 8 * (wire.FLAGS_OFFSET % 4)
 _NO_FLAGS: Final = (1 << _FLAGS_SHIFT) - 1
 _UNKNOWN_FLAGS: Final = 0xFF & ~wire.KNOWN_FLAGS
 _NO_ROOM: Final = -wire.TAG_BYTES
 _SAMPLES: Final = int(MessageType.SAMPLES)
-_SAMPLES_WORD: Final = int.from_bytes(wire.SYNC + bytes((wire.VERSION_BYTE, _SAMPLES)), "little")
-_SAMPLES_OFFSET: Final = wire.HEADER_BYTES + wire.SAMPLES_HEADER_BYTES
 _RAISES_THRESHOLD_BYTES: Final = 24 << 20
 _ANY: Final = -1
 _NONE: Final = -2
@@ -146,7 +146,7 @@ class FrameBatch:
 
     def _group(self, key: int, axes_n: int, indices: Indices) -> SampleGroup:
         length, shape = SAMPLE_LAYOUTS[axes_n]
-        rows = _records(self._buffer, length - wire.SAMPLES_HEADER_BYTES)[self._start[indices] + _SAMPLES_OFFSET]
+        rows = _records(self._buffer, length - SAMPLES.size)[self._start[indices] + SAMPLES_FRAME.size]
         return SampleGroup(
             key & 0xFF,
             key >> 8,
@@ -237,7 +237,7 @@ class BatchDecoder:
         gathered = _records(self._buffer, 4 * _WORDS)[start].view("<u4").reshape(-1, _WORDS)
         words = np.ascontiguousarray(gathered.T)
         word1 = words[_WORD1]
-        plain = words[_WORD0] == _SAMPLES_WORD
+        plain = words[_WORD0] == SAMPLES_WORD
         clear = word1 <= _NO_FLAGS
         lengths: NDArray[np.integer] = _byte(words, wire.LENGTH_OFFSET)
         if not clear.all():

@@ -5,11 +5,14 @@ from typing import Final
 
 from firmware_protocol import wire
 from firmware_protocol.checks import MAX_F32
-from firmware_protocol.declaration import MAX_SAMPLES, PAYLOADS, PURPOSES
-from firmware_protocol.field_table import Field, fields
+from firmware_protocol.declaration import PAYLOADS, SAMPLES
+from firmware_protocol.layout import Field
 from firmware_protocol.messages import COMMANDS, EVERY_HUB, HUB_ITSELF, Axis, Coupling, LogLevel, MessageType, Outcome
 from firmware_protocol.reference_cmac import s_box
 
+_OFFSETS: Final = {field.name: field.offset for field in wire.HEADER.fields} | {
+    "length_known": wire.LENGTH_KNOWN_BYTES,
+}
 _TOP: Final = {"uint8_t": 0xFF, "uint16_t": 0xFFFF, "uint32_t": 0xFFFF_FFFF}
 
 
@@ -51,10 +54,9 @@ def decoder_declarations() -> Iterator[str]:
 
 def decoder_definitions() -> Iterator[str]:
     """Yield the definitions of the command decoders."""
-    yield _DECODER_SUPPORT
+    yield _DECODER_SUPPORT.format(**_OFFSETS)
     for type_ in COMMANDS:
-        declared = list(fields(PAYLOADS[type_]))
-        size = sum(field.size for field in declared)
+        declared, size = PAYLOADS[type_].fields, PAYLOADS[type_].size
         yield f"{_decoder_prototype(type_)} {{"
         yield f"    const uint8_t *at = payload(frame, TL_TYPE_{type_.name}, {size}u);"
         yield "    if (at == NULL) {"
@@ -71,30 +73,31 @@ def _decoder_prototype(type_: MessageType) -> str:
     return f"int tl_decode_{name}(const uint8_t *frame, tl_{name} *message)"
 
 
-def _in_range(declared: list[Field]) -> str:
+def _in_range(declared: tuple[Field, ...]) -> str:
     return " && ".join(check for field in declared for check in limits(field)) or "1"
 
 
 _DECODER_SUPPORT: Final = """\
-static const uint8_t *payload(const uint8_t *frame, uint8_t type, uint8_t size) {
-    int known = frame[2] == TL_VERSION_BYTE && frame[3] == type && frame[4] == size && frame[7] == 0;
+static const uint8_t *payload(const uint8_t *frame, uint8_t type, uint8_t size) {{
+    int known = frame[{version}] == TL_VERSION_BYTE && frame[{type}] == type && frame[{length}] == size &&
+                frame[{flags}] == 0;
     return known ? frame + TL_HEADER_BYTES : NULL;
-}
+}}
 
-static uint32_t get_u32(const uint8_t *at) {
+static uint32_t get_u32(const uint8_t *at) {{
     return (uint32_t)at[0] | (uint32_t)at[1] << 8 | (uint32_t)at[2] << 16 | (uint32_t)at[3] << 24;
-}
+}}
 
-static uint64_t get_u64(const uint8_t *at) {
+static uint64_t get_u64(const uint8_t *at) {{
     return (uint64_t)get_u32(at) | (uint64_t)get_u32(at + 4) << 32;
-}
+}}
 
-static float get_f32(const uint8_t *at) {
+static float get_f32(const uint8_t *at) {{
     uint32_t bits = get_u32(at);
     float value;
     memcpy(&value, &bits, sizeof value);
     return value;
-}
+}}
 """
 
 
@@ -252,12 +255,12 @@ static void frame_mac(const tl_signer *signer, const uint8_t *frame, size_t size
 }}
 
 int tl_verify(uint8_t *frame, const tl_signer *signer) {{
-    if (frame[7] != TL_FLAG_SIGNED || frame[4] < TL_TAG_BYTES) {{
+    if (frame[{flags}] != TL_FLAG_SIGNED || frame[{length}] < TL_TAG_BYTES) {{
         return 0;
     }}
     uint8_t mac[16];
     uint8_t different = 0;
-    size_t size = TL_HEADER_BYTES + (size_t)frame[4] - TL_TAG_BYTES;
+    size_t size = TL_HEADER_BYTES + (size_t)frame[{length}] - TL_TAG_BYTES;
     frame_mac(signer, frame, size, mac);
     for (size_t k = 0; k < TL_TAG_BYTES; k++) {{
         different |= mac[k] ^ frame[size + k];
@@ -265,19 +268,19 @@ int tl_verify(uint8_t *frame, const tl_signer *signer) {{
     if (different != 0) {{
         return 0;
     }}
-    frame[4] = (uint8_t)(frame[4] - TL_TAG_BYTES);
-    frame[7] = 0;
+    frame[{length}] = (uint8_t)(frame[{length}] - TL_TAG_BYTES);
+    frame[{flags}] = 0;
     return 1;
 }}
 
 size_t tl_sign(uint8_t *frame, const tl_signer *signer) {{
-    if ((frame[7] & TL_FLAG_SIGNED) != 0 || frame[4] > TL_MAX_SIGNED_PAYLOAD_BYTES) {{
+    if ((frame[{flags}] & TL_FLAG_SIGNED) != 0 || frame[{length}] > TL_MAX_SIGNED_PAYLOAD_BYTES) {{
         return 0;
     }}
     uint8_t mac[16];
-    size_t size = TL_HEADER_BYTES + (size_t)frame[4];
-    frame[4] = (uint8_t)(frame[4] + TL_TAG_BYTES);
-    frame[7] |= TL_FLAG_SIGNED;
+    size_t size = TL_HEADER_BYTES + (size_t)frame[{length}];
+    frame[{length}] = (uint8_t)(frame[{length}] + TL_TAG_BYTES);
+    frame[{flags}] |= TL_FLAG_SIGNED;
     frame_mac(signer, frame, size, mac);
     memcpy(frame + size, mac, TL_TAG_BYTES);
     size += TL_TAG_BYTES;
@@ -291,7 +294,7 @@ def signing_definitions() -> str:
     """Return the source's part."""
     box = s_box()
     rows = [", ".join(f"0x{value:02X}" for value in box[first : first + 16]) for first in range(0, 256, 16)]
-    return _SIGNING_CODE.format(s_box="".join(f"    {row},\n" for row in rows))
+    return _SIGNING_CODE.format(**_OFFSETS, s_box="".join(f"    {row},\n" for row in rows))
 
 
 HEADER_NAME: Final = "treadlink_protocol.h"
@@ -350,11 +353,19 @@ def c_encoder() -> str:
     """Return the reference encoder: no allocation, no library beyond memcpy."""
     rows = [", ".join(f"0x{_crc_nibble(first + i):08X}u" for i in range(4)) for first in range(0, 16, 4)]
     table = ",\n".join(f"    {row}" for row in rows)
+    support = _ENCODER_SUPPORT.format(**_OFFSETS, table=table, begin="\n".join(_begin()))
     encoders = "\n".join("\n".join(_encoder(type_)) for type_ in PAYLOADS)
     decoders = "\n".join(decoder_definitions())
     includes = f'#include "{HEADER_NAME}"\n\n#include <string.h>\n'
     return "\n".join(
-        [_NOTICE, includes, _ENCODER_SUPPORT.format(table=table), encoders, decoders, signing_definitions()]
+        [
+            _NOTICE,
+            includes,
+            support,
+            encoders,
+            decoders,
+            signing_definitions(),
+        ]
     )
 
 
@@ -369,7 +380,7 @@ def _constants() -> Iterator[str]:
         ("CRC_BYTES", wire.CRC_BYTES),
         ("MAX_PAYLOAD_BYTES", wire.MAX_PAYLOAD_BYTES),
         ("MAX_FRAME_BYTES", wire.MAX_FRAME_BYTES),
-        ("MAX_SAMPLES", MAX_SAMPLES),
+        ("MAX_SAMPLES", wire.MAX_SAMPLES),
         ("FLAG_SIGNED", wire.SIGNED_FLAG),
         ("TAG_BYTES", wire.TAG_BYTES),
         ("MAX_SIGNED_PAYLOAD_BYTES", wire.MAX_SIGNED_PAYLOAD_BYTES),
@@ -385,16 +396,16 @@ def _constants() -> Iterator[str]:
         ("OUTCOME", Outcome),
     ):
         yield from (f"#define TL_{prefix}_{member.name} {member.value}u" for member in members)
-    for type_, struct in PAYLOADS.items():
-        for field in fields(struct):
+    for type_, payload in PAYLOADS.items():
+        for field in payload.fields:
             if field.none is not None:
                 yield f"#define TL_{type_.name}_{field.name.upper()}_NONE {literal(field.none, field)}"
 
 
 def _struct(type_: MessageType) -> Iterator[str]:
-    yield f"/* {PURPOSES[type_].capitalize()}. */"
+    yield f"/* {PAYLOADS[type_].purpose.capitalize()}. */"
     yield "typedef struct {"
-    for field in fields(PAYLOADS[type_]):
+    for field in PAYLOADS[type_].fields:
         comment = f" /* {field.docs} */" if field.docs else ""
         if field.elements is None:
             yield f"    const {field.c_type} *{field.name};{comment}"
@@ -412,7 +423,7 @@ def _prototype(type_: MessageType) -> str:
 
 
 def _encoder(type_: MessageType) -> Iterator[str]:
-    declared = list(fields(PAYLOADS[type_]))
+    declared = PAYLOADS[type_].fields
     conditions = [check for field in declared for check in limits(field)]
     if type_ is MessageType.HELLO:
         conditions += [
@@ -423,9 +434,7 @@ def _encoder(type_: MessageType) -> Iterator[str]:
         conditions.append(f"(message->coupling != {Coupling.DC:d}u || message->highpass_hz <= 0.0f)")
     if type_ is MessageType.SAMPLES:
         yield from ("static size_t channels(uint8_t axes) {", _CHANNELS, "}", "")
-        conditions.append(
-            f"{wire.SAMPLES_HEADER_BYTES}u + 2u * message->n * channels(message->axes) <= TL_MAX_PAYLOAD_BYTES"
-        )
+        conditions.append(f"{SAMPLES.size}u + 2u * message->n * channels(message->axes) <= TL_MAX_PAYLOAD_BYTES")
     elif any(field.c_type == "char" for field in declared):
         conditions += [
             f"message->{field.name}_size <= TL_MAX_PAYLOAD_BYTES - {field.offset}u"
@@ -459,6 +468,19 @@ def _write(field: Field) -> Iterator[str]:
         yield f"    for (size_t i = 0; i < {count}; i++) {{"
         yield f"        at = {_put(field, f'{value}[i]')};"
         yield "    }"
+
+
+def _begin() -> Iterator[str]:
+    """Yield the statements that write the header."""
+    values = {"version": "TL_VERSION_BYTE", "length": "0", "flags": "0"}
+    values |= {name: f"source->{name}" for name in ("hub", "wheel", "seq")}
+    yield "    uint8_t *at = frame;"
+    for field in wire.HEADER.fields:
+        if field.name == "sync":
+            yield from (f"    at = put_u8(at, TL_SYNC_{index});" for index in range(len(wire.SYNC)))
+        else:
+            yield f"    at = {_put(field, values.get(field.name, field.name))};"
+    yield "    return at;"
 
 
 def _put(field: Field, value: str) -> str:
@@ -526,22 +548,12 @@ static uint8_t *put_f32(uint8_t *at, float value) {{
 }}
 
 static uint8_t *begin(uint8_t *frame, const tl_source *source, uint8_t type, uint32_t tick_us) {{
-    uint8_t *at = frame;
-    at = put_u8(at, TL_SYNC_0);
-    at = put_u8(at, TL_SYNC_1);
-    at = put_u8(at, TL_VERSION_BYTE);
-    at = put_u8(at, type);
-    at = put_u8(at, 0);
-    at = put_u8(at, source->hub);
-    at = put_u8(at, source->wheel);
-    at = put_u8(at, 0);
-    at = put_u32(at, source->seq);
-    return put_u32(at, tick_us);
+{begin}
 }}
 
 static size_t finish(uint8_t *frame, tl_source *source, uint8_t *at) {{
     size_t size = (size_t)(at - frame);
-    frame[4] = (uint8_t)(size - TL_HEADER_BYTES);
+    frame[{length}] = (uint8_t)(size - TL_HEADER_BYTES);
     (void)put_u32(at, crc32(frame, size));
     source->seq++;
     return size + TL_CRC_BYTES;
@@ -551,13 +563,13 @@ tl_verdict tl_check(const uint8_t *data, size_t size, size_t *frame_size) {{
     if ((size > 0 && data[0] != TL_SYNC_0) || (size > 1 && data[1] != TL_SYNC_1)) {{
         return TL_NO_FRAME;
     }}
-    if (size < 5) {{
+    if (size < {length_known}) {{
         return TL_INCOMPLETE;
     }}
-    if (data[4] > TL_MAX_PAYLOAD_BYTES) {{
+    if (data[{length}] > TL_MAX_PAYLOAD_BYTES) {{
         return TL_NO_FRAME;
     }}
-    size_t body = TL_HEADER_BYTES + (size_t)data[4];
+    size_t body = TL_HEADER_BYTES + (size_t)data[{length}];
     if (size < body + TL_CRC_BYTES) {{
         return TL_INCOMPLETE;
     }}

@@ -1,6 +1,6 @@
 """Range checks of encoded values. Errors name the field."""
 
-import math
+from enum import IntEnum
 from typing import Final, NoReturn
 
 MAX_F32: Final = (2 - 2**-23) * 2.0**127
@@ -21,7 +21,7 @@ def reject(name: str, value: object, allowed: str) -> NoReturn:
     raise ValueError(f"{name} is {value}; allowed: {allowed}")
 
 
-def integer(name: str, value: int, low: int, high: int) -> int:
+def integer(name: str, value: int, low: float, high: float) -> int:
     """Return `value`, a whole number in range; raise ValueError otherwise."""
     if not low <= value <= high or value != int(value):
         reject(name, value, f"whole numbers {low} to {high}")
@@ -35,24 +35,27 @@ def real(name: str, value: float, low: float, high: float) -> float:
     return value
 
 
-def triple(name: str, values: tuple[float, float, float], low: float) -> tuple[float, float, float]:
-    """Return three values, one per axis, if each is at least `low` and a 32-bit float can hold it."""
-    if len(values) != 3:
-        reject(name, values, "three values, one per axis")
-    first, second, third = (real(name, value, low, math.inf) for value in values)
-    return first, second, third
-
-
-def fixed(name: str, value: float | None, per_unit: int, low: int, high: int, none: int | None = None) -> int:
-    """Return `value` as a fixed-point number of `per_unit` steps a unit, or the sentinel for None."""
-    if value is None and none is not None:
-        return none
+def fixed(name: str, value: float | None, per_unit: int, low: float, high: float) -> int:
+    """Return `value` as a fixed-point number of `per_unit` steps a unit."""
     if value is None or not low - 0.5 <= value * per_unit <= high + 0.5:
         reject(name, value, f"{low / per_unit:g} to {high / per_unit:g}")
-    return min(max(round(value * per_unit), low), high)
+    return int(min(max(round(value * per_unit), low), high))
 
 
-def require_length(what: str, payload: bytes, length: int) -> None:
-    """Raise ValueError when the length of a payload differs from its layout."""
+class PayloadError(ValueError):
+    """Payload that breaks the layout of its type.
+
+    Attributes:
+        field: with a value out of its range, empty where the length is wrong.
+        layout_bytes: length that the payload must have, None where it has it or may have several.
+    """
+
+    def __init__(self, type_: IntEnum, cause: str, field: str = "", layout_bytes: int | None = None) -> None:
+        super().__init__(f"{type_.name} payload has {cause}")
+        self.field, self.layout_bytes = field, layout_bytes
+
+
+def require_length(type_: IntEnum, payload: bytes, length: int) -> None:
+    """Raise PayloadError when the length of a payload differs from its layout."""
     if len(payload) != length:
-        raise ValueError(f"{what} payload has {len(payload)} bytes, its layout {length}")
+        raise PayloadError(type_, f"{len(payload)} bytes, its layout {length}", layout_bytes=length)

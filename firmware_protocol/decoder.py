@@ -1,7 +1,6 @@
 """Streaming frame decoder. Sans-io: no I/O and no clock; the frames do not depend on how the stream is split."""
 
 from contextlib import suppress
-from struct import Struct
 from typing import Any, Final
 from zlib import crc32
 
@@ -10,20 +9,22 @@ import numpy as np
 from firmware_protocol import wire
 from firmware_protocol.codec import DECODERS, SAMPLE_DTYPE, SAMPLE_LAYOUTS, decode_payload
 from firmware_protocol.counters import LinkCounters
+from firmware_protocol.declaration import SAMPLES, SAMPLES_FRAME, SAMPLES_WORD
 from firmware_protocol.framing import next_frame
 from firmware_protocol.messages import Frame, Hello, Message, MessageType, SampleBlock
 from firmware_protocol.sequence import COUNTER_MASK
 from firmware_protocol.signing import Gate
 from firmware_protocol.source_tracking import LinkTracker
 
-_HEADER: Final = Struct("<2xBBBHBII")
+_HEADER: Final = wire.HEADER.reader("version", "type", "length", ("hub", "wheel"), "flags", "seq", "tick_us")
 # A sample frame up to its samples in one unpack: sync, version and type are one number, as are hub and wheel,
 # and axes and n.
-_SAMPLES_START: Final = Struct("<IBHBIIIH")
+_SAMPLES_START: Final = SAMPLES_FRAME.reader(
+    ("sync", "version", "type"), "length", ("hub", "wheel"), "flags", "seq", "tick_us", "first_sample", ("axes", "n")
+)
 _SAMPLES: Final = int(MessageType.SAMPLES)
-_SAMPLES_WORD: Final = int.from_bytes(wire.SYNC + bytes((wire.VERSION_BYTE, _SAMPLES)), "little")
-_SAMPLES_OFFSET: Final = wire.HEADER_BYTES + wire.SAMPLES_HEADER_BYTES
-_SAMPLES_LEAST: Final = wire.OVERHEAD_BYTES + wire.SAMPLES_HEADER_BYTES
+_SAMPLES_OFFSET: Final = SAMPLES_FRAME.size
+_SAMPLES_LEAST: Final = wire.OVERHEAD_BYTES + SAMPLES.size
 _NEVER: Final = 1 << 62
 _SYNC_0, _SYNC_1 = wire.SYNC
 _OVERHEAD: Final = wire.OVERHEAD_BYTES
@@ -88,7 +89,7 @@ class FrameDecoder:
                         break
                 word, length, key, flags, seq, tick_us, first_sample, axes_n = _unpack_start(buffer, start)
                 layout = SAMPLE_LAYOUTS[axes_n]
-                if word == _SAMPLES_WORD and length == layout[0] and not flags:
+                if word == SAMPLES_WORD and length == layout[0] and not flags:
                     end = start + _OVERHEAD + length
                     source = sources.get(key)
                     if source is not None and seq == source.expected and crc32(buffer[start:end]) == _RESIDUE:

@@ -6,8 +6,8 @@ from typing import Final
 
 from firmware_protocol import wire
 from firmware_protocol.checks import MAX_F32
-from firmware_protocol.declaration import HEADER, PAYLOADS, PURPOSES
-from firmware_protocol.field_table import Field, fields
+from firmware_protocol.declaration import PAYLOADS
+from firmware_protocol.layout import Field
 from firmware_protocol.messages import Coupling, LogLevel, MessageType, Outcome
 
 KAITAI_NAME: Final = "treadlink.ksy"
@@ -66,7 +66,7 @@ def _head() -> Iterator[str]:
 def _frame() -> Iterator[str]:
     yield "  frame:"
     yield "    seq:"
-    for field in fields(HEADER):
+    for field in wire.HEADER.fields:
         if field.name == "sync":
             yield "      - id: sync"
             yield f"        contents: [{', '.join(f'0x{byte:02x}' for byte in wire.SYNC)}]"
@@ -98,11 +98,11 @@ def _frame() -> Iterator[str]:
 
 
 def _payloads() -> Iterator[str]:
-    for type_, struct in PAYLOADS.items():
+    for type_, payload in PAYLOADS.items():
         yield f"  {type_.name.lower()}:"
-        yield f"    doc: {_quoted(PURPOSES[type_])}"
+        yield f"    doc: {_quoted(payload.purpose)}"
         yield "    seq:"
-        declared = list(fields(struct))
+        declared = payload.fields
         for field in declared:
             yield from _field(field, enum=_ENUM_OF.get((type_, field.name)))
         if all(field.c_type != "char" for field in declared):

@@ -5,9 +5,9 @@ from collections.abc import Iterable, Iterator
 
 from firmware_protocol import wire
 from firmware_protocol.checks import MAX_F32
-from firmware_protocol.conformance import EXAMPLE
-from firmware_protocol.declaration import HEADER, PAYLOADS, PURPOSES, build
-from firmware_protocol.field_table import Field, fields
+from firmware_protocol.conformance import EXAMPLE, frame_bytes
+from firmware_protocol.declaration import PAYLOADS
+from firmware_protocol.layout import Field
 from firmware_protocol.messages import MessageType
 
 _BLOCK = re.compile(r"(?P<begin><!-- generated: (?P<name>\w+) -->)\n.*?(?P<end><!-- end -->)", re.DOTALL)
@@ -28,25 +28,25 @@ def updated(specification: str) -> str:
 
 
 def _frame() -> Iterator[str]:
-    rows = [_row(field) for field in fields(HEADER)]
+    rows = [_row(field) for field in wire.HEADER.fields]
     rows.append((f"{wire.HEADER_BYTES}", "length", "", "payload", "see below"))
     rows.append((f"{wire.HEADER_BYTES} + length", f"{wire.CRC_BYTES}", "u32", "crc32", "over all bytes before it"))
     yield from _table(rows)
 
 
 def _payloads() -> Iterator[str]:
-    for type_, struct in PAYLOADS.items():
-        declared = list(fields(struct))
-        fixed = sum(field.size * (field.elements or 0) for field in declared)
+    for type_, payload in PAYLOADS.items():
+        declared = payload.fields
+        fixed = payload.size
         more = "" if all(field.elements for field in declared) else " and more"
-        yield f"**{type_:d} {type_.name}**: {PURPOSES[type_]}; {fixed} byte{'s' if fixed != 1 else ''}{more}."
+        yield f"**{type_:d} {type_.name}**: {payload.purpose}; {fixed} byte{'s' if fixed != 1 else ''}{more}."
         yield ""
         yield from _table(_row(field) for field in declared)
         yield ""
 
 
 def _example() -> Iterator[str]:
-    data = build(EXAMPLE)
+    data = frame_bytes(EXAMPLE)
     yield "```text"
     yield from (
         f"{data[start:end].hex(' ').upper():<12} {text}"

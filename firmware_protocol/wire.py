@@ -1,6 +1,8 @@
-"""Constants of the wire format other than payload layouts. Protocol 1.1."""
+"""Header and constants of the wire format; `declaration.py` declares the payloads. Protocol 1.1."""
 
 from typing import Final
+
+from firmware_protocol.layout import Field, Layout
 
 VERSION_MAJOR: Final = 1
 VERSION_MINOR: Final = 1
@@ -12,24 +14,34 @@ SIGNED_COMMANDS_MINOR: Final = 1
 """Minor version of hubs that verify commands."""
 
 SYNC: Final = b"\xa5\x5a"
-HEADER_BYTES: Final = 16
+MAX_PAYLOAD_BYTES: Final = 224
+MAX_SAMPLES: Final = 109
+"""Greatest number of samples of one axis in a payload."""
+
+HEADER: Final = Layout(
+    Field("sync", "s", "A5 5A", elements=len(SYNC)),
+    Field("version", "B", "16 * major + minor; minor is the version in which the layout of this frame appeared"),
+    Field("type", "B", "message type"),
+    Field("length", "B", "bytes of the payload", 0, MAX_PAYLOAD_BYTES),
+    Field("hub", "B", "number of the hub on its link"),
+    Field("wheel", "B", "number of the wheel at the hub; 255: the hub itself"),
+    Field("flags", "B", "0; bit 0: signed (below)"),
+    Field("seq", "I", "counter of the source (hub, wheel), 0 at start, one more with every frame, wraps"),
+    Field("tick_us", "I", "µs since the hub's start, low 32 bits; of the first sample for samples"),
+)
+HEADER_BYTES: Final = HEADER.size
 CRC_BYTES: Final = 4
 OVERHEAD_BYTES: Final = HEADER_BYTES + CRC_BYTES
-MAX_PAYLOAD_BYTES: Final = 224
 MAX_FRAME_BYTES: Final = OVERHEAD_BYTES + MAX_PAYLOAD_BYTES
 
-VERSION_OFFSET: Final = 2
-TYPE_OFFSET: Final = 3
-LENGTH_OFFSET: Final = 4
-HUB_OFFSET: Final = 5
-WHEEL_OFFSET: Final = 6
-FLAGS_OFFSET: Final = 7
+VERSION_OFFSET: Final = HEADER.offset("version")
+TYPE_OFFSET: Final = HEADER.offset("type")
+LENGTH_OFFSET: Final = HEADER.offset("length")
+HUB_OFFSET: Final = HEADER.offset("hub")
+WHEEL_OFFSET: Final = HEADER.offset("wheel")
+FLAGS_OFFSET: Final = HEADER.offset("flags")
 LENGTH_KNOWN_BYTES: Final = LENGTH_OFFSET + 1
 """Bytes of a candidate that must be there before its length is known."""
-
-HEADER_FORMAT: Final = "<2sBBBBBBII"
-SAMPLES_FORMAT: Final = "<IBB"
-SAMPLES_HEADER_BYTES: Final = 6
 
 SIGNED_FLAG: Final = 1
 """Flag of a signed frame: the last TAG_BYTES of the payload region are its tag."""

@@ -6,8 +6,8 @@ from typing import Final
 
 from firmware_protocol import wire
 from firmware_protocol.checks import MAX_F32
-from firmware_protocol.declaration import HEADER, PAYLOADS, PURPOSES
-from firmware_protocol.field_table import Field, fields
+from firmware_protocol.declaration import PAYLOADS
+from firmware_protocol.layout import Field
 from firmware_protocol.messages import Axis, Coupling, LogLevel, MessageType, Outcome
 
 DISSECTOR_NAME: Final = "treadlink.lua"
@@ -34,20 +34,19 @@ _ENUM_OF: Final[dict[tuple[str, str], type[IntEnum]]] = {
 
 def wireshark_dissector() -> str:
     """Return the dissector, for Wireshark and tshark 3.6 or newer."""
-    header = list(fields(HEADER))
+    header = wire.HEADER.fields
     parts: list[str] = [_INTRODUCTION]
     parts += _tables()
     parts.append("local header = {")
     parts += (_entry("header", field) for field in header if field.name != "sync")
     parts.append("}")
     parts.append("local payloads = {")
-    for type_, struct in PAYLOADS.items():
-        declared = list(fields(struct))
-        parts.append(f"  [{type_:d}] = {{  -- {type_.name}: {PURPOSES[type_]}")
+    for type_, payload in PAYLOADS.items():
+        declared = payload.fields
+        parts.append(f"  [{type_:d}] = {{  -- {type_.name}: {payload.purpose}")
         parts += ("  " + _entry(type_.name.lower(), field) for field in declared)
-        size = sum(field.size * (field.elements or 0) for field in declared)
         exact = all(field.elements is not None for field in declared)
-        parts.append(f"    least = {size}, exact = {str(exact).lower()},")
+        parts.append(f"    least = {payload.size}, exact = {str(exact).lower()},")
         parts.append("  },")
     parts += ("}", _body())
     return "\n".join(parts)

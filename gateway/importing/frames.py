@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from firmware_protocol import wire
 from firmware_protocol.codec import encode_frame
+from firmware_protocol.declaration import SAMPLES
 from firmware_protocol.messages import Environment, Frame, Hello, Message, MessageType, SampleBlock
 from gateway.errors import ImportDataError
 from gateway.importing.data_scan import WheelScan
@@ -95,7 +96,7 @@ class FrameStream:
         self._rate_hz = rate_hz
         self._begin_us = begin_s * 1e6
         self._hello = _hello(sensor, wheel, number, rate_hz, quantiser)
-        self._block_samples = (wire.MAX_PAYLOAD_BYTES - wire.SAMPLES_HEADER_BYTES) // (2 * len(axes))
+        self._block_samples = (wire.MAX_PAYLOAD_BYTES - SAMPLES.size) // (2 * len(axes))
         self._chunk_samples = max(1, round(CHUNK_S * rate_hz / self._block_samples)) * self._block_samples
         self._pressure_pa = PRESSURE_UNITS_PA[wheel.environment.pressure_unit]
         self._counts = np.empty((0, len(axes)), dtype=np.int16)

@@ -5,7 +5,8 @@ from typing import Final, NamedTuple
 
 from pydantic import Field
 
-from firmware_protocol.wire import OVERHEAD_BYTES, SAMPLES_HEADER_BYTES
+from firmware_protocol.declaration import SAMPLES
+from firmware_protocol.wire import OVERHEAD_BYTES
 from gateway.config.validation import Section
 
 BLOCK_SAMPLES: Final = 36
@@ -40,7 +41,7 @@ class LinkLoad(NamedTuple):
 
 def link_load(rate_hz: float, sensor_ma: float | None, power: PowerModel | None) -> LinkLoad:
     """Return the load of a sensor whose radial axis is sampled at a rate, in frames of `BLOCK_SAMPLES`."""
-    frame_bytes = OVERHEAD_BYTES + SAMPLES_HEADER_BYTES + _SAMPLE_BYTES * BLOCK_SAMPLES
+    frame_bytes = OVERHEAD_BYTES + SAMPLES.size + _SAMPLE_BYTES * BLOCK_SAMPLES
     data_kbps = 8e-3 * frame_bytes * rate_hz / BLOCK_SAMPLES
     if power is None:
         return LinkLoad(data_kbps)

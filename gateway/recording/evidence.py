@@ -1,15 +1,14 @@
 """Assignment of bytes of unknown origin to links, by frame checksums and hub clocks."""
 
 from collections.abc import Iterator
-from struct import Struct
 from typing import Final, NamedTuple
 
 from firmware_protocol.framing import next_frame
-from firmware_protocol.wire import HEADER_FORMAT, MAX_FRAME_BYTES, SYNC
+from firmware_protocol.wire import HEADER, MAX_FRAME_BYTES, SYNC
 
 REACH: Final = MAX_FRAME_BYTES - 1
 """Number of bytes after a place that a frame that started before it can need at most."""
-_HEADER: Final = Struct(HEADER_FORMAT)
+_HEADER: Final = HEADER.reader("hub", "tick_us")
 _MAX_TRIMS: Final = 65_536
 _MAX_TRIMS_AT_END: Final = 2048
 _HISTORY_BYTES: Final = 16_384
@@ -231,5 +230,5 @@ def _places(data: bytes) -> Iterator[tuple[int, int]]:
 
 
 def _hub_and_tick(data: bytes, start: int) -> tuple[int, int]:
-    _, _, _, _, hub, _, _, _, tick_us = _HEADER.unpack_from(data, start)
+    hub, tick_us = _HEADER.unpack_from(data, start)
     return hub, tick_us

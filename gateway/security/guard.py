@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from collections import Counter as Tally
 from collections.abc import Mapping
 from enum import StrEnum
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from firmware_protocol import wire
+from firmware_protocol.declaration import PAYLOADS
 from firmware_protocol.messages import COMMANDS, HUB_ITSELF, MessageType
 from firmware_protocol.signing import is_of_hub, is_signed
 from gateway.config.vehicle import Policy, VehicleConfig
@@ -24,10 +24,9 @@ from gateway.security.key_file import (
     stored_keys,
 )
 
-_HELLO_IDS: Final = struct.Struct("<QII")
-_HELLO_IDS_AT: Final = wire.HEADER_BYTES + 8
-_HELLO_BYTES: Final = 70 + wire.TAG_BYTES
-_SEQ: Final = struct.Struct("<I")
+_HELLO_IDS: Final = PAYLOADS[MessageType.HELLO].reader("hub_id", "sensor_id", "boot_count")
+_HELLO_BYTES: Final = PAYLOADS[MessageType.HELLO].size + wire.TAG_BYTES
+_SEQ: Final = wire.HEADER.reader("seq")
 _LAST_BOOT: Final = 0xFFFF_FFFF
 
 # A notice is repeated when its count has grown by this factor.
@@ -131,7 +130,7 @@ class _Sender:
 
     def fresh(self, frame: bytes) -> Verdict:
         """Return the verdict on the counter of a genuine frame."""
-        (seq,) = _SEQ.unpack_from(frame, 8)
+        (seq,) = _SEQ.unpack_from(frame)
         if self.verifier.boot_count < self.counter.boot_count:
             return Verdict.EARLIER_START
         freshness = self.counter.take(self.verifier.boot_count << 32 | seq)
@@ -250,7 +249,7 @@ class LinkGate:
         if start is None or frame[wire.TYPE_OFFSET] != MessageType.HELLO:
             return False
         is_whole = frame[wire.LENGTH_OFFSET] >= _HELLO_BYTES - wire.TAG_BYTES
-        return is_whole and _HELLO_IDS.unpack_from(frame, _HELLO_IDS_AT)[2] != start
+        return is_whole and _HELLO_IDS.unpack_from(frame, wire.HEADER_BYTES)[2] != start
 
     def _judge(self, frame: bytes) -> Verdict:
         source = frame[wire.HUB_OFFSET : wire.WHEEL_OFFSET + 1]
@@ -304,7 +303,7 @@ class LinkGate:
             # Of a layout that this version cannot read: it introduces no sender.
             previous = self._senders.get(source)
             return Verdict.EARLY if previous is None else previous.judge(frame)
-        hub_id, sensor_id, boot_count = _HELLO_IDS.unpack_from(frame, _HELLO_IDS_AT)
+        hub_id, sensor_id, boot_count = _HELLO_IDS.unpack_from(frame, wire.HEADER_BYTES)
         identity = sensor_identity(sensor_id)
         sender = self._senders.get(source)
         if sender is None or sender.identity != identity or sender.verifier.boot_count != boot_count:

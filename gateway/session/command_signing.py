@@ -1,12 +1,12 @@
 """Signing of commands for the hubs of one link, and verification of their replies."""
 
-import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
 from firmware_protocol import wire
 from firmware_protocol.codec import encode_frame
+from firmware_protocol.declaration import PAYLOADS
 from firmware_protocol.messages import (
     COMMAND_TYPES,
     EVERY_HUB,
@@ -22,9 +22,11 @@ from firmware_protocol.signing import is_of_hub, is_signed, sign
 from gateway.security.cmac import Key, Verifier, mac
 from gateway.security.key_file import hub_identity, new_nonce, sensor_identity
 
-_HELLO: Final = struct.Struct("<BB6xQII")
-_HELLO_BYTES: Final = 70
-_ANSWER: Final = struct.Struct("<QII")
+_HELLO: Final = PAYLOADS[MessageType.HELLO].reader(
+    "protocol_major", "protocol_minor", "hub_id", "sensor_id", "boot_count"
+)
+_HELLO_BYTES: Final = PAYLOADS[MessageType.HELLO].size
+_ANSWER: Final = PAYLOADS[MessageType.CHALLENGE_ANSWER].head
 _ANSWER_BYTES: Final = _ANSWER.size + wire.TAG_BYTES
 _U32: Final = 0xFFFF_FFFF
 _MOST_RESYNCS: Final = 3

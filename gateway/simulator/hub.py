@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from firmware_protocol import wire
 from firmware_protocol.codec import encode_frame
+from firmware_protocol.declaration import SAMPLES
 from firmware_protocol.messages import (
     HUB_ITSELF,
     Environment,
@@ -167,7 +168,7 @@ class _Pending:
         self._wheel = wheel
         self.speaks = wheel.plan.speaks
         self._axes = wheel.chain.axes
-        room = most_bytes - wire.SAMPLES_HEADER_BYTES
+        room = most_bytes - SAMPLES.size
         self._size = room // (2 * self._axes.bit_count())
         self._first = 0
         self._counts: NDArray[np.int16] = np.empty((0, self._axes.bit_count()), np.int16)

@@ -1,6 +1,5 @@
 """Link faults: composable, seeded transforms of chunks that count their effects."""
 
-import struct
 import zlib
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -80,7 +79,7 @@ def cut(data: bytes) -> tuple[list[Piece], bytes]:
     return pieces, data[offset:]
 
 
-_HEADER = struct.Struct(wire.HEADER_FORMAT)
+_HEADER = wire.HEADER.head
 _MASK = 0xFFFF_FFFF
 # Time from power-up to the first frame. The tick of a block is that of its first sample, which may precede the
 # previous frame.

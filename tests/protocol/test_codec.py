@@ -1,6 +1,7 @@
-"""The fast codec against the declaration, byte for byte and refusal for refusal."""
+"""The codec against another reading of the declaration, byte for byte and refusal for refusal."""
 
 import math
+import zlib
 
 import construct
 import numpy as np
@@ -8,9 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_protocol import declaration, wire
+from firmware_protocol import wire
 from firmware_protocol.codec import decode_payload, encode_frame, encode_payload, encode_raw
-from firmware_protocol.declaration import WireFrame
+from firmware_protocol.conformance import WireFrame, frame_bytes, payload_bytes
+from firmware_protocol.declaration import PAYLOADS
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import (
     CommandResult,
@@ -28,6 +30,7 @@ from firmware_protocol.messages import (
     SetTime,
     TimeSync,
 )
+from tests.protocol import declared_wire
 
 U8, U16, U32, U64 = (st.integers(0, 2**bits - 1) for bits in (8, 16, 32, 64))
 REAL = st.floats(width=32, allow_nan=False, allow_infinity=False)
@@ -130,25 +133,26 @@ def same(a: Message, b: Message) -> bool:
 
 @given(wire_frames())
 def test_codec_and_declaration_agree_on_every_message(frame: WireFrame) -> None:
-    data = declaration.build(frame)
+    data = declared_wire.build(frame)
     payload = data[wire.HEADER_BYTES : -wire.CRC_BYTES]
     message = decode_payload(frame.type, payload)
 
-    assert declaration.parse_payload(frame.type, payload) == frame.payload
-    assert same(message, declaration.to_message(frame.type, frame.payload))
-    assert encode_frame(declaration.to_frame(frame)) == data
+    assert frame_bytes(frame) == data
+    assert declared_wire.parse_payload(frame.type, payload) == frame.payload
+    assert same(message, declared_wire.to_message(frame.type, frame.payload))
+    assert encode_frame(declared_wire.to_frame(frame)) == data
     assert encode_payload(message) == payload
     (decoded,) = FrameDecoder().feed(data)
     assert decoded[:5] == frame[:5]
     assert same(decoded.message, message)
 
 
-def payload_bytes(type_: MessageType):
+def bent_payloads(type_: MessageType):
     """Bytes that are nearly a payload: valid ones with bytes changed, cut or added."""
 
     @st.composite
     def bent(draw):
-        payload = bytearray(declaration.PAYLOADS[type_].build(draw(FIELDS[type_])))
+        payload = bytearray(payload_bytes(type_, draw(FIELDS[type_])))
         for position, value in draw(st.lists(st.tuples(st.integers(0, 80), U8), max_size=3)):
             if payload:
                 payload[position % len(payload)] = value
@@ -157,18 +161,18 @@ def payload_bytes(type_: MessageType):
     return bent()
 
 
-@given(st.sampled_from(MessageType).flatmap(lambda type_: st.tuples(st.just(type_), payload_bytes(type_))))
+@given(st.sampled_from(MessageType).flatmap(lambda type_: st.tuples(st.just(type_), bent_payloads(type_))))
 def test_codec_and_declaration_reject_the_same_payloads(case: tuple[MessageType, bytes]) -> None:
     type_, payload = case
     try:
-        fields = declaration.parse_payload(type_, payload)
+        fields = declared_wire.parse_payload(type_, payload)
     except construct.ConstructError:
         with pytest.raises(ValueError):
             decode_payload(type_, payload)
         assert len(FrameDecoder().feed(encode_raw(type_, payload, 0, 0, 0, 0))) == 0
     else:
         message = decode_payload(type_, payload)
-        expected = declaration.to_message(type_, fields)
+        expected = declared_wire.to_message(type_, fields)
         assert same(message, expected) or "nan" in repr(message)
 
 
@@ -194,7 +198,7 @@ BLOCK = SampleBlock(0, 0b100, np.zeros((2, 1), np.int16))
         (HELLO._replace(range_mps2=(1.0, 1.0)), "range_mps2"),
         (HELLO._replace(saturation_counts=0), "saturation_counts"),
         (HELLO._replace(hub_id=2**64), "hub_id"),
-        (HELLO._replace(firmware=(1, 2, 2**16)), "firmware patch"),
+        (HELLO._replace(firmware=(1, 2, 2**16)), "firmware_patch"),
         (BLOCK._replace(first_sample=-1), "first_sample"),
         (BLOCK._replace(axes=0), "axes"),
         (BLOCK._replace(counts=np.zeros((2, 2), np.int16)), "counts"),
@@ -250,8 +254,9 @@ def test_invalid_utf8_is_replaced() -> None:
 
 
 def test_every_format_number_is_consistent() -> None:
-    assert declaration.HEADER.sizeof() == wire.HEADER_BYTES
+    assert wire.HEADER_BYTES == 16
+    assert (wire.MAX_PAYLOAD_BYTES - PAYLOADS[MessageType.SAMPLES].size) // 2 == wire.MAX_SAMPLES
     assert wire.MAX_FRAME_BYTES == 244
     good = encode_raw(0, b"", 0, 0, 0, 0)
-    assert declaration.zlib.crc32(good) == wire.CRC_RESIDUE
-    assert declaration.zlib.crc32(b"123456789") == wire.CRC_CHECK_VALUE
+    assert zlib.crc32(good) == wire.CRC_RESIDUE
+    assert zlib.crc32(b"123456789") == wire.CRC_CHECK_VALUE

@@ -15,8 +15,7 @@ from firmware_protocol import wire
 from firmware_protocol.block_decoder import BatchDecoder
 from firmware_protocol.cgen import c_encoder, c_header
 from firmware_protocol.codec import decode_payload, encode_frame, encode_payload
-from firmware_protocol.conformance import make_vectors
-from firmware_protocol.declaration import WireFrame, parse_payload, to_frame, to_message
+from firmware_protocol.conformance import WireFrame, make_vectors
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.kaitai import kaitai_description
 from firmware_protocol.messages import MessageType, SampleBlock
@@ -24,6 +23,7 @@ from firmware_protocol.spec import updated
 from firmware_protocol.wireshark import wireshark_dissector
 from gateway.cli import treadlink
 from gateway.errors import TreadlinkError
+from tests.protocol.declared_wire import parse_payload, to_frame, to_message
 
 VECTORS = Path(firmware_protocol.__file__).parent / "vectors"
 FRAMES = json.loads((VECTORS / "frames.json").read_text("utf-8"))

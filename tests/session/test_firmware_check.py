@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from firmware_protocol.declaration import PAYLOADS
+from firmware_protocol.conformance import payload_bytes
 from firmware_protocol.messages import MessageType
 from firmware_protocol.reference_cmac import aes_cmac
 from firmware_protocol.signing import sign
@@ -137,7 +137,7 @@ def test_clock_and_numbers_may_wrap() -> None:
                 4:
             ]
         elif sent.type == MessageType.TIME_SYNC:
-            payload = PAYLOADS[MessageType.TIME_SYNC].build({"hub_us": tick, "host_ns": 0})
+            payload = payload_bytes(MessageType.TIME_SYNC, {"hub_us": tick, "host_ns": 0})
         elif sent.type == MessageType.HUB_STATUS:
             payload = (tick // 1_000_000).to_bytes(4, "little") + payload[4:]
         return sent._replace(tick_us=tick, payload=payload)

@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from firmware_protocol.block_decoder import BatchDecoder
-from firmware_protocol.declaration import PAYLOADS
+from firmware_protocol.conformance import payload_bytes
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import EVERY_HUB, HUB_ITSELF, Coupling, MessageType, SetRate, SetStream, TimeSync
 from gateway.cli.estimate import estimate
@@ -50,7 +50,7 @@ def raw_hello(**changes: object) -> bytes:
     """Return the payload of a hello that no encoder would make."""
     fields = {**HELLO._asdict(), "coupling": int(HELLO.coupling)}
     fields |= dict(zip(("firmware_major", "firmware_minor", "firmware_patch"), fields.pop("firmware"), strict=True))
-    return PAYLOADS[MessageType.HELLO].build({**fields, **changes})
+    return payload_bytes(MessageType.HELLO, {**fields, **changes})
 
 
 def other_axes(hub: HubFrames) -> None:

@@ -12,6 +12,7 @@ from zlib import crc32
 import numpy as np
 
 from firmware_protocol.codec import encode_payload, encode_raw
+from firmware_protocol.conformance import payload_bytes
 from firmware_protocol.declaration import PAYLOADS
 from firmware_protocol.messages import (
     HUB_ITSELF,
@@ -141,8 +142,7 @@ def _payload(type_: MessageType, **fields: Any) -> bytes:
             "firmware_patch": 0,
         }
     }.get(type_, {})
-    payload: bytes = PAYLOADS[type_].build({**defaults, **fields})
-    return payload
+    return payload_bytes(type_, {**defaults, **fields})
 
 
 def _hello(**fields: Any) -> Stream:
@@ -260,9 +260,9 @@ def _added(*more: Sent) -> Stream:
 
 def _status(**fields: int) -> Callable[[Sent], Sent]:
     def change(sent: Sent) -> Sent:
-        values = dict(PAYLOADS[MessageType.HUB_STATUS].parse(sent.payload))
-        values.pop("_io")
-        return sent._replace(payload=_payload(MessageType.HUB_STATUS, **{**values, **fields}))
+        layout = PAYLOADS[MessageType.HUB_STATUS]
+        values = zip((field.name for field in layout.fields), layout.head.unpack(sent.payload), strict=True)
+        return sent._replace(payload=payload_bytes(MessageType.HUB_STATUS, {**dict(values), **fields}))
 
     return change
 

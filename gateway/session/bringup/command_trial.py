@@ -42,6 +42,7 @@ CLAUSES: Final = (
     Clause.COMMAND_REPEATED,
     Clause.COMMAND_VERIFIED,
 )
+_SEQ: Final = wire.HEADER.reader("seq")
 _ANSWER_S: Final = 2.0
 _QUIET_S: Final = 1.0
 # What was made before a command may still be on its way.
@@ -171,7 +172,7 @@ class CommandTrial:
         """Send a frame and judge the answer; None when none came."""
         self._out.append(frame)
         answer = yield self._in(_ANSWER_S), self._is_answer
-        type_, seq = frame[wire.TYPE_OFFSET], int.from_bytes(frame[8:12], "little")
+        type_, seq = frame[wire.TYPE_OFFSET], _SEQ.unpack_from(frame)[0]
         name = MessageType(type_).name if type_ in COMMANDS else f"type {type_}"
         if answer is None:
             if not is_first:

@@ -5,14 +5,11 @@ wants to know is checked beside it.
 """
 
 from collections.abc import Mapping
-from struct import Struct
 from typing import Final
 
-import construct
-
 from firmware_protocol import wire
-from firmware_protocol.codec import DECODERS, SAMPLE_LAYOUTS, decode_payload
-from firmware_protocol.declaration import PAYLOADS, parse_payload
+from firmware_protocol.checks import PayloadError
+from firmware_protocol.codec import DECODERS, decode_payload
 from firmware_protocol.framing import next_frame
 from firmware_protocol.messages import (
     HUB_ITSELF,
@@ -41,7 +38,7 @@ from gateway.session.statement_watch import StatementWatch
 RADIUS_M: Final = 0.32
 """Belt radius of a tire of a car, where none is given."""
 
-_HEADER: Final = Struct("<2xBBBBBBII")
+_HEADER: Final = wire.HEADER.reader("version", "type", "hub", "wheel", "flags", "seq", "tick_us")
 # Bytes without a frame that are kept for their diagnosis.
 _KEPT_NOISE_BYTES: Final = 16_384
 
@@ -160,7 +157,7 @@ class FirmwareCheck:
         self.frames += 1
         for clause in (Clause.SYNC, Clause.CONTIGUOUS, Clause.LENGTH, Clause.CRC, Clause.VERSION):
             self.ledger.check(clause)
-        version, type_, _, hub, wheel, flags, seq, tick_us = _HEADER.unpack_from(data)
+        version, type_, hub, wheel, flags, seq, tick_us = _HEADER.unpack_from(data)
         seen = SeenFrame(at_byte, host_s, data, type_, hub, wheel, flags, seq, tick_us, None)
         if version != wire.VERSION_BYTE:
             self._fail(Clause.VERSION, seen, Reason(Code.FRAME_VERSION_WRONG, version=f"{version:#04x}"))
@@ -183,24 +180,16 @@ class FirmwareCheck:
         """Return the content of a frame; None where it breaks its layout."""
         self.ledger.check(Clause.LAYOUT)
         self.ledger.check(Clause.RANGES)
-        payload = seen.payload
         try:
-            return decode_payload(seen.type, payload)
-        except ValueError:
-            pass
-        name = MessageType(seen.type).name
-        layout = _layout_bytes(seen.type, payload)
-        if layout is not None and layout != len(payload):
-            reason = Reason(Code.PAYLOAD_LENGTH_WRONG, type=name, length=len(payload), layout=layout)
+            return decode_payload(seen.type, seen.payload)
+        except PayloadError as error:
+            name, layout = MessageType(seen.type).name, error.layout_bytes
+            if layout is None:
+                self._fail(Clause.RANGES, seen, Reason(Code.PAYLOAD_VALUE_WRONG, type=name, field=error.field))
+                return None
+            reason = Reason(Code.PAYLOAD_LENGTH_WRONG, type=name, length=len(seen.payload), layout=layout)
             self._fail(Clause.LAYOUT, seen, reason)
             return None
-        try:
-            parse_payload(seen.type, payload)
-            field = ""
-        except construct.ConstructError as error:
-            field = str(getattr(error, "path", "") or "").rpartition("-> ")[2]
-        self._fail(Clause.RANGES, seen, Reason(Code.PAYLOAD_VALUE_WRONG, type=name, field=field or "a value"))
-        return None
 
     def _rules(self, seen: SeenFrame, *, after_damage: bool) -> None:
         """Hand a frame to all rules."""
@@ -284,16 +273,3 @@ class FirmwareCheck:
 
     def _fail(self, clause: Clause, seen: SeenFrame, reason: Reason) -> None:
         self.ledger.fail(clause, source_name(seen.source), reason, seen.data, seen.at_byte)
-
-
-def _layout_bytes(type_: int, payload: bytes) -> int | None:
-    """Return the length that a payload must have; None where it may have several."""
-    if type_ == MessageType.SAMPLES:
-        if len(payload) < wire.SAMPLES_HEADER_BYTES:
-            return wire.SAMPLES_HEADER_BYTES
-        length = SAMPLE_LAYOUTS[payload[5] << 8 | payload[4]][0]
-        return None if length < 0 else length
-    try:
-        return sum(int(field.sizeof()) for field in PAYLOADS[MessageType(type_)].subcons if field.name)
-    except construct.SizeofError:
-        return None

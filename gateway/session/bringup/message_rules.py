@@ -7,6 +7,7 @@ from typing import Final
 
 from firmware_protocol import wire
 from firmware_protocol.codec import CHANNELS
+from firmware_protocol.declaration import SAMPLES
 from firmware_protocol.messages import (
     HUB_ITSELF,
     Axis,
@@ -218,9 +219,9 @@ class MessageRules:
                 continue
             self._ledger.check(Clause.THROUGHPUT)
             most = wire.MAX_SIGNED_PAYLOAD_BYTES if schedule.is_signed else wire.MAX_PAYLOAD_BYTES
-            full = (most - wire.SAMPLES_HEADER_BYTES) // (2 * schedule.channels)
+            full = (most - SAMPLES.size) // (2 * schedule.channels)
             mean = schedule.samples / schedule.blocks
-            around = wire.OVERHEAD_BYTES + wire.SAMPLES_HEADER_BYTES + (wire.TAG_BYTES if schedule.is_signed else 0)
+            around = wire.OVERHEAD_BYTES + SAMPLES.size + (wire.TAG_BYTES if schedule.is_signed else 0)
             if mean < _FULL_BLOCKS * full:
                 more = (around / mean + 2 * schedule.channels) / (around / full + 2 * schedule.channels) - 1.0
                 reason = Reason(Code.BLOCKS_NOT_FULL, samples=mean, full=full, more=more)

@@ -1,0 +1,125 @@
+"""The declared frames in another reading: built and parsed with `construct`, and turned into messages by hand.
+
+The codec is held byte for byte and refusal for refusal against this.
+"""
+
+import zlib
+from collections.abc import Mapping
+from typing import Any
+
+import construct as c
+import numpy as np
+
+from firmware_protocol import wire
+from firmware_protocol.conformance import WireFrame
+from firmware_protocol.declaration import PAYLOADS
+from firmware_protocol.layout import Field
+from firmware_protocol.messages import (
+    Challenge,
+    ChallengeAnswer,
+    CommandResult,
+    Coupling,
+    Environment,
+    Frame,
+    Hello,
+    HubStatus,
+    LogText,
+    Message,
+    MessageType,
+    SampleBlock,
+    SetRate,
+    SetStream,
+    SetTime,
+    TimeSync,
+)
+
+
+def number(field: Field) -> Any:
+    def is_valid(value: float, _: Any) -> bool:
+        is_low = field.low is not None and not value >= field.low
+        is_high = field.high is not None and not value <= field.high
+        return value == field.none or not (is_low or is_high)
+
+    whole = c.BytesInteger(field.size, signed=field.code.islower(), swapped=True)
+    return c.ExprValidator(c.Float32l if field.code == "f" else whole, is_valid)
+
+
+def construct_of(field: Field) -> Any:
+    if field.code == "s":
+        return c.GreedyBytes if field.elements is None else c.Const(wire.SYNC)
+    if field.elements is None:
+        return c.Array(lambda this: this.n * this.axes.bit_count(), c.Int16sl)
+    return number(field) if field.elements == 1 else c.Array(field.elements, number(field))
+
+
+def struct_of(fields: tuple[Field, ...], *more: Any) -> Any:
+    return c.Struct(*(field.name / construct_of(field) for field in fields), *more)
+
+
+FRAME = c.Struct(
+    "body" / c.RawCopy(struct_of(wire.HEADER.fields, "payload" / c.Bytes(c.this.length))),
+    "crc32" / c.Checksum(c.Int32ul, zlib.crc32, c.this.body.data),
+)
+STRUCTS = {type_: struct_of(payload.fields, c.Terminated) for type_, payload in PAYLOADS.items()}
+
+
+def build(frame: WireFrame) -> bytes:
+    payload = STRUCTS[MessageType(frame.type)].build(dict(frame.payload))
+    header = frame._asdict() | {"version": wire.VERSION_BYTE, "flags": 0, "length": len(payload), "payload": payload}
+    built: bytes = FRAME.build({"body": {"value": header}})
+    return built
+
+
+def parse_payload(type_: int, payload: bytes) -> dict[str, Any]:
+    fields = STRUCTS[MessageType(type_)].parse(payload)
+    return {name: list(value) if isinstance(value, list) else value for name, value in fields.items() if name != "_io"}
+
+
+def to_message(type_: int, fields: Mapping[str, Any]) -> Message:
+    """Return the message that the fields of a payload stand for, in units and types by hand."""
+    values: dict[str, Any]
+    match MessageType(type_):
+        case MessageType.HELLO:
+            values = {name: tuple(v) if isinstance(v, list) else v for name, v in fields.items()}
+            firmware = tuple(values.pop(f"firmware_{part}") for part in ("major", "minor", "patch"))
+            return Hello(**values | {"firmware": firmware, "coupling": Coupling(values["coupling"])})
+        case MessageType.SAMPLES:
+            counts = np.array(fields["counts"], "<i2").reshape(fields["n"], -1)
+            return SampleBlock(fields["first_sample"], fields["axes"], counts)
+        case MessageType.ENVIRONMENT:
+            return Environment(
+                _physical(fields["pressure_pa"], 1, wire.NONE_I32),
+                _physical(fields["temperature_cdegc"], 100, wire.NONE_I16),
+                _physical(fields["supply_mv"], 1000, wire.NONE_U16),
+            )
+        case MessageType.HUB_STATUS:
+            values = dict(fields)
+            supply_w, supply_v = values.pop("supply_uw") / 1_000_000, values.pop("supply_mv") / 1000
+            for name, none in (("battery_percent", wire.NONE_U8), ("rssi_dbm", wire.NONE_I8)):
+                values[name] = None if values[name] == none else values[name]
+            return HubStatus(**values, supply_w=supply_w, supply_v=supply_v)
+        case MessageType.TIME_SYNC:
+            return TimeSync(**fields)
+        case MessageType.LOG_TEXT:
+            return LogText(fields["level"], fields["text"].decode(errors="replace"))
+        case MessageType.COMMAND_RESULT:
+            return CommandResult(**fields)
+        case MessageType.CHALLENGE_ANSWER:
+            return ChallengeAnswer(**fields)
+        case MessageType.SET_STREAM:
+            return SetStream(bool(fields["running"]))
+        case MessageType.SET_RATE:
+            return SetRate(**fields)
+        case MessageType.SET_TIME:
+            return SetTime(**fields)
+        case MessageType.CHALLENGE:
+            return Challenge(**fields)
+
+
+def to_frame(frame: WireFrame) -> Frame:
+    """Return the frame that a wire frame stands for."""
+    return Frame(*frame[:5], to_message(frame.type, frame.payload))
+
+
+def _physical(value: int, per_unit: int, none: int) -> float | None:
+    return None if value == none else value / per_unit
