@@ -124,6 +124,12 @@ class _Line(NamedTuple):
     has_own_line: bool
 
     @property
+    def fit(self) -> Fit:
+        """Fit of the recordings used."""
+        assert self.search.fit is not None
+        return self.search.fit
+
+    @property
     def change_at(self) -> int:
         """Column of the change."""
         columns: int = self.design.shape[1]
@@ -215,8 +221,6 @@ def _fall(km: FloatArray, wear: FloatArray) -> int | None:
     A tire that begins to wear faster makes a step of a single line, too: there a change of slope fits better than a
     fall between lines of one slope, and lines of their own meet.
     """
-    from scipy import stats
-
     count, along = len(km), np.column_stack([np.ones(len(km)), _centred(km)])
     index = np.arange(count)
 
@@ -236,7 +240,7 @@ def _fall(km: FloatArray, wear: FloatArray) -> int | None:
     fall = -float(np.linalg.lstsq(columns, wear, rcond=None)[0][2])
     scatter = math.sqrt(squares(columns) / freedom)
     std = scatter * math.sqrt(max(float(np.linalg.pinv(columns.T @ columns)[2, 2]), 0.0))
-    if fall >= NEW_TIRE_MM and fall > float(stats.t.ppf(0.5 + 0.5 * _FINDING_SHARE, freedom)) * std:
+    if fall >= NEW_TIRE_MM and fall > _quantile_of(freedom) * std:
         return begin
     # Few recordings give no slope of their own.
     begin = min(places, key=lambda candidate: squares(two_lines(candidate)[:, :3]))
@@ -321,7 +325,7 @@ def _wear(tire: _Tire) -> None:
         why = Reason(Code.TREND_DISTANCE_CONSTANT)
     line = _line(tire, "wear_mm", history.km * 1e-3, wear, history.column("wear_mm_std"), against="km", warm=True)
     basis = () if history.has_odometer else (Reason(Code.TREND_RECORDED_DISTANCE, distance_m=1e3 * _span(history.km)),)
-    if line is None or line.search.fit is None:
+    if line is None:
         tire.numbers.append(TrendNumber(Quantity.WEAR_RATE, unit="mm/1000 km", reasons=(why,)))
         tire.numbers.append(TrendNumber(Quantity.WEAR_NOW, unit="mm", reasons=(why,)))
         return
@@ -356,7 +360,7 @@ def _pressure(tire: _Tire) -> None:
     steps_from = _LEAST_REFILL_PA * 1e-3
     line = _line(tire, "pressure_at_20_degc", history.months, cold * 1e-3, unknown, steps_from=steps_from)
     refilled = None
-    if line is not None and line.search.fit is not None:
+    if line is not None:
         normal, change = ~line.search.is_outlier, line.change
         if change is not None and change.is_slope:
             normal[: change.begin - 1] = False
@@ -366,7 +370,7 @@ def _pressure(tire: _Tire) -> None:
         if refilled is None and change is None:
             why = Reason(Code.TREND_TOO_FEW, count=int(normal.sum()), needed=LEAST_RECORDINGS)
             line = None
-    if line is None or line.search.fit is None:
+    if line is None:
         tire.numbers.append(TrendNumber(Quantity.PRESSURE_LOSS, unit="kPa/month", reasons=(why,)))
         tire.numbers.append(TrendNumber(Quantity.PRESSURE_NOW, unit="kPa", reasons=(why,)))
         return
@@ -407,8 +411,7 @@ def _hidden_by_frequent_refills(line: _Line) -> Reason | None:
     Its pressure is a saw-tooth, whose standard deviation is its height over the root of 12. No trend tells it from
     scatter, and the interval leaves it out: with it, it would hold nearly every loss of a sealed tire.
     """
-    fit = line.search.fit
-    assert fit is not None
+    fit = line.fit
     hidden_pa = 1e3 * math.sqrt(12.0) * fit.scale / _OFTEN_MONTHS
     if hidden_pa < _NOTABLE_LOSS_PA:
         return None
@@ -457,10 +460,10 @@ def _load(tire: _Tire) -> None:
     line = None
     if np.isfinite(measured).any():
         line = _line(tire, "estimated_load_n", history.months, measured, stds)
-    if line is None or line.search.fit is None:
+    if line is None:
         tire.numbers += _stated_load(history, _missing(history, "estimated_load_n", measured))
     else:
-        tire.numbers += _measured_load(line, line.search.fit)
+        tire.numbers += _measured_load(line)
         if line.steps and line.doubt is None:
             steps = Reason(Code.TREND_LOAD_STEPS, count=len(line.steps))
             tire.findings.append(
@@ -478,15 +481,15 @@ def _over_months(tire: _Tire, series: Series) -> None:
     values, stds = (watch.factor * history.column(name) for name in (series.name, f"{series.name}_std"))
     line = _line(tire, series.name, history.months, values, stds)
     unit = f"{watch.unit}/month"
-    if line is None or line.search.fit is None:
+    if line is None:
         why = _missing(history, series.name, values)
         tire.numbers.append(TrendNumber(rate_of(watch), unit=unit, reasons=(why,)))
     else:
         tire.numbers.append(_rate(rate_of(watch), unit, line))
 
 
-def _measured_load(line: _Line, fit: Fit) -> Iterator[TrendNumber]:
-    used = ~line.search.is_outlier
+def _measured_load(line: _Line) -> Iterator[TrendNumber]:
+    fit, used = line.fit, ~line.search.is_outlier
     values, steps = line.values[used], _notes_of_steps(line)
     count, shared = int(values.size), _shared_std(line.stds)
     std = math.hypot(shared, float(np.std(values, ddof=1)) / math.sqrt(count))
@@ -536,7 +539,7 @@ def _stiffness(tire: _Tire, series: Series) -> None:
     middle = np.nanmedian(percent) if np.isfinite(percent).any() else 0.0
     line = _line(tire, name, history.months, percent - middle, stds, warm=True)
     why = _missing(history, name, percent)
-    if line is None or line.search.fit is None:
+    if line is None:
         tire.numbers.append(TrendNumber(quantity, unit="%/month", reasons=(why,)))
         tire.numbers.append(TrendNumber(temperature, unit="%/K", reasons=(why,)))
         return
@@ -611,7 +614,7 @@ def _sensor(tire: _Tire) -> None:
         findings_before = len(tire.findings)
         line = _line(tire, name, history.months, values, stds, covariate=covariate, tested=tested)
         quantity, unit = rate_of(watch), f"{watch.unit}/month"
-        if line is None or line.search.fit is None:
+        if line is None:
             why = _missing(history, name if name in history.invalid else "", values)
             tire.numbers.append(TrendNumber(quantity, unit=unit, reasons=(why,)))
             continue
@@ -780,8 +783,8 @@ def _line(
         steps = [*steps, change.begin]
         line = fitted_line(None)
     if line.search.fit is None:
-        return line
-    search, fit = line.search, line.search.fit
+        return None
+    search, fit = line.search, line.fit
     # Figures show what remains at the mean temperature or speed.
     moved = design[:, 2] * fit.coefficients[2] if has_covariate else np.zeros(len(index))
     if tested:
@@ -824,14 +827,14 @@ def _columns_of(change: LateChange | None, steps: Sequence[int], count: int) -> 
 
 def _last_run(line: _Line) -> int | None:
     """Return where outliers to one side begin that reach the last value; None where it is none or alone."""
-    return next((begin for begin, end in _runs(line) if end == len(line.values)), None)
+    return next((begin for begin, end in _runs(line.search) if end == len(line.values)), None)
 
 
-def _runs(line: _Line) -> list[tuple[int, int]]:
+def _runs(search: OutlierSearch) -> list[tuple[int, int]]:
     """Return begin and end of each run of outliers to one side."""
-    fit, is_outlier = line.search.fit, line.search.is_outlier
-    assert fit is not None
-    both = [*runs(is_outlier & (fit.residuals > 0.0)), *runs(is_outlier & (fit.residuals < 0.0))]
+    assert search.fit is not None
+    sides = search.is_outlier & (search.fit.residuals > 0.0), search.is_outlier & (search.fit.residuals < 0.0)
+    both = [*runs(sides[0]), *runs(sides[1])]
     return sorted((begin, end) for begin, end in both if end - begin >= _LEAST_RUN)
 
 
@@ -850,8 +853,7 @@ def _size_of_step(line: _Line, number: int) -> tuple[float, float]:
 
 def _size_of_run(line: _Line, begin: int, end: int) -> tuple[float, float]:
     """Return the mean deviation of recordings in a row, and its error."""
-    fit = line.search.fit
-    assert fit is not None
+    fit = line.fit
     residuals = fit.residuals[begin:end]
     return float(residuals.mean()), float(residuals.std(ddof=1)) / math.sqrt(end - begin)
 
@@ -862,7 +864,7 @@ def _notable_changes(name: str, line: _Line) -> Iterator[Change]:
     A long series shows changes that are too small to be the cause of anything.
     """
     notable = SERIES[name].watch.notable
-    yield from (_relative(name, line, begin, _size_of_run(line, begin, end)) for begin, end in _runs(line))
+    yield from (_relative(name, line, begin, _size_of_run(line, begin, end)) for begin, end in _runs(line.search))
     sizes = [(begin, _size_of_step(line, number)) for number, begin in enumerate(line.steps)]
     if line.change is not None:
         sizes.append((line.change.begin, _size_of_change(line)))
@@ -871,8 +873,7 @@ def _notable_changes(name: str, line: _Line) -> Iterator[Change]:
 
 def _relative(name: str, line: _Line, begin: int | None, size: tuple[float, float]) -> Change:
     """Return a change of a series by its size and error, in the unit of the series; None for `begin` is a drift."""
-    fit, watch = line.search.fit, SERIES[name].watch
-    assert fit is not None
+    fit, watch = line.fit, SERIES[name].watch
     place = None if begin is None else int(line.places[begin])
     if watch.is_logarithm:
         return Change(place, 0.01 * size[0], 0.01 * size[1])
@@ -888,8 +889,7 @@ def _along(line: _Line, along: FloatArray) -> tuple[float, float]:
 
     That of few recordings is not below the error that the scatter of all gives: theirs may be small by chance.
     """
-    fit = line.search.fit
-    assert fit is not None
+    fit = line.fit
     variance = float(along @ fit.covariance @ along)
     if line.change is not None:
         rows = (line.design * np.sqrt(fit.weights)[:, None])[~line.search.is_outlier]
@@ -899,9 +899,8 @@ def _along(line: _Line, along: FloatArray) -> tuple[float, float]:
 
 def _findings_of_line(tire: _Tire, name: str, line: _Line) -> Iterator[Finding]:
     """Yield a finding for each notable change from one recording on, and for recordings in a row that deviate."""
-    history, change, fit, watch = tire.history, line.change, line.search.fit, SERIES[name].watch
-    assert fit is not None
-    for begin, end in _runs(line):
+    history, change, fit, watch = tire.history, line.change, line.fit, SERIES[name].watch
+    for begin, end in _runs(line.search):
         scale = fit.scale / np.sqrt(fit.weights[begin:end])
         least = float(np.abs(fit.residuals[begin:end] / scale).min()) if fit.scale > 0.0 else math.inf
         passed = Reason(Code.TREND_PASSED, name=name, deviations=least, **_recordings(history, line, begin, end))
@@ -1076,8 +1075,7 @@ def _number(
     """Return a combination (p,) of the coefficients of a line as a number."""
     from scipy import stats
 
-    fit = line.search.fit
-    assert fit is not None
+    fit = line.fit
     value, std = _along(line, along)
     value, std = factor * value, abs(factor) * std
     freedom, count = fit.freedom, fit.freedom + fit.coefficients.size
@@ -1116,10 +1114,7 @@ def _at_end(quantity: str, unit: str, line: _Line) -> TrendNumber:
 
 def _deviation_of_last(line: _Line) -> float | None:
     """Return the deviation of the last value in standard deviations where chance does not explain it."""
-    from scipy import stats
-
-    fit = line.search.fit
-    assert fit is not None
+    fit = line.fit
     if not fit.scale > 0.0 or fit.freedom < LEAST_FREEDOM + 1:
         return None
     deviation = float(fit.residuals[-1]) * math.sqrt(float(fit.weights[-1])) / fit.scale
@@ -1128,7 +1123,7 @@ def _deviation_of_last(line: _Line) -> float | None:
     square = deviation**2 / (1.0 - float(fit.leverage[-1]))
     remaining = fit.freedom - square
     apart = math.sqrt(square * (fit.freedom - 1) / remaining) if remaining > 0.0 else math.inf
-    return deviation if apart > float(stats.t.ppf(0.5 + 0.5 * _FINDING_SHARE, fit.freedom - 1)) else None
+    return deviation if apart > _quantile_of(fit.freedom - 1) else None
 
 
 def _judged(number: TrendNumber, line: _Line) -> TrendNumber:
@@ -1150,7 +1145,7 @@ def _levels(index: IntArray, places: Sequence[int]) -> list[FloatArray]:
 
 
 def _is_significant(number: TrendNumber, line: _Line) -> bool:
-    if line.search.fit is None or number.status is not Status.VALID:
+    if number.status is not Status.VALID:
         return False
     if not number.std > 0.0:
         return number.value != 0.0
@@ -1166,8 +1161,7 @@ def _quantile_of(freedom: int) -> float:
 
 def _quantile(line: _Line) -> float:
     """Return Student's t beyond which a number of a line is a finding."""
-    assert line.search.fit is not None
-    return _quantile_of(line.search.fit.freedom)
+    return _quantile_of(line.fit.freedom)
 
 
 def _pairs(tires: Sequence[TireHistory]) -> Iterator[PairTrend]:
@@ -1211,8 +1205,7 @@ def _difference(
     if fit is None:
         return TrendNumber(quantity, unit="deg", reasons=(Reason(Code.TREND_UNDETERMINED),))
     # What all recordings share, such as the roll of a sensor, is part of the stated errors only.
-    shared = float(np.nanmedian(stds)) if np.isfinite(stds).any() else 0.0
-    value, std = float(fit.coefficients[0]), math.hypot(fit.std(0), shared)
+    value, std = float(fit.coefficients[0]), math.hypot(fit.std(0), _shared_std(stds))
     doubts = [
         first[path][2] or second[path][2]
         for path, left_out in zip(common, search.is_outlier, strict=True)
@@ -1220,8 +1213,8 @@ def _difference(
     ]
     why = [doubt] if (doubt := doubt_of(doubts)) is not None else []
     is_outlier = search.is_outlier
-    for begin, end in [*runs(is_outlier & (fit.residuals > 0.0)), *runs(is_outlier & (fit.residuals < 0.0))]:
-        if end == len(common) and end - begin >= _LEAST_RUN:
+    for begin, end in _runs(search):
+        if end == len(common):
             why.append(Reason(Code.TREND_NEWEST_LEFT, count=end - begin, date=_date(starts[common[begin]][0])))
     notes = [Reason(Code.TREND_OUTLIERS_LEFT_OUT, count=int(is_outlier.sum()))] if is_outlier.any() else []
     return TrendNumber(
