@@ -105,59 +105,6 @@ class _Life:
     hellos: dict[int, Hello] = field(default_factory=dict)
 
 
-def reboot(
-    chunks: Iterable[Chunk],
-    at_s: float,
-    every_s: float,
-    gap_s: float,
-    counted: Callable[[], None],
-    swallowed: Callable[[int], None],
-) -> Iterator[Chunk]:
-    """Yield the chunks with every hub restarting `at_s` after the first chunk, and every `every_s` after that.
-
-    During the gap nothing arrives; then every hub sends its hellos with the next boot count, and counters, time stamps
-    and sample numbers begin at 0. Bytes that are no frame of this version are left as
-    they are.
-
-    Args:
-        chunks: of one hub or more.
-        at_s: time of the first restart.
-        every_s: time from restart to restart, 0 for one only.
-        gap_s: silence of a restart.
-        counted: called at each restart.
-        swallowed: called with the number of bytes lost in a gap.
-    """
-    lives: dict[tuple[str, int], _Life] = {}
-    begin_ns: int | None = None
-    silent_until_ns = 0
-    due_s = at_s
-    for link, host_ns, pieces in frame_pieces(chunks):
-        begin_ns = host_ns if begin_ns is None else begin_ns
-        if host_ns - begin_ns >= due_s * 1e9:
-            counted()
-            silent_until_ns = host_ns + int(gap_s * 1e9)
-            due_s = due_s + every_s if every_s > 0 else float("inf")
-            for old in lives.values():
-                old.boots += 1
-                old.tick_zero_us = None
-                old.next_seq.clear()
-                old.sample_zero.clear()
-        parts: list[bytes] = []
-        for piece in pieces:
-            frame = _frame(piece)
-            life = lives.setdefault((link, frame.hub), _Life()) if frame else None
-            if frame and life and isinstance(frame.message, Hello):
-                life.hellos[frame.wheel] = frame.message
-            if host_ns < silent_until_ns:
-                swallowed(len(piece.data))
-            elif frame and life and life.boots:
-                parts += _relived(life, frame)
-            else:
-                parts.append(piece.data)
-        if data := b"".join(parts):
-            yield Chunk(link, host_ns, data)
-
-
 def _frame(piece: Piece) -> Frame | None:
     """Return an intact frame of this protocol version, None for anything else."""
     if not piece.whole:
@@ -442,15 +389,39 @@ _SPEAKING: Final[tuple[Callable[[bytes], bool], ...]] = (
 
 
 def _reboot(fault: Fault, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
-    at_s, every_s = fault.options["at"], fault.options["every"]
+    """Restart every hub: a silence, then its hellos with the next boot count, and counters, times and numbers from 0.
 
-    def counted() -> None:
-        fault.counts.reboots += 1
-
-    def swallowed(size: int) -> None:
-        fault.counts.bytes_dropped += size
-
-    return reboot(chunks, at_s, every_s, fault.options["gap"], counted, swallowed)
+    Bytes that are no frame of this version are left as they are.
+    """
+    lives: dict[tuple[str, int], _Life] = {}
+    begin_ns: int | None = None
+    silent_until_ns = 0
+    due_s, every_s = fault.options["at"], fault.options["every"]
+    for link, host_ns, pieces in frame_pieces(chunks):
+        begin_ns = host_ns if begin_ns is None else begin_ns
+        if host_ns - begin_ns >= due_s * 1e9:
+            fault.counts.reboots += 1
+            silent_until_ns = host_ns + int(fault.options["gap"] * 1e9)
+            due_s = due_s + every_s if every_s > 0 else float("inf")
+            for old in lives.values():
+                old.boots += 1
+                old.tick_zero_us = None
+                old.next_seq.clear()
+                old.sample_zero.clear()
+        parts: list[bytes] = []
+        for piece in pieces:
+            frame = _frame(piece)
+            life = lives.setdefault((link, frame.hub), _Life()) if frame else None
+            if frame and life and isinstance(frame.message, Hello):
+                life.hellos[frame.wheel] = frame.message
+            if host_ns < silent_until_ns:
+                fault.counts.bytes_dropped += len(piece.data)
+            elif frame and life and life.boots:
+                parts += _relived(life, frame)
+            else:
+                parts.append(piece.data)
+        if data := b"".join(parts):
+            yield Chunk(link, host_ns, data)
 
 
 _RATE: Final = {"rate": Option(0.01, 0.0, 1.0, "share of the frames")}
