@@ -36,8 +36,8 @@ _MF_WIDTH: Final = (1.059, -1.1878)
 _SOFTENING_PM: Final = -5.0
 # Tread 8 mm high and 0.2 m wide: 6 MPa give 150 MN/m^2, twice that where blocks cannot bulge or the tread is worn to
 # half. The tire of the other figures has 70 MN/m^2, as of 3 MPa.
-_FIRM_TREAD_NPM2: Final = 1.5e8
-_STIFF_TREAD_NPM2: Final = 3e8
+_FIRM_TREAD: Final = {"tread_stiffness_npm2": 1.5e8}
+_STIFF_TREAD: Final = {"tread_stiffness_npm2": 3e8}
 
 
 class Edge(StrEnum):
@@ -123,29 +123,11 @@ def eq_31_width(load_n: float, pressure_pa: float) -> RingParameters:
     return replace(ring, tension_width_m=ring.tension_width_m * grown)
 
 
-def soft_sidewall(load_n: float, pressure_pa: float) -> RingParameters:
-    """Return a tire whose sidewall softens with its deflection."""
-    return replace(constant_width(load_n, pressure_pa), sidewall_stiffening_pm=_SOFTENING_PM)
-
-
-def stiff_tread(load_n: float, pressure_pa: float) -> RingParameters:
-    """Return a tire with a stiff tread: the contact presses at its edges."""
-    return replace(constant_width(load_n, pressure_pa), tread_stiffness_npm2=_STIFF_TREAD_NPM2)
-
-
-def firm_tread(load_n: float, pressure_pa: float) -> RingParameters:
-    """Return a tire whose tread is twice as stiff as that of the other figures."""
-    return replace(constant_width(load_n, pressure_pa), tread_stiffness_npm2=_FIRM_TREAD_NPM2)
-
-
-def firm_tread_and_mf_width(load_n: float, pressure_pa: float) -> RingParameters:
-    """Return a tire with a firm tread whose width grows as that of MF-Tyre 6.1."""
-    return replace(mf_width(load_n, pressure_pa), tread_stiffness_npm2=_FIRM_TREAD_NPM2)
-
-
-def firm_tread_and_eq_31_width(load_n: float, pressure_pa: float) -> RingParameters:
-    """Return a tire with a firm tread whose width is in proportion to the contact width of Eq. 31."""
-    return replace(eq_31_width(load_n, pressure_pa), tread_stiffness_npm2=_FIRM_TREAD_NPM2)
+def _changed(
+    tire: Callable[[float, float], RingParameters], **values: float
+) -> Callable[[float, float], RingParameters]:
+    """Return a tire that has other parameters than another one, whatever load and pressure."""
+    return lambda load_n, pressure_pa: replace(tire(load_n, pressure_pa), **values)
 
 
 ASSUMPTIONS: Final = (
@@ -154,12 +136,12 @@ ASSUMPTIONS: Final = (
     Assumption("edges: crossing the mean", constant_width, Edge.BASELINE),
     Assumption("width of MF-Tyre", mf_width),
     Assumption("width of Eq. 31", eq_31_width),
-    Assumption("sidewall softens", soft_sidewall),
+    Assumption("sidewall softens", _changed(constant_width, sidewall_stiffening_pm=_SOFTENING_PM)),
     Assumption("steepest slope, MF width", mf_width, Edge.STEEPEST),
-    Assumption("edge pressure", stiff_tread),
-    Assumption("steepest slope, firm tread", firm_tread, Edge.STEEPEST),
-    Assumption("steepest, firm tread, Eq. 31", firm_tread_and_eq_31_width, Edge.STEEPEST),
-    Assumption("steepest, firm tread, MF width", firm_tread_and_mf_width, Edge.STEEPEST),
+    Assumption("edge pressure", _changed(constant_width, **_STIFF_TREAD)),
+    Assumption("steepest slope, firm tread", _changed(constant_width, **_FIRM_TREAD), Edge.STEEPEST),
+    Assumption("steepest, firm tread, Eq. 31", _changed(eq_31_width, **_FIRM_TREAD), Edge.STEEPEST),
+    Assumption("steepest, firm tread, MF width", _changed(mf_width, **_FIRM_TREAD), Edge.STEEPEST),
 )
 """Assumptions by growing number of changes; the first is the tire of the other figures, the last that beside it."""
 
