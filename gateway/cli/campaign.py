@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from gateway.recording.run_description import RunFilter
 
 _LINE_EVERY_NS: Final = 30_000_000_000
-_LISTED_FAILURES: Final = 20
+_LISTED: Final = 20
 _GB: Final = 1e9
 
 
@@ -208,11 +208,11 @@ def campaign(
         click.echo(
             f"tires: {counts.made} diagnosed, {counts.made_before} done before, {counts.failed} without a diagnosis"
         )
-        _list_tires([(tire, (why,)) for tire, why in counts.reasons])
+        _list(_tire_lines((tire, (why,)) for tire, why in counts.reasons), "table diagnoses")
         if counts.left_out:
             recordings = sum(len(reasons) for _, reasons in counts.left_out)
             click.echo(f"recordings left out of a diagnosis: {recordings}")
-            _list_tires(counts.left_out)
+            _list(_tire_lines(counts.left_out), "table diagnoses")
     if stop.is_set():
         click.echo("stopped: run the same command to continue", err=True)
         _stopped(stop)
@@ -220,13 +220,17 @@ def campaign(
         raise SystemExit(exit_status.NO_RESULT)
 
 
-def _list_tires(tires: Sequence[tuple[tuple[str, ...], Sequence[str]]]) -> None:
-    """Print what is stated of tires, the first ones only."""
-    lines = [f"  {clean(' '.join(filter(None, tire)))}: {clean(why)}" for tire, reasons in tires for why in reasons]
-    for line in lines[:_LISTED_FAILURES]:
-        click.echo(line)
-    if len(lines) > _LISTED_FAILURES:
-        click.echo(f"  and {len(lines) - _LISTED_FAILURES} more, in the table diagnoses")
+def _list(lines: Sequence[str], where: str) -> None:
+    """Print the first lines, and where in the dataset the others are."""
+    for line in lines[:_LISTED]:
+        click.echo(f"  {line}")
+    if len(lines) > _LISTED:
+        click.echo(f"  and {len(lines) - _LISTED} more, in the {where}")
+
+
+def _tire_lines(tires: Iterable[tuple[tuple[str, ...], Sequence[str]]]) -> list[str]:
+    """Return what is stated of tires."""
+    return [f"{clean(' '.join(filter(None, tire)))}: {clean(why)}" for tire, reasons in tires for why in reasons]
 
 
 def _stopped(stop: StopRequest) -> None:
@@ -322,24 +326,15 @@ def _report(progress: CampaignProgress, failures: list[tuple[Path, Failure]], ro
     ):
         if count:
             click.echo(f"{count} {words}")
-    for path, failure in failures[:_LISTED_FAILURES]:
-        click.echo(f"  {clean(str(path))}: {clean(text(failure.reason))}")
-    if len(failures) > _LISTED_FAILURES:
-        click.echo(f"  and {len(failures) - _LISTED_FAILURES} more, in the table failures")
+    _list([f"{clean(str(path))}: {clean(text(failure.reason))}" for path, failure in failures], "table failures")
     if progress.damaged:
         click.echo(
             f"{len(progress.damaged)} damaged: only the readable part is estimated; `treadlink repair` recovers more"
         )
-    for path in progress.damaged[:_LISTED_FAILURES]:
-        click.echo(f"  {clean(str(path))}: see treadlink inspect")
-    if len(progress.damaged) > _LISTED_FAILURES:
-        click.echo(f"  and {len(progress.damaged) - _LISTED_FAILURES} more, in the column damage")
+    _list([f"{clean(str(path))}: see treadlink inspect" for path in progress.damaged], "column damage")
     if progress.standing or progress.with_alarms:
         click.echo(", ".join(_troubles(progress)))
-    for path, position, why in progress.standing[:_LISTED_FAILURES]:
-        click.echo(f"  {clean(' '.join(filter(None, (str(path), position))))}: {clean(why)}")
-    if len(progress.standing) > _LISTED_FAILURES:
-        click.echo(f"  and {len(progress.standing) - _LISTED_FAILURES} more, in the column missing")
+    _list(_tire_lines(((str(path), position), (why,)) for path, position, why in progress.standing), "column missing")
     if progress.peak_bytes:
         click.echo(f"largest worker process: {file_size(progress.peak_bytes)}")
     click.echo(f"dataset: {root}")
