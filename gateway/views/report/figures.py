@@ -184,17 +184,28 @@ def waveform_figure(curves: Curves, axis: int, unexplained: Sequence[Unexplained
     grid[0, 1].set_title("around the contact")
     for panel, label in zip(grid[:, 0], ("acceleration", "residual", "residual after"), strict=True):
         panel.set_ylabel(f"{label}, {_UNIT}")
-    _legend(figure, [grid[0, 0], grid[2, 0]], _band_label(float(curves.noise_mps2[axis])))
+    noise = float(curves.noise_mps2[axis])
+    label = f"noise, ±{NOISE_STDS:.0f} × {noise:.3g} {_UNIT}" if math.isfinite(noise) else ""
+    _legend(figure, [grid[0, 0], grid[2, 0]], label)
     figure.align_ylabels(list(grid[:, 0]))
     return figure
+
+
+def _angle_panels(count: int, panel_inch: float, *, is_small: bool = False) -> tuple[Figure, list[Axes]]:
+    """Return a figure of panels above each other over the wheel's angle."""
+    figure = new_figure(_WIDTH_INCH / 2 if is_small else _WIDTH_INCH, panel_inch * count + (0.75 if is_small else 0.8))
+    panels = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+    panels[-1].set_xlim(-180, 180)
+    panels[-1].set_xticks(np.linspace(-180, 180, 5 if is_small else 9))
+    panels[-1].set_xlabel("angle from the contact's centre, deg")
+    return figure, list(panels)
 
 
 def effect_figure(curves: EffectCurves) -> Figure:
     """Draw what an effect adds to the axes on which it does, with a band of its error."""
     sizes = np.nan_to_num(np.square(curves.added_mps2)).mean(axis=1)
     axes = [axis for axis in range(len(AXIS_NAMES)) if sizes[axis] > _VISIBLE**2 * sizes.max()]
-    figure = new_figure(_WIDTH_INCH, 1.8 * max(len(axes), 1) + 0.8)
-    panels = figure.subplots(max(len(axes), 1), 1, sharex=True, squeeze=False)[:, 0]
+    figure, panels = _angle_panels(max(len(axes), 1), 1.8)
     degrees = np.degrees(curves.theta_rad)
     for panel, axis in zip(panels, axes, strict=False):
         added, band = curves.added_mps2[axis], NOISE_STDS * curves.std_mps2[axis]
@@ -202,9 +213,6 @@ def effect_figure(curves: EffectCurves) -> Figure:
         panel.fill_between(degrees, added - band, added + band, color=NOISE, alpha=0.6, lw=0, label=label)
         panel.plot(degrees, added, color=AFTER, lw=1.2, label="added by the effect")
         panel.set_ylabel(f"{AXIS_NAMES[axis]}, {_UNIT}")
-        panel.set_xlim(-180, 180)
-        panel.set_xticks(np.linspace(-180, 180, 9))
-    panels[-1].set_xlabel("angle from the contact's centre, deg")
     _legend(figure, [panels[0]], "")
     return figure
 
@@ -213,16 +221,12 @@ def law_figure(law: Law) -> Figure:
     """Draw what is left without a law, and the law, of its axes in the group where it is largest."""
     curves = max(law.curves, key=lambda group_curves: float(np.square(group_curves.law_mps2).sum()))
     axes = [axis for axis in range(len(AXIS_NAMES)) if AXIS_NAMES[axis] in law.axes]
-    figure = new_figure(_WIDTH_INCH, 2.2 * len(axes) + 0.8)
-    panels = figure.subplots(len(axes), 1, sharex=True, squeeze=False)[:, 0]
+    figure, panels = _angle_panels(len(axes), 2.2)
     for panel, axis in zip(panels, axes, strict=True):
         degrees = np.degrees(curves.theta_rad)
         panel.plot(degrees, curves.left_mps2[axis], color=MEASURED, lw=3.0, label="residual without it")
         panel.plot(degrees, curves.law_mps2[axis], color=AFTER, label=law.title)
         panel.set_ylabel(f"{AXIS_NAMES[axis]}, {_UNIT}")
-        panel.set_xlim(-180, 180)
-        panel.set_xticks(np.linspace(-180, 180, 9))
-    panels[-1].set_xlabel("angle from the contact's centre, deg")
     _legend(figure, [panels[0]], "")
     return figure
 
@@ -230,14 +234,10 @@ def law_figure(law: Law) -> Figure:
 def residual_figure(curves: Curves) -> Figure:
     """Draw the residuals of all recorded axes of one group, small."""
     axes = recorded_axes(curves)
-    figure = new_figure(_WIDTH_INCH / 2, 1.2 * len(axes) + 0.75)
-    panels = figure.subplots(len(axes), 1, sharex=True, squeeze=False)[:, 0]
+    figure, panels = _angle_panels(len(axes), 1.2, is_small=True)
     for panel, axis in zip(panels, axes, strict=True):
         _residual(panel, curves, axis)
         panel.set_title(AXIS_NAMES[axis], fontsize=9.5)
-        panel.set_xlim(-180, 180)
-        panel.set_xticks(np.linspace(-180, 180, 5))
-    panels[-1].set_xlabel("angle from the contact's centre, deg")
     figure.supylabel(f"residual, {_UNIT}", fontsize=10.0, color=INK)
     return figure
 
@@ -363,10 +363,6 @@ def _of(unexplained: Sequence[Unexplained], axis: int, lock: str) -> list[Unexpl
         for residual in unexplained
         if residual.axis == AXIS_NAMES[axis] and residual.lock == lock and not residual.changes
     ]
-
-
-def _band_label(noise: float) -> str:
-    return f"noise, ±{NOISE_STDS:.0f} × {noise:.3g} {_UNIT}" if math.isfinite(noise) else ""
 
 
 def _legend(figure: Figure, panels: Sequence[Axes], noise: str) -> None:
