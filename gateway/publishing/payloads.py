@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
@@ -10,7 +9,7 @@ from gateway.pipeline.results import Alarm, LinkSnapshot, SessionSnapshot, Wheel
 from gateway.publishing.sink import Item, PublishedAlarm, PublishedRevolution, PublishedState
 from gateway.quantity_catalogue import in_state
 from gateway.reasons import Code, Reason
-from gateway.views.recording_topics import revolution_payload
+from gateway.views.recording_topics import finite, revolution_payload
 from gateway.views.text import json_text
 from gateway.views.wording import as_json, text
 
@@ -146,11 +145,6 @@ def at_end(payload: JsonObject) -> JsonObject:
     # A link that was open to the end has not sent that it ended.
     note = {"note": text(Reason(Code.LINK_ENDED))} if payload.get("connected") else {}
     return {**lasting, **note, **_AT_END[payload["type"]]}
-
-
-def finite(numbers: Mapping[str, float | int | None]) -> JsonObject:
-    """Return the entries that are finite numbers."""
-    return {key: value for key, value in numbers.items() if value is not None and math.isfinite(value)}
 
 
 def _seconds(host_ns: int) -> float:

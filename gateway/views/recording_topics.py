@@ -1,7 +1,7 @@
 """Decoded results and messages as the JSON topics of a recording (fields: `gateway.recording.schemas`)."""
 
 import math
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any, Final
 from urllib.parse import quote
 
@@ -30,7 +30,7 @@ def wheel_topic(position: str, what: str) -> str:
     return f"/wheel/{quote(position, safe='')}/{what}"
 
 
-def _finite(entries: dict[str, float | int | None]) -> dict[str, Any]:
+def finite(entries: Mapping[str, float | int | None]) -> dict[str, Any]:
     """Return the entries that are finite numbers: JSON has no NaN."""
     return {key: value for key, value in entries.items() if value is not None and math.isfinite(value)}
 
@@ -44,7 +44,7 @@ def estimate_fields(estimate: Estimate, taken: Collection[str] = ()) -> dict[str
     """
     name = distinct_name(estimate.name.replace("/", "_over_"), taken)
     return {
-        **_finite({name: estimate.value, f"{name}_std": estimate.std}),
+        **finite({name: estimate.value, f"{name}_std": estimate.std}),
         **({f"{name}_scatter_std": estimate.scatter_std} if estimate.scatter_std > 0.0 else {}),
         f"{name}_status": str(estimate.status),
         **_reasons(f"{name}_reasons", estimate.reasons),
@@ -59,7 +59,7 @@ def _reasons(key: str, reasons: Iterable[Reason]) -> dict[str, Any]:
 def revolution_payload(result: RevolutionResult) -> dict[str, Any]:
     """Return one row of results as flat fields."""
     revolution, conditions = result.revolution, result.conditions
-    payload = _finite(
+    payload = finite(
         {
             "index": revolution.index,
             "start_s": revolution.start_s,
@@ -100,9 +100,9 @@ def message_topic(frame: Frame, position: str, link: str) -> tuple[str, dict[str
     """Return topic and payload of a slow message; None for messages that are recorded only as bytes."""
     message = frame.message
     if isinstance(message, Environment):
-        return wheel_topic(position, "environment"), _finite(message._asdict())
+        return wheel_topic(position, "environment"), finite(message._asdict())
     if isinstance(message, HubStatus):
-        return f"/hub/{frame.hub}/status", _finite(message._asdict())
+        return f"/hub/{frame.hub}/status", finite(message._asdict())
     if isinstance(message, Hello):
         return f"/hub/{frame.hub}/hello", {
             "wheel": frame.wheel,
