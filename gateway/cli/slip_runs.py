@@ -157,10 +157,5 @@ def slip_toml(calibration: SlipCalibration) -> str:
         pressure_max_kpa=rounded(high_kpa),
         **separated,
     )
-    return toml_text(
-        {"tire": {"slip_calibration": table.model_dump(exclude_none=True, exclude=_unseparated(separated))}}
-    )
-
-
-def _unseparated(separated: dict[str, float]) -> set[str]:
-    return set() if separated else {"ply_steer_std_deg", "conicity_std_deg"}
+    unseparated = set() if separated else {"ply_steer_std_deg", "conicity_std_deg"}
+    return toml_text({"tire": {"slip_calibration": table.model_dump(exclude_none=True, exclude=unseparated)}})

@@ -19,7 +19,7 @@ import re
 import sys
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple, Self
 from urllib.parse import quote
@@ -57,7 +57,6 @@ _NO_REVOLUTIONS: Final = "none"
 _LONGEST_NAME: Final = 80
 _MAX_DESCRIPTION_BYTES: Final = 1 << 20
 _NULL_PARTITION: Final = "__HIVE_DEFAULT_PARTITION__"
-_LOCK_RETRY_NS: Final = 200_000_000
 
 
 _KEY_NAME: Final = re.compile(rf"(\w+)-(\w+)-(\w+)(?:\.(?:{_FINAL}|{_AGAIN}))?\.parquet", re.ASCII)
@@ -394,7 +393,8 @@ def opened(root: Path, description: Description, waiting: Callable[[str], bool])
             if present != description:
                 raise _difference(root, present, description)
         else:
-            entries = {"treadlink": __version__, "format": FORMAT, "time_zone": "UTC", **_as_dict(description)}
+            entries = {"treadlink": __version__, "format": FORMAT, "time_zone": "UTC"}
+            entries |= asdict(description)
             write_whole(path, json.dumps(entries, indent=2, ensure_ascii=False) + "\n", force=True)
         dataset = Dataset(root, description)
         try:
@@ -455,12 +455,6 @@ def partition(vehicle: str, start_ns: int) -> Path:
         encoded = encoded.replace("_", "%5F", 1)
     day = np.datetime_as_string(np.datetime64(start_ns, "ns"), unit="D")
     return Path(f"vehicle={encoded}") / f"day={day}"
-
-
-def _as_dict(description: Description) -> dict[str, Any]:
-    return {
-        "estimators": list(description.estimators), "rows": description.rows, "estimates": list(description.estimates)
-    }  # fmt: skip
 
 
 def _difference(root: Path, present: Description, wanted: Description) -> OutputError:

@@ -370,7 +370,10 @@ def _recording_rows(
     states = {state.position: state for state in estimation.wheels}
     positions, alarms, counters = _heard(collected, estimation), estimation.alarms(), estimation.links.values()
     of_links = [alarm for alarm in alarms if alarm.position not in positions]
-    sensors = {position: _sensor_text(estimation.sensors.at(vehicle, position)) for position in positions}
+    sensors = {
+        position: ",".join(f"{sensor:08x}" for sensor in sorted(estimation.sensors.at(vehicle, position)))
+        for position in positions
+    }
     path = order.folder / f"{order.token}.{RECORDINGS}.parquet"
     statements = estimation.statements.contradictions()
     run = reader.info.described_run()
@@ -463,10 +466,6 @@ def _concerns(subject: str, position: str, positions: Collection[str]) -> bool:
     """Return whether a notice, whose subject is `FL`, `hub 0` or `LINK, FL`, is about a wheel or all wheels."""
     name = subject.rpartition(", ")[2]
     return name == position or name not in positions
-
-
-def _sensor_text(sensors: frozenset[int]) -> str:
-    return ",".join(f"{sensor:08x}" for sensor in sorted(sensors))
 
 
 def _effects_identity(table: CorrectionTable) -> str:

@@ -192,7 +192,7 @@ def diagnose_tire(order: DiagnosisOrder, _: Callable[[int], None] = lambda _: No
     whole = json.dumps(diagnosis_json(diagnosis), ensure_ascii=False, allow_nan=False)
     common = {
         **_head(order, diagnosis.recordings),
-        "left_out": _as_list(diagnosis.left_out),
+        "left_out": storable(json.dumps([as_json(reason) for reason in diagnosis.left_out], ensure_ascii=False)),
         "held_out_before_mps2": diagnosis.held_out.rms_before_mps2,
         "held_out_after_mps2": diagnosis.held_out.rms_after_mps2,
         "noise_floor_mps2": diagnosis.noise_floor_mps2,
@@ -218,10 +218,6 @@ def diagnose_tire(order: DiagnosisOrder, _: Callable[[int], None] = lambda _: No
         if not diagnosis.findings:
             part.row({**common, "diagnosis": whole})
     return TireOutcome(left_out=tuple(map(text, diagnosis.left_out)))
-
-
-def _as_list(reasons: Sequence[Reason]) -> str:
-    return storable(json.dumps([as_json(reason) for reason in reasons], ensure_ascii=False))
 
 
 def _head(order: DiagnosisOrder, used: Sequence[str]) -> dict[str, Any]:

@@ -274,7 +274,7 @@ def explain_open_error(port: str, error: Exception, present: list[str], device: 
             else f"Wait for its end, or quit it (`sudo fuser {port}` names it).",
             cause=errno.EBUSY,
         )
-    if number in (errno.ENOTTY, errno.EINVAL, errno.EISDIR) or not _is_device(port):
+    if number in (errno.ENOTTY, errno.EINVAL, errno.EISDIR) or (os.name == "posix" and not Path(port).is_char_device()):
         return SourceError(
             f"{port} is not a serial port, or refuses these settings",
             "Check the port and its options.",
@@ -301,10 +301,6 @@ def _choice(name: str, text: str, choices: Mapping[str, Any]) -> Any:
 
 def _exists(port: str) -> bool:
     return "://" in port or Path(port).exists()
-
-
-def _is_device(port: str) -> bool:
-    return os.name != "posix" or Path(port).is_char_device()
 
 
 def _group_of(port: str) -> str:

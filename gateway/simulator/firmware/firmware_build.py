@@ -151,7 +151,8 @@ def _compile_image(folder: Path, port: Path, sources: list[Path], name: str, opt
 
 def _compile(folder: Path, compiler: str, sources: list[Path], name: str, options: tuple[str, ...]) -> Path:
     if shutil.which(compiler) is None:
-        raise SourceError(f"the compiler {compiler} is missing", f"Install it: apt install {_package(compiler)}.")
+        package = BOARD_PACKAGES.get(compiler, compiler)
+        raise SourceError(f"the compiler {compiler} is missing", f"Install it: apt install {package}.")
     generated = write_protocol(folder)
     program = folder / name
     done = subprocess.run(
@@ -163,7 +164,3 @@ def _compile(folder: Path, compiler: str, sources: list[Path], name: str, option
     if done.returncode != 0:
         raise SourceError(f"the collector does not compile:\n{done.stderr}", "Report this as a defect of treadlink.")
     return program
-
-
-def _package(compiler: str) -> str:
-    return BOARD_PACKAGES.get(compiler, compiler)
