@@ -1,22 +1,19 @@
 """Test vectors: frames with their fields, and streams with the frames and counters that a decoder must find.
 
-Fields are those of the wire, so no conversion of the codec is in them. The expected result of a stream is stated by
-hand.
+Built without the codec that they test. The expected result of a stream is stated by hand.
 """
 
 import json
 from collections.abc import Mapping
 from functools import partial
-from struct import pack
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 
 from firmware_protocol import wire
-from firmware_protocol.codec import encode_raw
-from firmware_protocol.declaration import PAYLOADS
 from firmware_protocol.messages import EVERY_HUB, HUB_ITSELF, MessageType, Outcome
 from firmware_protocol.reference_cmac import aes_cmac
+from firmware_protocol.reference_frames import WireFrame, frame_bytes, payload_bytes, raw_frame
 from firmware_protocol.signing import sign
 
 # RFC 4493, section 4: one key, one message whose prefixes are the four examples, and their codes.
@@ -37,36 +34,6 @@ _HUB_KEY: Final = bytes(range(0xF0, 0x100))
 _SENSOR: Final = 0x0000A001
 _HUB: Final = 0x0123456789ABCDEF
 _NONCE: Final = 0xFEDCBA9876543210
-
-
-class WireFrame(NamedTuple):
-    """A frame in the units of the wire; `payload` has the fields of its declaration."""
-
-    type: int
-    hub: int
-    wheel: int
-    seq: int
-    tick_us: int
-    payload: Mapping[str, Any]
-
-
-def frame_bytes(frame: WireFrame) -> bytes:
-    """Return the bytes of `frame`."""
-    return _raw_frame(payload_bytes(frame.type, frame.payload), frame)
-
-
-def payload_bytes(type_: int, fields: Mapping[str, Any]) -> bytes:
-    """Return the payload with these fields, each a number, a list of numbers or bytes; their limits are not checked."""
-    parts = []
-    for field in PAYLOADS[MessageType(type_)].fields:
-        value = fields[field.name]
-        numbers = value if isinstance(value, list | tuple) else [value]
-        parts.append(value if isinstance(value, bytes) else pack(f"<{len(numbers)}{field.code}", *numbers))
-    return b"".join(parts)
-
-
-def _raw_frame(payload: bytes, frame: WireFrame, **header: int) -> bytes:
-    return encode_raw(frame.type, payload, frame.hub, frame.wheel, frame.seq, frame.tick_us, **header)
 
 
 def _three_axes(n: int) -> dict[str, Any]:
@@ -128,7 +95,7 @@ def _command_vectors() -> list[dict[str, Any]]:
 
     first = signed(command(1000), *hub)
     rate = WireFrame(MessageType.SET_RATE, EVERY_HUB, HUB_ITSELF, 1005, 0, {"rate_hz": 9600.0})
-    unknown = _raw_frame(b"", WireFrame(63, 0, HUB_ITSELF, 1007, 0, {}))
+    unknown = raw_frame(b"", WireFrame(63, 0, HUB_ITSELF, 1007, 0, {}))
     steps: list[tuple[str, bytes, Outcome | None, int]] = [
         ("not signed", frame_bytes(command(1)), Outcome.NOT_VERIFIED, 1),
         ("challenge before any command", challenge(255), None, 1),
@@ -332,7 +299,7 @@ def _seq(seq: int, wheel: int = 0, tick_us: int = 100) -> WireFrame:
 
 
 def _raw(seq: int, payload: bytes, type_: int = 0x77, **header: int) -> bytes:
-    return _raw_frame(payload, WireFrame(type_, 0, 0, seq, 100, {}), **header)
+    return raw_frame(payload, WireFrame(type_, 0, 0, seq, 100, {}), **header)
 
 
 def _flip(data: bytes, index: int) -> bytes:
@@ -445,7 +412,7 @@ def _streams() -> list[dict[str, Any]]:
         ),
         _stream(
             "a signed frame, tag ignored",
-            [_seq(1), _raw_frame(payload_bytes(MessageType.SAMPLES, _SMALL) + bytes(8), _seq(2), flags=1)],
+            [_seq(1), raw_frame(payload_bytes(MessageType.SAMPLES, _SMALL) + bytes(8), _seq(2), flags=1)],
             [_seq(2)],
         ),
         _stream(

@@ -5,10 +5,11 @@ from collections.abc import Iterable, Iterator
 
 from firmware_protocol import wire
 from firmware_protocol.checks import MAX_F32
-from firmware_protocol.conformance import EXAMPLE, frame_bytes
+from firmware_protocol.conformance import EXAMPLE
 from firmware_protocol.declaration import PAYLOADS
 from firmware_protocol.layout import Field
 from firmware_protocol.messages import MessageType
+from firmware_protocol.reference_frames import frame_bytes
 
 _BLOCK = re.compile(r"(?P<begin><!-- generated: (?P<name>\w+) -->)\n.*?(?P<end><!-- end -->)", re.DOTALL)
 

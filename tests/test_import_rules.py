@@ -182,7 +182,7 @@ def printed_help(command, words):
 printed_help(treadlink, [])
 """
 HEAVY = {
-    "asyncio", "bleak", "cryptography", "dask", "jinja2", "matplotlib", "mcap", "multiprocessing", "numpy",
+    "asyncio", "bleak", "construct", "cryptography", "dask", "jinja2", "matplotlib", "mcap", "multiprocessing", "numpy",
     "pandas", "pyarrow", "pydantic", "rich", "scipy", "serial", "textual",
 }  # fmt: skip
 

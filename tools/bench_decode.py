@@ -19,7 +19,6 @@ from pathlib import Path
 import construct
 import numpy as np
 
-from firmware_protocol import wire
 from firmware_protocol.block_decoder import BatchDecoder
 from firmware_protocol.codec import encode_frame
 from firmware_protocol.decoder import FrameDecoder
@@ -35,6 +34,7 @@ from firmware_protocol.messages import (
     SampleBlock,
     TimeSync,
 )
+from firmware_protocol.reference_frames import FRAME
 
 BLOCK_BYTES = 1 << 21
 SAMPLES = 36
@@ -244,12 +244,6 @@ def others(stream: bytes) -> None:
     first = encode_frame(next(frame for frame in FrameDecoder().feed(stream) if frame.type == MessageType.SAMPLES))
     count = 300
     data = first * count
-    numbers = {"B": construct.Int8ul, "I": construct.Int32ul}
-    header = [field.name / (numbers.get(field.code, construct.Bytes(field.elements))) for field in wire.HEADER.fields]
-    whole = construct.Struct(
-        "body" / construct.RawCopy(construct.Struct(*header, "payload" / construct.Bytes(construct.this.length))),
-        "crc32" / construct.Checksum(construct.Int32ul, zlib.crc32, construct.this.body.data),
-    )
     samples = construct.Struct(
         "first_sample" / construct.Int32ul,
         "axes" / construct.Int8ul,
@@ -257,8 +251,8 @@ def others(stream: bytes) -> None:
         "counts" / construct.Array(3 * SAMPLES, construct.Int16sl),
     )
     for name, frame, payload in (
-        ("interpreted", whole, samples),
-        ("compiled", whole.compile(), samples.compile()),
+        ("interpreted", FRAME, samples),
+        ("compiled", FRAME.compile(), samples.compile()),
     ):
 
         def parse(frame: construct.Construct = frame, payload: construct.Construct = payload) -> None:

@@ -1,9 +1,8 @@
-"""The declared frames in another reading: built and parsed with `construct`, and turned into messages by hand.
+"""The declared payloads in another reading: parsed with `construct`, and turned into messages by hand.
 
 The codec is held byte for byte and refusal for refusal against this.
 """
 
-import zlib
 from collections.abc import Mapping
 from typing import Any
 
@@ -11,7 +10,6 @@ import construct as c
 import numpy as np
 
 from firmware_protocol import wire
-from firmware_protocol.conformance import WireFrame
 from firmware_protocol.declaration import PAYLOADS
 from firmware_protocol.layout import Field
 from firmware_protocol.messages import (
@@ -32,42 +30,19 @@ from firmware_protocol.messages import (
     SetTime,
     TimeSync,
 )
+from firmware_protocol.reference_frames import WireFrame, number, struct_of
 
 
-def number(field: Field) -> Any:
+def limited(field: Field) -> Any:
     def is_valid(value: float, _: Any) -> bool:
         is_low = field.low is not None and not value >= field.low
         is_high = field.high is not None and not value <= field.high
         return value == field.none or not (is_low or is_high)
 
-    whole = c.BytesInteger(field.size, signed=field.code.islower(), swapped=True)
-    return c.ExprValidator(c.Float32l if field.code == "f" else whole, is_valid)
+    return c.ExprValidator(number(field), is_valid)
 
 
-def construct_of(field: Field) -> Any:
-    if field.code == "s":
-        return c.GreedyBytes if field.elements is None else c.Const(wire.SYNC)
-    if field.elements is None:
-        return c.Array(lambda this: this.n * this.axes.bit_count(), c.Int16sl)
-    return number(field) if field.elements == 1 else c.Array(field.elements, number(field))
-
-
-def struct_of(fields: tuple[Field, ...], *more: Any) -> Any:
-    return c.Struct(*(field.name / construct_of(field) for field in fields), *more)
-
-
-FRAME = c.Struct(
-    "body" / c.RawCopy(struct_of(wire.HEADER.fields, "payload" / c.Bytes(c.this.length))),
-    "crc32" / c.Checksum(c.Int32ul, zlib.crc32, c.this.body.data),
-)
-STRUCTS = {type_: struct_of(payload.fields, c.Terminated) for type_, payload in PAYLOADS.items()}
-
-
-def build(frame: WireFrame) -> bytes:
-    payload = STRUCTS[MessageType(frame.type)].build(dict(frame.payload))
-    header = frame._asdict() | {"version": wire.VERSION_BYTE, "flags": 0, "length": len(payload), "payload": payload}
-    built: bytes = FRAME.build({"body": {"value": header}})
-    return built
+STRUCTS = {type_: struct_of(payload.fields, c.Terminated, element=limited) for type_, payload in PAYLOADS.items()}
 
 
 def parse_payload(type_: int, payload: bytes) -> dict[str, Any]:

@@ -15,10 +15,11 @@ from firmware_protocol import wire
 from firmware_protocol.block_decoder import BatchDecoder
 from firmware_protocol.cgen import c_encoder, c_header
 from firmware_protocol.codec import decode_payload, encode_frame, encode_payload
-from firmware_protocol.conformance import WireFrame, make_vectors
+from firmware_protocol.conformance import make_vectors
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.kaitai import kaitai_description
 from firmware_protocol.messages import MessageType, SampleBlock
+from firmware_protocol.reference_frames import WireFrame
 from firmware_protocol.spec import updated
 from firmware_protocol.wireshark import wireshark_dissector
 from gateway.cli import treadlink

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from firmware_protocol.conformance import payload_bytes
 from firmware_protocol.messages import MessageType
 from firmware_protocol.reference_cmac import aes_cmac
+from firmware_protocol.reference_frames import payload_bytes
 from firmware_protocol.signing import sign
 from gateway.cli.clause_report import report_lines
 from gateway.io.source import Chunk

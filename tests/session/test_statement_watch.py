@@ -8,9 +8,9 @@ import pytest
 from click.testing import CliRunner
 
 from firmware_protocol.block_decoder import BatchDecoder
-from firmware_protocol.conformance import payload_bytes
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import EVERY_HUB, HUB_ITSELF, Coupling, MessageType, SetRate, SetStream, TimeSync
+from firmware_protocol.reference_frames import payload_bytes
 from gateway.cli.estimate import estimate
 from gateway.cli.inspect import inspect
 from gateway.cli.replay import replay

@@ -12,7 +12,6 @@ from zlib import crc32
 import numpy as np
 
 from firmware_protocol.codec import encode_payload, encode_raw
-from firmware_protocol.conformance import payload_bytes
 from firmware_protocol.declaration import PAYLOADS
 from firmware_protocol.messages import (
     HUB_ITSELF,
@@ -26,6 +25,7 @@ from firmware_protocol.messages import (
     SampleBlock,
     TimeSync,
 )
+from firmware_protocol.reference_frames import payload_bytes
 
 RATE_HZ: Final = 4000.0
 BLOCK: Final = 36
