@@ -1,11 +1,17 @@
 """`treadlink estimate`: estimate recordings in one pass and write tables."""
 
+import contextlib
 from pathlib import Path
 
 import click
 
+from gateway.cli import exit_status
 from gateway.cli.options import FiniteRange, config_option, effects_option, estimator_option, force_option, keys_option
 from gateway.cli.path_option import path_option
+from gateway.cli.summary_output import SummaryOutput
+from gateway.errors import TreadlinkError
+from gateway.views.output_file import check_outputs, is_stdout
+from gateway.views.wording import text
 
 
 @click.command()
@@ -58,13 +64,14 @@ def estimate(
     A FILE appears when it is complete, or not at all. A FILE of - is standard output; the summary is then printed to
     standard error. The exit status is 1 if a recording has no frames, or a wheel that sent samples has no revolution.
     """
-    from gateway.cli.estimate_run import run_estimate
-    from gateway.cli.recording_estimates import EstimateOrder
+    from gateway.cli.recording_estimates import EstimateOrder, estimate_recording
     from gateway.estimators.registry import DEFAULT_ESTIMATORS
     from gateway.estimators.weighted_mean import coverage_factor
+    from gateway.recording.recorded_file import check_exist
     from gateway.security.key_file import default_key_file
-    from gateway.views.output_file import check_outputs
-    from gateway.views.tables.result_table import TableFormat
+    from gateway.views.drive_page.drive_page import check_page, write_drive_page
+    from gateway.views.progress import progress_view
+    from gateway.views.tables.result_table import TableFormat, open_table
 
     table_paths = {
         TableFormat.CSV: csv_path,
@@ -75,17 +82,50 @@ def estimate(
     outputs = {kind: path for kind, path in table_paths.items() if path is not None}
     if coverage is not None and not outputs:
         raise click.UsageError("--coverage adds columns to a table: give --csv, --json or --parquet too.")
-    read = (*recordings, config_path, *effects_paths, key_file or default_key_file())
-    check_outputs([*outputs.values(), html_path], read, force=force)
+    written = [path for path in (*outputs.values(), html_path) if path is not None]
+    check_outputs(written, (*recordings, config_path, *effects_paths, key_file or default_key_file()), force=force)
     if html_path is not None:
-        from gateway.views.drive_page.drive_page import check_page
-
         check_page(html_path, force=force)
     factor = None if coverage is None else coverage_factor(coverage)
-    orders = [
-        EstimateOrder(
-            path, config_path, effects_paths, key_file, estimators or DEFAULT_ESTIMATORS, is_drawn=html_path is not None
-        )
-        for path in recordings
-    ]
-    run_estimate(orders, outputs, page=html_path, force=force, coverage_factor=factor)
+    check_exist(recordings)
+    # A table on standard output must not be mixed with other lines.
+    say = SummaryOutput(err=any(map(is_stdout, written)))
+    sizes = [path.stat().st_size if path.is_file() else 0 for path in recordings]
+    missing, damaged, drives = 0, [], []
+    with contextlib.ExitStack() as stack:
+        tables = [
+            stack.enter_context(open_table(path, kind, force=force, coverage_factor=factor))
+            for kind, path in outputs.items()
+        ]
+        view = stack.enter_context(progress_view())
+        bar = view.bar(recordings[0].name if len(recordings) == 1 else f"{len(recordings)} recordings")
+        for index, path in enumerate(recordings):
+            before_bytes = sum(sizes[:index])
+
+            def on_position(read_bytes: int, before_bytes: int = before_bytes) -> None:
+                bar.show((before_bytes + read_bytes) / max(sum(sizes), 1))
+
+            order = EstimateOrder(
+                path, config_path, effects_paths, key_file, estimators or DEFAULT_ESTIMATORS, is_drawn=bool(html_path)
+            )
+            estimated = estimate_recording(order, on_position, tables)
+            with view.hidden():
+                for line in estimated.lines:
+                    say(line)
+            if not written:
+                say.finish()
+            missing += estimated.missing
+            if estimated.drive is not None:
+                drives.append(estimated.drive)
+            if estimated.damage is not None:
+                damaged.append(text(estimated.damage))
+    if html_path is not None:
+        write_drive_page(drives, html_path, force=force)
+    for path in written:
+        if not is_stdout(path):
+            say(f"written: {path}")
+    if damaged:
+        raise TreadlinkError("; ".join(damaged), "The readable part was estimated.")
+    if missing:
+        raise SystemExit(exit_status.NO_RESULT)
+    say.finish()
