@@ -19,6 +19,7 @@ from gateway.importing.columns import (
     MAX_MATRIX_COLUMNS,
     Block,
     FileFacts,
+    printable,
     require_equal_lengths,
     row_places,
 )
@@ -128,7 +129,7 @@ class Hdf5Columns:
                 raise ImportDataError(
                     f"{self._path} has more than {_MAX_OBJECTS} objects", "Copy the columns of one run to a new file."
                 )
-            name = f"{prefix}{between}{_text(key)}" if prefix else _text(key)
+            name = f"{prefix}{between}{printable(key)}" if prefix else printable(key)
             try:
                 self._add_link(name, group, key, depth, above | {address})
             except (MemoryError, ImportDataError):
@@ -169,7 +170,7 @@ class Hdf5Columns:
         elif matlab_class == "char":
             self._unusable[name] = ("is text", _AS_VECTORS)
         elif matlab_class and matlab_class not in _MATLAB_NUMBERS:
-            self._unusable[name] = (f"is a MATLAB object of class {_text(matlab_class)}", _MATLAB_TABLE)
+            self._unusable[name] = (f"is a MATLAB object of class {printable(matlab_class)}", _MATLAB_TABLE)
             if matlab_class in CLASSES:
                 self._objects.add(name)
         elif kind == "c" or set(data.dtype.names or ()) == {"real", "imag"}:
@@ -222,7 +223,7 @@ class Hdf5Columns:
         for column_name, column in added:
             self._columns[column_name] = column
             if unit:
-                self._units[column_name] = _text(unit)
+                self._units[column_name] = printable(unit)
 
     def _add_fields(self, name: str, data: h5py.Dataset) -> None:
         if len(data.shape) != 1:
@@ -230,7 +231,7 @@ class Hdf5Columns:
             return
         for field in data.dtype.names:
             kind = data.dtype[field]
-            column = f"{name}.{_text(field)}"
+            column = f"{name}.{printable(field)}"
             if kind.kind in "iufb" and not kind.shape:
                 self._columns[column] = _Column(data, data.shape[0], field=field)
             else:
@@ -304,8 +305,3 @@ def _attribute(data: Any, name: str) -> str:
     if isinstance(value, bytes | np.bytes_):
         return bytes(value).decode("utf-8", "replace")
     return str(value)[:80]
-
-
-def _text(name: str) -> str:
-    """Return a name without parts that no terminal can print."""
-    return name.encode("utf-8", "backslashreplace").decode()

@@ -315,8 +315,7 @@ def _import(
         () if part.scan.decimation is None else (_decimation_text(part.scan.decimation),),
         rounding_std=(part.scan.rate_std_hz or 0.0) / part.scan.rate_hz,
     )
-    recording = _recorded([part], vehicle, path, more, start_ns, out, lambda share: progress(0.5 + 0.5 * share))
-    return _report([part], vehicle, recording, start_is_file_date=start_is_file_date)
+    return _recorded([part], vehicle, path, more, start_ns, out, progress, start_is_file_date=start_is_file_date)
 
 
 def import_wheels(
@@ -355,9 +354,7 @@ def import_wheels(
         )
         for number, rows in enumerate(wheels)
     ]
-    vehicle = whole.vehicle()
-    recording = _recorded(parts, vehicle, path, "", start_ns, out, lambda share: progress(0.5 + 0.5 * share))
-    return _report(parts, vehicle, recording, start_is_file_date=False)
+    return _recorded(parts, whole.vehicle(), path, "", start_ns, out, progress, start_is_file_date=False)
 
 
 def _recorded(
@@ -368,27 +365,23 @@ def _recorded(
     start_ns: int,
     out: Path,
     progress: Callable[[float], None],
-) -> Path:
-    """Write the recording and return its path."""
+    *,
+    start_is_file_date: bool,
+) -> ImportReport:
+    """Write the recording, the second half of the work, and return the report."""
     link = f"import:{path.name}"
     with whole_recording(out, start_ns=start_ns, vehicle_toml=vehicle.to_toml(), sources=(link,)) as writer:
         writer.write(LinkEvent(link, start_ns, LinkEventKind.CONNECTED, f"imported from {path.name}{more}"))
-        writes = [part.writes(writer, link, progress) for part in parts]
+        writes = [part.writes(writer, link, lambda share: progress(0.5 + 0.5 * share)) for part in parts]
         for time_s, write in heapq.merge(*writes, key=lambda timed_write: timed_write[0]):
             write(start_ns + round(time_s * 1e9))
         end_ns = start_ns + round(max(part.end_s for part in parts) * 1e9)
         writer.write(LinkEvent(link, end_ns, LinkEventKind.ENDED))
-    return writer.path
-
-
-def _report(
-    parts: Sequence[_Part], vehicle: VehicleConfig, recording: Path, *, start_is_file_date: bool
-) -> ImportReport:
     longest = max(parts, key=lambda part: part.scan.samples / part.scan.rate_hz)
     file_scan = longest.scan
     return ImportReport(
-        recording=recording,
-        size_bytes=recording.stat().st_size,
+        recording=writer.path,
+        size_bytes=writer.path.stat().st_size,
         samples=file_scan.samples,
         skipped=file_scan.skipped,
         left_out=sum(part.reader.left_out for part in parts),

@@ -475,9 +475,7 @@ def _time_fault(column: _Seen, values: FloatArray) -> tuple[str, float | None] |
         return None
     reason = f"'{column.name}' {what} in {column.where(int(rows[wrong[0] + 1]))}"
     typical = float(steps[regular].mean())
-    rates_hz = [1.0 / (typical * TIME_UNITS_S[unit]) for unit in _time_units(column, values)]
-    likely = [rate_hz for rate_hz in rates_hz if _LIKELY_HZ[0] <= rate_hz <= _LIKELY_HZ[1]]
-    return reason, likely[0] if likely else None
+    return reason, _likely_hz(column, values, typical)
 
 
 def _block_clock(column: _Seen, values: FloatArray, steps: FloatArray) -> tuple[str, float | None] | None:
@@ -487,10 +485,14 @@ def _block_clock(column: _Seen, values: FloatArray, steps: FloatArray) -> tuple[
         return None
     rows = int(advances[-1] - advances[0])
     span = float(values[advances[-1] + 1] - values[advances[0] + 1])
-    rates_hz = [rows / (span * TIME_UNITS_S[unit]) for unit in _time_units(column, values)]
-    likely = [rate_hz for rate_hz in rates_hz if _LIKELY_HZ[0] <= rate_hz <= _LIKELY_HZ[1]]
     each = rows / (len(advances) - 1)
-    return f"'{column.name}' advances once in {each:.4g} rows", likely[0] if likely else None
+    return f"'{column.name}' advances once in {each:.4g} rows", _likely_hz(column, values, span / rows)
+
+
+def _likely_hz(column: _Seen, values: FloatArray, step: float) -> float | None:
+    """Return the rate by a step of a column of times in the first unit that makes it likely, None without one."""
+    rates_hz = (1.0 / (step * TIME_UNITS_S[unit]) for unit in _time_units(column, values))
+    return next((rate_hz for rate_hz in rates_hz if _LIKELY_HZ[0] <= rate_hz <= _LIKELY_HZ[1]), None)
 
 
 def _kind(column: _Seen, values: FloatArray, guess: _Guess) -> str | None:
@@ -581,17 +583,15 @@ def _axes(columns: Sequence[_Seen], rate_hz: float | None) -> list[_Axis]:
             down, up = contact_depth(values, lag), contact_depth(-values, lag)
             depth = down if down >= up else -up
         unit, why = (column.unit, "stated in the file") if column.is_acceleration else ("", "")
-        if not unit and lag is not None and rate_hz is not None:
-            expected = (2.0 * math.pi * rate_hz / lag) ** 2 * ASSUMED_RADIUS_MM * 1e-3
-            for name in ("m/s^2", "g", "mg"):
-                size = max(abs(steady), abs(depth)) * ACCELERATION_UNITS_MPS2[name]
-                if size > 0.0 and fits(size, expected):
-                    unit, why = name, f"by magnitude: V²/R of its revolutions is {expected:.0f} m/s²"
         doubt = column.fault
-        if lag is not None and rate_hz is not None and not doubt:
+        if lag is not None and rate_hz is not None:
             expected = (2.0 * math.pi * rate_hz / lag) ** 2 * ASSUMED_RADIUS_MM * 1e-3
-            size = max(abs(steady), abs(depth)) * ACCELERATION_UNITS_MPS2.get(unit, 1.0)
-            if not unit or not (size > 0.0 and fits(size, expected)):
+            largest = max(abs(steady), abs(depth))
+            for name in () if unit else ("m/s^2", "g", "mg"):
+                if largest > 0.0 and fits(largest * ACCELERATION_UNITS_MPS2[name], expected):
+                    unit, why = name, f"by magnitude: V²/R of its revolutions is {expected:.0f} m/s²"
+            size = largest * ACCELERATION_UNITS_MPS2.get(unit, 1.0)
+            if not doubt and (not unit or not (size > 0.0 and fits(size, expected))):
                 shown = f"its mean and contact are {size:.0f}" if unit else f"no unit makes {size:.4g} fit"
                 doubt = f"V²/R of its revolutions is {expected:.0f} m/s², {shown}"
         axes.append(_Axis(column, unit, why, steady, depth, float(np.nanstd(values)), doubt))

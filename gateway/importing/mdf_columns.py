@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from gateway.errors import ImportDataError
-from gateway.importing.columns import BLOCK_ROWS, Block, FileFacts, row_places
+from gateway.importing.columns import BLOCK_ROWS, Block, FileFacts, printable, row_places
 from gateway.types import FloatArray
 
 _MAX_CHANNELS: Final = 20_000
@@ -91,8 +91,8 @@ class MdfColumns:
                 entries = ElementTree.fromstring(block.comment).iterfind("./common_properties/e")
                 properties = {entry.get("name", ""): (entry.text or "", entry.get("desc", "")) for entry in entries}
                 if properties:
-                    wheel = _text(str(block.acq_name))
-                    conditions[wheel] = {name: tuple(map(_text, pair)) for name, pair in properties.items()}
+                    wheel = printable(str(block.acq_name))
+                    conditions[wheel] = {name: tuple(map(printable, pair)) for name, pair in properties.items()}
         return conditions
 
     def _list(self) -> None:
@@ -101,7 +101,7 @@ class MdfColumns:
             master = self._mdf.masters_db.get(number)
             for index, channel in enumerate(group.channels):
                 if index != master:
-                    channels.append((_text(channel.name), number, index))
+                    channels.append((printable(channel.name), number, index))
             if len(channels) > _MAX_CHANNELS:
                 raise ImportDataError(
                     f"{self._path} has more than {_MAX_CHANNELS} channels",
@@ -115,7 +115,7 @@ class MdfColumns:
             conversion = getattr(channel, "conversion", None)
             unit = getattr(conversion, "unit", "") or getattr(channel, "unit", "")
             if unit:
-                self._units[column] = _text(str(unit))[:40]
+                self._units[column] = printable(str(unit))[:40]
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
         """Yield the named channels at the times of the first; an invalid value is NaN."""
@@ -193,8 +193,3 @@ def _interpolated_at(times_s: FloatArray, channel_s: FloatArray, values: FloatAr
         return np.full(len(times_s), np.nan)
     interpolated: FloatArray = np.interp(times_s, channel_s, values, left=np.nan, right=np.nan)
     return interpolated
-
-
-def _text(name: str) -> str:
-    """Return a name without parts that no terminal can print."""
-    return str(name).encode("utf-8", "backslashreplace").decode()
