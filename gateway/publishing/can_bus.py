@@ -80,7 +80,6 @@ class CanSink(Sink):
 
     def open(self, stop: threading.Event) -> None:
         """Open the bus."""
-        del stop
         try:
             self._bus = can.Bus(channel=self._channel, interface=self._interface, **self._options)
         except Exception as error:  # each interface raises errors of its own

@@ -48,7 +48,6 @@ def open_foxglove(address: SinkAddress, setting: SinkSetting) -> FoxgloveSink:
     Raises:
         SinkError: the address cannot be used.
     """
-    del setting
     address.check_options(("origin",))
     host, port = host_and_port(address, _PORT)
     if address.target.partition("/")[2]:
@@ -89,7 +88,6 @@ class FoxgloveSink(Sink):
 
     def open(self, stop: threading.Event) -> None:
         """Start the server."""
-        del stop
         self._context = foxglove.Context()
         self._channels.clear()
         try:
@@ -103,7 +101,6 @@ class FoxgloveSink(Sink):
 
     def send(self, item: Item, stop: threading.Event) -> None:
         """Log an item to its channels."""
-        del stop
         if isinstance(item, PublishedRevolution):
             for payload in messages(item):
                 self._write(wheel_topic(item.result.position, "revolution"), payload, item.host_ns)

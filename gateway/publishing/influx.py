@@ -49,7 +49,6 @@ def open_influx(address: SinkAddress, setting: SinkSetting) -> InfluxFile | Infl
     Raises:
         SinkError: the file exists or its folder does not, or host or bucket is missing.
     """
-    del setting
     parts = urlsplit(address.uri)
     if not parts.netloc:
         if address.scheme == "influxs":
@@ -115,14 +114,12 @@ class InfluxFile(Sink):
 
     def open(self, stop: threading.Event) -> None:
         """Check that the file can be written, and end half a line."""
-        del stop
         self._append(b"")
         if self._item is None:
             self._append(missing_newline(self._path))
 
     def send(self, item: Item, stop: threading.Event) -> None:
         """Write the lines of an item; after a full disk, from the byte at which it was full."""
-        del stop
         if item is not self._item:
             self._rest, self._item = self._rest + "".join(f"{line}\n" for line in lines(item)).encode(), item
         self._append(self._rest)
@@ -153,13 +150,11 @@ class InfluxServer(Sink):
 
     def open(self, stop: threading.Event) -> None:
         """Prepare the connection; a server that is away is noticed by what waits for it."""
-        del stop
         self._client = InfluxDBClient(self._url, self._token, timeout=_TIMEOUT_MS, org=self._org, retries=False)
         self._write()
 
     def send(self, item: Item, stop: threading.Event) -> None:
         """Take the lines of an item, and send them when a second is over or enough wait."""
-        del stop
         if item is not self._item:
             self._lines += lines(item)
             self._waiting += isinstance(item, PublishedRevolution | PublishedAlarm)
@@ -170,7 +165,6 @@ class InfluxServer(Sink):
 
     def flush(self, stop: threading.Event) -> int:
         """Send what waits, and return how many revolutions and alarms the server has not confirmed."""
-        del stop
         try:
             self._write()
         except SinkDownError:

@@ -36,7 +36,6 @@ def open_json_lines(address: SinkAddress, setting: SinkSetting) -> JsonLines:
     Raises:
         SinkError: the file exists and is not to be appended to, or its folder does not exist.
     """
-    del setting
     address.check_options({"append", "states"})
     append, states = (_yes_no(address, name) for name in ("append", "states"))
     if address.target == "-":
@@ -66,7 +65,6 @@ class JsonLines(Sink):
 
     def open(self, stop: threading.Event) -> None:
         """Open the file, or the pipe when it has a reader."""
-        del stop
         try:
             if self._path is None:
                 self._file = os.dup(sys.stdout.fileno())

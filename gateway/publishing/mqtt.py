@@ -367,24 +367,20 @@ class MqttSink:
             raise SinkRefusedError(self._refused_for, count)
 
     def _connected(self, client: paho.Client, data: Any, flags: Any, reason: ReasonCode, properties: Any) -> None:
-        del client, data, flags, properties
         if reason.is_failure:
             self._refusal = f"the broker refuses: {str(reason).lower()}"
 
     def _disconnected(self, client: paho.Client, data: Any, flags: Any, reason: ReasonCode, properties: Any) -> None:
-        del client, data, properties
         if flags.is_disconnect_packet_from_server and not self._refusal:
             self._refusal = f"the broker ended the connection: {str(reason).lower()}"
 
     def _confirmed(self, client: paho.Client, data: Any, number: int, reason: ReasonCode, properties: Any) -> None:
-        del client, data, properties
         is_counted = self._window.pop(number, False)
         if is_counted and reason.is_failure:
             self._refused += 1
             self._refused_for = str(reason).lower()
 
     def _heard(self, client: paho.Client, data: Any, message: paho.MQTTMessage) -> None:
-        del client, data
         if message.topic == f"{self._prefix}/status":
             self._is_called_offline = message.payload == _OFFLINE and not self._has_ended
         elif message.retain and message.payload and len(self._earlier) < _MOST_EARLIER:

@@ -126,7 +126,6 @@ class PageSink(Sink):
 
     def open(self, stop: threading.Event) -> None:
         """Start serving."""
-        del stop
         try:
             listener = self._listener or _listener(self._host, self.port)
         except OSError as error:
@@ -142,7 +141,6 @@ class PageSink(Sink):
 
     def send(self, item: Item, stop: threading.Event) -> None:
         """Keep a revolution for the trends, and show a state on every page."""
-        del stop
         if isinstance(item, PublishedRevolution):
             with self._lock:
                 self._history.add(item.result)
@@ -212,7 +210,7 @@ class PageSink(Sink):
                 HTTPStatus.FORBIDDEN, "Open the address that treadlink printed: its token fails.\n"
             )
         if "Upgrade" not in request.headers:
-            return _page_response(connection) if parts.path == "/" else connection.respond(HTTPStatus.NOT_FOUND, "")
+            return _page_response() if parts.path == "/" else connection.respond(HTTPStatus.NOT_FOUND, "")
         if request.headers.get("Origin") not in (f"http://{host}", f"https://{host}"):
             return connection.respond(HTTPStatus.FORBIDDEN, "Not a page of this program.\n")
         if len(self._pages) >= MOST_PAGES:
@@ -362,7 +360,7 @@ class _Page:
         self.quantities: list[Any] = []
 
 
-def _page_response(connection: ServerConnection) -> Response:
+def _page_response() -> Response:
     page = page_file()
     headers = Headers(
         {
@@ -375,7 +373,6 @@ def _page_response(connection: ServerConnection) -> Response:
             "Connection": "close",
         }
     )
-    del connection
     return Response(HTTPStatus.OK.value, HTTPStatus.OK.phrase, headers, page.html)
 
 

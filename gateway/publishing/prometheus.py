@@ -40,7 +40,6 @@ def open_prometheus(address: SinkAddress, setting: SinkSetting) -> PrometheusEnd
     Raises:
         SinkError: there is no host, or an option.
     """
-    del setting
     address.check_options(())
     return PrometheusEndpoint(*host_and_port(address, _PORT))
 
@@ -63,7 +62,6 @@ class PrometheusEndpoint(Sink):
 
     def open(self, stop: threading.Event) -> None:
         """Listen."""
-        del stop
         try:
             self._server, _ = start_http_server(self._port, self._host, self._registry)
         except OSError as error:
@@ -71,7 +69,6 @@ class PrometheusEndpoint(Sink):
 
     def send(self, item: Item, stop: threading.Event) -> None:
         """Keep the last state, which has the last revolution of each wheel and all alarms."""
-        del stop
         if isinstance(item, PublishedState):
             self._state.item = item
 

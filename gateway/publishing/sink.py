@@ -119,7 +119,6 @@ class Sink(Protocol):
             number of revolutions and alarms sent before that are not confirmed; 0 by default, as of a receiver that has
             every item once it is sent.
         """
-        del stop
         return 0
 
     def close(self) -> None:

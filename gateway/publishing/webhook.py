@@ -25,7 +25,6 @@ def open_webhook(address: SinkAddress, setting: SinkSetting) -> Webhook:
     Raises:
         SinkError: the rest is no address of a web server, or has a password in it.
     """
-    del setting
     url = address.uri.partition(":")[2]
     parts = urlsplit(url)
     if parts.scheme not in ("http", "https") or not parts.hostname:
