@@ -14,7 +14,6 @@ from gateway.papers.figure_registry import title
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-FORMATS: Final = ("svg", "png")
 INDEX: Final = "index.html"
 
 _SIZE_INCH: Final = (7.0, 4.4)

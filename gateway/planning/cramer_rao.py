@@ -9,7 +9,7 @@ that variance. Coloured noise does the same with its density at each order's fre
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final, Self
+from typing import Final
 
 import numpy as np
 
@@ -58,16 +58,6 @@ class WaveformSensitivity:
     def period_s(self) -> float:
         """Duration of a revolution."""
         return 2.0 * math.pi / self.omega_radps
-
-    def at_speed(self, omega_radps: float) -> Self:
-        """Return the same undamped tire at another speed: its shape does not change."""
-        square = (omega_radps / self.omega_radps) ** 2
-        return replace(
-            self,
-            coefficients_mps2=self.coefficients_mps2 * square,
-            derivatives_mps2=self.derivatives_mps2 * square,
-            omega_radps=omega_radps,
-        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gateway.simulator.firmware.firmware_build import build_board, build_host, missing_packages
-from gateway.simulator.firmware.host_collector import HostCollector
+from tests.testkit.collector_bench import HostCollector
 
 CHECKED = (
     "-O1",

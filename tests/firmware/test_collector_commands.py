@@ -31,8 +31,7 @@ from gateway.security.freshness import Ledger
 from gateway.security.guard import ConfiguredWheel, Guard
 from gateway.security.key_file import hub_identity, sensor_identity
 from gateway.session.commands import Executed, execute
-from gateway.simulator.firmware import bench_records
-from gateway.simulator.firmware.bench_records import Counters, Flash, Kind, counters, number, record
+from gateway.simulator.firmware.bench_records import Kind, record
 from gateway.simulator.firmware.firmware_build import build_host
 from tests.testkit.collector_bench import (
     BLOCK,
@@ -42,11 +41,16 @@ from tests.testkit.collector_bench import (
     SIGNING_HUB,
     SIGNING_WHEEL,
     WHEEL,
+    Counters,
+    Flash,
     arriving,
     block,
     blocks,
     command_bytes,
+    counters,
     delivered,
+    from_gateway,
+    number,
     rows_of,
     seconds,
     started,
@@ -137,7 +141,7 @@ def test_damaged_commands_are_dropped_and_intact_ones_executed(run: Run) -> None
 
 def test_command_in_pieces_is_executed(run: Run) -> None:
     frame = command_bytes(SetTime(6), 2)
-    pieces = b"".join(bench_records.from_gateway(bytes((byte,))) for byte in frame)
+    pieces = b"".join(from_gateway(bytes((byte,))) for byte in frame)
     assert delivered(run(started(), pieces, seconds(1, 3))).results == [(2, Outcome.DONE)]
 
 
@@ -218,7 +222,7 @@ class CollectorLink:
     def send(self, data: bytes) -> None:
         self.sent.append(data)
         if self.listens_to(data):
-            self._records.append(bench_records.from_gateway(data))
+            self._records.append(from_gateway(data))
             self.later(0.01)
 
     def close(self) -> None:

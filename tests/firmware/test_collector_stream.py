@@ -18,18 +18,22 @@ from firmware_protocol.messages import (
     TimeSync,
 )
 from gateway.simulator.firmware import bench_records
-from gateway.simulator.firmware.bench_records import Counters, Kind, number, record
+from gateway.simulator.firmware.bench_records import Kind, record
 from tests.testkit.collector_bench import (
     BLOCK,
     HUB,
+    UNLIMITED,
     WHEEL,
+    Counters,
     arriving,
     block,
     blocks,
     command_bytes,
+    counters,
     counts_of,
     delivered,
     listening,
+    number,
     rows_of,
     seconds,
     started,
@@ -94,7 +98,7 @@ def test_missing_block_shows_in_the_sample_number(run: Run) -> None:
 
 def test_overrun_is_exactly_the_gaps_in_seq(run: Run) -> None:
     stall = number(Kind.STALL, 1000)
-    freed = number(Kind.STALL, bench_records.UNLIMITED)
+    freed = number(Kind.STALL, UNLIMITED)
     data = run(started(), blocks(0, 10), stall, blocks(360, 40), freed, blocks(1800, 20), seconds(2, 4))
     got = delivered(data)
     seqs = sorted(frame.seq for frame in got.frames if frame.wheel == 0)
@@ -108,7 +112,7 @@ def test_overrun_is_exactly_the_gaps_in_seq(run: Run) -> None:
 
 
 def test_hello_and_reply_pass_during_an_overrun(run: Run) -> None:
-    stall, freed = number(Kind.STALL, 0), number(Kind.STALL, bench_records.UNLIMITED)
+    stall, freed = number(Kind.STALL, 0), number(Kind.STALL, UNLIMITED)
     command = arriving([command_bytes(SetTime(5), 3)])
     got = delivered(run(started(), stall, blocks(0, 60), *command, freed, blocks(60 * BLOCK, 2)))
     assert got.results == [(3, Outcome.DONE)]
@@ -178,7 +182,7 @@ def test_every_counter_wraps(run: Run) -> None:
     ]
     end = b"".join(number(Kind.TIME, 1_000_000 * k) for k in range(1, 3))
     before = len(run(started()))
-    got = delivered(run(started(), bench_records.counters(near), *samples, end)[before:])
+    got = delivered(run(started(), counters(near), *samples, end)[before:])
     assert got.counters.lost == got.counters.restarts == got.counters.duplicates == 0
     rows = got.samples()
     assert len(rows) == 20 * BLOCK

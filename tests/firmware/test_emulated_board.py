@@ -33,7 +33,7 @@ from gateway.security.key_file import hub_identity, sensor_identity
 from gateway.session.commands import TwoWaySource, execute
 from gateway.session.core import SessionCore
 from gateway.simulator.firmware import bench_records
-from gateway.simulator.firmware.bench_records import Kind, number
+from gateway.simulator.firmware.bench_records import Kind
 from gateway.simulator.firmware.emulated_board import EmulatedBoard
 from gateway.simulator.firmware.sensor_feed import Played, SensorFeed, play
 from gateway.simulator.scenario import load_scenario, vehicle_toml
@@ -44,12 +44,14 @@ from tests.testkit.collector_bench import (
     SENSOR_KEY,
     SIGNING_HUB,
     SIGNING_WHEEL,
+    UNLIMITED,
     WHEEL,
     Delivery,
     block,
     blocks,
     command_bytes,
     delivered,
+    number,
     rows_of,
     tick,
 )
@@ -178,7 +180,7 @@ def test_simulated_tires_arrive_to_the_bit_with_their_estimates(board: EmulatedB
 def test_overrun_shows_as_gaps_in_seq(board: EmulatedBoard, link: Link) -> None:
     board.provision(HUB, [WHEEL])
     board.send(0, blocks(0, 10) + number(Kind.STALL, 500) + blocks(360, 60))
-    board.send(0, number(Kind.STALL, bench_records.UNLIMITED) + blocks(70 * 36, 30) + tick(2) + tick(3))
+    board.send(0, number(Kind.STALL, UNLIMITED) + blocks(70 * 36, 30) + tick(2) + tick(3))
     last = 99 * 36
 
     def is_complete(result: Delivery) -> bool:

@@ -1,6 +1,10 @@
 """Records for the reference collector, and what its link delivered."""
 
+import struct
+import subprocess
 from collections.abc import Iterable, Iterator
+from enum import IntEnum
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +26,7 @@ from firmware_protocol.messages import (
     SampleBlock,
 )
 from firmware_protocol.signing import sign
+from gateway.errors import SourceError
 from gateway.security.cmac import Key, mac
 from gateway.simulator.firmware import bench_records
 from gateway.simulator.firmware.bench_records import HubData, Kind, WheelData, provisioning, record
@@ -34,6 +39,39 @@ WHEEL = WheelData()
 SIGNING_WHEEL = WHEEL._replace(key=SENSOR_KEY)
 BLOCK = 36
 """Samples of a full unsigned frame of three axes."""
+
+
+UNLIMITED = 0xFFFF_FFFF
+"""Bytes that a link takes which does not stall."""
+_MOST_PAYLOAD = 255
+
+
+class Flash(IntEnum):
+    """State of the collector's flash."""
+
+    BROKEN = 0
+    WORKS = 1
+    ERASED = 2
+
+
+class Counters(NamedTuple):
+    """Counters to set in a running collector.
+
+    Attributes:
+        seq: of every source.
+        first_sample: number of the next sample of every wheel.
+        frames_sent: of HUB_STATUS.
+        frames_dropped: of HUB_STATUS.
+        samples_dropped: of HUB_STATUS.
+        tick_us: the clock.
+    """
+
+    seq: int
+    first_sample: int
+    frames_sent: int
+    frames_dropped: int
+    samples_dropped: int
+    tick_us: int
 
 
 class Delivery(NamedTuple):
@@ -115,7 +153,7 @@ def blocks(first: int, number: int, **options: float) -> bytes:
 
 def tick(time_s: float) -> bytes:
     """Return the record that moves the collector's clock."""
-    return bench_records.number(Kind.TIME, round(time_s * 1e6))
+    return number(Kind.TIME, round(time_s * 1e6))
 
 
 def seconds(begin: int, end: int) -> bytes:
@@ -136,9 +174,49 @@ def command_bytes(
 
 def arriving(frames: Iterable[bytes]) -> Iterator[bytes]:
     """Yield the records that bring frames of the gateway."""
-    return (bench_records.from_gateway(frame) for frame in frames)
+    return (from_gateway(frame) for frame in frames)
 
 
 def listening(yes: bool) -> bytes:
     """Return the record by which a listener comes or goes."""
     return record(Kind.LISTEN, bytes((yes,)))
+
+
+def number(kind: Kind, value: int) -> bytes:
+    """Return a record whose payload is one number: TIME, STALL, RESET_AT or CUT."""
+    return record(kind, struct.pack("<I", value & 0xFFFF_FFFF))
+
+
+def from_gateway(data: bytes) -> bytes:
+    """Return the records that bring bytes of the gateway, where the link itself does not."""
+    pieces = [data[offset : offset + _MOST_PAYLOAD] for offset in range(0, len(data), _MOST_PAYLOAD)]
+    return b"".join(record(Kind.LINK, piece) for piece in pieces)
+
+
+def counters(values: Counters) -> bytes:
+    """Return the record that sets the counters."""
+    return record(Kind.COUNTERS, struct.pack("<6I", *values))
+
+
+class HostCollector:
+    """A collector that runs from power-on through the records that it is given, and ends.
+
+    The same records give the same bytes.
+    """
+
+    def __init__(self, program: Path) -> None:
+        """Take the program of `gateway.simulator.firmware.firmware_build.build_host`."""
+        self._program = program
+
+    def run(self, records: bytes) -> bytes:
+        """Return the bytes of the link.
+
+        Raises:
+            SourceError: the program failed, for example because a sanitizer found an error.
+        """
+        done = subprocess.run([self._program], input=records, capture_output=True, check=False)
+        if done.returncode != 0:
+            raise SourceError(
+                f"the collector failed: {done.stderr.decode(errors='replace')}", "Report this as a defect."
+            )
+        return done.stdout

@@ -19,15 +19,12 @@ MOST_WORDS: Final = 120
 
 MOST_WHEELS: Final = 4
 RATES: Final = 4
-UNLIMITED: Final = 0xFFFF_FFFF
 KEY_BYTES: Final = 16
 _MASK: Final = 0xFFFF_FFFF
-_MOST_PAYLOAD: Final = 255
 _TICK: Final = struct.Struct("<I")
 _ENVIRONMENT: Final = struct.Struct("<IihH")
 _HUB: Final = struct.Struct("<BBBBQIHbx16s")
 _WHEEL: Final = struct.Struct("<BBBBIHxx15f16s")
-_COUNTERS: Final = struct.Struct("<6I")
 
 
 class Kind(IntEnum):
@@ -47,14 +44,6 @@ class Kind(IntEnum):
     HANG = 21
     LINK = 22
     FLASH = 23
-
-
-class Flash(IntEnum):
-    """State of the collector's flash."""
-
-    BROKEN = 0
-    WORKS = 1
-    ERASED = 2
 
 
 class HubData(NamedTuple):
@@ -111,26 +100,6 @@ class WheelData(NamedTuple):
     rates_hz: tuple[float, ...] = (9600.0,)
 
 
-class Counters(NamedTuple):
-    """Counters to set in a running collector.
-
-    Attributes:
-        seq: of every source.
-        first_sample: number of the next sample of every wheel.
-        frames_sent: of HUB_STATUS.
-        frames_dropped: of HUB_STATUS.
-        samples_dropped: of HUB_STATUS.
-        tick_us: the clock.
-    """
-
-    seq: int
-    first_sample: int
-    frames_sent: int
-    frames_dropped: int
-    samples_dropped: int
-    tick_us: int
-
-
 def record(kind: Kind, payload: bytes = b"", wheel_index: int = 0) -> bytes:
     """Return a record; `wheel_index` counts the wheels of the provisioning from 0."""
     body = bytes((kind, wheel_index, len(payload))) + payload
@@ -154,22 +123,6 @@ def environment(
         wire.NONE_U16 if supply_v is None else round(supply_v * 1000.0),
     )
     return record(Kind.ENVIRONMENT, _ENVIRONMENT.pack(tick_us & _MASK, *values), wheel_index)
-
-
-def number(kind: Kind, value: int) -> bytes:
-    """Return a record whose payload is one number: TIME, STALL, RESET_AT or CUT."""
-    return record(kind, _TICK.pack(value & _MASK))
-
-
-def from_gateway(data: bytes) -> bytes:
-    """Return the records that bring bytes of the gateway, where the link itself does not."""
-    pieces = [data[offset : offset + _MOST_PAYLOAD] for offset in range(0, len(data), _MOST_PAYLOAD)]
-    return b"".join(record(Kind.LINK, piece) for piece in pieces)
-
-
-def counters(values: Counters) -> bytes:
-    """Return the record that sets the counters."""
-    return record(Kind.COUNTERS, _COUNTERS.pack(*values))
 
 
 def provisioning(hub: HubData, wheels: list[WheelData]) -> bytes:
