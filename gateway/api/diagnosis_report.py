@@ -10,12 +10,14 @@ from typing import Any, Literal
 from gateway.api.recording_access import Config, PathLike, Recording, chosen_vehicle
 from gateway.closure.effects.effect import BaselineModel
 from gateway.closure.result import Diagnosis, Finding, Fitted, Law, Unexplained
+from gateway.config.effects_file import effects_text
 from gateway.errors import TreadlinkError
 from gateway.recording.file_content import check_distinct
 from gateway.session.campaign_diagnosis import diagnose_recordings
-from gateway.views.report.diagnosis_json import diagnosis_json, write_effects, write_json
+from gateway.views.output_file import write_whole
+from gateway.views.report.diagnosis_json import diagnosis_json, write_json
 from gateway.views.report.html import diagnosis_html, write_html
-from gateway.views.report.phrases import effect_title
+from gateway.views.report.phrases import effect_title, why_unsaved
 from gateway.views.report.terminal import closure_summary_lines
 from gateway.worker_pool import Workers
 
@@ -180,7 +182,10 @@ class DiagnosisReport:
             TreadlinkError: no effect was identified, or the baseline model is not the exact one.
             OutputError: the file exists, or cannot be written.
         """
-        write_effects(self.result, Path(path), force=force)
+        if self.result.correction is None:
+            reason, remedy = why_unsaved(self.result)
+            raise TreadlinkError(f"'{path}' is not written: {reason}", remedy)
+        write_whole(Path(path), effects_text(self.result.correction), force=force)
 
     def __repr__(self) -> str:
         before, after = self.held_out_rms_mps2

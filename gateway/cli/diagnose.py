@@ -399,13 +399,13 @@ def _write(
         TreadlinkError: of the first file that could not be written; further ones are printed before.
     """
     from gateway.views.plans.recording_plan import recording_plan_json
-    from gateway.views.report.diagnosis_json import write_effects, write_json
+    from gateway.views.report.diagnosis_json import write_json
     from gateway.views.report.html import write_html
     from gateway.views.report.phrases import saved_text
 
     to_json = partial(write_json, plan=None if plan is None else recording_plan_json(plan))
     failed: list[TreadlinkError] = []
-    for path, write in ((json_path, to_json), (html_path, write_html), (effects_path, write_effects)):
+    for path, write in ((json_path, to_json), (html_path, write_html), (effects_path, _save_effects)):
         if path is None:
             continue
         try:
@@ -460,6 +460,17 @@ def _check_new_directory(path: Path) -> None:
     """
     if path.exists():
         raise TreadlinkError(f"'{path}' exists", "Name a new directory: a plug-in is several files.")
+
+
+def _save_effects(diagnosis: Diagnosis, path: Path, *, force: bool) -> None:
+    if diagnosis.correction is None:
+        from gateway.views.report.phrases import why_unsaved
+
+        reason, remedy = why_unsaved(diagnosis)
+        raise TreadlinkError(f"'{path}' is not written: {reason}", remedy)
+    from gateway.config.effects_file import effects_text
+
+    write_whole(path, effects_text(diagnosis.correction), force=force)
 
 
 def _check_recordings(recordings: tuple[Path, ...]) -> None:

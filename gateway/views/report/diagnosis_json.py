@@ -7,14 +7,12 @@ from typing import Any, Final
 from gateway import __version__
 from gateway.closure.data.campaign_data import Remark
 from gateway.closure.result import Diagnosis, Finding, Fitted, Law, Origin, Unexplained
-from gateway.config.effects_file import effects_text
-from gateway.errors import TreadlinkError
 from gateway.reasons import Reason
 from gateway.views import wording
 from gateway.views.output_file import write_whole
 from gateway.views.plain_values import plain
 from gateway.views.report.next_steps import next_steps
-from gateway.views.report.phrases import residual_sentence, scaling_text, why_unsaved
+from gateway.views.report.phrases import residual_sentence, scaling_text
 from gateway.views.report.quantities import residuals
 from gateway.views.report.transfer_report import held_out_json
 from gateway.views.text import json_text
@@ -109,19 +107,6 @@ def write_json(diagnosis: Diagnosis, path: Path, *, force: bool = False, plan: M
     document = diagnosis_json(diagnosis) | ({} if plan is None else {"plan": plan})
     text = json_text(document, indent=2)
     write_whole(path, text + "\n", force=force)
-
-
-def write_effects(diagnosis: Diagnosis, path: Path, *, force: bool = False) -> None:
-    """Write the identified effects and laws to a file, which sessions and estimates take.
-
-    Raises:
-        TreadlinkError: no effect was identified, or the baseline model is not the exact one.
-        OutputError: the file exists and `force` is not set, or it cannot be written.
-    """
-    if diagnosis.correction is None:
-        reason, remedy = why_unsaved(diagnosis)
-        raise TreadlinkError(f"'{path}' is not written: {reason}", remedy)
-    write_whole(path, effects_text(diagnosis.correction), force=force)
 
 
 def _origin(origin: Origin | None) -> dict[str, Any] | None:
