@@ -33,6 +33,8 @@ class Hub:
         self.boot_count: int | None = None
         self.last_us: int | None = None
         self.host = HostClock()
+        # Hub times of frames whose arrival the host's clock does not know yet.
+        self._arrived_us: list[int] = []
 
     def restart(self) -> None:
         """Forget the clock before a start."""
@@ -43,6 +45,18 @@ class Hub:
         """Return the hub time of the next frame, without wraps."""
         self.last_us = tick_us if self.last_us is None else unwrap(self.last_us, tick_us)
         return self.last_us
+
+    def arrived(self, tick_us: int) -> int:
+        """Return the hub time of the next frame, without wraps; the host's clock learns of it by `stamp_arrivals`."""
+        unwrapped = self.unwrap(tick_us)
+        self._arrived_us.append(unwrapped)
+        return unwrapped
+
+    def stamp_arrivals(self, host_ns: int) -> None:
+        """Let the host's clock know that the frames since the last call arrived together at `host_ns`."""
+        if self._arrived_us:
+            self.host.stamp_arrival(self._arrived_us, host_ns)
+            self._arrived_us.clear()
 
     def stamp_all(self, ticks_us: NDArray[np.uint32], hosts_ns: NDArray[np.int64] | None) -> NDArray[np.int64]:
         """Take the ticks and any arrivals of frames, (n,) each, n > 0; return their hub times without wraps."""
@@ -122,8 +136,8 @@ class FrameRouter(Generic[WheelT]):
                 self.slow(link, hub, number, int(batch.tick_us[stop]), message, arrived_ns)
             begin = stop + 1
 
-    def slow(self, link: str, hub_number: int, number: int, tick: int, message: Message, host_ns: int | None) -> int:
-        """Take a frame without samples of an admitted source, None without arrival; return its unwrapped hub time."""
+    def slow(self, link: str, hub_number: int, number: int, tick: int, message: Message, host_ns: int | None) -> None:
+        """Take a frame without samples of an admitted source; `host_ns` is None without arrival."""
         hub = self.hub(link, hub_number)
         if isinstance(message, Hello):
             if hub.boot_count is not None and hub.boot_count != message.boot_count:
@@ -143,7 +157,6 @@ class FrameRouter(Generic[WheelT]):
                 source_wheel.hello(message)
             else:
                 source_wheel.environment(tick_us, message)
-        return tick_us
 
     def hub(self, link: str, number: int) -> Hub:
         """Return a hub, new if need be."""
@@ -155,6 +168,12 @@ class FrameRouter(Generic[WheelT]):
     def hubs(self, link: str) -> Iterator[tuple[int, Hub]]:
         """Yield the hubs of a link by number."""
         return ((number, hub) for (of_link, number), hub in self._hubs.items() if of_link == link)
+
+    def stamp_arrivals(self, link: str, host_ns: int) -> None:
+        """Let the clocks of a link's hubs know that the frames since the last call arrived together at `host_ns`."""
+        for (of_link, _), hub in self._hubs.items():
+            if of_link == link:
+                hub.stamp_arrivals(host_ns)
 
     def wheel(self, link: str, hub: int, number: int) -> WheelT | None:
         """Return an admitted wheel, new if need be; None for the hub itself, and for one that is of no interest."""

@@ -193,6 +193,11 @@ class WheelPipeline:
         self.add(first_sample, ticks_us, axes, counts, host)
         return self.complete()
 
+    def can_decide(self, next_sample: int) -> bool:
+        """Return whether samples up to a running number, low 32 bits, exclusive, are enough for the next decision."""
+        buffer, segmenter = self._buffer, self._segmenter
+        return buffer is None or segmenter is None or unwrap(buffer.head, next_sample) >= segmenter.next_index
+
     def overdue_s(self, now_us: int | None) -> float:
         """Return for how long results have been due at a hub time; negative before, or when there are none."""
         if self._results:

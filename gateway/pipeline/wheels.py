@@ -54,10 +54,14 @@ class _Run:
         self._next = (first_sample + self._block) % _SAMPLE_NUMBERS
         return True
 
-    def is_long(self, longest_us: float) -> bool:
-        """Return whether the samples have waited long enough; by their number too: the hub's time may stand still."""
+    def is_due(self, wheel: WheelPipeline, longest_us: float) -> bool:
+        """Return whether the samples have waited long enough, and the wheel has something to decide by them.
+
+        By their number too: the hub's time may stand still.
+        """
         ticks_us = self._ticks_us
-        return ticks_us[-1] - ticks_us[0] >= longest_us or len(ticks_us) >= _MOST_BLOCKS
+        waited = ticks_us[-1] - ticks_us[0] >= longest_us and wheel.can_decide(self._next)
+        return waited or len(ticks_us) >= _MOST_BLOCKS
 
     def add_to(self, wheel: WheelPipeline) -> None:
         """Add the samples to the wheel."""
@@ -71,21 +75,18 @@ class _Source:
     Attributes:
         hub: the hub.
         wheel: None for the hub itself.
-        ticks_us: hub times of the present frames.
         run: samples that have not been added to the wheel yet, None without any.
     """
 
-    __slots__ = ("hub", "run", "ticks_us", "wheel")
+    __slots__ = ("hub", "run", "wheel")
 
     def __init__(self, hub: Hub, wheel: WheelPipeline | None) -> None:
         self.hub, self.wheel = hub, wheel
-        self.ticks_us: list[int] = []
         self.run: _Run | None = None
 
-    def take(self, message: SampleBlock, tick_us: int) -> None:
-        """Take a block, with the hub time of its first sample."""
-        self.ticks_us.append(tick_us)
-        if self.wheel is not None and not (self.run is not None and self.run.goes_on(message, tick_us)):
+    def begin_run(self, message: SampleBlock, tick_us: int) -> None:
+        """Add the samples that wait, and let a block wait that does not follow them."""
+        if self.wheel is not None:
             self.add_run()
             self.run = _Run(message, tick_us, self.hub.host)
 
@@ -95,11 +96,10 @@ class _Source:
             self.run.add_to(self.wheel)
             self.run = None
 
-    def stamp_arrival(self, host_ns: int) -> None:
-        """Let the hub's clock know the present frames, which arrived together at `host_ns`, and forget them."""
-        if self.ticks_us:
-            self.hub.host.stamp_arrival(self.ticks_us, host_ns)
-            self.ticks_us.clear()
+    def add_due(self, longest_us: float) -> None:
+        """Add the samples that wait if they are due."""
+        if self.run is not None and self.wheel is not None and self.run.is_due(self.wheel, longest_us):
+            self.add_run()
 
 
 class Pipeline:
@@ -154,32 +154,30 @@ class Pipeline:
 
     def frames(self, link: str, frames: Iterable[Frame], host_ns: int) -> list[RevolutionResult]:
         """Take decoded frames that arrived on `link` at `host_ns`; return the revolutions that are complete and due."""
-        newest: tuple[Hub, int] | None = None
+        newest: Hub | None = None
         router, sources = self._router, self._sources.setdefault(link, {})
         for frame in frames:
             _, hub_number, number, _, tick, message = frame
             if not isinstance(message, SampleBlock):
                 # It takes effect between the samples before and behind it.
-                for source in sources.values():
-                    source.add_run()
-                    source.stamp_arrival(host_ns)
+                self._add_runs(link)
+                router.stamp_arrivals(link, host_ns)
                 if self.limit.admits(link, hub_number, number):
-                    newest = router.hub(link, hub_number), router.slow(link, hub_number, number, tick, message, host_ns)
+                    router.slow(link, hub_number, number, tick, message, host_ns)
+                    newest = router.hub(link, hub_number)
                 continue
             entry = sources.get((hub_number, number)) or self._source(link, hub_number, number)
             if entry is not None:
-                tick_us = entry.hub.unwrap(tick)
-                entry.take(message, tick_us)
-                newest = entry.hub, tick_us
+                newest = entry.hub
+                tick_us = newest.arrived(tick)
+                if entry.run is None or not entry.run.goes_on(message, tick_us):
+                    entry.begin_run(message, tick_us)
+        router.stamp_arrivals(link, host_ns)
+        if newest is not None and newest.last_us is not None:
+            newest.host.measure_latency(newest.last_us, host_ns)
         longest_us = _GATHERED_SHARE * self._hold_s * 1e6
-        is_due = False
         for source in sources.values():
-            source.stamp_arrival(host_ns)
-            is_due = is_due or (source.run is not None and source.run.is_long(longest_us))
-        if newest is not None:
-            newest[0].host.measure_latency(newest[1], host_ns)
-        if is_due:
-            self._add_runs(link)
+            source.add_due(longest_us)
         return [result for wheel in self._due() for result in wheel.complete()]
 
     def _due(self) -> list[WheelPipeline]:
@@ -245,6 +243,8 @@ class Pipeline:
 
     def wheels(self) -> tuple[WheelSnapshot, ...]:
         """Return the latest state of every wheel, configured ones first."""
+        for link in self._sources:
+            self._add_runs(link)
         return tuple(wheel.snapshot() for wheel in self._order)
 
     def position(self, link: str, hub: int, wheel: int) -> str:

@@ -116,7 +116,8 @@ class _Stream:
         self.last_ns = host_ns
         # What was read before a pause of this computer may be taken after it: the pause stays left out. A time that was
         # set back counts again by itself.
-        self.counted_from_ns = max(self.counted_from_ns, host_ns)
+        if host_ns > self.counted_from_ns:
+            self.counted_from_ns = host_ns
         slot = host_ns // _SLOT_NS
         if slot == self._slot:
             return
@@ -174,12 +175,13 @@ class _Sensor:
                 self.environment.counted_from_ns = host_ns
         self.last_ns = host_ns
         if type_ == MessageType.SAMPLES:
-            if host_ns >= self.samples.due_ns:
-                self.gaps.append((self.samples.last_ns, host_ns))
-            self.samples.arrived(host_ns)
-            for axis in self.axes_ns:
-                if axes >> axis & 1:
-                    self.axes_ns[axis] = max(self.axes_ns[axis], host_ns)
+            samples = self.samples
+            if host_ns >= samples.counted_from_ns + samples.limit_ns:
+                self.gaps.append((samples.last_ns, host_ns))
+            samples.arrived(host_ns)
+            for axis, last_ns in self.axes_ns.items():
+                if axes >> axis & 1 and host_ns > last_ns:
+                    self.axes_ns[axis] = host_ns
             return
         self.messages.arrived(host_ns)
         if type_ == MessageType.ENVIRONMENT:
@@ -565,13 +567,14 @@ class SilenceWatch:
 
     def _brought(self, name: str, host_ns: int) -> _Link:
         """Return a link at the time of a frame."""
-        link = self._link(name, host_ns)
+        link = self._links.get(name) or self._link(name, host_ns)
         if host_ns < link.now_ns - _SET_BACK_NS and not link.was_read_before_pause(host_ns):
             # Recordings that follow each other may have times that do not.
             link.begin_ns -= link.now_ns - host_ns
             link.now_ns, link.due_ns = host_ns, 0
             link.count_again(host_ns)
-        link.now_ns = max(link.now_ns, host_ns)
+        if host_ns > link.now_ns:
+            link.now_ns = host_ns
         return link
 
     def heard(self, name: str, frame: Heard, host_ns: int) -> None:

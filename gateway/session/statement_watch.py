@@ -6,7 +6,7 @@ and clock only, so that a recording gives the same counts as the session.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -83,7 +83,6 @@ class _Wheel:
         "below",
         "changes",
         "content",
-        "counts",
         "former_sensor",
         "hello",
         "last",
@@ -97,9 +96,8 @@ class _Wheel:
         # Whether each of the last hellos changed something, one bit each.
         self.changes = 0
         self.former_sensor: int | None = None
-        # Blocks that wait for their review, and the samples of the chosen ones by place.
-        self.pending: list[tuple[int, int, int]] = []
-        self.counts: dict[int, NDArray[np.int16]] = {}
+        # Hub times and blocks that wait for their review.
+        self.pending: list[tuple[int, SampleBlock]] = []
         self.content = SampleContent()
         self.restart()
 
@@ -184,10 +182,7 @@ class StatementWatch:
                 self._find(source, Code.HUB_SENDS_AS_WHEEL)
             else:
                 wheel = wheel or self._wheel(source)
-                first_sample, axes, counts = message
-                if chosen(first_sample):
-                    wheel.counts[len(wheel.pending)] = counts
-                wheel.pending.append((first_sample, tick_us, axes))
+                wheel.pending.append((tick_us, message))
                 if len(wheel.pending) >= self._review_blocks:
                     self._review_pending(source, wheel)
 
@@ -223,7 +218,6 @@ class StatementWatch:
         for (of_link, _, _), wheel in self._wheels.items():
             if of_link == link:
                 wheel.pending.clear()
-                wheel.counts.clear()
                 wheel.restart()
 
     def new(self) -> list[Notice]:
@@ -358,12 +352,18 @@ class StatementWatch:
 
     def _review_pending(self, source: _Source, wheel: _Wheel) -> None:
         if wheel.pending:
-            rows = np.array(wheel.pending, np.int64).T
+            rows = np.array([(first, tick_us, axes) for tick_us, (first, axes, _) in wheel.pending], np.int64).T
+            counts = [block.counts for _, block in wheel.pending]
             wheel.pending.clear()
-            self._review(source, wheel, _Blocks(np.arange(rows.shape[1]), *rows), wheel.counts)
-            wheel.counts.clear()
+            self._review(source, wheel, _Blocks(np.arange(len(counts)), *rows), counts)
 
-    def _review(self, source: _Source, wheel: _Wheel, blocks: _Blocks, counts: Mapping[int, NDArray[np.int16]]) -> None:
+    def _review(
+        self,
+        source: _Source,
+        wheel: _Wheel,
+        blocks: _Blocks,
+        counts: Mapping[int, NDArray[np.int16]] | Sequence[NDArray[np.int16]],
+    ) -> None:
         """Compare blocks of samples with the wheel's hello; `counts` has the samples of the chosen ones by place."""
         hello = wheel.hello
         if hello is None or not len(blocks.first):
