@@ -92,7 +92,7 @@ class BleSource(ReconnectingSource):
     def _event(self, kind: LinkEventKind, text: str = "", details: tuple[Reason, ...] = ()) -> LinkEvent:
         event = super()._event(kind, text, details)
         link = self._current
-        if kind not in (LinkEventKind.CONNECTED, LinkEventKind.RESTORED) or not isinstance(link, BleLink):
+        if not kind.is_open or not isinstance(link, BleLink):
             return event
         rssi_dbm = link.sighting.rssi_dbm if link.sighting is not None else None
         return replace(event, details=(*details, *link.details()), rssi_dbm=rssi_dbm)

@@ -200,7 +200,7 @@ class SerialSource(ReconnectingSource):
 
     def _event(self, kind: LinkEventKind, text: str = "", details: tuple[Reason, ...] = ()) -> LinkEvent:
         # A lock on the port does not keep out who had it open before.
-        if kind in (LinkEventKind.CONNECTED, LinkEventKind.RESTORED) and (holders := port_holders(self._port)):
+        if kind.is_open and (holders := port_holders(self._port)):
             details = (*details, Reason(Code.PORT_SHARED, holders=" and ".join(holders)))
         return super()._event(kind, text, details)
 

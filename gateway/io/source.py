@@ -77,6 +77,11 @@ class LinkEventKind(StrEnum):
     MARK = "mark"
     COMPUTER = "computer"
 
+    @property
+    def is_open(self) -> bool:
+        """Whether the link is open after it."""
+        return self in (LinkEventKind.CONNECTED, LinkEventKind.RESTORED)
+
 
 _EVENT_CODES: Final = {
     LinkEventKind.CONNECTED: Code.LINK_CONNECTED,

@@ -16,7 +16,7 @@ What is compared depends on the times of the revolutions alone, not on the order
 import bisect
 import math
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
 from typing import Final, NamedTuple
@@ -30,6 +30,7 @@ from gateway.pipeline.axis_lags import ALARM as AXIS_LAG
 from gateway.pipeline.axis_lags import AxisLags
 from gateway.pipeline.qualification import provisional_where
 from gateway.pipeline.results import Alarm, RevolutionResult
+from gateway.pipeline.vehicle_witness import VehicleJoin
 from gateway.quantity import Basis
 from gateway.quantity_catalogue import declared
 from gateway.reasons import Code, Reason
@@ -200,17 +201,32 @@ class _Pair:
 class WheelPairs:
     """Compares the wheels of one vehicle; in whatever order their revolutions come, the same ones are compared."""
 
-    def __init__(self, witnesses: Callable[[], Iterable[Alarm]] = tuple) -> None:
-        """Start without revolutions; `witnesses` returns the alarms of what the vehicle's signals contradict."""
-        self._witnesses = witnesses
+    def __init__(self, join: VehicleJoin | None = None) -> None:
+        """Start without revolutions; `join` adds the vehicle's signals, None for none."""
+        self._join = join
         self._axis_lags = AxisLags()
         self._pairs: dict[str, _Pair] = {}
         self._lefts: dict[str, str] = {}
         self._names = frozenset(quantity.name for quantity in declared() if quantity.is_of_axle)
         self._at_ns: dict[str, float] = {}
 
-    def compare(self, results: Iterable[RevolutionResult]) -> None:
-        """Compare revolutions of any wheels; one without host time, as of a dump, has no other at its time."""
+    def compared(self, results: list[RevolutionResult]) -> Iterator[tuple[RevolutionResult, bool]]:
+        """Yield revolutions with the vehicle's signals and what these and the other wheels contradict.
+
+        The time of the one that is yielded is the present of the alarms of its pair.
+
+        Args:
+            results: of any wheels. One without host time, as of a dump, has no other at its time.
+
+        Yields:
+            The result, and whether alarms of the pair begin or end with it.
+        """
+        if self._join is not None:
+            results = [self._join.joined(result) for result in results]
+        self._compare(results)
+        yield from map(self._take, results)
+
+    def _compare(self, results: Iterable[RevolutionResult]) -> None:
         for result in results:
             if not result.host_ns:
                 continue
@@ -233,12 +249,7 @@ class WheelPairs:
             )
             self._pairs.setdefault(right or result.position, _Pair()).take(int(right is None), turn)
 
-    def take(self, result: RevolutionResult) -> tuple[RevolutionResult, bool]:
-        """Take the next result, which was compared; its time is the present of its pair's alarms.
-
-        Returns:
-            The result with what the other wheels contradict of it, and whether alarms of them begin or end.
-        """
+    def _take(self, result: RevolutionResult) -> tuple[RevolutionResult, bool]:
         if not result.host_ns:
             return result, False
         known_ns = result.host_ns - _LATER_NS
@@ -265,7 +276,8 @@ class WheelPairs:
 
     def alarms(self) -> Iterator[Alarm]:
         """Yield those of the vehicle's signals, of axes, and of pairs that slip to opposite sides or roll apart."""
-        yield from self._witnesses()
+        if self._join is not None:
+            yield from self._join.alarms()
         yield from self._axis_lags.alarms()
         for right, left in self._lefts.items():
             verdict = self._pairs[right].verdict(self._at_ns.get(right, -math.inf))

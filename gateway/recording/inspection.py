@@ -277,7 +277,7 @@ def inspect_recording(
             if isinstance(item, LinkEvent):
                 if item.kind is LinkEventKind.ENDED:
                     ended.add(item.link)
-                elif item.kind in (LinkEventKind.CONNECTED, LinkEventKind.RESTORED):
+                elif item.kind.is_open:
                     ended.discard(item.link)
                 if len(events) < MAX_EVENTS:
                     events.append(item)

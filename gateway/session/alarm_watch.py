@@ -101,6 +101,15 @@ class AlarmWatch(ABC):
             notices += self.review()
         return notices
 
+    def link_event(self, event: LinkEvent) -> list[Notice]:
+        """Take a change of a link at its time; return new notices."""
+        notices = self.advance(event.link, event.host_ns)
+        if event.kind.is_open:
+            self.silence.opened(event.link, event.host_ns)
+        else:
+            self.silence.closed(event.link, event.host_ns, event.reason)
+        return notices
+
     def _silent(self, wheels: Iterable[WheelSnapshot], several_links: bool) -> tuple[Alarm, ...]:
         hubs, vehicles = self.silence.silent_hubs(), self.silence.silent_vehicles()
         return silent_alarms(wheels, hubs, vehicles, several_links=several_links)
@@ -145,6 +154,13 @@ class SessionAlarms(AlarmWatch):
         self.disk: DiskRoom | None = None
         self._state = state
         self._sensor_ids = sensor_ids(vehicle)
+
+    def pause(self, link: str, pause_ns: int, end_ns: int) -> list[Notice]:
+        """Leave a pause of this computer out of the silence of a link; return new notices."""
+        # What was silent before the pause is so without it.
+        notices = self.advance(link, end_ns - pause_ns)
+        self.silence.paused(link, pause_ns, end_ns)
+        return notices
 
     def take_sinks(self, sinks: tuple[SinkSnapshot, ...]) -> None:
         """Take the present state of the live outputs."""
@@ -308,11 +324,10 @@ class RecordingAlarms(AlarmWatch):
         events = self._events.get(link)
         while events and events[0].host_ns <= until_ns:
             event = events.popleft()
-            self.advance(link, event.host_ns)
-            if event.kind in (LinkEventKind.CONNECTED, LinkEventKind.RESTORED):
-                self.silence.opened(link, event.host_ns)
-            elif event.kind is not LinkEventKind.ENDED:
-                self.silence.closed(link, event.host_ns, event.reason)
+            if event.kind is LinkEventKind.ENDED:
+                self.advance(link, event.host_ns)
+            else:
+                self.link_event(event)
             self.review()
 
     def _link_alarms(self) -> Iterator[Alarm]:

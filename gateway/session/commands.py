@@ -92,7 +92,7 @@ class CommandedSource(WrappedSource):
                 if greeter is not None:
                     with suppress(LinkLostError, SourceError):
                         greeter.read(item.data)
-            elif isinstance(item, LinkEvent) and item.kind in (LinkEventKind.CONNECTED, LinkEventKind.RESTORED):
+            elif isinstance(item, LinkEvent) and item.kind.is_open:
                 if self._keys:
                     commands = HubCommands(self._keys, may_be_unsigned=self._may_be_unsigned)
                     greeter = _Greeter(self._source, self._settings, commands, self._clock)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from firmware_protocol.decoder import FrameDecoder
-from firmware_protocol.messages import CommandResult, Frame, Hello, HubStatus, LogText, MessageType, SampleBlock
+from firmware_protocol.messages import Frame, Hello, HubStatus, MessageType
 from gateway.config.effects_file import effects_notices, with_effects
 from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig
 from gateway.constants import LATENCY_S
@@ -31,7 +31,6 @@ from gateway.pipeline.wheels import Pipeline
 from gateway.reasons import Code, Level, Notice, Reason, codes_of
 from gateway.security.guard import Guard
 from gateway.session.alarm_watch import SessionAlarms, State
-from gateway.session.commands import refusal
 from gateway.session.disk_watch import disk_notices
 from gateway.session.hub_log import HubLog
 from gateway.session.latency import Latency
@@ -45,7 +44,6 @@ from gateway.session.signal_decoding import SignalDecoder
 from gateway.session.silence import parts_heard
 from gateway.session.statement_watch import StatementWatch
 from gateway.session.wheel_identity import positions, unconfigured_wheel
-from gateway.views.recording_topics import log_level
 
 _logger = logging.getLogger(__name__)
 
@@ -82,7 +80,6 @@ class _Link:
     loss: RecentLoss = field(default_factory=RecentLoss)
     status: HubStatus | None = None
     connected_rssi_dbm: int | None = None
-    resyncs: int = 0
     queue_dropped: Mapping[Stage, int] = field(default_factory=dict)
 
 
@@ -133,13 +130,12 @@ class SessionCore:
         self._latency = self._present_latency = Latency(latency_s)
         self._pipeline = Pipeline(setups, unknown, estimators, self._latency.hold_s)
         self._signals = signals or SignalDecoder()
-        self._join = VehicleJoin(self._signals.history)
         self._vehicle = vehicle
         self._unconfigured: set[str] = set()
         self._reported_missing: set[tuple[str, tuple[Code, ...]]] = set()
         self._configured = {setup.position for setup in setups}
         self._statements = StatementWatch(positions(vehicle), self._pipeline.limit)
-        self._pairs = WheelPairs(self._join.alarms)
+        self._pairs = WheelPairs(VehicleJoin(self._signals.history))
         self._alarms = SessionAlarms(vehicle, self._pipeline.position, self._state, self._pairs.alarms)
         for notice in vehicle.notices() if vehicle is not None else ():
             self.notify(notice)
@@ -217,10 +213,8 @@ class SessionCore:
             self._alarms.silence.vehicle(item.link, parts_heard(item), item.host_ns)
             return []
         results = self._decoded(item.link, link, link.decoder.feed(item.data), item.host_ns)
-        self._log_resync(item.link, link)
-        self._report(item.link, self._statements.new(), item.host_ns)
-        self._report(item.link, self._watch.take_notices(), item.host_ns)
-        self._report(item.link, link.health.data(item.host_ns, item.data, link.decoder.counters), item.host_ns)
+        of_link = link.health.data(item.host_ns, item.data, link.decoder.counters)
+        self._report(item.link, [*self._statements.new(), *self._watch.take_notices(), *of_link], item.host_ns)
         return results
 
     def _vehicle_data(self, link: _Link, item: VehicleData) -> None:
@@ -248,17 +242,6 @@ class SessionCore:
             link = self._links[name] = _Link(health, FrameDecoder(self._watch.gate(name)), HubLog(name))
         return link
 
-    def _log_resync(self, name: str, link: _Link) -> None:
-        counters = link.decoder.counters
-        if link.resyncs != counters.crc_errors:
-            _logger.debug(
-                "%s: decoder resynchronised, %d CRC errors, %d noise bytes",
-                name,
-                counters.crc_errors,
-                counters.noise_bytes,
-            )
-            link.resyncs = counters.crc_errors
-
     def _report(self, link: str, notices: Iterable[Notice], host_ns: int) -> None:
         """Add notices and keep them with the recording."""
         for notice in notices:
@@ -266,23 +249,22 @@ class SessionCore:
             self.recording.notice(notice, link, host_ns)
 
     def _event(self, event: LinkEvent) -> None:
-        reason = event.reason
+        reason, host_ns = event.reason, event.host_ns
         if not event.is_of_link:
-            level = Level.INFO if event.kind is LinkEventKind.MARK else Level.WARNING
-            if event.pause_ns is not None:
-                self._computer_paused(event.pause_ns, event.host_ns)
-            self.notify(Notice("", reason, level))
+            pause_ns = event.pause_ns
+            if pause_ns is not None:
+                for name, link in self._links.items():
+                    self._report(name, self._alarms.pause(name, pause_ns, host_ns), host_ns)
+                    link.health.paused(host_ns)
+            self.notify(Notice("", reason, Level.INFO if event.kind is LinkEventKind.MARK else Level.WARNING))
             return
-        self.newest_ns = max(self.newest_ns, event.host_ns)
+        self.newest_ns = max(self.newest_ns, host_ns)
         link = self._link(event.link)
-        self._report(event.link, self._alarms.advance(event.link, event.host_ns), event.host_ns)
-        link.connected = event.kind in (LinkEventKind.CONNECTED, LinkEventKind.RESTORED)
+        self._report(event.link, self._alarms.link_event(event), host_ns)
+        link.connected = event.kind.is_open
         if link.connected:
             link.health.reconnected()
             self._statements.reopened(event.link)
-            self._alarms.silence.opened(event.link, event.host_ns)
-        else:
-            self._alarms.silence.closed(event.link, event.host_ns, reason)
         if event.rssi_dbm is not None:
             link.connected_rssi_dbm = event.rssi_dbm
         if event.kind is not LinkEventKind.RETRYING or link.note != reason:
@@ -291,29 +273,13 @@ class SessionCore:
             self.notify(Notice(event.link, reason, level))
         link.note = reason
 
-    def _computer_paused(self, pause_ns: int, host_ns: int) -> None:
-        """Leave a pause of this computer out of the silence of every link."""
-        for name, link in self._links.items():
-            # What was silent before the pause is so without it.
-            self._report(name, self._alarms.advance(name, host_ns - pause_ns), host_ns)
-            self._alarms.silence.paused(name, pause_ns, host_ns)
-            link.health.paused(host_ns)
-
     def _decoded(self, name: str, link: _Link, frames: list[Frame], host_ns: int) -> list[RevolutionResult]:
         self._statements.frames(name, frames)
-        heard: set[tuple[int, int, int]] = set()
-        for frame in frames:
-            message = frame.message
-            if isinstance(message, SampleBlock):
-                # The frames of a chunk arrive at one time, so that the first of a kind says all of them.
-                kind = frame.hub, frame.wheel, message.axes
-                if kind in heard:
-                    continue
-                heard.add(kind)
-            if self._pipeline.limit.admits(name, frame.hub, frame.wheel):
-                self._alarms.silence.frame(name, frame, host_ns)
-                if frame.type != MessageType.SAMPLES:
-                    self._slow_message(name, link, frame, host_ns)
+        admitted = [frame for frame in frames if self._pipeline.limit.admits(name, frame.hub, frame.wheel)]
+        self._alarms.silence.frames(name, admitted, host_ns)
+        for frame in admitted:
+            if frame.type != MessageType.SAMPLES:
+                self._slow_message(name, link, frame, host_ns)
         return self._deliver(self._pipeline.frames(name, frames, host_ns), host_ns)
 
     def _slow_message(self, name: str, link: _Link, frame: Frame, host_ns: int) -> None:
@@ -322,27 +288,14 @@ class SessionCore:
             self._report(name, link.health.hello(frame, host_ns), host_ns)
         elif isinstance(message, HubStatus):
             link.status = message
-        elif isinstance(message, LogText):
-            logged = Reason(Code.HUB_LOG, severity=log_level(message), text=message.text)
-            self._hub_line(link, Notice(self._hub_name(name, frame.hub), logged), host_ns)
-        elif isinstance(message, CommandResult):
-            refused = refusal(message)
-            if refused is not None:
-                self._hub_line(link, Notice(self._hub_name(name, frame.hub), refused, Level.WARNING), host_ns)
+        else:
+            hub = hub_name(frame.hub) if len(self._links) == 1 else f"{name}, {hub_name(frame.hub)}"
+            for shown in link.hub_log.take(hub, message, host_ns):
+                self.notify(shown)
         self.recording.message(frame, self._pipeline.position(name, frame.hub, frame.wheel), name, host_ns)
 
-    def _hub_line(self, link: _Link, notice: Notice, host_ns: int) -> None:
-        """Show a line that a hub has caused, within the limit of its link."""
-        for shown in link.hub_log.take(notice, host_ns):
-            self.notify(shown)
-
-    def _hub_name(self, link: str, hub: int) -> str:
-        return hub_name(hub) if len(self._links) == 1 else f"{link}, {hub_name(hub)}"
-
     def _deliver(self, results: list[RevolutionResult], host_ns: int) -> list[RevolutionResult]:
-        results = [self._join.joined(result) for result in results]
-        self._pairs.compare(results)
-        results = [self._pairs.take(result)[0] for result in results]
+        results = [result for result, _ in self._pairs.compared(results)]
         for result in results:
             if result.position not in self._configured and result.position not in self._unconfigured:
                 self._unconfigured.add(result.position)

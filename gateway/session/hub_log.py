@@ -2,7 +2,10 @@
 
 from typing import Final
 
+from firmware_protocol.messages import CommandResult, LogText, Message
 from gateway.reasons import Code, Level, Notice, Reason
+from gateway.session.commands import refusal
+from gateway.views.recording_topics import log_level
 
 LINES_PER_S: Final = 10
 _SECOND_NS: Final = 1_000_000_000
@@ -18,8 +21,15 @@ class HubLog:
         self._lines = 0
         self._left_out = 0
 
-    def take(self, notice: Notice, host_ns: int) -> list[Notice]:
-        """Return what may be shown now of a notice that a hub has caused."""
+    def take(self, hub: str, message: Message, host_ns: int) -> list[Notice]:
+        """Return what may be shown now of a message of a hub: a line of its log, or why it has refused a command."""
+        if isinstance(message, LogText):
+            reason = Reason(Code.HUB_LOG, severity=log_level(message), text=message.text)
+            notice = Notice(hub, reason)
+        elif isinstance(message, CommandResult) and (refused := refusal(message)) is not None:
+            notice = Notice(hub, refused, Level.WARNING)
+        else:
+            return []
         shown = self.tick(host_ns)
         if self._lines < LINES_PER_S:
             self._lines += 1

@@ -1,5 +1,6 @@
 """Health of a link: notices of why it does not deliver what it should, each given once."""
 
+import logging
 from collections.abc import Callable
 from typing import Final
 
@@ -8,6 +9,8 @@ from firmware_protocol.counters import LinkCounters
 from firmware_protocol.messages import HUB_ITSELF, Frame, Hello
 from gateway.reasons import Code, Level, Notice, Reason
 from gateway.session.line_content import identify_content, other_major_versions
+
+_logger = logging.getLogger(__name__)
 
 _REVIEW_INTERVAL_NS: Final = 500_000_000
 _SILENCE_NS: Final = 5_000_000_000
@@ -50,7 +53,7 @@ class LinkHealth:
         self._admits = admits
         # Code and subject of the findings that hold now.
         self._reported: set[tuple[Code, str]] = set()
-        self._bytes = 0
+        self._bytes = self._crc_errors = 0
         self._review_due_ns: int | None = None
         # Host time of the first frame of each source, None once it has sent a hello, and its frames at the last review.
         self._ungreeted_ns: dict[tuple[int, int], int | None] = {}
@@ -81,6 +84,10 @@ class LinkHealth:
     def data(self, host_ns: int, data: bytes, counters: LinkCounters) -> list[Notice]:
         """Review a chunk after it was decoded; return new notices."""
         self._bytes += len(data)
+        if counters.crc_errors != self._crc_errors:
+            self._crc_errors = counters.crc_errors
+            errors, noise = counters.crc_errors, counters.noise_bytes
+            _logger.debug("%s: decoder resynchronised, %d CRC errors, %d noise bytes", self._link, errors, noise)
         if self._review_due_ns is not None and 0 <= self._review_due_ns - host_ns <= _REVIEW_INTERVAL_NS:
             if not self._sample and self._barren_since_ns is None:
                 return []

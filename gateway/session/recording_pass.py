@@ -174,10 +174,9 @@ class RecordingPass:
         setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), recording.effects)
         self._pipeline = Pipeline(setups, UNKNOWN_WHEEL, estimators)
         self._signals = signals
-        self._join = VehicleJoin(signals.history) if signals is not None else None
-        self._pairs = WheelPairs(self._join.alarms if self._join is not None else tuple)
-        witnesses = self._pairs.alarms
-        self._alarms = RecordingAlarms(vehicle, self._pipeline, witnesses, logs=logs_alarms) if is_watched else None
+        self._pairs = WheelPairs(VehicleJoin(signals.history) if signals is not None else None)
+        alarms = RecordingAlarms(vehicle, self._pipeline, self._pairs.alarms, logs=logs_alarms)
+        self._alarms = alarms if is_watched else None
         self._on_block = on_block
 
     def __iter__(self) -> Iterator[RevolutionResult]:
@@ -233,11 +232,7 @@ class RecordingPass:
         return (*missing_frames(counts), *missing_revolutions(self.wheels, counts))
 
     def _completed(self, results: list[RevolutionResult]) -> Iterator[RevolutionResult]:
-        if self._join is not None:
-            results = [self._join.joined(result) for result in results]
-        self._pairs.compare(results)
-        for compared in results:
-            result, is_changed = self._pairs.take(compared)
+        for result, is_changed in self._pairs.compared(results):
             if is_changed and self._alarms is not None:
                 self._alarms.compared(result.host_ns)
             yield self._alarms.result(result) if self._alarms is not None else result

@@ -404,11 +404,15 @@ class SilenceWatch:
         state.paused_ns = now_ns - pause_ns, now_ns
         state.now_ns, state.due_ns = max(state.now_ns, now_ns), 0
 
-    def frame(self, link: str, frame: Frame, host_ns: int) -> None:
-        """Take a frame."""
-        type_, hub, wheel, _, _, message = frame
-        axes = message.axes if isinstance(message, SampleBlock) else 0
-        self._heard(link, hub, wheel, type_, message, axes, host_ns)
+    def frames(self, link: str, frames: Iterable[Frame], host_ns: int) -> None:
+        """Take frames that arrived at one time, so that the first samples of a wheel and axis mask say all of them."""
+        heard: set[tuple[int, int, int]] = set()
+        for type_, hub, wheel, _, _, message in frames:
+            axes = message.axes if isinstance(message, SampleBlock) else 0
+            if (hub, wheel, axes) not in heard:
+                self.heard(link, Heard(hub, wheel, type_, message, axes), host_ns)
+            if axes:
+                heard.add((hub, wheel, axes))
 
     def vehicle(self, name: str, parts: frozenset[VehiclePart], host_ns: int) -> None:
         """Take the parts of the vehicle that an item is a sign of life of."""
@@ -579,11 +583,7 @@ class SilenceWatch:
 
     def heard(self, name: str, frame: Heard, host_ns: int) -> None:
         """Take what matters of a frame."""
-        self._heard(name, *frame, host_ns)
-
-    def _heard(
-        self, name: str, number: int, wheel: int, type_: int, message: Message | None, axes: int, host_ns: int
-    ) -> None:
+        number, wheel, type_, message, axes = frame
         link = self._brought(name, host_ns)
         hub = link.hubs.get(number)
         if hub is None:

@@ -47,18 +47,15 @@ def results(
 
 def alarms(*taken: RevolutionResult) -> dict[str, Code]:
     pairs = WheelPairs()
-    pairs.compare(taken)
-    for result in taken:
-        pairs.take(result)
+    for _ in pairs.compared(list(taken)):
+        pass
     return {alarm.position: alarm.reason.code for alarm in pairs.alarms()}
 
 
 def rows(*taken: RevolutionResult) -> dict[tuple[str, int], dict[str, Estimate]]:
     """Return the estimates of each result as compared, by wheel and time."""
-    pairs = WheelPairs()
-    pairs.compare(taken)
-    compared = [pairs.take(result)[0] for result in taken]
-    return {(item.position, item.host_ns): {e.name: e for e in item.estimates} for item in compared}
+    compared = WheelPairs().compared(list(taken))
+    return {(item.position, item.host_ns): {e.name: e for e in item.estimates} for item, _ in compared}
 
 
 TURNS = [1.0, 1.0, 1.0, 0.0, 0.0, -1.0, -1.0, -1.0, -1.0, 1.0, 1.0, 1.0]
