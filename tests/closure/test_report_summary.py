@@ -12,7 +12,7 @@ from gateway.views.report.html import diagnosis_html
 from gateway.views.report.quantities import show_fitted, significant, span_text, typeset
 from gateway.views.report.terminal import LINE_WIDTH, closure_summary_lines
 from gateway.views.text import width
-from tests.testkit.diagnosis_data import empty, nasty, ordinary
+from tests.testkit.diagnosis_data import empty, nasty, ordinary, undrawn
 
 
 @pytest.mark.parametrize("make", [ordinary, nasty, empty])
@@ -157,11 +157,11 @@ def test_non_stationary_and_unknown_lock_are_marked():
 
 
 def test_drift_replaces_the_mark_of_a_change():
-    wave = replace(ordinary().unexplained[1], changes=True)
+    wave = replace(undrawn().unexplained[1], changes=True)
     rate, begin, end = Fitted(-0.5, 0.02), Fitted(0.03, 1e-3), Fitted(-0.03, 1e-3)
     shown = [replace(fitted, factor=100.0, display_unit="%") for fitted in (rate, begin, end)]
     drifts = tuple(Drift("load", "load", label, *shown, ("pressure",)) for label in ("first", "second"))
-    diagnosis = replace(ordinary(), unexplained=(replace(wave, drifts=drifts),))
+    diagnosis = replace(undrawn(), unexplained=(replace(wave, drifts=drifts),))
     text = " ".join(" ".join(closure_summary_lines(diagnosis)).split())
     drift = "drift of load or pressure: -50.0 ± 2.0 % per minute, from 3.00 ± 0.10 % to -3.00 ± 0.10 % in first"
     assert f"{drift} (+1)" in text

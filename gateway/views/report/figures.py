@@ -78,7 +78,6 @@ def report_style() -> AbstractContextManager[None]:
         "axes.axisbelow": True,
         "axes.edgecolor": QUIET,
         "axes.formatter.limits": (-4, 5),
-        "axes.formatter.use_mathtext": True,
         "axes.grid": True,
         "axes.labelcolor": INK,
         "axes.labelsize": 10.0,
