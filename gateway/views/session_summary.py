@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby, zip_longest
 from textwrap import wrap
@@ -49,79 +49,89 @@ class Stale(NamedTuple):
     reasons: tuple[Reason, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class WheelSummary:
     """Summary of one wheel over a whole session or recording.
 
     Attributes:
         position: wheel.
+        counters: of its samples, as last known.
         revolutions: completed.
         revolutions_valid: without a fault.
         faults: number of revolutions with each fault.
         saturated: revolutions with a saturated sample.
         rolling_s: time in completed revolutions.
+        missing_s: time of the samples within them that were lost.
         distance_m: 2 pi radius times revolutions.
-        speed_mean_mps: distance over time, NaN without a revolution.
         speed_min_mps: slowest revolution.
         speed_max_mps: fastest revolution.
-        missing_fraction: share of the samples within completed revolutions that were lost, by time.
-        estimates: the last of each name, the last one that was not invalid where there was one.
-        stale: names of those that are not the newest, which is invalid.
         uncorrected: revolutions that known effects were not subtracted from.
         uncorrected_reason: why, of the last such; None when there is none.
-        lost_fraction: share of all samples that were lost on the link, also between revolutions; NaN when not known.
+        newest: the last estimate of each name.
+        usable: the last that was not invalid, with the number of its revolution, counted from 1.
     """
 
     position: str
-    revolutions: int
-    revolutions_valid: int
-    faults: Mapping[Reason, int]
-    saturated: int
-    rolling_s: float
-    distance_m: float
-    speed_mean_mps: float
-    speed_min_mps: float
-    speed_max_mps: float
-    missing_fraction: float
-    estimates: tuple[Estimate, ...]
-    stale: Mapping[str, Stale] = field(default_factory=dict)
-    uncorrected: int = 0
-    uncorrected_reason: Reason | None = None
-    lost_fraction: float = math.nan
-
-
-@dataclass(slots=True)
-class _Wheel:
+    counters: WheelCounters = field(default_factory=WheelCounters)
     revolutions: int = 0
-    valid: int = 0
+    revolutions_valid: int = 0
+    faults: Counter[Reason] = field(default_factory=Counter)
     saturated: int = 0
-    uncorrected: int = 0
-    uncorrected_reason: Reason | None = None
     rolling_s: float = 0.0
     missing_s: float = 0.0
     distance_m: float = 0.0
     speed_min_mps: float = math.inf
     speed_max_mps: float = -math.inf
-    faults: Counter[Reason] = field(default_factory=Counter)
-    # The last ones, and the last ones that were not invalid with the number of their revolution.
+    uncorrected: int = 0
+    uncorrected_reason: Reason | None = None
     newest: dict[str, Estimate] = field(default_factory=dict)
     usable: dict[str, tuple[int, Estimate]] = field(default_factory=dict)
+
+    @property
+    def speed_mean_mps(self) -> float:
+        """Distance over time, NaN where there is no time."""
+        return self.distance_m / self.rolling_s if self.rolling_s > 0.0 else math.nan
+
+    @property
+    def missing_fraction(self) -> float:
+        """Share of the samples within completed revolutions that were lost, by time; NaN likewise."""
+        return self.missing_s / self.rolling_s if self.rolling_s > 0.0 else math.nan
+
+    @property
+    def lost_fraction(self) -> float:
+        """Share of all samples that were lost on the link, also between revolutions; NaN when not known."""
+        sent = self.counters.samples + self.counters.samples_lost
+        return self.counters.samples_lost / sent if sent else math.nan
+
+    @property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """The last of each name, the last one that was not invalid where there was one."""
+        return tuple(self.usable.get(name, (0, estimate))[1] for name, estimate in self.newest.items())
+
+    @property
+    def stale(self) -> dict[str, Stale]:
+        """Those that are not the newest, which is invalid, by name."""
+        return {
+            name: Stale(number, self.newest[name].reasons)
+            for name, (number, _) in self.usable.items()
+            if self.newest[name].status is Status.INVALID and self.revolutions - number >= _OF_THE_END
+        }
 
 
 class ResultSummary:
     """Accumulates results wheel by wheel in constant memory."""
 
     def __init__(self) -> None:
-        self._wheels: dict[str, _Wheel] = {}
+        self._wheels: dict[str, WheelSummary] = {}
 
     def add(self, result: RevolutionResult) -> None:
         """Count one result."""
         wheel = self._wheels.get(result.position)
         if wheel is None:
-            wheel = self._wheels[result.position] = _Wheel()
+            wheel = self._wheels[result.position] = WheelSummary(result.position)
         revolution = result.revolution
         wheel.revolutions += 1
-        wheel.valid += not revolution.faults
+        wheel.revolutions_valid += not revolution.faults
         wheel.saturated += revolution.saturated
         if revolution.uncorrected is not None:
             wheel.uncorrected += 1
@@ -146,38 +156,10 @@ class ResultSummary:
         Args:
             states: last states of the wheels, which count the samples.
         """
-        of_states = {state.position: state.counters for state in states}
-        return tuple(
-            self._summary(position, wheel, of_states.get(position, WheelCounters()))
-            for position, wheel in self._wheels.items()
-        )
-
-    @staticmethod
-    def _summary(position: str, wheel: _Wheel, counters: WheelCounters) -> WheelSummary:
-        sent = counters.samples + counters.samples_lost
-        rolled = wheel.rolling_s > 0.0
-        return WheelSummary(
-            position=position,
-            revolutions=wheel.revolutions,
-            revolutions_valid=wheel.valid,
-            faults=dict(wheel.faults.most_common()),
-            saturated=wheel.saturated,
-            rolling_s=wheel.rolling_s,
-            distance_m=wheel.distance_m,
-            speed_mean_mps=wheel.distance_m / wheel.rolling_s if rolled else math.nan,
-            speed_min_mps=wheel.speed_min_mps if rolled else math.nan,
-            speed_max_mps=wheel.speed_max_mps if rolled else math.nan,
-            missing_fraction=wheel.missing_s / wheel.rolling_s if rolled else math.nan,
-            estimates=tuple(wheel.usable.get(name, (0, estimate))[1] for name, estimate in wheel.newest.items()),
-            stale={
-                name: Stale(number, wheel.newest[name].reasons)
-                for name, (number, _) in wheel.usable.items()
-                if wheel.newest[name].status is Status.INVALID and wheel.revolutions - number >= _OF_THE_END
-            },
-            uncorrected=wheel.uncorrected,
-            uncorrected_reason=wheel.uncorrected_reason,
-            lost_fraction=counters.samples_lost / sent if sent else math.nan,
-        )
+        for state in states:
+            if state.position in self._wheels:
+                self._wheels[state.position].counters = state.counters
+        return tuple(self._wheels.values())
 
 
 def effects_line(wheel: WheelSummary, effects: Sequence[str]) -> str:
@@ -280,9 +262,10 @@ def _names(label: str) -> list[str]:
 def _estimate_rows(wheel: WheelSummary) -> list[_Row]:
     """Return (label, value, note) of each estimate; invalid ones of one reason share a row, as do equal notes."""
     rows: list[_Row] = []
+    stales = wheel.stale
 
     def shared(estimate: Estimate) -> tuple[Status, tuple[Reason, ...], Stale | None]:
-        return estimate.status, estimate.reasons, wheel.stale.get(estimate.name)
+        return estimate.status, estimate.reasons, stales.get(estimate.name)
 
     others = [quantity for quantity in wheel.estimates if quantity.name != DISTANCE]
     for (status, reasons, stale), group in groupby(others, shared):
@@ -320,7 +303,7 @@ def _samples_note(wheel: WheelSummary) -> str:
 def _revolutions_note(wheel: WheelSummary) -> str:
     if wheel.revolutions_valid == wheel.revolutions:
         return "none with a fault"
-    faults = ", ".join(f"{count} x {text(fault)}" for fault, count in wheel.faults.items())
+    faults = ", ".join(f"{count} x {text(fault)}" for fault, count in wheel.faults.most_common())
     return f"{wheel.revolutions_valid} without a fault; {faults}"
 
 
