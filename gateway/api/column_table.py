@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from html import escape
 from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
     from matplotlib.figure import Figure
 
+IndexArray = NDArray[np.int64]
 TimeArray = NDArray[np.datetime64]
 TextArray = NDArray[np.object_]
 
@@ -60,6 +61,21 @@ class ColumnTable:
     _shared: ClassVar[Mapping[str, Column]] = REVOLUTION_COLUMNS
 
     recording: str
+
+    @classmethod
+    def of_rows(cls, rows: Iterable[Sequence[Any]], **others: Any) -> Self:
+        """Return a table of rows.
+
+        Args:
+            rows: cells in the order of the columns; None is NaN in a column of numbers.
+            others: what belongs to the whole table, by name.
+        """
+        columns = [field for field in fields(cls) if COLUMN in field.metadata]
+        cells = list(zip(*rows, strict=True)) or [()] * len(columns)
+        arrays: dict[str, Any] = {
+            field.name: _MAKERS[str(field.type)](list(values)) for field, values in zip(columns, cells, strict=True)
+        }
+        return cls(**others, **arrays)
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -227,6 +243,16 @@ def utc_array(host_ns: NDArray[np.int64] | list[int]) -> TimeArray:
     """Return ns since the epoch as `datetime64[ns]`, NaT for 0, which stands for an unknown time."""
     times: NDArray[np.int64] = np.asarray(host_ns, np.int64)
     return np.where(times == 0, np.datetime64("NaT", "ns"), times.astype("datetime64[ns]"))
+
+
+_MAKERS: Final[Mapping[str, Callable[[list[Any]], NDArray[Any]]]] = {
+    "FloatArray": lambda values: np.array(values, np.float64),
+    "IndexArray": lambda values: np.array(values, np.int64),
+    "BoolArray": lambda values: np.array(values, np.bool_),
+    "TextArray": text_array,
+    "TimeArray": utc_array,
+}
+"""Makes the array of a column from its cells, by the annotation of the field."""
 
 
 def _pandas_column(values: NDArray[Any]) -> Any:

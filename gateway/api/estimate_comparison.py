@@ -1,13 +1,12 @@
 """Table of the differences between two recordings."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
-import numpy as np
-from numpy.typing import NDArray
-
-from gateway.api.column_table import ColumnTable, TextArray, column, text_array, unit_of
+from gateway.api.column_table import ColumnTable, IndexArray, TextArray, column, unit_of
 from gateway.estimators.mean_comparison import MeanDifference
 from gateway.types import BoolArray, FloatArray
 from gateway.views.wording import joined
@@ -29,10 +28,10 @@ class Comparison(ColumnTable):
     unit: TextArray = field(metadata=column("of the values; empty without one"))
     value: FloatArray = field(metadata=column("mean over the valid revolutions of this recording"))
     std: FloatArray = field(metadata=column("one standard error of the mean"))
-    count: NDArray[np.int64] = field(metadata=column("revolutions in the mean"))
+    count: IndexArray = field(metadata=column("revolutions in the mean"))
     other_value: FloatArray = field(metadata=column("mean over the valid revolutions of the other recording"))
     other_std: FloatArray = field(metadata=column("one standard error of that mean"))
-    other_count: NDArray[np.int64] = field(metadata=column("revolutions in that mean"))
+    other_count: IndexArray = field(metadata=column("revolutions in that mean"))
     difference: FloatArray = field(metadata=column("other mean less that of this recording"))
     difference_std: FloatArray = field(metadata=column("one standard error of the difference; NaN when not known"))
     significance: FloatArray = field(metadata=column("difference over its standard error"))
@@ -46,29 +45,20 @@ class Comparison(ColumnTable):
     @classmethod
     def of(cls, differences: Sequence[MeanDifference], *, recording: str, other_recording: str) -> Self:
         """Return the table of differences."""
-
-        def numbers(values: Sequence[float]) -> Any:
-            return np.array(values, np.float64)
-
-        return cls(
-            recording=recording,
-            other_recording=other_recording,
-            wheel=text_array([row.wheel for row in differences]),
-            name=text_array([row.name for row in differences]),
-            unit=text_array([unit_of(row.name) for row in differences]),
-            value=numbers([row.first.value for row in differences]),
-            std=numbers([row.first.std for row in differences]),
-            count=np.array([row.first.count for row in differences], np.int64),
-            other_value=numbers([row.second.value for row in differences]),
-            other_std=numbers([row.second.std for row in differences]),
-            other_count=np.array([row.second.count for row in differences], np.int64),
-            difference=numbers([row.difference for row in differences]),
-            difference_std=numbers([row.std for row in differences]),
-            significance=numbers([row.significance for row in differences]),
-            is_significant=np.array([row.is_significant for row in differences], np.bool_),
-            reasons=text_array([joined(row.first.reasons) for row in differences]),
-            other_reasons=text_array([joined(row.second.reasons) for row in differences]),
+        rows = (
+            (
+                row.wheel,
+                row.name,
+                unit_of(row.name),
+                *(row.first.value, row.first.std, row.first.count),
+                *(row.second.value, row.second.std, row.second.count),
+                *(row.difference, row.std, row.significance, row.is_significant),
+                joined(row.first.reasons),
+                joined(row.second.reasons),
+            )
+            for row in differences
         )
+        return cls.of_rows(rows, recording=recording, other_recording=other_recording)
 
     def _title(self) -> str:
         return f"{len(self)} differences of {self.other_recording} from {self.recording}"

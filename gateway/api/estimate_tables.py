@@ -11,10 +11,10 @@ from functools import reduce
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.api.column_table import (
     ColumnTable,
+    IndexArray,
     TextArray,
     TimeArray,
     column,
@@ -40,8 +40,6 @@ from gateway.views.wording import joined, text
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
-
-IndexArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -353,19 +351,17 @@ class Alarms(ColumnTable):
     @classmethod
     def of(cls, records: Iterable[AlarmRecord], *, recording: str) -> Self:
         """Return the table of alarm records."""
-        alarms = list(records)
-
-        def numbers(name: str, kind: type) -> Any:
-            return np.array([getattr(record, name) for record in alarms], kind)
-
-        return cls(
-            recording=recording,
-            subject=text_array([record.position for record in alarms]),
-            name=text_array([str(record.name) for record in alarms]),
-            reason=text_array([text(record.reason) for record in alarms]),
-            count=numbers("count", np.int64),
-            first_s=numbers("first_s", np.float64),
-            last_s=numbers("last_s", np.float64),
-            total_s=numbers("total_s", np.float64),
-            standing=numbers("is_standing", np.bool_),
+        rows = (
+            (
+                record.position,
+                str(record.name),
+                text(record.reason),
+                record.count,
+                record.first_s,
+                record.last_s,
+                record.total_s,
+                record.is_standing,
+            )
+            for record in records
         )
+        return cls.of_rows(rows, recording=recording)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.api.column_table import ColumnTable, TextArray, TimeArray, column, require_pandas, text_array, utc_array
+from gateway.api.column_table import ColumnTable, IndexArray, TextArray, TimeArray, column, require_pandas, utc_array
 from gateway.constants import AXIS_NAMES
 from gateway.estimators.estimator import Revolution
 from gateway.optional_packages import require_packages
@@ -26,8 +26,6 @@ from gateway.views.wording import joined
 if TYPE_CHECKING:
     import pandas as pd
     import xarray
-
-IndexArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -138,22 +136,19 @@ class Environment(ColumnTable):
         return f"{len(self)} readings of {self.wheel}"
 
     @classmethod
-    def of(cls, readings: Sequence[EnvironmentReading], *, recording: str, wheel: str) -> Self:
+    def of(cls, readings: Iterable[EnvironmentReading], *, recording: str, wheel: str) -> Self:
         """Return the readings of one wheel."""
-
-        def known(name: str) -> FloatArray:
-            values = [getattr(reading, name) for reading in readings]
-            return np.array([math.nan if value is None else value for value in values], np.float64)
-
-        return cls(
-            recording=recording,
-            wheel=wheel,
-            device_s=known("hub_time_s"),
-            host_utc=utc_array([reading.host_time_ns for reading in readings]),
-            pressure_pa=known("pressure_pa"),
-            temperature_degc=known("temperature_degc"),
-            supply_v=known("supply_v"),
+        rows = (
+            (
+                reading.hub_time_s,
+                reading.host_time_ns,
+                reading.pressure_pa,
+                reading.temperature_degc,
+                reading.supply_v,
+            )
+            for reading in readings
         )
+        return cls.of_rows(rows, recording=recording, wheel=wheel)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -201,8 +196,8 @@ class Revolutions(ColumnTable):
     @classmethod
     def of(cls, results: Iterable[RevolutionResult], *, recording: str, wheel: str, has_host_time: bool) -> Self:
         """Return the table of results of one wheel."""
-        rows = [_revolution_row(result, has_host_time) for result in results]
-        return cls(recording=recording, wheel=wheel, **_revolution_columns(rows))
+        rows = (_revolution_row(result, has_host_time) for result in results)
+        return cls.of_rows(rows, recording=recording, wheel=wheel)
 
 
 def _revolution_row(result: RevolutionResult, has_host_time: bool) -> tuple[Any, ...]:
@@ -223,29 +218,14 @@ def _revolution_row(result: RevolutionResult, has_host_time: bool) -> tuple[Any,
         revolution.noise_mps2,
         revolution.rate_hz,
         conditions.radius_m,
-        math.nan if conditions.load_n is None else conditions.load_n,
-        math.nan if conditions.pressure_pa is None else conditions.pressure_pa,
-        math.nan if conditions.temperature_degc is None else conditions.temperature_degc,
+        conditions.load_n,
+        conditions.pressure_pa,
+        conditions.temperature_degc,
         revolution.missing_fraction,
         bool(revolution.saturated),
         not revolution.faults,
         joined(revolution.faults),
     )
-
-
-def _revolution_columns(rows: Sequence[tuple[Any, ...]]) -> dict[str, Any]:
-    names = [field.name for field in fields(Revolutions) if field.metadata]
-    cells = list(zip(*rows, strict=True)) if rows else [()] * len(names)
-    columns: dict[str, Any] = {}
-    for name, values in zip(names, cells, strict=True):
-        if name == "host_utc":
-            columns[name] = utc_array(list(values))
-        elif name == "faults":
-            columns[name] = text_array(list(values))
-        else:
-            kind = {"revolution": np.int64, "saturated": np.bool_, "usable": np.bool_}.get(name, np.float64)
-            columns[name] = np.array(values, kind)
-    return columns
 
 
 def _columns_of_each(revolutions: Sequence[Revolution]) -> dict[str, Any]:
