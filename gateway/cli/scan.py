@@ -71,20 +71,12 @@ def _ports() -> list[dict[str, Any]]:
 
 
 def _report(around: ScanResult, hubs: list[Sighting], ports: list[dict[str, Any]]) -> dict[str, Any]:
+    from gateway.views.plain_values import record
+
     fault = around.fault
     return {
         "bluetooth_fault": None if fault is None else {"text": str(fault), "remedy": fault.remedy},
-        "hubs": [
-            {
-                "source": _source(hub, hubs),
-                "name": hub.name,
-                "address": hub.address,
-                "rssi_dbm": hub.rssi_dbm,
-                "battery_percent": hub.battery_percent,
-                "is_hub": hub.is_hub,
-            }
-            for hub in hubs
-        ],
+        "hubs": [{"source": _source(hub, hubs), **record(hub, without=("device",))} for hub in hubs],
         "serial_ports": ports,
     }
 

@@ -1,7 +1,7 @@
 """Values as JSON holds them."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any
 
@@ -10,6 +10,11 @@ import numpy as np
 from gateway.reasons import Reason
 from gateway.views.text import storable
 from gateway.views.wording import as_json
+
+
+def record(item: Any, *, without: Collection[str] = (), **others: object) -> dict[str, Any]:
+    """Return the fields of a record by name, without some of them, and what is beside them or in their place."""
+    return {field.name: getattr(item, field.name) for field in fields(item) if field.name not in without} | others
 
 
 def plain(value: object) -> Any:

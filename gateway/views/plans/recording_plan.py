@@ -48,14 +48,12 @@ def _errors(plan: RecordingPlan, errors: Any, names: list[str]) -> str:
 
 def recording_plan_json(plan: RecordingPlan) -> dict[str, Any]:
     """Return a plan as plain values; null where one is not known."""
-    plain_plan: dict[str, Any] = plain(
-        {
-            "open_effects": plan.open_effects,
-            "sets": plan.sets,
-            "wanted": {want.quantity: want.error for want in plan.wants},
-            "values": plan.values,
-            "errors": plan.errors,
-            "recordings": plan.recordings,
-        }
-    )
-    return plain_plan
+    document = {
+        "open_effects": plan.open_effects,
+        "sets": plan.sets,
+        "wanted": {want.quantity: want.error for want in plan.wants},
+        "values": plan.values,
+        "errors": plan.errors,
+        "recordings": plan.recordings,
+    }
+    return dict(plain(document))

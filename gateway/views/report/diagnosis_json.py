@@ -10,7 +10,7 @@ from gateway.closure.result import Diagnosis, Finding, Fitted, Law, Origin, Unex
 from gateway.reasons import Reason
 from gateway.views import wording
 from gateway.views.output_file import write_whole
-from gateway.views.plain_values import plain
+from gateway.views.plain_values import plain, record
 from gateway.views.report.next_steps import next_steps
 from gateway.views.report.phrases import residual_sentence, scaling_text
 from gateway.views.report.quantities import residuals
@@ -88,8 +88,7 @@ def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
             for trend in diagnosis.trends
         ],
     }
-    plain_document: dict[str, Any] = plain(document)
-    return plain_document
+    return dict(plain(document))
 
 
 def write_json(diagnosis: Diagnosis, path: Path, *, force: bool = False, plan: Mapping[str, Any] | None = None) -> None:
@@ -112,14 +111,7 @@ def write_json(diagnosis: Diagnosis, path: Path, *, force: bool = False, plan: M
 def _origin(origin: Origin | None) -> dict[str, Any] | None:
     if origin is None:
         return None
-    return {
-        "command": origin.command,
-        "commit": origin.commit,
-        "sensor_id": None if origin.sensor_id is None else f"{origin.sensor_id:08x}",
-        "vehicle": origin.vehicle,
-        "tire": origin.tire,
-        "recordings": origin.recordings,
-    }
+    return record(origin, sensor_id=None if origin.sensor_id is None else f"{origin.sensor_id:08x}")
 
 
 def _finding(finding: Finding) -> dict[str, Any]:
@@ -184,20 +176,11 @@ def _unexplained(residual: Unexplained) -> dict[str, Any]:
 
 
 def _law(law: Law) -> dict[str, Any]:
-    return {
-        "name": law.name,
-        "certain": law.certain,
-        "equation": law.equation,
-        "summary": law.summary,
-        "scaling": law.scaling,
-        "source": law.source,
-        "axes": law.axes,
-        "parameters": {name: _fitted(fitted) for name, fitted in law.parameters.items()},
-        "log_odds": law.log_odds,
-        "share": law.share,
-        "rms_mps2": law.rms_mps2,
-        "sizes": law.sizes,
-        "unseen": [
+    return record(
+        law,
+        without=("title", "curves"),
+        parameters={name: _fitted(fitted) for name, fitted in law.parameters.items()},
+        unseen=[
             {
                 "recording": check.recording,
                 "axis": check.axis,
@@ -207,10 +190,8 @@ def _law(law: Law) -> dict[str, Any]:
             }
             for check in law.unseen
         ],
-        "held_out": None if law.held_out is None else held_out_json(law.held_out),
-        "rivals": law.rivals,
-        "reasons": law.reasons,
-    }
+        held_out=None if law.held_out is None else held_out_json(law.held_out),
+    )
 
 
 def _estimates(estimates: Mapping[str, Fitted], determined: Mapping[str, bool]) -> dict[str, Any]:

@@ -66,8 +66,7 @@ def transfer_json(result: Transfer) -> dict[str, Any]:
         "notes": [clean(remark(note)) for note in result.notes],
         "reasons": {"notes": result.notes},
     }
-    plain_document: dict[str, Any] = plain(document)
-    return plain_document
+    return dict(plain(document))
 
 
 def held_out_json(held_out: HeldOut) -> dict[str, Any]:

@@ -26,7 +26,7 @@ from gateway.trends.trend_result import (
 )
 from gateway.trends.watched_series import followed_by, label_of
 from gateway.views.numbers import MISSING, STATUS_MARKS, finite_or_none, fixed, round_to_error, split_name
-from gateway.views.plain_values import plain
+from gateway.views.plain_values import plain, record
 from gateway.views.tables.table_sinks import CsvSink
 from gateway.views.text import clean, counted, pad, storable, width
 from gateway.views.wording import joined, text
@@ -110,50 +110,21 @@ def trends_json(trends: FleetTrends) -> dict[str, Any]:
         "tested_values": trends.tested,
         "notes": trends.notes,
         "tires": [
-            {
-                "vehicle": trend.vehicle,
-                "position": trend.position,
-                "sensor_id": trend.sensor_id,
-                "part": trend.part,
-                "first_utc": _utc(trend.first_ns),
-                "last_utc": _utc(trend.last_ns),
-                "recordings": trend.recordings,
-                "distance_km": trend.distance_km,
-                "has_odometer": trend.has_odometer,
-                "is_identified": trend.is_identified,
-                "numbers": [_number_json(number) for number in trend.numbers],
-                "findings": trend.findings,
-            }
+            record(
+                trend,
+                without=("first_ns", "last_ns", "series"),
+                first_utc=_utc(trend.first_ns),
+                last_utc=_utc(trend.last_ns),
+                numbers=list(map(_number_json, trend.numbers)),
+            )
             for trend in trends.tires
         ],
-        "pairs": [
-            {
-                "vehicle": pair.vehicle,
-                "left": pair.left,
-                "right": pair.right,
-                "numbers": [_number_json(number) for number in pair.numbers],
-            }
-            for pair in trends.pairs
-        ],
+        "pairs": [record(pair, numbers=list(map(_number_json, pair.numbers))) for pair in trends.pairs],
         "outliers": [
-            {
-                "vehicle": outlier.vehicle,
-                "position": outlier.position,
-                "sensor_id": outlier.sensor_id,
-                "recording": outlier.recording,
-                "path": outlier.path,
-                "start_utc": _utc(outlier.time_ns),
-                "name": outlier.name,
-                "value": outlier.value,
-                "expected": outlier.expected,
-                "unit": outlier.unit,
-                "deviation": outlier.deviation,
-            }
-            for outlier in trends.outliers
+            record(outlier, without=("time_ns",), start_utc=_utc(outlier.time_ns)) for outlier in trends.outliers
         ],
     }
-    plain_document: dict[str, Any] = plain(document)
-    return plain_document
+    return dict(plain(document))
 
 
 def trends_csv(trends: FleetTrends) -> bytes:
@@ -262,18 +233,7 @@ def _pair_lines(pairs: Sequence[PairTrend]) -> Iterator[str]:
 
 
 def _number_json(number: TrendNumber) -> dict[str, Any]:
-    return {
-        "quantity": number.quantity,
-        "value": number.value,
-        "std": number.std,
-        "unit": number.unit,
-        "low_95": number.low,
-        "high_95": number.high,
-        "status": number.status,
-        "count": number.count,
-        "freedom": number.freedom,
-        "reasons": number.reasons,
-    }
+    return record(number, without=("low", "high"), low_95=number.low, high_95=number.high)
 
 
 def _cells(number: TrendNumber) -> list[Any]:
