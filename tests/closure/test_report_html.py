@@ -25,8 +25,9 @@ from gateway.views.report.figures import (
     waveform_figure,
 )
 from gateway.views.report.html import chapters, diagnosis_html
+from gateway.views.report.phrases import reason_text
 from gateway.views.report.quantities import reference_group
-from gateway.views.report.report_tables import by_state, estimate_rows, omissions, refused_rows, unexplained_rows
+from gateway.views.report.report_tables import by_state, estimate_rows, omissions, unexplained_rows
 from gateway.views.report.terminal import closure_summary_lines
 
 VOID = {"meta", "br", "img", "link", "input", "hr"}
@@ -92,8 +93,7 @@ def test_reasons_use_the_labels_of_the_table():
         Code.IMPLAUSIBLE_PARAMETER, parameter="inverse_limit_s2pm", value=0.02, low=0.0, high=0.01, unit="s^2/m"
     )
     results = [refused, *(replace(refused, reason=reason) for reason in (pure, inverse))]
-    reasons = [row.reason for row in refused_rows(replace(empty(), findings=tuple(results)))]
-    assert reasons == [
+    assert [reason_text(finding.reason) for finding in results] == [
         "leading edge would be 30 mm, outside its plausible range of 0 to 20 mm",
         "roll-off would be 0.56, outside its plausible range of 1 to 2",
         "inverse limit would be 0.02 s²/m, outside its plausible range of 0 to 0.01 s²/m",

@@ -11,7 +11,18 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from gateway import __version__
-from gateway.closure.result import Curves, Diagnosis, EffectCurves, HeldOut, Law, Origin, SelfTest, Spectra, Trend
+from gateway.closure.result import (
+    Curves,
+    Diagnosis,
+    EffectCurves,
+    HeldOut,
+    Law,
+    Origin,
+    SelfTest,
+    Spectra,
+    Trend,
+    Verdict,
+)
 from gateway.constants import AXIS_NAMES
 from gateway.reasons import Code, Reason
 from gateway.views.html_template import html_template, report_css
@@ -36,6 +47,7 @@ from gateway.views.report.next_steps import next_steps
 from gateway.views.report.phrases import (
     GROWN,
     NON_STATIONARY,
+    VERDICTS,
     effect_title,
     effects_listed,
     law_text,
@@ -44,6 +56,7 @@ from gateway.views.report.phrases import (
     model_words,
     no_residual,
     place_text,
+    reason_text,
     remark,
     self_test_text,
     sentence,
@@ -61,12 +74,14 @@ from gateway.views.report.quantities import (
     typeset,
 )
 from gateway.views.report.report_tables import (
+    bounded_probability,
     by_state,
-    effect_rows,
+    chi_square,
+    effect_remarks,
     error_rows,
     estimate_rows,
+    held_out_change,
     omissions,
-    refused_rows,
     unexplained_rows,
 )
 from gateway.views.text import clean, counted
@@ -112,12 +127,19 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
     return html_template(*_TEMPLATE).render(
         page=_page(diagnosis),
         diagnosis=diagnosis,
+        bounded_probability=bounded_probability,
+        chi_square=chi_square,
         clean=clean,
+        effect_title=effect_title,
+        effect_remarks=effect_remarks,
         fixed=fixed,
+        held_out_change=held_out_change,
         law_text=law_text,
+        reason_text=reason_text,
         show_fitted=show_fitted,
         significant=significant,
         utc=_utc,
+        verdicts=VERDICTS,
     )
 
 
@@ -135,8 +157,8 @@ def _page(diagnosis: Diagnosis) -> dict[str, object]:
         "next_steps": next_steps(diagnosis),
         "folds": _folds(diagnosis),
         "errors": error_rows(diagnosis),
-        "effects": effect_rows(diagnosis),
-        "refused": refused_rows(diagnosis),
+        "effects": [finding for finding in diagnosis.findings if finding.verdict is not Verdict.REFUSED],
+        "refused": [finding for finding in diagnosis.findings if finding.verdict is Verdict.REFUSED],
         "unexplained": unexplained_rows(diagnosis),
         "no_residual": no_residual(diagnosis, "Nothing"),
         "estimates": by_state(estimates),

@@ -10,7 +10,6 @@ from gateway.views.numbers import MISSING, fixed
 from gateway.views.probabilities import probability_text
 from gateway.views.report.phrases import (
     SCALINGS,
-    VERDICTS,
     effect_title,
     effects_listed,
     reason_text,
@@ -53,23 +52,6 @@ class ErrorRow(NamedTuple):
     text: str
     over_floor: str
     share: float
-
-
-@dataclass(frozen=True, slots=True)
-class EffectRow:
-    """One effect; remarks are (label, text)."""
-
-    name: str
-    lock: str
-    verdict: str
-    verdict_class: str
-    parameters: tuple[ShownNumber, ...]
-    rms: str
-    held_out: str
-    probability: str
-    chi2: str
-    reason: str
-    remarks: tuple[tuple[str, str], ...]
 
 
 class UnexplainedRow(NamedTuple):
@@ -164,23 +146,13 @@ def _with_error(value: float, std: float) -> str:
     return plain(value, std) if 0.0 < std < math.inf else significant(value)
 
 
-def _probability(probability: float) -> str:
+def bounded_probability(probability: float) -> str:
     """Return a probability, near 1 as a bound."""
     if not math.isfinite(probability):
         return MISSING
     if probability > _CERTAIN:
         return f"> {_CERTAIN}"
     return probability_text(probability)
-
-
-def effect_rows(diagnosis: Diagnosis) -> list[EffectRow]:
-    """Return the effects that were identified or cannot be distinguished, in the diagnosis's order."""
-    return [_effect(finding) for finding in diagnosis.findings if finding.verdict is not Verdict.REFUSED]
-
-
-def refused_rows(diagnosis: Diagnosis) -> list[EffectRow]:
-    """Return the effects that were refused, in the diagnosis's order."""
-    return [_effect(finding) for finding in diagnosis.findings if finding.verdict is Verdict.REFUSED]
 
 
 _LOCKS: Final = {
@@ -243,34 +215,24 @@ def _step_cell(name: str, before: Fitted | None, after: Fitted | None) -> StepCe
     return StepCell(new.text, _percent(show_fitted(name, before), new) if before is not None else "")
 
 
-def _effect(finding: Finding) -> EffectRow:
+def effect_remarks(finding: Finding) -> list[tuple[str, str]]:
+    """Return what is to be known of an effect: labels and texts."""
     remarks = [("", typeset(finding.summary)), ("Equation:", typeset(finding.equation))]
     if finding.rivals:
         remarks.append(("Confounded with:", effects_listed(finding.rivals)))
     if finding.verdict is Verdict.INDISTINGUISHABLE:
         remarks.append(("Reason:", reason_text(finding.reason)))
     remarks.append(("To decide:", reason_text(finding.decide_with)))
-    change = (
-        f"{significant(finding.rms_before_mps2)} → {significant(finding.rms_after_mps2)}"
-        if math.isfinite(finding.rms_before_mps2) and math.isfinite(finding.rms_after_mps2)
-        else MISSING
-    )
-    return EffectRow(
-        name=effect_title(finding.name),
-        lock=f"{clean(finding.lock)}-locked",
-        verdict=VERDICTS[finding.verdict],
-        verdict_class=finding.verdict.value,
-        parameters=tuple(show_fitted(name, fitted) for name, fitted in finding.parameters.items()),
-        rms=significant(finding.rms_mps2),
-        held_out=change,
-        probability=_probability(finding.probability),
-        chi2=_chi_square(finding.chi2),
-        reason=reason_text(finding.reason),
-        remarks=tuple((label, text) for label, text in remarks if text),
-    )
+    return [(label, text) for label, text in remarks if text]
 
 
-def _chi_square(value: float) -> str:
+def held_out_change(finding: Finding) -> str:
+    """Return the held-out error without and with an effect."""
+    errors_mps2 = finding.rms_before_mps2, finding.rms_after_mps2
+    return " → ".join(map(significant, errors_mps2)) if all(map(math.isfinite, errors_mps2)) else MISSING
+
+
+def chi_square(value: float) -> str:
     """Return a chi-square; a small one is rounding of the two that it is the difference of."""
     return significant(value) if not abs(value) < _LEAST_CHI_SQUARE else f"< {_LEAST_CHI_SQUARE:g}"
 
