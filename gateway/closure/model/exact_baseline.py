@@ -19,6 +19,7 @@ from gateway.physics.rolling_ring import (
     RingNotConvergedError,
     RingParameters,
     RingSolution,
+    at_depth,
     loaded_belt,
     nearby_solutions,
     solve_rolling_ring,
@@ -218,21 +219,24 @@ class ExactCore:
     def _nearby(
         self, parameters: Sequence[FloatArray], conditions: GroupConditions, options: RingOptions
     ) -> list[RingSolution]:
-        """Return solutions with parameters near the first ones, to first order in the difference from them."""
+        """Return the solution with the first parameters, and those near it, to first order in the difference."""
         torques_nm = None
         if options.traction:
             free = self._nearby(parameters, conditions, replace(options, traction=0.0))
             traction_nm = options.traction * conditions.load_n * conditions.radius_m
-            torques_nm = [solution.axle_torque_nm + traction_nm for solution in free]
+            torques_nm = [solution.axle_torque_nm + traction_nm for solution in free[1:]]
         nodes = self._grid(conditions)
-        return nearby_solutions(
-            self._solve(parameters[0], conditions, options, nodes).ring,
-            [ring_parameters(point, conditions, options) for point in parameters],
+        first, *others = parameters
+        solution = self._solve(first, conditions, options, nodes).ring
+        nearby = nearby_solutions(
+            solution,
+            [ring_parameters(point, conditions, options) for point in others],
             sensor_offset_m=options.sensor_offset_m,
             drum_radius_m=options.drum_radius_m,
-            axle_torque_nm=self._torque_nm(parameters[0], conditions, options, nodes),
+            axle_torque_nm=self._torque_nm(first, conditions, options, nodes),
             axle_torques_nm=torques_nm,
         )
+        return [solution, *nearby]
 
     def refine(self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions) -> None:
         """Measure the grid's error at these parameters; `shape` subtracts it from now on, for these conditions."""
@@ -279,6 +283,9 @@ class ExactCore:
         if cached is not None:
             self._cache.move_to_end(key)
             return cached
+        if options.sensor_offset_m:
+            neutral = self._solve(parameters, conditions, replace(options, sensor_offset_m=0.0), nodes)
+            return self._keep(key, at_depth(neutral.ring, options.sensor_offset_m), options)
         ring = ring_parameters(parameters, conditions, options)
         near_key = (conditions.load_n, conditions.pressure_pa, nodes, math.isfinite(ring.shear_stiffness_n))
         near = self._anchor(parameters, conditions, options, nodes) if self._anchored else self._near.get(near_key)
@@ -288,14 +295,15 @@ class ExactCore:
             conditions.pressure_pa,
             omega,
             nodes=nodes,
-            sensor_offset_m=options.sensor_offset_m,
             drum_radius_m=options.drum_radius_m,
             axle_torque_nm=self._torque_nm(parameters, conditions, options, nodes),
             start=near,
         )
         self._near[near_key] = solution
-        solved = _Solved(_on_field(solution, options), solution)
-        self._cache[key] = solved
+        return self._keep(key, solution, options)
+
+    def _keep(self, key: _Key, solution: RingSolution, options: RingOptions) -> _Solved:
+        solved = self._cache[key] = _Solved(_on_field(solution, options), solution)
         if len(self._cache) > _KEPT:
             self._cache.popitem(last=False)
         return solved

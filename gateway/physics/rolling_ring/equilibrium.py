@@ -251,6 +251,13 @@ def nearby_solutions(
     ]
 
 
+def at_depth(solution: RingSolution, sensor_offset_m: float) -> RingSolution:
+    """Return the same solution with a sensor at another distance below the neutral layer."""
+    section = solution.section_rad if math.isfinite(solution.ring.shear_stiffness_n) else None
+    waveform = sensor_waveform(solution.position_m, solution.ring.radius_m, sensor_offset_m, section)
+    return replace(solution, sensor=waveform)
+
+
 def loaded_belt(solution: RingSolution, drum_radius_m: float = math.inf) -> LoadedBelt:
     """Return a solved ring as what its tread's blocks can make vibrate.
 

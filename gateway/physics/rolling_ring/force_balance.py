@@ -176,24 +176,45 @@ def road_push(law: BeltLaw, grid: Grid, position: FloatArray, height_m: float, t
     push = law.tread_npm2 * penetration
     if rate:
         push = push + rate * (following(penetration) - preceding(penetration))
-    touching = push > 0.0
-    unclipped, push = push, np.where(touching, push, 0.0)
+    contact = np.flatnonzero(push > 0.0)
+    unclipped, push = push, np.maximum(push, 0.0)
     along = normal @ QUARTER_TURN.T
     direction = normal + traction * along
-    # d normal / d position is (I - n n^T) / distance: zero on a flat road.
-    bend = np.zeros((nodes, 2, 2))
+    d_position, d_height = np.zeros((3, nodes, 2, 2)), np.zeros((nodes, 2))
+    pushed, towards = direction[contact], normal[contact]
+    by_position = -law.tread_npm2 * outer(pushed, towards)
     if spread.any():
+        # d normal / d position is (I - n n^T) / distance: zero on a flat road.
         turn = np.eye(2) + traction * QUARTER_TURN
-        bend = np.einsum("ab,ibc->iac", turn, (np.eye(2) - outer(normal, normal)) * (push * spread)[:, None, None])
-    active = np.where(touching, 1.0, 0.0)[:, None]
-    d_position = np.zeros((3, nodes, 2, 2))
-    d_position[1] = bend - law.tread_npm2 * outer(active * direction, normal)
-    d_height = bend[:, :, 1] - law.tread_npm2 * active * direction * normal[:, 1:]
+        by_position += turn @ ((np.eye(2) - outer(towards, towards)) * (push * spread)[contact, None, None])
+    d_position[1, contact] = by_position
+    d_height[contact] = by_position[:, :, 1]
     if rate:
-        d_position[0] = rate * outer(active * direction, preceding(normal))
-        d_position[2] = -rate * outer(active * direction, following(normal))
-        d_height = d_height - rate * active * direction * (following(normal) - preceding(normal))[:, 1:]
+        before, after = preceding(normal)[contact], following(normal)[contact]
+        d_position[0, contact] = rate * outer(pushed, before)
+        d_position[2, contact] = -rate * outer(pushed, after)
+        d_height[contact] -= rate * pushed * (after - before)[:, 1:]
     return RoadPush(push, unclipped, push[:, None] * direction, d_position, d_height, push[:, None] * along)
+
+
+class Segments(NamedTuple):
+    """The belt between node i and node i + 1.
+
+    Attributes:
+        tension_n: (N,).
+        tangent: (N, 2) unit vectors.
+        stiffness_npm: tension over elongation.
+    """
+
+    tension_n: FloatArray
+    tangent: FloatArray
+    stiffness_npm: float
+
+    def tension_after_n(self, change: FloatArray) -> FloatArray:
+        """Return the tension (N,) after a change of the nodes' positions (N, 2), to first order."""
+        stretch = np.einsum("ia,ia->i", self.tangent, following(change) - change)
+        tension_n: FloatArray = self.tension_n + self.stiffness_npm * stretch
+        return tension_n
 
 
 class Balance(NamedTuple):
@@ -207,6 +228,7 @@ class Balance(NamedTuple):
         corner: (m, m) derivative of the load (and torque) equation by the axle height (and the traction).
         border: (m,) residual of the load (and torque) equation.
         road: the road's push.
+        segments: the belt between the nodes.
     """
 
     residual: FloatArray
@@ -216,9 +238,17 @@ class Balance(NamedTuple):
     corner: FloatArray
     border: FloatArray
     road: RoadPush
+    segments: Segments
 
 
-def belt_balance(law: BeltLaw, grid: Grid, state: FloatArray, height_m: float, traction: float) -> Balance:
+def belt_balance(
+    law: BeltLaw,
+    grid: Grid,
+    state: FloatArray,
+    height_m: float,
+    traction: float,
+    tension_n: FloatArray | None = None,
+) -> Balance:
     """Return the force balance of every node.
 
     Args:
@@ -227,20 +257,41 @@ def belt_balance(law: BeltLaw, grid: Grid, state: FloatArray, height_m: float, t
         state: (N, d) x, y and, for a shear-flexible belt, the section's extra turn.
         height_m: height of the axle above the road.
         traction: friction per push.
+        tension_n: (N,) that turns with the belt in the derivatives; None for the one that the nodes' distances give.
     """
-    nodes = len(state)
-    position = state[:, :2]
-    residual = np.zeros((nodes, law.dof))
-    blocks = np.zeros((2 * law.reach + 1, nodes, law.dof, law.dof))
-    _add_belt_forces(law, grid, state, residual, blocks)
-    _add_pressure_and_inertia(law, grid, position, residual, blocks)
-    _add_sidewall(law, grid, position, residual, blocks)
-    road = road_push(law, grid, position, height_m, traction)
+    blocks = np.zeros((2 * law.reach + 1, len(state), law.dof, law.dof))
+    road = road_push(law, grid, state[:, :2], height_m, traction)
+    residual, segments = _belt_residual(law, grid, state, road, blocks, tension_n)
     length = law.radius_m * grid.step_rad
-    residual[:, :2] += length * road.force_npm
     blocks[law.reach - 1 : law.reach + 2, :, :2, :2] += length * road.d_position
-    columns, rows, corner, border = _border(law, grid, position, road)
-    return Balance(residual, blocks, columns, rows, corner, border, road)
+    columns, rows, corner = _border(law, grid, state[:, :2], road)
+    border = _border_residual(law, grid, state[:, :2], road)
+    return Balance(residual, blocks, columns, rows, corner, border, road, segments)
+
+
+def imbalance(
+    law: BeltLaw, grid: Grid, state: FloatArray, height_m: float, traction: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return `residual` and `border` of the balance alone; arguments as for `belt_balance`."""
+    road = road_push(law, grid, state[:, :2], height_m, traction)
+    return _belt_residual(law, grid, state, road)[0], _border_residual(law, grid, state[:, :2], road)
+
+
+def _belt_residual(
+    law: BeltLaw,
+    grid: Grid,
+    state: FloatArray,
+    road: RoadPush,
+    blocks: FloatArray | None = None,
+    tension_n: FloatArray | None = None,
+) -> tuple[FloatArray, Segments]:
+    """Return the residual and the segments; add the derivatives to `blocks`, but for those of the road's push."""
+    residual = np.zeros((len(state), law.dof))
+    segments = _add_belt_forces(law, grid, state, residual, blocks, tension_n)
+    _add_pressure_and_inertia(law, grid, state[:, :2], residual, blocks)
+    _add_sidewall(law, grid, state[:, :2], residual, blocks)
+    residual[:, :2] += law.radius_m * grid.step_rad * road.force_npm
+    return residual, segments
 
 
 def segment_turn(grid: Grid, along: FloatArray) -> FloatArray:
@@ -250,7 +301,14 @@ def segment_turn(grid: Grid, along: FloatArray) -> FloatArray:
     return turn
 
 
-def _add_belt_forces(law: BeltLaw, grid: Grid, state: FloatArray, residual: FloatArray, blocks: FloatArray) -> None:
+def _add_belt_forces(
+    law: BeltLaw,
+    grid: Grid,
+    state: FloatArray,
+    residual: FloatArray,
+    blocks: FloatArray | None,
+    turning_n: FloatArray | None,
+) -> Segments:
     """Add tension, bending and shear of the segments: residual_i += F_i - F_(i-1), F = N t + V n."""
     h, radius = grid.step_rad, law.radius_m
     rest = 2.0 * radius * math.sin(h / 2)
@@ -278,13 +336,22 @@ def _add_belt_forces(law: BeltLaw, grid: Grid, state: FloatArray, residual: Floa
         slip = turn - 0.5 * (section + following(section))
         shear = law.shear_n * rest * slip / length
         shear_slope = law.shear_n * rest / length
-    segment_block = (
-        (law.extension_n / rest) * outer(tangent, tangent)
-        + outer(tension[:, None] * normal - shear[:, None] * tangent + shear_slope[:, None] * normal, turn_by)
-        - outer((shear / length)[:, None] * normal, tangent)
-    )
+        couple = law.shear_n * rest * slip
+        bending = stiffness * (following(section) - section)
+        if rate:
+            bending = bending + rate * (following(bending) - preceding(bending))
+        residual[:, 2] += bending - preceding(bending) + 0.5 * (couple + preceding(couple))
     force = tension[:, None] * tangent + shear[:, None] * normal
     residual[:, :2] += force - preceding(force)
+    segments = Segments(tension, tangent, law.extension_n / rest)
+    if blocks is None:
+        return segments
+    turning = tension if turning_n is None else turning_n
+    segment_block = (
+        segments.stiffness_npm * outer(tangent, tangent)
+        + outer(turning[:, None] * normal - shear[:, None] * tangent + shear_slope[:, None] * normal, turn_by)
+        - outer((shear / length)[:, None] * normal, tangent)
+    )
     _add_by_span(blocks, 0, segment_block)
     if law.dof == 2:
         # V_i by the turn of segment i + o, times the length.
@@ -294,12 +361,7 @@ def _add_belt_forces(law: BeltLaw, grid: Grid, state: FloatArray, residual: Floa
             by_turn |= {-2: damped, 2: -damped}
         for offset, slope in by_turn.items():
             _add_by_span(blocks, offset, outer((slope / length)[:, None] * normal, np.roll(turn_by, -offset, axis=0)))
-        return
-    couple = law.shear_n * rest * slip
-    bending = stiffness * (following(section) - section)
-    if rate:
-        bending = bending + rate * (following(bending) - preceding(bending))
-    residual[:, 2] += bending - preceding(bending) + 0.5 * (couple + preceding(couple))
+        return segments
     by_span = 0.5 * law.shear_n * rest * turn_by
     blocks[3, :, 2, :2] += by_span
     blocks[2, :, 2, :2] += preceding(by_span) - by_span
@@ -315,6 +377,7 @@ def _add_belt_forces(law: BeltLaw, grid: Grid, state: FloatArray, residual: Floa
     blocks[3, :, :2, 2] += by_section
     blocks[2, :, :2, 2] += by_section - preceding(by_section)
     blocks[1, :, :2, 2] -= preceding(by_section)
+    return segments
 
 
 def _around(blocks: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -334,7 +397,7 @@ def _add_by_span(blocks: FloatArray, offset: int, slope: FloatArray) -> None:
 
 
 def _add_pressure_and_inertia(
-    law: BeltLaw, grid: Grid, position: FloatArray, residual: FloatArray, blocks: FloatArray
+    law: BeltLaw, grid: Grid, position: FloatArray, residual: FloatArray, blocks: FloatArray | None
 ) -> None:
     """Add the pressure, which follows the belt's normal, and subtract the belt's transport inertia."""
     ahead, behind = following(position), preceding(position)
@@ -342,17 +405,20 @@ def _add_pressure_and_inertia(
     residual[:, :2] += (ahead - behind) @ push.T
     inertia = law.mass_kgpm * law.radius_m * law.omega_radps**2 / grid.step_rad
     residual[:, :2] -= inertia * (ahead - 2.0 * position + behind)
+    if blocks is None:
+        return
     before, centre, after = _around(blocks)
     after += push - inertia * np.eye(2)
     centre += 2.0 * inertia * np.eye(2)
     before -= push + inertia * np.eye(2)
 
 
-def _add_sidewall(law: BeltLaw, grid: Grid, position: FloatArray, residual: FloatArray, blocks: FloatArray) -> None:
+def _add_sidewall(
+    law: BeltLaw, grid: Grid, position: FloatArray, residual: FloatArray, blocks: FloatArray | None
+) -> None:
     """Add the elastic foundation on the rim: stiffens with deflection, damped in the rim's frame."""
     length = law.radius_m * grid.step_rad
     out = position - law.radius_m * grid.radial
-    before, centre, after = _around(blocks)
     for stiffness, damping, axis in (
         (law.radial_npm2, law.radial_damping_nspm2, grid.radial),
         (law.tangential_npm2, law.tangential_damping_nspm2, grid.along),
@@ -361,17 +427,35 @@ def _add_sidewall(law: BeltLaw, grid: Grid, position: FloatArray, residual: Floa
         u = np.einsum("ia,ia->i", out, axis)
         growth = law.stiffening_pm * np.abs(u)
         pull = stiffness * u * (1.0 + growth)
-        centre -= length * (stiffness * (1.0 + 2.0 * growth))[:, None, None] * outer(axis, axis)
         if rate:
             pull = pull + rate * (following(u) - preceding(u))
+        residual[:, :2] -= length * pull[:, None] * axis
+        if blocks is None:
+            continue
+        before, centre, after = _around(blocks)
+        centre -= length * (stiffness * (1.0 + 2.0 * growth))[:, None, None] * outer(axis, axis)
+        if rate:
             after -= length * rate * outer(axis, following(axis))
             before += length * rate * outer(axis, preceding(axis))
-        residual[:, :2] -= length * pull[:, None] * axis
+
+
+def _border_residual(law: BeltLaw, grid: Grid, position: FloatArray, road: RoadPush) -> FloatArray:
+    """Return the residual of the load equation and, with friction, of the torque equation."""
+    length = law.radius_m * grid.step_rad
+    load = length * float(road.force_npm[:, 1].sum()) - law.load_n
+    if law.torque_nm is None:
+        return np.array([load])
+    return np.array([load, length * float(np.einsum("ia,ia->", _lever(position), road.force_npm)) + law.torque_nm])
+
+
+def _lever(position: FloatArray) -> FloatArray:
+    """Return (N, 2) the torque about the axle of a unit force on each node."""
+    return np.stack([-position[:, 1], position[:, 0]], axis=1)
 
 
 def _border(
     law: BeltLaw, grid: Grid, position: FloatArray, road: RoadPush
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the border: axle height for the load equation and, with friction, traction for the torque equation."""
     nodes = len(position)
     length = law.radius_m * grid.step_rad
@@ -382,12 +466,9 @@ def _border(
     rows = np.zeros((size, nodes, law.dof))
     weights = [np.broadcast_to(np.array([0.0, 1.0]), (nodes, 2))]
     columns[0, :, :2] = by_height
-    border = [length * float(road.force_npm[:, 1].sum()) - law.load_n]
     if law.torque_nm is not None:
-        lever = np.stack([-position[:, 1], position[:, 0]], axis=1)
-        weights.append(lever)
+        weights.append(_lever(position))
         columns[1, :, :2] = by_traction
-        border.append(length * float(np.einsum("ia,ia->", lever, road.force_npm)) + law.torque_nm)
         rows[1, :, 0] = length * road.force_npm[:, 1]
         rows[1, :, 1] = -length * road.force_npm[:, 0]
     corner = np.zeros((size, size))
@@ -401,4 +482,4 @@ def _border(
         corner[k, 0] = np.einsum("ia,ia->", weight, by_height)
         if size == 2:
             corner[k, 1] = np.einsum("ia,ia->", weight, by_traction)
-    return columns, rows, corner, np.array(border)
+    return columns, rows, corner

@@ -11,11 +11,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gateway.physics.rolling_ring.force_balance import Balance, BeltLaw, Grid, belt_balance
+from gateway.physics.rolling_ring.force_balance import Balance, BeltLaw, Grid, belt_balance, imbalance, road_push
 from gateway.types import FloatArray, IntArray
 
 _STEP_LIMIT_M: Final = 0.01
-_TOLERANCE: Final = 1e-9
+# Convergence is quadratic once the extent of the contact stays: after a step this small, over R, 1e-12 of R is left.
+_TOLERANCE: Final = 1e-6
 _MAX_ITERATIONS: Final = 60
 # Newton's method ends within ten steps or so unless it alternates between two extents of the contact.
 _ALTERNATING: Final = 15
@@ -61,11 +62,16 @@ def find_equilibrium(law: BeltLaw, grid: Grid, start: NewtonState, depth: int = 
 
 
 def _newton(law: BeltLaw, grid: Grid, start: NewtonState) -> NewtonState:
-    """Return the equilibrium by semi-smooth Newton: the extent of the contact is part of the solution."""
+    """Return the equilibrium by semi-smooth Newton: the extent of the contact is part of the solution.
+
+    The belt hardly stretches. After a step that turns it, its length is off by the square of the turn, and so much more
+    its tension. In the tangent the tension is therefore the one that the step before predicts.
+    """
+    tension = None
     state, height, traction = start.state, start.height_m, start.traction
     share, before = 1.0, math.inf
     for iteration in range(1, _MAX_ITERATIONS + 1):
-        balance = belt_balance(law, grid, state, height, traction)
+        balance = belt_balance(law, grid, state, height, traction, tension)
         changes, borders = solve_bordered(balance, -balance.residual[None], -balance.border[None])
         change, border = changes[0], borders[0]
         size = max(float(np.abs(change[:, :2]).max()), abs(float(border[0])))
@@ -76,12 +82,21 @@ def _newton(law: BeltLaw, grid: Grid, start: NewtonState) -> NewtonState:
         before = size
         damp = share * min(1.0, _STEP_LIMIT_M / size) if size > 0.0 else 1.0
         state = state + damp * change
+        tension = balance.segments.tension_after_n(damp * change[:, :2])
         height += damp * float(border[0])
         if len(border) == 2:
             traction += damp * float(border[1])
-        if size < _TOLERANCE * law.radius_m:
+        if size < _TOLERANCE * law.radius_m and _same_contact(law, grid, balance, state, height, traction):
             return NewtonState(state, height, traction, start.iterations + iteration)
     raise RingNotConvergedError(f"still moving by {size:.1e} m after {_MAX_ITERATIONS} iterations")
+
+
+def _same_contact(
+    law: BeltLaw, grid: Grid, balance: Balance, state: FloatArray, height: float, traction: float
+) -> bool:
+    """Return whether the nodes in contact are those of an earlier balance."""
+    push = road_push(law, grid, state[:, :2], height, traction).unclipped_npm
+    return bool(np.array_equal(push > 0.0, balance.road.unclipped_npm > 0.0))
 
 
 def first_order_changes(
@@ -95,13 +110,13 @@ def first_order_changes(
         FloatingPointError: the tangent stiffness is singular.
     """
     balance = belt_balance(law, grid, equilibrium.state, equilibrium.height_m, equilibrium.traction)
-    balances = [
-        belt_balance(other, grid, equilibrium.state, equilibrium.height_m, equilibrium.traction) for other in others
+    imbalances = [
+        imbalance(other, grid, equilibrium.state, equilibrium.height_m, equilibrium.traction) for other in others
     ]
     changes, borders = solve_bordered(
         balance,
-        np.stack([balance.residual - changed.residual for changed in balances]),
-        np.stack([balance.border - changed.border for changed in balances]),
+        np.stack([balance.residual - residual for residual, _ in imbalances]),
+        np.stack([balance.border - border for _, border in imbalances]),
     )
     return [
         NewtonState(
