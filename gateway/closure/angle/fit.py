@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final, Self
@@ -27,8 +27,10 @@ _REACH: Final = 0.5
 # the misfit per degree of freedom. The factor is updated until the misfit decreases by less than this.
 _RESCALINGS: Final = 6
 _SETTLED: Final = 0.9
-# Shares of the signal by which the errors of the data are widened when a fit starts far off.
+# Shares of the signal by which the errors of the data are widened when a fit starts far off, and the share of the
+# misfit that a step must gain there: each of these fits is only the start of the next one.
 _ANNEAL: Final = (3e-2, 3e-3, 3e-4)
+_ANNEALED: Final = 3e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,22 +264,27 @@ def fit_model(
     prior_mean, _ = model.priors()
     vector = prior_mean.copy() if start is None else start.copy()
     steps = _Steps(most_steps)
+
+    def least_gain(fit: Fit) -> float:
+        return max(done, rough * (fit.misfit - data.size) / fit.scale)
+
     try:
         if from_afar:
             for share in _ANNEAL:
-                vector = _descend(model, data.loosened(share), vector, 1.0, None, steps, 0.0, done).vector
+                loosened = data.loosened(share)
+                vector = _descend(model, loosened, vector, 1.0, None, steps, lambda fit: _ANNEALED * fit.misfit).vector
         model.refine(vector)
         if applied is not None:
-            return _descend(model, data, vector, 1.0, applied, steps, 0.0, done)
+            return _descend(model, data, vector, 1.0, applied, steps, lambda _: done)
         scale = _overdispersion(_misfit(model, data, vector, None), data, model)
         for _ in range(_RESCALINGS):
-            fit = _descend(model, data, vector, scale, None, steps, rough, done)
+            fit = _descend(model, data, vector, scale, None, steps, least_gain)
             vector, was = fit.vector, scale
             scale = _overdispersion(fit.misfit, data, model)
             model.refine(vector)
             if scale > _SETTLED * was or steps.none:
                 break
-        return _descend(model, data, vector, scale, None, steps, rough, done)
+        return _descend(model, data, vector, scale, None, steps, least_gain)
     except (NoShapeError, np.linalg.LinAlgError) as error:
         raise FitFailedError(str(error)) from error
 
@@ -339,13 +346,12 @@ def _descend(
     scale: float,
     applied: Applied | None,
     steps: _Steps,
-    rough: float,
-    least: float,
+    least_gain: Callable[[Fit], float],
 ) -> Fit:
     fit = linearised(model, data, vector, scale=scale, applied=applied)
     while not steps.none:
         steps.take()
-        done = max(least, rough * (fit.misfit - data.size) / scale)
+        done = least_gain(fit)
         change = fit.step
         if float(change @ fit.precision @ change) < done:
             break
