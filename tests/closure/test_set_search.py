@@ -143,11 +143,7 @@ def test_few_sets_hold_the_inverse_of_their_covariance() -> None:
 
 def test_known_set_is_fitted_again_from_a_better_optimum() -> None:
     """A set stuck far from its optimum would give its credit to an effect that merely leads out of it."""
-
-    def plant(signal: FloatArray, theta: FloatArray, conditions: GroupConditions) -> FloatArray:
-        return turned(LATERAL, 5e-5)(gain(signal, theta, conditions), theta, conditions)
-
-    campaign = campaign_of(TWO_SPEEDS, plant, noise_mps2=0.05, axes=ALL_AXES)
+    campaign = campaign_of(ONE_SPEED, tilt_and_gain, axes=ALL_AXES)
     posterior, search = searched(campaign, among("roll tilt", "gain"))
     assert posterior.best.names == {"roll tilt", "gain"}
     alone = frozenset(["gain"])
