@@ -24,15 +24,20 @@ class FileContent:
 
     Attributes:
         path: absolute path.
-        recording_id: identity of the content.
+        sha256: of the content, hexadecimal.
         size_bytes: its size.
         modified_ns: time of its last change.
     """
 
     path: Path
-    recording_id: str
+    sha256: str
     size_bytes: int
     modified_ns: int
+
+    @property
+    def recording_id(self) -> str:
+        """Identity of the content."""
+        return self.sha256[:ID_DIGITS]
 
     def is_unchanged(self) -> bool:
         """Return whether the file is still the one that was read, by size and time of change."""
@@ -61,7 +66,7 @@ def read_content(path: Path, stop: threading.Event | None = None) -> FileContent
         raise RecordingError(
             f"'{path}' cannot be read: {error.strerror}", "Check the path and its permissions."
         ) from error
-    return FileContent(path, digest.hexdigest()[:ID_DIGITS], status.st_size, status.st_mtime_ns)
+    return FileContent(path, digest.hexdigest(), status.st_size, status.st_mtime_ns)
 
 
 def check_distinct(paths: Iterable[Path]) -> None:

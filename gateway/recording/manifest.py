@@ -1,6 +1,5 @@
 """Manifest of a folder of recordings: SHA-256 of every file, in the format of `sha256sum`, carried by any copy."""
 
-import hashlib
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -8,15 +7,14 @@ from typing import Final
 
 from gateway.bounded_input import read_bounded
 from gateway.errors import RecordingError
+from gateway.recording.file_content import read_content
 from gateway.recording.reader import RecordingReader
-from gateway.recording.regular_file import open_regular
 from gateway.recording.run_description import NOTES_SUFFIX, notes_path
 
 MANIFEST_NAME: Final = "SHA256SUMS"
 _LINE: Final = re.compile(r"([0-9a-f]{64}) [ *](.+)")
 # No file system has a longer name.
 _MOST_NAME_BYTES: Final = 255
-_BLOCK_BYTES: Final = 1 << 20
 _MAX_BYTES: Final = 64 << 20
 
 
@@ -122,13 +120,6 @@ def verify(recording: Path) -> None:
 
 
 def _sha256(path: Path) -> str:
-    digest = hashlib.sha256()
-    try:
-        with open_regular(path) as file:
-            while block := file.read(_BLOCK_BYTES):
-                digest.update(block)
-    except OSError as error:
-        raise RecordingError(
-            f"'{path}' cannot be read: {error.strerror}", "Check the path and its permissions."
-        ) from error
-    return digest.hexdigest()
+    content = read_content(path)
+    assert content is not None  # nothing stops the reading
+    return content.sha256
