@@ -111,8 +111,7 @@ def slip(runs_path: Path, config_path: Path | None, out_path: Path | None, force
     gives the slip angle itself, constant slip included. Runs that do not determine it, or contradict each other, are
     refused with the reason.
     """
-    from gateway.config.known_runs import load_runs, run_recordings
-    from gateway.config.slip_runs import SlipRunsFile
+    from gateway.config.known_runs import SlipRunsFile, load_runs, run_recordings
     from gateway.recording.file_content import check_distinct
 
     runs_file = load_runs(SlipRunsFile, runs_path)
@@ -139,8 +138,7 @@ def side_force(runs_path: Path, config_path: Path | None, out_path: Path | None,
     The result is the table [tire.side_force_calibration] for the vehicle configuration. With it the estimator
     `side-force` gives side force and aligning moment. Runs that do not determine it are refused with the reason.
     """
-    from gateway.config.force_runs import ForceRunsFile
-    from gateway.config.known_runs import load_runs, run_recordings
+    from gateway.config.known_runs import ForceRunsFile, load_runs, run_recordings
     from gateway.recording.file_content import check_distinct
 
     runs_file = load_runs(ForceRunsFile, runs_path)

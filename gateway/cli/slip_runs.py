@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from gateway.cli.calibration_runs import read_runs, rounded, run_name
-from gateway.config.slip_runs import SlipRunsFile
+from gateway.config.known_runs import SlipRunsFile
 from gateway.config.tire_tables import SlipCalibrationTable
 from gateway.config.toml_writer import toml_text
 from gateway.errors import CalibrationError

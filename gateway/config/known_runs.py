@@ -1,9 +1,9 @@
-"""Runs file of a calibration: recordings, or parts of them, during which a quantity is known."""
+"""Runs files of calibrations: recordings, or parts of them, during which a slip angle or a side force is known."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 from pydantic import Field
 
@@ -26,6 +26,61 @@ class KnownRunsFile(Section):
 
     wheel: str | None = Field(
         default=None, pattern=POSITION_PATTERN, description="position of the wheel; default: the only one recorded"
+    )
+
+
+class RunTable(KnownRun):
+    """`[[run]]`: one recording, or a part of it, at a constant and known slip angle."""
+
+    slip_deg: float = Field(
+        ge=-10, le=10, description="known slip angle in degrees; a positive one pulls the tire to the left"
+    )
+    slip_std_deg: float | None = Field(
+        default=None, ge=0, le=5, description="standard error of slip_deg in degrees; default: that of the file"
+    )
+    direction: Literal["forward", "reverse"] = Field(default="forward", description="direction of rolling")
+
+
+class SlipRunsFile(KnownRunsFile):
+    """A runs file of a slip calibration."""
+
+    slip_std_deg: float = Field(
+        default=0.05, ge=0, le=5, description="standard error of each slip_deg by itself in degrees"
+    )
+    slip_zero_std_deg: float = Field(
+        default=0.05, ge=0, le=5, description="standard error of the zero that all slip_deg are counted from in degrees"
+    )
+    run: tuple[RunTable, ...] = Field(
+        strict=False, min_length=2, max_length=200, description="at least two runs, a [[run]] table each"
+    )
+
+
+class ForceRunTable(KnownRun):
+    """`[[run]]`: one recording, or a part of it, at a constant and known side force."""
+
+    side_force_n: float = Field(
+        ge=-100_000, le=100_000, description="force of the road on the tire in N, positive to the left"
+    )
+    aligning_moment_nm: float | None = Field(
+        default=None,
+        ge=-100_000,
+        le=100_000,
+        description="moment about the vertical axis in N m, positive turns the tire to the left",
+    )
+    wheel: str | None = Field(
+        default=None, pattern=POSITION_PATTERN, description="position of the wheel; default: the one of the others"
+    )
+
+
+class ForceRunsFile(KnownRunsFile):
+    """A runs file of a side force calibration."""
+
+    side_force_std_n: float = Field(default=20.0, ge=0, le=10_000, description="standard error of each force in N")
+    aligning_moment_std_nm: float = Field(
+        default=1.0, ge=0, le=10_000, description="standard error of each moment in N m"
+    )
+    run: tuple[ForceRunTable, ...] = Field(
+        strict=False, min_length=2, max_length=200, description="at least two runs, a [[run]] table each"
     )
 
 

@@ -8,9 +8,7 @@ from typing import Any, Final
 import pytest
 from pydantic import BaseModel
 
-from gateway.config.force_runs import ForceRunsFile
-from gateway.config.known_runs import KnownRunsFile, load_runs
-from gateway.config.slip_runs import SlipRunsFile
+from gateway.config.known_runs import ForceRunsFile, KnownRunsFile, SlipRunsFile, load_runs
 from gateway.config.toml_writer import toml_text
 from gateway.config.validation import Location, model_in
 from gateway.config.vehicle import VehicleConfig, parse_vehicle, recorded_vehicle

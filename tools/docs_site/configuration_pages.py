@@ -13,7 +13,7 @@ from pydantic import AwareDatetime, BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from gateway.config.slip_runs import SlipRunsFile
+from gateway.config.known_runs import SlipRunsFile
 from gateway.config.vehicle import VehicleConfig
 from gateway.importing.import_map import ImportMap
 from gateway.planning.accelerometer import AccelerometerList

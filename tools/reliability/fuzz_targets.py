@@ -27,8 +27,7 @@ from firmware_protocol.messages import Coupling, Environment, Frame, Hello, Mess
 from gateway.cli.import_measurement import report_lines
 from gateway.clock import ManualClock
 from gateway.config.effects_file import check_effects, effects_notices, effects_text, with_effects
-from gateway.config.known_runs import load_runs
-from gateway.config.slip_runs import SlipRunsFile
+from gateway.config.known_runs import SlipRunsFile, load_runs
 from gateway.config.vehicle import VehicleConfig, load_vehicle, parse_vehicle, recorded_vehicle
 from gateway.errors import TreadlinkError
 from gateway.fleet.history_reading import read_odometer
