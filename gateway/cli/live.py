@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Unpack
 
@@ -26,9 +25,7 @@ from gateway.cli.stop_signals import StopRequest, stop_request
 
 if TYPE_CHECKING:
     from gateway.cli.session_setup import RunningSession
-    from gateway.pipeline.results import SessionSnapshot
     from gateway.recording.run_description import RunDescription
-    from gateway.session.live import LiveSession
 
 
 @click.command()
@@ -105,33 +102,4 @@ def show_session(session: RunningSession, stop: StopRequest, *, plain: bool) -> 
             from gateway.views.console.screen import run_console
 
             with held_back():
-                run_console(_Stoppable(session.live, stop), session.host_limit_s, session.addresses)
-
-
-class _Stoppable:
-    """A session on the screen, which ends when a signal asks to stop."""
-
-    def __init__(self, live: LiveSession, stop: StopRequest) -> None:
-        self._live = live
-        self._stop = stop
-        self.mark = live.mark
-        self.start_recording = live.start_recording
-        self.acknowledge = live.acknowledge
-        self.results = live.results
-        self.pause = live.pause
-        self.request_stop = live.request_stop
-
-    @property
-    def may_record(self) -> bool:
-        """Whether a recording can be begun."""
-        return self._live.may_record
-
-    @property
-    def run_form(self) -> dict[str, str]:
-        """Fields of the form that describes the run, with what is stated."""
-        return self._live.run_form
-
-    def snapshot(self) -> SessionSnapshot:
-        """Return the latest state; the screen leaves when it has ended."""
-        snapshot = self._live.snapshot()
-        return replace(snapshot, ended=True) if self._stop.is_set() else snapshot
+                run_console(session.live, lambda: stop.is_set() or session.time_is_up(), session.addresses)

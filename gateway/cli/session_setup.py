@@ -61,11 +61,6 @@ class RunningSession:
         """Addresses that users open in a browser."""
         return self.publisher.addresses if self.publisher is not None else ()
 
-    @property
-    def host_limit_s(self) -> float | None:
-        """Session time at which to stop, None without a limit."""
-        return self.opened.host_limit_s
-
     def time_is_up(self) -> bool:
         """Return whether the session has run for as long as it may."""
         return self.opened.time_is_up()

@@ -117,7 +117,7 @@ async def test_trend_of_any_quantity_in_place_of_the_waveform(session, made):
 
 
 async def test_address_of_the_page_stands_below(session):
-    app = ConsoleApp(session, None, ("http://127.0.0.1:8780/",))
+    app = ConsoleApp(session, addresses=("http://127.0.0.1:8780/",))
     async with app.run_test(size=(80, 24)) as pilot:
         assert has(await drawn(app, pilot), "page: http://127.0.0.1:8780/")
 
@@ -291,7 +291,7 @@ async def test_ended_session_closes_after_its_last_state(session):
 
 
 async def test_duration_stops_the_session(session):
-    app = ConsoleApp(session, duration_s=90.0)
+    app = ConsoleApp(session, lambda: session.snapshot().elapsed_s >= 90.0)
     async with app.run_test(size=(80, 24)) as pilot:
         await drawn(app, pilot)
         assert not session.stopped
@@ -351,7 +351,7 @@ SCRIPT = textwrap.dedent(
         def mark(self, text): pass
         def request_stop(self): pass
 
-    run_console(Session(), None)
+    run_console(Session(), lambda: False, ())
     print("ended on its own")
     """
 )

@@ -1,6 +1,6 @@
 """The live console, drawn from snapshots ten times a second, never per frame or revolution."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar, Final, Protocol
 
 from rich.segment import Segment
@@ -165,11 +165,13 @@ class ConsoleApp(App[None]):
         Binding("escape", "leave"),
     ]
 
-    def __init__(self, session: ShownSession, duration_s: float | None = None, addresses: tuple[str, ...] = ()) -> None:
-        """Set the session to show, the session time at which to stop it, and the addresses of its page."""
+    def __init__(
+        self, session: ShownSession, time_is_up: Callable[[], bool] = lambda: False, addresses: tuple[str, ...] = ()
+    ) -> None:
+        """Set the session to show, what says that it is to stop, and the addresses of its page."""
         super().__init__(ansi_color=True)
         self._session = session
-        self._duration_s = duration_s
+        self._time_is_up = time_is_up
         self._live = session.snapshot()
         self._frozen: SessionSnapshot | None = None
         self._mark_at_s = 0.0
@@ -201,8 +203,7 @@ class ConsoleApp(App[None]):
         self._live = self._session.snapshot()
         for result in self._session.results():
             self.view.plots.history.add(result)
-        time_is_up = self._duration_s is not None and self._live.elapsed_s >= self._duration_s
-        self._leaving = self._live.ended or time_is_up
+        self._leaving = self._live.ended or self._time_is_up()
         if self._leaving:
             # The screen ends with the last state, even when the view was paused.
             self._frozen, self.view.paused_at_s = None, None
@@ -339,10 +340,10 @@ class ConsoleApp(App[None]):
         self._board.focus()
 
 
-def run_console(session: ShownSession, duration_s: float | None = None, addresses: tuple[str, ...] = ()) -> None:
-    """Show the session on the terminal until the user quits, `duration_s` of session time is over, or it has ended.
+def run_console(session: ShownSession, time_is_up: Callable[[], bool], addresses: tuple[str, ...]) -> None:
+    """Show the session on the terminal until the user quits, its time is up, or it has ended.
 
     The session is stopped unless it has ended already.
     """
     # Without mouse support in the application, the terminal's own selection can copy values.
-    ConsoleApp(session, duration_s, addresses).run(mouse=False)
+    ConsoleApp(session, time_is_up, addresses).run(mouse=False)
