@@ -211,7 +211,7 @@ def series_estimates(
     """
     values, free = fitted.values, fitted.free
     covariance = fitted.noise + fitted.model
-    variance = np.diagonal(covariance, axis1=1, axis2=2)
+    variance = covariance.diagonal(axis1=1, axis2=2)
     std = np.sqrt(np.maximum(variance, 0.0))
     missing = [missing_conditions(condition) for condition in conditions]
     scales = [
@@ -226,15 +226,20 @@ def series_estimates(
     scales = [scale if width is None else width.scale for width, scale in zip(widths, scales, strict=True)]
     scale = np.array(scales)[:, np.newaxis]
     determined = _determined(values, free, variance, std)
-    ratios, ratio_errors, ratio_fits = _ratios(values, free, covariance)
+    cw, of_ratios = values[:, _CW, np.newaxis], None
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = values[:, _OVER_CW] / cw
+        ratio_errors = _ratio_errors(ratios, cw, covariance)
+        if noise_scatters:
+            of_ratios = _ratio_errors(ratios, cw, fitted.noise)
     # Weak bending must be determined better than the ratio's own error tells.
+    ratio_fits: BoolArray = (ratio_errors * DETERMINED <= ratios) & (free[:, _CW, np.newaxis] & (cw > 0.0))
     ratio_fits[:, 0] &= determined[:, 0]
     all_values = np.concatenate([values, ratios], axis=1)
     errors = np.concatenate([np.hypot(std, values * scale), ratio_errors], axis=1)
-    scatters = np.zeros_like(errors)
-    if noise_scatters:
-        noise = np.diagonal(fitted.noise, axis1=1, axis2=2)
-        of_ratios = _ratio_errors(ratios, values[:, _CW, np.newaxis], fitted.noise)
+    scatters: FloatArray = np.zeros(errors.shape)
+    if of_ratios is not None:
+        noise = fitted.noise.diagonal(axis1=1, axis2=2)
         scatters = np.concatenate([np.sqrt(np.maximum(noise, 0.0)), of_ratios], axis=1)
         scatters[~np.isfinite(scatters)] = 0.0
     sound = np.concatenate([determined, ratio_fits], axis=1) & (all_values > 0.0) & np.isfinite(errors)
@@ -303,23 +308,12 @@ def _undetermined(
     return Estimate(name, value, error, Status.PROVISIONAL, (*doubts, *why_not))
 
 
-def _ratios(values: FloatArray, free: BoolArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Return the ratios to Cw of k revolutions, their errors to first order, and which of them fit, (k, 3) each."""
-    cw = values[:, _CW, np.newaxis]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratios = values[:, _OVER_CW] / cw
-    errors = _ratio_errors(ratios, cw, covariance)
-    fits: BoolArray = (errors * DETERMINED <= ratios) & (free[:, _CW, np.newaxis] & (cw > 0.0))
-    return ratios, errors, fits
-
-
 def _ratio_errors(ratios: FloatArray, cw: FloatArray, covariance: FloatArray) -> FloatArray:
     """Return the errors of the ratios (k, 3) to Cw (k, 1) to first order, (k, 3)."""
-    variances = np.diagonal(covariance, axis1=1, axis2=2)
+    variances = covariance.diagonal(axis1=1, axis2=2)
     with_cw = covariance[:, _OVER_CW, _CW] + covariance[:, _CW, _OVER_CW]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        square = variances[:, _OVER_CW] - ratios * with_cw + ratios * ratios * variances[:, _CW, np.newaxis]
-        errors: FloatArray = np.sqrt(np.maximum(square / (cw * cw), 0.0))
+    square = variances[:, _OVER_CW] - ratios * with_cw + ratios * ratios * variances[:, _CW, np.newaxis]
+    errors: FloatArray = np.sqrt(np.maximum(square / (cw * cw), 0.0))
     return errors
 
 

@@ -117,6 +117,11 @@ _MATRIX: Final = slice(MOUNTING_SIZE + 10, MOUNTING_SIZE + 26)
 _RIGHT: Final = slice(MOUNTING_SIZE + 26, MOUNTING_SIZE + 30)
 _STEADY: Final = slice(MOUNTING_SIZE + 30, MOUNTING_SIZE + 34)
 _SUMS: Final = MOUNTING_SIZE + 34
+# Sums of both equations, and of the normal equations, with their places in the products of factors and left-hand sides.
+_EQUATIONS: Final = slice(_MEAN.start, _GRAVITY.stop)
+_NORMAL: Final = slice(_MATRIX.start, _RIGHT.stop)
+_OF_EQUATIONS: Final = np.array([0, 1, 6, 4, 9, 25, 28, 43, 29, 44])
+_OF_NORMAL: Final = np.array([5 * row + column for row in range(4) for column in range(4)] + [4, 9, 14, 19])
 
 
 class _Measurement(NamedTuple):
@@ -456,16 +461,19 @@ class SelfCalibrationEstimator(BlockEstimator):
         self._has_along |= bool(along.any())
         # The circumferential axis reads the acceleration of wheel and car.
         is_timed = np.array([not block.revolutions[index].assumed_steady for index in taken])
-        along &= is_timed
-        if along.any():
+        have_along = (along & is_timed).tolist()
+        if any(have_along):
             order_max = np.array([block.revolutions[index].order_max for index in taken])
             with_mean = not first.ac_coupled
             mounting = mounting_rows(
                 spectra, belt, omega, omega_dot, first_conditions.radius_m, order_max, with_mean=with_mean
             )
-            rows[:, _MOUNTING] = np.where(along[:, np.newaxis], mounting.sums, 0.0)
-            hub = np.where(along[:, np.newaxis], mounting.hub, 0.0)
-        warm, expected = [self._last.warm] * len(taken), np.full(len(taken), math.nan)
+            hub, rows[:, _MOUNTING] = mounting.hub, mounting.sums
+            if not all(have_along):
+                left_out = [not has_along for has_along in have_along]
+                hub[left_out] = 0.0
+                rows[left_out, _MOUNTING] = 0.0
+        warm, expected = [self._last.warm] * len(taken), [math.nan] * len(taken)
         is_calibrated = False
         if not first.ac_coupled:
             # Before that, the mounting offset, which the mean depends on, is not known.
@@ -475,7 +483,8 @@ class SelfCalibrationEstimator(BlockEstimator):
                 or self._last.revolutions + 1 > _LEAST_REVOLUTIONS
             )
             warm = [self._warm(block.conditions[index]) for index in taken]
-            expected = self._gain_rows(block, taken, belt, np.array(warm), rows, is_calibrated=is_calibrated)
+            steady = self._gain_rows(block, taken, belt, np.array(warm), rows, is_calibrated=is_calibrated)
+            expected = steady.tolist()
         if (measured := measured_shares([block.revolutions[index] for index in taken])) is not None:
             rows *= np.array(measured)[:, np.newaxis]
         before = self._last.sums
@@ -493,7 +502,7 @@ class SelfCalibrationEstimator(BlockEstimator):
         reaction = omega_dot * first_conditions.radius_m
         self._axes_with = powers[-1] * self._axes_with + weights @ np.array([np.ones(len(taken)), omega**2, reaction]).T
         self._hub = hub[-1]
-        return self._record(block, taken, belt, sums, hub, warm, expected.tolist())
+        return self._record(block, taken, belt, sums, hub, warm, expected)
 
     def _warm(self, conditions: TireConditions) -> float:
         degc = conditions.temperature_degc
@@ -513,9 +522,8 @@ class SelfCalibrationEstimator(BlockEstimator):
         is_calibrated: bool,
     ) -> FloatArray:
         """Set the two equations of each revolution; return the steady value that is expected of each, (k,)."""
-        revolutions = [block.revolutions[index] for index in taken]
-        orders = np.array([revolution.orders_mps2[:2] for revolution in revolutions])
         selection = slice(None) if len(taken) == len(block) else np.array(taken)
+        orders = block.arrays.orders_mps2[selection, :2]
         omega = block.arrays.omega_radps[selection]
         steady = block.conditions[taken[0]].radius_m * omega * omega
         expected: FloatArray = steady * (1.0 - self._ratio * belt.mean_square)
@@ -547,13 +555,11 @@ class SelfCalibrationEstimator(BlockEstimator):
         if not usable.all():
             both[~usable] = 0.0
         products = both[:, :, :, np.newaxis] * both[:, :, np.newaxis, :]
-        rows[:, _MEAN] = products[:, 0][:, (0, 0, 1, 0, 1), (0, 1, 1, 4, 4)]
-        rows[:, _GRAVITY] = products[:, 1][:, (0, 0, 3, 0, 3), (0, 3, 3, 4, 4)]
+        rows[:, _EQUATIONS] = products.reshape(-1, 50)[:, _OF_EQUATIONS]
         if is_calibrated:
-            total = products.sum(axis=1)
-            rows[:, _MATRIX] = total[:, :4, :4].reshape(-1, 16)
-            rows[:, _RIGHT] = total[:, :4, 4]
-            rows[:, _STEADY] = by_mean[:, :4] * by_mean[:, :1]
+            total = products[:, 0] + products[:, 1]
+            rows[:, _NORMAL] = total.reshape(-1, 25)[:, _OF_NORMAL]
+            rows[:, _STEADY] = products[:, 0, 0, :4]
         return expected
 
     def _record(
@@ -578,7 +584,7 @@ class SelfCalibrationEstimator(BlockEstimator):
             hub_mps2 = np.maximum(motion - np.square(at_rest) / np.maximum(motion, 1e-12), 0.0).tolist()
         floor = self._last.floor
         contact = None if floor is None or floor.status is Status.INVALID else (floor.value, floor.std)
-        equations = sums[:, _MEAN.start : _GRAVITY.stop].tolist()
+        equations = sums[:, _EQUATIONS].tolist()
         count, against, steps = self._last.revolutions, self._last.against, []
         for row, index in enumerate(taken):
             revolution, claims = block.revolutions[index], block.conditions[index].claims

@@ -27,23 +27,19 @@ class OwnDrift:
 
     def reset(self) -> None:
         """Forget everything, as after a change of tire."""
-        self._valid: dict[str, deque[float]] = {}
+        self._valid: dict[str, deque[float]] = {name: deque(maxlen=count) for name, count in self._memory.items()}
 
     def widened(self, estimates: tuple[Estimate, ...]) -> tuple[Estimate, ...]:
         """Return the estimates of the next revolution, with the error by what they have changed in their memory.
 
         The change is counted from the oldest valid value within it.
         """
-        memory, valid, hypot = self._memory, self._valid, math.hypot
-        widened: list[Estimate] = []
-        for estimate in estimates:
-            name, value, std, status, reasons, scatter_std = estimate
-            if status is Status.VALID and name in memory:
-                values = valid.get(name)
-                if values is None:
-                    values = valid[name] = deque(maxlen=memory[name])
+        valid, hypot = self._valid, math.hypot
+        widened = list(estimates)
+        for index, (name, value, std, status, reasons, scatter_std) in enumerate(estimates):
+            if status is Status.VALID and name in valid:
+                values = valid[name]
                 values.append(value)
-                std = hypot(std, _LAG * (value - values[0]))
-                estimate = estimate_of((name, value, std, status, reasons, scatter_std))
-            widened.append(estimate)
+                std_with_lag = hypot(std, _LAG * (value - values[0]))
+                widened[index] = estimate_of((name, value, std_with_lag, status, reasons, scatter_std))
         return tuple(widened)

@@ -242,22 +242,23 @@ class ContactSamples:
         """
         template, count = self._template, len(passages)
         values, rates = np.array(passages), np.array(rates_hz)
-        result = np.full((count, 5), math.nan)
-        halves = np.ones((count, 2))
+        # As `matched`, then the number of points of either half.
+        result = np.empty((count, 7))
+        result.fill(math.nan)
         fits = np.zeros(count, np.bool_)
         covariances = [_UNKNOWN] * count
         for region, places in self._groups:
             of_group = slice(None) if len(places) == count else places
             lines, last = self._coefficients[of_group], self._last[of_group]
-            result[of_group] = matched(lines, last, values[of_group], rates[of_group], region)
+            result[of_group, :5] = matched(lines, last, values[of_group], rates[of_group], region)
             gain, remainder = 1.0 + result[of_group, 2], result[of_group, 3] + result[of_group, 4]
             limit = len(region.angles_rad) * (_MAX_RESIDUAL_SHARE * template.span) ** 2
             fits[of_group] = (_GAIN_RANGE[0] < gain) & (gain < _GAIN_RANGE[1]) & (remainder < limit)
-            halves[of_group] = region.middle, len(region.angles_rad) - region.middle
+            result[of_group, 5:] = region.middle, len(region.angles_rad) - region.middle
             highest = np.minimum(np.ceil(math.pi / values[of_group, 2]), len(region.covariances_rad2) - 1)
             for index, order in zip(places.tolist(), highest.astype(np.int64).tolist(), strict=True):
                 covariances[index] = region.covariances_rad2[order]
-        return ContactMatches(result[:, :2], np.sqrt(result[:, 3:] / halves), fits, covariances)
+        return ContactMatches(result[:, :2], np.sqrt(result[:, 3:5] / result[:, 5:]), fits, covariances)
 
     @property
     def largest_shift_rad(self) -> float:

@@ -371,7 +371,12 @@ class _Steps:
         self._scalars = scalars
         squares = np.square(np.array(omega_radps))[:, np.newaxis]
         self._carried = np.isfinite(orders_mps2.real)
-        orders = orders_mps2 if self._carried.all() else np.where(self._carried, orders_mps2, 0.0)
+        # Whether the revolutions before and those of the block have carried every order. Where all have, all values
+        # have the same weights.
+        self._had_all = bool((before.order_counts == before.count).all())
+        self._has_all = bool(self._carried.all())
+        self._is_even = self._had_all and self._has_all
+        orders = orders_mps2 if self._has_all else np.where(self._carried, orders_mps2, 0.0)
         self._values = np.concatenate([radial_mps2, orders.real, -orders.imag], axis=1)
         self._values /= squares
         self._floor = floor
@@ -405,8 +410,8 @@ class _Steps:
         shares = running_shares(tuple(weight for _, _, weight, *_ in self._scalars))
         # Coefficients are those of the waveforms, as far as the sampling carries them.
         state = self._before
-        before = _spectra(state.moments.mean[np.newaxis], has_orders=bool((state.order_counts == state.count).all()))
-        block_spectra = _spectra(self._values, has_orders=bool(self._carried.all()))
+        before = _spectra(state.moments.mean[np.newaxis], has_orders=self._had_all)
+        block_spectra = _spectra(self._values, has_orders=self._has_all)
         result: ComplexArray = shares.prior[:, np.newaxis] * before + shares.values @ block_spectra
         change = (block_spectra - np.concatenate([before, result[:-1]])) * self._carried
         squares = 0.5 * np.sum(change.real**2 + change.imag**2, axis=1)
@@ -440,11 +445,6 @@ class _Steps:
             spread / freedom if freedom > 1e-12 else math.nan for spread, freedom in zip(spreads, freedoms, strict=True)
         ]
 
-    @cached_property
-    def _is_even(self) -> bool:
-        """Whether every revolution so far has carried every order, so that all values have the same weights."""
-        return bool(self._carried.all() and (self._before.order_counts == self._before.count).all())
-
     def edges_std_rad(self, index: int) -> tuple[float, float]:
         *_, edges = self._scalars[index]
         return edges.stds_rad()
@@ -467,14 +467,14 @@ class _Steps:
         previous = max((other for other in self._states if other < index), default=-1)
         begin = self._states[previous] if previous >= 0 else self._before
         rows = slice(previous + 1, index + 1)
-        counts, _ = self._order_weights
+        counts = self._before.order_counts + (index + 1) if self._is_even else self._order_weights[0][index]
         count, weight_square, _, noise, edges = self._scalars[index]
         values, weights = self._values[rows], self._weights[rows]
         return _State(
             moments=begin.moments.and_then(values, weights)
             if self._measured is None
             else begin.moments.and_then_partly(values, weights, self._measured[rows]),
-            order_counts=counts[index],
+            order_counts=counts,
             count=count,
             weight_square=weight_square,
             order_noise=noise,
