@@ -39,7 +39,7 @@ from gateway.session.recorded_signals import (
     survey,
 )
 from gateway.session.recording_pass import OpenedRecording, RecordingPass
-from gateway.session.wheel_identity import configured
+from gateway.session.wheel_identity import configured_tire
 from gateway.views.wording import notice_text, text
 
 if TYPE_CHECKING:
@@ -515,9 +515,8 @@ class Wheel:
     @property
     def radius_m(self) -> float:
         """Belt radius: as configured, else as assumed."""
-        vehicle = self.recording.vehicle
-        wheel = configured(vehicle, self.position)
-        radius_m = vehicle.tire_of(wheel).radius_m if vehicle is not None and wheel is not None else None
+        tire = configured_tire(self.recording.vehicle, self.position)
+        radius_m = tire.radius_m if tire is not None else None
         return ASSUMED_RADIUS_MM * 1e-3 if radius_m is None else radius_m
 
     def samples(self, *, start_s: float = -math.inf, stop_s: float = math.inf) -> Samples:

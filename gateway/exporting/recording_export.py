@@ -6,7 +6,6 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from gateway.config.effects_file import effects_doubts
 from gateway.errors import OutputError
 from gateway.exporting.export_registry import CONTENTS, FORMATS
 from gateway.exporting.export_table import Block, ExportWriter, Target, WheelTable, length
@@ -181,7 +180,7 @@ def export_recording(
                 )
             done += 1
     columns = {content.what: len(content.columns) for content in measured_contents}
-    doubts = effects_doubts(recording.effects, recording.vehicle)
+    doubts = recording.effects_doubts()
     return ExportReport(tuple(positions), out_file.rows, columns, damage, tuple(doubts))
 
 

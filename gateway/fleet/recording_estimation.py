@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 
 from gateway import __version__
-from gateway.config.effects_file import check_effects, effects_doubts
-from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig, Wheel
+from gateway.config.effects_file import check_effects
+from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig
 from gateway.errors import ConfigError, OutputError, RecordingError, TreadlinkError
 from gateway.estimators.estimator import Revolution
 from gateway.estimators.revolution_block import RevolutionArrays
@@ -32,13 +32,13 @@ from gateway.pipeline.wheel_setup import (
     TireData,
 )
 from gateway.plugins import PluginGroup, installed
-from gateway.reasons import Code, Notice, Reason
+from gateway.reasons import Code, Reason
 from gateway.recording.file_content import FileContent
 from gateway.recording.reader import REPAIR_REMEDY, RecordingReader
 from gateway.recording.run_description import RunDescription, TireIdentity
 from gateway.session.provenance import Quantity, is_assumed
-from gateway.session.recording_pass import RecordingPass, open_recording
-from gateway.session.wheel_identity import configured
+from gateway.session.recording_pass import OpenedRecording, RecordingPass, open_recording
+from gateway.session.wheel_identity import configured, configured_tire
 from gateway.table_columns import (
     RECORDING_HEAD,
     RECORDING_TAIL,
@@ -317,8 +317,9 @@ def _estimate(order: EstimationOrder, on_bytes: Callable[[int], None]) -> Estima
     # Vehicles of a fleet differ in their wheels. Without a configuration there is none to compare with: refused.
     effects = tuple(table for table in settings.effects if vehicle is None or configured(vehicle, table.position))
     check_effects(effects, vehicle)
+    recording = replace(recording, effects=effects)
     collected = _Collector(order)
-    estimation = RecordingPass(replace(recording, effects=effects), settings.estimators)
+    estimation = RecordingPass(recording, settings.estimators)
     try:
         for result in estimation:
             collected.result(result)
@@ -336,7 +337,7 @@ def _estimate(order: EstimationOrder, on_bytes: Callable[[int], None]) -> Estima
         return Estimated(failure=Failure(notice.reason, is_final=final), peak_bytes=_peak_bytes())
     if reader.damage is not None and not _heard(collected, estimation):
         return _nothing_readable(reader.damage, Reason(Code.NO_SAMPLES))
-    return _recording_rows(order, reader, vehicle, collected, estimation, effects_doubts(effects, vehicle))
+    return _recording_rows(order, recording, collected, estimation)
 
 
 def _nothing_readable(damage: Reason, why: Reason) -> Estimated:
@@ -352,34 +353,30 @@ def _heard(collected: _Collector, estimation: RecordingPass) -> list[str]:
 
 
 def _recording_rows(
-    order: EstimationOrder,
-    reader: RecordingReader,
-    vehicle: VehicleConfig | None,
-    collected: _Collector,
-    estimation: RecordingPass,
-    doubts: Sequence[Notice],
+    order: EstimationOrder, recording: OpenedRecording, collected: _Collector, estimation: RecordingPass
 ) -> Estimated:
     """Write the rows of the recording's wheels and return what was made."""
     names, content = order.settings.columns, order.content
+    info, vehicle, damage = recording.file.info, recording.vehicle, recording.file.damage
     # A wrong clock that was set, or that a receiver contradicts, would put the recording at a wrong place of a trend.
     ahead_ns = round((estimation.clock.ahead_s or 0.0) * 1e9)
     first_ns, last_ns = (0, 0)
     if estimation.span_ns is not None:
         first_ns, last_ns = (time_ns + ahead_ns for time_ns in estimation.span_ns)
-    start_ns = reader.info.start_ns + ahead_ns if reader.info.start_ns else first_ns
+    start_ns = info.start_ns + ahead_ns if info.start_ns else first_ns
     states = {state.position: state for state in estimation.wheels}
     positions, alarms, counters = _heard(collected, estimation), estimation.alarms(), estimation.links.values()
     of_links = [alarm for alarm in alarms if alarm.position not in positions]
     sensors = {
-        position: ",".join(f"{sensor:08x}" for sensor in sorted(estimation.sensors.at(vehicle, position)))
+        position: ",".join(f"{sensor:08x}" for sensor in sorted(estimation.sensors.at(position)))
         for position in positions
     }
     path = order.folder / f"{order.token}.{RECORDINGS}.parquet"
     statements = estimation.statements.contradictions()
-    run = reader.info.described_run()
+    run, doubts = info.described_run(), recording.effects_doubts()
     with PartFile(path, recording_columns(names), RECORDINGS) as part:
         for position in positions:
-            wheel = configured(vehicle, position)
+            tire = configured_tire(vehicle, position)
             mine = [*(alarm for alarm in alarms if alarm.position == position), *of_links]
             stated = [
                 *(
@@ -402,7 +399,7 @@ def _recording_rows(
                 "begin_utc": first_ns,
                 "end_utc": last_ns,
                 "duration_s": (last_ns - first_ns) * 1e-9,
-                "pressure_measured": estimation.sensors.measures_pressure(vehicle, position),
+                "pressure_measured": estimation.sensors.measures_pressure(position),
                 "frames": sum(counted.frames for counted in counters),
                 "frames_lost": sum(counted.lost for counted in counters),
                 "alarms": json_cell(
@@ -412,9 +409,10 @@ def _recording_rows(
                     ]
                 ),
                 "alarm_count": sum(alarm.count for alarm in mine) + len(stated),
-                "damage": json_cell(as_json(reader.damage)) if reader.damage is not None else None,
-                "stated_radius_m": _stated_radius_m(vehicle, wheel),
-                "tire_size": vehicle.tire_of(wheel).size if vehicle is not None and wheel is not None else None,
+                "damage": json_cell(as_json(damage)) if damage is not None else None,
+                # A belt radius that the configuration lists as assumed is not stated.
+                "stated_radius_m": tire.radius_m if tire and not is_assumed(vehicle, Quantity.RADIUS) else None,
+                "tire_size": tire.size if tire else None,
                 **_run_cells(run, position),
                 "size_bytes": content.size_bytes,
                 "version": __version__,
@@ -432,7 +430,7 @@ def _recording_rows(
         rows=rows,
         wheels=tuple((position, sensors[position]) for position in collected.wheels),
         revolutions=sum(state.counters.revolutions for state in estimation.wheels),
-        damage=reader.damage,
+        damage=damage,
         peak_bytes=_peak_bytes(),
     )
 
@@ -453,13 +451,6 @@ def _run_cells(run: RunDescription, position: str) -> dict[str, Cell]:
         "tire_wear_m": tire.wear_m,
         "tire_run_in_m": tire.run_in_m,
     }
-
-
-def _stated_radius_m(vehicle: VehicleConfig | None, wheel: Wheel | None) -> float | None:
-    """Return the belt radius that a configuration states; one that it lists as assumed is not stated."""
-    if vehicle is None or wheel is None or is_assumed(vehicle, Quantity.RADIUS):
-        return None
-    return vehicle.tire_of(wheel).radius_m
 
 
 def _concerns(subject: str, position: str, positions: Collection[str]) -> bool:

@@ -24,9 +24,10 @@ from gateway.session.alarms import SILENCES, THRESHOLDS, AlarmName
 from gateway.session.campaign_clock import UNKNOWN, HubClockError
 from gateway.session.provenance import Quantity, assumed_conditions, is_assumed, stated_conditions
 from gateway.session.recording_pass import OpenedRecording, RecordingPass, open_recording
-from gateway.session.wheel_identity import SensorsHeard, configured, wheel_address
+from gateway.session.wheel_identity import SensorsHeard, configured, configured_tire, wheel_address
 from gateway.signal.bridged_gaps import BridgedGaps
 from gateway.signal.repeated_samples import RepeatedSamples
+from gateway.types import FloatArray
 from gateway.views.wording import notice_text
 
 # With several wheels and none chosen, revolutions read on to learn the names of all wheels.
@@ -116,6 +117,50 @@ class RecordingRead:
     tire: str = ""
 
 
+class _SensorSamples:
+    """What the samples of one sensor say of its converter and of gaps."""
+
+    def __init__(self, reading: SensorReading) -> None:
+        channels = len(reading.columns)
+        self._reading = reading
+        self._repeated = RepeatedSamples(channels, reading.saturation_counts)
+        self._bridged = BridgedGaps(channels)
+        self._next_sample: int | None = None
+
+    def take(self, group: SampleGroup) -> None:
+        follows = np.diff(group.first_sample.astype(np.int64)) == group.counts.shape[1]
+        is_next = self._next_sample == int(group.first_sample[0])
+        for part in np.split(group.counts, np.flatnonzero(~follows) + 1):
+            samples = part.reshape(-1, group.counts.shape[2])
+            self._repeated.add(samples)
+            self._bridged.add(samples, follows=is_next)
+            is_next = False
+        self._next_sample = int(group.first_sample[-1]) + group.counts.shape[1]
+
+    def repeats(self) -> Repeats | None:
+        """Return the repeated samples, None without."""
+        repeated = self._repeated.result()
+        if repeated is None:
+            return None
+        return Repeats(repeated.runs, repeated.samples, repeated.total, self._by_axis_mps2(repeated.error_counts))
+
+    def step_mps2(self) -> tuple[float, float, float]:
+        """Return the step of the converter by axis, 0 where it is not known."""
+        return self._by_axis_mps2(self._repeated.step_counts())
+
+    def bridges(self) -> Reason | None:
+        """Return that gaps of the signal are bridged by straight lines, None without."""
+        bridging = self._bridged.result()
+        if bridging is None:
+            return None
+        return Reason(Code.SAMPLES_BRIDGED, samples=bridging.samples, share=bridging.share, lines=len(bridging.lines))
+
+    def _by_axis_mps2(self, counts: FloatArray) -> tuple[float, float, float]:
+        by_axis = np.zeros(3)
+        by_axis[list(self._reading.columns)] = counts * np.abs(self._reading.scale_mps2)
+        return float(by_axis[0]), float(by_axis[1]), float(by_axis[2])
+
+
 class _Collector:
     """Collects the revolutions of one wheel, and what the frames say of clocks and samples."""
 
@@ -125,10 +170,8 @@ class _Collector:
         self.last: RevolutionResult | None = None
         self.clock = HubClockError()
         self.links: set[str] = set()
-        self.repeated: dict[tuple[int, int], RepeatedSamples] = {}
-        self.bridged: dict[tuple[int, int], BridgedGaps] = {}
-        self._next_sample: dict[tuple[int, int], int] = {}
-        self.readings: dict[tuple[int, int], SensorReading] = {}
+        self._readings: dict[tuple[int, int], SensorReading] = {}
+        self._samples: dict[tuple[int, int], _SensorSamples] = {}
         self._wheel = order.wheel
         self._naming = _NAMING_REVOLUTIONS
 
@@ -151,52 +194,15 @@ class _Collector:
             for index in places[batch.type[places] == MessageType.HELLO].tolist():
                 hello = batch.message(index)
                 if isinstance(hello, Hello):
-                    self.readings.setdefault((hub, number), SensorReading.from_hello(hello))
+                    self._readings.setdefault((hub, number), SensorReading.from_hello(hello))
         for group in batch.sample_groups():
-            self._inspect(group)
+            source, reading = (group.hub, group.wheel), self._readings.get((group.hub, group.wheel))
+            if reading is not None and len(reading.columns) == group.counts.shape[2]:
+                self._samples.setdefault(source, _SensorSamples(reading)).take(group)
 
-    def _inspect(self, group: SampleGroup) -> None:
-        source = group.hub, group.wheel
-        reading, channels = self.readings.get(source), group.counts.shape[2]
-        if reading is None or len(reading.columns) != channels:
-            return
-        counter = self.repeated.setdefault(source, RepeatedSamples(channels, reading.saturation_counts))
-        follows = np.diff(group.first_sample.astype(np.int64)) == group.counts.shape[1]
-        lines = self.bridged.setdefault(source, BridgedGaps(channels))
-        is_next = self._next_sample.get(source) == int(group.first_sample[0])
-        for part in np.split(group.counts, np.flatnonzero(~follows) + 1):
-            samples = part.reshape(-1, channels)
-            counter.add(samples)
-            lines.add(samples, follows=is_next)
-            is_next = False
-        self._next_sample[source] = int(group.first_sample[-1]) + group.counts.shape[1]
-
-    def repeats(self, source: tuple[int, int] | None) -> Repeats | None:
-        """Return the repeated samples of a wheel, None without."""
-        repeated = self.repeated[source].result() if source in self.repeated else None
-        if source is None or repeated is None:
-            return None
-        reading = self.readings[source]
-        error = np.zeros(3)
-        error[list(reading.columns)] = repeated.error_counts * np.abs(reading.scale_mps2)
-        return Repeats(
-            repeated.runs, repeated.samples, repeated.total, (float(error[0]), float(error[1]), float(error[2]))
-        )
-
-    def step_mps2(self, source: tuple[int, int] | None) -> tuple[float, float, float]:
-        """Return the step of a wheel's converter by axis, 0 where it is not known."""
-        step = np.zeros(3)
-        if source is not None and source in self.repeated:
-            reading = self.readings[source]
-            step[list(reading.columns)] = self.repeated[source].step_counts() * np.abs(reading.scale_mps2)
-        return float(step[0]), float(step[1]), float(step[2])
-
-    def bridges(self, source: tuple[int, int] | None) -> Reason | None:
-        """Return that gaps of a wheel's signal are bridged by straight lines, None without."""
-        bridging = self.bridged[source].result() if source is not None and source in self.bridged else None
-        if bridging is None:
-            return None
-        return Reason(Code.SAMPLES_BRIDGED, samples=bridging.samples, share=bridging.share, lines=len(bridging.lines))
+    def samples(self, source: tuple[int, int] | None) -> "_SensorSamples | None":
+        """Return what was seen of the samples of a wheel, None without any after a hello."""
+        return self._samples.get(source) if source is not None else None
 
     @property
     def has_host_times(self) -> bool:
@@ -235,8 +241,8 @@ def read_recording(order: ReadOrder, on_position: Callable[[int], None] | None =
 def _check_sensor(order: ReadOrder, sensors: SensorsHeard, position: str, *, has_own: bool) -> None:
     """Raise ConfigError when the given configuration names another sensor than the recording is of."""
     wheel = configured(order.vehicle, position)
-    mismatches = tuple(sensors.mismatches(order.vehicle, [position]))
-    if wheel is None or not mismatches or wheel.sensor_number in sensors.at(order.vehicle, position):
+    mismatches = tuple(sensors.mismatches([position]))
+    if wheel is None or not mismatches or wheel.sensor_number in sensors.at(position):
         return
     listed = "; ".join(map(notice_text, mismatches))
     remedy = "Give the configuration of this wheel, or correct the sensor_id in it."
@@ -256,18 +262,19 @@ def _reduced(
     """Return the recording as groups; `last` is the last revolution of the wheel."""
     position, vehicle = last.position, recording.vehicle
     faults = _faults(reading.alarms(), position)
-    wheel = configured(vehicle, position)
+    wheel, tire = configured(vehicle, position), configured_tire(vehicle, position)
     store = collected.store
     # Where one axis is another, so may be the third; the steady value proves the radial one.
     misplaced = any(fault.code is Code.GRAVITY_ABSENT for fault in faults)
     if misplaced:
         store.leave_out(_NOT_RADIAL)
     table = store.table()
-    declared = _declared(order, vehicle, wheel, last, store)
+    declared = _declared(order, vehicle, last, store)
     groups = make_groups(table, declared, order.folds, store.reject) if len(table) else []
     host_s = table["host_s"]
     address = wheel_address(vehicle, position)
-    repeats = collected.repeats(address)
+    samples = collected.samples(address)
+    repeats, bridges = (samples.repeats(), samples.bridges()) if samples is not None else (None, None)
     remarks = [*(Reason(Code.SENSOR_ALARM, reason=fault) for fault in faults), *store.notes()]
     if misplaced:
         remarks.append(Reason(Code.AXES_LEFT_OUT, axes=tuple(AXIS_NAMES[axis] for axis in _NOT_RADIAL)))
@@ -277,14 +284,15 @@ def _reduced(
         remarks.append(Reason(Code.SENSOR_RANGE_REACHED, count=saturated))
     if _is_doubted(faults, wheel):
         groups = [replace(group, sensor_doubted=True) for group in groups]
-    step_mps2 = collected.step_mps2(address)
-    groups = [replace(group, step_mps2=step_mps2) for group in groups]
+    if samples is not None:
+        step_mps2 = samples.step_mps2()
+        groups = [replace(group, step_mps2=step_mps2) for group in groups]
     if repeats is not None:
         groups = [replace(group, repeats=repeats) for group in groups]
         share = repeats.samples / repeats.total
         remarks.append(Reason(Code.SAMPLES_STUCK, runs=repeats.runs, samples=repeats.samples, share=share))
-    sensors = reading.sensors.at(vehicle, position)
-    if (bridges := collected.bridges(address)) is not None:
+    sensors = reading.sensors.at(position)
+    if bridges is not None:
         remarks.append(bridges)
     return RecordingRead(
         wheels=tuple(collected.wheels),
@@ -300,14 +308,14 @@ def _reduced(
             wheel,
             groups,
             Code.FROM_RECORDING if order.vehicle is None else Code.FROM_CONFIGURATION,
-            pressure_measured=reading.sensors.measures_pressure(vehicle, position),
+            pressure_measured=reading.sensors.measures_pressure(position),
         ),
         damage=recording.file.damage,
         sensor_id=next(iter(sensors)) if len(sensors) == 1 else None,
         notices=tuple(reading.notices([position])),
         remarks=tuple(remarks),
         vehicle=vehicle.name if vehicle is not None else "",
-        tire=(vehicle.tire_of(wheel).size or "") if vehicle is not None and wheel is not None else "",
+        tire=(tire.size or "") if tire is not None else "",
     )
 
 
@@ -333,11 +341,11 @@ def _is_doubted(faults: Iterable[Reason], wheel: Wheel | None) -> bool:
 def _declared(
     order: ReadOrder,
     vehicle: VehicleConfig | None,
-    wheel: Wheel | None,
     last: RevolutionResult,
     store: RevolutionStore,
 ) -> Declared:
-    stated_m = vehicle.tire_of(wheel).radius_m if vehicle is not None and wheel is not None else None
+    wheel, tire = configured(vehicle, last.position), configured_tire(vehicle, last.position)
+    stated_m = tire.radius_m if tire is not None else None
     mounting = wheel.mounting if wheel is not None else None
     offset_m = mounting.offset_m if mounting is not None else None
     offset_known = offset_m is not None and not is_assumed(vehicle, Quantity.OFFSET)

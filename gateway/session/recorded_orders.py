@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-from gateway.config.effects_file import effects_doubts
 from gateway.errors import RecordingError
 from gateway.pipeline.mean_revolution import MeanOfRevolutions
 from gateway.pipeline.results import RevolutionResult
@@ -87,7 +86,7 @@ def recorded_orders(
             wheel = by_position[result.position] = _Wheel(radius_m, OrderAccumulator(speed_step_mps / radius_m))
         wheel.add(result)
     orders = []
-    doubts = effects_doubts(recording.effects, vehicle)
+    doubts = recording.effects_doubts()
     for position, wheel in by_position.items():
         statistics, mean = wheel.orders.statistics(), wheel.mean.mean()
         if statistics is not None and mean is not None:

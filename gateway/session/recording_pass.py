@@ -56,6 +56,10 @@ class OpenedRecording:
     on_position: Callable[[int], None] | None = None
     verifies: bool = True
 
+    def effects_doubts(self) -> list[Notice]:
+        """Return what the configuration states otherwise than the recordings of the effects' diagnosis."""
+        return effects_doubts(self.effects, self.vehicle)
+
     def guard(self) -> Guard | None:
         """Return a new guard, which verifies the frames of one pass; None where none are verified.
 
@@ -163,7 +167,7 @@ class RecordingPass:
             SecurityError: the keys cannot be read.
         """
         vehicle = recording.vehicle
-        self.sensors = SensorsHeard()
+        self.sensors = SensorsHeard(vehicle)
         self.statements = StatementWatch(positions(vehicle))
         self.wheels: tuple[WheelSnapshot, ...] = ()
         self.span_ns: tuple[int, int] | None = None
@@ -218,13 +222,12 @@ class RecordingPass:
         recording = self._recording
         # Where signatures are checked, the guard reports misplaced sensors, and what becomes of their frames.
         of_guard = self._guard.take_notices() if self._guard is not None else []
-        of_sensors = of_guard or self.sensors.mismatches(recording.vehicle, heard)
+        of_sensors = of_guard or self.sensors.mismatches(heard)
         of_receivers = [Notice(link, reason) for link, reason in self._signals.take_notices()] if self._signals else []
-        of_effects = effects_doubts(recording.effects, recording.vehicle)
         # A receiver that contradicts the clock has its own notice.
         step = self.clock.set if self.clock.ahead_s and not of_receivers else None
         of_clock = [Notice("this computer", step, Level.WARNING)] if step is not None else []
-        return [*of_sensors, *self.statements.contradictions(), *of_receivers, *of_clock, *of_effects]
+        return [*of_sensors, *self.statements.contradictions(), *of_receivers, *of_clock, *recording.effects_doubts()]
 
     def missing(self) -> tuple[Notice, ...]:
         """Return the links without a frame and the wheels without a revolution, after the last result."""

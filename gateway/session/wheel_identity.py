@@ -8,7 +8,7 @@ import numpy as np
 
 from firmware_protocol.block_decoder import FrameBatch
 from firmware_protocol.messages import Environment, Hello, MessageType
-from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, Wheel
+from gateway.config.vehicle import ASSUMED_RADIUS_MM, Tire, VehicleConfig, Wheel
 from gateway.pipeline.possible_readings import possible_reading
 from gateway.reasons import Code, Level, Notice, Reason
 
@@ -60,6 +60,12 @@ def configured(vehicle: VehicleConfig | None, position: str) -> Wheel | None:
     return next((wheel for wheel in wheels if wheel.position == position), None)
 
 
+def configured_tire(vehicle: VehicleConfig | None, position: str) -> Tire | None:
+    """Return the tire at a configured wheel, None when there is none."""
+    wheel = configured(vehicle, position)
+    return vehicle.tire_of(wheel) if vehicle is not None and wheel is not None else None
+
+
 def wheel_address(vehicle: VehicleConfig | None, position: str) -> tuple[int, int] | None:
     """Return hub and number of a wheel; one that is not configured has a position such as `hub0.wheel2`."""
     wheel = configured(vehicle, position)
@@ -72,7 +78,9 @@ def wheel_address(vehicle: VehicleConfig | None, position: str) -> tuple[int, in
 class SensorsHeard:
     """Sensors heard at each wheel, and whether they measure pressure."""
 
-    def __init__(self) -> None:
+    def __init__(self, vehicle: VehicleConfig | None) -> None:
+        """Start without a frame; `vehicle` has the configured wheels."""
+        self._vehicle = vehicle
         self._sensors: dict[tuple[int, int], set[int]] = {}
         self._with_pressure: set[tuple[int, int]] = set()
 
@@ -95,27 +103,27 @@ class SensorsHeard:
                 if possible is not None and possible.pressure_pa is not None:
                     self._with_pressure.add(address)
 
-    def measures_pressure(self, vehicle: VehicleConfig | None, position: str) -> bool:
+    def measures_pressure(self, position: str) -> bool:
         """Return whether the sensor of a wheel has sent a pressure."""
-        return wheel_address(vehicle, position) in self._with_pressure
+        return wheel_address(self._vehicle, position) in self._with_pressure
 
-    def at(self, vehicle: VehicleConfig | None, position: str) -> frozenset[int]:
+    def at(self, position: str) -> frozenset[int]:
         """Return the serial numbers of the sensors heard at a wheel."""
-        address = wheel_address(vehicle, position)
+        address = wheel_address(self._vehicle, position)
         return frozenset(self._sensors.get(address, ()) if address is not None else ())
 
-    def mismatches(self, vehicle: VehicleConfig | None, positions: Iterable[str]) -> Iterator[Notice]:
+    def mismatches(self, positions: Iterable[str]) -> Iterator[Notice]:
         """Yield a notice for each sensor at another wheel than configured, and for each wheel not configured.
 
         Without a configuration there is none.
         """
-        if vehicle is None:
+        if self._vehicle is None:
             return
-        expected = sensor_ids(vehicle)
+        expected = sensor_ids(self._vehicle)
         for position in positions:
-            if configured(vehicle, position) is None:
-                yield Notice(position, unconfigured_wheel(vehicle), Level.WARNING)
-            for sensor in sorted(self.at(vehicle, position)):
+            if configured(self._vehicle, position) is None:
+                yield Notice(position, unconfigured_wheel(self._vehicle), Level.WARNING)
+            for sensor in sorted(self.at(position)):
                 reason = misplaced_sensor(position, f"{sensor:08x}", expected)
                 if reason is not None:
                     yield Notice(position, reason, Level.WARNING)
