@@ -20,6 +20,7 @@ from gateway.io.source import (
     Sentences,
     Source,
     SourceAddress,
+    WrappedSource,
     parse_source_uri,
     silence_option,
 )
@@ -83,19 +84,8 @@ class GpsdLink(TcpLink):
             self.write(_WATCH)
 
 
-class ReceiverSource:
+class ReceiverSource(WrappedSource):
     """Sentences of a receiver as they arrive, in whole lines; nothing is sent to it but by its link."""
-
-    vehicle_toml: str | None = None
-
-    def __init__(self, source: ReconnectingSource) -> None:
-        """Take the lines of a source of bytes."""
-        self._source = source
-
-    @property
-    def link(self) -> str:
-        """Name of the link."""
-        return self._source.link
 
     def items(self, stop: threading.Event) -> Iterator[LinkItem]:
         """Yield lines and events of the link until stopped or closed.
@@ -114,10 +104,6 @@ class ReceiverSource:
                 lines, end, rest = rest, b"", b""
             if lines or end:
                 yield Sentences(item.link, item.host_ns, lines + end)
-
-    def close(self) -> None:
-        """Release the link."""
-        self._source.close()
 
 
 class ReceiverFileSource(LogFile):
