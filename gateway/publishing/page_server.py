@@ -31,7 +31,6 @@ from gateway.publishing.sink import (
     Item,
     PublishedRevolution,
     PublishedState,
-    SessionControl,
     Sink,
     SinkAddress,
     SinkDownError,
@@ -40,6 +39,7 @@ from gateway.publishing.sink import (
     cannot_listen,
     host_and_port,
 )
+from gateway.views.session_control import SessionControl
 from gateway.views.text import clean
 from gateway.views.trend_history import TrendHistory
 from gateway.views.web_page.page_html import page_file

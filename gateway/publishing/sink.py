@@ -18,6 +18,7 @@ from gateway.pipeline.results import AlarmChange, RevolutionResult, SessionSnaps
 from gateway.plugins import Plugin, PluginGroup, load, missing_factory, names
 from gateway.reasons import Code, Reason
 from gateway.uri_parts import split_uri
+from gateway.views.session_control import SessionControl
 
 _logger = logging.getLogger(__name__)
 
@@ -171,44 +172,6 @@ class SinkAddress:
                 if options
                 else "It has no options.",
             )
-
-
-class SessionControl(Protocol):
-    """What an output may ask a session for, from any thread."""
-
-    @property
-    def may_record(self) -> bool:
-        """Whether a recording can be begun."""
-        ...
-
-    def mark(self, text: str) -> None:
-        """Mark an event in the recording, with the present time."""
-        ...
-
-    def acknowledge(self) -> None:
-        """Note that the user has seen the alarms that stand."""
-        ...
-
-    @property
-    def run_form(self) -> dict[str, str]:
-        """Fields of the form that describes the run, with what is stated."""
-        ...
-
-    def start_recording(self, form: Mapping[str, str] = ...) -> None:
-        """Begin a recording, described by the fields of a form; does nothing while one runs.
-
-        Raises:
-            TreadlinkError: it cannot be begun, or the form is wrong.
-        """
-        ...
-
-    def stop_recording(self) -> None:
-        """End the recording, if one runs.
-
-        Raises:
-            RecordingError: the disk refused.
-        """
-        ...
 
 
 @dataclass(frozen=True, slots=True)

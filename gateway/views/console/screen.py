@@ -18,6 +18,7 @@ from gateway.pipeline.results import RevolutionResult, SessionSnapshot
 from gateway.views.console.page import ViewState, compose
 from gateway.views.console.styled_rows import Role, Row
 from gateway.views.console.waveform import Zoom
+from gateway.views.session_control import SessionControl
 
 DRAW_INTERVAL_S: Final = 0.1
 _SHORT_MARK: Final = "mark"
@@ -74,7 +75,7 @@ class Board(Widget, can_focus=True):
         return Strip([Segment(text, STYLES[role]) for text, role in self._rows[y] if text], self.size.width)
 
 
-class ShownSession(Protocol):
+class ShownSession(SessionControl, Protocol):
     """A running session as the console uses it, from the thread of the console."""
 
     def snapshot(self) -> SessionSnapshot:
@@ -83,32 +84,6 @@ class ShownSession(Protocol):
 
     def results(self) -> list[RevolutionResult]:
         """Return the results since the last call."""
-        ...
-
-    def mark(self, text: str) -> None:
-        """Put a mark into the recording and among the notices."""
-        ...
-
-    @property
-    def may_record(self) -> bool:
-        """Whether a recording can be begun."""
-        ...
-
-    @property
-    def run_form(self) -> dict[str, str]:
-        """Fields of the form that describes the run, with what is stated."""
-        ...
-
-    def start_recording(self, form: Mapping[str, str]) -> None:
-        """Begin a recording, described by the fields of a form; does nothing while one runs.
-
-        Raises:
-            TreadlinkError: it cannot be begun, or the form is wrong.
-        """
-        ...
-
-    def acknowledge(self) -> None:
-        """Note that the user has seen the alarms that stand."""
         ...
 
     def pause(self, paused: bool) -> bool:
