@@ -13,6 +13,7 @@ from typing import Final, Protocol
 
 from gateway.clock import Clock
 from gateway.errors import SourceError
+from gateway.io.bus_frames import unpack
 from gateway.nearest_name import did_you_mean
 from gateway.plugins import Plugin, PluginGroup, load, missing_factory, names
 from gateway.reasons import Code, Reason
@@ -50,6 +51,11 @@ class BusFrames:
     host_ns: int
     data: bytes
 
+    @property
+    def count(self) -> int:
+        """Number of frames."""
+        return sum(1 for _ in unpack(self.data, self.host_ns))
+
 
 @dataclass(frozen=True, slots=True)
 class Sentences:
@@ -64,6 +70,11 @@ class Sentences:
     link: str
     host_ns: int
     data: bytes
+
+    @property
+    def count(self) -> int:
+        """Number of lines."""
+        return len(self.data.splitlines())
 
 
 class LinkEventKind(StrEnum):

@@ -16,7 +16,7 @@ from firmware_protocol.messages import Hello, LogText, Message, MessageType
 from firmware_protocol.sample_numbers import is_jump
 from firmware_protocol.sequence import unwrap
 from firmware_protocol.wheel_limit import WheelLimit
-from gateway.io.bus_frames import has_frames, unpack
+from gateway.io.bus_frames import has_frames
 from gateway.io.nmea_sentences import Fix, ReceiverClock, SentenceReader
 from gateway.io.source import BusFrames, Chunk, LinkEvent, LinkEventKind
 from gateway.reasons import Reason
@@ -293,7 +293,7 @@ def inspect_recording(
                 link.longest_silence_s = max(link.longest_silence_s, (item.host_ns - heard_ns) * 1e-9)
                 last_heard_ns[item.link] = max(heard_ns, item.host_ns)
             if isinstance(item, BusFrames):
-                link.bus_frames += sum(1 for _ in unpack(item.data, item.host_ns))
+                link.bus_frames += item.count
                 continue
             if not isinstance(item, Chunk):
                 link.receiver = link.receiver or ReceiverInspection()

@@ -12,7 +12,6 @@ from gateway.config.effects_file import effects_notices, with_effects
 from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig
 from gateway.constants import LATENCY_S
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
-from gateway.io.bus_frames import unpack
 from gateway.io.source import BusFrames, Chunk, LinkEvent, LinkEventKind, LinkItem, VehicleData
 from gateway.pipeline.results import (
     AlarmChange,
@@ -219,16 +218,14 @@ class SessionCore:
 
     def _vehicle_data(self, link: _Link, item: VehicleData) -> None:
         """Decode frames of the vehicle's bus or sentences of a receiver, and record the values."""
-        count = len(item.data.splitlines())
-        if isinstance(item, BusFrames):
-            count = sum(1 for _ in unpack(item.data, item.host_ns))
-            if not self._signals.maps_bus and link.vehicle_frames is None:
-                self._report(item.link, [Notice(item.link, Reason(Code.BUS_NOT_MAPPED), Level.WARNING)], item.host_ns)
-        link.vehicle_frames = (link.vehicle_frames or 0) + count
+        notices = []
+        if isinstance(item, BusFrames) and not self._signals.maps_bus and link.vehicle_frames is None:
+            notices.append(Notice(item.link, Reason(Code.BUS_NOT_MAPPED), Level.WARNING))
+        link.vehicle_frames = (link.vehicle_frames or 0) + item.count
         values = self._signals.take(item)
         if values:
             self.recording.signals(values, item.host_ns)
-        notices = [Notice(name, reason, Level.WARNING) for name, reason in self._signals.take_notices()]
+        notices += [Notice(name, reason, Level.WARNING) for name, reason in self._signals.take_notices()]
         self._report(item.link, notices, item.host_ns)
 
     def _link(self, name: str) -> _Link:

@@ -502,10 +502,8 @@ class LiveSession:
         recording = self._recording
         self.core.watches_disk(None if recording is None else recording.room)
         self._snapshot = self.core.snapshot(self._elapsed_s(now_ns), ended=ended)
-        self._notices.extend(self.core.take_notices())
-        changes = self.core.take_alarm_changes()
+        self._take_results(())
         if self._publication is not None:
-            self._publication.take(changes, self.core.newest_ns)
             self._publication.show(self._snapshot, self.core.newest_ns)
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from firmware_protocol import wire
 from firmware_protocol.block_decoder import FrameBatch
 from firmware_protocol.messages import HUB_ITSELF, Axis, Frame, Hello, Message, MessageType, SampleBlock
+from gateway.constants import AXIS_NAMES
 from gateway.io.bus_frames import has_frames
 from gateway.io.nmea_sentences import has_position
 from gateway.io.source import BusFrames, VehicleData
@@ -25,7 +26,6 @@ from gateway.reasons import Code, Reason
 
 PositionOf = Callable[[str, int, int], str]
 
-_AXIS_NAMES: Final = {axis: axis.name.lower() for axis in Axis}
 _S: Final = 1_000_000_000
 # Arrivals within one slot count as one, so that a link that delivers in bursts has the pace of its bursts.
 _SLOT_NS: Final = 100_000_000
@@ -223,7 +223,7 @@ class _Sensor:
             for axis, last_ns in self.axes_ns.items():
                 if now_ns - max(last_ns, self.resumed_ns) >= self.samples.limit_ns:
                     age_s = (now_ns - last_ns) / _S
-                    reason = Reason(Code.AXIS_SILENT, axis=_AXIS_NAMES[axis], silence_s=age_s)
+                    reason = Reason(Code.AXIS_SILENT, axis=AXIS_NAMES[axis], silence_s=age_s)
                     yield Silence(SilentPart.AXIS, age_s, reason)
         if self.environment is not None and now_ns >= self.environment.due_ns:
             age_s = (now_ns - self.environment.last_ns) / _S
