@@ -43,7 +43,7 @@ from gateway.session.alarms import (
     threshold_alarms,
 )
 from gateway.session.silence import PositionOf, SilenceWatch, VehiclePart, parts_heard
-from gateway.session.wheel_identity import sensor_ids
+from gateway.session.wheel_identity import positions, sensor_ids
 
 State = tuple[tuple[WheelSnapshot, ...], tuple[LinkSnapshot, ...]]
 
@@ -82,8 +82,7 @@ class AlarmWatch(ABC):
             logs: whether alarms go to the program's log too.
         """
         self.thresholds = vehicle.thresholds if vehicle is not None else Thresholds()
-        configured = [wheel.position for wheel in vehicle.wheel] if vehicle is not None else []
-        self.silence = SilenceWatch(position_of, configured, self.thresholds.silent_after_s)
+        self.silence = SilenceWatch(position_of, positions(vehicle).values(), self.thresholds.silent_after_s)
         self.log = AlarmLog(logs=logs)
         self._witnesses = witnesses
         self._review_due_ns: dict[str, int] = {}

@@ -130,9 +130,9 @@ class SessionCore:
         self._pipeline = Pipeline(setups, unknown, estimators, self._latency.hold_s)
         self._signals = signals or SignalDecoder()
         self._vehicle = vehicle
-        self._unconfigured: set[str] = set()
         self._reported_missing: set[tuple[str, tuple[Code, ...]]] = set()
-        self._configured = {setup.position for setup in setups}
+        # Configured wheels, and those that were reported not to be.
+        self._known = {setup.position for setup in setups}
         self._statements = StatementWatch(positions(vehicle), self._pipeline.limit)
         self._pairs = WheelPairs(VehicleJoin(self._signals.history))
         self._alarms = SessionAlarms(vehicle, self._pipeline.position, self._state, self._pairs.alarms)
@@ -294,8 +294,8 @@ class SessionCore:
     def _deliver(self, results: list[RevolutionResult], host_ns: int) -> list[RevolutionResult]:
         results = [result for result, _ in self._pairs.compared(results)]
         for result in results:
-            if result.position not in self._configured and result.position not in self._unconfigured:
-                self._unconfigured.add(result.position)
+            if result.position not in self._known:
+                self._known.add(result.position)
                 self.notify(Notice(result.position, unconfigured_wheel(self._vehicle), Level.WARNING))
         self.recording.results(results, host_ns, self._pipeline.average_mps2)
         return results
@@ -355,8 +355,7 @@ class SessionCore:
         self.false_statements()
         self._report("", self._statements.new(), self.newest_ns)
         results += self._deliver(self._pipeline.finish(), self.newest_ns)
-        self._report("", self._alarms.review(), self.newest_ns)
-        self._report("", self._watch.finish(), self.newest_ns)
+        self._report("", [*self._alarms.review(), *self._watch.finish()], self.newest_ns)
         self._record_alarm_changes()
         self.recording.close()
         _logger.info("session finished, %d wheels", len(self._pipeline.wheels()))
