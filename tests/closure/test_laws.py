@@ -26,7 +26,7 @@ from gateway.closure.effects.effect import (
     ModelledBlock,
     SignalEffect,
 )
-from gateway.closure.effects.local_effects import LOCAL_CHANGES
+from gateway.closure.effects.local_effects import LOCAL_CHANGES, LOCAL_TREAD_STIFFNESS, _window
 from gateway.closure.effects.ring_options import RingOptions
 from gateway.closure.known_effects import known_effects
 from gateway.closure.laws.law_plugin import plugin_files
@@ -68,7 +68,7 @@ NAME = "law: local bending stiffness"
 
 @lru_cache
 def reading(change: Change, load_n: float, omega_radps: float) -> ComplexArray:
-    return np.asarray(local_response(loaded_belt(ring(load_n)), omega_radps, LOSS_S, 0.0, (change,))[0])
+    return np.asarray(local_response(loaded_belt(ring(load_n)), omega_radps, LOSS_S, 0.0, (change,))[0, 0])
 
 
 def local(change: Change, size: float) -> Plant:
@@ -120,6 +120,38 @@ def test_derivative_of_a_law_is_that_of_its_contribution(laws: Mapping[str, Sign
         assert np.abs(slope - rows[index]).max() <= 1e-3 * max(np.abs(slope).max(), 1e-9)
     start[: law.sizes] = 0.0
     assert not law.contribution(current, start).any()
+
+
+@pytest.mark.parametrize("share", [-0.35, -0.1, 0.5])
+def test_block_of_other_rubber_is_pressed_as_a_beam_on_it_is(share: float) -> None:
+    """A beam under tension on springs that differ by a share over a box: differences, no transform."""
+    current = block()
+    assert current.belt is not None
+    law, nodes, half_m, reach_m = current.belt.law, 801, 0.015, 0.25
+    place_m, step_m = np.linspace(-reach_m, reach_m, nodes, retstep=True)
+    curvature = (np.eye(nodes, k=1) - 2.0 * np.eye(nodes) + np.eye(nodes, k=-1)) / step_m**2
+    tension_n = law.pressure_pa * law.tension_width_m * law.radius_m
+    belt = law.bending_nm2 * curvature @ curvature - tension_n * curvature + law.radial_npm2 * np.eye(nodes)
+    pressed = law.tread_npm2 * share * (np.abs(place_m) <= half_m)
+    tread = law.tread_npm2 * np.eye(nodes)
+    first = np.linalg.solve(belt + tread, -pressed)
+    finite = np.linalg.solve(belt + tread + np.diag(pressed), -pressed)
+    width_rad = half_m / law.radius_m
+    size = 2.0 * share * width_rad
+    factor = LOCAL_TREAD_STIFFNESS.amplitude(current, size, width_rad / math.sqrt(3.0))[0] / size
+    assert factor == pytest.approx(float(first @ finite / (first @ first)), rel=0.05)
+    assert abs(factor - 1.0) > 0.02
+
+
+def test_window_with_the_kurtosis_of_a_box_passes_what_a_box_does() -> None:
+    half_rad = 0.1
+    x = np.arange(PATTERNS) * half_rad / math.sqrt(3.0)
+    box = np.sinc(np.arange(PATTERNS) * half_rad / math.pi)
+    passed = _window(half_rad / math.sqrt(3.0), -1.2)[0] / _window(0.0, 0.0)[0]
+    wide = x < 1.5
+    assert np.abs(passed - box)[wide].max() < 0.05
+    normal = np.exp(-0.5 * x**2)
+    assert np.abs(normal - box)[wide].max() > 0.1
 
 
 @pytest.mark.parametrize("name", list(library()))
@@ -279,7 +311,14 @@ def test_law_that_does_nothing_where_much_is_left_fails_however_few_the_coeffici
 def test_law_is_judged_on_other_recordings() -> None:
     """A law of a file lowers the error of a recording at another speed, nothing of it fitted again."""
     other = campaign_of((conditions(70.0),), local(Change.BENDING, SPLICE), noise_mps2=0.5, seed=5)
-    values = {"stiffening_rad": SPLICE, "place_rad": PLACE_RAD, "width_rad": 0.0173, "log_loss": -0.4}
+    values = {
+        "stiffening_rad": SPLICE,
+        "place_rad": PLACE_RAD,
+        "width_rad": 0.0173,
+        "log_loss": 0.29,
+        "log_sidewall_loss": 0.0,
+        "window_kurtosis": -1.2,
+    }
     table = table_of({NAME: values})
     units = {parameter.name: parameter.unit for parameter in library()[NAME].parameters}
     effects = tuple(

@@ -39,17 +39,29 @@ _DEG: Final = 180.0 / math.pi
 # Speeds that differ by less than half a percent share an answer: those within a recording differ by some permille.
 _PER_SPEED: Final = 100.0
 _ROUNDED_M: Final = 5e-4
-# Damping times of belt and tread at which answers are worked out, a factor of 3.2 apart, and how far beyond.
-_USUAL_LOSS_S: Final = 3e-5
-_LOSS_STEP: Final = 0.5 * math.log(10.0)
-_LOSSES_S: Final = tuple(_USUAL_LOSS_S * math.exp(step * _LOSS_STEP) for step in (-1.0, 0.0, 1.0))
+# Of the Gauss-Hermite quadrature over a window's spectrum; the narrowest window that the patterns resolve; a tread that
+# bears next to nothing.
+_ABSCISSAS, _QUADRATURE = np.polynomial.hermite.hermgauss(24)
+_QUADRATURE /= math.sqrt(math.pi)
+_NARROWEST_RAD: Final = 1.0 / PATTERNS
+_SOFTEST: Final = -0.95
+# Damping times of belt and tread at which answers are worked out, a factor of 5 apart, and how far beyond. What the
+# sidewall's damping adds is that at the usual one: it acts on waves that the rubber's hardly reaches.
+_USUAL_LOSS_S: Final = 1.5e-5
+_LOSS_STEP: Final = math.log(5.0)
+_LOSSES_S: Final = (_USUAL_LOSS_S * math.exp(-_LOSS_STEP), _USUAL_LOSS_S, _USUAL_LOSS_S * math.exp(_LOSS_STEP))
 _BEYOND: Final = 1.3
-# Rubber loses a tenth to a half at some hundred hertz; ln of the loss over the usual one.
-_LOSS: Final = Parameter("log_loss", "", -1.5, 1.5, 0.6, 1e-4)
-# The grid leaves 4 %, the first order in the change and losses that are not those of the belt as much again. The lowest
-# waves are near resonance: a sidewall that loses a sixth less answers by 12 % more, and one recording's waves do not
-# tell that loss from the change.
-_EQUATION_SHARE: Final = 0.08
+# At some hundred hertz steel cords lose a hundredth, rubber a tenth to a half; ln of the loss over the usual one.
+_LOSS: Final = Parameter("log_loss", "", -2.0, 2.0, 0.8, 1e-4)
+# The lowest waves are near resonance: a sidewall that loses a sixth less answers by 12 % more, and the steady shape
+# does not show that loss. Tires have 2 to 8 % of the critical damping; ln of it over the usual 4 %.
+_SIDEWALL_LOSS: Final = Parameter("log_sidewall_loss", "", -0.7, 0.7, 0.4, 1e-4)
+# Excess kurtosis of the window: -2 of two edges, -1.2 of a box, -0.6 of ramp, triangle and raised cosine, 0 of a normal
+# one. It decides how a size follows from waves that are not much longer than the window.
+_USUAL_KURTOSIS: Final = -0.6
+_KURTOSIS: Final = Parameter("window_kurtosis", "", -2.0, 1.0, 0.5, 1e-4, prior_mean=_USUAL_KURTOSIS)
+# The grid leaves 4 %, the first order in the change 5 %: so much differ answers to a weight and to a tenth of it.
+_EQUATION_SHARE: Final = 0.065
 
 
 class LocalShape(NamedTuple):
@@ -148,7 +160,7 @@ class _OnBelt(SignalEffect):
 
 
 class LocalChange(_OnBelt):
-    """A change of one kind, with the window of a normal distribution; a scan finds its place."""
+    """A change of one kind over a window, of which two moments matter and a third may; a scan finds its place."""
 
     # Its place, width and kind are chosen among hundreds.
     needs_other_conditions = True
@@ -157,7 +169,7 @@ class LocalChange(_OnBelt):
         "along the belt"
     )
 
-    _answers: dict[tuple[float, ...], Answer] | None = None
+    _answers: dict[tuple[float, ...], tuple[Answer, ...]] | None = None
 
     def __init__(self, shape: LocalShape, confounders: tuple[Confounder, ...] = ()) -> None:
         """Take the kind, and what it is confused with."""
@@ -177,8 +189,10 @@ class LocalChange(_OnBelt):
                 prior_mean=shape.width_rad, factor=_DEG, display_unit="deg",
             ),
             _LOSS,
+            _SIDEWALL_LOSS,
+            _KURTOSIS,
         )  # fmt: skip
-        self.start_values = ((std, 1.0, shape.width_rad, 0.0),)
+        self.start_values = ((std, 1.0, shape.width_rad, 0.0, 0.0, _USUAL_KURTOSIS),)
 
     def held(self) -> Self:
         """Return the effect for one fit, with the answer of the first belt that it meets under each of its conditions.
@@ -191,28 +205,40 @@ class LocalChange(_OnBelt):
         return held
 
     def unit_orders(self, block: ModelledBlock, places_rad: FloatArray, width_rad: float) -> ComplexArray:
-        """Return the reading of a unit size at every place (k,) at the usual loss, (k, 3, ORDERS), m/s^2."""
-        amplitudes = _window(width_rad) * np.exp(-1j * np.outer(places_rad, _COUNTS))
+        """Return the reading of a small unit at every place (k,), usual losses and form, (k, 3, ORDERS), m/s^2."""
+        amplitudes = _window(width_rad, _USUAL_KURTOSIS)[0] * np.exp(-1j * np.outer(places_rad, _COUNTS))
         return self._orders(block, amplitudes, _between(0.0)[0])
 
     def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the size times the reading of a unit."""
-        size, angle_rad, width, loss = (float(value) for value in parameters)
+        size, angle_rad, width, loss, sidewall_loss, kurtosis = (float(value) for value in parameters)
         if not size:
             return block.zeros()
-        amplitude = size * _window(width) * np.exp(-1j * angle_rad * _COUNTS)
-        result: FloatArray = orders_field(self._orders(block, amplitude[None], _between(loss)[0]))[0]
+        unit = _window(width, kurtosis)[0] * np.exp(-1j * angle_rad * _COUNTS)
+        weights = np.concatenate([_between(loss)[0], _by_damping(sidewall_loss)[0]])
+        amplitude = self.amplitude(block, size, width)[0]
+        result: FloatArray = orders_field(self._orders(block, amplitude * unit[None], weights))[0]
         return result
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        """Return the derivatives by size, place, width and loss."""
-        size, angle_rad, width, loss = (float(value) for value in parameters)
-        unit = _window(width) * np.exp(-1j * angle_rad * _COUNTS)
-        by = np.stack([unit, -1j * size * _COUNTS * unit, -size * width * np.square(_COUNTS) * unit])
-        weights, by_loss = _between(loss)
-        return orders_field(
-            np.concatenate([self._orders(block, by, weights), self._orders(block, size * unit[None], by_loss)])
-        )
+        """Return the derivatives by size, place, width, losses and form."""
+        size, angle_rad, width, loss, sidewall_loss, kurtosis = (float(value) for value in parameters)
+        turned = _window(width, kurtosis) * np.exp(-1j * angle_rad * _COUNTS)
+        unit, unit_by_width, unit_by_kurtosis = turned
+        amplitude, by_size, by_width = self.amplitude(block, size, width)
+        by_place = -1j * amplitude * _COUNTS * unit
+        by = (by_size * unit, by_place, by_width * unit + amplitude * unit_by_width, amplitude * unit_by_kurtosis)
+        (between, by_loss), (damping, by_damping) = _between(loss), _by_damping(sidewall_loss)
+        rows = self._orders(block, np.stack(by), np.concatenate([between, damping]))
+        losses = [
+            self._orders(block, amplitude * unit[None], np.concatenate(weights))
+            for weights in ((by_loss, np.zeros_like(damping)), (np.zeros_like(between), by_damping))
+        ]
+        return orders_field(np.concatenate([rows[:3], *losses, rows[3:]]))
+
+    def amplitude(self, block: ModelledBlock, size: float, width_rad: float) -> tuple[float, float, float]:
+        """Return the amplitude of the linear answer that a size has, and its derivatives by size and width."""
+        return size, 1.0, 0.0
 
     def _orders(self, block: ModelledBlock, amplitudes: ComplexArray, weights: FloatArray) -> ComplexArray:
         """Return the readings of patterns of some amplitudes, m/s^2.
@@ -220,7 +246,8 @@ class LocalChange(_OnBelt):
         Args:
             block: with the belt; one without reads nothing.
             amplitudes: (k, PATTERNS).
-            weights: (losses,) of the answers.
+            weights: of the answers at each loss, and of what the sidewall's damping adds to that at the usual one;
+                (losses,) or (losses + 2,).
 
         Returns:
             (k, 3, ORDERS).
@@ -233,27 +260,62 @@ class LocalChange(_OnBelt):
             # The pattern is the mirror image.
             amplitudes = amplitudes.conj()
         read = np.zeros((len(amplitudes), 2 * ORDERS), dtype=np.complex128)
-        for weight, loss_s in zip(weights.tolist(), _LOSSES_S, strict=True):
-            if weight:
-                ahead, behind = self._answer(block, block.belt, loss_s)
-                read += weight * (amplitudes @ ahead + amplitudes.conj() @ behind)
+        of_losses, of_damping = weights[: len(_LOSSES_S)], weights[len(_LOSSES_S) :]
+        for weight, loss_s in zip(of_losses.tolist(), _LOSSES_S, strict=True):
+            damped = loss_s == _USUAL_LOSS_S and of_damping.size > 0
+            if weight or damped:
+                answers = self._answer(block, block.belt, loss_s, by_damping=damped)
+                factors = (weight, *of_damping.tolist()) if damped else (weight,)
+                for factor, (ahead, behind) in zip(factors, answers, strict=False):
+                    if factor:
+                        read += factor * (amplitudes @ ahead + amplitudes.conj() @ behind)
         read *= conditions.omega_radps**2
         result[:, _PLANE] = read.reshape(-1, 2, ORDERS)
         return result
 
-    def _answer(self, block: ModelledBlock, belt: LoadedBelt, loss_s: float) -> Answer:
+    def _answer(self, block: ModelledBlock, belt: LoadedBelt, loss_s: float, *, by_damping: bool) -> tuple[Answer, ...]:
         conditions, change = block.conditions, self.shape.change
         log_speed = round(_PER_SPEED * math.log(conditions.omega_radps))
         key = log_speed, conditions.load_n, conditions.pressure_pa, loss_s
         if self._answers is not None and key in self._answers:
             return self._answers[key]
-        # A scan needs all kinds, a fit one.
-        kinds = _KINDS if self._answers is None else (change,)
+        # A scan needs all kinds at the usual damping, a fit one at any.
+        scanned = self._answers is None and not by_damping
+        by_damping = by_damping or (not scanned and loss_s == _USUAL_LOSS_S)
         offset_m = relative_offset(block) * conditions.radius_m
-        answer = _answers(belt, math.exp(log_speed / _PER_SPEED), offset_m, loss_s, kinds)[change]
+        speed = math.exp(log_speed / _PER_SPEED)
+        answer = _answers(belt, speed, offset_m, loss_s, _KINDS if scanned else (change,), by_damping)[change]
         if self._answers is not None:
             self._answers[key] = answer
         return answer
+
+
+class LocalTreadStiffness(LocalChange):
+    """A finite change of the tread's stiffness: a softer block is pressed further, by what the belt gives way.
+
+    Under a push of the wave number q the belt gives way by 1 / (kw + T q^2 + EI q^4), beside the tread's 1 / kt. So the
+    share s of a window acts as s / (1 + g s), g the mean of kt / (kt + kw + T q^2 + EI q^4) over the window's spectrum.
+    """
+
+    def amplitude(self, block: ModelledBlock, size: float, width_rad: float) -> tuple[float, float, float]:
+        """Return the amplitude of the linear answer that a size has, and its derivatives by size and width."""
+        if block.belt is None:
+            return super().amplitude(block, size, width_rad)
+        law, width = block.belt.law, math.hypot(width_rad, _NARROWEST_RAD)
+        square = np.square(_ABSCISSAS / (width * law.radius_m))
+        tension_n = law.pressure_pa * law.tension_width_m * law.radius_m
+        over_tread = np.stack([np.ones_like(square), square, np.square(square)]) / law.tread_npm2
+        over_tread *= np.array([law.radial_npm2, tension_n, law.bending_nm2])[:, None]
+        share_of_tread = 1.0 / (1.0 + over_tread.sum(axis=0))
+        tread = float(_QUADRATURE @ share_of_tread)
+        tread_by_width = float(_QUADRATURE @ (np.square(share_of_tread) * ([0.0, 2.0, 4.0] @ over_tread))) / width
+        # Mean over the window, as its spectrum weights it: of a box its own share.
+        share = size / (2.0 * math.sqrt(math.pi) * width)
+        if share < _SOFTEST:
+            return size / (1.0 + tread * _SOFTEST), 1.0 / (1.0 + tread * _SOFTEST), 0.0
+        factor = 1.0 / (1.0 + tread * share)
+        by_width = -size * factor**2 * share * (tread_by_width - tread / width) * width_rad / width
+        return size * factor, factor**2, by_width
 
 
 class WheelOrder(_OnBelt):
@@ -319,23 +381,35 @@ class Answer(NamedTuple):
 
 @lru_cache(maxsize=12)
 def _answers(
-    belt: LoadedBelt, omega_radps: float, offset_m: float, loss_s: float, kinds: tuple[Change, ...]
-) -> dict[Change, Answer]:
-    """Return the answers of a belt to kinds of change, which share a factorisation."""
-    answers = local_response(belt, omega_radps, loss_s, offset_m, kinds)
-    return {kind: _orders(answer, range(PATTERNS)) for kind, answer in zip(kinds, answers, strict=True)}
+    belt: LoadedBelt, omega_radps: float, offset_m: float, loss_s: float, kinds: tuple[Change, ...], by_damping: bool
+) -> dict[Change, tuple[Answer, ...]]:
+    """Return the answers of a belt to kinds of change, which share a factorisation; by terms of the damping."""
+    answers = local_response(belt, omega_radps, loss_s, offset_m, kinds, by_damping=by_damping)
+    return {
+        kind: tuple(_orders(term[number], range(PATTERNS)) for term in answers) for number, kind in enumerate(kinds)
+    }
 
 
 @lru_cache(maxsize=64)
 def _of_order(belt: LoadedBelt, omega_radps: float, offset_m: float, change: Change, order: int) -> Answer:
-    answer = local_response(belt, omega_radps, _USUAL_LOSS_S, offset_m, (change,), (order,))[0]
+    answer = local_response(belt, omega_radps, _USUAL_LOSS_S, offset_m, (change,), (order,))[0, 0]
     return Answer(*(part[0] for part in _orders(answer, (order,))))
 
 
-def _window(width_rad: float) -> FloatArray:
-    """Return the amplitudes of the patterns of a normal window of unit area, (PATTERNS,)."""
-    result: FloatArray = _SHARES * np.exp(-0.5 * np.square(width_rad * _COUNTS))
-    return result
+def _window(width_rad: float, kurtosis: float) -> FloatArray:
+    """Return the patterns' amplitudes of a window of unit area, and their derivatives by width and form, (3, PATTERNS).
+
+    Edgeworth's series to the fourth cumulant: with x = N width, exp(-x^2 / 2) (1 + kurtosis x^4 / 24).
+
+    Args:
+        width_rad: standard deviation of the window.
+        kurtosis: excess of it, 0 of a normal window.
+    """
+    x, inside = width_rad * _COUNTS, min(max(kurtosis, _KURTOSIS.low), _KURTOSIS.high)
+    normal, fourth = _SHARES * np.exp(-0.5 * np.square(x)), x**4 / 24.0
+    by_x = inside * x**3 / 6.0 - x * (1.0 + inside * fourth)
+    by_kurtosis = normal * fourth * (inside == kurtosis)
+    return np.stack([normal * (1.0 + inside * fourth), normal * _COUNTS * by_x, by_kurtosis])
 
 
 def _between(log_loss: float) -> tuple[FloatArray, FloatArray]:
@@ -348,6 +422,17 @@ def _between(log_loss: float) -> tuple[FloatArray, FloatArray]:
     weights = np.array([0.5 * x * (x - 1.0), 1.0 - x * x, 0.5 * x * (x + 1.0)])
     slopes = np.array([x - 0.5, -2.0 * x, x + 0.5]) / _LOSS_STEP
     return weights, slopes * (abs(log_loss) < _BEYOND * _LOSS_STEP)
+
+
+def _by_damping(log_sidewall_loss: float) -> tuple[FloatArray, FloatArray]:
+    """Return the weights of what the sidewall's damping adds to a response, and their derivatives, (2,) each.
+
+    Args:
+        log_sidewall_loss: logarithm of the damping over the usual one.
+    """
+    inverse = math.exp(-log_sidewall_loss)
+    z = inverse - 1.0
+    return np.array([z, z * z]), -inverse * np.array([1.0, 2.0 * z])
 
 
 def _orders(response: ComplexArray, counts: range | tuple[int, ...]) -> Answer:
@@ -370,7 +455,7 @@ def _other_kinds(name: str) -> tuple[Confounder, ...]:
 
 
 LOCAL_KINK: Final = LocalChange(_KINK)
-LOCAL_TREAD_STIFFNESS: Final = LocalChange(_TREAD_STIFFNESS)
+LOCAL_TREAD_STIFFNESS: Final = LocalTreadStiffness(_TREAD_STIFFNESS)
 LOCAL_CHANGES: Final = tuple(LocalChange(shape, _other_kinds(shape.name)) for shape in _SHAPES)
 RUN_OUT_OF_ORDER_2: Final = WheelOrder(
     "run-out of order 2",

@@ -93,7 +93,7 @@ class ProfileScan:
             best += zip(gains.tolist(), sizes.tolist(), near, strict=True)
         gain, size, (angle_rad, width) = max(best, key=lambda entry: entry[0])
         angle_rad = (angle_rad + math.pi) % (2.0 * math.pi) - math.pi
-        yield Promise(effect, np.array([size, angle_rad, width, 0.0]), gain)
+        yield Promise(effect, np.array([size, angle_rad, width, *effect.start_values[0][3:]]), gain)
 
     def _other(self, effect: SignalEffect, start: FloatArray) -> Iterator[Promise]:
         """Yield the promise of an effect without a place: each parameter of a linear one has its own size."""

@@ -36,6 +36,9 @@ _STENCIL: Final = 2
 _CENTRAL: Final = {-1: -0.5, 1: 0.5}
 # Neighbours on either side: two of the stiffness, one more for the rate of bending.
 _REACH: Final = 3
+# Places in `_Parts.acting` of the sidewall's damper: at rest, and as the belt passes.
+_HELD: Final = 1
+_PASSED: Final = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -171,10 +174,14 @@ def pushed_response(
     forces_n: ComplexArray,
     lifted_m: FloatArray,
     offset_m: float = 0.0,
+    *,
+    by_damping: bool = False,
 ) -> ComplexArray:
-    """Return what a sensor reads of forces that change N times a turn, over omega^2, (k, 2, N), m.
+    """Return what a sensor reads of forces that change N times a turn, over omega^2, (terms, k, 2, N), m.
 
-    A force Re(a f exp(-i N Omega t)) on the nodes reads Re(a signal exp(-i N theta)) omega^2, radial and along.
+    A force Re(a f exp(-i N Omega t)) on the nodes reads Re(a signal exp(-i N theta)) omega^2, radial and along. Terms
+    are the response alone, or three, so that a sidewall damper c_0 / (1 + z) in place of c_0 reads the first, plus z
+    times the second, plus z^2 times the third. At resonance, where the response goes with 1 / c, two are exact.
 
     Args:
         belt: rolling steadily.
@@ -183,16 +190,37 @@ def pushed_response(
         forces_n: (k, N, d) on each node.
         lifted_m: (k,) amplitude by which the axle, and all that it carries, moves up at the same time.
         offset_m: sensor below (inside) the belt's neutral layer.
+        by_damping: all three terms.
 
     Raises:
         LinAlgError: the belt rings without loss at this frequency.
     """
-    inertia, count = blocks.mass_kgpm * omega_radps**2, blocks.count
+    parts, inertia, count = _parts(belt), blocks.mass_kgpm * omega_radps**2, blocks.count
     moving, _ = _moving(belt.law.radius_m, ring_grid(len(belt.state)), count)
     times_s = np.array([1.0, blocks.bending_time_s, blocks.tread_time_s])
-    moved = _Solver(_dynamic(_parts(belt), moving, times_s, inertia, omega_radps, count))(-forces_n)
+    solve = _Solver(_dynamic(parts, moving, times_s, inertia, omega_radps, count))
+    moved = solve(-forces_n)
+    terms = [moved]
+    if by_damping:
+        # With S the damper's part of A, A D = f, c = c_0 exp(y), z = exp(-y) - 1: A D' = -S D, A D'' = -S (D + 2 D').
+        first = solve(-_damped(parts, moved, omega_radps, count))
+        second = solve(-_damped(parts, moved + 2.0 * first, omega_radps, count))
+        terms += [-first, 0.5 * (first + second)]
     moved[:, :, 1] += lifted_m[:, None]
-    return _reading(belt, offset_m)(moved, count)[0]
+    read = _reading(belt, offset_m)(np.concatenate(terms), count)[0]
+    return read.reshape(len(terms), -1, *read.shape[1:])
+
+
+def _damped(parts: _Parts, vibrations: ComplexArray, omega_radps: float, count: float) -> ComplexArray:
+    """Return what the sidewall's damper does to vibrations (k, N, d), likewise."""
+    dof = vibrations.shape[2]
+    by_node = parts.acting.reshape(len(parts.acting), -1, dof, parts.acting.shape[2])
+    damper = np.ascontiguousarray(by_node[:, [_HELD, _PASSED]]).reshape(len(by_node), 2 * dof, -1)
+    result = np.empty_like(vibrations)
+    for number, vibration in enumerate(vibrations):
+        held, passed = _acting(damper, vibration[_window(len(vibration))])
+        result[number] = omega_radps * (passed - 1j * count * held)
+    return result
 
 
 def _dynamic(

@@ -27,8 +27,8 @@ from gateway.types import ComplexArray, FloatArray
 PATTERNS: Final = 129
 """Patterns 0 to 128 of a turn: the highest order that is compared is 109."""
 
-# Share of the critical damping of the belt on its sidewall.
-_SIDEWALL_RATIO: Final = 0.05
+# Share of the critical damping of the belt on its sidewall: tires have 2 to 8 %.
+_SIDEWALL_RATIO: Final = 0.04
 
 
 class Change(StrEnum):
@@ -56,10 +56,13 @@ def local_response(
     offset_m: float,
     changes: Sequence[Change],
     counts: Sequence[int] = range(PATTERNS),
+    *,
+    by_damping: bool = False,
 ) -> ComplexArray:
-    """Return the reading of kinds of change and patterns, (kinds, counts, 2, N), m; radial and along.
+    """Return the reading of kinds of change and patterns, (terms, kinds, counts, 2, N), m; radial and along.
 
-    Pattern N of amplitude a reads Re(a response exp(-i N theta)) omega^2.
+    Pattern N of amplitude a reads Re(a response exp(-i N theta)) omega^2. Terms are those of `pushed_response`; the
+    damper is the sidewall's usual one, or the belt's own where that is larger.
 
     Args:
         belt: rolling steadily.
@@ -68,6 +71,7 @@ def local_response(
         offset_m: sensor below (inside) the belt's neutral layer.
         changes: kinds.
         counts: N of the patterns.
+        by_damping: all three terms.
 
     Raises:
         LinAlgError: the belt rings without loss.
@@ -84,12 +88,14 @@ def local_response(
         belt.height_m,
         belt.traction,
     )
-    result = np.empty((len(changes), len(counts), 2, len(belt.state)), dtype=np.complex128)
+    result = np.empty((3 if by_damping else 1, len(changes), len(counts), 2, len(belt.state)), dtype=np.complex128)
     lifted = np.array([float(change is Change.RIM) for change in changes])
     for number, count in enumerate(counts):
         blocks = TreadBlocks(count, law.mass_kgpm, loss_s, loss_s)
         forces = np.stack([_force_n(lossy, omega_radps, count, change) for change in changes])
-        result[:, number] = pushed_response(lossy, blocks, omega_radps, forces, lifted, offset_m)
+        result[:, :, number] = pushed_response(
+            lossy, blocks, omega_radps, forces, lifted, offset_m, by_damping=by_damping
+        )
     return result
 
 
