@@ -94,7 +94,7 @@ class SteadyStatus:
         lowered = [
             index
             for index, (estimate, before) in enumerate(zip(estimates, self._before, strict=False))
-            if before.status is Status.VALID and estimate.status is Status.PROVISIONAL
+            if estimate.status is Status.PROVISIONAL and before.status is Status.VALID
         ]
         if lowered:
             steady = list(estimates)

@@ -93,7 +93,9 @@ class AlarmWatch(ABC):
 
     def advance(self, link: str, now_ns: int) -> list[Notice]:
         """Bring a link to a time before its next frame is taken; return new notices."""
-        notices = [notice for _ in self.silence.changes(link, now_ns) for notice in self.review()]
+        notices: list[Notice] = []
+        if not self.silence.moves_on(link, now_ns):
+            notices += [notice for _ in self.silence.changes(link, now_ns) for notice in self.review()]
         review_due_ns = self._review_due_ns.get(link, 0)
         if not 0 < review_due_ns - now_ns <= REVIEW_INTERVAL_NS:
             self._review_due_ns[link] = now_ns + REVIEW_INTERVAL_NS

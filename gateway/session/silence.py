@@ -445,11 +445,20 @@ class SilenceWatch:
             steps = np.flatnonzero(np.diff(slots)) + 1
             wanted[sample_frames[steps]] = wanted[sample_frames[steps - 1]] = True
             wanted[sample_frames[[0, -1]]] = True
-        for frame in np.flatnonzero(wanted).tolist():
-            type_ = int(batch.type[frame])
+        frames = np.flatnonzero(wanted)
+        columns = (column[frames].tolist() for column in (arrivals_ns, batch.hub, batch.wheel, batch.type))
+        for frame, arrived_ns, hub, wheel, type_ in zip(frames.tolist(), *columns, strict=True):
             of_samples = type_ == MessageType.SAMPLES
             message, axes = (None, batch.axes(frame)) if of_samples else (batch.message(frame), 0)
-            yield int(arrivals_ns[frame]), Heard(int(batch.hub[frame]), int(batch.wheel[frame]), type_, message, axes)
+            yield arrived_ns, Heard(hub, wheel, type_, message, axes)
+
+    def moves_on(self, link: str, now_ns: int) -> bool:
+        """Move the time of a link forward, as long as its state cannot have changed; return whether it did."""
+        state = self._link(link, now_ns)
+        if now_ns >= state.due_ns:
+            return False
+        state.now_ns = max(state.now_ns, now_ns)
+        return True
 
     def changes(self, link: str, now_ns: int) -> Iterator[None]:
         """Move the time of a link forward; yield at each time on the way at which its state may have changed."""

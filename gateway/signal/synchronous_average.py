@@ -344,12 +344,12 @@ class _State:
         )
 
 
-def _spectra(values: FloatArray, *, has_orders: bool) -> ComplexArray:
-    """Return the coefficients c - i s of k waveforms, (k, 61), from values (k, n + 122) that contain them or not."""
-    if not has_orders:
-        return order_coefficients(values[:, :_ORDERS_AT])
-    result: ComplexArray = values[:, _ORDERS_AT:-ORDER_COUNT] - 1j * values[:, -ORDER_COUNT:]
-    return result
+def _cosines_and_sines(values: FloatArray, *, has_orders: bool) -> FloatArray:
+    """Return the coefficients of k waveforms, (k, 122), from values (k, n + 122) that contain them or not."""
+    if has_orders:
+        return values[:, _ORDERS_AT:]
+    coefficients = order_coefficients(values[:, :_ORDERS_AT])
+    return np.concatenate([coefficients.real, -coefficients.imag], axis=1)
 
 
 class _Steps:
@@ -406,16 +406,19 @@ class _Steps:
 
     @cached_property
     def spectra(self) -> ComplexArray:
-        """(k, 61) coefficients of the averaged waveform."""
+        """(k, 61) coefficients c - i s of the averaged waveform."""
         shares = running_shares(tuple(weight for _, _, weight, *_ in self._scalars))
         # Coefficients are those of the waveforms, as far as the sampling carries them.
         state = self._before
-        before = _spectra(state.moments.mean[np.newaxis], has_orders=self._had_all)
-        block_spectra = _spectra(self._values, has_orders=self._has_all)
-        result: ComplexArray = shares.prior[:, np.newaxis] * before + shares.values @ block_spectra
-        change = (block_spectra - np.concatenate([before, result[:-1]])) * self._carried
-        squares = 0.5 * np.sum(change.real**2 + change.imag**2, axis=1)
+        before = _cosines_and_sines(state.moments.mean[np.newaxis], has_orders=self._had_all)
+        of_block = _cosines_and_sines(self._values, has_orders=self._has_all)
+        averaged = shares.prior[:, np.newaxis] * before + shares.values @ of_block
+        change = of_block - np.concatenate([before, averaged[:-1]])
+        if not self._has_all:
+            change *= np.tile(self._carried, 2)
+        squares = 0.5 * np.square(change).sum(axis=1)
         self._squares = (squares if self._measured is None else squares / self._measured[:, 0]).tolist()
+        result: ComplexArray = averaged[:, :ORDER_COUNT] - 1j * averaged[:, ORDER_COUNT:]
         return result
 
     @cached_property
