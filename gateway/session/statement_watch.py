@@ -197,12 +197,13 @@ class StatementWatch:
             source = link, int(batch.hub[index]), int(batch.wheel[index])
             if not self._limit.admits(*source):
                 continue
-            if batch.type[index] == MessageType.HELLO and source in rest:
+            message = batch.message(index)
+            if isinstance(message, Hello) and source in rest and self._wheel(source).hello != message:
                 blocks = rest[source]
                 stop = int(np.searchsorted(blocks.row, index))
                 self._review(source, self._wheel(source), blocks.part(0, stop), counts)
                 rest[source] = blocks.part(stop, len(blocks.row))
-            self._slow(source, int(batch.type[index]), int(batch.tick_us[index]), batch.message(index))
+            self._slow(source, int(batch.type[index]), int(batch.tick_us[index]), message)
         for source, blocks in rest.items():
             self._review(source, self._wheel(source), blocks, counts)
 
@@ -283,7 +284,9 @@ class StatementWatch:
             self._find(source, Code.HUB_SENDS_AS_WHEEL)
         elif isinstance(message, Hello):
             wheel = self._wheel(source)
-            self._review_pending(source, wheel)
+            # Blocks before and behind a hello that is repeated belong to the same statement.
+            if wheel.hello != message:
+                self._review_pending(source, wheel)
             self._hello(source, wheel, message)
         elif isinstance(message, Environment):
             self._environment(source, message)
