@@ -166,7 +166,7 @@ class SensorHealth:
         if not len(counts):
             return 0, 0
         low, high, total = _extremes_and_sum(counts)
-        extremes = int(low.min()), int(high.max())
+        extremes = min(low.tolist()), max(high.tolist())
         if self._lowest is None or self._highest is None:
             self._lowest, self._highest, self._count = low, high, 0
             self._sum[:] = 0.0

@@ -362,7 +362,7 @@ def hub_motion_mps2(hub: FloatArray, offset_m: FloatArray, tilt: FloatArray) -> 
         offset_m: (k,) sensor below the neutral layer.
         tilt: (k,) tangent of the pitch.
     """
-    remainder = hub[:, [0, 3]] - offset_m[:, np.newaxis] * hub[:, [1, 4]] - tilt[:, np.newaxis] * hub[:, [2, 5]]
+    remainder = hub[:, 0:6:3] - offset_m[:, np.newaxis] * hub[:, 1:6:3] - tilt[:, np.newaxis] * hub[:, 2:6:3]
     result: FloatArray = np.hypot(remainder[:, 0], remainder[:, 1]) / np.maximum(hub[:, 6], 1.0)
     return result
 

@@ -356,6 +356,17 @@ def test_wheels_of_a_hub_come_together(four_wheels):
     assert ((apart_ns < 20e6) | (apart_ns > 150e6)).all()
 
 
+def test_snapshot_counts_samples_that_decide_nothing(roll, to_frames):
+    hello, environment, *blocks = to_frames(roll(65.0, 1.0).radial_mps2)
+    pipeline = Pipeline((SETUP,), UNKNOWN)
+    pipeline.frames("link", [hello, environment], 10**18)
+    for begin in range(0, len(blocks), 7):
+        for block in blocks[begin : begin + 7]:
+            pipeline.frames("link", [block], 10**18)
+        came = sum(len(block.message.counts) for block in blocks[: begin + 7])
+        assert pipeline.wheels()[0].counters.samples == came
+
+
 def test_snapshot_is_new_only_after_a_change(roll, to_frames):
     frames = to_frames(roll(65.0, 1.0).radial_mps2)
     _, pipeline = run_live(stream(frames))
