@@ -66,6 +66,8 @@ def closed(monkeypatch):
         return answer[0]
 
     monkeypatch.setattr("gateway.session.campaign_diagnosis.diagnose", diagnose)
+    # Without --jobs no other process, whose imports would take most of the time.
+    monkeypatch.setattr("os.cpu_count", lambda: 1)
     return asked, answer
 
 
@@ -82,7 +84,7 @@ def refused(*arguments):
 
 def test_options_reach_the_diagnosis(closed, recording):
     asked, _ = closed
-    result = run(recording, "--model", "paper", "--empirical", "--jobs", "3", "--folds", "4", "--budget", "500")
+    result = run(recording, "--model", "paper", "--empirical", "--jobs", "2", "--folds", "4", "--budget", "500")
     assert result.exit_code == 0, result.output
     ((campaign, options),) = asked
     assert isinstance(campaign, Campaign)
