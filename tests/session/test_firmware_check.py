@@ -75,11 +75,12 @@ def test_a_right_firmware_passes_everything_it_exercises() -> None:
 @pytest.mark.parametrize("name", WRONG)
 def test_every_wrong_firmware_is_named_by_its_clause(name: str) -> None:
     clause, make = WRONG[name]
-    report = check(make())
+    stream = make()
+    report = check(stream)
     assert with_verdict(report, Verdict.FAILED, Verdict.ADVISED) == {Clause(clause), *ALSO.get(name, ())}
     result = next(result for result in report.clauses if result.clause == clause)
     assert result.findings
-    data = b"".join(data for _, data in make())
+    data = b"".join(data for _, data in stream)
     for finding in result.findings:
         if finding.at_byte is not None:
             assert finding.example

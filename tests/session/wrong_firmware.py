@@ -6,6 +6,7 @@ The faults were written down before the check that finds them: what firmware aut
 import math
 import struct
 from collections.abc import Callable, Iterable
+from functools import cache
 from typing import Any, Final, NamedTuple
 from zlib import crc32
 
@@ -54,6 +55,7 @@ Stream = list[tuple[float, bytes]]
 """Bytes with the true time at which they go to the link."""
 
 
+@cache
 def counts_mps2(first: int, n: int) -> np.ndarray[Any, np.dtype[np.float64]]:
     """Return n rows of the three axes in m/s^2: R Omega^2 with a contact each turn, gravity and noise."""
     k = np.arange(first, first + n)
@@ -64,7 +66,9 @@ def counts_mps2(first: int, n: int) -> np.ndarray[Any, np.dtype[np.float64]]:
     edge = (turn - 0.5) / 0.045 * contact
     gravity = 2.0 * math.pi * turn
     rows = np.stack([0.4 * steady * edge + 9.8 * np.sin(gravity), 20.0 * contact, steady * (1.0 - contact)], axis=1)
-    return np.asarray(rows + noise)
+    rows += noise
+    rows.flags.writeable = False
+    return rows
 
 
 def block(first: int, n: int = BLOCK, scale: float = 0.128) -> SampleBlock:
