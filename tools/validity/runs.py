@@ -7,6 +7,7 @@ import math
 import pickle
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
 
@@ -146,6 +147,8 @@ class Slopes(NamedTuple):
     conicity_rad: float
 
 
+# They are asked for at every revolution of a run.
+@lru_cache(maxsize=4)
 def _slopes(tire: TireModel, load_n: float, pressure_pa: float, omega_radps: float) -> Slopes:
     ring = tire.solve(load_n, pressure_pa, omega_radps)
     shape = tire.solve_lateral(ring, 0.0).y_m
