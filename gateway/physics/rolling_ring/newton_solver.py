@@ -15,8 +15,8 @@ from gateway.physics.rolling_ring.force_balance import Balance, BeltLaw, Grid, b
 from gateway.types import FloatArray, IntArray
 
 _STEP_LIMIT_M: Final = 0.01
-# Convergence is quadratic once the extent of the contact stays: after a step this small, over R, 1e-12 of R is left.
-_TOLERANCE: Final = 1e-6
+# Convergence is quadratic once the extent of the contact stays: after a step this small, over R, 1e-13 of R is left.
+_TOLERANCE: Final = 1e-7
 _MAX_ITERATIONS: Final = 60
 # Newton's method ends within ten steps or so unless it alternates between two extents of the contact.
 _ALTERNATING: Final = 15
