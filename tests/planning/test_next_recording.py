@@ -8,8 +8,8 @@ from functools import cache
 import pytest
 
 from gateway.closure.angle.number_estimates import estimates_of
+from gateway.closure.angle.set_evidence import Evaluated
 from gateway.closure.bayes.posterior import over
-from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.effect import GroupConditions
 from gateway.closure.model.closure_model import AngleEffect
 from gateway.closure.result import Fitted
@@ -37,24 +37,23 @@ RIVALS = CONSTANT, GROWING
 TURNS = BLOCKS * REVOLUTIONS
 
 
-def posterior_of(campaign: Campaign, effects: Sequence[AngleEffect]) -> tuple[Posterior, dict[str, Fitted]]:
-    every = [evaluated(campaign, *chosen)[0] for chosen in ((), *((effect,) for effect in effects))]
+@cache
+def evaluation(groups: tuple[GroupConditions, ...], noise_mps2: float, *effects: AngleEffect) -> Evaluated:
+    campaign = campaign_of(groups, sideways(20.0), noise_mps2=noise_mps2, axes=ALL_AXES)
+    return evaluated(campaign, *effects)[0]
+
+
+def posterior_of(
+    groups: tuple[GroupConditions, ...], effects: Sequence[AngleEffect], noise_mps2: float = 7.0
+) -> tuple[Posterior, dict[str, Fitted]]:
+    every = [evaluation(groups, noise_mps2, *chosen) for chosen in ((), *((effect,) for effect in effects))]
     posterior = over({each.names: each for each in every})
     return posterior, estimates_of([(each.fit, weight) for each, weight in posterior.considered])[0]
 
 
-def planted(groups: Sequence[GroupConditions], noise_mps2: float = 7.0) -> Campaign:
-    return campaign_of(groups, sideways(20.0), noise_mps2=noise_mps2, axes=ALL_AXES)
-
-
-@cache
-def rivals_at_one_speed() -> tuple[Posterior, dict[str, Fitted]]:
-    return posterior_of(planted(ONE_SPEED), RIVALS)
-
-
 @cache
 def plan_between_rivals() -> RecordingPlan:
-    posterior, estimates = rivals_at_one_speed()
+    posterior, estimates = posterior_of(ONE_SPEED, RIVALS)
     return plan_recordings(posterior, estimates, speeds_mps=[30.0 / 3.6, 60.0 / 3.6])
 
 
@@ -82,12 +81,12 @@ def test_recording_at_the_speed_that_differs_decides_between_rivals() -> None:
 
 
 def test_recording_that_suffices_names_the_effect_once_it_is_made() -> None:
-    after, _ = posterior_of(planted((conditions(60.0), conditions(30.0))), RIVALS)
+    after, _ = posterior_of((conditions(60.0), conditions(30.0)), RIVALS)
     assert after.identified() == ("constant",)
 
 
 def test_no_recording_decides_what_is_alike_everywhere() -> None:
-    posterior, estimates = posterior_of(planted(ONE_SPEED), (CONSTANT, Sideways("same")))
+    posterior, estimates = posterior_of(ONE_SPEED, (CONSTANT, Sideways("same")))
     plan = plan_recordings(posterior, estimates, speeds_mps=[30.0 / 3.6, 90.0 / 3.6])
     assert not any(recording.suffices for recording in plan.recordings)
     assert max(recording.decided for recording in plan.recordings) == 0.0
@@ -97,21 +96,20 @@ def test_no_recording_decides_what_is_alike_everywhere() -> None:
 @pytest.mark.parametrize("kmh", [60.0, 30.0])
 def test_expected_errors_are_those_after_the_recording(monkeypatch: pytest.MonkeyPatch, kmh: float) -> None:
     """Noise is large: the errors are of the scatter rather than of the discrepancy."""
-    campaign = planted((conditions(60.0),), 30.0)
-    posterior, estimates = posterior_of(campaign, (CONSTANT,))
+    posterior, estimates = posterior_of(ONE_SPEED, (CONSTANT,), 30.0)
     duration_s = TURNS * 2.0 * math.pi / conditions(kmh).omega_radps
     monkeypatch.setattr("gateway.planning.next_recording.DURATIONS_S", (duration_s,))
     plan = plan_recordings(posterior, estimates, speeds_mps=[kmh / 3.6])
     (recording,) = at_speed(plan, kmh)
     assert recording.revolutions == TURNS
-    _, made = posterior_of(planted((conditions(60.0), conditions(kmh)), 30.0), (CONSTANT,))
+    _, made = posterior_of((conditions(60.0), conditions(kmh)), (CONSTANT,), 30.0)
     for name in ("Bs", "Cw", "Rs", "Ts"):
         assert recording.errors[name] < plan.errors[name] * (1.0 + 1e-9)
         assert recording.errors[name] == pytest.approx(made[name].std, rel=0.25)
 
 
 def test_wanted_error_takes_the_least_duration_that_reaches_it() -> None:
-    posterior, estimates = posterior_of(planted((conditions(60.0),), 30.0), ())
+    posterior, estimates = posterior_of(ONE_SPEED, (), 30.0)
     loose = plan_recordings(posterior, estimates, speeds_mps=[60.0 / 3.6])
     want = Want("Ts", 0.5 * loose.errors["Ts"])
     plan = plan_recordings(posterior, estimates, wants=[want], speeds_mps=[60.0 / 3.6])
