@@ -5,6 +5,7 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import cache
 from typing import Any, NoReturn
 
 import numpy as np
@@ -248,6 +249,7 @@ def table_of(effects: Mapping[str, Mapping[str, float]], **changes: Any) -> Corr
     return replace(plain, **changes)
 
 
+@cache
 def with_roll(angle_rad: float) -> Transfer:
     """Return the transfer of a roll tilt to a campaign that has one of `ROLL_RAD`."""
     campaign = campaign_of(ONE_SPEED, turned(LATERAL, ROLL_RAD), axes=ALL_AXES, seed=9)
