@@ -115,7 +115,7 @@ def test_pairs_of_the_catalogue(
     groups: tuple[GroupConditions, ...], plant: Plant, name: str, rival: str, recording: Reason
 ) -> None:
     effects = among(name, rival)
-    fit, _ = fitted(campaign_of(groups, plant, noise_mps2=NOISY, axes=ALL_AXES), effects[name])
+    fit, _ = fitted(campaign_of(groups, plant, noise_mps2=0.7 * NOISY, axes=ALL_AXES), effects[name])
     assert deciding_recording(fit, effects[name], effects[rival]) == recording
 
 
