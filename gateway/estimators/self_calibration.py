@@ -120,7 +120,10 @@ _SUMS: Final = MOUNTING_SIZE + 34
 # Sums of both equations, and of the normal equations, with their places in the products of factors and left-hand sides.
 _EQUATIONS: Final = slice(_MEAN.start, _GRAVITY.stop)
 _NORMAL: Final = slice(_MATRIX.start, _RIGHT.stop)
-_OF_EQUATIONS: Final = np.array([0, 1, 6, 4, 9, 25, 28, 43, 29, 44])
+_OF_EQUATIONS: Final = np.array(
+    [5 * row + column for row, column in ((0, 0), (0, 1), (1, 1), (0, 4), (1, 4))]
+    + [25 + 5 * row + column for row, column in ((0, 0), (0, 3), (3, 3), (0, 4), (3, 4))]
+)
 _OF_NORMAL: Final = np.array([5 * row + column for row in range(4) for column in range(4)] + [4, 9, 14, 19])
 
 

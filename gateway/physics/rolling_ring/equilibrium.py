@@ -253,9 +253,16 @@ def nearby_solutions(
 
 def at_depth(solution: RingSolution, sensor_offset_m: float) -> RingSolution:
     """Return the same solution with a sensor at another distance below the neutral layer."""
-    section = solution.section_rad if math.isfinite(solution.ring.shear_stiffness_n) else None
-    waveform = sensor_waveform(solution.position_m, solution.ring.radius_m, sensor_offset_m, section)
+    waveform = _waveform(solution.ring, solution.position_m, solution.section_rad, sensor_offset_m)
     return replace(solution, sensor=waveform)
+
+
+def _waveform(
+    ring: RingParameters, position_m: FloatArray, section_rad: FloatArray, sensor_offset_m: float
+) -> SensorWaveform:
+    """Return what a sensor reads, which turns with the section of a shear-flexible belt, else with the tangent."""
+    section = section_rad if math.isfinite(ring.shear_stiffness_n) else None
+    return sensor_waveform(position_m, ring.radius_m, sensor_offset_m, section)
 
 
 def loaded_belt(solution: RingSolution, drum_radius_m: float = math.inf) -> LoadedBelt:
@@ -375,13 +382,11 @@ def _solution(
         share = law.shear_n / ring.shear_stiffness_n
         section = section - (1.0 - share) * _turn_from_tangent(position, section)
         curvature = (1.0 + (np.roll(turn, -1) - np.roll(turn, 1)) / (2.0 * grid.step_rad)) / law.radius_m
-        waveform = sensor_waveform(position, law.radius_m, offset_m, section)
     else:
         span = np.roll(position, -1, axis=0) - position
         turn = segment_turn(grid, span / np.hypot(span[:, 0], span[:, 1])[:, None])
         curvature = (1.0 + (turn - np.roll(turn, 1)) / grid.step_rad) / law.radius_m
         section = theta + 0.5 * (turn + np.roll(turn, 1))
-        waveform = sensor_waveform(position, law.radius_m, offset_m)
     length = law.radius_m * grid.step_rad
     lever = position[:, 0] * road.force_npm[:, 1] - position[:, 1] * road.force_npm[:, 0]
     leading, trailing = _edges(theta, road.unclipped_npm)
@@ -401,7 +406,7 @@ def _solution(
         axle_height_m=equilibrium.height_m,
         longitudinal_force_n=-length * float(road.force_npm[:, 0].sum()),
         axle_torque_nm=-length * float(lever.sum()),
-        sensor=waveform,
+        sensor=_waveform(ring, position, section, offset_m),
         iterations=equilibrium.iterations,
     )
 
