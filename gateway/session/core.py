@@ -132,7 +132,7 @@ class SessionCore:
         self._vehicle = vehicle
         self._reported_missing: set[tuple[str, tuple[Code, ...]]] = set()
         # Configured wheels, and those that were reported not to be.
-        self._known = {setup.position for setup in setups}
+        self._accounted_wheels = {setup.position for setup in setups}
         self._statements = StatementWatch(positions(vehicle), self._pipeline.limit)
         self._pairs = WheelPairs(VehicleJoin(self._signals.history))
         self._alarms = SessionAlarms(vehicle, self._pipeline.position, self._state, self._pairs.alarms)
@@ -294,8 +294,8 @@ class SessionCore:
     def _deliver(self, results: list[RevolutionResult], host_ns: int) -> list[RevolutionResult]:
         results = [result for result, _ in self._pairs.compared(results)]
         for result in results:
-            if result.position not in self._known:
-                self._known.add(result.position)
+            if result.position not in self._accounted_wheels:
+                self._accounted_wheels.add(result.position)
                 self.notify(Notice(result.position, unconfigured_wheel(self._vehicle), Level.WARNING))
         self.recording.results(results, host_ns, self._pipeline.average_mps2)
         return results
