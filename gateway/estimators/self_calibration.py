@@ -250,7 +250,6 @@ class SelfCalibrationEstimator(BlockEstimator):
         """Forget everything, as after a change of sensor."""
         self._roll.reset()
         self._steady.reset()
-        self._lost: list[LostSteadyValue | None] = []
         # Whether the revolution before each of a block has faults.
         self._after_fault: BoolArray = np.zeros(1, np.bool_)
         self._has_along = False
@@ -278,19 +277,19 @@ class SelfCalibrationEstimator(BlockEstimator):
         self.measure(block)
         return self.estimates(block)
 
-    def measure(self, block: RevolutionBlock) -> list[Measured | None]:
-        """Take revolutions and return what is measured after each; None before the first that can be used.
+    def measure(self, block: RevolutionBlock) -> list[tuple[Measured | None, LostSteadyValue | None]]:
+        """Take revolutions; return what is measured after each, None before the first, and of a lost steady value.
 
         Curvature of the belt, contact centre and scatter are those of the average at the last renewal. Revolutions
         whose steady value is lost are not used.
         """
-        self._lost = self._steady.update_block(block)
+        lost_values = self._steady.update_block(block)
         faulty = [bool(revolution.faults) for revolution in block.revolutions]
         self._after_fault = np.array([self._after_fault[-1], *faulty])
         steps: list[_Step] = []
         taken: list[int] = []
         for index, revolution in enumerate(block.revolutions):
-            lost = self._lost[index]
+            lost = lost_values[index]
             refused = _refused(revolution, block.conditions[index]) if lost is None else steady_value_lost(lost)
             count = self._last.revolutions + len(taken) + 1
             due = self._belt is None or is_due(count) or count == _LEAST_REVOLUTIONS + 1 or count % _LONGEST == 0
@@ -305,12 +304,7 @@ class SelfCalibrationEstimator(BlockEstimator):
                 steps.append(self._last._replace(refused=refused))
         steps += self._take(block, taken)
         self._steps = steps
-        return [step.measured for step in steps]
-
-    @property
-    def lost(self) -> list[LostSteadyValue | None]:
-        """What is left of the steady value in each revolution of the last block, None where it is not lost."""
-        return self._lost
+        return [(step.measured, lost) for step, lost in zip(steps, lost_values, strict=True)]
 
     def estimates(self, block: RevolutionBlock, unsure: Sequence[float] | None = None) -> list[tuple[Estimate, ...]]:
         """Return the estimates of NAMES after each revolution of the block that was measured last.

@@ -1,20 +1,106 @@
 """What is known against estimates lowers their status: the only place that applies it, by what each rests on."""
 
 import math
-from collections.abc import Collection, Iterable
+from collections import deque
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from typing import Final
 
 from gateway.estimators.doubt_rules import EVERY_RULE, DoubtRule
-from gateway.estimators.estimator import Estimate, Status, estimate_of
+from gateway.estimators.estimator import Estimate, Revolution, Status, estimate_of
 from gateway.estimators.signal_evidence import Evidence
+from gateway.pipeline.lost_revolutions import SteadyStatus
 from gateway.pipeline.sensor_limits import Doubt
+from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.quantity import Basis
-from gateway.quantity_catalogue import quantity_of
+from gateway.quantity_catalogue import quantities_of, quantity_of
 from gateway.reasons import Code, Reason
 
 # Standard errors beyond what is possible from which a value is not one of its quantity: one in 160 by chance.
 _BEYOND: Final = 2.5
+# Lag of an average over its change within its memory. A mean of all is behind by half of a steady drift, an exponential
+# one by all of it.
+_LAG: Final = 0.7
+_SIGN_UNVERIFIED: Final = Reason(Code.LATERAL_SIGN_UNVERIFIED)
+
+
+class Qualification:
+    """Qualifies the estimates of one estimator of a wheel; deterministic, one revolution at a time."""
+
+    def __init__(self, estimator: str, setup: WheelSetup) -> None:
+        """Start without revolutions."""
+        self._rules = setup.rules
+        quantities = () if setup.sensor.lateral_is_left else quantities_of(estimator)
+        # Quantities whose sign nobody can know.
+        self._signed = frozenset(quantity.name for quantity in quantities if Basis.SIGN in quantity.rests_on)
+        self._drift = OwnDrift(estimator)
+        self._follows_drift = self._drift.applies and DoubtRule.OWN_DRIFT in setup.rules
+        self._status = SteadyStatus(estimator)
+
+    def reset(self) -> None:
+        """Forget everything, as after a change of tire."""
+        self._drift.reset()
+        self._status.reset()
+
+    def of_block(
+        self,
+        estimates: Iterable[tuple[Estimate, ...]],
+        revolutions: Sequence[Revolution],
+        evidences: Sequence[Evidence],
+        doubts: Sequence[Sequence[Doubt]],
+        streaks: Sequence[float],
+    ) -> list[tuple[Estimate, ...]]:
+        """Return the estimates of consecutive revolutions, of the status and the error that all that is known leaves.
+
+        Args:
+            estimates: of each revolution.
+            revolutions: in order.
+            evidences: of the signal on what is stated, at each.
+            doubts: about the sensor in each.
+            streaks: of each, as `LossStreak.take` returns it.
+        """
+        finals = []
+        for index, raw in enumerate(estimates):
+            final = qualified(raw, evidences[index], doubts[index], revolutions[index].uncorrected, self._rules)
+            if self._signed:
+                final = _unsigned(final, self._signed)
+            if self._follows_drift:
+                final = self._drift.widened(final)
+            finals.append(self._status.steadied(final, streaks[index]))
+        return finals
+
+
+class OwnDrift:
+    """Error of the estimates of one estimator by their own drift: an average is behind what it follows."""
+
+    def __init__(self, estimator: str) -> None:
+        """Start without estimates."""
+        self._memory = {
+            quantity.name: quantity.memory_revolutions
+            for quantity in quantities_of(estimator)
+            if quantity.memory_revolutions
+        }
+        self.applies = bool(self._memory)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything, as after a change of tire."""
+        self._valid: dict[str, deque[float]] = {name: deque(maxlen=count) for name, count in self._memory.items()}
+
+    def widened(self, estimates: tuple[Estimate, ...]) -> tuple[Estimate, ...]:
+        """Return the estimates of the next revolution, with the error by what they have changed in their memory.
+
+        The change is counted from the oldest valid value within it.
+        """
+        valid, hypot = self._valid, math.hypot
+        widened = list(estimates)
+        for index, (name, value, std, status, reasons, scatter_std) in enumerate(estimates):
+            if status is Status.VALID and name in valid:
+                values = valid[name]
+                values.append(value)
+                std_with_lag = hypot(std, _LAG * (value - values[0]))
+                widened[index] = estimate_of((name, value, std_with_lag, status, reasons, scatter_std))
+        return tuple(widened)
 
 
 def qualified(
@@ -65,11 +151,11 @@ def provisional_where(
     )
 
 
-def noted(estimates: tuple[Estimate, ...], names: Collection[str], note: Reason) -> tuple[Estimate, ...]:
-    """Return estimates with a note on those of the names that are not invalid."""
+def _unsigned(estimates: tuple[Estimate, ...], names: frozenset[str]) -> tuple[Estimate, ...]:
+    """Return estimates with the note that the sign of those of the names is not verified, if they are not invalid."""
     return tuple(
         [
-            estimate_of((name, value, std, status, (*reasons, note), scatter_std))
+            estimate_of((name, value, std, status, (*reasons, _SIGN_UNVERIFIED), scatter_std))
             if name in names and status is not Status.INVALID
             else estimate
             for estimate in estimates

@@ -12,21 +12,19 @@ from typing import Final
 import numpy as np
 
 from firmware_protocol.messages import Axis, Environment
-from gateway.estimators.doubt_rules import DoubtRule
 from gateway.estimators.estimator import AngleAverage, Estimate, Estimator, Status, TireConditions
 from gateway.estimators.registry import in_order, make_estimator
 from gateway.estimators.revolution_block import BlockEstimator, RevolutionArrays, RevolutionBlock, measured_shares
 from gateway.estimators.self_calibration import SelfCalibrationEstimator
 from gateway.estimators.signal_evidence import Evidence, assess
-from gateway.pipeline.lost_revolutions import LossStreak, SteadyStatus
+from gateway.pipeline.lost_revolutions import LossStreak
 from gateway.pipeline.old_pressure import change_since_reading_pa, old_pressure_s
-from gateway.pipeline.own_drift import OwnDrift
-from gateway.pipeline.qualification import noted, provisional_where, qualified
+from gateway.pipeline.qualification import Qualification, provisional_where
 from gateway.pipeline.results import RevolutionResult, SensorFlag
 from gateway.pipeline.sensor_limits import Doubt
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.quantity import Basis
-from gateway.quantity_catalogue import quantities_of, rests_on_times_alone
+from gateway.quantity_catalogue import rests_on_times_alone
 from gateway.reasons import Code, Reason
 from gateway.signal.coupling_highpass import behind_highpass
 from gateway.signal.synchronous_average import AverageSteps, RunningAverage
@@ -34,7 +32,6 @@ from gateway.types import ComplexArray, FloatArray
 
 # Environment readings kept for revolutions that are not complete yet.
 _ENVIRONMENT_DEPTH: Final = 64
-_SIGN_UNVERIFIED: Final = Reason(Code.LATERAL_SIGN_UNVERIFIED)
 # Revolutions worked on together, which bounds the memory.
 _LONGEST_BLOCK: Final = 64
 
@@ -160,7 +157,7 @@ def _average(average: RunningAverage, arrays: RevolutionArrays, taken: Sequence[
 class _Series:
     """Average, self-calibration and estimators of revolutions that may be averaged together."""
 
-    def __init__(self, estimators: Sequence[str], other: _Series | None = None) -> None:
+    def __init__(self, setup: WheelSetup, estimators: Sequence[str], other: _Series | None = None) -> None:
         self.average = RunningAverage()
         # Always on, because what it measures decides how far the other estimates hold.
         self.calibration = SelfCalibrationEstimator()
@@ -170,9 +167,8 @@ class _Series:
         }
         present: dict[str, Estimator] = {**calibrations, **common}
         self.estimators: list[Estimator] = [present.get(name) or make_estimator(name) for name in in_order(estimators)]
-        self.drifts = {estimator.name: OwnDrift(estimator.name) for estimator in self.estimators}
         self.loss_streak = LossStreak()
-        self.statuses = {estimator.name: SteadyStatus(estimator.name) for estimator in self.estimators}
+        self.qualifications = {estimator.name: Qualification(estimator.name, setup) for estimator in self.estimators}
 
     def reset(self) -> None:
         """Forget everything, as after a change of tire."""
@@ -181,8 +177,7 @@ class _Series:
         self.loss_streak.reset()
         for estimator in self.estimators:
             estimator.reset()
-            self.drifts[estimator.name].reset()
-            self.statuses[estimator.name].reset()
+            self.qualifications[estimator.name].reset()
 
 
 class TireEstimates:
@@ -198,13 +193,7 @@ class TireEstimates:
         """Make the estimators; they run in the registry's order."""
         self._setup = setup
         self._names = tuple(estimators)
-        # Quantities whose sign nobody can know, by estimator.
-        self._signed = {
-            name: frozenset(quantity.name for quantity in quantities_of(name) if Basis.SIGN in quantity.rests_on)
-            for name in estimators
-            if not setup.sensor.lateral_is_left
-        }
-        self._current = _Series(estimators)
+        self._current = _Series(setup, estimators)
         # Revolutions with and without known effects subtracted are averaged separately.
         self._series = {False: self._current}
         self._environment: deque[tuple[int, Environment, float]] = deque(maxlen=_ENVIRONMENT_DEPTH)
@@ -271,7 +260,7 @@ class TireEstimates:
         revolutions = arrays.revolutions
         uncorrected = revolutions[0].uncorrected is not None
         if uncorrected not in self._series:
-            self._series[uncorrected] = _Series(self._names, self._current)
+            self._series[uncorrected] = _Series(self._setup, self._names, self._current)
         self._current = series = self._series[uncorrected]
         averages = self._take_in(arrays)
         stated = [self.conditions(end_us) for end_us in ends_us]
@@ -285,9 +274,7 @@ class TireEstimates:
                 ac_coupled=revolution.ac_coupled,
                 lost=lost,
             )
-            for measurement, condition, revolution, lost in zip(
-                measured, stated, revolutions, series.calibration.lost, strict=True
-            )
+            for (measurement, lost), condition, revolution in zip(measured, stated, revolutions, strict=True)
         ]
         self.evidence = evidences[-1]
         conditions = [
@@ -298,7 +285,6 @@ class TireEstimates:
         stated_block = RevolutionBlock(revolutions, arrays, averages, stated)
         streaks = [series.loss_streak.take(revolution) for revolution in revolutions]
         estimates: list[list[Estimate]] = [[] for _ in revolutions]
-        rules = self._setup.rules
         for estimator in series.estimators:
             if estimator is series.calibration:
                 raw_estimates = series.calibration.estimates(stated_block, [evidence.unsure for evidence in evidences])
@@ -309,21 +295,15 @@ class TireEstimates:
                     estimator.update(revolution, averages.at(index), conditions[index])
                     for index, revolution in enumerate(revolutions)
                 ]
-            name = estimator.name
-            drift, status, signed = series.drifts[name], series.statuses[name], self._signed.get(name)
-            for index, raw in enumerate(raw_estimates):
-                final = qualified(raw, evidences[index], doubts[index], revolutions[index].uncorrected, rules)
-                if signed:
-                    final = noted(final, signed, _SIGN_UNVERIFIED)
-                if drift.applies and DoubtRule.OWN_DRIFT in rules:
-                    final = drift.widened(final)
-                final = status.steadied(final, streaks[index])
-                earlier[index].add(name, final)
+            qualification = series.qualifications[estimator.name]
+            finals = qualification.of_block(raw_estimates, revolutions, evidences, doubts, streaks)
+            for index, final in enumerate(finals):
+                earlier[index].add(estimator.name, final)
                 estimates[index] += final
         results = []
         for index, revolution in enumerate(revolutions):
             final = self._finished(estimates[index], earlier[index], ends_us[index])
-            measurement = measured[index]
+            measurement, _ = measured[index]
             lags = (None, None) if measurement is None else measurement.relations.lags
             results.append(
                 RevolutionResult(

@@ -13,7 +13,7 @@ from gateway.estimators.estimator import Estimate, Status, TireConditions
 from gateway.estimators.registry import estimator_names
 from gateway.estimators.sensor_claims import SensorClaims
 from gateway.estimators.tire_data import ReferenceNumbers, TireData
-from gateway.pipeline.own_drift import OwnDrift
+from gateway.pipeline.qualification import OwnDrift
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.quantity_catalogue import RING_NUMBERS
 from gateway.reasons import Code, codes_of

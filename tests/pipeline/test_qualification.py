@@ -12,8 +12,7 @@ from gateway.estimators.ply_steer import HORIZON_REVOLUTIONS
 from gateway.estimators.sensor_claims import SensorClaims
 from gateway.estimators.signal_evidence import Evidence
 from gateway.pipeline.old_pressure import change_since_reading_pa
-from gateway.pipeline.own_drift import OwnDrift
-from gateway.pipeline.qualification import provisional_where, qualified
+from gateway.pipeline.qualification import OwnDrift, provisional_where, qualified
 from gateway.pipeline.sensor_limits import Doubt
 from gateway.pipeline.tire_estimates import TireEstimates
 from gateway.pipeline.wheel_setup import WheelSetup
