@@ -9,7 +9,7 @@ import click
 from gateway.cli.options import force_option
 from gateway.cli.path_option import path_option
 from gateway.cli.summary_output import SummaryOutput
-from gateway.views.output_file import check_outputs, is_stdout, write_whole
+from gateway.views.output_file import check_outputs, write_whole
 
 
 class _LoadUnlessNamed(click.Group):
@@ -154,14 +154,12 @@ def side_force(runs_path: Path, config_path: Path | None, out_path: Path | None,
 
 def _write(lines: Iterable[str], text: str, out_path: Path | None, *, force: bool) -> None:
     """Print the lines of the fit, and print its tables or write them to a file."""
-    say = SummaryOutput(err=is_stdout(out_path))
+    say = SummaryOutput([out_path])
     for line in lines:
         say(line)
     if out_path is None:
         say("\n" + text.removesuffix("\n"))
-        say.finish()
-        return
-    write_whole(out_path, text, force=force)
-    if not is_stdout(out_path):
-        say(f"written: {out_path} (copy its tables to the vehicle configuration, replacing those of the same name)")
+    else:
+        write_whole(out_path, text, force=force)
+        say.written(out_path, " (copy its tables to the vehicle configuration, replacing those of the same name)")
     say.finish()

@@ -52,7 +52,7 @@ def compare(
     from gateway.estimators.registry import DEFAULT_ESTIMATORS
     from gateway.security.key_file import default_key_file
     from gateway.views.drive_comparison import comparison_csv, comparison_lines, means_of, radii_of
-    from gateway.views.output_file import check_outputs, is_stdout, write_whole
+    from gateway.views.output_file import check_outputs, write_whole
     from gateway.views.progress import progress_bar
     from gateway.views.wording import text
 
@@ -77,13 +77,12 @@ def compare(
             "Name the wheels alike in the configuration, --config, or look at the recordings with treadlink inspect.",
         )
     differences = compared_means(means_of(before), means_of(after), radii_of(before), radii_of(after))
-    say = SummaryOutput(err=is_stdout(csv_path))
+    say = SummaryOutput([csv_path])
     for line in comparison_lines(before, after, differences):
         say(line)
     if csv_path is not None:
         write_whole(csv_path, comparison_csv(differences), force=force)
-        if not is_stdout(csv_path):
-            say(f"written: {csv_path}")
+        say.written(csv_path)
     if damaged:
         raise TreadlinkError("; ".join(damaged), "The readable part was compared.")
     say.finish()

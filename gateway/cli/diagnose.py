@@ -20,7 +20,7 @@ from gateway.cli.path_option import path_option
 from gateway.cli.summary_output import SummaryOutput
 from gateway.errors import OutputError, TreadlinkError
 from gateway.security.key_file import default_key_file
-from gateway.views.output_file import check_outputs, is_stdout, write_whole
+from gateway.views.output_file import check_outputs, write_whole
 from gateway.views.text import clean, json_text
 
 if TYPE_CHECKING:
@@ -263,10 +263,9 @@ def diagnose(
         )
         plan = _planned(diagnosis, posteriors[0], want_texts, speeds_mps, on_progress) if plans_next else None
     diagnosis = _by_command(diagnosis)
-    outputs_to_stdout = any(map(is_stdout, (json_path, html_path, effects_path)))
-    on_terminal = (sys.stderr if outputs_to_stdout else sys.stdout).isatty()
+    say = SummaryOutput((json_path, html_path, effects_path))
+    on_terminal = (sys.stderr if say.err else sys.stdout).isatty()
     columns = shutil.get_terminal_size().columns if on_terminal else 0
-    say = SummaryOutput(err=outputs_to_stdout)
     for line in closure_summary_lines(diagnosis, columns, has_all_notes=not on_terminal):
         say(clean(line))
     for line in () if plan is None else recording_plan_lines(plan):
@@ -366,19 +365,16 @@ def _report_transfer(
     from gateway.views.report.html import write_html
     from gateway.views.report.transfer_report import transfer_json, transfer_lines
 
-    to_stdout = any(path is not None and is_stdout(path) for path in (json_path, html_path))
-    say = SummaryOutput(err=to_stdout)
+    say = SummaryOutput((json_path, html_path))
     for line in transfer_lines(result, str(known_path)):
         say(clean(line))
     if json_path is not None:
         text = json_text(transfer_json(result), indent=2)
         write_whole(json_path, text + "\n", force=force)
-        if not to_stdout:
-            say(clean(f"written: {json_path}"))
+        say.written(json_path)
     if html_path is not None and result.report is not None:
         write_html(_by_command(result.report), html_path, force=force)
-        if not to_stdout:
-            say(clean(f"written: {html_path}"))
+        say.written(html_path)
     say.finish()
 
 
@@ -389,7 +385,7 @@ def _write(
     html_path: Path | None,
     effects_path: Path | None,
     plugin_path: Path | None,
-    say: Callable[[str], None],
+    say: SummaryOutput,
     *,
     force: bool,
 ) -> None:
@@ -413,10 +409,7 @@ def _write(
         except TreadlinkError as error:
             failed.append(error)
         else:
-            if is_stdout(path):
-                continue
-            held = f" with {saved_text(diagnosis)}" if path is effects_path else ""
-            say(clean(f"written: {path}{held}"))
+            say.written(path, f" with {saved_text(diagnosis)}" if path is effects_path else "")
     if plugin_path is not None:
         try:
             write_plugin(diagnosis, plugin_path, say)

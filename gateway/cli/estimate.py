@@ -10,7 +10,7 @@ from gateway.cli.options import FiniteRange, config_option, effects_option, esti
 from gateway.cli.path_option import path_option
 from gateway.cli.summary_output import SummaryOutput
 from gateway.errors import TreadlinkError
-from gateway.views.output_file import check_outputs, is_stdout
+from gateway.views.output_file import check_outputs
 from gateway.views.wording import text
 
 
@@ -89,7 +89,7 @@ def estimate(
     factor = None if coverage is None else coverage_factor(coverage)
     check_exist(recordings)
     # A table on standard output must not be mixed with other lines.
-    say = SummaryOutput(err=any(map(is_stdout, written)))
+    say = SummaryOutput(written)
     sizes = [path.stat().st_size if path.is_file() else 0 for path in recordings]
     missing, damaged, drives = 0, [], []
     with contextlib.ExitStack() as stack:
@@ -122,8 +122,7 @@ def estimate(
     if html_path is not None:
         write_drive_page(drives, html_path, force=force)
     for path in written:
-        if not is_stdout(path):
-            say(f"written: {path}")
+        say.written(path)
     if damaged:
         raise TreadlinkError("; ".join(damaged), "The readable part was estimated.")
     if missing:

@@ -73,14 +73,14 @@ def orders(
     from gateway.views.figure_file import check_figure
     from gateway.views.orders.order_figure import SUFFIXES, write_figure
     from gateway.views.orders.order_tables import order_lines, write_csv, write_json
-    from gateway.views.output_file import check_outputs, is_stdout
+    from gateway.views.output_file import check_outputs
     from gateway.views.progress import progress_bar
 
     outputs = (figure, csv_path, json_path)
     check_outputs(outputs, (recording, config_path, *effects_paths, key_file or default_key_file()), force=force)
     if figure is not None:
         check_figure(figure, SUFFIXES)
-    say = SummaryOutput(err=any(map(is_stdout, outputs)))
+    say = SummaryOutput(outputs)
     with progress_bar(f"reading {recording.name}") as bar:
         spectra, damage = recorded_orders(
             recording,
@@ -103,8 +103,7 @@ def orders(
     if json_path is not None:
         write_json(json_path, spectra, recording.name, force=force)
     for path in outputs:
-        if path is not None and not is_stdout(path):
-            say(f"written: {path}")
+        say.written(path)
     say.finish()
     if damage is not None:
         raise TreadlinkError(text(damage), "The readable part was used.")

@@ -99,7 +99,7 @@ def plan(
     from gateway.planning.planned_errors import plan_sensor, tire_at
     from gateway.simulator.scenario import load_scenario
     from gateway.views.figure_file import check_figure
-    from gateway.views.output_file import check_outputs, is_stdout, write_whole
+    from gateway.views.output_file import check_outputs, write_whole
     from gateway.views.plans.plan_figure import write_plan_figure
     from gateway.views.plans.sensor_plan import least_json, least_line, parts_line, plan_json, plan_lines
 
@@ -120,7 +120,7 @@ def plan(
             )
     chosen = [part for part in parts if not names or part.name.lower().startswith(tuple(n.lower() for n in names))]
     loaded = load_scenario(scenario)
-    say = SummaryOutput(err=is_stdout(json_path))
+    say = SummaryOutput([json_path])
     if want_texts:
         at_mps = parse_speeds_mps(at_text)
         truths = tire_at(loaded, at_mps[0]).truths
@@ -142,12 +142,11 @@ def plan(
                     say(line)
         if figure_path is not None:
             write_plan_figure(figure_path, plans, force=force)
-            say(f"written: {figure_path}")
+            say.written(figure_path)
         document, has_result = plan_json(plans, listed.power), any(planned.usable for planned in plans)
     if json_path is not None:
         write_whole(json_path, document, force=force)
-        if not is_stdout(json_path):
-            say(f"written: {json_path}")
+        say.written(json_path)
     say.finish()
     if not has_result:
         raise click.exceptions.Exit(1)

@@ -1,7 +1,11 @@
 """Summary on standard output beside files: its reader may leave early, as `head` does, and it quotes names of files."""
 
+from collections.abc import Iterable
+from pathlib import Path
+
 import click
 
+from gateway.views.output_file import is_stdout
 from gateway.views.text import escaped
 
 
@@ -11,9 +15,9 @@ class SummaryOutput:
     Everything unprintable is escaped: names from files must not control the terminal.
     """
 
-    def __init__(self, *, err: bool = False) -> None:
-        """Print to standard output, or to standard error."""
-        self._err = err
+    def __init__(self, outputs: Iterable[Path | None] = ()) -> None:
+        """Print to standard output, or to standard error where one of the outputs is standard output."""
+        self.err = any(map(is_stdout, outputs))
         self._is_left = False
 
     def __call__(self, line: str = "") -> None:
@@ -21,9 +25,14 @@ class SummaryOutput:
         if self._is_left:
             return
         try:
-            click.echo(escaped(line), err=self._err)
+            click.echo(escaped(line), err=self.err)
         except BrokenPipeError:
             self._is_left = True
+
+    def written(self, path: Path | None, remark: str = "") -> None:
+        """Print that an output was written, with a remark; nothing of none, and of standard output."""
+        if path is not None and not is_stdout(path):
+            self(f"written: {path}{remark}")
 
     def finish(self) -> None:
         """End the command as one whose reader has left, where it has.

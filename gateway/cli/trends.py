@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,7 +10,8 @@ import click
 from gateway.cli.options import force_option
 from gateway.cli.path_option import path_option
 from gateway.cli.run_options import where_option
-from gateway.views.output_file import check_outputs, is_stdout, write_whole
+from gateway.cli.summary_output import SummaryOutput
+from gateway.views.output_file import check_outputs, write_whole
 from gateway.views.text import json_text
 
 if TYPE_CHECKING:
@@ -78,9 +78,9 @@ def trends(
 
         write_trends_page(fleet_trends, html_path, force=force)
     # A table on standard output must not be mixed with other lines.
-    say = partial(click.echo, err=any(map(is_stdout, outputs)))
+    say = SummaryOutput(outputs)
     for line in trend_lines(fleet_trends):
         say(line)
-    for path in filter(None, outputs):
-        if not is_stdout(path):
-            say(f"written: {path}")
+    for path in outputs:
+        say.written(path)
+    say.finish()

@@ -249,7 +249,7 @@ def test_lines_after_the_reader_left_are_dropped_and_the_end_says_so(monkeypatch
         printed.append((line, err))
 
     monkeypatch.setattr(click, "echo", echo)
-    say = SummaryOutput(err=True)
+    say = SummaryOutput([Path("-")])
     say.finish()
     for line in ("a", "b", "c"):
         say(line)
