@@ -1,9 +1,10 @@
 """Block decoder for recorded streams: the frames and counters of the streaming decoder, many times faster."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from enum import IntEnum
 from functools import lru_cache
 from math import isqrt
+from operator import itemgetter
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -73,6 +74,25 @@ class SampleGroup(NamedTuple):
     counts: NDArray[np.int16]
 
 
+class Stretch(NamedTuple):
+    """Consecutive frames of samples, up to one without samples.
+
+    Wheels are independent within it: each wheel's blocks may be processed at once, and what the frame without samples
+    says takes effect exactly where it does live.
+
+    Attributes:
+        frames: their places in the batch.
+        is_used: (k,) which of them have an admitted source.
+        parts: of the groups of these, those of each wheel in the order of the stream.
+        other: place of the frame without samples; None at the end, and where its source is not admitted.
+    """
+
+    frames: slice
+    is_used: NDArray[np.bool_]
+    parts: list[tuple[SampleGroup, slice]]
+    other: int | None
+
+
 class FrameBatch:
     """Frames of one block, in the order of the stream. Everything in it is valid until the decoder is fed again.
 
@@ -130,6 +150,28 @@ class FrameBatch:
             self._groups = self._grouped()
         return self._groups
 
+    def stretches(self, admits: Callable[[int, int], bool]) -> Iterator[Stretch]:
+        """Yield the frames of admitted sources in the order of the stream.
+
+        Args:
+            admits: whether a hub and wheel has a place; asked in the order of their first frames.
+        """
+        used = {(hub, wheel) for hub, wheel, _ in self.by_source() if admits(hub, wheel)}
+        groups = [group for group in self.sample_groups() if (group.hub, group.wheel) in used]
+        # Group of each frame, -1 where its samples are not used, and its place in the group.
+        group_of: Indices = np.full(len(self), -1)
+        place: Indices = np.zeros(len(self), np.int64)
+        for number, group in enumerate(groups):
+            group_of[group.frame_index] = number
+            place[group.frame_index] = np.arange(len(group.frame_index))
+        begin = 0
+        for stop in (*np.flatnonzero(self.type != _SAMPLES).tolist(), len(self)):
+            of = group_of[begin:stop]
+            parts = _in_stream_order(groups, of, place[begin:stop]) if stop > begin else []
+            is_other = stop < len(self) and (int(self.hub[stop]), int(self.wheel[stop])) in used
+            yield Stretch(slice(begin, stop), of >= 0, parts, stop if is_other else None)
+            begin = stop + 1
+
     def _grouped(self) -> list[SampleGroup]:
         is_samples = self.type == _SAMPLES
         groups: list[SampleGroup] = []
@@ -156,6 +198,28 @@ class FrameBatch:
             self._words[_TICK, indices],
             rows.view(SAMPLE_DTYPE).reshape(-1, *shape),
         )
+
+
+def _in_stream_order(groups: list[SampleGroup], of: Indices, place: Indices) -> list[tuple[SampleGroup, slice]]:
+    """Return the parts of the groups that consecutive frames are, those of each wheel in the order of the stream."""
+    numbers, counts = np.unique(of, return_counts=True)
+    parts_of: dict[tuple[int, int], list[tuple[SampleGroup, slice]]] = {}
+    for number, count in zip(numbers.tolist(), counts.tolist(), strict=True):
+        if number >= 0:
+            group, first = groups[number], int(place[int(np.argmax(of == number))])
+            parts_of.setdefault((group.hub, group.wheel), []).append((group, slice(first, first + count)))
+    parts: list[tuple[SampleGroup, slice]] = []
+    for of_wheel in parts_of.values():
+        if len(of_wheel) > 1:
+            # The wheel changed its block size or its axes: its blocks are taken one by one.
+            frames = [
+                (int(group.frame_index[index]), group, index)
+                for group, part in of_wheel
+                for index in range(part.start, part.stop)
+            ]
+            of_wheel = [(group, slice(index, index + 1)) for _, group, index in sorted(frames, key=itemgetter(0))]
+        parts += of_wheel
+    return parts
 
 
 class BatchDecoder:

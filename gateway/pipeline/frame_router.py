@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from itertools import pairwise
-from operator import itemgetter
 from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_protocol.messages import HUB_ITSELF, Environment, Hello, Message, MessageType
+from firmware_protocol.messages import HUB_ITSELF, Environment, Hello, Message
 from firmware_protocol.sequence import unwrap
 from firmware_protocol.wheel_limit import WheelLimit
 from gateway.pipeline.timebase import HostClock
@@ -120,21 +120,15 @@ class FrameRouter(Generic[WheelT]):
 
     def batch(self, link: str, batch: FrameBatch, host_ns: NDArray[np.int64] | None) -> None:
         """Take a block of decoded frames that arrived on `link` at `host_ns`, (frames,), None where that is unknown."""
-        groups = _Groups(batch, lambda hub, wheel: self.limit.admits(link, hub, wheel))
-        slow = np.flatnonzero(batch.type != MessageType.SAMPLES).tolist()
-        begin = 0
-        # Split at every slow frame, so that a hello or a pressure takes effect exactly where it does live. In between,
-        # wheels are independent, and each wheel's blocks are processed at once.
-        for stop in (*slow, len(batch.type)):
-            if stop > begin:
-                ticks_us = self._stamp(link, batch, slice(begin, stop), groups.is_used[begin:stop], host_ns)
-                for group, part in groups.in_stream_order(begin, stop):
-                    self._group(link, group, part, ticks_us[group.frame_index[part] - begin])
-            if stop < len(batch.type) and self.limit.admits(link, int(batch.hub[stop]), int(batch.wheel[stop])):
-                hub, number, message = int(batch.hub[stop]), int(batch.wheel[stop]), batch.message(stop)
-                arrived_ns = int(host_ns[stop]) if host_ns is not None else None
-                self.slow(link, hub, number, int(batch.tick_us[stop]), message, arrived_ns)
-            begin = stop + 1
+        for stretch in batch.stretches(partial(self.limit.admits, link)):
+            if stretch.parts:
+                ticks_us = self._stamp(link, batch, stretch.frames, stretch.is_used, host_ns)
+                for group, part in stretch.parts:
+                    self._group(link, group, part, ticks_us[group.frame_index[part] - stretch.frames.start])
+            if (other := stretch.other) is not None:
+                hub, number, message = int(batch.hub[other]), int(batch.wheel[other]), batch.message(other)
+                arrived_ns = int(host_ns[other]) if host_ns is not None else None
+                self.slow(link, hub, number, int(batch.tick_us[other]), message, arrived_ns)
 
     def slow(self, link: str, hub_number: int, number: int, tick: int, message: Message, host_ns: int | None) -> None:
         """Take a frame without samples of an admitted source; `host_ns` is None without arrival."""
@@ -216,41 +210,3 @@ class FrameRouter(Generic[WheelT]):
         for lo, hi in pairwise([0, *breaks.tolist(), len(first)]):
             run = counts[lo:hi].reshape(-1, counts.shape[2])
             wheel.add(int(first[lo]), ticks_us[lo:hi].tolist(), group.axes, run, host)
-
-
-class _Groups:
-    """Sample blocks of a batch by wheel and shape, found by their place in the stream."""
-
-    def __init__(self, batch: FrameBatch, admits: Callable[[int, int], bool]) -> None:
-        # Places are taken in the order of the stream, as live.
-        used = {(hub, wheel) for hub, wheel, _ in batch.by_source() if admits(hub, wheel)}
-        self._groups = [group for group in batch.sample_groups() if (group.hub, group.wheel) in used]
-        # Group of each frame of the batch, -1 where its samples are not used, and its place in the group.
-        self._of: NDArray[np.int64] = np.full(len(batch), -1)
-        self._place: NDArray[np.int64] = np.zeros(len(batch), np.int64)
-        for number, group in enumerate(self._groups):
-            self._of[group.frame_index] = number
-            self._place[group.frame_index] = np.arange(len(group.frame_index))
-        self.is_used: NDArray[np.bool_] = self._of >= 0
-
-    def in_stream_order(self, begin: int, stop: int) -> Iterator[tuple[SampleGroup, slice]]:
-        """Yield the groups' frames from `begin` to `stop`, those of each wheel in the order of the stream."""
-        of = self._of[begin:stop]
-        numbers, counts = np.unique(of, return_counts=True)
-        parts: dict[tuple[int, int], list[tuple[SampleGroup, int, int]]] = {}
-        for number, count in zip(numbers.tolist(), counts.tolist(), strict=True):
-            if number >= 0:
-                group = self._groups[number]
-                lo = int(self._place[begin + int(np.argmax(of == number))])
-                parts.setdefault((group.hub, group.wheel), []).append((group, lo, lo + count))
-        for of_wheel in parts.values():
-            if len(of_wheel) == 1:
-                group, lo, hi = of_wheel[0]
-                yield group, slice(lo, hi)
-                continue
-            # The wheel changed its block size or its axes: its blocks are taken one by one.
-            frames = [
-                (int(group.frame_index[index]), group, index) for group, lo, hi in of_wheel for index in range(lo, hi)
-            ]
-            for _, group, index in sorted(frames, key=itemgetter(0)):
-                yield group, slice(index, index + 1)

@@ -345,19 +345,11 @@ def _count(link: LinkInspection, batch: FrameBatch, arrivals_ns: NDArray[np.int6
         source = int(key) >> 16, int(key) >> 8 & 0xFF
         if source in admitted:
             link.wheel(*source).frames[MessageType(int(key) & 0xFF).name.lower()] += int(count)
-    blocks = {
-        int(frame): (group, index)
-        for group in batch.sample_groups()
-        if (group.hub, group.wheel) in admitted
-        for index, frame in enumerate(group.frame_index.tolist())
-    }
-    seconds = (arrivals_ns // _SECOND_NS).tolist()
-    for frame in range(len(batch)):
-        entry = blocks.get(frame)
-        if entry is not None:
-            group, index = entry
-            link.wheel(group.hub, group.wheel).add(group, index, seconds[frame])
-        elif kinds[frame] in (MessageType.HELLO, MessageType.LOG_TEXT):
-            source = int(batch.hub[frame]), int(batch.wheel[frame])
-            if source in admitted:
-                link.take(*source, batch.message(frame), int(arrivals_ns[frame]))
+    seconds = arrivals_ns // _SECOND_NS
+    for stretch in batch.stretches(lambda hub, wheel: (hub, wheel) in admitted):
+        for group, part in stretch.parts:
+            wheel = link.wheel(group.hub, group.wheel)
+            for index, second in enumerate(seconds[group.frame_index[part]].tolist(), part.start):
+                wheel.add(group, index, second)
+        if (other := stretch.other) is not None:
+            link.take(int(batch.hub[other]), int(batch.wheel[other]), batch.message(other), int(arrivals_ns[other]))
