@@ -34,11 +34,10 @@ from gateway.closure.checks.rolling_direction import turned_round
 from gateway.closure.checks.single_speed import doubted, is_one_speed
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.data.condition_groups import unlike_contacts
-from gateway.closure.effects.catalogue import candidates, corrections, plugin_effects
+from gateway.closure.effects.catalogue import candidates, plugin_effects
 from gateway.closure.effects.effect import BaselineModel
 from gateway.closure.laws.law_search import LawsFound, propose_laws
 from gateway.closure.laws.unseen_recordings import judged_elsewhere
-from gateway.closure.model.baseline import Core
 from gateway.closure.model.baseline_registry import angle_effects, make_core
 from gateway.closure.model.closure_model import AngleEffect
 from gateway.closure.remainder.contact_edge_jitter import edge_findings
@@ -157,13 +156,12 @@ def _diagnose(
             "a diagnosis needs at least two revolutions of one recording", "Record longer at a steady speed."
         )
     effects = angle_effects({name: effect for name, effect in candidates(model).items() if name not in omitted})
-    discrepancy = Discrepancy(campaign, data)
-    helpers.begin(campaign, core, data, effects, discrepancy)
+    search = SetSearch(
+        campaign, core, data, effects, Discrepancy(campaign, data), expired, _Steps(on_progress), helpers
+    )
     edges_ahead = helpers.ahead(_edges, campaign)
     time_locked_ahead = helpers.ahead(partial(_time_locked, without=omitted), campaign)
-    steps = _Steps(on_progress)
-    search = SetSearch(campaign, core, data, effects, discrepancy, corrections(model), expired, steps, helpers)
-    posterior = _searched(campaign, core, data, model, search, on_progress)
+    posterior = _searched(search, on_progress)
     on_posterior(posterior)
     best = posterior.best
     on_progress(SEARCHED, "computing held-out errors")
@@ -183,7 +181,7 @@ def _diagnose(
     edges = edges_ahead()
     on_progress(_TIME_LOCKED, "preparing figures")
     explained = propose_laws(best, data, expired) if search.complete and unexplained(best.fit, data) else LawsFound()
-    numbers = _numbers(campaign, core, data, search, posterior, exact)
+    numbers = _numbers(search, posterior, exact)
     residuals: tuple[Unexplained, ...] = (
         *changes,
         *unexplained(best.fit, data),
@@ -295,10 +293,9 @@ class _Numbers(NamedTuple):
     outvoted: dict[int, Reason]
 
 
-def _numbers(
-    campaign: Campaign, core: Core, data: Whitened, search: SetSearch, posterior: Posterior, exact: OnExactRing | None
-) -> _Numbers:
+def _numbers(search: SetSearch, posterior: Posterior, exact: OnExactRing | None) -> _Numbers:
     """Return the estimates before and after, as far as the recordings do not contradict each other."""
+    campaign, core, data = search.campaign, search.core, search.data
     better = [exact.numbers] if exact is not None else []
     if exact is None and posterior.impossible is not None:
         better = [estimates_of([(posterior.impossible.fit, 1.0)])[0]]
@@ -343,9 +340,7 @@ def _numbers(
     )
 
 
-def _searched(
-    campaign: Campaign, core: Core, data: Whitened, model: BaselineModel, search: SetSearch, on_progress: Progress
-) -> Posterior:
+def _searched(search: SetSearch, on_progress: Progress) -> Posterior:
     """Return the posterior over sets of effects.
 
     Raises:
@@ -354,14 +349,14 @@ def _searched(
     """
     on_progress(0.0, "fitting the baseline model")
     try:
-        first = baseline_fit(campaign, core, data)
-        _check_directions(campaign, turned_round(first, data))
+        first = baseline_fit(search.campaign, search.core, search.data)
+        _check_directions(search.campaign, turned_round(first, search.data))
         on_progress(_FITTED, "searching for effects")
         search.run(first)
     except FitFailedError as error:
-        raise _cannot_be_fitted(model, error) from error
+        raise _cannot_be_fitted(search.core.model, error) from error
     if frozenset() not in search.evaluations:
-        raise _cannot_be_fitted(model, "its residual has no fit")
+        raise _cannot_be_fitted(search.core.model, "its residual has no fit")
     return posterior_of(search)
 
 

@@ -17,7 +17,7 @@ from gateway.closure.angle.set_evidence import Evaluated, evaluate
 from gateway.closure.data.campaign_data import Block, Campaign, Group
 from gateway.closure.data.revolution_orders import waveform_orders
 from gateway.closure.effects.angle_orders import ORDERS
-from gateway.closure.effects.catalogue import catalogue, corrections
+from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.effects.effect import (
     CIRCUMFERENTIAL,
     LATERAL,
@@ -212,7 +212,7 @@ def searched(
     """Return the posterior over sets of these effects, and the finished search."""
     core = make_core(model)
     data = whiten(campaign, core)
-    search = SetSearch(campaign, core, data, effects, Discrepancy(campaign, data), corrections(model), expired)
+    search = SetSearch(campaign, core, data, effects, Discrepancy(campaign, data), expired)
     search.run(baseline_fit(campaign, core, data))
     return posterior_of(search), search
 

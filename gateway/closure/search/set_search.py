@@ -31,6 +31,7 @@ from gateway.closure.angle.set_evidence import (
 from gateway.closure.bayes.posterior import Names
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.data.condition_groups import far_apart, has_other_conditions, telling
+from gateway.closure.effects.catalogue import corrections
 from gateway.closure.effects.local_effects import LocalChange
 from gateway.closure.model.baseline import Core, NoShapeError
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
@@ -51,7 +52,6 @@ class SetSearch:
         data: whitened.
         effects: candidates by name.
         discrepancy: of the campaign.
-        corrections: effects that the equations of the baseline model lack. Each alone is biased and promises little.
         expired: True when the time that the search may take is over.
         on_step: called with the number of effects of the set that is being worked on.
         helpers: processes that share the trials; the result does not depend on their number.
@@ -67,7 +67,6 @@ class SetSearch:
     data: Whitened
     effects: Mapping[str, AngleEffect]
     discrepancy: Discrepancy
-    corrections: tuple[str, ...] = ()
     expired: Callable[[], bool] = lambda: False
     on_step: Callable[[int], None] = lambda _: None
     helpers: Helpers = field(default_factory=lambda: Helpers(Workers()))
@@ -80,6 +79,11 @@ class SetSearch:
     _begun: list[Scan] = field(default_factory=list)
     _scanned_places: set[Names] = field(default_factory=set)
     _at_rest: dict[Names, Evaluated] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        # What the equations of the baseline model lack. Each alone is biased and promises little.
+        self._corrections = corrections(self.core.model)
+        self.helpers.begin(self.campaign, self.core, self.data, self.effects, self.discrepancy)
 
     def run(self, start: Fit) -> Evaluated:
         """Search from the baseline model's fit; return the best set."""
@@ -97,7 +101,7 @@ class SetSearch:
                 criteria.MOST_SCANNED,
             ).tolist()
         )
-        if not self.corrections:
+        if not self._corrections:
             self._begin(start, self.effects)
         self._evaluate(start, None)
         corrected = self._corrected(start)
@@ -368,7 +372,7 @@ class SetSearch:
 
     def _corrected(self, start: Fit) -> Fit:
         """Return the fit with all corrections of the baseline model if it is the better one."""
-        effects = tuple(self.effects[name] for name in self.corrections if name in self.effects)
+        effects = tuple(self.effects[name] for name in self._corrections if name in self.effects)
         if not effects:
             return start
         self.on_step(len(effects))
