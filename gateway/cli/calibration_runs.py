@@ -87,8 +87,3 @@ def run_name(run: KnownRun) -> str:
     if run.to_s is None:
         return f"{name} from {run.from_s:g} s" if run.from_s else name
     return f"{name} {run.from_s:g}-{run.to_s:g} s"
-
-
-def rounded(value: float) -> float:
-    """Return a value with six digits, as tables for the configuration have them."""
-    return float(f"{value:.6g}")

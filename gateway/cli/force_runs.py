@@ -8,8 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from gateway.cli.calibration_runs import read_runs, rounded, run_name
+from gateway.cli.calibration_runs import read_runs, run_name
 from gateway.config.known_runs import ForceRunsFile, ForceRunTable
+from gateway.config.si_values import rounded
 from gateway.config.tire_tables import SideForceCalibrationTable
 from gateway.config.toml_writer import toml_text
 from gateway.errors import CalibrationError

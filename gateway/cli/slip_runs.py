@@ -5,8 +5,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from gateway.cli.calibration_runs import read_runs, rounded, run_name
+from gateway.cli.calibration_runs import read_runs, run_name
 from gateway.config.known_runs import SlipRunsFile
+from gateway.config.si_values import rounded, table_values
 from gateway.config.tire_tables import SlipCalibrationTable
 from gateway.config.toml_writer import toml_text
 from gateway.errors import CalibrationError
@@ -130,32 +131,11 @@ def _pressures_kpa(calibration: SlipCalibration) -> tuple[float, float]:
 
 def slip_toml(calibration: SlipCalibration) -> str:
     """Return the table for the vehicle configuration, checked against its schema."""
-    degree = math.degrees(1.0)
     low_kpa, high_kpa = _pressures_kpa(calibration)
-    separated: dict[str, float] = {}
-    if calibration.ply_steer_rad is not None and calibration.conicity_rad is not None:
-        separated = {
-            "ply_steer_deg": rounded(calibration.ply_steer_rad * degree),
-            "ply_steer_std_deg": rounded(calibration.ply_steer_std_rad * degree),
-            "conicity_deg": rounded(calibration.conicity_rad * degree),
-            "conicity_std_deg": rounded(calibration.conicity_std_rad * degree),
-        }
-    table = SlipCalibrationTable(
-        belt_share=rounded(calibration.belt_share),
-        belt_share_std=rounded(calibration.belt_share_std),
-        zero_deg=rounded(calibration.zero_rad * degree),
-        zero_std_deg=rounded(calibration.zero_std_rad * degree),
-        saturation_per_deg=rounded(calibration.saturation_prad / degree),
-        saturation_std_per_deg=rounded(calibration.saturation_std_prad / degree),
-        zero_share_correlation=rounded(calibration.zero_share_correlation),
-        share_saturation_correlation=rounded(calibration.share_saturation_correlation),
-        slip_min_deg=rounded(calibration.slip_range_rad[0] * degree),
-        slip_max_deg=rounded(calibration.slip_range_rad[1] * degree),
-        half_angle_min_rad=rounded(calibration.half_angle_range_rad[0]),
-        half_angle_max_rad=rounded(calibration.half_angle_range_rad[1]),
-        pressure_min_kpa=rounded(low_kpa),
-        pressure_max_kpa=rounded(high_kpa),
-        **separated,
-    )
-    unseparated = set() if separated else {"ply_steer_std_deg", "conicity_std_deg"}
-    return toml_text({"tire": {"slip_calibration": table.model_dump(exclude_none=True, exclude=unseparated)}})
+    stated = table_values(SlipCalibrationTable, calibration)
+    stated |= {"pressure_min_kpa": rounded(low_kpa), "pressure_max_kpa": rounded(high_kpa)}
+    if calibration.ply_steer_rad is None or calibration.conicity_rad is None:
+        for key in ("ply_steer_deg", "ply_steer_std_deg", "conicity_deg", "conicity_std_deg"):
+            stated.pop(key, None)
+    table = SlipCalibrationTable(**stated)
+    return toml_text({"tire": {"slip_calibration": table.model_dump(include=set(stated))}})

@@ -5,6 +5,7 @@ from typing import Final
 
 from pydantic import Field
 
+from gateway.config.si_values import si_values
 from gateway.config.validation import Section
 from gateway.pipeline.wheel_setup import BeltLaminate, LinearLaw, SideForceCalibration, SlipCalibration, StatedPly
 
@@ -52,24 +53,7 @@ class SlipCalibrationTable(Section):
 
     def calibration(self) -> SlipCalibration:
         """Return the calibration in SI."""
-        deg = math.radians(1.0)
-        return SlipCalibration(
-            belt_share=self.belt_share,
-            belt_share_std=self.belt_share_std,
-            zero_rad=self.zero_deg * deg,
-            zero_std_rad=self.zero_std_deg * deg,
-            saturation_prad=self.saturation_per_deg / deg,
-            saturation_std_prad=self.saturation_std_per_deg / deg,
-            zero_share_correlation=self.zero_share_correlation,
-            share_saturation_correlation=self.share_saturation_correlation,
-            slip_range_rad=(self.slip_min_deg * deg, self.slip_max_deg * deg),
-            half_angle_range_rad=(self.half_angle_min_rad, self.half_angle_max_rad),
-            pressure_range_pa=(self.pressure_min_kpa * 1e3, self.pressure_max_kpa * 1e3),
-            ply_steer_rad=None if self.ply_steer_deg is None else self.ply_steer_deg * deg,
-            ply_steer_std_rad=self.ply_steer_std_deg * deg,
-            conicity_rad=None if self.conicity_deg is None else self.conicity_deg * deg,
-            conicity_std_rad=self.conicity_std_deg * deg,
-        )
+        return SlipCalibration(**si_values(self))
 
 
 class SideForceCalibrationTable(Section):
@@ -147,17 +131,10 @@ class PlyTable(Section):
 
     def ply(self) -> StatedPly:
         """Return the ply in SI."""
-        cord_std_gpa = CORD_STD * self.cord_gpa if self.cord_std_gpa is None else self.cord_std_gpa
-        return StatedPly(
-            angle_rad=math.radians(self.angle_deg),
-            thickness_m=self.thickness_mm * 1e-3,
-            cord_pa=self.cord_gpa * 1e9,
-            cord_share=self.cord_share_percent * 1e-2,
-            angle_std_rad=math.radians(self.angle_std_deg),
-            thickness_std_m=self.thickness_std_mm * 1e-3,
-            cord_std_pa=cord_std_gpa * 1e9,
-            cord_share_std=self.cord_share_std_percent * 1e-2,
-        )
+        values = si_values(self)
+        if self.cord_std_gpa is None:
+            values["cord_std_pa"] = CORD_STD * self.cord_gpa * 1e9
+        return StatedPly(**values)
 
 
 class LaminateTable(Section):

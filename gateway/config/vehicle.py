@@ -14,6 +14,7 @@ from pydantic import Field, model_validator
 
 from gateway.config.bus_signals import VehicleSignals
 from gateway.config.cross_checks import cross_faults
+from gateway.config.si_values import si_values
 from gateway.config.tire_tables import LaminateTable, SideForceCalibrationTable, SlipCalibrationTable
 from gateway.config.toml_writer import toml_text
 from gateway.config.validation import Section, parse_document, read_text
@@ -121,16 +122,8 @@ class Reference(Section):
 
     def numbers(self, stated_pressure_pa: float | None) -> ReferenceNumbers:
         """Return the numbers in SI, at the tire's stated pressure where the table has none."""
-        pressure_pa = stated_pressure_pa if self.pressure_kpa is None else self.pressure_kpa * 1e3
-        rate, rate_std = self.softening_percent_per_k, self.softening_std_percent_per_k
-        converted = {"pressure_kpa", "softening_percent_per_k", "softening_std_percent_per_k"}
-        stated = self.model_dump(exclude=converted, exclude_none=True)
-        return ReferenceNumbers(
-            **stated,
-            pressure_pa=pressure_pa,
-            softening_per_k=SOFTENING_PER_K if rate is None else 0.01 * rate,
-            softening_std_per_k=SOFTENING_STD_PER_K if rate_std is None else 0.01 * rate_std,
-        )
+        stated = {name: value for name, value in si_values(self).items() if value is not None}
+        return ReferenceNumbers(**{"pressure_pa": stated_pressure_pa, **stated})
 
 
 class LoadCalibrationTable(Section):
@@ -158,18 +151,7 @@ class LoadCalibrationTable(Section):
 
     def calibration(self) -> LoadCalibration:
         """Return the calibration in SI."""
-        return LoadCalibration(
-            load_n=self.load_n,
-            half_angle_rad=self.half_angle_rad,
-            pressure_pa=self.pressure_kpa * 1e3,
-            angle_exponent=self.angle_exponent,
-            angle_curvature=self.angle_curvature,
-            pressure_exponent=self.pressure_exponent,
-            relative_std=self.relative_std_percent * 1e-2,
-            half_angle_range_rad=(self.half_angle_min_rad, self.half_angle_max_rad),
-            pressure_range_pa=(self.pressure_min_kpa * 1e3, self.pressure_max_kpa * 1e3),
-            temperature_degc=self.temperature_degc,
-        )
+        return LoadCalibration(**si_values(self))
 
 
 class Tire(Section):

@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from gateway.config.si_values import table_values
 from gateway.config.toml_writer import toml_text
 from gateway.config.vehicle import LoadCalibrationTable, Reference, VehicleConfig
 from gateway.errors import ConfigError, TreadlinkError
@@ -175,41 +176,12 @@ def is_softening_measured(reference: ReferenceNumbers) -> bool:
 
 def calibration_toml(calibration: LoadCalibration, reference: ReferenceNumbers) -> str:
     """Return the tables for the vehicle configuration, checked against its schema."""
-    half, pressure = calibration.half_angle_range_rad, calibration.pressure_range_pa
-    table = LoadCalibrationTable(
-        load_n=_rounded(calibration.load_n),
-        half_angle_rad=_rounded(calibration.half_angle_rad),
-        pressure_kpa=_rounded(1e-3 * calibration.pressure_pa),
-        angle_exponent=_rounded(calibration.angle_exponent),
-        angle_curvature=_rounded(calibration.angle_curvature),
-        pressure_exponent=_rounded(calibration.pressure_exponent),
-        relative_std_percent=_rounded(100.0 * calibration.relative_std),
-        half_angle_min_rad=_rounded(half[0]),
-        half_angle_max_rad=_rounded(half[1]),
-        pressure_min_kpa=_rounded(1e-3 * pressure[0]),
-        pressure_max_kpa=_rounded(1e-3 * pressure[1]),
-        temperature_degc=None if calibration.temperature_degc is None else _rounded(calibration.temperature_degc),
-    )
-    numbers_by_key: dict[str, float] = {}
-    for name in RING_NUMBERS:
-        value = getattr(reference, name)
-        if value is not None:
-            numbers_by_key[name] = _rounded(value)
-            numbers_by_key[f"{name}_std"] = _rounded(getattr(reference, f"{name}_std"))
-    if is_softening_measured(reference):
-        numbers_by_key["softening_percent_per_k"] = _rounded(100.0 * reference.softening_per_k)
-        numbers_by_key["softening_std_percent_per_k"] = _rounded(100.0 * reference.softening_std_per_k)
+    table = LoadCalibrationTable(**table_values(LoadCalibrationTable, calibration))
     tire: dict[str, object] = {"load_calibration": table.model_dump(exclude_none=True)}
-    if numbers_by_key and reference.pressure_pa is not None:
-        numbers = Reference(
-            **numbers_by_key,
-            pressure_kpa=_rounded(1e-3 * reference.pressure_pa),
-            temperature_degc=None if reference.temperature_degc is None else _rounded(reference.temperature_degc),
-            estimator=reference.estimator,
-        )
-        tire["reference"] = numbers.model_dump(exclude_none=True)
+    stated = table_values(Reference, reference)
+    omitted = {f"{name}_std" for name in RING_NUMBERS if name not in stated}
+    if not is_softening_measured(reference):
+        omitted |= {"softening_percent_per_k", "softening_std_percent_per_k"}
+    if any(name in stated for name in RING_NUMBERS) and reference.pressure_pa is not None:
+        tire["reference"] = Reference(**stated).model_dump(include=stated.keys() - omitted)
     return toml_text({"tire": tire})
-
-
-def _rounded(value: float) -> float:
-    return float(f"{value:.6g}")
