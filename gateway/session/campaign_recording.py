@@ -13,7 +13,7 @@ from firmware_protocol.messages import Axis, Hello, MessageType
 from gateway.closure.data.campaign_data import Group, Remark, Repeats
 from gateway.closure.data.group_statistics import Declared, make_groups
 from gateway.closure.data.revolution_orders import RevolutionStore
-from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, Wheel
+from gateway.config.vehicle import ASSUMED_RADIUS_MM, Mounting, Tire, VehicleConfig, Wheel
 from gateway.constants import AXIS_NAMES
 from gateway.errors import ConfigError
 from gateway.pipeline.results import AlarmRecord, RevolutionResult
@@ -22,7 +22,7 @@ from gateway.reasons import Code, Notice, Reason
 from gateway.recording.reader import RecordingReader
 from gateway.session.alarms import SILENCES, THRESHOLDS, AlarmName
 from gateway.session.campaign_clock import UNKNOWN, HubClockError
-from gateway.session.provenance import Quantity, assumed_conditions, is_assumed, stated_conditions
+from gateway.session.provenance import Quantity, is_assumed, provenance_of
 from gateway.session.recording_pass import OpenedRecording, RecordingPass, open_recording
 from gateway.session.wheel_identity import SensorsHeard, configured, configured_tire, wheel_address
 from gateway.signal.bridged_gaps import BridgedGaps
@@ -269,7 +269,7 @@ def _reduced(
     if misplaced:
         store.leave_out(_NOT_RADIAL)
     table = store.table()
-    declared = _declared(order, vehicle, last, store)
+    declared = _declared(order, vehicle, wheel, tire, last, store)
     groups = make_groups(table, declared, order.folds, store.reject) if len(table) else []
     host_s = table["host_s"]
     address = wheel_address(vehicle, position)
@@ -291,9 +291,11 @@ def _reduced(
         groups = [replace(group, repeats=repeats) for group in groups]
         share = repeats.samples / repeats.total
         remarks.append(Reason(Code.SAMPLES_STUCK, runs=repeats.runs, samples=repeats.samples, share=share))
-    sensors = reading.sensors.at(position)
     if bridges is not None:
         remarks.append(bridges)
+    sensors, measures_pressure = reading.sensors.at(position), reading.sensors.measures_pressure(position)
+    source = Code.FROM_RECORDING if order.vehicle is None else Code.FROM_CONFIGURATION
+    stated, assumed = provenance_of(vehicle, wheel, groups, source, pressure_measured=measures_pressure)
     return RecordingRead(
         wheels=tuple(collected.wheels),
         groups=tuple(groups),
@@ -302,14 +304,8 @@ def _reduced(
         host_times=collected.has_host_times,
         rejected=store.rejected,
         clock_error=collected.clock.error(address[0]) if collected.has_host_times and address else UNKNOWN,
-        assumed=assumed_conditions(vehicle, wheel, groups),
-        stated=stated_conditions(
-            vehicle,
-            wheel,
-            groups,
-            Code.FROM_RECORDING if order.vehicle is None else Code.FROM_CONFIGURATION,
-            pressure_measured=reading.sensors.measures_pressure(position),
-        ),
+        assumed=assumed,
+        stated=stated,
         damage=recording.file.damage,
         sensor_id=next(iter(sensors)) if len(sensors) == 1 else None,
         notices=tuple(reading.notices([position])),
@@ -341,13 +337,14 @@ def _is_doubted(faults: Iterable[Reason], wheel: Wheel | None) -> bool:
 def _declared(
     order: ReadOrder,
     vehicle: VehicleConfig | None,
+    wheel: Wheel | None,
+    tire: Tire | None,
     last: RevolutionResult,
     store: RevolutionStore,
 ) -> Declared:
-    wheel, tire = configured(vehicle, last.position), configured_tire(vehicle, last.position)
     stated_m = tire.radius_m if tire is not None else None
-    mounting = wheel.mounting if wheel is not None else None
-    offset_m = mounting.offset_m if mounting is not None else None
+    mounting = wheel.mounting if wheel is not None else Mounting()
+    offset_m = mounting.offset_m
     offset_known = offset_m is not None and not is_assumed(vehicle, Quantity.OFFSET)
     if offset_m is None:
         in_use = last.conditions
@@ -358,8 +355,8 @@ def _declared(
         recording=order.index,
         radius_m=ASSUMED_RADIUS_MM * 1e-3 if stated_m is None else stated_m,
         offset_m=offset_m,
-        roll_rad=mounting.roll_rad if mounting is not None else 0.0,
-        pitch_rad=mounting.pitch_rad if mounting is not None else 0.0,
+        roll_rad=mounting.roll_rad,
+        pitch_rad=mounting.pitch_rad,
         reverse=order.reverse,
         ac_coupled=store.ac_coupled,
         offset_known=offset_known,

@@ -22,17 +22,17 @@ class Quantity(StrEnum):
     PITCH = "mounting pitch"
 
 
-def stated_conditions(
+def provenance_of(
     vehicle: VehicleConfig | None,
     wheel: Wheel | None,
     groups: Sequence[Group],
     source: Code,
     *,
     pressure_measured: bool,
-) -> tuple[Reason, ...]:
-    """Return belt radius, load, pressure and mounting of the sensor as far as they are stated, each with its source.
+) -> tuple[tuple[Reason, ...], tuple[Remark, ...]]:
+    """Return what is stated of belt radius, load, pressure and mounting, each with its source, and what is assumed.
 
-    Quantities that the configuration gives but lists as assumed are left out.
+    Quantities that the configuration gives but lists as assumed are not stated.
 
     Args:
         vehicle: configuration of the recording.
@@ -42,7 +42,8 @@ def stated_conditions(
         pressure_measured: whether the sensor sent a pressure, which then replaces the stated one.
     """
     stated = _stated(vehicle, wheel, groups, Reason(source), pressure_measured=pressure_measured)
-    return tuple(reason for quantity, reason in stated if not is_assumed(vehicle, quantity))
+    assumed = tuple(_assumed(vehicle, wheel, groups))
+    return tuple(reason for quantity, reason in stated if not is_assumed(vehicle, quantity)), assumed
 
 
 def is_assumed(vehicle: VehicleConfig | None, quantity: Quantity) -> bool:
@@ -97,23 +98,20 @@ def _stated_pressure(pressures_pa: Sequence[float], source: Reason) -> Reason:
     return Reason(Code.STATED_PRESSURE_RANGE, low_pa=low_pa, high_pa=high_pa, source=source)
 
 
-def assumed_conditions(
-    vehicle: VehicleConfig | None, wheel: Wheel | None, groups: Sequence[Group]
-) -> tuple[Remark, ...]:
-    """Return what is assumed of the recording: the list of its configuration, and values that nothing states."""
-    assumed: list[Remark] = list(vehicle.vehicle.assumed) if vehicle is not None else []
+def _assumed(vehicle: VehicleConfig | None, wheel: Wheel | None, groups: Sequence[Group]) -> Iterator[Remark]:
+    """Yield what is assumed of the recording: the list of its configuration, and values that nothing states."""
+    yield from vehicle.vehicle.assumed if vehicle is not None else ()
     if wheel is None:
-        assumed.append(Reason(Code.ASSUMED_RADIUS, radius_m=ASSUMED_RADIUS_MM * 1e-3))
+        yield Reason(Code.ASSUMED_RADIUS, radius_m=ASSUMED_RADIUS_MM * 1e-3)
     if any(not group.load_known for group in groups):
-        assumed.append(Reason(Code.ASSUMED_LOAD, load_n=ASSUMED_LOAD_N))
+        yield Reason(Code.ASSUMED_LOAD, load_n=ASSUMED_LOAD_N)
     if any(not group.pressure_known for group in groups):
-        assumed.append(Reason(Code.ASSUMED_PRESSURE, pressure_pa=ASSUMED_PRESSURE_PA))
+        yield Reason(Code.ASSUMED_PRESSURE, pressure_pa=ASSUMED_PRESSURE_PA)
     # An offset that the configuration lists as assumed is in that list already.
     if any(not group.conditions.offset_known for group in groups) and not is_assumed(vehicle, Quantity.OFFSET):
-        assumed.append(Reason(Code.ASSUMED_OFFSET))
+        yield Reason(Code.ASSUMED_OFFSET)
     if groups and not any(math.isfinite(group.conditions.temperature_degc) for group in groups):
-        assumed.append(Reason(Code.ASSUMED_TEMPERATURE))
-    return tuple(assumed)
+        yield Reason(Code.ASSUMED_TEMPERATURE)
 
 
 def _quantity(text: str) -> Quantity | None:

@@ -21,7 +21,7 @@ from gateway.reasons import Code, Reason
 from gateway.recording.reader import RecordingReader
 from gateway.session.campaign import read_campaign
 from gateway.session.campaign_diagnosis import diagnose_recordings
-from gateway.session.provenance import stated_conditions
+from gateway.session.provenance import provenance_of
 from gateway.views.report.diagnosis_json import diagnosis_json
 from gateway.views.report.html import diagnosis_html
 from gateway.views.report.phrases import why_undetermined
@@ -70,7 +70,7 @@ def test_given_configuration_is_stated(recording: Path) -> None:
 
 def test_unmeasured_pressure_is_the_stated_one(recording: Path) -> None:
     vehicle = parse_vehicle(RecordingReader(recording).vehicle_toml or "", "test")
-    stated = stated_conditions(
+    stated, _ = provenance_of(
         vehicle, vehicle.wheel[0], read_campaign([recording]).groups, Code.FROM_CONFIGURATION, pressure_measured=False
     )
     assert "pressure 210 kPa (--config)" in words(stated)
