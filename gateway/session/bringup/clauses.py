@@ -5,6 +5,7 @@ from enum import StrEnum
 from typing import Final, NamedTuple
 
 from gateway.reasons import Reason
+from gateway.session.bringup.seen_frame import SeenFrame, source_name
 
 EXAMPLE_BYTES: Final = 48
 """Bytes that a finding keeps as its example."""
@@ -164,7 +165,7 @@ class Ledger:
     def fail(
         self,
         clause: Clause,
-        subject: str,
+        subject: str | SeenFrame,
         reason: Reason,
         example: bytes = b"",
         at_byte: int | None = None,
@@ -172,7 +173,12 @@ class Ledger:
         is_advice: bool = False,
         count: int = 1,
     ) -> None:
-        """Note a violation; of several with one code by one source, the first is the example."""
+        """Note a violation; of several with one code by one source, the first is the example.
+
+        A frame stands for its source, its bytes and their place.
+        """
+        if isinstance(subject, SeenFrame):
+            example, at_byte, subject = subject.data, subject.at_byte, source_name(subject.source)
         findings = self._findings.setdefault(clause, {})
         key = subject, reason.code, is_advice
         if key in findings:

@@ -105,9 +105,9 @@ class ClockRules:
         step = signed_step(previous[1], seen.tick_us)
         if step < 0:
             reason = Reason(Code.TICK_GOES_BACK, back_us=float(-step), tick_us=float(seen.tick_us))
-            self._fail(Clause.TICK_MONOTONIC, seen, reason)
+            self._ledger.fail(Clause.TICK_MONOTONIC, seen, reason)
         elif step == 0 and not self._is_repeated(seen):
-            self._fail(Clause.TICK_MONOTONIC, seen, Reason(Code.TICK_STANDS, tick_us=float(seen.tick_us)))
+            self._ledger.fail(Clause.TICK_MONOTONIC, seen, Reason(Code.TICK_STANDS, tick_us=float(seen.tick_us)))
 
     def _is_repeated(self, seen: SeenFrame) -> bool:
         blocks = self._blocks.get(seen.source)
@@ -137,7 +137,7 @@ class ClockRules:
             self._ledger.check(Clause.NUMBERS)
             if step < last[3] and not repeated:
                 reason = Reason(Code.SAMPLE_NUMBERS_OVERLAP, step=float(step), samples=float(last[3]))
-                self._fail(Clause.NUMBERS, seen, reason)
+                self._ledger.fail(Clause.NUMBERS, seen, reason)
             elif step > last[3] and contiguous:
                 blocks.holes += step - last[3]
                 blocks.hole = blocks.hole or seen
@@ -201,9 +201,11 @@ class ClockRules:
         if blocks.hole is not None:
             reason = Reason(Code.SAMPLE_NUMBERS_HOLES, holes=float(blocks.holes))
             if dropped is None or dropped[1] == dropped[0]:
-                self._fail(Clause.NUMBERS, blocks.hole, reason)
+                self._ledger.fail(Clause.NUMBERS, blocks.hole, reason)
             else:
-                self._fail(Clause.LOSS, blocks.hole, Reason(Code.SAMPLES_DROPPED_BY_HUB, holes=float(blocks.holes)))
+                self._ledger.fail(
+                    Clause.LOSS, blocks.hole, Reason(Code.SAMPLES_DROPPED_BY_HUB, holes=float(blocks.holes))
+                )
         if blocks.hello is None or len(blocks.numbers) < 3:
             return
         number, tick_s = np.array(blocks.numbers, float), np.array(blocks.ticks_us) * 1e-6
@@ -246,6 +248,3 @@ class ClockRules:
                     seen.at_byte,
                     count=len(clock.early),
                 )
-
-    def _fail(self, clause: Clause, seen: SeenFrame, reason: Reason) -> None:
-        self._ledger.fail(clause, source_name(seen.source), reason, seen.data, seen.at_byte)

@@ -28,7 +28,7 @@ from firmware_protocol.signing import is_signed, sign
 from gateway.reasons import Code, Reason
 from gateway.security.cmac import Key, mac
 from gateway.session.bringup.clauses import Clause, Ledger
-from gateway.session.bringup.seen_frame import SeenFrame, source_name
+from gateway.session.bringup.seen_frame import SeenFrame
 from gateway.session.command_signing import HubAtLink, HubCommands
 
 CLAUSES: Final = (
@@ -185,16 +185,16 @@ class CommandTrial:
         self._ledger.check(Clause.COMMAND_ANSWER)
         self._ledger.check(clause)
         if answer.wheel != HUB_ITSELF:
-            self._fail(Clause.COMMAND_ANSWER, answer, Reason(Code.COMMAND_ANSWER_NOT_OF_HUB, wheel=answer.wheel))
+            self._ledger.fail(Clause.COMMAND_ANSWER, answer, Reason(Code.COMMAND_ANSWER_NOT_OF_HUB, wheel=answer.wheel))
         # With outcome 5 it is the highest counter so far.
         if result.command != type_ or (result.seq != seq and result.outcome != Outcome.REPEATED):
             reason = Reason(
                 Code.COMMAND_REPLY_MISMATCH, command=result.command, seq=result.seq, sent=type_, sent_seq=seq
             )
-            self._fail(Clause.COMMAND_ANSWER, answer, reason)
+            self._ledger.fail(Clause.COMMAND_ANSWER, answer, reason)
         elif result.outcome != expected:
             reason = Reason(Code.COMMAND_OUTCOME_WRONG, command=name, outcome=result.outcome, expected=int(expected))
-            self._fail(clause, answer, reason)
+            self._ledger.fail(clause, answer, reason)
         return answer
 
     def _is_answer(self, seen: SeenFrame) -> bool:
@@ -227,7 +227,7 @@ class CommandTrial:
             return
         if echo.message.host_ns != host_ns:
             reason = Reason(Code.TIME_NOT_ECHOED, host_ns=echo.message.host_ns, sent_ns=host_ns)
-            self._fail(Clause.COMMAND_TIME, echo, reason)
+            self._ledger.fail(Clause.COMMAND_TIME, echo, reason)
 
     def _damaged(self) -> _Script:
         """A command with a wrong CRC is dropped without an answer."""
@@ -237,7 +237,7 @@ class CommandTrial:
         answer = yield self._in(_QUIET_S), self._is_answer
         self._ledger.check(Clause.COMMAND_CRC)
         if answer is not None:
-            self._fail(Clause.COMMAND_CRC, answer, Reason(Code.COMMAND_ANSWERED_DAMAGED))
+            self._ledger.fail(Clause.COMMAND_CRC, answer, Reason(Code.COMMAND_ANSWERED_DAMAGED))
 
     def _stream(self, *, is_signed: bool) -> _Script:
         """Samples stop and start; everything else goes on. The same command again is done again, or refused."""
@@ -247,7 +247,7 @@ class CommandTrial:
             yield self._in(_ON_ITS_WAY_S), lambda _: False
             late = yield self._in(_QUIET_S), self._is_samples
             if late is not None:
-                self._fail(Clause.COMMAND_STREAM, late, Reason(Code.SAMPLES_NOT_STOPPED, waited_s=_ON_ITS_WAY_S))
+                self._ledger.fail(Clause.COMMAND_STREAM, late, Reason(Code.SAMPLES_NOT_STOPPED, waited_s=_ON_ITS_WAY_S))
             status = yield self._in(_ANSWER_S), lambda seen: isinstance(seen.message, HubStatus)
             if status is None:
                 reason = Reason(Code.MESSAGE_TOO_RARE, type="HUB_STATUS", count=0, span_s=_ANSWER_S, due=_ANSWER_S)
@@ -285,7 +285,4 @@ class CommandTrial:
                 self._ledger.fail(Clause.COMMAND_RATE, f"hub {self._hub}", reason)
             elif wanted_hz == before_hz and hello.message.rate_hz != before_hz:
                 reason = Reason(Code.SET_RATE_NOT_STATED, stated_hz=hello.message.rate_hz, waited_s=0.0)
-                self._fail(Clause.COMMAND_RATE, hello, reason)
-
-    def _fail(self, clause: Clause, seen: SeenFrame, reason: Reason) -> None:
-        self._ledger.fail(clause, source_name(seen.source), reason, seen.data, seen.at_byte)
+                self._ledger.fail(Clause.COMMAND_RATE, hello, reason)

@@ -133,9 +133,9 @@ class CounterRules:
         self._ledger.check(Clause.BOOT_COUNT)
         values = {"before": float(previous), "after": float(hello.boot_count)}
         if hello.boot_count < previous:
-            self._fail(Clause.BOOT_COUNT, seen, Reason(Code.BOOT_COUNT_GOES_BACK, **values))
+            self._ledger.fail(Clause.BOOT_COUNT, seen, Reason(Code.BOOT_COUNT_GOES_BACK, **values))
         elif hello.boot_count == previous and counts_anew:
-            self._fail(Clause.BOOT_COUNT, seen, Reason(Code.BOOT_COUNT_STANDS, **values))
+            self._ledger.fail(Clause.BOOT_COUNT, seen, Reason(Code.BOOT_COUNT_STANDS, **values))
         if hello.boot_count == previous or counts_anew:
             return False
         self._start_anew(seen.hub)
@@ -156,7 +156,7 @@ class CounterRules:
         elif state.must_start:
             self._ledger.check(Clause.START)
             if seen.seq != 0:
-                self._fail(Clause.START, seen, Reason(Code.SEQ_NOT_FROM_ZERO, seq=float(seen.seq)))
+                self._ledger.fail(Clause.START, seen, Reason(Code.SEQ_NOT_FROM_ZERO, seq=float(seen.seq)))
         state.must_start = False
 
     @staticmethod
@@ -192,28 +192,25 @@ class CounterRules:
         if first is None:
             return
         if state.same_steps > _MOST * (state.frames - 1):
-            self._fail(Clause.SEQ, first, Reason(Code.SEQ_STANDS, seq=float(first.seq)))
+            self._ledger.fail(Clause.SEQ, first, Reason(Code.SEQ_STANDS, seq=float(first.seq)))
             return
         if hub.changes and hub.shared_steps > _MOST * hub.changes:
-            self._fail(Clause.SEQ, first, Reason(Code.SEQ_SHARED))
+            self._ledger.fail(Clause.SEQ, first, Reason(Code.SEQ_SHARED))
             return
         if state.swapped_steps > _MOST * (state.frames - 1):
-            self._fail(Clause.SEQ, first, Reason(Code.SEQ_BIG_ENDIAN))
+            self._ledger.fail(Clause.SEQ, first, Reason(Code.SEQ_BIG_ENDIAN))
             return
         for seen in state.repeated:
-            self._fail(Clause.SEQ, seen, Reason(Code.SEQ_REPEATED, seq=float(seen.seq)))
+            self._ledger.fail(Clause.SEQ, seen, Reason(Code.SEQ_REPEATED, seq=float(seen.seq)))
         for seen in state.went_back:
-            self._fail(Clause.SEQ, seen, Reason(Code.SEQ_GOES_BACK, seq=float(seen.seq)))
+            self._ledger.fail(Clause.SEQ, seen, Reason(Code.SEQ_GOES_BACK, seq=float(seen.seq)))
         for seen, gap in state.gaps:
             if gap > _LARGEST_GAP:
-                self._fail(Clause.SEQ, seen, Reason(Code.SEQ_JUMPS, gap=float(gap), seq=float(seen.seq)))
+                self._ledger.fail(Clause.SEQ, seen, Reason(Code.SEQ_JUMPS, gap=float(gap), seq=float(seen.seq)))
         lost = sum(gap for _, gap in state.gaps if gap <= _LARGEST_GAP)
         if lost and not state.went_back:
             reason = Reason(Code.CHECK_FRAMES_LOST, lost=lost, frames=state.frames, damaged=state.damaged)
             self._ledger.fail(Clause.LOSS, source_name(source), reason, first.data, first.at_byte)
-
-    def _fail(self, clause: Clause, seen: SeenFrame, reason: Reason) -> None:
-        self._ledger.fail(clause, source_name(seen.source), reason, seen.data, seen.at_byte)
 
 
 def swapped(number: int) -> int:

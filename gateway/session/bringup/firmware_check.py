@@ -29,7 +29,7 @@ from gateway.session.bringup.clock_rules import ClockRules
 from gateway.session.bringup.counter_rules import CounterRules
 from gateway.session.bringup.damaged_frames import diagnosis
 from gateway.session.bringup.message_rules import MessageRules
-from gateway.session.bringup.seen_frame import SeenFrame, source_name
+from gateway.session.bringup.seen_frame import SeenFrame
 from gateway.session.bringup.signal_rules import SignalRules
 from gateway.session.bringup.signature_rules import SignatureRules
 from gateway.session.line_content import identify_content
@@ -160,17 +160,17 @@ class FirmwareCheck:
         version, type_, hub, wheel, flags, seq, tick_us = _HEADER.unpack_from(data)
         seen = SeenFrame(at_byte, host_s, data, type_, hub, wheel, flags, seq, tick_us, None)
         if version != wire.VERSION_BYTE:
-            self._fail(Clause.VERSION, seen, Reason(Code.FRAME_VERSION_WRONG, version=f"{version:#04x}"))
+            self.ledger.fail(Clause.VERSION, seen, Reason(Code.FRAME_VERSION_WRONG, version=f"{version:#04x}"))
             if version >> 4 != wire.VERSION_MAJOR:
                 return None
         self.ledger.check(Clause.TYPES)
         self.ledger.check(Clause.FLAGS)
         if flags & ~wire.KNOWN_FLAGS:
-            self._fail(Clause.FLAGS, seen, Reason(Code.FRAME_FLAGS_UNKNOWN, flags=f"{flags:#04x}"))
+            self.ledger.fail(Clause.FLAGS, seen, Reason(Code.FRAME_FLAGS_UNKNOWN, flags=f"{flags:#04x}"))
         if type_ not in DECODERS:
-            self._fail(Clause.TYPES, seen, Reason(Code.FRAME_TYPE_UNKNOWN, type=type_))
+            self.ledger.fail(Clause.TYPES, seen, Reason(Code.FRAME_TYPE_UNKNOWN, type=type_))
         elif flags & wire.SIGNED_FLAG and not is_signed(data):
-            self._fail(Clause.LAYOUT, seen, Reason(Code.FRAME_WITHOUT_TAG))
+            self.ledger.fail(Clause.LAYOUT, seen, Reason(Code.FRAME_WITHOUT_TAG))
         else:
             seen = seen._replace(message=self._content(seen))
         self._rules(seen, after_damage=after_damage)
@@ -185,10 +185,10 @@ class FirmwareCheck:
         except PayloadError as error:
             name, layout = MessageType(seen.type).name, error.layout_bytes
             if layout is None:
-                self._fail(Clause.RANGES, seen, Reason(Code.PAYLOAD_VALUE_WRONG, type=name, field=error.field))
+                self.ledger.fail(Clause.RANGES, seen, Reason(Code.PAYLOAD_VALUE_WRONG, type=name, field=error.field))
                 return None
             reason = Reason(Code.PAYLOAD_LENGTH_WRONG, type=name, length=len(seen.payload), layout=layout)
-            self._fail(Clause.LAYOUT, seen, reason)
+            self.ledger.fail(Clause.LAYOUT, seen, reason)
             return None
 
     def _rules(self, seen: SeenFrame, *, after_damage: bool) -> None:
@@ -270,6 +270,3 @@ class FirmwareCheck:
             return
         reason = Reason(Code.SOME_FRAMES_DAMAGED, damaged=self._damaged, frames=self.frames)
         self.ledger.fail(Clause.CRC, "", reason, example, at_byte, count=self._damaged)
-
-    def _fail(self, clause: Clause, seen: SeenFrame, reason: Reason) -> None:
-        self.ledger.fail(clause, source_name(seen.source), reason, seen.data, seen.at_byte)

@@ -115,7 +115,7 @@ class MessageRules:
         self._ledger.check(Clause.HELLO_SENSOR)
         if hello.protocol_major != wire.VERSION_MAJOR:
             reason = Reason(Code.HELLO_OTHER_MAJOR, major=hello.protocol_major, minor=hello.protocol_minor)
-            self._fail(Clause.HELLO_VALUES, seen, reason)
+            self._ledger.fail(Clause.HELLO_VALUES, seen, reason)
         absent = [axis for axis in Axis if not hello.axes >> axis & 1]
         if not absent:
             return
@@ -123,13 +123,15 @@ class MessageRules:
         values = hello.range_mps2, hello.scale_mps2, hello.offset_counts
         filled = tuple(AXIS_NAMES[axis] for axis in absent if any(value[axis] for value in values))
         if filled:
-            self._fail(Clause.HELLO_ABSENT, seen, Reason(Code.HELLO_ABSENT_AXES_FILLED, axes=filled), is_advice=True)
+            self._ledger.fail(
+                Clause.HELLO_ABSENT, seen, Reason(Code.HELLO_ABSENT_AXES_FILLED, axes=filled), is_advice=True
+            )
 
     def _samples(self, schedule: _Schedule, seen: SeenFrame, block: SampleBlock) -> None:
         if not schedule.blocks and self._counters.started(seen.source):
             self._ledger.check(Clause.HELLO_FIRST)
         if not schedule.hello_seen and self._counters.started(seen.source):
-            self._fail(Clause.HELLO_FIRST, seen, Reason(Code.SAMPLES_BEFORE_HELLO))
+            self._ledger.fail(Clause.HELLO_FIRST, seen, Reason(Code.SAMPLES_BEFORE_HELLO))
         schedule.blocks += 1
         schedule.samples += len(block.counts)
         schedule.channels = CHANNELS[block.axes]
@@ -139,7 +141,7 @@ class MessageRules:
         pressure_pa = environment.pressure_pa
         if pressure_pa is not None and _LIKE_KPA[0] <= pressure_pa <= _LIKE_KPA[1]:
             reason = Reason(Code.PRESSURE_LIKE_KPA, pressure_pa=pressure_pa)
-            self._fail(Clause.ENVIRONMENT_VALUES, seen, reason, is_advice=True)
+            self._ledger.fail(Clause.ENVIRONMENT_VALUES, seen, reason, is_advice=True)
 
     def _status(self, seen: SeenFrame, status: HubStatus) -> None:
         self._ledger.check(Clause.STATUS_VALUES)
@@ -160,21 +162,21 @@ class MessageRules:
     def _log(self, seen: SeenFrame, log: LogText) -> None:
         self._ledger.check(Clause.LOG)
         if log.level > max(LogLevel):
-            self._fail(Clause.LOG, seen, Reason(Code.LOG_LEVEL_RESERVED, level=log.level))
+            self._ledger.fail(Clause.LOG, seen, Reason(Code.LOG_LEVEL_RESERVED, level=log.level))
         try:
             shown = seen.payload[1:].decode()
         except UnicodeDecodeError:
-            self._fail(Clause.LOG, seen, Reason(Code.LOG_NOT_UTF8))
+            self._ledger.fail(Clause.LOG, seen, Reason(Code.LOG_NOT_UTF8))
         else:
             if any(unicodedata.category(character).startswith("C") for character in shown):
-                self._fail(Clause.LOG, seen, Reason(Code.LOG_HAS_CONTROLS), is_advice=True)
+                self._ledger.fail(Clause.LOG, seen, Reason(Code.LOG_HAS_CONTROLS), is_advice=True)
         recent = self._logs.setdefault(seen.hub, deque())
         # The hub's clock: what waits on the way arrives at once.
         recent.append(seen.tick_us * 1e-6)
         while recent[-1] - recent[0] >= 1.0 or recent[-1] < recent[0]:
             recent.popleft()
         if len(recent) > _MOST_LOGS_PER_S:
-            self._fail(Clause.LOG, seen, Reason(Code.LOG_TOO_OFTEN, lines=len(recent)))
+            self._ledger.fail(Clause.LOG, seen, Reason(Code.LOG_TOO_OFTEN, lines=len(recent)))
 
     def finish(self, capacity_bytes_per_s: float | None) -> None:
         """Judge the schedule, and the bytes against what the link carries.
@@ -184,7 +186,7 @@ class MessageRules:
         """
         if not self._ledger.has_failed(Clause.TICK, Clause.TICK_MONOTONIC, Clause.SEQ):
             for seen, reason in self._doubts:
-                self._fail(Clause.STATUS_VALUES, seen, reason)
+                self._ledger.fail(Clause.STATUS_VALUES, seen, reason)
         for hub in self._frames:
             of_hub = {source: schedule for source, schedule in self._schedules.items() if source[0] == hub}
             begins = [schedule.first_s for schedule in of_hub.values() if schedule.first_s is not None]
@@ -237,6 +239,3 @@ class MessageRules:
         if share > _FULL_BLOCKS:
             reason = Reason(Code.LINK_NEARLY_FULL, needed=needed, capacity=capacity_bytes_per_s, share=share)
             self._ledger.fail(Clause.THROUGHPUT, "", reason, is_advice=share <= 1.0)
-
-    def _fail(self, clause: Clause, seen: SeenFrame, reason: Reason, *, is_advice: bool = False) -> None:
-        self._ledger.fail(clause, source_name(seen.source), reason, seen.data, seen.at_byte, is_advice=is_advice)
