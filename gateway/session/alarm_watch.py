@@ -94,8 +94,8 @@ class AlarmWatch(ABC):
     def advance(self, link: str, now_ns: int) -> list[Notice]:
         """Bring a link to a time before its next frame is taken; return new notices."""
         notices: list[Notice] = []
-        if not self.silence.moves_on(link, now_ns):
-            notices += [notice for _ in self.silence.changes(link, now_ns) for notice in self.review()]
+        for _ in self.silence.changes(link, now_ns):
+            notices += self.review()
         review_due_ns = self._review_due_ns.get(link, 0)
         if not 0 < review_due_ns - now_ns <= REVIEW_INTERVAL_NS:
             self._review_due_ns[link] = now_ns + REVIEW_INTERVAL_NS
@@ -105,10 +105,7 @@ class AlarmWatch(ABC):
     def link_event(self, event: LinkEvent) -> list[Notice]:
         """Take a change of a link at its time; return new notices."""
         notices = self.advance(event.link, event.host_ns)
-        if event.kind.is_open:
-            self.silence.opened(event.link, event.host_ns)
-        else:
-            self.silence.closed(event.link, event.host_ns, event.reason)
+        self.silence.turned(event.link, event.host_ns, None if event.kind.is_open else event.reason)
         return notices
 
     def _silent(self, wheels: Iterable[WheelSnapshot], several_links: bool) -> tuple[Alarm, ...]:

@@ -387,15 +387,12 @@ class SilenceWatch:
 
     # Input
 
-    def opened(self, link: str, host_ns: int) -> None:
-        """Note that a link is open: its hubs get their time again."""
+    def turned(self, link: str, host_ns: int, down: Reason | None) -> None:
+        """Note that a link is down, and why; None of one that is open, whose hubs get their time again."""
         state = self._link(link, host_ns)
-        state.down = None
-        state.count_again(host_ns)
-
-    def closed(self, link: str, host_ns: int, state: Reason) -> None:
-        """Note that a link is down, and why."""
-        self._link(link, host_ns).down = state
+        state.down = down
+        if down is None:
+            state.count_again(host_ns)
 
     def paused(self, link: str, pause_ns: int, now_ns: int) -> None:
         """Note that this computer paused before `now_ns`: the pause is no silence of the link."""
@@ -452,17 +449,15 @@ class SilenceWatch:
             message, axes = (None, batch.axes(frame)) if of_samples else (batch.message(frame), 0)
             yield arrived_ns, Heard(hub, wheel, type_, message, axes)
 
-    def moves_on(self, link: str, now_ns: int) -> bool:
-        """Move the time of a link forward, as long as its state cannot have changed; return whether it did."""
-        state = self._link(link, now_ns)
-        if now_ns >= state.due_ns:
-            return False
-        state.now_ns = max(state.now_ns, now_ns)
-        return True
-
-    def changes(self, link: str, now_ns: int) -> Iterator[None]:
+    def changes(self, link: str, now_ns: int) -> Iterable[None]:
         """Move the time of a link forward; yield at each time on the way at which its state may have changed."""
         state = self._link(link, now_ns)
+        if now_ns >= state.due_ns:
+            return self._changes(state, now_ns)
+        state.now_ns = max(state.now_ns, now_ns)
+        return ()
+
+    def _changes(self, state: _Link, now_ns: int) -> Iterator[None]:
         while now_ns >= state.due_ns:
             due_ns = self._next_change_ns(state)
             state.due_ns = due_ns if due_ns is not None else _NEVER_NS

@@ -291,7 +291,7 @@ def test_watch_without_frames_is_quiet() -> None:
     assert list(watch.silent_hubs()) == []
     assert watch.silent_s("x") is None
     assert watch.elapsed_s() == 0.0
-    watch.closed("x", 0, Reason(Code.LINK_LOST))
+    watch.turned("x", 0, Reason(Code.LINK_LOST))
     assert list(watch.down_links()) == [("x", Reason(Code.LINK_LOST))]
 
 
