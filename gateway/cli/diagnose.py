@@ -240,7 +240,9 @@ def diagnose(
         from gateway.cli.wanted_errors import parse_speeds_mps
         from gateway.closure.effects.effect import BaselineModel
         from gateway.session.campaign_diagnosis import diagnose_recordings
-        from gateway.views.plans.recording_plan import recording_plan_lines
+        from gateway.views.plans.recording_plan import recording_plan_json, recording_plan_lines
+        from gateway.views.report.diagnosis_json import write_json
+        from gateway.views.report.html import write_html
         from gateway.views.report.terminal import closure_summary_lines
 
         speeds_mps = parse_speeds_mps(at_text) if at_text is not None else ()
@@ -268,10 +270,18 @@ def diagnose(
     columns = shutil.get_terminal_size().columns if on_terminal else 0
     for line in closure_summary_lines(diagnosis, columns, has_all_notes=not on_terminal):
         say(clean(line))
-    for line in () if plan is None else recording_plan_lines(plan):
-        say(clean(line))
-    _write(diagnosis, plan, json_path, html_path, effects_path, plugin_path, say, force=force)
-    say.finish()
+    plan_values = None
+    if plan is not None:
+        plan_values = recording_plan_json(plan)
+        for line in recording_plan_lines(plan):
+            say(clean(line))
+    _write(
+        say,
+        (json_path, partial(write_json, diagnosis, force=force, plan=plan_values)),
+        (html_path, partial(write_html, diagnosis, force=force)),
+        (effects_path, partial(_save_effects, diagnosis, force=force)),
+        (plugin_path, partial(write_plugin, diagnosis)),
+    )
 
 
 def _check_wants(texts: tuple[str, ...]) -> None:
@@ -368,61 +378,42 @@ def _report_transfer(
     say = SummaryOutput((json_path, html_path))
     for line in transfer_lines(result, str(known_path)):
         say(clean(line))
-    if json_path is not None:
-        text = json_text(transfer_json(result), indent=2)
-        write_whole(json_path, text + "\n", force=force)
-        say.written(json_path)
-    if html_path is not None and result.report is not None:
-        write_html(_by_command(result.report), html_path, force=force)
-        say.written(html_path)
-    say.finish()
+    assert result.report is not None
+    text = json_text(transfer_json(result), indent=2) + "\n"
+    _write(
+        say,
+        (json_path, lambda path: write_whole(path, text, force=force)),
+        (html_path, partial(write_html, _by_command(result.report), force=force)),
+    )
 
 
-def _write(
-    diagnosis: Diagnosis,
-    plan: RecordingPlan | None,
-    json_path: Path | None,
-    html_path: Path | None,
-    effects_path: Path | None,
-    plugin_path: Path | None,
-    say: SummaryOutput,
-    *,
-    force: bool,
-) -> None:
+def _write(say: SummaryOutput, *outputs: tuple[Path | None, Callable[[Path], str | None]]) -> None:
     """Write all files, even if one of them fails, so that minutes of work are not lost.
+
+    Args:
+        say: ends the summary.
+        outputs: path of each, None where it is not wanted, and what writes it and returns a remark on it.
 
     Raises:
         TreadlinkError: of the first file that could not be written; further ones are printed before.
     """
-    from gateway.views.plans.recording_plan import recording_plan_json
-    from gateway.views.report.diagnosis_json import write_json
-    from gateway.views.report.html import write_html
-    from gateway.views.report.phrases import saved_text
-
-    to_json = partial(write_json, plan=None if plan is None else recording_plan_json(plan))
     failed: list[TreadlinkError] = []
-    for path, write in ((json_path, to_json), (html_path, write_html), (effects_path, _save_effects)):
+    for path, write in outputs:
         if path is None:
             continue
         try:
-            write(diagnosis, path, force=force)
-        except TreadlinkError as error:
-            failed.append(error)
-        else:
-            say.written(path, f" with {saved_text(diagnosis)}" if path is effects_path else "")
-    if plugin_path is not None:
-        try:
-            write_plugin(diagnosis, plugin_path, say)
+            say.written(path, write(path) or "")
         except TreadlinkError as error:
             failed.append(error)
     for other in failed[1:]:
         click.echo(clean(f"{other}. {other.remedy}"), err=True)
     if failed:
         raise failed[0]
+    say.finish()
 
 
-def write_plugin(diagnosis: Diagnosis, path: Path, say: Callable[[str], None]) -> None:
-    """Write a law as a package.
+def write_plugin(diagnosis: Diagnosis, path: Path) -> str:
+    """Write a law as a package; return how to install it.
 
     Raises:
         TreadlinkError: there is no law, or the directory exists or cannot be written.
@@ -442,7 +433,7 @@ def write_plugin(diagnosis: Diagnosis, path: Path, say: Callable[[str], None]) -
         except OSError as error:
             raise OutputError(f"'{path}' cannot be written: {error.strerror}", "Choose another directory.") from error
         write_whole(target, text)
-    say(clean(f"written: {path}, a plug-in: pip install {path}"))
+    return f", a plug-in: pip install {path}"
 
 
 def _check_new_directory(path: Path) -> None:
@@ -455,15 +446,12 @@ def _check_new_directory(path: Path) -> None:
         raise TreadlinkError(f"'{path}' exists", "Name a new directory: a plug-in is several files.")
 
 
-def _save_effects(diagnosis: Diagnosis, path: Path, *, force: bool) -> None:
-    if diagnosis.correction is None:
-        from gateway.views.report.phrases import why_unsaved
+def _save_effects(diagnosis: Diagnosis, path: Path, *, force: bool) -> str:
+    from gateway.api.diagnosis_report import DiagnosisReport
+    from gateway.views.report.phrases import saved_text
 
-        reason, remedy = why_unsaved(diagnosis)
-        raise TreadlinkError(f"'{path}' is not written: {reason}", remedy)
-    from gateway.config.effects_file import effects_text
-
-    write_whole(path, effects_text(diagnosis.correction), force=force)
+    DiagnosisReport(diagnosis).save_effects(path, force=force)
+    return f" with {saved_text(diagnosis)}"
 
 
 def _check_recordings(recordings: tuple[Path, ...]) -> None:
