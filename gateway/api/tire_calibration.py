@@ -1,6 +1,6 @@
 """Calibration of load and reference numbers for programs."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from gateway.api.recording_access import Config, PathLike, chosen_vehicle, paths
@@ -54,7 +54,11 @@ class TireCalibration:
 
 
 def calibrate(
-    recordings: PathLike | Sequence[PathLike], *, config: Config | None = None, wheels: Sequence[str] = ()
+    recordings: PathLike | Sequence[PathLike],
+    *,
+    config: Config | None = None,
+    wheels: Sequence[str] = (),
+    on_left_out: Callable[[str], None] = lambda _why: None,
 ) -> TireCalibration:
     """Calibrate load and reference numbers from recordings with known loads, as `treadlink calibrate load`.
 
@@ -62,6 +66,7 @@ def calibrate(
         recordings: files of tires of one kind.
         config: vehicle configuration for recordings without one.
         wheels: positions to use; all when empty.
+        on_left_out: called with the reason for each wheel that cannot be used, as soon as it is known.
 
     Raises:
         TreadlinkError: a recording cannot be read or is given twice, or no wheel can be used.
@@ -70,7 +75,12 @@ def calibrate(
     check_distinct(file_paths)
     fallback = chosen_vehicle(config, (), "calibrate") if config is not None else None
     left_out: list[str] = []
-    points = [point for path in file_paths for point in recording_points(path, fallback, wheels, left_out.append)]
+
+    def leave_out(why: str) -> None:
+        left_out.append(why)
+        on_left_out(why)
+
+    points = [point for path in file_paths for point in recording_points(path, fallback, wheels, leave_out)]
     if not points:
         raise no_points_error(wheels)
     return TireCalibration(points, fit_load_calibration(points), reference_numbers(points, ESTIMATOR), left_out)

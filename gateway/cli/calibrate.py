@@ -58,30 +58,16 @@ def load(
     also with each recording left out in turn.
     """
     check_outputs((out_path,), (*recordings, config_path), force=force)
-    from gateway.config.vehicle import load_vehicle
-    from gateway.estimators.tire_fit import fit_load_calibration, reference_numbers
-    from gateway.fleet.calibration_points import (
-        ESTIMATOR,
-        calibration_toml,
-        fit_lines,
-        no_points_error,
-        recording_points,
-    )
-    from gateway.recording.file_content import check_distinct
+    from gateway.api.tire_calibration import calibrate as calibrated
+    from gateway.fleet.calibration_points import fit_lines
 
-    check_distinct(recordings)
-    fallback = load_vehicle(config_path) if config_path is not None else None
-    points = [
-        point
-        for path in recordings
-        for point in recording_points(path, fallback, positions, lambda why: click.echo(f"left out: {why}", err=True))
-    ]
-    if not points:
-        raise no_points_error(positions)
-    fit = fit_load_calibration(points)
-    reference = reference_numbers(points, ESTIMATOR)
-    table = calibration_toml(fit.calibration, reference)
-    _write(fit_lines(points, fit, reference), table, out_path, force=force)
+    result = calibrated(
+        recordings,
+        config=config_path,
+        wheels=positions,
+        on_left_out=lambda why: click.echo(f"left out: {why}", err=True),
+    )
+    _write(fit_lines(result.points, result.fit, result.reference), result.toml, out_path, force=force)
 
 
 def _of_runs(command: Callable[..., None]) -> Callable[..., None]:
