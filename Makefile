@@ -14,6 +14,8 @@ LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --genera
   --no-header --no-annotate --upgrade
 # Of the last commit: two builds of it are equal to the byte.
 export SOURCE_DATE_EPOCH ?= $(shell git log -1 --format=%ct 2>/dev/null || echo 315532800)
+# Without bytecode each worker and each child process of the tests would compile the gateway again.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo hub core test nightly coverage lint types bench firmware firmware-packages docs docs-pages docs-serve dist sbom locks clean
 

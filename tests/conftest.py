@@ -1,12 +1,13 @@
 """Settings of every test run: threads of numpy, hypothesis, SIGINT of children, options for stored results.
 
-Fixtures: a TCP hub, and a thread that reads a source.
+Fixtures: a TCP hub, a thread that reads a source, and a browser.
 """
 
 from __future__ import annotations
 
 import os
 import signal
+import sys
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
@@ -15,11 +16,15 @@ from hypothesis import HealthCheck, settings
 
 if TYPE_CHECKING:
     from gateway.io.source import Source
+    from tests.testkit.browser import Browser
     from tests.testkit.hub_ends import Reader, TcpHub
 
 # Small matrices everywhere: a thread for each product costs more than the product. Set before numpy is imported.
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
+
+# jsonschema imports it where it is installed, and it compiles a grammar of IRIs for 1.3 s; no schema has an IRI.
+sys.modules.setdefault("rfc3987_syntax", None)  # type: ignore[arg-type]
 
 # The same examples everywhere and every time, and no limit of time: a busy computer is no failure. `make nightly` runs
 # with fresh seeds and prints what repeats a failure.
@@ -63,3 +68,16 @@ def read() -> Iterator[Callable[[Source], Reader]]:
     for reader in readers:
         reader.finish()
         reader.source.close()
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    from tests.testkit.browser import CHROMIUM, Browser
+
+    if CHROMIUM is None:
+        if os.environ.get("CI"):
+            pytest.fail("chromium is missing; CI must have it")
+        pytest.skip("no chromium is installed")
+    browser = Browser(tmp_path_factory.mktemp("profile"))
+    yield browser
+    browser.close()

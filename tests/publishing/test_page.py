@@ -22,10 +22,8 @@ from gateway.publishing.publisher import open_publisher
 from gateway.publishing.sink import PublishedRevolution, PublishedState, SinkError, SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
 from gateway.reasons import Code, Notice, Reason
-from tests.testkit.browser import CHROMIUM, Browser, Tab
+from tests.testkit.browser import Tab
 from tests.testkit.waiting import TIMEOUT_S, until
-
-needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
 
 
 class Session:
@@ -318,18 +316,10 @@ def test_address_that_cannot_be_used(uri) -> None:
 # In a browser
 
 
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory) -> Iterator[Browser]:
-    browser = Browser(tmp_path_factory.mktemp("profile"))
-    yield browser
-    browser.close()
-
-
 def text_of(tab: Tab, selector: str) -> str:
     return str(tab.value(f"document.querySelector({selector!r}).innerText"))
 
 
-@needs_browser
 def test_browser_shows_wheels_plots_trends_and_marks(browser, served, items) -> None:
     show(served, items)
     tab = browser.tab()
@@ -363,7 +353,6 @@ def test_browser_shows_wheels_plots_trends_and_marks(browser, served, items) -> 
     assert tab.errors == []
 
 
-@needs_browser
 def test_two_browsers_get_every_state_at_their_own_wheel(browser, served, items) -> None:
     tabs = [browser.tab(), browser.tab()]
     for tab in tabs:
@@ -385,7 +374,6 @@ def test_two_browsers_get_every_state_at_their_own_wheel(browser, served, items)
         assert tab.value(f"{note} > 0.9 * {row}")
 
 
-@needs_browser
 def test_lost_connection_has_an_age_in_place_of_numbers_and_comes_back(browser, items) -> None:
     served = Served()
     port = served.sink.port
@@ -406,7 +394,6 @@ def test_lost_connection_has_an_age_in_place_of_numbers_and_comes_back(browser, 
         again.end()
 
 
-@needs_browser
 def test_names_from_outside_stay_text(browser, served, items) -> None:
     name = "<img src=x onerror=document.title='x'>"
 
@@ -421,7 +408,6 @@ def test_names_from_outside_stay_text(browser, served, items) -> None:
     assert tab.value("document.images.length") == 0
 
 
-@needs_browser
 @pytest.mark.parametrize("is_dark", [False, True])
 def test_contrast_is_enough_by_day_and_by_night(browser, served, items, is_dark) -> None:
     show(served, items)

@@ -50,6 +50,11 @@ class Tab:
         self.call("Emulation.setEmulatedMedia", features=[scheme])
         self.call("Page.navigate", url=address)
 
+    def show(self, page: Path, width: int = 1280, height: int = 900) -> None:
+        """Open a file at a size, and wait until it is loaded."""
+        self.open(page.as_uri(), width, height)
+        self.until(f"location.href == {page.as_uri()!r} && document.readyState == 'complete'")
+
     def value(self, expression: str) -> Any:
         """Return the value of an expression in the page."""
         result = self.call("Runtime.evaluate", expression=expression, returnByValue=True)
@@ -72,7 +77,7 @@ class Tab:
 
 
 class Browser:
-    """A running browser with a profile of its own."""
+    """A running browser with a profile of its own, and no network but this computer."""
 
     def __init__(self, folder: Path) -> None:
         assert CHROMIUM is not None
@@ -80,6 +85,7 @@ class Browser:
             [
                 CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--hide-scrollbars",
                 "--no-first-run", "--disable-background-networking", "--remote-debugging-port=0",
+                "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
                 f"--user-data-dir={folder}", "about:blank",
             ],
             stdout=subprocess.DEVNULL,
