@@ -1,4 +1,4 @@
-"""End-to-end tests of the command with real processes, files and pseudo-terminals."""
+"""End-to-end tests of the command with files, real processes and pseudo-terminals."""
 
 import csv
 import json
@@ -21,6 +21,7 @@ from gateway.recording.reader import RecordingReader
 from gateway.simulator.link_faults import parse_faults
 from gateway.simulator.scenario import load_scenario, vehicle_toml
 from gateway.simulator.simulation import simulate
+from tests.testkit.commands import program, run
 
 MEASURED = Path(__file__).parents[2] / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
 MAP = Path(__file__).parents[2] / "examples" / "innerliner_drum_80kmh.map.toml"
@@ -64,7 +65,7 @@ def test_live_prints_revolutions_and_a_summary(recording):
 
 def test_replay_prints_the_same_lines(recording):
     path, printed = recording
-    again = treadlink("replay", path, "--speed", "max", "--plain").stdout
+    again = run("replay", path, "--speed", "max", "--plain")
 
     def of_wheels(text):
         return [line for line in text.splitlines() if line.startswith("W1 ") and "±" in line]
@@ -75,9 +76,7 @@ def test_replay_prints_the_same_lines(recording):
 
 def test_estimate_writes_reproducible_tables(recording, tmp_path):
     path, _ = recording
-    treadlink(
-        "estimate", path, "--csv", tmp_path / "a.csv", "--json", tmp_path / "a.jsonl", "--parquet", tmp_path / "a.pq"
-    )
+    run("estimate", path, "--csv", tmp_path / "a.csv", "--json", tmp_path / "a.jsonl", "--parquet", tmp_path / "a.pq")
     treadlink("estimate", path, "--csv", tmp_path / "b.csv")
     rows = rows_of(tmp_path / "a.csv")
     assert rows == rows_of(tmp_path / "b.csv")
@@ -87,16 +86,16 @@ def test_estimate_writes_reproducible_tables(recording, tmp_path):
     lines = (tmp_path / "a.jsonl").read_text().splitlines()
     assert len(lines) == len(rows)
     assert json.loads(lines[0])["position"] == rows[0]["position"]
-    again = treadlink("estimate", path, "--csv", tmp_path / "a.csv", check=False)
-    assert again.returncode == 1
+    again = program("estimate", path, "--csv", tmp_path / "a.csv")
+    assert again.status == 1
     assert "--force" in again.stderr
 
 
 def test_measured_recording_gives_revolutions(tmp_path):
     if not MEASURED.exists():
         pytest.skip(f"the measured recording is not at {MEASURED}")
-    treadlink("import", MEASURED, "--map", MAP, "--out", tmp_path / "drum.mcap")
-    treadlink("estimate", tmp_path / "drum.mcap", "--csv", tmp_path / "drum.csv")
+    run("import", MEASURED, "--map", MAP, "--out", tmp_path / "drum.mcap")
+    run("estimate", tmp_path / "drum.mcap", "--csv", tmp_path / "drum.csv")
     rows = rows_of(tmp_path / "drum.csv")
     assert len(rows) == 5
     for row in rows:

@@ -17,7 +17,7 @@ from gateway.cli.protocol_check import dump_frames
 from gateway.clock import SystemClock
 from gateway.errors import TreadlinkError
 from gateway.session.bringup.clauses import Clause, Verdict
-from tests.session.wrong_firmware import WRONG, Stream, frames, right
+from tests.session.wrong_firmware import WRONG, Stream, frames, right, right_stream
 
 
 def run(*arguments: str) -> Result:
@@ -31,7 +31,7 @@ def written(path: Path, stream: Stream) -> str:
 
 @pytest.fixture(scope="module")
 def right_dump(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return written(tmp_path_factory.mktemp("dump") / "right.bin", frames(right()))
+    return written(tmp_path_factory.mktemp("dump") / "right.bin", right_stream())
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,6 @@
 
 import io
 import json
-import os
 import re
 import subprocess
 import sys
@@ -20,6 +19,7 @@ from gateway.cli import treadlink
 from gateway.cli.stream_encoding import ShownText, nearest_text
 from gateway.views.text import json_text
 from tests.testkit.campaign_recordings import write_recording
+from tests.testkit.commands import program
 
 # An escape sequence, an override of the direction, one of C1, an invisible mark and a backspace.
 NAMES = ("\x1b[31mx", "\u202ex", "\x9b31mx", "\u200bx", "\x08x")
@@ -136,13 +136,10 @@ def recorded(tmp_path_factory):
 @pytest.mark.parametrize("encoding", ["cp1252", "cp437", "latin-1"])
 @pytest.mark.parametrize(("command", "word"), [("inspect", "Reifen"), ("orders", "W1")])
 def test_every_code_page_takes_the_output(recorded, command, word, encoding):
-    environment = {**os.environ, "PYTHONIOENCODING": encoding}
-    done = subprocess.run(
-        [sys.executable, "-m", "gateway.cli", command, str(recorded)], capture_output=True, env=environment, check=False
-    )
-    assert done.returncode == 0, done.stderr.decode(encoding)
-    assert word in done.stdout.decode(encoding)
-    assert b"Traceback" not in done.stderr
+    done = program(command, recorded, encoding=encoding)
+    assert done.status == 0, done.stderr
+    assert word in done.stdout
+    assert "Traceback" not in done.stderr
 
 
 def test_nearest_text_keeps_the_meaning():

@@ -1,9 +1,6 @@
 """Malicious recordings: refused, escaped or read as far as possible, in bounded memory."""
 
 import json
-import os
-import subprocess
-import sys
 import tracemalloc
 from pathlib import Path
 
@@ -21,6 +18,7 @@ from gateway.recording.mcap_records import CHUNK_HEAD, MAGIC, RECORD_HEAD
 from gateway.recording.reader import RecordingReader
 from gateway.recording.repair import repair_recording
 from gateway.session.recording_pass import OpenedRecording, RecordingPass
+from tests.testkit.commands import program
 
 ESCAPE = "\x1b]0;owned\x07\x1b[2J\x9b31m<script>alert(1)</script>"
 FRAME = encode_raw(6, b"\1" + b"\x1b[2Jlog", 0, 255, 0, 0)
@@ -52,25 +50,13 @@ def recording(
     return path
 
 
-def treadlink(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
-    return subprocess.run(
-        [sys.executable, "-m", "gateway.cli", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        cwd=cwd,
-        env=environment,
-        check=False,
-    )
-
-
 @pytest.mark.parametrize("command", ["inspect", "estimate", "replay", "repair"])
 def test_names_cannot_control_the_terminal(tmp_path: Path, command: str) -> None:
     session = {"treadlink": ESCAPE, "sources": json.dumps([ESCAPE]), "start_ns": "5"}
     event = json.dumps({"link": ESCAPE, "kind": "lost", "text": ESCAPE}).encode()
     path = recording(tmp_path / "x.mcap", link=ESCAPE, session=session, events=(event,))
     more = ["--plain", "--speed", "max"] if command == "replay" else []
-    done = treadlink(command, path, *more, cwd=tmp_path)
+    done = program(command, path, *more)
     printed = done.stdout + done.stderr
     assert "Traceback" not in printed
     assert not {character for character in printed if not character.isprintable() and character not in "\n\r"}
@@ -80,8 +66,8 @@ def test_names_cannot_control_the_terminal(tmp_path: Path, command: str) -> None
 def test_configured_names_cannot_control_the_terminal(tmp_path: Path) -> None:
     toml = '[vehicle]\n"\\u001b[2J\\u009b31m" = "\\u001b]0;x\\u0007"\n'
     path = recording(tmp_path / "x.mcap", session={"vehicle_toml": toml})
-    done = treadlink("estimate", path, cwd=tmp_path)
-    assert done.returncode == 1
+    done = program("estimate", path)
+    assert done.status == 1
     assert "Traceback" not in done.stderr
     assert not {character for character in done.stderr if not character.isprintable() and character != "\n"}
 
@@ -96,7 +82,7 @@ def test_paths_in_a_recording_write_nothing(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-40])
     repair_recording(path, inside / "repaired.mcap")
     list(RecordingReader(inside / "repaired.mcap").items())
-    treadlink("estimate", "x.mcap", "--csv", "out.csv", cwd=inside)
+    program("estimate", "x.mcap", "--csv", "out.csv", folder=inside)
     everything = {str(result.relative_to(tmp_path)) for result in tmp_path.rglob("*") if result.is_file()}
     assert everything == {"a/b/x.mcap", "a/b/compact.mcap", "a/b/repaired.mcap", "a/b/out.csv"}
 
@@ -159,7 +145,7 @@ def test_invalid_descriptions_are_left_out(tmp_path: Path, session: dict[str, st
     reader = RecordingReader(recording(tmp_path / "x.mcap", session=session))
     assert reader.info.sources == ()
     assert len(list(reader.items())) == 2
-    assert treadlink("inspect", reader.info.path, cwd=tmp_path).returncode in (0, 1)  # 1: no frames
+    assert program("inspect", reader.info.path).status in (0, 1)  # 1: no frames
 
 
 @pytest.mark.parametrize(
@@ -177,9 +163,9 @@ def test_extreme_times_are_harmless(tmp_path: Path) -> None:
     (counters,) = batch.links.values()
     assert counters.intact == 5
     for command in (["inspect"], ["estimate"], ["replay", "--plain", "--speed", "max"]):
-        done = treadlink(command[0], path, *command[1:], cwd=tmp_path)
+        done = program(command[0], path, *command[1:])
         assert "Traceback" not in done.stderr, done.stderr
-        assert done.returncode in (0, 1), done.stderr  # 1: no revolutions
+        assert done.status in (0, 1), done.stderr  # 1: no revolutions
 
 
 def test_recorded_configuration_is_validated(tmp_path: Path) -> None:

@@ -1,7 +1,6 @@
 """The check of a firmware names every deliberate fault by its clause, and finds none where there is none."""
 
 import re
-from functools import lru_cache
 from pathlib import Path
 from zlib import crc32
 
@@ -21,7 +20,7 @@ from gateway.security.cmac import Key
 from gateway.session.bringup.clauses import CheckReport, Clause, Verdict
 from gateway.session.bringup.firmware_check import CLAUSE_OF, FirmwareCheck
 from gateway.session.statement_watch import __file__ as watch_file
-from tests.session.wrong_firmware import HELLO, WRONG, Stream, frames, right
+from tests.session.wrong_firmware import HELLO, WRONG, Stream, frames, right, right_stream
 
 START_NS = 1_700_000_000_000_000_000
 KEYS = {f"{HELLO.sensor_id:08x}": Key(bytes(range(16))), f"{HELLO.hub_id:016x}": Key(bytes(range(16, 32)))}
@@ -58,11 +57,6 @@ def check(stream: Stream, *, piece: int | None = None, dated: bool = True, **opt
 
 def with_verdict(report: CheckReport, *verdicts: Verdict) -> set[Clause]:
     return {result.clause for result in report.clauses if result.verdict in verdicts}
-
-
-@lru_cache
-def right_stream() -> Stream:
-    return frames(right())
 
 
 def test_a_right_firmware_passes_everything_it_exercises() -> None:

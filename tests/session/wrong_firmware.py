@@ -5,7 +5,7 @@ The faults were written down before the check that finds them: what firmware aut
 
 import math
 import struct
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from typing import Any, Final, NamedTuple
 from zlib import crc32
@@ -51,7 +51,7 @@ class Sent(NamedTuple):
     payload: bytes
 
 
-Stream = list[tuple[float, bytes]]
+Stream = Sequence[tuple[float, bytes]]
 """Bytes with the true time at which they go to the link."""
 
 
@@ -76,7 +76,8 @@ def block(first: int, n: int = BLOCK, scale: float = 0.128) -> SampleBlock:
     return SampleBlock(first & _MASK, 7, np.round(counts_mps2(first, n) / scale).astype("<i2"))
 
 
-def right(duration_s: float = DURATION_S, hello: Hello = HELLO, *, rate_hz: float = RATE_HZ) -> list[Sent]:
+@cache
+def right(duration_s: float = DURATION_S, hello: Hello = HELLO, *, rate_hz: float = RATE_HZ) -> tuple[Sent, ...]:
     """Return what a right firmware sends, in order of time."""
     sent = []
 
@@ -97,7 +98,7 @@ def right(duration_s: float = DURATION_S, hello: Hello = HELLO, *, rate_hz: floa
         send(k + 0.2, HUB_ITSELF, MessageType.HUB_STATUS, HubStatus(k, 90, 3.7, 0.08, -60, 0, 0, 0, 0))
         send(k + 0.3, HUB_ITSELF, MessageType.TIME_SYNC, TimeSync(round((k + 0.3) * 1e6), 0))
     send(0.4, HUB_ITSELF, MessageType.LOG_TEXT, LogText(1, "awake"))
-    return sorted(sent)
+    return tuple(sorted(sent))
 
 
 def _with_frames_sent(message: Sent, frames_sent: int) -> Sent:
@@ -127,8 +128,14 @@ def _with_crc(body: bytes) -> bytes:
     return body + struct.pack("<I", crc32(body))
 
 
+@cache
+def right_stream() -> tuple[tuple[float, bytes], ...]:
+    """Return the frames of a right firmware."""
+    return tuple(frames(right()))
+
+
 def _each_frame(change: Callable[[bytes], bytes]) -> Stream:
-    return [(time_s, change(data)) for time_s, data in frames(right())]
+    return [(time_s, change(data)) for time_s, data in right_stream()]
 
 
 def _each_message(type_: MessageType, change: Callable[[Sent], Sent | None]) -> Stream:
@@ -285,7 +292,7 @@ def _dropped_in_silence() -> Stream:
 
 def _overloaded() -> Stream:
     """Loses frames on the link, as one that is too slow does."""
-    return [item for index, item in enumerate(frames(right())) if index % 40 or index < 100]
+    return [item for index, item in enumerate(right_stream()) if index % 40 or index < 100]
 
 
 def _lost_numbers() -> Stream:

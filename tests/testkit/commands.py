@@ -1,10 +1,55 @@
+"""Run `treadlink` in this process: its commands, or the whole program on standard streams of its own."""
+
+import io
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
 from click.testing import CliRunner
 
-from gateway.cli import treadlink
+from gateway.cli import main, treadlink
 
 
-def run(*arguments: object) -> str:
+def run(*words: object) -> str:
     """Run a command and return what it prints."""
-    result = CliRunner().invoke(treadlink, [str(argument) for argument in arguments], catch_exceptions=False)
+    result = CliRunner().invoke(treadlink, [str(word) for word in words], catch_exceptions=False)
     assert result.exit_code == 0, result.output
     return result.output
+
+
+class Ended(NamedTuple):
+    """How the program ended.
+
+    Attributes:
+        status: its exit status.
+        stdout: what it printed.
+        stderr: its messages.
+    """
+
+    status: int
+    stdout: str
+    stderr: str
+
+
+def program(*words: object, folder: Path | None = None, encoding: str = "utf-8") -> Ended:
+    """Run `main` as a process does, in a folder, on standard streams of an encoding.
+
+    An error that it does not explain is raised.
+    """
+    streams = [io.TextIOWrapper(io.BytesIO(), encoding, newline="") for _ in range(2)]
+    status: object = 0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["treadlink", *map(str, words)])
+        for name, stream in zip(("stdout", "stderr"), streams, strict=True):
+            patch.setattr(sys, name, stream)
+        # The handlers of signals are those of this process.
+        patch.setattr("gateway.cli.stop_signals.install", lambda: None)
+        if folder is not None:
+            patch.chdir(folder)
+        try:
+            main()
+        except SystemExit as ended:
+            status = ended.code or 0
+    assert isinstance(status, int)
+    return Ended(status, *(stream.detach().getvalue().decode(encoding) for stream in streams))  # type: ignore[attr-defined]

@@ -7,6 +7,7 @@ import numpy as np
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Hello, SampleBlock
 from gateway.config.validation import parse_document
+from gateway.io.source import Chunk
 from gateway.pipeline.results import RevolutionResult, WheelSnapshot
 from gateway.pipeline.timebase import HostClock
 from gateway.pipeline.wheel_pipeline import WheelPipeline
@@ -17,18 +18,25 @@ from gateway.simulator.simulation import simulate
 from gateway.simulator.truth import WheelTruth
 
 
+@lru_cache(maxsize=8)
+def _drive(tables: str, duration_s: float, wheel: str, seed: int) -> tuple[tuple[Chunk, ...], WheelTruth]:
+    """Return the bytes and the truth of a drive, which several setups and statements share."""
+    text = f"[scenario]\nseed = {seed}\n{tables}\n[[wheel]]\nposition = 'FL'\nwheel = 0\n{wheel}\n"
+    simulation = simulate(parse_document(Scenario, text, "test"), duration_s=duration_s)
+    return tuple(simulation.chunks("link", 10**18)), simulation.truth["FL"]
+
+
 @lru_cache(maxsize=32)
 def simulated(
     tables: str, duration_s: float, setup: WheelSetup, estimators: tuple[str, ...], wheel: str = "", seed: int = 4
 ) -> tuple[tuple[RevolutionResult, ...], WheelTruth]:
     """Return the results and the truth of a scenario's `tables` with one wheel; `wheel` holds its further keys."""
-    text = f"[scenario]\nseed = {seed}\n{tables}\n[[wheel]]\nposition = 'FL'\nwheel = 0\n{wheel}\n"
-    simulation = simulate(parse_document(Scenario, text, "test"), duration_s=duration_s)
+    chunks, truth = _drive(tables, duration_s, wheel, seed)
     pipeline, decoder = Pipeline((setup,), setup, estimators), FrameDecoder()
     results: list[RevolutionResult] = []
-    for chunk in simulation.chunks("link", 10**18):
+    for chunk in chunks:
         results += pipeline.frames("link", decoder.feed(chunk.data), chunk.host_ns)
-    return tuple(results + pipeline.finish()), simulation.truth["FL"]
+    return tuple(results + pipeline.finish()), truth
 
 
 def last(results: tuple[RevolutionResult, ...]) -> dict[str, object]:
@@ -56,10 +64,9 @@ def restated(
     The time stamps follow the stated rate. Ranges of samples (first, end) of the result may be lost or repeated without
     a mark, the last one first. Each axis is taken from one of the `channels`, and is late by so many samples.
     """
-    text = f"[scenario]\nseed = {seed}\n{tables}\n[[wheel]]\nposition = 'FL'\nwheel = 0\n"
     decoder = FrameDecoder()
     hello, blocks = None, []
-    for chunk in simulate(parse_document(Scenario, text, "test"), duration_s=duration_s).chunks("link", 10**18):
+    for chunk in _drive(tables, duration_s, "", seed)[0]:
         for frame in decoder.feed(chunk.data):
             if isinstance(frame.message, Hello):
                 hello = hello or frame.message
