@@ -16,7 +16,7 @@ from gateway.closure.angle.fit import Fit
 from gateway.closure.closed_loop import diagnose
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.catalogue import catalogue
-from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, BaselineModel, GroupConditions
+from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, GroupConditions
 from gateway.closure.effects.sensor_response import Gain
 from gateway.closure.model.exact_baseline import ExactCore
 from gateway.closure.result import Diagnosis, Verdict
@@ -54,7 +54,7 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("method", ["starts", "expected", "contribution", "derivative"])
 @pytest.mark.parametrize("error", [RuntimeError("its table is missing"), SystemExit(0), KeyboardInterrupt()])
 def test_plug_in_effect_that_fails_is_left_out(
-    few: None, monkeypatch: pytest.MonkeyPatch, method: str, error: BaseException
+    monkeypatch: pytest.MonkeyPatch, method: str, error: BaseException
 ) -> None:
     calls: list[str] = []
 
@@ -62,9 +62,9 @@ def test_plug_in_effect_that_fails_is_left_out(
         calls.append(method)
         raise error
 
-    usual = closed_loop.candidates(BaselineModel.EXACT)
     failing = type("Failing", (Gain,), {"name": "failing", "rank": 999, method: fails})()
-    monkeypatch.setattr(closed_loop, "candidates", lambda _model: {**usual, "failing": failing})
+    chosen = {"roll tilt": catalogue()["roll tilt"], "failing": failing}
+    monkeypatch.setattr(closed_loop, "candidates", lambda _model: chosen)
     monkeypatch.setattr(closed_loop, "plugin_effects", lambda: frozenset({"failing"}))
     diagnosis = diagnose(campaign_of(ONE_SPEED, nothing))
     assert calls

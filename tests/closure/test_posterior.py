@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from functools import cache
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -61,6 +62,17 @@ def same(first: Posterior, other: Posterior) -> bool:
     )
 
 
+@cache
+def of_twins() -> Posterior:
+    """Return the posterior over two effects that are the same, one of which is present."""
+    return searched(campaign_of(ONE_SPEED, sideways(3.0), axes=ALL_AXES), TWINS)[0]
+
+
+@cache
+def of_gain() -> Posterior:
+    return searched(campaign_of(ONE_SPEED, gain, noise_mps2=NOISY), SENSOR)[0]
+
+
 def test_probabilities_add_up() -> None:
     posterior, _ = searched(campaign_of(ONE_SPEED, sideways(1.0), axes=ALL_AXES), TWINS)
     assert sum(posterior.weights) == pytest.approx(1.0)
@@ -74,7 +86,7 @@ def test_probabilities_add_up() -> None:
 
 def test_errors_of_an_effects_parameters_contain_the_choice_of_the_set() -> None:
     """With its twin in the set as well, an effect takes any share of what both explain."""
-    posterior, _ = searched(campaign_of(ONE_SPEED, sideways(3.0), axes=ALL_AXES), TWINS)
+    posterior = of_twins()
     finding = next(finding for finding in findings_of(posterior, TWINS, {}) if finding.name == "one")
     (parameter,) = finding.parameters.values()
 
@@ -93,7 +105,7 @@ def test_errors_of_an_effects_parameters_contain_the_choice_of_the_set() -> None
 
 
 def test_indistinguishable_effects_are_reported_together() -> None:
-    posterior, _ = searched(campaign_of(ONE_SPEED, sideways(3.0), axes=ALL_AXES), TWINS)
+    posterior = of_twins()
     assert posterior.identified() == ()
     assert [set(group) for group in posterior.alternatives()] == [{"one", "other"}]
     findings = findings_of(posterior, TWINS, {})
@@ -108,18 +120,16 @@ def test_indistinguishable_effects_are_reported_together() -> None:
 
 def test_groups_of_causes_do_not_count_what_is_no_cause() -> None:
     """Where a band without a law is likely, no effect of the catalogue is certain to be present."""
-    posterior, _ = searched(campaign_of(ONE_SPEED, sideways(3.0), axes=ALL_AXES), TWINS)
+    posterior = of_twins()
     assert posterior.alternatives({"one", "other"}) == posterior.alternatives()
     assert posterior.alternatives({"one"}) == ()
 
 
 @pytest.mark.parametrize("reverse", [False, True])
 def test_order_of_candidates_does_not_matter(reverse: bool) -> None:
-    campaign = campaign_of(ONE_SPEED, gain, noise_mps2=NOISY)
-    first, _ = searched(campaign, SENSOR)
     names = sorted(SENSOR, reverse=reverse)
-    again, _ = searched(campaign, {name: SENSOR[name] for name in names})
-    assert same(first, again)
+    again, _ = searched(campaign_of(ONE_SPEED, gain, noise_mps2=NOISY), {name: SENSOR[name] for name in names})
+    assert same(of_gain(), again)
 
 
 def test_impossible_set_has_no_weight() -> None:

@@ -11,11 +11,12 @@ from firmware_protocol.codec import encode_frame
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Coupling, Environment, MessageType
 from gateway.estimators.estimator import Status
+from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.pipeline.results import WheelState
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.pipeline.wheels import Pipeline
 from gateway.reasons import Code, codes_of
-from tests.testkit.agreement import assert_agree, values_of
+from tests.testkit.agreement import assert_agree, by_wheel, values_of
 
 SETUP = WheelSetup("FL", 0, 0, 0.32, load_n=5000.0, load_std_n=50.0)
 UNKNOWN = WheelSetup("", 0, 0, 0.32)
@@ -26,8 +27,8 @@ def stream(frames, step_ns=3_750_000, start_ns=10**18):
     return [(encode_frame(frame), start_ns + i * step_ns) for i, frame in enumerate(frames)]
 
 
-def run_live(packets, setups=(SETUP,), pieces=None):
-    pipeline, decoder = Pipeline(setups, UNKNOWN), FrameDecoder()
+def run_live(packets, setups=(SETUP,), pieces=None, estimators=DEFAULT_ESTIMATORS):
+    pipeline, decoder = Pipeline(setups, UNKNOWN, estimators), FrameDecoder()
     results = []
     for data, host_ns in packets:
         for part in pieces(data) if pieces else (data,):
@@ -63,13 +64,6 @@ def run_batch(packets, setups=(SETUP,), block=50_000):
         take(decoder.feed(whole[index : index + block]))
     take(decoder.finish())
     return results + pipeline.finish(), pipeline
-
-
-def by_wheel(results):
-    wheels = {}
-    for result in results:
-        wheels.setdefault(result.position, []).append(values_of(result))
-    return wheels
 
 
 @pytest.fixture(scope="module")
@@ -137,7 +131,7 @@ def test_results_do_not_depend_on_chunks(roll, to_frames):
     assert len(whole) >= 24
     for size in (1, 19, 240):
         cut, _ = run_live(packets, pieces=lambda d, n=size: [d[i : i + n] for i in range(0, len(d), n)])
-        assert by_wheel(cut) == by_wheel(whole)
+        assert values_of(by_wheel(cut)) == values_of(by_wheel(whole))
 
 
 def test_frames_of_one_chunk_join_without_changing_results(roll, to_frames) -> None:
@@ -179,9 +173,9 @@ def test_speed_and_contact_at_any_sign_and_coupling(roll, to_frames, sign, ac):
 
 def test_lost_frame_loses_no_revolution(roll, to_frames):
     frames = to_frames(roll(65.0, 3.0).radial_mps2)
-    clean, _ = run_live(stream(frames))
+    clean, _ = run_live(stream(frames), estimators=("kinematic",))
     for lost in range(200, 232):
-        results, pipeline = run_live(stream(frames[:lost] + frames[lost + 1 :]))
+        results, pipeline = run_live(stream(frames[:lost] + frames[lost + 1 :]), estimators=("kinematic",))
         assert len(results) == len(clean)
         assert pipeline.wheels()[0].counters.samples_lost == 36
         hit = [result for result in results if result.revolution.missing_fraction > 0]
@@ -336,10 +330,15 @@ def test_hub_itself_is_no_wheel(roll, to_frames):
     assert pipeline.wheels() == ()
 
 
-def test_held_revolutions_agree_and_come_in_time(four_wheels):
-    packets = stream(four_wheels, step_ns=938_000)
-    at_once, came_ns, rest = arrivals_ns(packets, 0.0)
-    held, later_ns, held_rest = arrivals_ns(packets, 0.2)
+@pytest.fixture(scope="module")
+def held(four_wheels):
+    """Return the results of four wheels that wait for 0.2 s."""
+    return arrivals_ns(stream(four_wheels, step_ns=938_000), 0.2)
+
+
+def test_held_revolutions_agree_and_come_in_time(four_wheels, held):
+    at_once, came_ns, rest = arrivals_ns(stream(four_wheels, step_ns=938_000), 0.0)
+    held, later_ns, held_rest = held
     assert_agree([*held, *held_rest], [*at_once, *rest])
     first_ns = {(r.position, r.revolution.index): position for r, position in zip(at_once, came_ns, strict=True)}
     waits = [position - first_ns[r.position, r.revolution.index] for r, position in zip(held, later_ns, strict=True)]
@@ -348,8 +347,8 @@ def test_held_revolutions_agree_and_come_in_time(four_wheels):
     assert max(later_ns.count(position) for position in later_ns) > 1
 
 
-def test_wheels_of_a_hub_come_together(four_wheels):
-    results, came_ns, _ = arrivals_ns(stream(four_wheels, step_ns=938_000), 0.2)
+def test_wheels_of_a_hub_come_together(held):
+    results, came_ns, _ = held
     assert len({result.position for result in results}) > 1
     apart_ns = np.diff(np.unique(came_ns))
     assert len(apart_ns) > 5
@@ -379,7 +378,7 @@ def test_snapshot_is_new_only_after_a_change(roll, to_frames):
 
 
 def test_revolutions_of_a_silent_wheel_do_not_wait(four_wheels):
-    pipeline = Pipeline((SETUP,), UNKNOWN, hold_s=0.2)
+    pipeline = Pipeline((SETUP,), UNKNOWN, ("kinematic",), hold_s=0.2)
     stops = len(four_wheels) // 2
     results = []
     for index, frame in enumerate(four_wheels):
@@ -391,7 +390,7 @@ def test_revolutions_of_a_silent_wheel_do_not_wait(four_wheels):
 
 
 def test_revolutions_do_not_wait_for_a_hub_clock_that_stands_still(four_wheels):
-    pipeline = Pipeline((SETUP,), UNKNOWN, hold_s=0.2)
+    pipeline = Pipeline((SETUP,), UNKNOWN, ("kinematic",), hold_s=0.2)
     first = four_wheels[0].tick_us
     results = []
     for index, frame in enumerate(four_wheels):
