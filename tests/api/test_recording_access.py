@@ -10,10 +10,8 @@ import traceback
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import gateway
-from gateway.cli import treadlink
 from gateway.config.effects_file import effects_text
 from gateway.config.vehicle import load_vehicle
 from gateway.recording.reader import RecordingReader
@@ -21,12 +19,13 @@ from gateway.session.recorded_signals import sample_blocks
 from gateway.session.recording_pass import OpenedRecording
 from gateway.signal.effect_correction import CorrectedEffect, CorrectionTable, EffectParameter
 from gateway.signal.order_spectrum import order_coefficients
+from tests.testkit.commands import invoked, run
 
 
 @pytest.fixture(scope="module")
 def rows(recorded):
     """Rows of `treadlink estimate --csv`."""
-    done = CliRunner().invoke(treadlink, ["estimate", str(recorded), "--csv", "-"])
+    done = invoked("estimate", recorded, "--csv", "-")
     assert done.exit_code == 0, done.output
     return list(csv.DictReader(io.StringIO(done.stdout)))
 
@@ -208,8 +207,7 @@ def test_passes_over_one_recording_may_overlap(several_blocks):
 
 def test_uncertainties_agree_with_the_files(recording, recorded, tmp_path):
     out = tmp_path / "rows.csv"
-    done = CliRunner().invoke(treadlink, ["estimate", str(recorded), "--csv", str(out), "--coverage", "0.95"])
-    assert done.exit_code == 0, done.output
+    run("estimate", recorded, "--csv", out, "--coverage", "0.95")
     with out.open(newline="") as file:
         written = rows_of(list(csv.DictReader(file)), "FL")
     estimates = recording.estimates()
@@ -248,7 +246,7 @@ def test_alarms_equal_those_of_estimate(recorded, tmp_path):
     config.write_text(f"{vehicle}\n[thresholds]\nspeed_max_kmh = 60\n")
     opened = gateway.open(recorded, config=config, estimators="kinematic")
     options = ["--config", str(config), "--estimator", "kinematic", "--json", "-"]
-    done = CliRunner().invoke(treadlink, ["estimate", str(recorded), *options])
+    done = invoked("estimate", recorded, *options)
     records = [json.loads(line).get("alarm_record") for line in done.stdout.splitlines()]
     expected = [record for record in records if record]
     result = opened.alarms()
@@ -359,7 +357,7 @@ def test_notices_are_the_warnings_of_estimate(recorded, tmp_path):
     config = tmp_path / "swapped.toml"
     config.write_text(vehicle)
     options = ["--config", str(config), "--estimator", "kinematic"]
-    done = CliRunner().invoke(treadlink, ["estimate", str(recorded), *options])
+    done = invoked("estimate", recorded, *options)
     notices = gateway.open(recorded, config=config, estimators=("kinematic",)).notices()
     assert len(notices) == 1
     assert notices[0] in done.output
@@ -435,9 +433,9 @@ def test_text_forms_state_units(recording):
 def test_page_is_that_of_estimate(recorded, tmp_path):
     by_command, by_program = tmp_path / "command.html", tmp_path / "program.html"
     described = shutil.copy(recorded, tmp_path / "described.mcap")
-    assert CliRunner().invoke(treadlink, ["note", str(described), "--comment", "wet track"]).exit_code == 0
+    run("note", described, "--comment", "wet track")
     words = ["estimate", str(described), "--estimator", "kinematic", "--html", str(by_command)]
-    assert CliRunner().invoke(treadlink, words).exit_code == 0
+    run(*words)
     with gateway.open(described, estimators="kinematic") as recording:
         assert recording.report_html(by_program) == by_command.read_text(encoding="utf-8")
         assert by_program.read_bytes() == by_command.read_bytes()

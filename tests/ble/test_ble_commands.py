@@ -11,16 +11,14 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
 from gateway.cli.doctor_checks import Level, check_bluetooth, check_source
-from gateway.cli.scan import scan
-from gateway.cli.simulate import simulate
 from gateway.clock import ManualClock
 from gateway.simulator.bluetooth.bluez_thread import BluezStandIn
 from gateway.simulator.bluetooth.dbus_daemon import PrivateBus
 from gateway.simulator.bluetooth.peripheral import Peripheral
 from tests.ble.conftest import ADDRESSES, require_dbus_daemon, settle
+from tests.testkit.commands import invoked
 from tests.testkit.hub_ends import TIMEOUT_S
 
 ROOT = Path(__file__).parents[2]
@@ -36,7 +34,7 @@ def no_serial_ports(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_scan_lists_hubs_with_signal_and_battery(bluez: BluezStandIn, hub: Peripheral) -> None:
     bluez.add(Peripheral(ADDRESSES[1], "Hub 2", rssi_dbm=-70))
     bluez.add(Peripheral(ADDRESSES[2], "Scales", service="0000181d-0000-1000-8000-00805f9b34fb"))
-    done = CliRunner().invoke(scan, ["--timeout", "0.2"])
+    done = invoked("scan", "--timeout", "0.2")
     assert done.exit_code == 0
     lines = done.output.splitlines()
     assert [" ".join(line.split()) for line in lines] == [
@@ -44,16 +42,16 @@ def test_scan_lists_hubs_with_signal_and_battery(bluez: BluezStandIn, hub: Perip
         f"ble://Hub%202 -70 dBm battery unknown Hub 2 at {ADDRESSES[1]}",
         "No serial port found.",
     ]
-    assert "Scales" in CliRunner().invoke(scan, ["--timeout", "0.2", "--all"]).output
+    assert "Scales" in invoked("scan", "--timeout", "0.2", "--all").output
 
 
 @pytest.mark.usefixtures("no_serial_ports")
 def test_scan_gives_addresses_for_equal_names(bluez: BluezStandIn, hub: Peripheral) -> None:
     bluez.add(Peripheral(ADDRESSES[1], "Treadlink-FL", rssi_dbm=-70))
-    output = CliRunner().invoke(scan, ["--timeout", "0.2"]).output
+    output = invoked("scan", "--timeout", "0.2").output
     assert f"ble://{ADDRESSES[0]} " in output
     assert "Several hubs are named 'Treadlink-FL'. Give the address." in output
-    report = json.loads(CliRunner().invoke(scan, ["--timeout", "0.2", "--json"]).output)
+    report = json.loads(invoked("scan", "--timeout", "0.2", "--json").output)
     assert report["bluetooth_fault"] is None
     assert report["serial_ports"] == []
     assert report["hubs"][0] == {
@@ -70,7 +68,7 @@ def test_scan_gives_addresses_for_equal_names(bluez: BluezStandIn, hub: Peripher
 def test_scan_without_adapter_continues(bus: PrivateBus) -> None:
     with BluezStandIn(bus.address, adapter=None):
         settle("this computer has no Bluetooth adapter")
-        done = CliRunner().invoke(scan, ["--timeout", "0.1"])
+        done = invoked("scan", "--timeout", "0.1")
     assert done.exit_code == 1  # nothing is found
     assert "Bluetooth: this computer has no Bluetooth adapter" in done.output
     assert "No serial port found." in done.output
@@ -163,4 +161,4 @@ def test_interrupt_does_not_reach_the_bus(bus: PrivateBus) -> None:
 
 @pytest.mark.parametrize("arguments", [["--ble", "--pty"], ["--ble", "--fault", "flip:rate=0.01"], []])
 def test_simulate_takes_one_output(arguments: list[str]) -> None:
-    assert CliRunner().invoke(simulate, ["lab", *arguments]).exit_code == 2
+    assert invoked("simulate", "lab", *arguments).exit_code == 2

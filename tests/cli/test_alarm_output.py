@@ -5,10 +5,9 @@ import json
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
-from gateway.cli import treadlink
 from gateway.recording.reader import RecordingReader
+from tests.testkit.commands import run
 
 LOW = "W1: ALARM at 0.1 s: pressure 210 kPa is below 230 kPa"
 QUIET = "W1: ALARM at 5.0 s: no samples for 2 s"
@@ -24,12 +23,6 @@ load_n = 5000
 pressure_min_kpa = 230
 """
 SOURCE = "sim:lab?speed=max&duration=8&fault=silence:part=2,at=3"
-
-
-def run(*arguments: object) -> str:
-    done = CliRunner().invoke(treadlink, [str(argument) for argument in arguments])
-    assert done.exit_code == 0, done.output
-    return done.output
 
 
 @pytest.fixture(scope="module")

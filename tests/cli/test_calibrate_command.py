@@ -5,14 +5,12 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
-from gateway.cli import treadlink
 from gateway.config.vehicle import parse_vehicle
 from gateway.errors import CalibrationError, ConfigError, RecordingError, TreadlinkError
 from gateway.physics.lateral_belt import LateralSolution
 from gateway.simulator.truth import WheelTruth
-from tests.testkit.commands import run
+from tests.testkit.commands import invoked, run
 from tests.testkit.simulated_wheel import last, simulated
 
 LOAD_SCENARIO = "[[wheel]]\nposition = 'FL'\nwheel = 0\nload_n = {load}\npressure_kpa = {pressure}\n"
@@ -205,9 +203,9 @@ def test_faults_of_a_runs_file_name_their_keys(tmp_path: Path) -> None:
 
 
 def test_recordings_without_a_name_calibrate_the_load() -> None:
-    result = CliRunner().invoke(treadlink, ["calibrate", "--wheel", "FL", "missing.mcap"])
+    result = invoked("calibrate", "--wheel", "FL", "missing.mcap")
     assert "missing.mcap" in str(result.exception)
-    assert "load" in CliRunner().invoke(treadlink, ["calibrate", "--help"]).output
+    assert "load" in invoked("calibrate", "--help").output
 
 
 FORCE_TABLES = "[tire]\nring_nodes = 1440\n"
@@ -264,14 +262,14 @@ def test_calibration_gives_force_and_moment(force_folder: Path, tmp_path: Path) 
 def test_equal_forces_are_refused(force_folder: Path) -> None:
     path = force_folder / "equal.toml"
     path.write_text("".join(FORCE_RUN.format(force=500, moment=0, begin=b, end=e) for _, b, e in FORCE_PARTS))
-    result = CliRunner().invoke(treadlink, ["calibrate", "side-force", str(path)])
+    result = invoked("calibrate", "side-force", path)
     assert isinstance(result.exception, CalibrationError) or "same in all runs" in result.output
 
 
 def test_short_run_is_refused(force_folder: Path) -> None:
     path = force_folder / "short.toml"
     path.write_text("".join(FORCE_RUN.format(force=f, moment=0, begin=1e-3 * f, end=0.4 + 1e-3 * f) for f in (0, 500)))
-    result = CliRunner().invoke(treadlink, ["calibrate", "side-force", str(path)])
+    result = invoked("calibrate", "side-force", path)
     assert isinstance(result.exception, CalibrationError) or "are required" in result.output
 
 
@@ -280,7 +278,7 @@ def test_copy_of_a_recording_is_refused(force_folder: Path) -> None:
     path = force_folder / "copies.toml"
     texts = [FORCE_RUN.format(force=f, moment=0, begin=0.0, end=4.0) for f in (0, 500)]
     path.write_text(texts[0] + texts[1].replace("sweep", "copy"))
-    result = CliRunner().invoke(treadlink, ["calibrate", "side-force", str(path)])
+    result = invoked("calibrate", "side-force", path)
     assert isinstance(result.exception, RecordingError)
     assert "copy of" in str(result.exception)
 
@@ -288,5 +286,5 @@ def test_copy_of_a_recording_is_refused(force_folder: Path) -> None:
 def test_end_before_begin_is_a_fault(force_folder: Path) -> None:
     path = force_folder / "fault.toml"
     path.write_text("".join(FORCE_RUN.format(force=f, moment=0, begin=3.0, end=1.0) for f in (0, 500)))
-    result = CliRunner().invoke(treadlink, ["calibrate", "side-force", str(path)])
+    result = invoked("calibrate", "side-force", path)
     assert isinstance(result.exception, ConfigError) or "to_s" in result.output

@@ -4,12 +4,11 @@ import csv
 import io
 
 import pytest
-from click.testing import CliRunner
 
 import gateway
-from gateway.cli import treadlink
 from gateway.errors import RecordingError
 from tests.testkit.campaign_recordings import START_NS, write_recording
+from tests.testkit.commands import invoked, run
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +21,7 @@ def pair(tmp_path_factory):
 
 
 def compare(*arguments):
-    return CliRunner().invoke(treadlink, ["compare", *map(str, arguments)])
+    return invoked("compare", *arguments)
 
 
 def test_another_speed_is_significant_and_the_same_recording_is_not_different(pair):
@@ -54,8 +53,7 @@ def test_python_gives_the_same_numbers(pair):
 
 def test_recordings_without_a_common_wheel_are_refused(pair, tmp_path):
     other = tmp_path / "other.mcap"
-    made = CliRunner().invoke(treadlink, ["simulate", "lab", "--duration", "2", "--out", str(other)])
-    assert made.exit_code == 0, made.output
+    run("simulate", "lab", "--duration", "2", "--out", other)
     result = compare(pair[0], other)
     assert isinstance(result.exception, RecordingError)
     assert "no wheel has revolutions in both" in str(result.exception)

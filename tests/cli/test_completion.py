@@ -7,17 +7,14 @@ import sys
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
-from gateway.cli import treadlink
+from tests.testkit.commands import invoked, run
 
 ROOT = Path(__file__).parents[2]
 
 
 def script(shell: str) -> str:
-    done = CliRunner().invoke(treadlink, ["completion", shell], catch_exceptions=False)
-    assert done.exit_code == 0
-    return done.output
+    return run("completion", shell)
 
 
 def completed(words: str, index: int) -> list[str]:
@@ -51,6 +48,6 @@ def test_commands_options_and_values_are_completed() -> None:
 
 
 def test_unknown_shell_is_refused() -> None:
-    done = CliRunner().invoke(treadlink, ["completion", "tcsh"])
+    done = invoked("completion", "tcsh")
     assert done.exit_code == 2
     assert "bash" in done.output

@@ -7,9 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from gateway.cli import treadlink
 from gateway.clock import ManualClock
 from gateway.closure.closed_loop import SEARCHED
 from gateway.closure.data.campaign_data import Campaign
@@ -23,6 +21,7 @@ from gateway.recording.file_content import check_distinct
 from gateway.session import campaign_diagnosis
 from gateway.signal.effect_correction import CorrectedEffect, CorrectionTable, EffectParameter
 from tests.testkit.campaign_recordings import write_recording
+from tests.testkit.commands import invoked
 from tests.testkit.diagnosis_data import empty, ordinary, undrawn
 
 AT_60 = "[motion]\nspeed_kmh = 60.0"
@@ -72,7 +71,7 @@ def closed(monkeypatch):
 
 
 def run(*arguments):
-    return CliRunner().invoke(treadlink, ["diagnose", *map(str, arguments)])
+    return invoked("diagnose", *arguments)
 
 
 def refused(*arguments):
@@ -280,9 +279,7 @@ class TestEffectsFiles:
 
     def radial_of(self, path, recording, *more):
         out = path.with_suffix(".csv")
-        result = CliRunner().invoke(
-            treadlink, ["estimate", str(recording), "--csv", str(out), "--force", *map(str, more)]
-        )
+        result = invoked("estimate", recording, "--csv", out, "--force", *more)
         assert result.exit_code == 0, result.exception
         return out.read_text(), result.output
 
@@ -299,15 +296,13 @@ class TestEffectsFiles:
         assert run(recording, "--save-effects", path).exit_code == 0
         _, printed = self.radial_of(tmp_path / "off", recording, "--effects", path)
         assert "NOT subtracted from its axes: mounting offset: 5000 N is outside the 3000 N to 4000 N" in printed
-        result = CliRunner().invoke(
-            treadlink, ["replay", str(recording), "--speed", "max", "--plain", "--effects", str(path)]
-        )
+        result = invoked("replay", recording, "--speed", "max", "--plain", "--effects", path)
         assert "W0: subtracted from its axes at 48 km/h to 72 km/h, 3000 to 4000 N: mounting offset" in result.output
 
     def test_replay_subtracts_effects_reproducibly(self, saved, recording, tmp_path):
         def lines(*more):
             arguments = ["replay", str(recording), "--speed", "max", "--plain", *map(str, more)]
-            result = CliRunner().invoke(treadlink, arguments)
+            result = invoked(*arguments)
             assert result.exit_code == 0, result.exception
             return [line for line in result.output.splitlines() if line.startswith("W0 ")]
 
@@ -327,7 +322,7 @@ class TestEffectsFiles:
 
     def test_effects_of_another_vehicle_are_rejected(self, saved, tmp_path):
         other = write_recording(tmp_path / "bare.mcap", AT_60, duration_s=3.0, configured=False)
-        result = CliRunner().invoke(treadlink, ["estimate", str(other), "--effects", str(saved)])
+        result = invoked("estimate", other, "--effects", saved)
         assert isinstance(result.exception, TreadlinkError)
         assert "no configuration" in str(result.exception)
 
@@ -363,7 +358,7 @@ def test_every_command_checks_the_effects_alike(recording, tmp_path, command):
         path = tmp_path / "w0.effects.json"
         path.write_text(change(effects_text(table(effects=effects))))
         arguments = [command[0], str(recording), *command[1:], "--effects", str(path)]
-        result = CliRunner().invoke(treadlink, arguments)
+        result = invoked(*arguments)
         assert isinstance(result.exception, TreadlinkError), result.output
         assert result.exception.remedy
         return str(result.exception)

@@ -4,12 +4,11 @@ import csv
 import io
 
 import pytest
-from click.testing import CliRunner
 
-from gateway.cli import treadlink
 from gateway.errors import RecordingError
 from gateway.recording.reader import RecordingReader
 from tests.testkit.campaign_recordings import START_NS, write_recording
+from tests.testkit.commands import invoked
 
 TABLES = ("csv", "json", "parquet", "metadata", "html")
 
@@ -27,7 +26,7 @@ def recordings(tmp_path_factory):
 def estimate(recordings, folder):
     outputs = [word for kind in TABLES for word in (f"--{kind}", str(folder / f"out.{kind}"))]
     # Fewer quantities, each of which the page draws.
-    return CliRunner().invoke(treadlink, ["estimate", *map(str, recordings), "--estimator", "kinematic", *outputs])
+    return invoked("estimate", *recordings, "--estimator", "kinematic", *outputs)
 
 
 def test_recordings_follow_each_other_in_the_order_given(recordings, tmp_path):
@@ -67,7 +66,7 @@ def test_dump_of_a_link_has_the_same_estimates_and_no_times(recordings, tmp_path
     rows = []
     for path in (recordings[0], dump):
         arguments = ["estimate", str(path), "--config", str(vehicle), "--csv", "-"]
-        result = CliRunner().invoke(treadlink, arguments)
+        result = invoked(*arguments)
         assert result.exit_code == 0, result.output
         rows.append(list(csv.DictReader(io.StringIO(result.stdout))))
     timed, untimed = rows
@@ -81,7 +80,7 @@ def test_dump_of_a_link_has_the_same_estimates_and_no_times(recordings, tmp_path
 
 def test_coverage_without_a_table_is_refused(recordings, tmp_path):
     for page in ((), ("--html", str(tmp_path / "page.html"))):
-        result = CliRunner().invoke(treadlink, ["estimate", str(recordings[1]), "--coverage", "0.95", *page])
+        result = invoked("estimate", recordings[1], "--coverage", "0.95", *page)
         assert result.exit_code == 2
         assert "give --csv, --json or --parquet" in result.output
     assert not list(tmp_path.iterdir())

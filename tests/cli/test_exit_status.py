@@ -21,6 +21,7 @@ from gateway.recording.writer import RecordingWriter
 from gateway.simulator.scenario import load_scenario, vehicle_toml
 from gateway.simulator.simulation import simulate
 from tests.pipeline.rolling_signals import SCALE_MPS2, hello
+from tests.testkit.commands import invoked
 
 START_NS = 1_700_000_000_000_000_000
 TIMEOUT_S = 60
@@ -75,7 +76,7 @@ def run(folder: Path, line: str) -> tuple[int, str]:
     before = Path.cwd()
     os.chdir(folder)
     try:
-        result = CliRunner().invoke(treadlink, line)
+        result = invoked(line)
     finally:
         os.chdir(before)
     return result.exit_code, result.output + str(result.exception or "")
@@ -142,7 +143,7 @@ def test_json_lines_name_the_missing_revolutions(folder: Path, tmp_path: Path) -
 
 
 def test_table_on_standard_output_is_alone_there(folder: Path) -> None:
-    result = CliRunner().invoke(treadlink, f"estimate {folder}/rolling.mcap --csv -")
+    result = invoked(f"estimate {folder}/rolling.mcap --csv -")
     assert result.exit_code == 0
     rows = list(csv.DictReader(io.StringIO(result.stdout)))
     assert {row["position"] for row in rows} == {"W1"}

@@ -3,12 +3,11 @@
 from collections.abc import Callable
 
 import pytest
-from click.testing import CliRunner
 
-from gateway.cli import treadlink
 from gateway.errors import TreadlinkError
 from gateway.recording.mcap_records import MAGIC, RECORD_HEAD
 from tests.testkit.campaign_recordings import write_recording
+from tests.testkit.commands import invoked
 
 CHUNK = 0x06
 
@@ -75,7 +74,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 
 
 def run(line: str) -> tuple[int, str]:
-    result = CliRunner().invoke(treadlink, line)
+    result = invoked(line)
     error = result.exception
     assert error is None or isinstance(error, (SystemExit, TreadlinkError)), repr(error)
     remedy = error.remedy if isinstance(error, TreadlinkError) else ""

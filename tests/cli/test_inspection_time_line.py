@@ -8,6 +8,7 @@ from click.testing import CliRunner
 from gateway.cli import treadlink
 from gateway.cli.inspection_report import _time_line
 from gateway.recording.inspection import WheelInspection
+from tests.testkit.commands import invoked
 
 RATE_HZ = 9600
 BEGIN_S = 1_700_000_000.6
@@ -74,7 +75,7 @@ def test_inspect_of_a_minute_without_losses_is_full(tmp_path) -> None:
     path = tmp_path / "run.mcap"
     run = CliRunner().invoke(treadlink, f"record sim:lab?speed=max&duration=70 --out {path}".split())
     assert run.exit_code == 0, run.output
-    output = CliRunner().invoke(treadlink, ["inspect", str(path)]).output
+    output = invoked("inspect", path).output
     assert "0 lost (0 %)" in output
     (bars,) = (line.strip() for line in output.splitlines() if "█" in line)
     assert set(bars) == {"█"}

@@ -6,11 +6,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
-from gateway.cli import treadlink
 from gateway.cli.logs import configure_logging, held_back
 from gateway.errors import OutputError
+from tests.testkit.commands import run
 
 logger = logging.getLogger("gateway.test")
 
@@ -62,6 +61,5 @@ def test_option_configures_logging(tmp_path: Path) -> None:
     path = tmp_path / "run.log"
     out = tmp_path / "lab.mcap"
     arguments = ["-v", "--log", str(path), "simulate", "lab", "--duration", "0.2", "--out", str(out)]
-    result = CliRunner().invoke(treadlink, arguments)
-    assert result.exit_code == 0, result.output
+    run(*arguments)
     assert f"INFO    gateway.recording.writer: recording to {out}" in path.read_text()

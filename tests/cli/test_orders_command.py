@@ -6,9 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from gateway.cli import treadlink
 from gateway.errors import OutputError, RecordingError
 from gateway.recording.recorded_file import open_recorded_file
 from gateway.session.recorded_orders import recorded_orders
@@ -17,6 +15,7 @@ from gateway.session.recording_pass import OpenedRecording
 from gateway.signal.order_spectrum import order_coefficients
 from gateway.views.orders.order_figure import write_figure
 from tests.testkit.campaign_recordings import write_recording
+from tests.testkit.commands import invoked
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +35,7 @@ def two_speeds(tmp_path_factory):
 
 
 def run(*words):
-    return CliRunner().invoke(treadlink, ["orders", *map(str, words)])
+    return invoked("orders", *words)
 
 
 def test_terminal_shows_shares_and_amplitudes(recorded):

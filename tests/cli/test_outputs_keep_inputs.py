@@ -6,10 +6,10 @@ from pathlib import Path
 
 import click
 import pytest
-from click.testing import CliRunner
 
 from gateway.cli import COMMANDS, treadlink
 from gateway.errors import TreadlinkError
+from tests.testkit.commands import invoked, run
 
 # Commands that can overwrite, with each input given as an output.
 OVERWRITING = [
@@ -91,8 +91,7 @@ def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "folder").mkdir()
     Path("scenario.toml").write_text("[[wheel]]\nposition = 'FL'\nwheel = 0\n")
-    made = CliRunner().invoke(treadlink, "simulate scenario.toml --duration 0.5 --out rec.mcap --vehicle car.toml")
-    assert made.exit_code == 0, made.output
+    run("simulate scenario.toml --duration 0.5 --out rec.mcap --vehicle car.toml")
     for name in ("keys", "effects.json", "rec.csv", "conditions.csv"):
         Path(name).write_text("kept")
     for name, key in (("slip", "slip_deg"), ("side-force", "side_force_n")):
@@ -113,7 +112,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 @pytest.mark.parametrize("line", OVERWRITING)
 def test_input_is_never_overwritten(files: Path, line: str, force: str) -> None:
     before = contents(files)
-    result = CliRunner().invoke(treadlink, line + force)
+    result = invoked(line + force)
     assert isinstance(result.exception, TreadlinkError), result.output
     assert "is an input" in str(result.exception)
     assert result.exception.remedy
@@ -123,7 +122,7 @@ def test_input_is_never_overwritten(files: Path, line: str, force: str) -> None:
 @pytest.mark.parametrize("line", OVERWRITING_LIVE)
 def test_live_output_is_not_appended_to_a_file_of_the_session(files: Path, line: str) -> None:
     before = contents(files)
-    result = CliRunner().invoke(treadlink, line)
+    result = invoked(line)
     assert isinstance(result.exception, TreadlinkError), result.output
     assert "is an input" in str(result.exception) or "two outputs" in str(result.exception)
     assert contents(files) == before
@@ -132,7 +131,7 @@ def test_live_output_is_not_appended_to_a_file_of_the_session(files: Path, line:
 @pytest.mark.parametrize("line", NEVER)
 def test_existing_files_are_never_overwritten(files: Path, line: str) -> None:
     before = contents(files)
-    result = CliRunner().invoke(treadlink, line)
+    result = invoked(line)
     assert isinstance(result.exception, TreadlinkError), result.output
     after = contents(files)
     assert {name: after[name] for name in before} == before
@@ -143,13 +142,13 @@ def test_default_key_file_is_never_overwritten(files: Path, command: str, monkey
     # A command asks for it in its own module or where it runs.
     for position in ("gateway.cli.diagnose", "gateway.security.key_file"):
         monkeypatch.setattr(f"{position}.default_key_file", lambda: Path("keys").resolve())
-    result = CliRunner().invoke(treadlink, f"{command} rec.mcap --json keys --force")
+    result = invoked(f"{command} rec.mcap --json keys --force")
     assert "is an input" in str(result.exception)
     assert Path("keys").read_text() == "kept"
 
 
 def test_outputs_must_be_different_files(files: Path) -> None:
-    result = CliRunner().invoke(treadlink, "estimate rec.mcap --csv a --json ./folder/../a --force")
+    result = invoked("estimate rec.mcap --csv a --json ./folder/../a --force")
     assert "two outputs" in str(result.exception)
     assert not Path("a").exists()
 

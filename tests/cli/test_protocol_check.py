@@ -9,19 +9,19 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
 
-from gateway.cli import treadlink
 from gateway.cli.clause_report import CLAUSES, PAGE, anchor
 from gateway.cli.protocol_check import dump_frames
 from gateway.clock import SystemClock
 from gateway.errors import TreadlinkError
 from gateway.session.bringup.clauses import Clause, Verdict
 from tests.session.wrong_firmware import WRONG, Stream, frames, right, right_stream
+from tests.testkit.commands import invoked
 
 
 def run(*arguments: str) -> Result:
-    return CliRunner().invoke(treadlink, ["protocol", *arguments])
+    return invoked("protocol", *arguments)
 
 
 def written(path: Path, stream: Stream) -> str:

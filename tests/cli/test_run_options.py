@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import CliRunner
 
 from gateway.cli import COMMANDS, treadlink
 from gateway.cli.options import FiniteRange
@@ -15,12 +15,9 @@ from gateway.errors import RecordingError
 from gateway.recording.reader import RecordingReader
 from gateway.recording.run_description import TireIdentity
 from tests.testkit.campaign_recordings import write_recording
+from tests.testkit.commands import invoked, run
 
 STATED = '[test]\nname = "from file"\ndriver = "Bo"\ntags = ["track"]\n'
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(treadlink, [str(argument) for argument in arguments])
 
 
 @pytest.fixture(scope="module")
@@ -35,8 +32,7 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def recorded(source: Path, out: Path, *options: object) -> Path:
-    done = run("record", f"replay:{source}?speed=max", "--out", out, *options)
-    assert done.exit_code == 0, done.output
+    run("record", f"replay:{source}?speed=max", "--out", out, *options)
     return out
 
 
@@ -58,13 +54,13 @@ def test_options_replace_the_vehicle_file(source: Path, tmp_path: Path) -> None:
 
 def test_the_description_is_in_inspect_and_exports(source: Path, tmp_path: Path) -> None:
     path = recorded(source, tmp_path / "a.mcap")
-    assert run("note", path, "--comment", "later", "--tag", "rain").exit_code == 0
-    lines = [line.strip() for line in run("inspect", path).output.splitlines()]
+    assert invoked("note", path, "--comment", "later", "--tag", "rain").exit_code == 0
+    lines = [line.strip() for line in invoked("inspect", path).output.splitlines()]
     assert {"test: from file", "driver: Bo", "tags: track, rain", "tire W0: Acme", "comment: later"} <= set(lines)
-    stated = json.loads(run("inspect", path, "--json").stdout)["run"]
+    stated = json.loads(invoked("inspect", path, "--json").stdout)["run"]
     assert stated["tags"] == ["track", "rain"]
     assert stated["tires"] == {"W0": {"maker": "Acme"}}
-    assert run("export", path, tmp_path / "a.csv").exit_code == 0
+    assert invoked("export", path, tmp_path / "a.csv").exit_code == 0
     head = (tmp_path / "a.csv").read_text(encoding="utf-8").split("\ntime")[0]
     assert "# W0 test: from file" in head
     assert "# W0 tags: track, rain" in head
@@ -77,20 +73,20 @@ def test_a_campaign_and_trends_select_runs(source: Path, tmp_path: Path) -> None
     wet = recorded(source, folder / "wet.mcap", "--test", "wet braking 1")
     recorded(source, folder / "dry.mcap", "--test", "dry braking 1")
     options = ("--out", dataset, "--jobs", 1, "--estimator", "kinematic")
-    done = run("campaign", folder, *options, "--where", "test=wet*")
+    done = invoked("campaign", folder, *options, "--where", "test=wet*")
     assert "1 recording estimated" in done.output
-    done = run("campaign", folder, *options, "--where", "test=ice*")
+    done = invoked("campaign", folder, *options, "--where", "test=ice*")
     assert isinstance(done.exception, RecordingError)
     assert "dry braking 1, wet braking 1" in done.exception.remedy
-    done = run("campaign", folder, *options, "--where", "tag=ice", "--where", "dot=1*")
+    done = invoked("campaign", folder, *options, "--where", "tag=ice", "--where", "dot=1*")
     assert isinstance(done.exception, RecordingError)
     assert done.exception.remedy == "They have tag: track. None states its dot."
-    assert "1 recording estimated" in run("campaign", folder, *options).output
-    assert "1 recording," in run("trends", dataset, "--where", "test=dry*").output
-    assert run("trends", dataset, "--where", "tag=puddle").exit_code == 1
-    run("note", wet, "--tag", "puddle")
+    assert "1 recording estimated" in invoked("campaign", folder, *options).output
+    assert "1 recording," in invoked("trends", dataset, "--where", "test=dry*").output
+    assert invoked("trends", dataset, "--where", "tag=puddle").exit_code == 1
+    invoked("note", wet, "--tag", "puddle")
     # The note is later than the dataset.
-    assert "1 recording," in run("trends", dataset, "--where", "tag=puddle").output
+    assert "1 recording," in invoked("trends", dataset, "--where", "tag=puddle").output
 
 
 @pytest.mark.parametrize(
@@ -105,23 +101,23 @@ def test_a_campaign_and_trends_select_runs(source: Path, tmp_path: Path) -> None
     ],
 )
 def test_wrong_options_are_named(source: Path, tmp_path: Path, options: tuple[str, ...], words: str) -> None:
-    done = run("record", f"replay:{source}?speed=max", "--out", tmp_path / "a.mcap", *options)
+    done = invoked("record", f"replay:{source}?speed=max", "--out", tmp_path / "a.mcap", *options)
     assert done.exit_code
     assert words in f"{done.output}{done.exception}"
     assert not (tmp_path / "a.mcap").exists()
 
 
 def test_conditions_and_notes_are_checked(source: Path, tmp_path: Path) -> None:
-    assert "Did you mean test?" in run("trends", tmp_path, "--where", "tset=x").output
-    assert "Give --comment or --tag" in run("note", source).output
-    assert run("note", tmp_path / "none.mcap", "--tag", "x").exit_code == 1
-    assert "give --record" in run("live", "sim:demo", "--test", "x").output
+    assert "Did you mean test?" in invoked("trends", tmp_path, "--where", "tset=x").output
+    assert "Give --comment or --tag" in invoked("note", source).output
+    assert invoked("note", tmp_path / "none.mcap", "--tag", "x").exit_code == 1
+    assert "give --record" in invoked("live", "sim:demo", "--test", "x").output
 
 
 def test_a_copy_has_the_notes(source: Path, tmp_path: Path) -> None:
     path = recorded(source, tmp_path / "a.mcap")
-    run("note", path, "--tag", "rain")
-    assert run("compact", path).exit_code == 0
+    invoked("note", path, "--tag", "rain")
+    assert invoked("compact", path).exit_code == 0
     assert RecordingReader(tmp_path / "a.compact.mcap").info.described_run().tags == ("track", "rain")
 
 
@@ -175,7 +171,7 @@ def test_nan_is_a_wrong_command_line(arguments: tuple[str, ...]) -> None:
 
 
 def test_numbers_outside_the_range_are_refused_as_before() -> None:
-    result = CliRunner().invoke(treadlink, ["scan", "--timeout", "1000"])
+    result = invoked("scan", "--timeout", "1000")
     assert result.exit_code == 2
     assert "0.1<=x<=120.0" in result.output
-    assert "not a valid float" in CliRunner().invoke(treadlink, ["scan", "--timeout", "x"]).output
+    assert "not a valid float" in invoked("scan", "--timeout", "x").output

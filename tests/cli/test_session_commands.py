@@ -7,21 +7,20 @@ import sys
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 from websockets.sync.client import connect
 
-from gateway.cli import treadlink
 from gateway.cli.session_setup import is_terminal
 from gateway.errors import SourceError
 from gateway.io.source import Chunk
 from gateway.recording.reader import RecordingReader
+from tests.testkit.commands import invoked
 from tests.testkit.hub_ends import TcpHub
 
 
 @pytest.mark.parametrize("line", ["live sim:lab?speed=max --plain --record x.mcap", "record sim:lab --out x.mcap"])
 def test_duration_counts_seconds_of_data(line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    result = CliRunner().invoke(treadlink, f"{line} --duration 0.7")
+    result = invoked(f"{line} --duration 0.7")
     times = [item.host_ns for item in RecordingReader(Path("x.mcap")).items() if isinstance(item, Chunk)]
     assert result.exception is None or isinstance(result.exception, SystemExit)
     assert 0.6e9 < times[-1] - times[0] <= 0.7e9
@@ -29,7 +28,7 @@ def test_duration_counts_seconds_of_data(line: str, tmp_path: Path, monkeypatch:
 
 def test_duration_ends_a_silent_session(tcp_hub: TcpHub, tmp_path: Path) -> None:
     out = tmp_path / "x.mcap"
-    CliRunner().invoke(treadlink, f"record tcp://127.0.0.1:{tcp_hub.port} --out {out} --duration 0.3")
+    invoked(f"record tcp://127.0.0.1:{tcp_hub.port} --out {out} --duration 0.3")
     assert RecordingReader(out).info.finished  # it has the connection, without a byte
 
 
@@ -44,7 +43,7 @@ def test_duration_ends_a_silent_session(tcp_hub: TcpHub, tmp_path: Path) -> None
     ],
 )
 def test_source_that_does_not_open_leaves_no_file(line: str, tmp_path: Path) -> None:
-    result = CliRunner().invoke(treadlink, line.format(tmp_path))
+    result = invoked(line.format(tmp_path))
     assert isinstance(result.exception, SourceError)
     assert "recording:" not in result.output
     assert list(tmp_path.iterdir()) == []
@@ -67,7 +66,7 @@ def test_terminal_that_cannot_move_its_cursor_gets_plain_lines(
 def test_page_shows_the_session_while_it_runs(command: str, tmp_path: Path) -> None:
     drive = tmp_path / "drive.mcap"
     if "replay" in command:
-        CliRunner().invoke(treadlink, f"record sim:lab?speed=max --duration 20 --out {drive}")
+        invoked(f"record sim:lab?speed=max --duration 20 --out {drive}")
     words = [sys.executable, "-m", "gateway.cli", *command.format(drive).split(), "--plain", "--publish"]
     with subprocess.Popen(
         [*words, "web://127.0.0.1:0"], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, cwd=tmp_path,

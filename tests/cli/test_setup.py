@@ -8,14 +8,14 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
-from gateway.cli import setup_dialogue, treadlink
+from gateway.cli import setup_dialogue
 from gateway.clock import ManualClock
 from gateway.config.vehicle import load_vehicle
 from gateway.io.source import Chunk, open_source
 from gateway.session.sensor_setup.heard_sensors import HeardSensor, SensorAddress, SensorListener
 from gateway.session.sensor_setup.rolled_turns import rolled_radius
+from tests.testkit.commands import invoked
 from tests.testkit.hub_ends import PtyPort
 
 START_NS = ManualClock().now_ns()
@@ -114,7 +114,7 @@ def test_bytes_without_samples_are_no_sensor(monkeypatch, tmp_path) -> None:
     monkeypatch.setattr(setup_dialogue, "_SILENT_S", 0.3)
     out = tmp_path / "car.toml"
     options = ["setup", "serial:other", "--out", str(out), "--no-input", "--wheel", "FL=0.0", "--radius-mm", "320"]
-    done = CliRunner().invoke(treadlink, options)
+    done = invoked(*options)
     assert "no samples of a sensor were received for 0.3 s" in f"{done.output} {done.exception}"
     assert not out.exists()
 
@@ -214,7 +214,7 @@ def test_dialogue_over_a_serial_port_writes_the_vehicle(chunks, tmp_path) -> Non
 
 
 def run(scenario, *options: str, lines: str = ""):
-    return CliRunner().invoke(treadlink, ["setup", f"sim:{scenario}?speed=max", *options], input=lines)
+    return invoked("setup", f"sim:{scenario}?speed=max", *options, input=lines)
 
 
 def test_options_answer_everything(scenario, tmp_path) -> None:

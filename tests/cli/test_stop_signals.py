@@ -14,13 +14,13 @@ from pathlib import Path
 
 import click
 import pytest
-from click.testing import CliRunner
 
-from gateway.cli import LazyGroup, exit_status, treadlink
+from gateway.cli import LazyGroup, exit_status
 from gateway.cli.stop_signals import StopSignal, stop_request
 from gateway.cli.summary_output import SummaryOutput
 from gateway.recording.reader import RecordingReader
 from tests.testkit.campaign_recordings import START_NS, write_recording
+from tests.testkit.commands import invoked
 
 TIMEOUT_S = 60
 
@@ -194,7 +194,7 @@ def test_interrupt_sets_the_exit_status(monkeypatch: pytest.MonkeyPatch) -> None
         signal.raise_signal(signal.SIGINT)
 
     monkeypatch.setattr(LazyGroup, "get_command", lambda *_: click.Command("figures", callback=pressed))
-    result = CliRunner().invoke(treadlink, ["figures"])
+    result = invoked("figures")
     assert result.exit_code == 130
     assert "Aborted!" in result.output
 

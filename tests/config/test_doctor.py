@@ -10,13 +10,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 from serial.tools import list_ports
 
 from gateway.cli import doctor_checks as checks
-from gateway.cli.doctor import doctor
 from gateway.cli.doctor_checks import Check, Level
 from gateway.clock import ManualClock
+from tests.testkit.commands import invoked, run
 
 Usage = namedtuple("Usage", "total used free")
 GOOD = '[tire]\nradius_mm = 320\n[[wheel]]\nposition = "FL"\nhub = 0\nwheel = 0\nload_n = 4000\n'
@@ -202,11 +201,10 @@ def test_exit_code_and_text(tmp_path: Path) -> None:
     path = tmp_path / "car.toml"
     path.write_text(GOOD, encoding="utf-8")
     arguments = ["--config", str(path), "--recordings", str(tmp_path)]
-    result = CliRunner().invoke(doctor, arguments)
-    assert result.exit_code == 0, result.output
-    assert result.output.splitlines()[-1].startswith("0 faults, ")
+    result = run("doctor", *arguments)
+    assert result.splitlines()[-1].startswith("0 faults, ")
     path.write_text(GOOD.replace("320", "0.32").replace("4000", "4"), encoding="utf-8")
-    result = CliRunner().invoke(doctor, arguments)
+    result = invoked("doctor", *arguments)
     assert result.exit_code == 1
     assert result.output.count(f"-> Correct 2 faults in {path}.") == 1
     assert result.output.splitlines()[-1].startswith("2 faults, ")
@@ -214,7 +212,7 @@ def test_exit_code_and_text(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("quiet_machine")
 def test_json(tmp_path: Path) -> None:
-    result = CliRunner().invoke(doctor, ["--json", "--recordings", str(tmp_path), "pigeon:coop"])
+    result = invoked("doctor", "--json", "--recordings", tmp_path, "pigeon:coop")
     assert result.exit_code == 1
     rows = json.loads(result.output)
     assert all(set(row) == {"name", "level", "text", "remedy"} for row in rows)

@@ -6,15 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from firmware_protocol.messages import Coupling
-from gateway.cli.estimate import estimate
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import Status
 from gateway.estimators.lateral_shape import lateral_record, slopes
 from gateway.importing.import_map import load_map
 from gateway.importing.importer import import_file
+from tests.testkit.commands import run
 from tools.generators.lateral_signals import RADIUS_M, Sensor, through_pipeline
 
 ROOT = Path(__file__).parents[2]
@@ -28,8 +27,7 @@ def test_measured_tire_leaves_bending_and_tangential_undetermined(tmp_path: Path
     recording, table = tmp_path / "drum.mcap", tmp_path / "drum.jsonl"
     import_file(MEASURED, load_map(MAP), recording)
     options = ["--estimator", "weak-form", "--estimator", "ring-modal", "--json", str(table)]
-    result = CliRunner().invoke(estimate, [str(recording), *options])
-    assert result.exit_code == 0, result.output
+    run("estimate", recording, *options)
     last = json.loads(table.read_text(encoding="utf-8").splitlines()[-1])
     # Without a load there are only ratios.
     assert last["Cw_status"] == "invalid"

@@ -5,12 +5,11 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
-from gateway.cli import treadlink
 from gateway.errors import SourceError
 from gateway.simulator.firmware.firmware_build import COLLECTOR, build_host, include_flags, write_protocol
 from tests.firmware.conftest import require
+from tests.testkit.commands import invoked, run
 
 HEAP_AND_SYSTEM = re.compile(r"\b(malloc|calloc|realloc|free|printf|sprintf|alloca|assert)\s*\(")
 
@@ -46,8 +45,7 @@ def test_static_analysis_finds_nothing(tmp_path: Path) -> None:
 
 def test_written_collector_compiles_on_its_own(tmp_path: Path) -> None:
     require("gcc", "gcc")
-    done = CliRunner().invoke(treadlink, ["protocol", "collector", "--out", str(tmp_path)])
-    assert done.exit_code == 0, done.output
+    run("protocol", "collector", "--out", tmp_path)
     assert (tmp_path / "README.md").exists()
     sources = [*tmp_path.glob("*.c"), tmp_path / "ports/bench/bench.c", tmp_path / "ports/host/host.c"]
     command = ["gcc", "-std=c11", "-D_POSIX_C_SOURCE=200809L", f"-I{tmp_path}", f"-I{tmp_path / 'ports/bench'}"]
@@ -56,7 +54,7 @@ def test_written_collector_compiles_on_its_own(tmp_path: Path) -> None:
 
 def test_missing_programs_are_named_by_their_packages(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("shutil.which", lambda program: None)
-    done = CliRunner().invoke(treadlink, ["simulate", "lab", "--firmware"])
+    done = invoked("simulate", "lab", "--firmware")
     assert isinstance(done.exception, SourceError)
     assert str(done.exception) == "the emulated board needs QEMU and a compiler for Arm"
     assert "apt install qemu-system-arm gcc-arm-none-eabi libnewlib-arm-none-eabi" in done.exception.remedy

@@ -10,11 +10,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import CommandResult, Hello, HubStatus, Outcome, SampleBlock, SetStream
-from gateway.cli import treadlink
 from gateway.cli.protocol_check import check_link
 from gateway.clock import SystemClock
 from gateway.errors import SourceError
@@ -27,6 +25,7 @@ from gateway.session.commands import TwoWaySource, execute
 from gateway.simulator.firmware.firmware_build import COLLECTOR, WARNINGS
 from tests.firmware.conftest import require
 from tests.testkit.collector_bench import command_bytes
+from tests.testkit.commands import run
 from tests.testkit.hub_ends import TcpHub
 
 README = (COLLECTOR / "README.md").read_text("utf-8")
@@ -36,7 +35,7 @@ README = (COLLECTOR / "README.md").read_text("utf-8")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     require("cc", "gcc")
     folder = tmp_path_factory.mktemp("written")
-    assert CliRunner().invoke(treadlink, ["protocol", "collector", "--out", str(folder / "hub")]).exit_code == 0
+    run("protocol", "collector", "--out", folder / "hub")
     return folder
 
 

@@ -35,6 +35,7 @@ from gateway.reasons import Code, Reason
 from tests.fleet.conftest import MEMORY_BYTES
 from tests.fleet.test_campaign_run import is_whole, names, rows
 from tests.testkit.campaign_recordings import write_recording
+from tests.testkit.commands import invoked, run
 from tests.testkit.diagnosis_data import undrawn
 
 ROOT = Path(__file__).parents[2]
@@ -56,18 +57,17 @@ def test_campaign_and_trends_end_to_end(recordings, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (recordings / "bad.mcap").write_text("no recording")
     arguments = ["campaign", str(recordings), "--out", "dataset", *FEW]
-    done = CliRunner().invoke(treadlink, arguments)
+    done = invoked(*arguments)
     assert done.exit_code == 1, done.output
     assert "3 recordings estimated" in done.output
     assert "bad.mcap' is not a recording" in done.output
     assert is_whole(tmp_path)
-    run = CliRunner().invoke(treadlink, ["trends", "dataset", "--html", "t.html", "--json", "t.json", "--csv", "t.csv"])
-    assert run.exit_code == 0, run.output
-    assert "2 tires of 2 vehicles, 3 recordings, 2023-11-14 to 2023-11-16 (UTC)" in run.output
+    printed = run("trends", "dataset", "--html", "t.html", "--json", "t.json", "--csv", "t.csv")
+    assert "2 tires of 2 vehicles, 3 recordings, 2023-11-14 to 2023-11-16 (UTC)" in printed
     assert json.loads(Path("t.json").read_text())["failures"] == 1
     assert Path("t.csv").read_text().count("\n") > 40
     assert "a/b=c ü" in Path("t.html").read_text()
-    again = CliRunner().invoke(treadlink, ["trends", "dataset", "--html", "t.html"])
+    again = invoked("trends", "dataset", "--html", "t.html")
     assert isinstance(again.exception, OutputError)
 
 
@@ -75,7 +75,7 @@ def told_twice(recordings, tmp_path):
     """Yield what a campaign prints of recordings that lack something, now and when they are known; its status is 1."""
     arguments = ["campaign", str(recordings), "--out", str(tmp_path / "dataset"), *FEW]
     for _ in range(2):
-        done = CliRunner().invoke(treadlink, arguments)
+        done = invoked(*arguments)
         assert done.exit_code == 1, done.output
         yield done.output
 
@@ -121,7 +121,7 @@ def test_a_damaged_recording_without_a_readable_sample_is_a_failure(recordings, 
 @pytest.mark.usefixtures("started")
 def test_one_recording_is_one(recordings, tmp_path):
     arguments = ["campaign", str(recordings / "drive0.mcap"), "--out", str(tmp_path / "dataset"), *FEW]
-    done = CliRunner().invoke(treadlink, arguments)
+    done = invoked(*arguments)
     assert done.output.startswith("1 recording estimated")
 
 
@@ -141,8 +141,8 @@ def test_no_worker_starts_when_nothing_is_to_do(campaign, recordings, tmp_path, 
 def test_unreachable_scheduler_is_an_error(recordings, tmp_path, monkeypatch):
     monkeypatch.setattr("gateway.fleet.scheduler_tasks._CONNECT_S", 0.5)
     arguments = ["campaign", str(recordings), "--out", str(tmp_path / "dataset"), "--scheduler", "tcp://127.0.0.1:9"]
-    result = CliRunner().invoke(treadlink, arguments)
-    assert CliRunner().invoke(treadlink, [*arguments, "--jobs", "2"]).exit_code == 2
+    result = invoked(*arguments)
+    assert invoked(*arguments, "--jobs", "2").exit_code == 2
     assert "no dask scheduler answers at 'tcp://127.0.0.1:9'" in str(result.exception)
 
 
@@ -152,7 +152,7 @@ def end_at_once() -> None:
 
 def test_worker_that_ends_as_it_starts_is_an_error(recordings, tmp_path, monkeypatch):
     monkeypatch.setattr("gateway.fleet.local_tasks._ignore_interrupt", end_at_once)
-    result = CliRunner().invoke(treadlink, ["campaign", str(recordings), "--out", str(tmp_path / "dataset"), *FEW])
+    result = invoked("campaign", recordings, "--out", tmp_path / "dataset", *FEW)
     assert "the worker processes did not start" in str(result.exception)
 
 
@@ -164,7 +164,7 @@ def test_signal_that_ends_a_starting_worker_ends_the_campaign(recordings, tmp_pa
 
     monkeypatch.setattr("gateway.fleet.local_tasks._ignore_interrupt", end_at_once)
     monkeypatch.setattr("gateway.fleet.local_tasks.LocalTasks", Signalled)
-    result = CliRunner().invoke(treadlink, ["campaign", str(recordings), "--out", str(tmp_path / "dataset"), *FEW])
+    result = invoked("campaign", recordings, "--out", tmp_path / "dataset", *FEW)
     assert result.exit_code == 143, result.output
 
 

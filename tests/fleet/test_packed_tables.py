@@ -7,13 +7,12 @@ from pathlib import Path
 import duckdb
 import pyarrow.parquet as pq
 import pytest
-from click.testing import CliRunner
 
-from gateway.cli import treadlink
 from gateway.errors import OutputError
 from gateway.fleet import packed_tables
 from gateway.fleet.packed_tables import pack_tables
 from gateway.fleet.recording_estimation import RECORDINGS, REVOLUTIONS
+from tests.testkit.commands import invoked, run
 from tools.bench_campaign import main, pack
 
 
@@ -57,7 +56,7 @@ def test_packed_tables_have_the_rows_of_the_dataset(
 def test_damaged_file_is_named_and_the_others_are_packed(dataset, tmp_path) -> None:
     damaged = sorted((dataset / REVOLUTIONS).glob("*/*/*.parquet"))[1]
     damaged.write_bytes(damaged.read_bytes()[:1000])
-    result = CliRunner().invoke(treadlink, ["compact", str(dataset), "--out", str(tmp_path / "tables")])
+    result = invoked("compact", dataset, "--out", tmp_path / "tables")
     assert result.exit_code == 1
     assert isinstance(result.exception, OutputError)
     assert damaged.name in str(result.exception)
@@ -83,10 +82,9 @@ def test_refusals_leave_nothing(dataset, tmp_path, monkeypatch) -> None:
 
 
 def test_dataset_is_packed_beside_itself_and_never_in_place(dataset) -> None:
-    result = CliRunner().invoke(treadlink, ["compact", str(dataset)])
-    assert result.exit_code == 0, result.output
+    run("compact", dataset)
     assert (dataset.parent / "dataset.tables" / "recordings-0001.parquet").is_file()
-    result = CliRunner().invoke(treadlink, ["compact", str(dataset), "--in-place"])
+    result = invoked("compact", dataset, "--in-place")
     assert result.exit_code == 2
 
 

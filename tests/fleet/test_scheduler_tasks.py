@@ -11,15 +11,14 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
-from gateway.cli import treadlink
 from gateway.errors import TreadlinkError
 from gateway.fleet import recording_estimation
 from gateway.fleet.recording_estimation import Estimated
 from gateway.fleet.scheduler_tasks import scheduler_tasks
 from gateway.reasons import Code
 from tests.fleet.test_campaign_run import is_whole, names
+from tests.testkit.commands import invoked
 
 distributed = pytest.importorskip("distributed")
 
@@ -36,7 +35,7 @@ def cluster(**options):
 
 def run(recordings, tmp_path, address):
     arguments = ["campaign", str(recordings), "--out", str(tmp_path / "dataset"), *FEW, "--scheduler", address]
-    return CliRunner().invoke(treadlink, arguments)
+    return invoked(*arguments)
 
 
 def test_a_plain_scheduler_is_used_with_a_warning(recordings, tmp_path):

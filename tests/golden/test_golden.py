@@ -11,12 +11,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 from closure_rig.draw import blind, draw
 from closure_rig.record import record
 
-from gateway.cli import treadlink
 from tests.golden.comparison import table, words_and_numbers
+from tests.testkit.commands import run
 
 ROOT = Path(__file__).parents[2]
 MEASURED = ROOT / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
@@ -29,12 +28,6 @@ RUNS = 2
 SECONDS = 3.0
 DEFAULTS = ("kinematic", "weak-form", "wear", "ply-steer")
 OTHERS = ("self-calibration", "ring-modal", "ring-paper", "load", "slip-angle", "asynchronous")
-
-
-def run(*arguments: object) -> str:
-    result = CliRunner().invoke(treadlink, [str(argument) for argument in arguments])
-    assert result.exit_code == 0, result.output
-    return result.output
 
 
 def estimated(recording: Path, folder: Path, estimators: tuple[str, ...]) -> list[dict[str, object]]:

@@ -5,15 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from gateway.cli import treadlink
 from gateway.errors import ImportDataError
 from gateway.importing.import_map import parse_map
 from gateway.importing.importer import import_file
 from gateway.importing.map_guess import guess_map
 from tests.importing.measurements import Decoded, simple_map, write_csv
 from tests.importing.rolling_wheel import rolling
+from tests.testkit.commands import invoked
 
 G = 9.80665
 RATE_HZ = 9600.0
@@ -48,9 +47,7 @@ def test_unreadable_cells_are_missing_only_on_request(tmp_path: Path) -> None:
 def test_summary_counts_unreadable_cells(tmp_path: Path) -> None:
     path = with_bad_cells(tmp_path / "run.csv")
     (tmp_path / "map.toml").write_text(simple_map(file='unreadable = "missing"'))
-    done = CliRunner().invoke(
-        treadlink, ["import", str(path), "--map", str(tmp_path / "map.toml"), "--out", str(tmp_path / "o.mcap")]
-    )
+    done = invoked("import", path, "--map", tmp_path / "map.toml", "--out", tmp_path / "o.mcap")
     assert "4 cells that are no numbers are gaps" in done.output
 
 
@@ -123,7 +120,7 @@ def test_several_files_must_fit_together(tmp_path: Path) -> None:
 
 
 def test_first_map_takes_one_of_several_files(tmp_path: Path) -> None:
-    done = CliRunner().invoke(treadlink, ["import", "--guess", "a.csv", "b.csv"])
+    done = invoked("import", "--guess", "a.csv", "b.csv")
     assert done.exit_code == 2
     assert "one of the files" in done.output
 

@@ -4,12 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import gateway
-from gateway.cli import treadlink
 from gateway.errors import ImportDataError
 from gateway.importing.exported_file import import_exported
+from tests.testkit.commands import run
 
 SCENARIO = {
     "scenario": {"seed": 7, "faults": ["drop:rate=0.01"]},
@@ -66,9 +65,8 @@ def test_four_wheels_come_back_whole(drive, suffix: str, tmp_path: Path) -> None
 def test_command_needs_no_map(drive, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     drive.export(tmp_path / "drive.csv")
-    done = CliRunner().invoke(treadlink, ["import", "drive.csv"])
-    assert done.exit_code == 0, done.output
-    assert "wheel RR; range" in done.output
+    done = run("import", "drive.csv")
+    assert "wheel RR; range" in done
     assert gateway.open(tmp_path / "drive.mcap").wheels == ("FL", "FR", "RL", "RR")
 
 

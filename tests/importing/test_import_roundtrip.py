@@ -4,10 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from firmware_protocol.messages import Coupling
-from gateway.cli import treadlink
 from gateway.config.vehicle import parse_vehicle
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.errors import ConfigError, ImportDataError, RecordingError
@@ -17,6 +15,7 @@ from gateway.importing.importer import ImportReport, import_file
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind
 from gateway.types import FloatArray
 from tests.importing.measurements import Decoded, simple_map, waveform, write_csv
+from tests.testkit.commands import invoked
 
 
 def imported(path: Path, map_text: str) -> tuple[ImportReport, Decoded]:
@@ -148,8 +147,8 @@ def test_undeclared_full_scale_says_nothing_about_the_sensor(tmp_path: Path) -> 
     _, decoded = imported(path, simple_map())
     assert decoded.hello.range_mps2 == (0.0, 0.0, 0.0)
     recording = str(path.with_suffix(".mcap"))
-    assert "radial of unknown range" in CliRunner().invoke(treadlink, ["inspect", recording]).output
-    assert "full scale" not in CliRunner().invoke(treadlink, ["estimate", recording]).output
+    assert "radial of unknown range" in invoked("inspect", recording).output
+    assert "full scale" not in invoked("estimate", recording).output
 
 
 def test_mounting_becomes_that_of_the_configuration(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from gateway.errors import ConfigError, SourceError
 from gateway.estimators.registry import make_estimator
 from gateway.io.source import is_live, open_source, parse_source_uri
 from gateway.publishing.sink import SinkError, SinkSetting, open_sink, parse_sink_uri
+from tests.testkit.commands import invoked
 
 
 @pytest.mark.parametrize(
@@ -98,12 +99,12 @@ def test_output_file_may_have_any_name() -> None:
 
 @pytest.mark.parametrize(("word", "meant"), [("estimat", "estimate"), ("inpsect", "inspect"), ("recrod", "record")])
 def test_command_is_proposed(word: str, meant: str) -> None:
-    done = CliRunner().invoke(treadlink, [word, "x"])
+    done = invoked(word, "x")
     assert done.exit_code == 2
     assert f"Did you mean {meant}?" in done.output
 
 
 def test_command_unlike_any_other_is_named_alone() -> None:
-    done = CliRunner().invoke(treadlink, ["qqqq"])
+    done = invoked("qqqq")
     assert "No such command 'qqqq'." in done.output
     assert "Did you mean" not in done.output

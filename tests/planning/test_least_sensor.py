@@ -4,11 +4,9 @@ import json
 import math
 
 import pytest
-from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.cli.plan import plan
 from gateway.cli.wanted_errors import parse_speeds_mps, parse_want
 from gateway.errors import ConfigError
 from gateway.planning import least_sensor
@@ -17,6 +15,7 @@ from gateway.planning.least_sensor import NOISES_MG_RTHZ, WorstError, largest_no
 from gateway.planning.planned_errors import plan_sensor
 from gateway.planning.wants import Want
 from gateway.simulator.scenario import load_scenario
+from tests.testkit.commands import invoked
 
 TRUTHS = {"speed_mps": 20.0, "wear_mm": 0.0, "Ts": 2.5, "Ts/Cw": 12.5, "contact_length_m": 0.15}
 
@@ -96,7 +95,7 @@ def test_command_says_what_is_not_reached(tmp_path, monkeypatch):
     monkeypatch.setattr(least_sensor, "RATES_HZ", (2000.0,))
     out = tmp_path / "least.json"
     line = ["lab", "--want", "Ts=0.01%", "--at", "80", "--after", "1", "--wheels", "8", "--json", str(out)]
-    done = CliRunner().invoke(plan, line)
+    done = invoked("plan", *line)
     assert done.exit_code == 1
     assert "not with any noise: Ts at 80 km/h" in done.output
     (row,) = json.loads(out.read_text())

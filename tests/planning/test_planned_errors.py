@@ -6,11 +6,9 @@ from functools import cache
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from firmware_protocol.codec import encode_frame
 from firmware_protocol.messages import Frame, MessageType, SampleBlock
-from gateway.cli.plan import plan
 from gateway.errors import ConfigError, OutputError
 from gateway.planning.accelerometer import Accelerometer, parse_accelerometers, shipped_accelerometers
 from gateway.planning.link_load import BLOCK_SAMPLES, PowerModel, link_load
@@ -19,6 +17,7 @@ from gateway.reasons import Code, codes_of
 from gateway.simulator.scenario import load_scenario
 from gateway.views.plans.plan_figure import write_plan_figure
 from gateway.views.plans.sensor_plan import plan_json, plan_lines
+from tests.testkit.commands import invoked
 
 QUIET = Accelerometer(name="quiet", range_g=500.0, rate_hz=4000.0, noise_mg_rthz=1.0)
 
@@ -127,7 +126,7 @@ def test_fault_of_a_list_names_the_key():
 
 def test_command_prints_and_writes_what_is_refused(tmp_path):
     out = tmp_path / "plan.json"
-    done = CliRunner().invoke(plan, ["lab", "--sensor", "H3LIS331DL", "--speed", "60", "--json", str(out)])
+    done = invoked("plan", "lab", "--sensor", "H3LIS331DL", "--speed", "60", "--json", out)
     assert done.exit_code == 1
     assert "not usable" in done.output
     assert "1000 samples per second" in done.output

@@ -8,7 +8,6 @@ from typing import Any
 from zlib import crc32
 
 import pytest
-from click.testing import CliRunner
 
 import firmware_protocol
 from firmware_protocol import wire
@@ -22,9 +21,9 @@ from firmware_protocol.messages import MessageType, SampleBlock
 from firmware_protocol.reference_frames import WireFrame
 from firmware_protocol.spec import updated
 from firmware_protocol.wireshark import wireshark_dissector
-from gateway.cli import treadlink
 from gateway.errors import TreadlinkError
 from tests.protocol.declared_wire import parse_payload, to_frame, to_message
+from tests.testkit.commands import invoked, run
 
 VECTORS = Path(firmware_protocol.__file__).parent / "vectors"
 FRAMES = json.loads((VECTORS / "frames.json").read_text("utf-8"))
@@ -134,12 +133,6 @@ def log_frame(seq: int, payload_bytes: int) -> bytes:
     return body + crc32(body).to_bytes(4, "little")
 
 
-def run(*arguments: str) -> str:
-    result = CliRunner().invoke(treadlink, ["protocol", *arguments], catch_exceptions=False)
-    assert result.exit_code == 0, result.output
-    return result.output
-
-
 @pytest.mark.parametrize(
     ("command", "text"),
     [
@@ -150,32 +143,32 @@ def run(*arguments: str) -> str:
     ],
 )
 def test_prints_without_a_directory(command: str, text) -> None:
-    assert run(command) == text()
+    assert run("protocol", command) == text()
 
 
 def test_writes_all_files_to_a_new_directory(tmp_path: Path) -> None:
     out = tmp_path / "firmware" / "protocol"
     for command in ("header", "encoder", "vectors"):
-        run(command, "--out", str(out))
+        run("protocol", command, "--out", str(out))
     written = {path.name: path.read_text("utf-8") for path in out.iterdir()}
     assert written == make_vectors() | {"treadlink_protocol.h": c_header(), "treadlink_protocol.c": c_encoder()}
 
 
 def test_overwrites_only_with_force(tmp_path: Path) -> None:
     (tmp_path / "streams.json").write_text("mine")
-    result = CliRunner().invoke(treadlink, ["protocol", "vectors", "--out", str(tmp_path)])
+    result = invoked("protocol", "vectors", "--out", tmp_path)
     assert isinstance(result.exception, TreadlinkError)
     assert "streams.json" in str(result.exception)
     assert "--force" in result.exception.remedy
     assert {path.name for path in tmp_path.iterdir()} == {"streams.json"}
     assert (tmp_path / "streams.json").read_text() == "mine"
-    run("vectors", "--out", str(tmp_path), "--force")
+    run("protocol", "vectors", "--out", str(tmp_path), "--force")
     assert (tmp_path / "streams.json").read_text("utf-8") == make_vectors()["streams.json"]
 
 
 def test_directory_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    result = CliRunner().invoke(treadlink, ["protocol", "header", "--out", str(tmp_path / "file" / "below")])
+    result = invoked("protocol", "header", "--out", tmp_path / "file" / "below")
     assert isinstance(result.exception, TreadlinkError)
     assert "below" in str(result.exception)
 
@@ -183,7 +176,7 @@ def test_directory_that_cannot_be_written_is_named(tmp_path: Path) -> None:
 def test_tables_update_a_page(tmp_path: Path) -> None:
     page = tmp_path / "protocol.md"
     page.write_text("before\n<!-- generated: frame -->\nold\n<!-- end -->\nafter\n")
-    run("tables", str(page))
+    run("protocol", "tables", str(page))
     text = page.read_text("utf-8")
     assert text.startswith("before\n<!-- generated: frame -->\n| offset |")
     assert "old" not in text

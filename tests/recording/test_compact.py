@@ -9,10 +9,8 @@ import lz4.frame
 import numpy as np
 import pytest
 import zstandard
-from click.testing import CliRunner
 from mcap.writer import CompressionType, Writer
 
-from gateway.cli import treadlink
 from gateway.errors import RecordingError
 from gateway.io.source import LinkItem
 from gateway.recording import compact as compact_module
@@ -20,6 +18,7 @@ from gateway.recording.compact import compact_recording
 from gateway.recording.mcap_records import ChunkParts, chunk_records
 from gateway.recording.reader import RecordingReader
 from tests.recording import streams
+from tests.testkit.commands import invoked, run
 
 
 def recording(path: Path, count: int = 1500) -> list[LinkItem]:
@@ -149,12 +148,6 @@ def recorded_file(tmp_path: Path) -> tuple[Path, list[LinkItem]]:
     return streams.write(tmp_path / "drive.mcap", items).path, items
 
 
-def run(*arguments: str) -> str:
-    result = CliRunner().invoke(treadlink, arguments, catch_exceptions=False)
-    assert result.exit_code == 0, result.output
-    return result.output
-
-
 def test_repair_of_a_cut_file_is_reported(recorded_file: tuple[Path, list[LinkItem]]) -> None:
     path, items = recorded_file
     path.write_bytes(path.read_bytes()[: path.stat().st_size * 3 // 4])
@@ -215,7 +208,7 @@ def test_compact_beside_and_in_place(recorded_file: tuple[Path, list[LinkItem]])
 
 def test_out_requires_a_single_recording(recorded_file: tuple[Path, list[LinkItem]]) -> None:
     path = str(recorded_file[0])
-    result = CliRunner().invoke(treadlink, ["compact", "--out", "x.mcap", path, path])
+    result = invoked("compact", "--out", "x.mcap", path, path)
     assert result.exit_code == 2
     assert "single recording" in result.output
 

@@ -8,10 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zstandard
-from click.testing import CliRunner
 from mcap.opcode import Opcode
 
-from gateway.cli import treadlink
 from gateway.errors import TreadlinkError
 from gateway.reasons import Code
 from gateway.recording.mcap_layout import link_items
@@ -19,6 +17,7 @@ from gateway.recording.mcap_records import CHUNK_HEAD, MAGIC, RECORD_HEAD, chunk
 from gateway.recording.reader import RecordingReader
 from gateway.views.wording import text
 from tests.testkit.campaign_recordings import write_recording
+from tests.testkit.commands import invoked, run
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +85,7 @@ def test_one_damaged_part_keeps_its_own_words(whole: Path, tmp_path: Path) -> No
 
 def test_export_of_a_file_whose_readable_part_is_empty_names_the_damage(whole: Path, tmp_path: Path) -> None:
     path = changed(whole, tmp_path / "zeros.mcap", 3_000, 60_000)
-    result = CliRunner().invoke(treadlink, ["export", str(path), str(tmp_path / "out.csv")])
+    result = invoked("export", path, tmp_path / "out.csv")
     assert isinstance(result.exception, TreadlinkError)
     assert "bytes are not read" in str(result.exception)
     assert "treadlink repair" in result.exception.remedy
@@ -150,10 +149,9 @@ def test_added_fields_are_skipped(original: Path, tmp_path: Path, opcode: Opcode
 def test_inspect_finds_no_damage(original: Path, tmp_path: Path) -> None:
     path = tmp_path / "padded.mcap"
     path.write_bytes(rewritten(original.read_bytes(), PADDED.__contains__))
-    run = CliRunner().invoke(treadlink, ["inspect", str(path)])
-    assert run.exit_code == 0, run.output
-    assert "DAMAGED" not in run.output
-    assert ", finished" in run.output
+    printed = run("inspect", path)
+    assert "DAMAGED" not in printed
+    assert ", finished" in printed
 
 
 def test_every_type_of_record_is_parsed_with_added_bytes_and_not_without_its_end(original: Path) -> None:

@@ -4,15 +4,14 @@ import json
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from firmware_protocol.codec import encode_frame
 from firmware_protocol.messages import Coupling, Frame, Hello, MessageType, SampleBlock
-from gateway.cli.inspect import inspect
 from gateway.errors import RecordingError
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind
 from gateway.recording.inspection import inspect_recording
 from gateway.recording.writer import RecordingWriter
+from tests.testkit.commands import invoked, run
 
 START_NS = 1_700_000_000_000_000_000
 RATE_HZ = 5000.0
@@ -68,16 +67,15 @@ def test_losses_rates_restarts_and_events(recording):
 
 
 def test_text_and_json_agree_and_are_clean(recording):
-    text = CliRunner().invoke(inspect, [str(recording)])
-    assert text.exit_code == 0, text.output
-    assert "150 lost" in text.output
-    assert "5000.00 Hz by the hub's clock" in text.output
-    assert "AC above 0.5 Hz" in text.output
-    assert "boot counts 7, 8" in text.output
-    assert "x: samples lost" in text.output
-    assert "curb" in text.output
-    assert "\x1b" not in text.output
-    data = json.loads(CliRunner().invoke(inspect, [str(recording), "--json"]).output)
+    text = run("inspect", recording)
+    assert "150 lost" in text
+    assert "5000.00 Hz by the hub's clock" in text
+    assert "AC above 0.5 Hz" in text
+    assert "boot counts 7, 8" in text
+    assert "x: samples lost" in text
+    assert "curb" in text
+    assert "\x1b" not in text
+    data = json.loads(invoked("inspect", recording, "--json").output)
     (source,) = data["links"]["serial:hub"]["sources"]
     assert (source["samples_lost"], source["samples"], source["boots"]) == (150, 697 * 50, [7, 8])
     assert data["finished"]
@@ -90,7 +88,7 @@ def test_event_just_before_the_first_chunk_is_at_zero(tmp_path):
     writer.write(Chunk("serial:hub", START_NS, encode_frame(frame)))
     writer.write(LinkEvent("serial:hub", START_NS - 3_000_000, LinkEventKind.CONNECTED))
     writer.close()
-    output = CliRunner().invoke(inspect, [str(path)]).output
+    output = invoked("inspect", path).output
     assert " 0.00 s  serial:hub" in output
     assert "-0.00" not in output
 
@@ -101,7 +99,7 @@ def test_truncated_recording_is_shown_to_its_end(recording, tmp_path):
     result = inspect_recording(cut)
     assert not result.info.finished
     assert result.links["serial:hub"].wheels[(0, 0)].samples > 5000
-    output = CliRunner().invoke(inspect, [str(cut)]).output
+    output = invoked("inspect", cut).output
     assert "treadlink repair" in output
 
 

@@ -5,13 +5,12 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
-from gateway.cli import treadlink
 from gateway.errors import RecordingError
 from gateway.recording.manifest import MANIFEST_NAME, read_manifest, verify, write_manifest
 from gateway.recording.run_description import Note, add_note, notes_path
 from gateway.recording.writer import RecordingWriter
+from tests.testkit.commands import invoked
 
 
 @pytest.fixture
@@ -29,19 +28,19 @@ def test_a_copy_is_verified_and_damage_is_named(folder: Path, tmp_path: Path) ->
     copy = tmp_path / "archive"
     shutil.copytree(folder, copy)
     files = sorted(copy.glob("*.mcap"))
-    done = CliRunner().invoke(treadlink, ["inspect", "--verify", *map(str, files)])
+    done = invoked("inspect", "--verify", *files)
     assert (done.exit_code, done.output.count("as in the manifest")) == (0, 2)
     data = bytearray(files[1].read_bytes())
     data[len(data) // 2] ^= 1
     files[1].write_bytes(data)
-    done = CliRunner().invoke(treadlink, ["inspect", "--verify", *map(str, files)])
+    done = invoked("inspect", "--verify", *files)
     assert done.exit_code == 1
     assert "drive 1.mcap: NOT VERIFIED" in done.output
     notes_path(files[0]).unlink()
     with pytest.raises(RecordingError, match="missing"):
         verify(files[0])
     files[1].unlink()
-    done = CliRunner().invoke(treadlink, ["inspect", "--verify", str(files[0])])
+    done = invoked("inspect", "--verify", files[0])
     assert "drive 1.mcap' is missing" in done.output
 
 
@@ -67,7 +66,7 @@ def test_a_second_run_adds_and_never_hides_damage(folder: Path) -> None:
 def test_a_recording_in_progress_waits_for_the_next_run(folder: Path) -> None:
     writer = RecordingWriter(folder / "now.mcap", start_ns=3)
     assert "now.mcap" not in write_manifest(folder)
-    done = CliRunner().invoke(treadlink, ["manifest", str(folder)])
+    done = invoked("manifest", folder)
     assert f"left out: {folder / 'now.mcap'}" in done.output
     with pytest.raises(RecordingError, match="is being recorded"):
         verify(folder / "now.mcap")

@@ -3,11 +3,9 @@
 import tomllib
 
 import pytest
-from click.testing import CliRunner
 
 import gateway
 from firmware_protocol.decoder import FrameDecoder
-from gateway.cli import treadlink
 from gateway.config.validation import parse_document
 from gateway.config.vehicle import parse_vehicle
 from gateway.errors import RecordingError
@@ -19,6 +17,7 @@ from gateway.recording.writer import RecordingWriter
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulation import simulate
 from tests.testkit.campaign_recordings import START_NS, write_recording
+from tests.testkit.commands import invoked, run
 
 
 @pytest.fixture(scope="module")
@@ -82,12 +81,8 @@ def test_what_one_computer_lost_comes_from_the_other(whole, tmp_path):
 def test_estimates_of_the_merged_parts_are_those_of_the_whole(whole, tmp_path):
     parts = [part(tmp_path / f"{k}.mcap", whole, *span) for k, span in enumerate([(0.0, 1.5), (1.5, 9.0)])]
     out = tmp_path / "out.mcap"
-    result = CliRunner().invoke(treadlink, ["merge", *map(str, reversed(parts)), "--out", str(out)])
-    assert result.exit_code == 0, result.output
-    rows = [
-        CliRunner().invoke(treadlink, ["estimate", str(path), "--csv", "-"]).stdout.replace(path.name, "")
-        for path in (out, whole)
-    ]
+    run("merge", *reversed(parts), "--out", out)
+    rows = [invoked("estimate", path, "--csv", "-").stdout.replace(path.name, "") for path in (out, whole)]
     assert rows[0] == rows[1]
     assert len(rows[0].splitlines()) > 20
 
@@ -133,7 +128,7 @@ def test_unfinished_recording_is_refused(whole, tmp_path):
 
 def test_a_target_that_exists_is_never_said_to_be_replaceable(whole, tmp_path):
     paths = [part(tmp_path / name, whole, 0.0, 1.0) for name in ("a.mcap", "b.mcap", "out.mcap")]
-    done = CliRunner().invoke(treadlink, ["merge", *map(str, paths[:2]), "--out", str(paths[2])])
+    done = invoked("merge", *paths[:2], "--out", paths[2])
     assert isinstance(done.exception, RecordingError)
     assert "never overwritten" in done.exception.remedy
 

@@ -19,6 +19,7 @@ from gateway.recording.mcap_layout import raw_topic
 from gateway.recording.reader import RecordingReader
 from gateway.recording.repair import repair_recording
 from gateway.recording.writer import RecordingWriter
+from tests.testkit.commands import invoked
 
 START_NS = 1_700_000_000_000_000_000
 RECORDER = """
@@ -55,7 +56,7 @@ def test_recording_of_another_process_is_in_progress_until_it_ends(tmp_path: Pat
         _, text = printed("inspect", "--json", str(path))
         assert json.loads(text.splitlines()[0])["in_progress"] is True
         for command in ("repair", "compact"):
-            run = CliRunner().invoke(treadlink, [command, str(path)])
+            run = invoked(command, path)
             assert isinstance(run.exception, RecordingError)
             assert "being recorded" in str(run.exception)
             assert "repair`" not in run.exception.remedy

@@ -14,6 +14,7 @@ from gateway.io.source import BusFrames, Chunk, open_source
 from gateway.recording.reader import RecordingReader
 from gateway.recording.split_writer import Split, SplitWriter
 from gateway.recording.writer import RecordingWriter
+from tests.testkit.commands import invoked
 
 S = 1_000_000_000
 START_NS = 1_700_000_000_000_000_000
@@ -118,5 +119,5 @@ def test_record_command_splits(tmp_path: Path) -> None:
     assert "files, this is the last" in run.output
     assert len(list(tmp_path.iterdir())) == 2
     for limit in ("5", "0.5s", "10kB", "-1s", "nans"):
-        assert CliRunner().invoke(treadlink, [*words[:5], limit]).exit_code == 2
-    assert CliRunner().invoke(treadlink, [*words[:4], "--keep", "2"]).exit_code == 2
+        assert invoked(*words[:5], limit).exit_code == 2
+    assert invoked(*words[:4], "--keep", "2").exit_code == 2

@@ -5,22 +5,21 @@ import sys
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
 from firmware_protocol.reference_cmac import aes_cmac
-from gateway.cli.keys import keys
 from gateway.errors import TreadlinkError
 from gateway.security import cmac, private_file
 from gateway.security.cmac import Key, SecurityError, mac
 from gateway.security.freshness import Ledger
 from gateway.security.key_file import KeyFile, counters_file, parse_identity
 from gateway.security.private_file import locked, write_private
+from tests.testkit.commands import invoked
 
 SECRET = "00112233445566778899aabbccddeeff"
 
 
 def run(*arguments: str | Path, text: str | None = None, fails: bool = False) -> str:
-    result = CliRunner().invoke(keys, [str(argument) for argument in arguments], input=text)
+    result = invoked("keys", *arguments, input=text)
     if fails:
         assert isinstance(result.exception, TreadlinkError), result.output
         return f"{result.exception} {result.exception.remedy}"

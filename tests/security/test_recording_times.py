@@ -4,7 +4,6 @@ import shutil
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
@@ -13,7 +12,6 @@ from mcap.writer import Writer
 from firmware_protocol.codec import encode_frame
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import TimeSync
-from gateway.cli import treadlink
 from gateway.config.validation import parse_document
 from gateway.errors import TreadlinkError
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind
@@ -21,6 +19,7 @@ from gateway.recording.writer import RecordingWriter
 from gateway.simulator.scenario import vehicle_toml
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulation import simulate
+from tests.testkit.commands import invoked
 from tests.testkit.vehicle_bus import DBC, blocks, frames, merged, with_signals
 
 START_NS = 1_700_000_000 * 10**9
@@ -93,7 +92,7 @@ def with_times(path: Path, out: Path, first: int, count: int, time_ns: int, *, s
 
 def outcome(line: str) -> int:
     """Return the exit status of a command; anything but a message is an error of the test."""
-    result = CliRunner().invoke(treadlink, line)
+    result = invoked(line)
     if result.exception is not None and not isinstance(result.exception, (SystemExit, TreadlinkError)):
         raise AssertionError(f"{line}: {result.exception!r}") from result.exception
     return result.exit_code

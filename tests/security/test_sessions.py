@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -16,7 +15,6 @@ from firmware_protocol.codec import encode_frame
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Frame, Hello, MessageType, SampleBlock
 from firmware_protocol.signing import is_signed
-from gateway.cli import treadlink
 from gateway.clock import ManualClock
 from gateway.config.vehicle import VehicleConfig, parse_vehicle
 from gateway.errors import ConfigError, TreadlinkError
@@ -33,6 +31,7 @@ from gateway.session.recording_pass import RecordingPass, open_recording
 from gateway.session.security_watch import SecurityWatch
 from gateway.views.wording import notice_text, text
 from tests.testkit.agreement import values_of
+from tests.testkit.commands import invoked
 from tools.generators.security_attacks import Sender, downgraded, forged, guard, hello
 
 ROOT = Path(__file__).parents[2]
@@ -227,7 +226,7 @@ def test_swapped_wheels_are_reported(signed: tuple[list[Chunk], str], key_file: 
 
 def test_live_command_end_to_end(key_file: Path, tmp_path: Path) -> None:
     def call(*arguments: str) -> str:
-        result = CliRunner().invoke(treadlink, arguments)
+        result = invoked(*arguments)
         assert result.exception is None, (result.output, result.exception)
         return result.output
 
@@ -237,7 +236,7 @@ def test_live_command_end_to_end(key_file: Path, tmp_path: Path) -> None:
     assert "verified" in shown
     assert "rejected because not verified" in call("estimate", str(path), "--keys", str(key_file))
     assert not counters_file(key_file).exists()
-    result = CliRunner().invoke(treadlink, ["live", f"{uri}&fault=reboot", "--plain"])
+    result = invoked("live", f"{uri}&fault=reboot", "--plain")
     assert isinstance(result.exception, TreadlinkError)
 
 

@@ -34,6 +34,7 @@ from gateway.simulator.scenario import parse_scenario, vehicle_toml
 from gateway.simulator.simulation import simulate
 from gateway.views.wording import notice_text
 from tests.session.test_computer_events import START_NS, S, frames_until
+from tests.testkit.commands import invoked
 
 LIMITS = Thresholds(
     pressure_min_kpa=180.0,
@@ -270,7 +271,7 @@ def test_history_of_an_alarm_is_recorded_and_inspected(tmp_path) -> None:
     printed = CliRunner().invoke(treadlink, ["inspect", str(path)], catch_exceptions=False).output
     assert "(acknowledged at " in printed
     assert "to the end" in printed
-    listed = json.loads(CliRunner().invoke(treadlink, ["inspect", "--json", str(path)]).stdout)["alarms"]
+    listed = json.loads(invoked("inspect", "--json", path).stdout)["alarms"]
     assert [alarm["name"] for alarm in listed].count("link") == 2
 
 

@@ -22,6 +22,7 @@ from gateway.session.live import LiveSession
 from gateway.session.recording_pass import OpenedRecording, RecordingPass
 from gateway.views.session_summary import ResultSummary
 from gateway.views.wording import notice_text
+from tests.testkit.commands import invoked
 from tests.testkit.waiting import TIMEOUT_S, HeldClock, until
 
 S = 1_000_000_000
@@ -173,7 +174,7 @@ def test_no_view_changes_with_the_time_zone_or_at_the_end_of_summer_time(tmp_pat
     for zone in ("UTC0", "CET-1CEST,M3.5.0,M10.5.0/3"):
         monkeypatch.setenv("TZ", zone)
         time.tzset()
-        runs = [CliRunner().invoke(treadlink, [command, str(path), *rest]) for command, *rest in orders]
+        runs = [invoked(command, path, *rest) for command, *rest in orders]
         assert [run.exit_code for run in runs] == [0, 0, 0], [run.stderr for run in runs]
         shown[zone] = [run.stdout for run in runs]
     monkeypatch.undo()

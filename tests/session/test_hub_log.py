@@ -5,12 +5,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner
 
 import firmware_protocol
 from firmware_protocol.codec import decode_payload, encode_payload
 from firmware_protocol.messages import HUB_ITSELF, CommandResult, LogText, MessageType, Outcome
-from gateway.cli.inspect import inspect
 from gateway.io.source import Chunk
 from gateway.reasons import Code, Notice, Reason
 from gateway.recording.writer import RecordingWriter
@@ -20,6 +18,7 @@ from gateway.views.plain import PlainView
 from gateway.views.recording_topics import log_level
 from gateway.views.text import escaped
 from tests.session.hub_frames import HubFrames
+from tests.testkit.commands import invoked
 
 START_NS = 1_700_000_000_000_000_000
 SECOND_NS = 1_000_000_000
@@ -106,11 +105,11 @@ def test_inspect_shows_levels_and_escapes(tmp_path: Path) -> None:
         hub.add(MessageType.LOG_TEXT, encode_payload(LogText(2, text)), HUB_ITSELF)
     writer.write(Chunk("x", START_NS, b"".join(hub.stream)))
     writer.close()
-    printed = CliRunner().invoke(inspect, [str(path)]).output
+    printed = invoked("inspect", path).output
     assert "hub 0: warning: \\x1b[2J\\nSECURITY: sensor" in printed
     assert "... and 11 more" in printed
     assert all(line.isprintable() for line in printed.splitlines())
-    (link,) = json.loads(CliRunner().invoke(inspect, [str(path), "--json"]).output)["links"].values()
+    (link,) = json.loads(invoked("inspect", path, "--json").output)["links"].values()
     assert link["log"][0] == {"host_ns": START_NS, "hub": 0, "level": "warning", "text": FORGED}
 
 

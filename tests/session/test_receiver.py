@@ -28,6 +28,7 @@ from gateway.session.core import SessionCore
 from gateway.session.recording_pass import OpenedRecording, RecordingPass
 from gateway.session.signal_decoding import SignalDecoder
 from gateway.simulator.receiver import EARTH_RADIUS_M, LINK, START_DEG, rmc
+from tests.testkit.commands import invoked, run
 from tests.testkit.hub_ends import PtyPort, Reader, TcpHub
 
 pytest.importorskip("pynmeagps")
@@ -376,10 +377,10 @@ def test_recording_keeps_the_lines_and_shows_them(drive, tmp_path) -> None:
     assert [i for i in RecordingReader(path).items() if isinstance(i, Sentences)] == [
         i for i in items if isinstance(i, Sentences)
     ]
-    run = CliRunner().invoke(treadlink, ["inspect", str(path)])
+    run = invoked("inspect", path)
     assert "12 sentences of a receiver, 12 with a position, 0 without, 0 damaged" in run.output
     assert "from 47.9999" in run.output
-    content = json.loads(CliRunner().invoke(treadlink, ["inspect", "--json", str(path)]).output)
+    content = json.loads(invoked("inspect", "--json", path).output)
     assert content["links"][LINK]["receiver"]["with_position"] == 12
     assert content["links"][LINK]["receiver"]["ahead_s"] is None
 
@@ -431,16 +432,15 @@ def test_clock_is_set_by_the_step_of_the_system_time(drive, tmp_path) -> None:
     )
     wheel = [item for item in items if item.link != LINK]
     path = written([*wheel[:50], step, *wheel[50:]], toml, tmp_path / "r.mcap")
-    run = CliRunner().invoke(treadlink, ["set-clock", str(path)])
-    assert run.exit_code == 0, run.output
+    run("set-clock", path)
     dated = tmp_path / "r.dated.mcap"
     assert RecordingReader(dated).info.start_ns == START_NS + 3600 * S
     (remaining,) = [
         i for i in RecordingReader(dated).items() if isinstance(i, LinkEvent) and i.kind is LinkEventKind.COMPUTER
     ]
     assert remaining.details[0]["ahead_s"] == 0.0
-    assert CliRunner().invoke(treadlink, ["set-clock", str(dated), "--out", str(tmp_path / "b.mcap")]).exit_code != 0
-    far = CliRunner().invoke(treadlink, ["set-clock", str(path), "--ahead=-4e9", "--out", str(tmp_path / "c.mcap")])
+    assert invoked("set-clock", dated, "--out", tmp_path / "b.mcap").exit_code != 0
+    far = invoked("set-clock", path, "--ahead=-4e9", "--out", tmp_path / "c.mcap")
     assert "1970" in str(far.exception)
     assert not (tmp_path / "c.mcap").exists()
 

@@ -5,15 +5,11 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from firmware_protocol.block_decoder import BatchDecoder
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import EVERY_HUB, HUB_ITSELF, Coupling, MessageType, SetRate, SetStream, TimeSync
 from firmware_protocol.reference_frames import payload_bytes
-from gateway.cli.estimate import estimate
-from gateway.cli.inspect import inspect
-from gateway.cli.replay import replay
 from gateway.config.vehicle import parse_vehicle
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind
 from gateway.reasons import Code, Notice, Reason
@@ -23,6 +19,7 @@ from gateway.session.core import SessionCore
 from gateway.session.statement_watch import StatementWatch
 from gateway.views.wording import notice_text
 from tests.session.hub_frames import BLOCK, HELLO, HubFrames
+from tests.testkit.commands import invoked
 
 START_NS = 1_700_000_000_000_000_000
 FL = {(0, 0): "FL"}
@@ -294,17 +291,17 @@ def test_outputs_show_it(tmp_path) -> None:
         writer.write(Chunk("x", START_NS + number * 3_750_000, data))
     writer.close()
     said = "hub0.wheel0: HELLO states 4800 Hz, but samples come at 9600 Hz by the hub's clock (4 so far, each over 2 s)"
-    assert said in CliRunner().invoke(inspect, [str(path)]).output
-    assert said in CliRunner().invoke(estimate, [str(path)]).output
+    assert said in invoked("inspect", path).output
+    assert said in invoked("estimate", path).output
     read = read_recording(ReadOrder(path, 0, "x", None, None, 2))
     assert [notice.reason.code for notice in read.notices] == [Code.HELLO_RATE_DIFFERS]
-    lines = CliRunner().invoke(replay, [str(path), "--plain", "--speed", "max"]).output.splitlines()
+    lines = invoked("replay", path, "--plain", "--speed", "max").output.splitlines()
     notices = [line for line in lines if "HELLO states 4800 Hz" in line]
     # Once when it is found, with the count so far, and once in the summary.
     assert len(notices) == 2
     assert notices[0].startswith("# hub0.wheel0: ")
     assert notices[1].startswith(said)
-    (entry,) = json.loads(CliRunner().invoke(inspect, [str(path), "--json"]).output)["notices"]
+    (entry,) = json.loads(invoked("inspect", path, "--json").output)["notices"]
     assert entry["subject"] == "hub0.wheel0"
     assert entry["level"] == "warning"
     assert entry["reason"]["code"] == "hello_rate_differs"

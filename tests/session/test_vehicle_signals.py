@@ -9,9 +9,7 @@ from pathlib import Path
 
 import can
 import pytest
-from click.testing import CliRunner
 
-from gateway.cli import treadlink
 from gateway.clock import ManualClock, SystemClock
 from gateway.config.vehicle import parse_vehicle
 from gateway.errors import ConfigError, SourceError
@@ -32,6 +30,7 @@ from gateway.session.core import SessionCore
 from gateway.session.recording_pass import OpenedRecording, RecordingPass
 from gateway.session.signal_decoding import SignalDecoder, open_decoder
 from tests.testkit import vehicle_bus
+from tests.testkit.commands import invoked, run
 from tests.testkit.vehicle_bus import DBC, angle_rad, blocks, frames, merged, with_signals
 
 SPEED_MPS = 65.0 / 3.6
@@ -138,7 +137,7 @@ def test_contradiction_is_an_alarm_in_estimate_as_live(wheel) -> None:
 
 def test_contradicted_recording_has_the_alarm_in_its_summary(wheel, tmp_path) -> None:
     path = written(wheel, tmp_path, rotation=1.05, speed=1.05)
-    run = CliRunner().invoke(treadlink, ["estimate", str(path)])
+    run = invoked("estimate", path)
     alarms = run.output.partition("alarms")[2]
     assert "wheel speed" in alarms, run.output
 
@@ -205,13 +204,13 @@ def test_recording_keeps_frames_and_dbc_for_estimate(recording, wheel, tmp_path)
     remaining = [item for item in reader.items() if isinstance(item, BusFrames)]
     assert remaining == [item for item in drive(wheel)[0] if isinstance(item, BusFrames)]
     table = tmp_path / "t.csv"
-    run = CliRunner().invoke(treadlink, ["estimate", str(recording), "--csv", str(table)])
+    run = invoked("estimate", recording, "--csv", table)
     assert run.exit_code == 0, run.output
     with table.open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert float(rows[-1]["brake_pressure_pa"]) == pytest.approx(12.5e5)
     assert 0.0 <= float(rows[-1]["brake_pressure_age_s"]) < 0.05
-    run = CliRunner().invoke(treadlink, ["inspect", str(recording), "--json"])
+    run = invoked("inspect", recording, "--json")
     assert json.loads(run.output)["links"][vehicle_bus.LINK]["bus_frames"] > 300
 
 
@@ -221,8 +220,7 @@ def test_repair_and_compact_keep_the_frames_of_the_bus(recording, tmp_path) -> N
     data = recording.read_bytes()
     cut.write_bytes(data[: len(data) * 9 // 10])
     for line in (f"repair {cut} --out {whole}", f"compact {recording} --out {small}"):
-        run = CliRunner().invoke(treadlink, line)
-        assert run.exit_code == 0, run.output
+        run(line)
     repaired = [item for item in RecordingReader(whole).items() if isinstance(item, BusFrames)]
     assert len(repaired) > 0.8 * len(remaining)
     assert repaired == remaining[: len(repaired)]
@@ -237,10 +235,7 @@ def test_another_dbc_can_be_applied_later(recording, tmp_path) -> None:
     toml = (RecordingReader(recording).vehicle_toml or "").replace('dbc = "car.dbc"', 'dbc = "other.dbc"')
     (tmp_path / "car.toml").write_text(toml)
     table = tmp_path / "t.csv"
-    run = CliRunner().invoke(
-        treadlink, ["estimate", str(recording), "--config", str(tmp_path / "car.toml"), "--csv", str(table)]
-    )
-    assert run.exit_code == 0, run.output
+    run("estimate", recording, "--config", tmp_path / "car.toml", "--csv", table)
     with table.open(encoding="utf-8") as file:
         last = list(csv.DictReader(file))[-1]
     assert float(last["brake_pressure_pa"]) == pytest.approx((12.5 + 30.0) * 2.0e5 - 30e5)
@@ -256,11 +251,7 @@ def test_bus_and_wheels_share_one_recording(wheel, tmp_path) -> None:
         for message in vehicle_bus.messages(frames(10**18, 10**18 + 500_000_000, 56.0, SPEED_MPS)):
             writer.on_message_received(message)
     out = tmp_path / "out.mcap"
-    run = CliRunner().invoke(
-        treadlink,
-        f"live sim:lab?speed=max&duration=1.5 can:{log}?speed=max --plain --config {config} --record {out}",
-    )
-    assert run.exit_code == 0, run.output
+    run(f"live sim:lab?speed=max&duration=1.5 can:{log}?speed=max --plain --config {config} --record {out}")
     reader = RecordingReader(out)
     topics = {message.channel.topic for message in reader.messages()}
     assert {"/link/can:drive.asc/can", "/vehicle/signals"} <= topics

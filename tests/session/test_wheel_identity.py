@@ -3,9 +3,8 @@
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
 
-from gateway.cli import treadlink
 from gateway.config.vehicle import parse_vehicle
 from gateway.errors import ConfigError, RecordingError
 from gateway.reasons import Code, Reason
@@ -13,6 +12,7 @@ from gateway.recording.reader import RecordingReader
 from gateway.session.campaign import read_campaign
 from gateway.session.wheel_identity import misplaced_sensor
 from tests.testkit.campaign_recordings import write_recording
+from tests.testkit.commands import invoked
 
 CONFIGURED = {"FL": "0000a001", "FR": "0000a002"}
 
@@ -31,7 +31,7 @@ def configuration(recording: Path, was: str, now: str) -> str:
 
 def estimate(recording: Path, toml: str, tmp_path: Path) -> Result:
     (tmp_path / "car.toml").write_text(toml)
-    return CliRunner().invoke(treadlink, ["estimate", str(recording), "--config", str(tmp_path / "car.toml")])
+    return invoked("estimate", recording, "--config", tmp_path / "car.toml")
 
 
 def test_only_another_sensor_is_misplaced() -> None:
@@ -86,4 +86,4 @@ def test_unconfigured_wheel_is_reported(recording: Path, tmp_path: Path) -> None
 def test_estimate_reports_another_sensor(recording: Path, tmp_path: Path) -> None:
     printed = estimate(recording, configuration(recording, "0000b000", "0000dead"), tmp_path).output
     assert "W0: sensor 0000b000 is here, but the configuration names 0000dead: a new sensor or tire?" in printed
-    assert "0000b000" not in CliRunner().invoke(treadlink, ["estimate", str(recording)]).output
+    assert "0000b000" not in invoked("estimate", recording).output

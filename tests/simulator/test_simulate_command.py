@@ -5,22 +5,15 @@ import threading
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
 from firmware_protocol.decoder import FrameDecoder
-from gateway.cli.simulate import simulate
 from gateway.clock import ManualClock
 from gateway.config.vehicle import load_vehicle
 from gateway.errors import OutputError, SourceError
 from gateway.io.source import Chunk, open_source
 from gateway.recording.reader import RecordingReader
 from gateway.simulator.pty_link import BACKLOG_BYTES, PtyPort
-
-
-def run(*arguments: str) -> str:
-    result = CliRunner().invoke(simulate, arguments, catch_exceptions=False)
-    assert result.exit_code == 0, result.output
-    return result.output
+from tests.testkit.commands import invoked, run
 
 
 @pytest.fixture
@@ -35,10 +28,10 @@ def pty() -> PtyPort:
 def test_bin_and_mcap_hold_the_source_bytes(tmp_path: Path) -> None:
     raw, recording = tmp_path / "a.bin", tmp_path / "a.mcap"
     options = ("--duration", "0.5", "--seed", "3", "--fault", "flip:rate=0.1")
-    output = run("demo", "--out", str(raw), *options)
+    output = run("simulate", "demo", "--out", str(raw), *options)
     assert "FL: 4650 N" in output
     assert "fault flip:rate=0.1,bits=1:" in output
-    run("demo", "--out", str(recording), *options)
+    run("simulate", "demo", "--out", str(recording), *options)
     source = open_source("sim:demo?speed=max&duration=0.5&seed=3&fault=flip:rate=0.1", ManualClock())
     expected = b"".join(item.data for item in source.items(threading.Event()) if isinstance(item, Chunk))
     assert raw.read_bytes() == expected
@@ -52,36 +45,36 @@ def test_files_are_never_overwritten(tmp_path: Path) -> None:
         path = tmp_path / name
         path.write_bytes(b"mine")
         with pytest.raises(Exception, match=r"a\.") as caught:
-            run("lab", "--out", str(path), "--duration", "0.1")
+            run("simulate", "lab", "--out", str(path), "--duration", "0.1")
         assert "exist" in str(caught.value)
         assert path.read_bytes() == b"mine"
 
 
 def test_vehicle_file_reads_back(tmp_path: Path) -> None:
     path = tmp_path / "car.toml"
-    run("demo", "--out", str(tmp_path / "a.bin"), "--duration", "0.1", "--vehicle", str(path))
+    run("simulate", "demo", "--out", str(tmp_path / "a.bin"), "--duration", "0.1", "--vehicle", str(path))
     assert load_vehicle(path).name == "Demo car"
 
 
 def test_usage_errors_are_reported(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="unknown suffix"):
-        run("lab", "--out", str(tmp_path / "a.txt"), "--duration", "0.1")
+        run("simulate", "lab", "--out", str(tmp_path / "a.txt"), "--duration", "0.1")
     with pytest.raises(SourceError, match="is endless"):
-        run("lab", "--out", str(tmp_path / "a.bin"))
-    neither = CliRunner().invoke(simulate, ["lab"])
+        run("simulate", "lab", "--out", str(tmp_path / "a.bin"))
+    neither = invoked("simulate", "lab")
     assert neither.exit_code == 2
     assert all(way in neither.output for way in ("--out FILE", "--pty"))
 
 
 def test_list_names_scenarios_and_faults() -> None:
-    output = run("--list")
+    output = run("simulate", "--list")
     assert "standstill_restart" in output
     assert "reboot:at=5" in output
 
 
 def test_pty_command_prints_how_to_read_it(pty: PtyPort) -> None:
     pty.close()
-    output = run("lab", "--pty", "--speed", "max", "--duration", "0.3")
+    output = run("simulate", "lab", "--pty", "--speed", "max", "--duration", "0.3")
     assert "treadlink live serial:///dev/" in output
     assert "0 bytes read" in output
 

@@ -6,14 +6,23 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from click.testing import CliRunner
+from click.testing import CliRunner, Result
 
 from gateway.cli import main, treadlink
 
 
+def invoked(*words: object, input: str | None = None) -> Result:
+    """Run a command, given as words or as one line, and return how it ends; it raises nothing."""
+    return CliRunner().invoke(treadlink, _line(words), input=input)
+
+
+def _line(words: tuple[object, ...]) -> str | list[str]:
+    return words[0] if len(words) == 1 and isinstance(words[0], str) else [str(word) for word in words]
+
+
 def run(*words: object) -> str:
-    """Run a command and return what it prints."""
-    result = CliRunner().invoke(treadlink, [str(word) for word in words], catch_exceptions=False)
+    """Run a command, given as words or as one line, and return what it prints; it must succeed."""
+    result = CliRunner().invoke(treadlink, _line(words), catch_exceptions=False)
     assert result.exit_code == 0, result.output
     return result.output
 
