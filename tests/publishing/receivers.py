@@ -1,7 +1,7 @@
 """Receivers that tests control."""
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from typing import TypeVar
@@ -9,6 +9,7 @@ from typing import TypeVar
 from gateway.clock import SystemClock
 from gateway.publishing.sink import Item, PublishedState, SinkDownError, SinkEndedError, SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
+from tests.testkit.waiting import TIMEOUT_S
 
 _S = TypeVar("_S", bound=HTTPServer)
 
@@ -101,3 +102,19 @@ class Receiver:
 def worker_of(uri: str) -> SinkWorker:
     name, sink = open_sink(uri, SinkSetting())
     return SinkWorker(name, sink, SystemClock())
+
+
+def finish(worker: SinkWorker) -> None:
+    """Let a worker hand over what waits, and end."""
+    worker.finish()
+    assert worker.join(TIMEOUT_S)
+
+
+def publish(output: str | SinkWorker, items: Iterable[Item]) -> SinkWorker:
+    """Offer items to an output, given by its URI or its worker that has not started, and let it finish."""
+    worker = worker_of(output) if isinstance(output, str) else output
+    worker.start()
+    for item in items:
+        worker.offer(item)
+    finish(worker)
+    return worker

@@ -6,15 +6,15 @@ from dataclasses import replace
 from itertools import count, cycle, islice
 
 import pytest
-from click.testing import CliRunner
 
-from gateway.cli import treadlink
 from gateway.clock import SystemClock
 from gateway.publishing.sink import PublishedRevolution, SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
 from gateway.reasons import Code, Reason
+from tests.publishing.receivers import finish, publish, worker_of
 from tests.publishing.scripted_broker import CUTS, ScriptedBroker
-from tests.testkit.waiting import TIMEOUT_S, until
+from tests.testkit.commands import invoked
+from tests.testkit.waiting import until
 from tools.mqtt_broker import PROGRAM, Broker
 
 
@@ -63,8 +63,7 @@ def publish_over_cuts(items, broker, cuts, confirms: bool) -> set[str]:
         worker.offer(item)
     until(lambda: worker.snapshot().waiting == 0, 60)
     broker.confirms.set()
-    worker.finish()
-    assert worker.join(TIMEOUT_S)
+    finish(worker)
     worker.discard()
     assert not ways, "every cut was made"
     assert len(broker.connects) > len(cuts)
@@ -96,7 +95,7 @@ def test_every_item_arrives_over_a_hundred_cuts(items, broker, seed) -> None:
 @pytest.mark.skipif(PROGRAM is None, reason="needs mosquitto")
 def test_a_broker_that_restarts_a_hundred_times_is_reached_again(items, tmp_path) -> None:
     broker = Broker(tmp_path).start()
-    worker = SinkWorker(*open_sink(f"mqtt://127.0.0.1:{broker.port}/car", SinkSetting()), SystemClock())
+    worker = worker_of(f"mqtt://127.0.0.1:{broker.port}/car")
     worker.start()
     try:
         for number, item in enumerate(many(items, 100)):
@@ -105,8 +104,7 @@ def test_a_broker_that_restarts_a_hundred_times_is_reached_again(items, tmp_path
             end = broker.stop if number % 2 else broker.kill
             end()
             broker.start()
-        worker.finish()
-        assert worker.join(TIMEOUT_S)
+        finish(worker)
     finally:
         broker.kill()
     worker.discard()
@@ -115,18 +113,15 @@ def test_a_broker_that_restarts_a_hundred_times_is_reached_again(items, tmp_path
 
 def test_a_broker_that_refuses_connections_is_reached_when_it_takes_one(items, broker) -> None:
     broker.connect_refusals += [0x97, 0x89, 0x87, 0x9C]  # quota, busy, not authorized, another server
-    worker = SinkWorker(*open_sink(f"mqtt://127.0.0.1:{broker.port}/car", SinkSetting()), SystemClock())
-    worker.start()
-    worker.offer(items[0])
-    worker.finish()
-    assert worker.join(TIMEOUT_S)
+    worker = worker_of(f"mqtt://127.0.0.1:{broker.port}/car")
+    publish(worker, [items[0]])
     assert len(broker.connects) == 5
     assert (worker.snapshot().published, worker.is_left) == (1, False)
 
 
 def test_items_that_the_broker_refuses_count_as_dropped(items, broker) -> None:
     broker.refusals += [0x87, 0x97, 0x10]  # not authorized, quota exceeded; without a subscriber it is taken
-    worker = SinkWorker(*open_sink(f"mqtt://127.0.0.1:{broker.port}/car", SinkSetting()), SystemClock())
+    worker = worker_of(f"mqtt://127.0.0.1:{broker.port}/car")
     worker.start()
     for item in items[:-1]:
         worker.offer(item)
@@ -135,17 +130,16 @@ def test_items_that_the_broker_refuses_count_as_dropped(items, broker) -> None:
     assert worker.snapshot().is_dropping
     broker.refusals += [0x83]
     worker.offer(items[0])
-    worker.finish()
-    assert worker.join(TIMEOUT_S)
+    finish(worker)
     assert (worker.snapshot().published, worker.snapshot().dropped) == (len(items) - 3, 3)
     assert worker.is_left, "the exit status tells"
 
 
 def test_exit_status_tells_of_a_broker_that_is_away_at_the_end(broker) -> None:
     line = "live sim:lab?speed=max&duration=2 --plain --publish mqtt://127.0.0.1:{}/car"
-    run = CliRunner().invoke(treadlink, line.format(broker.port))
+    run = invoked(line.format(broker.port))
     assert run.exit_code == 0, run.output
     broker.close()
-    run = CliRunner().invoke(treadlink, line.format(broker.port))
+    run = invoked(line.format(broker.port))
     assert run.exit_code == 1
     assert "connection refused" in run.output.splitlines()[-1]

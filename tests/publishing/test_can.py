@@ -7,10 +7,7 @@ import can
 import cantools
 import pytest
 from can.interfaces.virtual import VirtualBus
-from click.testing import CliRunner
 
-from gateway.cli import treadlink
-from gateway.clock import SystemClock
 from gateway.errors import ConfigError
 from gateway.io.reconnect import Backoff
 from gateway.pipeline.results import WheelState
@@ -25,25 +22,14 @@ from gateway.publishing.can_frames import (
     dbc_text,
     slots_of,
 )
-from gateway.publishing.sink import SinkSetting, open_sink
-from gateway.publishing.sink_worker import SinkWorker
+from tests.publishing.receivers import finish, publish, worker_of
+from tests.testkit.commands import invoked, run
 from tests.testkit.waiting import TIMEOUT_S, until
 
 
 @pytest.fixture(scope="module")
 def dbc():
     return cantools.database.load_string(dbc_text(), "dbc")
-
-
-def publish(uri: str, items) -> SinkWorker:
-    name, sink = open_sink(uri, SinkSetting())
-    worker = SinkWorker(name, sink, SystemClock())
-    worker.start()
-    for item in items:
-        worker.offer(item)
-    worker.finish()
-    assert worker.join(TIMEOUT_S)
-    return worker
 
 
 def received(bus: can.BusABC) -> list[can.Message]:
@@ -198,8 +184,7 @@ def test_large_base_identifier_gives_extended_frames() -> None:
 
 
 def test_bus_that_cannot_be_opened_is_named(items) -> None:
-    name, sink = open_sink("can:socketcan:nosuch0", SinkSetting())
-    worker = SinkWorker(name, sink, SystemClock())
+    worker = worker_of("can:socketcan:nosuch0")
     worker.start()
     until(lambda: worker.snapshot().state == "down")
     assert worker.snapshot().note["error"].startswith("cannot open socketcan:nosuch0: ")
@@ -226,13 +211,11 @@ def test_bus_that_fails_is_opened_again_and_gets_what_waits(items, monkeypatch, 
 
     monkeypatch.setattr(can, "Bus", open_bus)
     with VirtualBus(channel=f"fails-{call}-{type(error).__name__}") as other:
-        name, sink = open_sink("can:virtual:x", SinkSetting())
-        worker = SinkWorker(name, sink, SystemClock())
+        worker = worker_of("can:virtual:x")
         worker.start()
         worker.offer(items[0])
         until(lambda: worker.snapshot().published >= 1)
-        worker.finish()
-        assert worker.join(TIMEOUT_S)
+        finish(worker)
         assert worker.snapshot().dropped == 0
         assert len(opened) == 2
         assert len(received(other)) >= 4
@@ -242,9 +225,8 @@ def test_bus_that_fails_is_opened_again_and_gets_what_waits(items, monkeypatch, 
 
 def test_command_writes_the_dbc_and_the_schema(tmp_path) -> None:
     for name, file in (("dbc", "treadlink.dbc"), ("schema", "treadlink-live.schema.json")):
-        result = CliRunner().invoke(treadlink, ["protocol", name, "--out", str(tmp_path)])
-        assert result.exit_code == 0, result.output
+        run("protocol", name, "--out", tmp_path)
         assert (tmp_path / file).stat().st_size > 1000
-    result = CliRunner().invoke(treadlink, ["protocol", "dbc", "--base-id", "five"])
+    result = invoked("protocol", "dbc", "--base-id", "five")
     assert result.exit_code == 2
     assert (tmp_path / "treadlink.dbc").read_text("utf-8") == dbc_text()

@@ -18,6 +18,7 @@ from gateway.clock import SystemClock
 from gateway.publishing.foxglove_server import FoxgloveSink, channel_schema
 from gateway.publishing.origin_gate import is_admitted
 from gateway.publishing.sink_worker import SinkWorker
+from tests.publishing.receivers import finish
 from tests.testkit.waiting import TIMEOUT_S, until
 
 
@@ -107,10 +108,8 @@ def test_port_in_use_is_named_and_waited_for(items, sink) -> None:
     worker.offer(items[0])
     until(lambda: worker.snapshot().state == "down")
     assert "cannot listen on 127.0.0.1:" in worker.snapshot().note["error"]
-    first.finish()
-    assert first.join(TIMEOUT_S)
-    worker.finish()
-    assert worker.join(TIMEOUT_S)
+    finish(first)
+    finish(worker)
     assert worker.snapshot().published == 1
 
 

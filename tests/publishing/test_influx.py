@@ -5,7 +5,7 @@ import pytest
 from gateway.pipeline.results import SinkState
 from gateway.publishing.payloads import messages
 from gateway.publishing.sink import SinkError, SinkSetting, open_sink
-from tests.publishing.receivers import worker_of
+from tests.publishing.receivers import finish, publish, worker_of
 from tests.testkit.waiting import TIMEOUT_S, until
 
 influx = pytest.importorskip("gateway.publishing.influx")
@@ -36,12 +36,7 @@ def test_status_and_invalid_numbers_are_fields(items) -> None:
 
 def test_file_has_every_revolution_alarm_and_state(items, tmp_path) -> None:
     path = tmp_path / "drive #1.lp"
-    worker = worker_of(f"influx:{path}")
-    worker.start()
-    for item in items:
-        worker.offer(item)
-    worker.finish()
-    assert worker.join(TIMEOUT_S)
+    publish(f"influx:{path}", items)
     assert path.read_text("utf-8").splitlines() == [line for item in items for line in lines(item)]
     with pytest.raises(SinkError, match="exists"):
         open_sink(f"influx:{path}", SinkSetting())
@@ -51,22 +46,13 @@ def test_file_has_every_revolution_alarm_and_state(items, tmp_path) -> None:
 def test_half_a_line_of_a_killed_session_stands_alone(items, tmp_path) -> None:
     path = tmp_path / "drive.lp"
     path.write_text("treadlink_revolu")
-    worker = worker_of(f"influx:{path}?append=yes")
-    worker.start()
-    worker.offer(items[0])
-    worker.finish()
-    assert worker.join(TIMEOUT_S)
+    publish(f"influx:{path}?append=yes", [items[0]])
     assert path.read_text("utf-8").splitlines() == ["treadlink_revolu", *lines(items[0])]
 
 
 def test_server_gets_everything_with_bucket_org_and_token(items, server, monkeypatch) -> None:
     monkeypatch.setenv(TOKEN, "secret")
-    worker = worker_of(f"influx://127.0.0.1:{server.server_port}/car%20a?org=rig")
-    worker.start()
-    for item in items:
-        worker.offer(item)
-    worker.finish()
-    assert worker.join(TIMEOUT_S)
+    worker = publish(f"influx://127.0.0.1:{server.server_port}/car%20a?org=rig", items)
     assert sorted(server.lines) == sorted(line for item in items for line in lines(item))
     path, authorization, _ = server.requests[0]
     assert "bucket=car+a" in path
@@ -85,8 +71,7 @@ def test_what_the_server_refuses_is_sent_again(items, server) -> None:
     until(lambda: worker.snapshot().state is SinkState.DOWN)
     assert TOKEN in str(worker.snapshot().note)
     server.status = 204
-    worker.finish()
-    assert worker.join(TIMEOUT_S)
+    finish(worker)
     assert {line for item in items[:-1] for line in lines(item)} <= set(server.lines)
 
 

@@ -15,7 +15,7 @@ from gateway.publishing.line_schema import line_schema
 from gateway.publishing.payloads import encoded, messages
 from gateway.publishing.sink import SinkError
 from gateway.recording.revolution_fields import PARTS
-from tests.publishing.receivers import worker_of
+from tests.publishing.receivers import finish, publish, worker_of
 from tests.testkit.waiting import TIMEOUT_S, until
 
 ROOT = Path(__file__).parents[2]
@@ -31,12 +31,7 @@ def checked(line: str | bytes) -> dict:
 def test_every_line_is_valid_by_the_schema(items, tmp_path) -> None:
     jsonschema.Draft202012Validator.check_schema(line_schema())
     path = tmp_path / "out.jsonl"
-    worker = worker_of(f"jsonl:{path}?states=yes")
-    worker.start()
-    for item in items:
-        worker.offer(item)
-    worker.finish()
-    assert worker.join(TIMEOUT_S)
+    publish(f"jsonl:{path}?states=yes", items)
     lines = [checked(line) for line in path.read_text("utf-8").splitlines()]
     assert {line["type"] for line in lines} == {"revolution", "alarm", "wheel", "link", "session"}
     first, result = next(line for line in lines if line["type"] == "revolution"), items[0].result
@@ -97,11 +92,7 @@ def test_existing_file_is_kept_unless_appended_to(items, tmp_path) -> None:
     path.write_text('{"old":1}\n')
     with pytest.raises(SinkError, match="exists"):
         worker_of(f"jsonl:{path}")
-    worker = worker_of(f"jsonl:{path}?append=yes")
-    worker.start()
-    worker.offer(items[0])
-    worker.finish()
-    assert worker.join(TIMEOUT_S)
+    publish(f"jsonl:{path}?append=yes", [items[0]])
     old, new = path.read_text("utf-8").splitlines()
     assert old == '{"old":1}'
     assert checked(new)["index"] == 0
@@ -110,11 +101,7 @@ def test_existing_file_is_kept_unless_appended_to(items, tmp_path) -> None:
 def test_half_a_line_of_a_killed_session_stands_alone(items, tmp_path) -> None:
     path = tmp_path / "out.jsonl"
     path.write_text('{"old":1}\n{"ha')
-    worker = worker_of(f"jsonl:{path}?append=yes")
-    worker.start()
-    worker.offer(items[0])
-    worker.finish()
-    assert worker.join(TIMEOUT_S)
+    publish(f"jsonl:{path}?append=yes", [items[0]])
     old, half, new = path.read_text("utf-8").splitlines()
     assert (old, half) == ('{"old":1}', '{"ha')
     assert checked(new)["index"] == 0
@@ -144,8 +131,7 @@ def test_reader_of_a_pipe_may_stall_leave_and_return(items, tmp_path) -> None:
 
     thread = threading.Thread(target=read)
     thread.start()
-    worker.finish()
-    assert worker.join(TIMEOUT_S)
+    finish(worker)
     thread.join(TIMEOUT_S)
     assert lines[-1]["type"] == "alarm"
     result = worker.snapshot()

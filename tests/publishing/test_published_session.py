@@ -4,9 +4,7 @@ import json
 from dataclasses import replace
 
 import pytest
-from click.testing import CliRunner
 
-from gateway.cli import treadlink
 from gateway.clock import SystemClock
 from gateway.config.vehicle import parse_vehicle
 from gateway.io.source import open_source
@@ -20,6 +18,7 @@ from gateway.session.live import LiveSession
 from gateway.views.console.page import ViewState, compose
 from gateway.views.session_summary import ResultSummary, summary_lines
 from tests.publishing.receivers import Receiver
+from tests.testkit.commands import invoked, run
 from tests.testkit.waiting import TIMEOUT_S
 
 
@@ -101,15 +100,13 @@ def test_summary_counts_each_output(drive) -> None:
 
 def test_replay_publishes_the_times_of_the_recording(tmp_path) -> None:
     recording, lines = tmp_path / "r.mcap", tmp_path / "lines.jsonl"
-    run = CliRunner().invoke(treadlink, f"live sim:lab?speed=max&duration=1.5 --plain --record {recording}")
-    assert run.exit_code == 0, run.output
-    run = CliRunner().invoke(treadlink, f"replay {recording} --speed max --plain --publish jsonl:{lines}")
-    assert run.exit_code == 0, run.output
+    run(f"live sim:lab?speed=max&duration=1.5 --plain --record {recording}")
+    printed = run(f"replay {recording} --speed max --plain --publish jsonl:{lines}")
     times = [json.loads(line)["time_s"] for line in lines.read_text("utf-8").splitlines()]
-    assert f"jsonl:{lines}: {len(times)} published, 0 dropped" in run.output
+    assert f"jsonl:{lines}: {len(times)} published, 0 dropped" in printed
     assert len(times) > 10
     assert times == sorted(times)
     assert times[-1] - times[0] == pytest.approx(1.2, abs=0.3)
-    again = CliRunner().invoke(treadlink, f"replay {recording} --publish jsonl:{lines}")
+    again = invoked(f"replay {recording} --publish jsonl:{lines}")
     assert again.exit_code == 1
     assert "exists" in str(again.exception)

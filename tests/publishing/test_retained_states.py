@@ -6,15 +6,13 @@ from dataclasses import replace
 import jsonschema
 import pytest
 
-from gateway.clock import SystemClock
 from gateway.pipeline.results import Silence, SilentPart
 from gateway.publishing.line_schema import line_schema
 from gateway.publishing.payloads import messages
-from gateway.publishing.sink import PublishedState, SinkSetting, open_sink
-from gateway.publishing.sink_worker import SinkWorker
+from gateway.publishing.sink import PublishedState
 from gateway.reasons import Code, Reason
+from tests.publishing.receivers import publish
 from tests.publishing.scripted_broker import Received, ScriptedBroker
-from tests.testkit.waiting import TIMEOUT_S
 
 EXPIRES_AFTER_30_S = b"\x02\x00\x00\x00\x1e"
 PRESENT = {"rate_hz", "speed_mps", "pressure_pa", "temperature_degc", "load_n", "battery_percent", "rssi_dbm"}
@@ -24,12 +22,7 @@ PRESENT = {"rate_hz", "speed_mps", "pressure_pa", "temperature_degc", "load_n", 
 def published(items):
     """All messages of a session with one state."""
     broker = ScriptedBroker()
-    name, sink = open_sink(f"mqtt://127.0.0.1:{broker.port}/car?discovery=off", SinkSetting())
-    worker = SinkWorker(name, sink, SystemClock())
-    worker.start()
-    worker.offer(items[-1])
-    worker.finish()
-    assert worker.join(TIMEOUT_S)
+    publish(f"mqtt://127.0.0.1:{broker.port}/car?discovery=off", [items[-1]])
     broker.close()
     return broker
 

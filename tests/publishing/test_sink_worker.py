@@ -22,7 +22,7 @@ from gateway.publishing.sink import (
 )
 from gateway.publishing.sink_worker import SinkWorker
 from gateway.reasons import Code, Reason
-from tests.publishing.receivers import Receiver
+from tests.publishing.receivers import Receiver, finish
 from tests.testkit.waiting import TIMEOUT_S, HeldClock, until
 
 
@@ -49,8 +49,7 @@ def test_receiver_gets_items_in_order(items) -> None:
     worker = begin(receiver)
     for item in items:
         worker.offer(item)
-    worker.finish()
-    assert worker.join(TIMEOUT_S)
+    finish(worker)
     assert receiver.taken == list(items[:-1])
     assert receiver.states == 1
     result = worker.snapshot()
@@ -94,8 +93,7 @@ def test_lost_receiver_is_reached_again_with_the_same_item(items) -> None:
     down = worker.snapshot()
     assert (down.state, down.note.code, down.waiting) == (SinkState.DOWN, Code.SINK_LOST, 1)
     receiver.present.set()
-    worker.finish()
-    assert worker.join(TIMEOUT_S)
+    finish(worker)
     assert receiver.taken == list(items[:2])
     assert worker.snapshot().dropped == 0
 
@@ -142,8 +140,7 @@ def test_fault_of_an_output_costs_one_item_only(items) -> None:
     worker = begin(receiver)
     for item in items[:3]:
         worker.offer(item)
-    worker.finish()
-    assert worker.join(TIMEOUT_S)
+    finish(worker)
     assert receiver.taken == [items[0], items[2]]
     assert (worker.snapshot().published, worker.snapshot().dropped) == (2, 1)
 
@@ -171,8 +168,7 @@ def test_states_replace_each_other(items) -> None:
         worker.offer(replace(state, host_ns=index))
     assert worker.snapshot().dropped == 0
     receiver.gate.set()
-    worker.finish()
-    assert worker.join(TIMEOUT_S)
+    finish(worker)
     assert 1 <= receiver.states <= 2
 
 
@@ -182,8 +178,7 @@ def test_unconfirmed_items_count_as_dropped(items) -> None:
     worker = begin(receiver)
     for item in items[:5]:
         worker.offer(item)
-    worker.finish()
-    assert worker.join(TIMEOUT_S)
+    finish(worker)
     assert (worker.snapshot().published, worker.snapshot().dropped) == (3, 2)
 
 
@@ -211,8 +206,7 @@ def test_drops_are_told_by_what_causes_them(items) -> None:
         worker.offer(item)
     assert worker.snapshot().note == Reason(Code.SINK_FULL)
     receiver.gate.set()
-    worker.finish()
-    assert worker.join(TIMEOUT_S)
+    finish(worker)
 
 
 def test_end_leaves_a_dead_receiver_and_waits_for_a_slow_one(items, monkeypatch) -> None:

@@ -11,8 +11,8 @@ from gateway.publishing.payloads import messages
 from gateway.publishing.sink import SINKS, PublishedAlarm, PublishedRevolution, Sink, SinkError, SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
 from gateway.publishing.webhook import TOKEN
-from tests.publishing.receivers import PostServer
-from tests.testkit.waiting import TIMEOUT_S, until
+from tests.publishing.receivers import PostServer, finish, publish
+from tests.testkit.waiting import until
 
 
 def worker_of(name: str, sink: Sink) -> SinkWorker:
@@ -24,12 +24,7 @@ def test_alarms_arrive_and_nothing_else(server, items, monkeypatch) -> None:
     name, sink = open_sink(f"webhook:http://127.0.0.1:{server.server_port}/hook/T0P?key=hidden", SinkSetting())
     assert "T0P" not in name
     assert "hidden" not in name
-    worker = worker_of(name, sink)
-    worker.start()
-    for item in items:
-        worker.offer(item)
-    worker.finish()
-    assert worker.join(TIMEOUT_S)
+    worker = publish(worker_of(name, sink), items)
     alarms = [next(messages(item)) for item in items if isinstance(item, PublishedAlarm)]
     asked = [(path, authorization, json.loads(body)) for path, authorization, body in server.requests]
     assert asked == [("/hook/T0P?key=hidden", "Bearer secret", alarm) for alarm in alarms]
@@ -49,8 +44,7 @@ def test_a_refused_alarm_is_sent_again(server, items, status) -> None:
     until(lambda: len(server.requests) > 2)
     assert worker.snapshot().state is SinkState.DOWN, "it is down until the alarm is taken"
     server.status = 200
-    worker.finish()
-    assert worker.join(TIMEOUT_S)
+    finish(worker)
     assert (worker.snapshot().published, worker.snapshot().dropped) == (1, 0)
     assert {path for path, _, _ in server.requests} == {"/"}
 
@@ -68,8 +62,7 @@ def test_an_alarm_waits_for_a_server_that_is_away(items) -> None:
     back = PostServer(server.server_port)
     thread = threading.Thread(target=back.serve_forever, args=(0.01,))
     thread.start()
-    worker.finish()
-    assert worker.join(TIMEOUT_S)
+    finish(worker)
     back.shutdown()
     thread.join()
     back.server_close()
