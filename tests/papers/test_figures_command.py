@@ -4,14 +4,14 @@ import builtins
 import importlib.util
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
-from click.testing import CliRunner
 
-from gateway.cli.figures import figures as command
 from gateway.errors import ConfigError, OutputError
 from gateway.papers.figure_registry import all_figures, chosen, title
 from gateway.papers.figure_sheet import draw_figures
+from tests.testkit.commands import invoked, run
 from tools import docs_paper_figures
 from tools.docs_outputs import ROOT
 
@@ -28,10 +28,9 @@ def test_registry_has_figures_of_both_papers() -> None:
 
 
 def test_list_prints_names_and_titles() -> None:
-    result = CliRunner().invoke(command, ["--list"])
-    assert result.exit_code == 0
+    result = run("figures", "--list")
     for name, draw in all_figures().items():
-        assert re.search(rf"^{name} +{re.escape(title(draw))}$", result.output, re.MULTILINE)
+        assert re.search(rf"^{name} +{re.escape(title(draw))}$", result, re.MULTILINE)
 
 
 def test_unknown_figure_lists_known_figures() -> None:
@@ -45,20 +44,19 @@ def test_unknown_figure_lists_known_figures() -> None:
 def test_command_writes_files_and_replaces_none(tmp_path: Path, suffix: str) -> None:
     out = tmp_path / "new" / "figures"
     arguments = ["ring-fig-12", "--out", str(out), "--format", suffix]
-    first = CliRunner().invoke(command, arguments)
-    assert first.exit_code == 0, first.output
+    first = run("figures", *arguments)
     drawn = out / f"ring-fig-12.{suffix}"
     assert drawn.stat().st_size > 5000
     page = (out / "index.html").read_text(encoding="utf-8")
     assert f'src="ring-fig-12.{suffix}"' in page
-    caption = first.output.split("ring-fig-12: ")[1].splitlines()[0]
+    caption = first.split("ring-fig-12: ")[1].splitlines()[0]
     assert caption.split("'")[0] in page.replace("&#x27;", "'")
     drawn.write_bytes(b"mine")
-    again = CliRunner().invoke(command, arguments)
+    again = invoked("figures", *arguments)
     assert isinstance(again.exception, OutputError)
     assert "--force" in again.exception.remedy
     assert drawn.read_bytes() == b"mine"
-    assert CliRunner().invoke(command, [*arguments, "--force"]).exit_code == 0
+    run("figures", *arguments, "--force")
     assert drawn.stat().st_size > 5000
 
 
@@ -86,26 +84,27 @@ def test_missing_matplotlib_names_the_extra(monkeypatch: pytest.MonkeyPatch, tmp
 
 
 @pytest.fixture(scope="module")
-def captions() -> dict[str, str]:
+def drawings() -> dict[str, tuple[Any, str]]:
+    """Return the figures of the ring and what their drawing says, by name."""
     pytest.importorskip("matplotlib", reason="matplotlib (extra 'plot') is not installed")
     from matplotlib.figure import Figure
 
-    return {name: draw(Figure()) for name, draw in all_figures().items() if name.startswith("ring-")}
+    figures = {name: (Figure(), draw) for name, draw in all_figures().items() if name.startswith("ring-")}
+    return {name: (figure, draw(figure)) for name, (figure, draw) in figures.items()}
 
 
-@NEEDS_PLOT
-def test_axes_have_labels_with_units() -> None:
-    from matplotlib.figure import Figure
+@pytest.fixture(scope="module")
+def captions(drawings: dict[str, tuple[Any, str]]) -> dict[str, str]:
+    return {name: caption for name, (_, caption) in drawings.items()}
 
-    for name, draw in all_figures().items():
-        if name.startswith("ring-"):
-            figure = Figure()
-            draw(figure)
-            assert figure.axes[-1].get_xlabel(), name
-            first = figure.axes[0]
-            shared = first.get_shared_y_axes()
-            assert all(axes.get_ylabel() or shared.joined(axes, first) for axes in figure.axes), name
-            assert figure.axes[0].get_legend() is not None, name
+
+def test_axes_have_labels_with_units(drawings: dict[str, tuple[Any, str]]) -> None:
+    for name, (figure, _) in drawings.items():
+        assert figure.axes[-1].get_xlabel(), name
+        first = figure.axes[0]
+        shared = first.get_shared_y_axes()
+        assert all(axes.get_ylabel() or shared.joined(axes, first) for axes in figure.axes), name
+        assert figure.axes[0].get_legend() is not None, name
 
 
 def test_fig_11_reports_good_fit_with_wrong_numbers(captions: dict[str, str]) -> None:

@@ -5,16 +5,15 @@ import importlib.util
 import math
 
 import pytest
-from click.testing import CliRunner
 
 import gateway
 from gateway.api.figure_sources import FigureSource, measured_tires, read_grid
-from gateway.cli import treadlink
 from gateway.errors import ConfigError, RecordingError
 from gateway.papers.figure_registry import chosen
 from gateway.papers.measured_figures import measured_figures
 from gateway.quantity_catalogue import RING_NUMBERS
 from tests.testkit.campaign_recordings import write_recording
+from tests.testkit.commands import invoked, run
 
 pytestmark = pytest.mark.skipif(importlib.util.find_spec("matplotlib") is None, reason="needs matplotlib")
 
@@ -48,7 +47,7 @@ def test_conditions_are_those_of_table_and_recording(tires):
 
 def test_weak_form_of_the_average_agrees_with_that_of_the_revolutions(folder, tires, tmp_path):
     out = tmp_path / "rows.csv"
-    assert CliRunner().invoke(treadlink, ["estimate", str(folder / "1.mcap"), "--csv", str(out)]).exit_code == 0
+    run("estimate", folder / "1.mcap", "--csv", out)
     last = list(csv.DictReader(out.open()))[-1]
     values, stds = tires[1].numbers["weak-form"]
     for name, value, std in zip(RING_NUMBERS, values, stds, strict=True):
@@ -75,13 +74,12 @@ def test_stated_pressure_replaces_that_of_the_recording(folder, tmp_path):
 
 def test_command_draws_tabulates_and_warns_of_another_speed(folder, tmp_path):
     out = tmp_path / "out"
-    result = CliRunner().invoke(treadlink, ["figures", "--grid", str(folder / "grid.csv"), "--out", str(out)])
-    assert result.exit_code == 0, result.output
+    result = run("figures", "--grid", folder / "grid.csv", "--out", out)
     rows = list(csv.DictReader((out / "conditions.csv").open()))
     assert [float(row["load_n"]) for row in rows] == list(LOADS_N)
     assert all(float(row["weak-form_Bs_std"]) > 0.0 for row in rows)
     assert len(list(out.glob("*.svg"))) == 10
-    assert "the table states 85.0 km/h" in result.output
+    assert "the table states 85.0 km/h" in result
     assert "Drawn from measurements" in (out / "index.html").read_text(encoding="utf-8")
     with pytest.raises(gateway.OutputError, match="already exists"):
         gateway.figures(out, grid=folder / "grid.csv")
@@ -106,7 +104,7 @@ def test_no_figure_at_all_is_no_result(folder, tmp_path, monkeypatch):
     nothing = ({}, {"ring-fig-11": "no value"})
     monkeypatch.setattr("gateway.api.paper_figures.measured_figures", lambda *_: nothing)
     recording = next(folder.glob("*.mcap"))
-    done = CliRunner().invoke(treadlink, ["figures", "--from", str(recording), "--out", str(tmp_path / "out")])
+    done = invoked("figures", "--from", recording, "--out", tmp_path / "out")
     assert done.exit_code == 1
     assert "allow no figure" in str(done.exception)
     assert (tmp_path / "out" / "conditions.csv").exists()
@@ -118,8 +116,7 @@ def test_dataset_gives_trends_without_waveforms(folder, tmp_path):
     pytest.importorskip("psutil")
     dataset = tmp_path / "a.dataset"
     recordings = [str(folder / f"{index}.mcap") for index in range(2)]
-    made = CliRunner().invoke(treadlink, ["campaign", *recordings, "--out", str(dataset), "--jobs", "1"])
-    assert made.exit_code == 0, made.output
+    run("campaign", *recordings, "--out", dataset, "--jobs", "1")
     tires = measured_tires([FigureSource(dataset)], None, lambda _: None)
     assert [tire.load_n for tire in tires] == pytest.approx(LOADS_N)
     figures, missing = measured_figures(tires)

@@ -100,11 +100,11 @@ class FullDisk:
         self.closed = True
 
 
-def test_full_disk_stops_the_recording_only(demo, by_wheel):
+def test_full_disk_stops_the_recording_only(demo, recorded, by_wheel):
     items, vehicle = demo
     recorder = FullDisk(100)
     results, core = run(items, vehicle, recorder)
-    assert by_wheel(results) == by_wheel(run(items, vehicle)[0])
+    assert by_wheel(results) == by_wheel(recorded[1])
     assert recorder.closed
     assert "No space left" in core.recording.fault
     assert (

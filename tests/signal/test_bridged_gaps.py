@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 import pytest
@@ -30,9 +31,11 @@ def coarse_noise(scale: float = 0.4, channels: int = 3, seed: int = 1) -> FloatA
     return result
 
 
+@cache
 def rolling(noise_mps2: float, speed_kmh: float = 90.0, revolutions: int = 60) -> FloatArray:
     """Return radial and circumferential axis of an exact ring, (n, 2)."""
     samples, _ = sampled(solution(), 9600.0, speed_kmh, revolutions=revolutions, noise_mps2=noise_mps2, seed=3)
+    samples.flags.writeable = False
     return samples
 
 
