@@ -12,9 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.io
-from click.testing import CliRunner
 
-from gateway.cli import treadlink
 from gateway.errors import OutputError, TreadlinkError
 from gateway.exporting import column_file
 from gateway.exporting.column_file import ColumnFile
@@ -26,6 +24,7 @@ from gateway.io.source import Chunk
 from gateway.recording.reader import RecordingReader
 from gateway.table_columns import Column
 from tests.testkit.campaign_recordings import write_recording
+from tests.testkit.commands import invoked
 
 TABLE = WheelTable(
     "samples",
@@ -176,7 +175,7 @@ def test_formats_refuse_what_they_cannot_hold(tmp_path):
 
 
 def run(*words):
-    return CliRunner().invoke(treadlink, ["export", *map(str, words)])
+    return invoked("export", *words)
 
 
 def test_command_reports_what_it_has_written(recorded, tmp_path):
@@ -213,13 +212,6 @@ def test_command_explains_what_is_missing(recorded, tmp_path, words, message):
     assert isinstance(done.exception, TreadlinkError)
     assert message in str(done.exception)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_input_is_never_overwritten(recorded):
-    before = recorded.read_bytes()
-    done = run(recorded, recorded, "--format", "mcap", "--force")
-    assert isinstance(done.exception, OutputError)
-    assert recorded.read_bytes() == before
 
 
 def test_recording_without_revolutions_has_no_orders(tmp_path):

@@ -7,13 +7,13 @@ import pytest
 from click.testing import CliRunner
 
 from firmware_protocol.messages import Coupling
-from gateway.cli.estimate import estimate
 from gateway.cli.import_measurement import import_
 from gateway.config.vehicle import parse_vehicle
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.importing.import_map import load_map
 from gateway.importing.importer import import_file
 from tests.importing.measurements import Decoded
+from tests.testkit.commands import run
 
 ROOT = Path(__file__).parents[2]
 MAP = ROOT / "examples" / "innerliner_drum_80kmh.map.toml"
@@ -64,17 +64,19 @@ def test_measured_recording_gives_revolutions(tmp_path: Path) -> None:
         pytest.skip("the measured recording is not part of the repository; it is looked for in ../shared/measured")
     recording, table = tmp_path / "drum.mcap", tmp_path / "drum.jsonl"
     import_file(MEASURED, load_map(MAP), recording)
-    result = CliRunner().invoke(estimate, [str(recording), "--json", str(table)])
-    assert result.exit_code == 0, result.output
+    run("estimate", recording, "--json", table)
     rows = [json.loads(line) for line in table.read_text(encoding="utf-8").splitlines()]
     # 13,000 samples at about 2268 a revolution hold six contacts, so five revolutions from contact to contact.
     assert len(rows) == 5
     assert all(row["position"] == "drum" and row["faults"] == "" and row["ac_coupled"] for row in rows)
     for row in rows:
         assert (row["device_end_s"] - row["device_start_s"]) * 25600 == pytest.approx(2268, rel=0.01)
-        assert row["speed_mps"] * 3.6 == pytest.approx(76.5, abs=1.0)
+        assert row["speed_mps"] * 3.6 == pytest.approx(76.6, abs=0.5)
         # Half the plateau is crossed 20.9 degrees apart; the edge itself lies outside that.
         contact_deg = math.degrees(row["trailing_edge_rad"] - row["leading_edge_rad"])
         assert 20.9 <= contact_deg <= 27.0
-        assert row["Bs"] is None
-        assert "load" in row["Bs_reason"]
+        assert 0.15 < row["trailing_edge_rad"] < 0.25
+        assert -0.25 < row["leading_edge_rad"] < -0.15
+        for name in ("Bs", "Cw"):
+            assert (row[name], row[f"{name}_status"]) == (None, "invalid")
+            assert "load" in row[f"{name}_reason"]
