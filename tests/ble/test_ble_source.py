@@ -324,29 +324,6 @@ def test_write_without_connection_raises() -> None:
         BleLink(BleSettings("Anything")).write(b"x")
 
 
-@pytest.mark.parametrize(
-    ("options", "says"),
-    [
-        ("scan=no", "scan=no"),
-        ("scan=0", "scan=0"),
-        ("silence=-1", "silence=-1"),
-        ("rate=1999", "rate=1999"),
-        ("notify=loudly", "notify=loudly"),
-        ("adaptor=hci1", "no option 'adaptor'"),
-    ],
-)
-def test_wrong_options_are_named(options: str, says: str) -> None:
-    with pytest.raises(SourceError, match=says) as caught:
-        opened("X", options)
-    assert caught.value.remedy
-
-
-def test_similar_option_is_suggested() -> None:
-    with pytest.raises(SourceError) as caught:
-        opened("X", "adaptor=hci1")
-    assert "Did you mean adapter?" in caught.value.remedy
-
-
 def test_invalid_address_is_refused() -> None:
     with pytest.raises(SourceError, match="cannot be read"):
         open_source("ble://[hub", ManualClock())

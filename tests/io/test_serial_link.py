@@ -153,29 +153,6 @@ def test_other_files_are_not_serial_ports(tmp_path: Path, read: Read, make: Call
     assert "is not a serial port" in str(reader.error)
 
 
-@pytest.mark.parametrize(
-    ("options", "says"),
-    [
-        ({"baudrate": "fast"}, "baudrate=fast"),
-        ({"baudrate": "0"}, "baudrate=0"),
-        ({"baudrate": "-1"}, "baudrate=-1"),
-        ({"exclusive": "maybe"}, "exclusive=maybe"),
-        ({"parity": "x"}, "parity=x"),
-        ({"baud": "9600"}, "no option 'baud'"),
-    ],
-)
-def test_wrong_options_are_named(options: dict[str, str], says: str) -> None:
-    with pytest.raises(SourceError, match=says) as caught:
-        serial_settings(options)
-    assert caught.value.remedy
-
-
-def test_similar_option_is_suggested() -> None:
-    with pytest.raises(SourceError) as caught:
-        serial_settings({"baud": "9600"})
-    assert "Did you mean baudrate?" in caught.value.remedy
-
-
 def test_options_reach_pyserial() -> None:
     assert serial_settings({"parity": "even", "stopbits": "2", "rtscts": "yes", "exclusive": "NO"}) == {
         "baudrate": 921600,

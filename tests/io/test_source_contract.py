@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from gateway.clock import ManualClock
+from gateway.errors import SourceError
 from gateway.io.read_ahead import ReadAheadSource
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source, open_source
 from gateway.recording.writer import RecordingWriter
@@ -129,3 +130,39 @@ def test_closed_source_gives_no_chunk(opened: Opened) -> None:
     source.close()
     source.close()
     assert not [item for item in source.items(threading.Event()) if isinstance(item, Chunk)]
+
+
+@pytest.mark.parametrize(
+    "uri",
+    [
+        *(f"serial:/dev/x?{option}" for option in ("baudrate=fast", "baudrate=0", "baudrate=-1", "exclusive=maybe")),
+        "serial:/dev/x?parity=x",
+        *(f"ble://X?{option}" for option in ("scan=no", "scan=0", "silence=-1", "rate=1999", "notify=loudly")),
+        *(
+            f"{link}?silence={limit}"
+            for link in ("tcp://127.0.0.1:1", "serial:/dev/x")
+            for limit in (-1, "x", "nan", 4000)
+        ),
+        *(f"sim:demo?receiver={rate_hz}" for rate_hz in (1000, "no")),
+    ],
+)
+def test_wrong_value_is_named_with_a_remedy(uri: str) -> None:
+    with pytest.raises(SourceError, match=uri.partition("?")[2]) as caught:
+        open_source(uri, ManualClock())
+    assert caught.value.remedy.startswith("Give ")
+
+
+@pytest.mark.parametrize(
+    ("uri", "option", "remedy"),
+    [
+        ("serial:/dev/x?baud=9600", "baud", "Did you mean baudrate?"),
+        ("ble://X?adaptor=hci1", "adaptor", "Did you mean adapter?"),
+        ("nmea:/dev/ttyX?baud=1", "baud", "Did you mean baudrate?"),
+        ("nmea:localhost:2947?rate=9600", "rate", "Options are silence."),
+        ("tcp://h:1?x=1", "x", "Options are rate, silence."),
+    ],
+)
+def test_unknown_option_is_named_with_those_that_there_are(uri: str, option: str, remedy: str) -> None:
+    with pytest.raises(SourceError, match=f"no option '{option}'") as caught:
+        open_source(uri, ManualClock())
+    assert remedy in caught.value.remedy
