@@ -12,6 +12,7 @@ import gateway
 import treadlink
 from tests.importing.measurements import write_csv
 from tests.importing.rolling_wheel import rolling
+from tests.testkit.commands import program
 
 WHEEL = rolling(9600.0, 2.0)
 MAP = {
@@ -109,10 +110,8 @@ def test_calibration_is_that_of_the_command(tmp_path):
     result = gateway.calibrate(paths)
     assert [point.load_n for point in result.points] == [3000.0, 3800.0, 4600.0, 5400.0]
     result.save(tmp_path / "tables.toml")
-    done = subprocess.run(
-        [sys.executable, "-m", "gateway.cli", "calibrate", *map(str, paths), "--out", "-"],
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
+    done = program("calibrate", *paths, "--out", "-")
+    assert done.status == 0
     assert (tmp_path / "tables.toml").read_text("utf-8") == done.stdout
     assert "[tire.load_calibration]" in result.toml
     assert str(result) in done.stderr
