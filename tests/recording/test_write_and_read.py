@@ -5,7 +5,9 @@ import errno
 import json
 import os
 import re
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -151,15 +153,35 @@ def test_deleted_folder_is_reported(tmp_path: Path) -> None:
     writer.close()
 
 
+def broken_off(
+    path: Path, monkeypatch: pytest.MonkeyPatch, broken: Callable[[Any], object], message: str
+) -> tuple[list[LinkItem], RecordingReader]:
+    """Write on after a recording's file was replaced by a broken one; return what was written before, and the reader.
+
+    The writer has named the file, the cause and a remedy, and takes nothing more.
+    """
+    items = some_items()
+    writer = streams.write(path, items, finish=False)
+    writer.tick(items[-1].host_ns + 10**9)
+    stream = writer._output._stream  # the only place where a disk can be made full without root
+    whole = stream._file
+    monkeypatch.setattr(stream, "_file", broken(whole))
+    later = [Chunk(LINK, items[-1].host_ns + 10**9 + number * 10**7, bytes(5000)) for number in range(50)]
+    with pytest.raises(RecordingError, match=message) as caught:
+        list(map(writer.write, later))
+    assert str(writer.path) in str(caught.value)
+    assert caught.value.remedy
+    with pytest.raises(RecordingError):
+        writer.write(items[0])
+    writer.close()
+    whole.close()
+    return items, RecordingReader(writer.path)
+
+
 @pytest.mark.parametrize("half_written", [0, 1, 40, 1000])
 def test_full_disk_is_reported_and_file_valid(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, half_written: int
 ) -> None:
-    items = some_items()
-    writer = streams.write(tmp_path / "r.mcap", items, finish=False)
-    writer.tick(items[-1].host_ns + 10**9)
-    stream = writer._output._stream  # the only place where a disk can be made full without root
-
     class FullDisk:
         def __init__(self, file: object) -> None:
             self._file = file
@@ -175,16 +197,7 @@ def test_full_disk_is_reported_and_file_valid(
         def __getattr__(self, name: str) -> object:
             return getattr(self._file, name)
 
-    monkeypatch.setattr(stream, "_file", FullDisk(stream._file))
-    later = [Chunk(LINK, items[-1].host_ns + 10**9 + number * 10**7, bytes(5000)) for number in range(50)]
-    with pytest.raises(RecordingError, match="disk full") as caught:
-        list(map(writer.write, later))
-    assert str(writer.path) in str(caught.value)
-    assert caught.value.remedy
-    with pytest.raises(RecordingError):
-        writer.write(items[0])
-    writer.close()
-    reader = RecordingReader(writer.path)
+    items, reader = broken_off(tmp_path / "r.mcap", monkeypatch, FullDisk, "disk full")
     assert list(reader.items()) == items
     assert reader.damage is None
 
@@ -193,11 +206,6 @@ def test_full_disk_is_reported_and_file_valid(
 def test_folder_that_goes_away_is_reported_and_ends_the_recording(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int
 ) -> None:
-    items = some_items()
-    writer = streams.write(tmp_path / "r.mcap", items, finish=False)
-    writer.tick(items[-1].host_ns + 10**9)
-    stream = writer._output._stream
-
     class Gone:
         """A file of a network folder: after it every call fails, also those that undo and close."""
 
@@ -210,18 +218,7 @@ def test_folder_that_goes_away_is_reported_and_ends_the_recording(
 
         write = truncate = seek = tell = flush = close = fail
 
-    whole = stream._file
-    monkeypatch.setattr(stream, "_file", Gone(whole))
-    later = [Chunk(LINK, items[-1].host_ns + 10**9 + count * 10**7, bytes(5000)) for count in range(50)]
-    with pytest.raises(RecordingError, match=re.escape(os.strerror(number))) as caught:
-        list(map(writer.write, later))
-    assert str(writer.path) in str(caught.value)
-    assert caught.value.remedy
-    with pytest.raises(RecordingError):
-        writer.write(items[0])
-    writer.close()
-    whole.close()
-    reader = RecordingReader(writer.path)
+    items, reader = broken_off(tmp_path / "r.mcap", monkeypatch, Gone, re.escape(os.strerror(number)))
     assert list(reader.items()) == items, "what was written before is there when the folder is back"
 
 
