@@ -53,26 +53,23 @@ def program(written: Path) -> Path:
     return build(written, "host_collector")
 
 
-@pytest.fixture
-def uri(program: Path, written: Path, tmp_path: Path) -> Iterator[str]:
-    sensor = written / "hub/ports/host/wheel.csv"
-    command = [program, "--tcp", "0", "--sensor", sensor, "--flash", tmp_path / "flash"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as hub:
-        assert hub.stdout is not None
-        yield hub.stdout.readline().strip()
-        hub.kill()
-
-
 @contextmanager
-def hub_with(program: Path, written: Path, tmp_path: Path, keys: Path) -> Iterator[str]:
+def running(program: Path, written: Path, tmp_path: Path, *options: str | Path) -> Iterator[str]:
+    """Run the hub with a wheel of its file as its sensor; yield its address."""
     sensor = written / "hub/ports/host/wheel.csv"
-    command = [program, "--tcp", "0", "--sensor", sensor, "--flash", tmp_path / "flash", "--keys", keys]
+    command = [program, "--tcp", "0", "--sensor", sensor, "--flash", tmp_path / "flash", *options]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as hub:
         assert hub.stdout is not None
         try:
             yield hub.stdout.readline().strip()
         finally:
             hub.kill()
+
+
+@pytest.fixture
+def uri(program: Path, written: Path, tmp_path: Path) -> Iterator[str]:
+    with running(program, written, tmp_path) as address:
+        yield address
 
 
 def checked(link: str, data: bytes) -> dict[Clause, Verdict]:
@@ -106,13 +103,9 @@ def test_hub_sends_hello_and_the_samples_of_its_file(uri: str, written: Path) ->
 def test_every_start_has_a_higher_boot_count(program: Path, written: Path, tmp_path: Path) -> None:
     counts = []
     for _ in range(2):
-        sensor = written / "hub/ports/host/wheel.csv"
-        command = [program, "--tcp", "0", "--sensor", sensor, "--flash", tmp_path / "flash"]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as hub:
-            assert hub.stdout is not None
-            check = FirmwareCheck("tcp:hub", {})
-            seen = check.chunk(Chunk("tcp:hub", 0, first_bytes(hub.stdout.readline().strip(), 100)))
-            hub.kill()
+        check = FirmwareCheck("tcp:hub", {})
+        with running(program, written, tmp_path) as uri:
+            seen = check.chunk(Chunk("tcp:hub", 0, first_bytes(uri, 100)))
         counts += [frame.message.boot_count for frame in seen if isinstance(frame.message, Hello)][:1]
     assert counts == [1, 2]
 
@@ -190,7 +183,7 @@ def test_signed_command_over_the_link_and_every_replay_of_it(
 ) -> None:
     keys = tmp_path / "keys"
     keys.write_text(KEY_LINES)
-    with hub_with(program, written, tmp_path, keys) as uri:
+    with running(program, written, tmp_path, "--keys", keys) as uri:
         link = Overheard(uri)
         assert execute(link, SetStream(False), SystemClock(), keys=KEYS, timeout_s=60.0).signed
         link.close()
@@ -201,7 +194,7 @@ def test_signed_command_over_the_link_and_every_replay_of_it(
         assert Outcome.REPEATED in outcomes
         assert Outcome.NOT_VERIFIED in outcomes
         assert Outcome.DONE not in outcomes
-    with hub_with(program, written, tmp_path, keys) as uri:
+    with running(program, written, tmp_path, "--keys", keys) as uri:
         assert Outcome.DONE not in replies(uri, link.to_hub)
     # The hub is off, and someone plays what it sent.
     tcp_hub.greet(b"".join(link.from_hub))
