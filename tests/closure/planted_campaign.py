@@ -92,6 +92,17 @@ def turned(axis: int, angle_rad: float) -> Plant:
     return plant
 
 
+def wave(axes: int | Sequence[int], of: Callable[[FloatArray], FloatArray]) -> Plant:
+    """Return a wave over the angle on one axis or several, the same at every speed."""
+
+    def plant(signal: FloatArray, theta: FloatArray, group_conditions: GroupConditions) -> FloatArray:
+        read = signal.copy()
+        read[np.atleast_1d(axes)] += of(theta)
+        return read
+
+    return plant
+
+
 def gain(signal: FloatArray, theta: FloatArray, group_conditions: GroupConditions) -> FloatArray:
     return signal * np.array([[1.0], [1.0], [1.01]])
 

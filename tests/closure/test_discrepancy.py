@@ -42,6 +42,7 @@ from tests.closure.planted_campaign import (
     fitted,
     searched,
     started,
+    wave,
     with_blocks,
 )
 
@@ -211,35 +212,24 @@ def test_undisturbed_ring_has_no_discrepancy() -> None:
 def tone(size_mps2: float, order: int) -> Plant:
     """Return a pole wheel's tone on every axis, of the same size at every speed."""
     phases = np.array([0.3, 1.9, -2.2])[:, None]
-
-    def plant(signal: FloatArray, theta: FloatArray, conditions: GroupConditions) -> FloatArray:
-        return signal + size_mps2 * np.cos(order * theta + phases)
-
-    return plant
+    return wave(ALL_AXES, lambda theta: size_mps2 * np.cos(order * theta + phases))
 
 
 def ringing(size_mps2: float, at_rad: float) -> Plant:
     """Return short ringing at one place, on the radial axis."""
 
-    def plant(signal: FloatArray, theta: FloatArray, conditions: GroupConditions) -> FloatArray:
+    def of(theta: FloatArray) -> FloatArray:
         away = theta - at_rad
-        read = signal.copy()
-        read[RADIAL] += size_mps2 * np.exp(-0.5 * np.square(away / 0.12)) * np.sin(55.0 * away)
-        return read
+        return np.asarray(size_mps2 * np.exp(-0.5 * np.square(away / 0.12)) * np.sin(55.0 * away))
 
-    return plant
+    return wave(RADIAL, of)
 
 
 def short_waves(size_mps2: float, seed: int) -> Plant:
     """Return waves of orders 88 to 106 all around, on the radial axis: no packet, no line."""
     phases = np.random.default_rng(seed).uniform(0.0, 2.0 * math.pi, 19)[:, None]
 
-    def plant(signal: FloatArray, theta: FloatArray, conditions: GroupConditions) -> FloatArray:
-        read = signal.copy()
-        read[RADIAL] += size_mps2 * np.cos(np.arange(88, 107)[:, None] * theta + phases).sum(axis=0)
-        return read
-
-    return plant
+    return wave(RADIAL, lambda theta: size_mps2 * np.cos(np.arange(88, 107)[:, None] * theta + phases).sum(axis=0))
 
 
 @cache

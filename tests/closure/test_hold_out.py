@@ -31,6 +31,7 @@ from tests.closure.planted_campaign import (
     sideways,
     signal_of,
     turned,
+    wave,
     with_blocks,
 )
 
@@ -42,11 +43,8 @@ NAMES = frozenset(["roll tilt"])
 POWER = np.where(np.arange(ORDERS) == 0, 1.0, 0.5)
 
 
-def bump(signal: FloatArray, theta: FloatArray, conditions: GroupConditions) -> FloatArray:
-    """A bump on the belt that no effect of the catalogue describes."""
-    read = signal.copy()
-    read[RADIAL] += 60.0 * np.exp(-np.square((theta - 1.5) / 0.05))
-    return read
+# On the belt; no effect of the catalogue describes it.
+BUMP = wave(RADIAL, lambda theta: 60.0 * np.exp(-np.square((theta - 1.5) / 0.05)))
 
 
 def held_out(campaign: Campaign) -> HeldOutErrors:
@@ -115,7 +113,7 @@ def test_error_is_reported_by_axis() -> None:
 
 
 def test_discrepancy_lowers_the_error_of_the_unexplained() -> None:
-    errors = held_out(campaign_of(ONE_SPEED, bump, axes=ALL_AXES))
+    errors = held_out(campaign_of(ONE_SPEED, BUMP, axes=ALL_AXES))
     assert errors.summary.rms_after_mps2 > 1.5 * errors.noise_mps2
     assert errors.with_discrepancy_mps2 < 1.3 * errors.noise_mps2
     radial = next(axis for axis in errors.summary.axes if axis.axis == "radial")

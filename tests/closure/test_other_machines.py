@@ -14,13 +14,9 @@ PROGRAM = """
 import json
 import numpy as np
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, RADIAL
-from tests.closure.planted_campaign import ONE_SPEED, among, campaign_of, searched
+from tests.closure.planted_campaign import ONE_SPEED, among, campaign_of, searched, wave
 
-def kinked(signal, theta, conditions):
-    read = signal.copy()
-    read[[CIRCUMFERENTIAL, RADIAL]] += 30.0 * np.exp(-np.square((theta - 0.5) / 0.2))
-    return read
-
+kinked = wave([CIRCUMFERENTIAL, RADIAL], lambda theta: 30.0 * np.exp(-np.square((theta - 0.5) / 0.2)))
 posterior, _ = searched(campaign_of(ONE_SPEED, kinked), among("mounting offset", "run-out", "structural damping"))
 fit = posterior.best.fit
 std = np.sqrt(np.diagonal(fit.covariance))

@@ -44,6 +44,7 @@ from tests.closure.planted_campaign import (
     searched,
     sideways,
     turned,
+    wave,
 )
 
 NOISY = 7.0
@@ -172,11 +173,7 @@ def test_evidence_counts_less_beside_a_large_unexplained_part() -> None:
     """A pattern that no effect describes has five times the power of the noise of the mean."""
     effects = {"small": Sideways("small")}
 
-    def strange(signal: FloatArray, theta: FloatArray, conditions: GroupConditions) -> FloatArray:
-        read = signal.copy()
-        read[LATERAL] += 6.0 * np.cos(17.0 * theta + np.sin(theta))
-        return read
-
+    strange = wave(LATERAL, lambda theta: 6.0 * np.cos(17.0 * theta + np.sin(theta)))
     alone, search = searched(campaign_of(ONE_SPEED, sideways(1.3), axes=ALL_AXES), effects)
     assert alone.identified() == ("small",)
     assert max(alone.temperatures) < 1.1
@@ -335,11 +332,7 @@ def test_set_without_a_shape_keeps_estimates_and_its_objection() -> None:
 def test_settled_set_does_not_depend_on_the_way_there() -> None:
     """A kink that no effect describes; one discrepancy begins as the residual suggests, one a thousand times larger."""
 
-    def kinked(signal: FloatArray, theta: FloatArray, conditions: GroupConditions) -> FloatArray:
-        read = signal.copy()
-        read[[CIRCUMFERENTIAL, RADIAL]] += 30.0 * np.exp(-np.square((theta - 0.5) / 0.2))
-        return read
-
+    kinked = wave([CIRCUMFERENTIAL, RADIAL], lambda theta: 30.0 * np.exp(-np.square((theta - 0.5) / 0.2)))
     evaluation, data = evaluated(campaign_of(ONE_SPEED, kinked))
     applied = evaluation.fit.applied
     assert applied is not None

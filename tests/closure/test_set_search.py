@@ -41,6 +41,7 @@ from tests.closure.planted_campaign import (
     gain,
     searched,
     turned,
+    wave,
 )
 
 
@@ -62,13 +63,8 @@ def test_small_tilt_has_a_realistic_trial() -> None:
 
 
 def test_a_shape_far_from_the_usual_one_is_fitted_anew_from_there() -> None:
-    def plant(signal: FloatArray, theta: FloatArray, conditions: GroupConditions) -> FloatArray:
-        read = signal.copy()
-        read[LATERAL] += 4.0 * WavePacket.packet(theta - 1.1)[0]
-        return read
-
     effect = WavePacket()
-    campaign = campaign_of(ONE_SPEED, plant, noise_mps2=0.3, axes=ALL_AXES)
+    campaign = campaign_of(ONE_SPEED, packet(4.0, 1.1), noise_mps2=0.3, axes=ALL_AXES)
     fit, data = fitted(campaign)
     trial = try_effect(fit, effect, shapes_of(fit, [0]))
     assert trial is not None
@@ -107,11 +103,7 @@ def test_two_effects_are_found_together() -> None:
 def test_a_chain_ends_where_three_sets_in_a_row_bring_no_evidence(monkeypatch: pytest.MonkeyPatch) -> None:
     """Five waves around the lateral axis are no effect of these; a fit takes one more all the same."""
 
-    def five_waves(signal: FloatArray, theta: FloatArray, conditions: GroupConditions) -> FloatArray:
-        read = signal.copy()
-        read[LATERAL] += 10.0 * np.cos(5.0 * theta)
-        return read
-
+    five_waves = wave(LATERAL, lambda theta: 10.0 * np.cos(5.0 * theta))
     effects: dict[str, AngleEffect] = {name: Sideways(name) for name in "abcdefgh"}
 
     def one_more(search: SetSearch, fit: Fit) -> list[Fit]:
@@ -291,12 +283,7 @@ STARTS_RAD = (0.3, 1.0, 1.7)
 
 
 def packet(size_mps2: float, place_rad: float) -> Plant:
-    def plant(signal: FloatArray, theta: FloatArray, conditions: GroupConditions) -> FloatArray:
-        read = signal.copy()
-        read[LATERAL] += size_mps2 * WavePacket.packet(theta - place_rad)[0]
-        return read
-
-    return plant
+    return wave(LATERAL, lambda theta: size_mps2 * WavePacket.packet(theta - place_rad)[0])
 
 
 def place_of(evaluation: Evaluated) -> float:
