@@ -22,7 +22,7 @@ from typing import Final, NamedTuple, Self
 import numpy as np
 
 from gateway.physics.reference_tire import TABLE_3_LOAD_N, TABLE_3_NUMBERS, TABLE_3_PRESSURE_PA, TABLE_3_RADIUS_M
-from gateway.physics.rolling_ring import RingParameters, RingSolution, nearby_solutions, solve_rolling_ring
+from gateway.physics.rolling_ring import RingParameters, RingSolution, RingTangent, solve_rolling_ring
 from gateway.physics.rolling_ring.sensor_waveform import waveform_orders
 from gateway.types import ComplexArray, FloatArray
 
@@ -240,13 +240,10 @@ class ForwardModel:
         rows, half_angle = np.zeros((SIZE, self.max_order + 1), dtype=np.complex128), np.zeros(SIZE)
         varied = [parameter for parameter in _RING_PARAMETERS if self.shear or parameter is not P.SHEAR]
         moved = p + _STEP * np.eye(SIZE)[varied]
-        near = nearby_solutions(
-            ring,
+        near = RingTangent(ring, drum_radius_m=_drum_radius_m(p), axle_torque_nm=_torque_nm(p)).nearby(
             [self.ring(row) for row in moved],
             sensor_offset_m=self.offset * TABLE_3_RADIUS_M,
-            drum_radius_m=_drum_radius_m(p),
             drum_radii_m=[_drum_radius_m(row) for row in moved],
-            axle_torque_nm=_torque_nm(p),
             axle_torques_nm=[_torque_nm(row) for row in moved],
         )
         for parameter, parameters, moved_ring in zip(varied, moved, near, strict=True):

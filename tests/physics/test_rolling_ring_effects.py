@@ -6,15 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.physics.rolling_ring import RingParameters, RingSolution, nearby_solutions, solve_rolling_ring
+from gateway.physics.rolling_ring import RingParameters, RingSolution, RingTangent, solve_rolling_ring
 from gateway.physics.rolling_ring.force_balance import BeltLaw, belt_balance, ring_grid
-from gateway.physics.rolling_ring.newton_solver import solve_bordered
+from gateway.physics.rolling_ring.newton_solver import Tangent
 
 RADIUS_M, PRESSURE_PA, OMEGA_RADPS, LOAD_N = 0.32, 2.1e5, 56.42, 5000.0
 RING = RingParameters.from_numbers(3.0833e-3, 0.1953, 2.974, 2.5289, radius_m=RADIUS_M, pressure_pa=PRESSURE_PA)
 
 
-def solve(ring: RingParameters = RING, **changes: float | None) -> RingSolution:
+def solve(ring: RingParameters = RING, **changes: float | RingTangent | None) -> RingSolution:
     return solve_rolling_ring(ring, LOAD_N, PRESSURE_PA, OMEGA_RADPS, **({"nodes": 720} | changes))  # type: ignore[arg-type]
 
 
@@ -240,7 +240,7 @@ def test_folded_band_matches_dense_solve(nodes: int, dof: int, border: int) -> N
     grid = ring_grid(24)
     resting = belt_balance(belt_law({}), grid, RADIUS_M * grid.radial, RADIUS_M, 0.0)
     balance = resting._replace(blocks=blocks, columns=columns, rows=rows, corner=corner)
-    x, y = solve_bordered(balance, right, below)
+    x, y = Tangent(balance)(right, below)
     assert np.concatenate([x.reshape(2, -1), y], axis=1) == pytest.approx(expected, abs=1e-9)
 
 
@@ -259,6 +259,7 @@ def test_nearby_solution_is_exact_to_first_order(conditions: tuple[dict[str, flo
     ring = replace(RING, **fields)
     base = solve(ring, **arguments)
     still = {name: value for name, value in arguments.items() if name != "nodes"}
+    offset_m = still.pop("sensor_offset_m", 0.0)
     errors = []
     for step in (4e-3, 1e-3):
         other = replace(
@@ -267,7 +268,7 @@ def test_nearby_solution_is_exact_to_first_order(conditions: tuple[dict[str, flo
             radial_stiffness_npm2=ring.radial_stiffness_npm2 * (1.0 - step),
             tread_stiffness_npm2=ring.tread_stiffness_npm2 * (1.0 + step),
         )
-        same, near = nearby_solutions(base, [ring, other], **still)  # type: ignore[arg-type]
+        same, near = RingTangent(base, **still).nearby([ring, other], sensor_offset_m=offset_m)
         assert same.sensor.radial_m == pytest.approx(base.sensor.radial_m, abs=1e-6)
         change = near.sensor.radial_m - same.sensor.radial_m
         exact = solve(other, **arguments).sensor.radial_m - base.sensor.radial_m
@@ -279,12 +280,35 @@ def test_nearby_solution_is_exact_to_first_order(conditions: tuple[dict[str, flo
     assert errors[1] < 0.7 * errors[0]
 
 
+@pytest.mark.parametrize("conditions", NEARBY.values(), ids=NEARBY.keys())
+def test_solution_by_secants_is_that_from_rest(conditions: tuple[dict[str, float], dict[str, float]]) -> None:
+    fields, arguments = conditions
+    ring = replace(RING, **fields)
+    borders = {name: value for name, value in arguments.items() if name in ("drum_radius_m", "axle_torque_nm")}
+    near = RingTangent(solve(ring, **arguments), **borders)
+    for step in (1e-3, 1e-2, 0.2):
+        other = replace(
+            ring,
+            tension_width_m=ring.tension_width_m * (1.0 - step),
+            radial_stiffness_npm2=ring.radial_stiffness_npm2 * (1.0 - step),
+        )
+        by_secants, from_rest = solve(other, near=near, **arguments), solve(other, **arguments)
+        assert by_secants.axle_height_m == pytest.approx(from_rest.axle_height_m, rel=1e-12)
+        assert by_secants.axle_torque_nm == pytest.approx(from_rest.axle_torque_nm, rel=1e-7, abs=1e-7)
+        assert by_secants.sensor.radial_m == pytest.approx(from_rest.sensor.radial_m, abs=1e-9)
+
+
+def test_solution_by_secants_ignores_a_ring_of_other_unknowns(plain: RingSolution) -> None:
+    sheared = replace(RING, shear_stiffness_n=6e4)
+    assert solve(sheared, near=RingTangent(plain)).axle_height_m == pytest.approx(solve(sheared).axle_height_m)
+
+
 def test_nearby_solution_follows_another_drum(plain: RingSolution) -> None:
-    flat, drum = nearby_solutions(plain, [RING, RING], drum_radii_m=[math.inf, 300.0])
+    flat, drum = RingTangent(plain).nearby([RING, RING], drum_radii_m=[math.inf, 300.0])
     exact = solve(drum_radius_m=300.0)
     assert drum.axle_height_m - flat.axle_height_m == pytest.approx(exact.axle_height_m - plain.axle_height_m, rel=0.02)
 
 
 def test_nearby_solution_rejects_an_impossible_ring(plain: RingSolution) -> None:
     with pytest.raises(ValueError, match="tread_stiffness_npm2 must be positive"):
-        nearby_solutions(plain, [replace(RING, tread_stiffness_npm2=-1.0)])
+        RingTangent(plain).nearby([replace(RING, tread_stiffness_npm2=-1.0)])

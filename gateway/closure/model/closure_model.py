@@ -258,6 +258,8 @@ class ClosureModel:
             for position, parameter in enumerate(effect.parameters, layout.effect(effect.name).start):
                 points[position] = vector.copy()
                 points[position][position] += parameter.step
+        # First: the shapes beside it follow fast from the tangent stiffness.
+        tangents = self._tangents(vector, index) if only is None else ()
         if only is None or without is None:
             shape, *shapes = (self.shape(point, index) for point in (vector, *points.values()))
         else:
@@ -275,7 +277,6 @@ class ClosureModel:
 
         if only is None:
             where = layout.state(group.state)
-            tangents = self._tangents(vector, index)
             for position, step, tangent in zip(range(where.start, where.stop), self.core.steps, tangents, strict=True):
                 add(position, float(step), moved(shape, tangent, float(step)), vector)
             places.append(layout.centre(index))

@@ -19,9 +19,9 @@ from gateway.physics.rolling_ring import (
     RingNotConvergedError,
     RingParameters,
     RingSolution,
+    RingTangent,
     at_depth,
     loaded_belt,
-    nearby_solutions,
     solve_rolling_ring,
 )
 from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
@@ -50,6 +50,8 @@ _NODES_PER_LAYER: Final = 8.0
 _FINER: Final = 3
 _EXTRAPOLATION: Final = 9.0 / 8.0
 _KEPT: Final = 512
+# Half a megabyte each.
+_KEPT_TANGENTS: Final = 48
 _PLAIN: Final = RingOptions()
 
 
@@ -61,6 +63,15 @@ class _Key(NamedTuple):
     radius_m: float
     omega_radps: float
     nodes: int
+
+
+class _NearKey(NamedTuple):
+    load_n: float
+    pressure_pa: float
+    omega_radps: float
+    nodes: int
+    with_shear: bool
+    driven: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +104,9 @@ class ExactCore:
         self.prior_std: FloatArray = np.array([2.0, 1.5, 1.5, 1.5, 1.0])
         self.steps: FloatArray = np.full(5, 1e-3)
         self._cache: OrderedDict[_Key, _Solved] = OrderedDict()
-        self._near: dict[tuple[float, float, int, bool], RingSolution] = {}
+        self._near: dict[_NearKey, RingSolution] = {}
+        # By the share as well by which a load differs from that of the group.
+        self._tangent_of: dict[tuple[_NearKey, float], RingTangent] = {}
         self._corrections: dict[tuple[float, float, float], tuple[FloatArray, float, float]] = {}
         self._nodes: dict[tuple[float, float, float], int] = {}
         self._tangents = Tangents()
@@ -126,7 +139,7 @@ class ExactCore:
         heights = options.runout_cosine_m, options.runout_sine_m
         # A softer ring has the same shape as one loaded more by the same factor.
         solved = [
-            self._solve(parameters - math.log1p(step), conditions, round_options, nodes)
+            self._solve(parameters - math.log1p(step), conditions, round_options, nodes, step)
             for step in load_steps(*heights)
         ]
         loaded = [LoadedShape(solution.shape, solution.ring.axle_height_m) for solution in solved]
@@ -145,9 +158,8 @@ class ExactCore:
             _ROUNDED_M * round(x / _ROUNDED_M) for x in (options.runout_cosine_m, options.runout_sine_m)
         )
         options = replace(options, runout_cosine_m=cosine_m, runout_sine_m=sine_m)
-        load, pressure, omega = _operating_point(conditions)
-        speed = omega if options.depends_on_speed else _ANY_OMEGA_RADPS
-        key = load, pressure, speed, self._grid(conditions)
+        load, pressure, _ = _operating_point(conditions)
+        key = load, pressure, _speed_radps(conditions, options), self._grid(conditions)
         return self._tangents.at(key, parameters, options, lambda: self._slopes(parameters, conditions, options))
 
     def beside(
@@ -166,15 +178,14 @@ class ExactCore:
             return [self.shape(parameters, conditions, other, half_angle_rad) for other in others]
         shape = self.shape(parameters, conditions, options, half_angle_rad)
         solved = self._solve(parameters, conditions, options, self._grid(conditions))
+        tangent = RingTangent(solved.ring, drum_radius_m=options.drum_radius_m)
         shapes: dict[int, Shape] = {}
         # A ring may be read at several depths.
         for depth_m in {other.sensor_offset_m for other in others}:
             numbers = [number for number, other in enumerate(others) if other.sensor_offset_m == depth_m]
-            solutions = nearby_solutions(
-                solved.ring,
+            solutions = tangent.nearby(
                 [ring_parameters(parameters, conditions, others[number]) for number in numbers],
                 sensor_offset_m=depth_m,
-                drum_radius_m=options.drum_radius_m,
                 drum_radii_m=[others[number].drum_radius_m for number in numbers],
             )
             for number, solution in zip(numbers, solutions, strict=True):
@@ -209,7 +220,7 @@ class ExactCore:
         by_load = [
             [
                 LoadedShape(_on_field(solution, plain), solution.axle_height_m)
-                for solution in self._nearby([each - math.log1p(step) for each in every], conditions, plain)
+                for solution in self._nearby([each - math.log1p(step) for each in every], conditions, plain, step)
             ]
             for step in load_steps(*heights_m)
         ]
@@ -217,23 +228,29 @@ class ExactCore:
         return slopes(base, shapes, self.steps)
 
     def _nearby(
-        self, parameters: Sequence[FloatArray], conditions: GroupConditions, options: RingOptions
+        self,
+        parameters: Sequence[FloatArray],
+        conditions: GroupConditions,
+        options: RingOptions,
+        load_step: float = 0.0,
     ) -> list[RingSolution]:
         """Return the solution with the first parameters, and those near it, to first order in the difference."""
         torques_nm = None
         if options.traction:
-            free = self._nearby(parameters, conditions, replace(options, traction=0.0))
+            free = self._nearby(parameters, conditions, replace(options, traction=0.0), load_step)
             traction_nm = options.traction * conditions.load_n * conditions.radius_m
             torques_nm = [solution.axle_torque_nm + traction_nm for solution in free[1:]]
         nodes = self._grid(conditions)
         first, *others = parameters
-        solution = self._solve(first, conditions, options, nodes).ring
-        nearby = nearby_solutions(
-            solution,
+        solution = self._solve(first, conditions, options, nodes, load_step).ring
+        torque_nm = self._torque_nm(first, conditions, options, nodes)
+        tangent = RingTangent(solution, drum_radius_m=options.drum_radius_m, axle_torque_nm=torque_nm)
+        self._tangent_of[_near_key(conditions, options, nodes), load_step] = tangent
+        if len(self._tangent_of) > _KEPT_TANGENTS:
+            del self._tangent_of[next(iter(self._tangent_of))]
+        nearby = tangent.nearby(
             [ring_parameters(point, conditions, options) for point in others],
             sensor_offset_m=options.sensor_offset_m,
-            drum_radius_m=options.drum_radius_m,
-            axle_torque_nm=self._torque_nm(first, conditions, options, nodes),
             axle_torques_nm=torques_nm,
         )
         return [solution, *nearby]
@@ -268,8 +285,15 @@ class ExactCore:
         """Return the solved ring behind a shape, including the grid's error."""
         return self._solve(parameters, conditions, options, self._grid(conditions)).ring
 
-    def _solve(self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions, nodes: int) -> _Solved:
-        omega = conditions.omega_radps if options.depends_on_speed else _ANY_OMEGA_RADPS
+    def _solve(
+        self,
+        parameters: FloatArray,
+        conditions: GroupConditions,
+        options: RingOptions,
+        nodes: int,
+        load_step: float = 0.0,
+    ) -> _Solved:
+        omega = _speed_radps(conditions, options)
         key = _Key(
             parameters.tobytes(),
             options,
@@ -284,11 +308,11 @@ class ExactCore:
             self._cache.move_to_end(key)
             return cached
         if options.sensor_offset_m:
-            neutral = self._solve(parameters, conditions, replace(options, sensor_offset_m=0.0), nodes)
+            neutral = self._solve(parameters, conditions, replace(options, sensor_offset_m=0.0), nodes, load_step)
             return self._keep(key, at_depth(neutral.ring, options.sensor_offset_m), options)
         ring = ring_parameters(parameters, conditions, options)
-        near_key = (conditions.load_n, conditions.pressure_pa, nodes, math.isfinite(ring.shear_stiffness_n))
-        near = self._anchor(parameters, conditions, options, nodes) if self._anchored else self._near.get(near_key)
+        near_key = _near_key(conditions, options, nodes)
+        start = self._anchor(parameters, conditions, options, nodes) if self._anchored else self._near.get(near_key)
         solution = solve_rolling_ring(
             ring,
             conditions.load_n,
@@ -297,7 +321,8 @@ class ExactCore:
             nodes=nodes,
             drum_radius_m=options.drum_radius_m,
             axle_torque_nm=self._torque_nm(parameters, conditions, options, nodes),
-            start=near,
+            start=start,
+            near=None if self._anchored else self._tangent_of.get((near_key, load_step)),
         )
         self._near[near_key] = solution
         return self._keep(key, solution, options)
@@ -327,6 +352,16 @@ class ExactCore:
             return None
         free = self._solve(parameters, conditions, replace(options, traction=0.0), nodes).ring.axle_torque_nm
         return free + options.traction * conditions.load_n * conditions.radius_m
+
+
+def _near_key(conditions: GroupConditions, options: RingOptions, nodes: int) -> _NearKey:
+    omega = _speed_radps(conditions, options)
+    with_shear, driven = bool(options.shear_length_m), bool(options.traction)
+    return _NearKey(conditions.load_n, conditions.pressure_pa, omega, nodes, with_shear, driven)
+
+
+def _speed_radps(conditions: GroupConditions, options: RingOptions) -> float:
+    return conditions.omega_radps if options.depends_on_speed else _ANY_OMEGA_RADPS
 
 
 def _without_run_out(options: RingOptions) -> RingOptions:

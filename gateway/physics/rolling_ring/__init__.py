@@ -13,9 +13,9 @@ from gateway.physics.rolling_ring.equilibrium import MIN_NODES as MIN_NODES
 from gateway.physics.rolling_ring.equilibrium import RingNumbers as RingNumbers
 from gateway.physics.rolling_ring.equilibrium import RingParameters as RingParameters
 from gateway.physics.rolling_ring.equilibrium import RingSolution as RingSolution
+from gateway.physics.rolling_ring.equilibrium import RingTangent as RingTangent
 from gateway.physics.rolling_ring.equilibrium import at_depth as at_depth
 from gateway.physics.rolling_ring.equilibrium import loaded_belt as loaded_belt
-from gateway.physics.rolling_ring.equilibrium import nearby_solutions as nearby_solutions
 from gateway.physics.rolling_ring.equilibrium import solve_rolling_ring as solve_rolling_ring
 from gateway.physics.rolling_ring.local_changes import PATTERNS as PATTERNS
 from gateway.physics.rolling_ring.local_changes import Change as Change

@@ -1,5 +1,7 @@
 """Parameters of the rolling ring, its solution and the solver's entry point."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -8,10 +10,21 @@ from typing import Final, NamedTuple, Self
 import numpy as np
 
 from gateway.physics.rolling_ring.block_vibration import LoadedBelt
-from gateway.physics.rolling_ring.force_balance import BeltLaw, Grid, ring_grid, road_push, segment_turn
+from gateway.physics.rolling_ring.force_balance import (
+    BeltLaw,
+    Grid,
+    belt_balance,
+    following,
+    preceding,
+    ring_grid,
+    road_force,
+    segment_turn,
+)
 from gateway.physics.rolling_ring.newton_solver import (
     NewtonState,
     RingNotConvergedError,
+    Tangent,
+    by_secants,
     find_equilibrium,
     first_order_changes,
     resting_state,
@@ -181,6 +194,7 @@ def solve_rolling_ring(
     drum_radius_m: float = math.inf,
     axle_torque_nm: float | None = None,
     start: RingSolution | None = None,
+    near: RingTangent | None = None,
 ) -> RingSolution:
     """Return the equilibrium of `ring` rolling steadily.
 
@@ -194,6 +208,7 @@ def solve_rolling_ring(
         drum_radius_m: of an outer drum, negative for an inner one; infinite for a flat road.
         axle_torque_nm: driving torque; the road's friction, spread like the pressure, balances it. None: no friction.
         start: a nearby solution with the same number of nodes to start from; saves about half of the time.
+        near: a solution with its tangent stiffness to start from in its place; saves half of that again.
 
     Raises:
         ValueError: an argument or a stiffness is out of range; the message names it.
@@ -202,62 +217,92 @@ def solve_rolling_ring(
     _check(ring, load_n, pressure_pa, omega_radps, nodes, drum_radius_m)
     law = _law(ring, load_n, pressure_pa, omega_radps, nodes, drum_radius_m, axle_torque_nm)
     grid = ring_grid(nodes)
-    equilibrium = find_equilibrium(law, grid, resting_state(law, grid) if start is None else _warm(law, grid, start))
-    return _solution(ring, law, grid, equilibrium, sensor_offset_m)
+    equilibrium = None if near is None else near.equilibrium_of(law, grid)
+    if equilibrium is None:
+        warm = resting_state(law, grid) if start is None else _warm(law, grid, start)
+        equilibrium = find_equilibrium(law, grid, warm)
+    return _solutions([ring], [law], grid, [equilibrium], sensor_offset_m)[0]
 
 
-def nearby_solutions(
-    solution: RingSolution,
-    rings: Sequence[RingParameters],
-    *,
-    sensor_offset_m: float = 0.0,
-    drum_radius_m: float = math.inf,
-    axle_torque_nm: float | None = None,
-    axle_torques_nm: Sequence[float] | None = None,
-    drum_radii_m: Sequence[float] | None = None,
-) -> list[RingSolution]:
-    """Return the solutions of rings that differ little from a solved one, to first order in the difference.
+class RingTangent:
+    """A solved ring with its tangent stiffness, for others that differ little from it."""
 
-    They take a fraction of the time of `solve_rolling_ring`: the derivatives of a solution by its ring's parameters.
+    def __init__(
+        self, solution: RingSolution, *, drum_radius_m: float = math.inf, axle_torque_nm: float | None = None
+    ) -> None:
+        """Factorise the tangent stiffness.
 
-    Args:
-        solution: of a ring, at a load, a pressure and a speed.
-        rings: similar ones, with the same degrees of freedom.
-        sensor_offset_m: sensor below (inside) the belt's neutral layer.
-        drum_radius_m: of the solution.
-        axle_torque_nm: of the solution.
-        axle_torques_nm: of the rings, None for that of the solution.
-        drum_radii_m: of the rings, None for that of the solution.
+        Args:
+            solution: of a ring, at a load, a pressure and a speed.
+            drum_radius_m: of the solution.
+            axle_torque_nm: of the solution.
 
-    Raises:
-        ValueError: a stiffness is out of range; the message names it.
-        RingNotConvergedError: the solution is at the limit of stability.
-    """
-    nodes = len(solution.theta_rad)
-    torques = [axle_torque_nm] * len(rings) if axle_torques_nm is None else axle_torques_nm
-    drums = [drum_radius_m] * len(rings) if drum_radii_m is None else drum_radii_m
-    conditions = solution.load_n, solution.pressure_pa, solution.omega_radps, nodes
-    for ring, drum in zip(rings, drums, strict=True):
-        _check(ring, *conditions, drum)
-    grid, law = ring_grid(nodes), _law(solution.ring, *conditions, drum_radius_m, axle_torque_nm)
-    laws = [_law(ring, *conditions, drum, torque) for ring, drum, torque in zip(rings, drums, torques, strict=True)]
-    try:
-        equilibria = first_order_changes(law, grid, _warm(law, grid, solution), laws)
-    except (FloatingPointError, np.linalg.LinAlgError) as error:
-        raise RingNotConvergedError(f"no derivatives of the ring's equilibrium: {error}") from error
-    return [
-        _solution(*arguments, sensor_offset_m)
-        for arguments in zip(rings, laws, [grid] * len(laws), equilibria, strict=True)
-    ]
+        Raises:
+            RingNotConvergedError: the solution is at the limit of stability.
+        """
+        nodes = len(solution.theta_rad)
+        self._grid = ring_grid(nodes)
+        self._conditions = solution.load_n, solution.pressure_pa, solution.omega_radps, nodes
+        self._drum_radius_m, self._axle_torque_nm = drum_radius_m, axle_torque_nm
+        law = _law(solution.ring, *self._conditions, drum_radius_m, axle_torque_nm)
+        self._equilibrium = _warm(law, self._grid, solution)
+        state, height_m, traction, _ = self._equilibrium
+        balance = belt_balance(law, self._grid, state, height_m, traction)
+        self._imbalance = balance.residual, balance.border
+        try:
+            self._tangent = Tangent(balance)
+        except FloatingPointError as error:
+            raise RingNotConvergedError(f"no derivatives of the ring's equilibrium: {error}") from error
+
+    def nearby(
+        self,
+        rings: Sequence[RingParameters],
+        *,
+        sensor_offset_m: float = 0.0,
+        axle_torques_nm: Sequence[float] | None = None,
+        drum_radii_m: Sequence[float] | None = None,
+    ) -> list[RingSolution]:
+        """Return the solutions of rings that differ little, to first order in the difference.
+
+        They take a fraction of the time of `solve_rolling_ring`: the derivatives of a solution by its ring's
+        parameters.
+
+        Args:
+            rings: similar ones, with the same degrees of freedom.
+            sensor_offset_m: sensor below (inside) the belt's neutral layer.
+            axle_torques_nm: of the rings, None for that of the solution.
+            drum_radii_m: of the rings, None for that of the solution.
+
+        Raises:
+            ValueError: a stiffness is out of range; the message names it.
+            RingNotConvergedError: the solution is at the limit of stability.
+        """
+        torques = [self._axle_torque_nm] * len(rings) if axle_torques_nm is None else axle_torques_nm
+        drums = [self._drum_radius_m] * len(rings) if drum_radii_m is None else drum_radii_m
+        for ring, drum in zip(rings, drums, strict=True):
+            _check(ring, *self._conditions, drum)
+        laws = [
+            _law(ring, *self._conditions, drum, torque)
+            for ring, drum, torque in zip(rings, drums, torques, strict=True)
+        ]
+        try:
+            equilibria = first_order_changes(self._imbalance, self._tangent, self._grid, self._equilibrium, laws)
+        except np.linalg.LinAlgError as error:
+            raise RingNotConvergedError(f"no derivatives of the ring's equilibrium: {error}") from error
+        return _solutions(rings, laws, self._grid, equilibria, sensor_offset_m)
+
+    def equilibrium_of(self, law: BeltLaw, grid: Grid) -> NewtonState | None:
+        """Return the equilibrium under a law that differs little, without a factorisation; None if it differs more."""
+        return by_secants(law, grid, self._equilibrium, self._tangent)
 
 
 def at_depth(solution: RingSolution, sensor_offset_m: float) -> RingSolution:
     """Return the same solution with a sensor at another distance below the neutral layer."""
-    waveform = _waveform(solution.ring, solution.position_m, solution.section_rad, sensor_offset_m)
+    waveform = _waveforms(solution.ring, solution.position_m, solution.section_rad, sensor_offset_m)
     return replace(solution, sensor=waveform)
 
 
-def _waveform(
+def _waveforms(
     ring: RingParameters, position_m: FloatArray, section_rad: FloatArray, sensor_offset_m: float
 ) -> SensorWaveform:
     """Return what a sensor reads, which turns with the section of a shear-flexible belt, else with the tangent."""
@@ -368,47 +413,67 @@ def _warm(law: BeltLaw, grid: Grid, start: RingSolution) -> NewtonState:
     return NewtonState(state, start.axle_height_m, traction, 0)
 
 
-def _solution(
-    ring: RingParameters, law: BeltLaw, grid: Grid, equilibrium: NewtonState, offset_m: float
-) -> RingSolution:
-    """Convert a Newton state into a solution."""
-    position = equilibrium.state[:, :2].copy()
-    road = road_push(law, grid, position, equilibrium.height_m, equilibrium.traction)
-    theta = grid.theta_rad
+def _solutions(
+    rings: Sequence[RingParameters],
+    laws: Sequence[BeltLaw],
+    grid: Grid,
+    equilibria: Sequence[NewtonState],
+    offset_m: float,
+) -> list[RingSolution]:
+    """Convert Newton states of rings of one radius, all with or all without shear, into solutions."""
+    theta, length = grid.theta_rad, rings[0].radius_m * grid.step_rad
+    positions = np.stack([equilibrium.state[:, :2] for equilibrium in equilibria])
+    sections, curvatures = zip(
+        *(
+            _section(ring, law, grid, equilibrium)
+            for ring, law, equilibrium in zip(rings, laws, equilibria, strict=True)
+        ),
+        strict=True,
+    )
+    waveforms = _waveforms(rings[0], positions, np.stack(sections), offset_m)
+    solutions = []
+    for number, (ring, law, equilibrium) in enumerate(zip(rings, laws, equilibria, strict=True)):
+        position = positions[number]
+        road = road_force(law, grid, position, equilibrium.height_m, equilibrium.traction)
+        lever = position[:, 0] * road.force_npm[:, 1] - position[:, 1] * road.force_npm[:, 0]
+        leading, trailing = _edges(theta, road.unclipped_npm)
+        solutions.append(
+            RingSolution(
+                ring=ring,
+                load_n=law.load_n,
+                pressure_pa=law.pressure_pa,
+                omega_radps=law.omega_radps,
+                theta_rad=theta,
+                position_m=position,
+                section_rad=sections[number],
+                curvature_pm=curvatures[number],
+                contact_pressure_npm=road.pressure_npm,
+                in_contact=road.pressure_npm > 0.0,
+                leading_edge_rad=leading,
+                trailing_edge_rad=trailing,
+                axle_height_m=equilibrium.height_m,
+                longitudinal_force_n=-length * float(road.force_npm[:, 0].sum()),
+                axle_torque_nm=-length * float(lever.sum()),
+                sensor=SensorWaveform(*(field[number] for field in waveforms)),
+                iterations=equilibrium.iterations,
+            )
+        )
+    return solutions
+
+
+def _section(ring: RingParameters, law: BeltLaw, grid: Grid, equilibrium: NewtonState) -> tuple[FloatArray, FloatArray]:
+    """Return the direction of the belt's section and its curvature, (N,) each."""
+    position, theta = equilibrium.state[:, :2], grid.theta_rad
     if law.dof == 3:
-        section = theta + equilibrium.state[:, 2]
         turn = equilibrium.state[:, 2]
+        section = theta + turn
         # Use only the belt's share of the section's turn from the tangent; the rest is the grid's.
         share = law.shear_n / ring.shear_stiffness_n
         section = section - (1.0 - share) * _turn_from_tangent(position, section)
-        curvature = (1.0 + (np.roll(turn, -1) - np.roll(turn, 1)) / (2.0 * grid.step_rad)) / law.radius_m
-    else:
-        span = np.roll(position, -1, axis=0) - position
-        turn = segment_turn(grid, span / np.hypot(span[:, 0], span[:, 1])[:, None])
-        curvature = (1.0 + (turn - np.roll(turn, 1)) / grid.step_rad) / law.radius_m
-        section = theta + 0.5 * (turn + np.roll(turn, 1))
-    length = law.radius_m * grid.step_rad
-    lever = position[:, 0] * road.force_npm[:, 1] - position[:, 1] * road.force_npm[:, 0]
-    leading, trailing = _edges(theta, road.unclipped_npm)
-    return RingSolution(
-        ring=ring,
-        load_n=law.load_n,
-        pressure_pa=law.pressure_pa,
-        omega_radps=law.omega_radps,
-        theta_rad=theta,
-        position_m=position,
-        section_rad=section,
-        curvature_pm=curvature,
-        contact_pressure_npm=road.pressure_npm,
-        in_contact=road.pressure_npm > 0.0,
-        leading_edge_rad=leading,
-        trailing_edge_rad=trailing,
-        axle_height_m=equilibrium.height_m,
-        longitudinal_force_n=-length * float(road.force_npm[:, 0].sum()),
-        axle_torque_nm=-length * float(lever.sum()),
-        sensor=_waveform(ring, position, section, offset_m),
-        iterations=equilibrium.iterations,
-    )
+        return section, (1.0 + (following(turn) - preceding(turn)) / (2.0 * grid.step_rad)) / law.radius_m
+    turn = segment_turn(grid, following(position) - position)
+    before = preceding(turn)
+    return theta + 0.5 * (turn + before), (1.0 + (turn - before) / grid.step_rad) / law.radius_m
 
 
 def _turn_from_tangent(position_m: FloatArray, section_rad: FloatArray) -> FloatArray:

@@ -5,14 +5,18 @@ R (sin theta, -cos theta), so theta = 0 is the lowest point and the belt moves t
 drum.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 
-from gateway.types import FloatArray
+from gateway.types import ComplexArray, FloatArray
+
+_Array = TypeVar("_Array", FloatArray, ComplexArray)
 
 QUARTER_TURN: Final = np.array([[0.0, 1.0], [-1.0, 0.0]])
 """Rotation by -90 degrees: turns the road's normal into the direction of the belt's motion."""
@@ -84,6 +88,7 @@ class Grid(NamedTuple):
         radial: (N, 2) unit vectors outward.
         along: (N, 2) unit vectors in the direction of rotation.
         chord: (N, 2) resting direction of the segment from node i to i + 1.
+        outward: (N,) radial as x + i y.
     """
 
     step_rad: float
@@ -91,6 +96,7 @@ class Grid(NamedTuple):
     radial: FloatArray
     along: FloatArray
     chord: FloatArray
+    outward: ComplexArray
 
 
 @lru_cache(maxsize=16)
@@ -101,17 +107,29 @@ def ring_grid(nodes: int) -> Grid:
     radial = np.stack([np.sin(theta), -np.cos(theta)], axis=1)
     along = np.stack([np.cos(theta), np.sin(theta)], axis=1)
     chord = np.stack([np.cos(theta + step / 2), np.sin(theta + step / 2)], axis=1)
-    for shared in (theta, radial, along, chord):
+    outward = plane(radial)
+    for shared in (theta, radial, along, chord, outward):
         shared.setflags(write=False)
-    return Grid(step, theta, radial, along, chord)
+    return Grid(step, theta, radial, along, chord, outward)
 
 
-def following(values: FloatArray) -> FloatArray:
+def plane(vectors: FloatArray) -> ComplexArray:
+    """Return vectors (N, 2 or more) of the plane as x + i y, (N,): a product turns them."""
+    result: ComplexArray = np.ascontiguousarray(vectors[:, :2]).view(np.complex128)[:, 0]
+    return result
+
+
+def _vectors(numbers: ComplexArray) -> FloatArray:
+    """Return complex numbers (N,) as vectors (N, 2)."""
+    return np.ascontiguousarray(numbers).view(np.float64).reshape(-1, 2)
+
+
+def following(values: _Array) -> _Array:
     """Return the values of node i + 1 at i."""
     return np.concatenate((values[1:], values[:1]))
 
 
-def preceding(values: FloatArray) -> FloatArray:
+def preceding(values: _Array) -> _Array:
     """Return the values of node i - 1 at i."""
     return np.concatenate((values[-1:], values[:-1]))
 
@@ -126,27 +144,39 @@ def outer(a: FloatArray, b: FloatArray) -> FloatArray:
     return result
 
 
-class RoadPush(NamedTuple):
-    """Force of the road on each node, with its derivatives.
+class RoadForce(NamedTuple):
+    """Force of the road on each node.
 
     Attributes:
         pressure_npm: (N,) q, force per length of belt along the road's normal, not negative.
         unclipped_npm: (N,) the same before negative values are set to zero; its zeros are the contact edges.
+        normal: (N, 2) of the road, towards the tire.
+        spread_pm: (N,) curvature of the road over its normal's side, 0 on a flat road.
         force_npm: (N, 2) push per length.
-        d_position: (3, N, 2, 2) derivative of the push of node i by the position of nodes i - 1, i, i + 1.
-        d_height: (N, 2) derivative by the axle height.
-        d_traction: (N, 2) derivative by the traction ratio.
     """
 
     pressure_npm: FloatArray
     unclipped_npm: FloatArray
+    normal: FloatArray
+    spread_pm: FloatArray
     force_npm: FloatArray
-    d_position: FloatArray
-    d_height: FloatArray
-    d_traction: FloatArray
 
 
-def road_push(law: BeltLaw, grid: Grid, position: FloatArray, height_m: float, traction: float) -> RoadPush:
+class RoadSlopes(NamedTuple):
+    """Derivatives of the road's force on each node.
+
+    Attributes:
+        position: (3, N, 2, 2) derivative of the push of node i by the position of nodes i - 1, i, i + 1.
+        height: (N, 2) derivative by the axle height.
+        traction: (N, 2) derivative by the traction ratio.
+    """
+
+    position: FloatArray
+    height: FloatArray
+    traction: FloatArray
+
+
+def road_force(law: BeltLaw, grid: Grid, position: FloatArray, height_m: float, traction: float) -> RoadForce:
     """Return the road's push on the nodes: q = kt penetration + ct d/dt penetration where positive.
 
     Args:
@@ -157,11 +187,9 @@ def road_push(law: BeltLaw, grid: Grid, position: FloatArray, height_m: float, t
         traction: friction per push, along the belt's motion.
     """
     nodes = len(position)
-    normal = np.zeros((nodes, 2))
     if math.isinf(law.drum_radius_m):
-        normal[:, 1] = 1.0
+        normal, spread = _flat(nodes)
         penetration = -height_m - position[:, 1]
-        spread = np.zeros(nodes)
     else:
         side = math.copysign(1.0, law.drum_radius_m)
         from_centre = position + np.array([0.0, height_m + law.drum_radius_m])
@@ -172,29 +200,51 @@ def road_push(law: BeltLaw, grid: Grid, position: FloatArray, height_m: float, t
         excess = position[:, 0] ** 2 + gap * (gap + 2.0 * law.drum_radius_m)
         penetration = -side * excess / (distance + abs(law.drum_radius_m))
         spread = side / distance
-    rate = law.tread_damping_nspm2 * law.omega_radps / (2.0 * grid.step_rad)
-    push = law.tread_npm2 * penetration
+    unclipped = law.tread_npm2 * penetration
+    rate = _tread_rate(law, grid)
     if rate:
-        push = push + rate * (following(penetration) - preceding(penetration))
-    contact = np.flatnonzero(push > 0.0)
-    unclipped, push = push, np.maximum(push, 0.0)
+        unclipped += rate * (following(penetration) - preceding(penetration))
+    push = np.maximum(unclipped, 0.0)
+    direction = normal + traction * (normal @ QUARTER_TURN.T) if traction else normal
+    return RoadForce(push, unclipped, normal, spread, push[:, None] * direction)
+
+
+@lru_cache(maxsize=16)
+def _flat(nodes: int) -> tuple[FloatArray, FloatArray]:
+    """Return normal (N, 2) and curvature (N,) of a flat road."""
+    normal, spread = np.tile([0.0, 1.0], (nodes, 1)), np.zeros(nodes)
+    for shared in (normal, spread):
+        shared.setflags(write=False)
+    return normal, spread
+
+
+def _tread_rate(law: BeltLaw, grid: Grid) -> float:
+    """Return the damping of the tread over the difference of two nodes' penetrations."""
+    return law.tread_damping_nspm2 * law.omega_radps / (2.0 * grid.step_rad)
+
+
+def road_slopes(law: BeltLaw, grid: Grid, road: RoadForce, traction: float) -> RoadSlopes:
+    """Return the derivatives of the road's push; arguments as for `road_force`."""
+    nodes, normal = len(road.normal), road.normal
+    contact = np.flatnonzero(road.unclipped_npm > 0.0)
     along = normal @ QUARTER_TURN.T
     direction = normal + traction * along
     d_position, d_height = np.zeros((3, nodes, 2, 2)), np.zeros((nodes, 2))
     pushed, towards = direction[contact], normal[contact]
     by_position = -law.tread_npm2 * outer(pushed, towards)
-    if spread.any():
+    if road.spread_pm.any():
         # d normal / d position is (I - n n^T) / distance: zero on a flat road.
         turn = np.eye(2) + traction * QUARTER_TURN
-        by_position += turn @ ((np.eye(2) - outer(towards, towards)) * (push * spread)[contact, None, None])
+        spread = (road.pressure_npm * road.spread_pm)[contact, None, None]
+        by_position += turn @ ((np.eye(2) - outer(towards, towards)) * spread)
     d_position[1, contact] = by_position
     d_height[contact] = by_position[:, :, 1]
-    if rate:
+    if rate := _tread_rate(law, grid):
         before, after = preceding(normal)[contact], following(normal)[contact]
         d_position[0, contact] = rate * outer(pushed, before)
         d_position[2, contact] = -rate * outer(pushed, after)
         d_height[contact] -= rate * pushed * (after - before)[:, 1:]
-    return RoadPush(push, unclipped, push[:, None] * direction, d_position, d_height, push[:, None] * along)
+    return RoadSlopes(d_position, d_height, road.pressure_npm[:, None] * along)
 
 
 class Segments(NamedTuple):
@@ -202,19 +252,25 @@ class Segments(NamedTuple):
 
     Attributes:
         tension_n: (N,).
-        tangent: (N, 2) unit vectors.
+        tangent: (N,) unit vectors as x + i y.
         stiffness_npm: tension over elongation.
     """
 
     tension_n: FloatArray
-    tangent: FloatArray
+    tangent: ComplexArray
     stiffness_npm: float
 
     def tension_after_n(self, change: FloatArray) -> FloatArray:
         """Return the tension (N,) after a change of the nodes' positions (N, 2), to first order."""
-        stretch = np.einsum("ia,ia->i", self.tangent, following(change) - change)
+        along = plane(change)
+        stretch = (self.tangent.conj() * (following(along) - along)).real
         tension_n: FloatArray = self.tension_n + self.stiffness_npm * stretch
         return tension_n
+
+    def beyond_n(self, held: Held) -> FloatArray:
+        """Return the tension (N,) beyond a held one, of the same stretch in segments as stiff as those nearby."""
+        beyond_n: FloatArray = (held.near.stiffness_npm / self.stiffness_npm) * (self.tension_n - held.tension_n)
+        return beyond_n
 
 
 class Balance(NamedTuple):
@@ -228,6 +284,7 @@ class Balance(NamedTuple):
         corner: (m, m) derivative of the load (and torque) equation by the axle height (and the traction).
         border: (m,) residual of the load (and torque) equation.
         road: the road's push.
+        slopes: its derivatives.
         segments: the belt between the nodes.
     """
 
@@ -237,7 +294,8 @@ class Balance(NamedTuple):
     rows: FloatArray
     corner: FloatArray
     border: FloatArray
-    road: RoadPush
+    road: RoadForce
+    slopes: RoadSlopes
     segments: Segments
 
 
@@ -260,71 +318,98 @@ def belt_balance(
         tension_n: (N,) that turns with the belt in the derivatives; None for the one that the nodes' distances give.
     """
     blocks = np.zeros((2 * law.reach + 1, len(state), law.dof, law.dof))
-    road = road_push(law, grid, state[:, :2], height_m, traction)
+    road = road_force(law, grid, state[:, :2], height_m, traction)
+    slopes = road_slopes(law, grid, road, traction)
     residual, segments = _belt_residual(law, grid, state, road, blocks, tension_n)
     length = law.radius_m * grid.step_rad
-    blocks[law.reach - 1 : law.reach + 2, :, :2, :2] += length * road.d_position
-    columns, rows, corner = _border(law, grid, state[:, :2], road)
+    blocks[law.reach - 1 : law.reach + 2, :, :2, :2] += length * slopes.position
+    columns, rows, corner = _border(law, grid, state[:, :2], road, slopes)
     border = _border_residual(law, grid, state[:, :2], road)
-    return Balance(residual, blocks, columns, rows, corner, border, road, segments)
+    return Balance(residual, blocks, columns, rows, corner, border, road, slopes, segments)
+
+
+class Held(NamedTuple):
+    """A tension that is an unknown of its own, with the segments of a ring nearby whose tangent stiffness is used.
+
+    The belt hardly stretches: turned by little, its length is off by the square of the turn, and so much more the
+    tension that follows from it. What that tension has beyond the held one acts along the segments nearby.
+
+    Attributes:
+        tension_n: (N,).
+        near: of the ring nearby.
+    """
+
+    tension_n: FloatArray
+    near: Segments
 
 
 def imbalance(
-    law: BeltLaw, grid: Grid, state: FloatArray, height_m: float, traction: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return `residual` and `border` of the balance alone; arguments as for `belt_balance`."""
-    road = road_push(law, grid, state[:, :2], height_m, traction)
-    return _belt_residual(law, grid, state, road)[0], _border_residual(law, grid, state[:, :2], road)
+    law: BeltLaw, grid: Grid, state: FloatArray, height_m: float, traction: float, held: Held | None = None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return `residual` and `border` of the balance alone, and the tension beyond the held one, (N,).
+
+    Args:
+        law: as for `belt_balance`, like the next.
+        grid: the grid.
+        state: of the nodes.
+        height_m: of the axle.
+        traction: friction per push.
+        held: tension; None for that which the nodes' distances give.
+    """
+    road = road_force(law, grid, state[:, :2], height_m, traction)
+    residual, segments = _belt_residual(law, grid, state, road, held=held)
+    beyond = segments.beyond_n(held) if held is not None else np.zeros(len(state))
+    return residual, _border_residual(law, grid, state[:, :2], road), beyond
 
 
 def _belt_residual(
     law: BeltLaw,
     grid: Grid,
     state: FloatArray,
-    road: RoadPush,
+    road: RoadForce,
     blocks: FloatArray | None = None,
     tension_n: FloatArray | None = None,
+    held: Held | None = None,
 ) -> tuple[FloatArray, Segments]:
     """Return the residual and the segments; add the derivatives to `blocks`, but for those of the road's push."""
     residual = np.zeros((len(state), law.dof))
-    segments = _add_belt_forces(law, grid, state, residual, blocks, tension_n)
-    _add_pressure_and_inertia(law, grid, state[:, :2], residual, blocks)
-    _add_sidewall(law, grid, state[:, :2], residual, blocks)
-    residual[:, :2] += law.radius_m * grid.step_rad * road.force_npm
+    position = plane(state)
+    force, segments = _belt_force(law, grid, position, state, residual, blocks, tension_n, held)
+    force += _pressure_and_inertia(law, grid, position, blocks)
+    force -= _sidewall_pull(law, grid, position, blocks)
+    force += law.radius_m * grid.step_rad * plane(road.force_npm)
+    residual[:, :2] = _vectors(force)
     return residual, segments
 
 
 def segment_turn(grid: Grid, along: FloatArray) -> FloatArray:
     """Return (N,) the angle of each segment's direction `along` (N, 2) from its resting direction."""
     cross = grid.chord[:, 0] * along[:, 1] - grid.chord[:, 1] * along[:, 0]
-    turn: FloatArray = np.arctan2(cross, np.einsum("ia,ia->i", grid.chord, along))
+    turn: FloatArray = np.arctan2(cross, grid.chord[:, 0] * along[:, 0] + grid.chord[:, 1] * along[:, 1])
     return turn
 
 
-def _add_belt_forces(
+def _belt_force(
     law: BeltLaw,
     grid: Grid,
+    position: ComplexArray,
     state: FloatArray,
     residual: FloatArray,
     blocks: FloatArray | None,
     turning_n: FloatArray | None,
-) -> Segments:
-    """Add tension, bending and shear of the segments: residual_i += F_i - F_(i-1), F = N t + V n."""
+    held: Held | None,
+) -> tuple[ComplexArray, Segments]:
+    """Return F_i - F_(i-1), F = N t + V n by tension, bending and shear, (N,); add the moments to the residual."""
     h, radius = grid.step_rad, law.radius_m
     rest = 2.0 * radius * math.sin(h / 2)
-    span = following(state[:, :2]) - state[:, :2]
-    length = np.hypot(span[:, 0], span[:, 1])
-    tangent = span / length[:, None]
-    normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
-    turn = segment_turn(grid, tangent)
-    # Exact pretension of the grid, so that the resting polygon balances pressure and transport inertia to rounding.
-    spin = law.mass_kgpm * (radius * law.omega_radps) ** 2
-    pretension = law.pressure_pa * law.tension_width_m * radius * math.cos(h / 2) + spin * 2.0 * math.sin(h / 2) / h
-    tension: FloatArray = pretension + law.extension_n * (length / rest - 1.0)
+    span = following(position) - position
+    length = np.abs(span)
+    tension = _tension_n(law, grid, length)
+    along = span / length
+    turn = segment_turn(grid, _vectors(span))
     stiffness = law.bending_nm2 / (radius * h)
     # Of a quantity that passes with the belt: its rate over its size, by central differences.
     rate = law.bending_damping_nm2s / law.bending_nm2 * law.omega_radps / (2.0 * h)
-    turn_by = normal / length[:, None]  # derivative of a segment's turn by its span
     if law.dof == 2:
         moment = stiffness * (turn - preceding(turn))
         if rate:
@@ -341,12 +426,17 @@ def _add_belt_forces(
         if rate:
             bending = bending + rate * (following(bending) - preceding(bending))
         residual[:, 2] += bending - preceding(bending) + 0.5 * (couple + preceding(couple))
-    force = tension[:, None] * tangent + shear[:, None] * normal
-    residual[:, :2] += force - preceding(force)
-    segments = Segments(tension, tangent, law.extension_n / rest)
+    segments = Segments(tension, along, law.extension_n / rest)
+    if held is None:
+        force = (tension + 1j * shear) * along
+    else:
+        force = (held.tension_n + 1j * shear) * along + segments.beyond_n(held) * held.near.tangent
+    total = force - preceding(force)
     if blocks is None:
-        return segments
+        return total, segments
     turning = tension if turning_n is None else turning_n
+    tangent, normal = _vectors(along), _vectors(1j * along)
+    turn_by = normal / length[:, None]  # derivative of a segment's turn by its span
     segment_block = (
         segments.stiffness_npm * outer(tangent, tangent)
         + outer(turning[:, None] * normal - shear[:, None] * tangent + shear_slope[:, None] * normal, turn_by)
@@ -361,7 +451,7 @@ def _add_belt_forces(
             by_turn |= {-2: damped, 2: -damped}
         for offset, slope in by_turn.items():
             _add_by_span(blocks, offset, outer((slope / length)[:, None] * normal, np.roll(turn_by, -offset, axis=0)))
-        return segments
+        return total, segments
     by_span = 0.5 * law.shear_n * rest * turn_by
     blocks[3, :, 2, :2] += by_span
     blocks[2, :, 2, :2] += preceding(by_span) - by_span
@@ -377,7 +467,22 @@ def _add_belt_forces(
     blocks[3, :, :2, 2] += by_section
     blocks[2, :, :2, 2] += by_section - preceding(by_section)
     blocks[1, :, :2, 2] -= preceding(by_section)
-    return segments
+    return total, segments
+
+
+def belt_tension_n(law: BeltLaw, grid: Grid, state: FloatArray) -> FloatArray:
+    """Return the tension (N,) that the distances of the nodes give."""
+    position = plane(state)
+    return _tension_n(law, grid, np.abs(following(position) - position))
+
+
+def _tension_n(law: BeltLaw, grid: Grid, length_m: FloatArray) -> FloatArray:
+    h, radius = grid.step_rad, law.radius_m
+    # Exact pretension of the grid, so that the resting polygon balances pressure and transport inertia to rounding.
+    spin = law.mass_kgpm * (radius * law.omega_radps) ** 2
+    pretension = law.pressure_pa * law.tension_width_m * radius * math.cos(h / 2) + spin * 2.0 * math.sin(h / 2) / h
+    result: FloatArray = pretension + law.extension_n * (length_m / (2.0 * radius * math.sin(h / 2)) - 1.0)
+    return result
 
 
 def _around(blocks: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -396,40 +501,35 @@ def _add_by_span(blocks: FloatArray, offset: int, slope: FloatArray) -> None:
     flat[index - 1] += before
 
 
-def _add_pressure_and_inertia(
-    law: BeltLaw, grid: Grid, position: FloatArray, residual: FloatArray, blocks: FloatArray | None
-) -> None:
-    """Add the pressure, which follows the belt's normal, and subtract the belt's transport inertia."""
+def _pressure_and_inertia(law: BeltLaw, grid: Grid, position: ComplexArray, blocks: FloatArray | None) -> ComplexArray:
+    """Return the pressure, which follows the belt's normal, minus the belt's transport inertia, (N,)."""
     ahead, behind = following(position), preceding(position)
-    push = 0.5 * law.pressure_pa * law.tension_width_m * QUARTER_TURN
-    residual[:, :2] += (ahead - behind) @ push.T
+    push = 0.5 * law.pressure_pa * law.tension_width_m
     inertia = law.mass_kgpm * law.radius_m * law.omega_radps**2 / grid.step_rad
-    residual[:, :2] -= inertia * (ahead - 2.0 * position + behind)
-    if blocks is None:
-        return
-    before, centre, after = _around(blocks)
-    after += push - inertia * np.eye(2)
-    centre += 2.0 * inertia * np.eye(2)
-    before -= push + inertia * np.eye(2)
+    if blocks is not None:
+        before, centre, after = _around(blocks)
+        after += push * QUARTER_TURN - inertia * np.eye(2)
+        centre += 2.0 * inertia * np.eye(2)
+        before -= push * QUARTER_TURN + inertia * np.eye(2)
+    result: ComplexArray = (-1j * push) * (ahead - behind) - inertia * (ahead - 2.0 * position + behind)
+    return result
 
 
-def _add_sidewall(
-    law: BeltLaw, grid: Grid, position: FloatArray, residual: FloatArray, blocks: FloatArray | None
-) -> None:
-    """Add the elastic foundation on the rim: stiffens with deflection, damped in the rim's frame."""
+def _sidewall_pull(law: BeltLaw, grid: Grid, position: ComplexArray, blocks: FloatArray | None) -> ComplexArray:
+    """Return the pull (N,) of the elastic foundation; it stiffens with deflection and is damped in the rim's frame."""
     length = law.radius_m * grid.step_rad
-    out = position - law.radius_m * grid.radial
-    for stiffness, damping, axis in (
-        (law.radial_npm2, law.radial_damping_nspm2, grid.radial),
-        (law.tangential_npm2, law.tangential_damping_nspm2, grid.along),
+    deflection = position * grid.outward.conj() - law.radius_m
+    pulls = []
+    for u, stiffness, damping, axis in (
+        (deflection.real, law.radial_npm2, law.radial_damping_nspm2, grid.radial),
+        (deflection.imag, law.tangential_npm2, law.tangential_damping_nspm2, grid.along),
     ):
         rate = damping * law.omega_radps / (2.0 * grid.step_rad)
-        u = np.einsum("ia,ia->i", out, axis)
-        growth = law.stiffening_pm * np.abs(u)
+        growth = law.stiffening_pm * np.abs(u) if law.stiffening_pm else np.zeros(len(u))
         pull = stiffness * u * (1.0 + growth)
         if rate:
             pull = pull + rate * (following(u) - preceding(u))
-        residual[:, :2] -= length * pull[:, None] * axis
+        pulls.append(pull)
         if blocks is None:
             continue
         before, centre, after = _around(blocks)
@@ -437,9 +537,11 @@ def _add_sidewall(
         if rate:
             after -= length * rate * outer(axis, following(axis))
             before += length * rate * outer(axis, preceding(axis))
+    result: ComplexArray = length * (pulls[0] + 1j * pulls[1]) * grid.outward
+    return result
 
 
-def _border_residual(law: BeltLaw, grid: Grid, position: FloatArray, road: RoadPush) -> FloatArray:
+def _border_residual(law: BeltLaw, grid: Grid, position: FloatArray, road: RoadForce) -> FloatArray:
     """Return the residual of the load equation and, with friction, of the torque equation."""
     length = law.radius_m * grid.step_rad
     load = length * float(road.force_npm[:, 1].sum()) - law.load_n
@@ -454,12 +556,12 @@ def _lever(position: FloatArray) -> FloatArray:
 
 
 def _border(
-    law: BeltLaw, grid: Grid, position: FloatArray, road: RoadPush
+    law: BeltLaw, grid: Grid, position: FloatArray, road: RoadForce, slopes: RoadSlopes
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the border: axle height for the load equation and, with friction, traction for the torque equation."""
     nodes = len(position)
     length = law.radius_m * grid.step_rad
-    by_height, by_traction = length * road.d_height, length * road.d_traction
+    by_height, by_traction = length * slopes.height, length * slopes.traction
     # Derivative of sum over i of weight_i . push_i by the position of node j.
     size = 1 if law.torque_nm is None else 2
     columns = np.zeros((size, nodes, law.dof))
@@ -474,7 +576,7 @@ def _border(
     corner = np.zeros((size, size))
     for k, weight in enumerate(weights):
         for offset in (-1, 0, 1):
-            pulled = np.einsum("ia,iab->ib", weight, road.d_position[offset + 1])
+            pulled = np.einsum("ia,iab->ib", weight, slopes.position[offset + 1])
             if offset == 0:
                 rows[k, :, :2] += length * pulled
             else:

@@ -142,7 +142,8 @@ def _steady(belt: LoadedBelt) -> dict[Change, FloatArray]:
     for stiff, axis in ((law.radial_npm2, grid.radial), (law.tangential_npm2, grid.along)):
         deflection = np.einsum("ia,ia->i", out, axis)
         pull -= (length * stiff * deflection * (1.0 + law.stiffening_pm * np.abs(deflection)))[:, None] * axis
-    road = belt_balance(law, grid, belt.state, belt.height_m, belt.traction).road
+    balance = belt_balance(law, grid, belt.state, belt.height_m, belt.traction)
+    road, by_height = balance.road, balance.slopes.height
     push = road.pressure_npm[:, None]
     touching = push > 0.0
     towards = np.where(touching, road.force_npm / np.where(touching, push, 1.0), 0.0)
@@ -153,8 +154,8 @@ def _steady(belt: LoadedBelt) -> dict[Change, FloatArray]:
         Change.SIDEWALL: pull,
         Change.TREAD: length * law.tread_npm2 * towards,
         Change.TREAD_STIFFNESS: length * road.force_npm,
-        Change.RIM: length * road.d_height,
-        Change.RUN_OUT: -length * road.d_height,
+        Change.RIM: length * by_height,
+        Change.RUN_OUT: -length * by_height,
     }
 
 

@@ -1,5 +1,6 @@
 """Waveform of a sensor on the belt: exact kinematics of a steadily passing shape, and periodic curves by FFT."""
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -11,8 +12,8 @@ from gateway.types import ComplexArray, FloatArray
 class SensorWaveform(NamedTuple):
     """Specific force over one revolution, split into its parts by angular speed, gravity and angular acceleration.
 
-    All arrays are (N,) over material angles theta = -pi + 2 pi i / N; radial is positive inward, circumferential along
-    +theta. Specific force = omega^2 * shape + g * gravity + domega/dt * spin (`specific_force`).
+    All arrays are (..., N) over material angles theta = -pi + 2 pi i / N; radial is positive inward, circumferential
+    along +theta. Specific force = omega^2 * shape + g * gravity + domega/dt * spin (`specific_force`).
 
     Attributes:
         radial_m: radial shape, acceleration per omega^2 (about R outside the contact, 0 inside).
@@ -43,14 +44,21 @@ class SensorWaveform(NamedTuple):
 
 
 def angle_derivatives(values: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-    """Return first and second derivative by the angle of a periodic complex curve (N,), by FFT."""
-    nodes = len(values)
+    """Return first and second derivative by the angle of periodic complex curves (..., N), by FFT."""
     spectrum = np.fft.fft(values)
+    first, second = _factors(values.shape[-1])
+    return np.fft.ifft(first * spectrum), np.fft.ifft(second * spectrum)
+
+
+@lru_cache(maxsize=16)
+def _factors(nodes: int) -> ComplexArray:
+    """Return the factors of a spectrum (N,) by which the first and the second derivative follow, (2, N)."""
     order = np.fft.fftfreq(nodes, 1.0 / nodes)
-    first = 1j * order * spectrum
+    factors: ComplexArray = np.stack([1j * order, -(order**2)])
     if nodes % 2 == 0:
-        first[nodes // 2] = 0.0
-    return np.fft.ifft(first), np.fft.ifft(-(order**2) * spectrum)
+        factors[0, nodes // 2] = 0.0
+    factors.setflags(write=False)
+    return factors
 
 
 def waveform_orders(waveform: FloatArray, max_order: int) -> ComplexArray:
@@ -73,13 +81,14 @@ def sensor_waveform(
     separately (a shear-flexible belt).
 
     Args:
-        position_m: (N, 2) neutral layer, axle at the origin, y up, belt counter-clockwise.
+        position_m: (..., N, 2) neutral layers, axle at the origin, y up, belt counter-clockwise.
         radius_m: rolling circumference / 2 pi; turns angular acceleration into the axle's acceleration.
         sensor_offset_m: e.
-        section_rad: (N,) direction of the belt's section, None when it is the tangent's.
+        section_rad: (..., N) direction of the belt's section, None when it is the tangent's.
     """
-    neutral = position_m[:, 0] + 1j * position_m[:, 1]
-    slope, _ = angle_derivatives(neutral)
+    neutral = np.ascontiguousarray(position_m).view(np.complex128)[..., 0]
+    first = _factors(neutral.shape[-1])[0]
+    slope = np.fft.ifft(first * np.fft.fft(neutral))
     along = slope / np.abs(slope) if section_rad is None else np.exp(1j * section_rad)
     inward = 1j * along
     velocity, acceleration = angle_derivatives(neutral + sensor_offset_m * inward)
