@@ -145,13 +145,23 @@ def relative_offset(block: ModelledBlock) -> float:
     along = block.shape.circumferential_m
     if float(np.abs(along).max()) < _OFFSET_VISIBLE_SHARE * block.conditions.radius_m:
         return 0.0
-    solved = bool(block.shape.gravity_radial.any())
+    if block.shape.gravity_radial.any():
+        up = np.stack([block.shape.gravity_circumferential, block.shape.gravity_radial])
+        return _depth_of(up.tobytes(), block.theta_rad.tobytes(), along.tobytes(), block.conditions.radius_m)
     offset = 0.0
-    for _ in range(1 if solved else _DEPTH_STEPS):
-        curvature = _curvature_of_direction(block) if solved else _curvature_above(block, offset)
-        slope = slopes(block.conditions.radius_m * curvature)[0]
-        power = float(slope @ slope)
-        if not power > 0.0:
-            return 0.0
-        offset = -float(along @ slope) / power
+    for _ in range(_DEPTH_STEPS):
+        offset = _depth(along, block.conditions.radius_m * _curvature_above(block, offset))
     return offset
+
+
+@lru_cache(maxsize=64)
+def _depth_of(up: bytes, theta_rad: bytes, along_m: bytes, radius_m: float) -> float:
+    """Return e / R by the direction of (sine, cosine), which a model has solved for."""
+    return _depth(np.frombuffer(along_m), radius_m * _turning_of(up, theta_rad))
+
+
+def _depth(along_m: FloatArray, curvature_m: FloatArray) -> float:
+    """Return e / R by which the circumferential shape is minus the slope of the curvature times R^2; 0 without one."""
+    slope = slopes(curvature_m)[0]
+    power = float(slope @ slope)
+    return -float(along_m @ slope) / power if power > 0.0 else 0.0

@@ -1,10 +1,12 @@
 """Waves on the belt: travelling and tire-locked edge waves, and the tread pitch in the contact."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Final
+from functools import lru_cache, partial
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -15,6 +17,7 @@ from gateway.closure.effects.effect import (
     FIELD_SIZE,
     RADIAL,
     Confounder,
+    GroupConditions,
     ModelledBlock,
     Parameter,
     SignalEffect,
@@ -97,18 +100,32 @@ class _Packet:
     Attributes:
         first: index of its first amplitude among the parameters.
         amplitude: cosine minus i sine.
-        curve: of unit amplitude.
-        along: its part that changes along the belt as it does for the sensor.
+        curves: of unit amplitude, and its part that changes along the belt as it does for the sensor, (2, 2, ...).
         behind: places of the parameters behind them.
         slopes: returns the derivatives of both by these, which a contribution does not need.
     """
 
     first: int
     amplitude: complex
-    curve: ComplexArray
-    along: ComplexArray
+    curves: ComplexArray
     behind: range
     slopes: Callable[[], tuple[ComplexArray, ComplexArray]]
+
+
+class _Seen(NamedTuple):
+    """What a contribution depends on of a block.
+
+    Attributes:
+        leading_edge_rad: of the contact.
+        trailing_edge_rad: of the contact.
+        conditions: of the block.
+        offset: e / R.
+    """
+
+    leading_edge_rad: float
+    trailing_edge_rad: float
+    conditions: GroupConditions
+    offset: float
 
 
 class TravellingEdgeWaves(SignalEffect):
@@ -184,48 +201,58 @@ class TravellingEdgeWaves(SignalEffect):
         """Return the packets; nothing without amplitude, whatever the orders."""
         if not parameters[_AMPLITUDES].any():
             return block.zeros()
-        packets = self._packets(block, parameters)
-        return self._size(block, parameters)[0] * _travelling_signal(block, packets)
+        offset = relative_offset(block)
+        seen = _Seen(block.leading_edge_rad, block.trailing_edge_rad, block.conditions, offset)
+        return self._contribution(seen, tuple(parameters.tolist()))
+
+    @lru_cache(maxsize=64)  # noqa: B019 - the catalogue's effects live as long as the program
+    def _contribution(self, seen: _Seen, parameters: tuple[float, ...]) -> FloatArray:
+        """Return the packets; a scan asks for those of a set with every candidate."""
+        packets = self._packets(seen, parameters)
+        result: FloatArray = self._size(seen, parameters)[0] * _travelling_signal(seen, packets)
+        result.setflags(write=False)
+        return result
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the derivatives by amplitudes, tread, belt, the packet ahead and the growth."""
-        packets = self._packets(block, parameters)
+        offset = relative_offset(block)
+        seen = _Seen(block.leading_edge_rad, block.trailing_edge_rad, block.conditions, offset)
+        packets = self._packets(seen, parameters.tolist())
         rows = np.zeros((len(parameters), 2, len(_ORDER)), complex)
         for packet in packets:
-            both = np.stack([packet.curve, packet.along])
-            rows[packet.first : packet.first + 2] += spectrum_of(np.stack([both, -1j * both]))
+            rows[packet.first : packet.first + 2] += spectrum_of(np.stack([packet.curves, -1j * packet.curves]))
             by = spectrum_of(packet.amplitude * np.stack(packet.slopes(), axis=1))
             rows[packet.behind.start : packet.behind.stop] += by
-        size, logarithm = self._size(block, parameters)
-        result = _curvature_signal(block, rows[:, 0], rows[:, 1])
-        result[-1] = logarithm * _travelling_signal(block, packets)
+        size, logarithm = self._size(seen, parameters.tolist())
+        result = _curvature_signal(seen, rows[:, 0], rows[:, 1])
+        result[-1] = logarithm * _travelling_signal(seen, packets)
         return size * result
 
     @staticmethod
-    def _size(block: ModelledBlock, parameters: FloatArray) -> tuple[float, float]:
+    def _size(seen: _Seen, parameters: Sequence[float]) -> tuple[float, float]:
         """Return the size over that at the reference speed, beyond omega^2, and its derivative's logarithm."""
-        conditions = block.conditions
+        conditions = seen.conditions
         relative = conditions.omega_radps * conditions.radius_m / _REFERENCE_MPS
-        return relative ** float(parameters[-1]), math.log(relative)
+        return relative ** parameters[-1], math.log(relative)
 
-    def _packets(self, block: ModelledBlock, parameters: FloatArray) -> list[_Packet]:
+    def _packets(self, seen: _Seen, p: Sequence[float]) -> list[_Packet]:
         """Return the packets before, after, that of the second harmonic, and the one ahead."""
-        p, conditions = parameters.tolist(), block.conditions
+        conditions = seen.conditions
         tread = BlockTread(*p[_TREAD.start : _TREAD.stop])
         packets = []
         for first, side, harmonic in _WAVES:
             its_tread = replace(tread, blocks=harmonic * tread.blocks)
             wave = belt_wave(its_tread, side, conditions.omega_radps, conditions.radius_m)
-            waves = Running.of(block, side, wave.orders)
-            curve, along = (np.tensordot(part, waves.curves, 1) for part in (wave.sizes, wave.sizes * wave.shares))
-            packets.append(
-                _Packet(first, _amplitude_at(p, first), curve, along, _TREAD, partial(_slopes, wave, waves, harmonic))
-            )
+            waves = Running.of(seen, side, wave.orders)
+            parts = np.stack([wave.sizes, wave.sizes * wave.shares])
+            curves = (parts @ waves.curves.reshape(len(waves.curves), -1)).reshape(2, 2, -1)
+            slopes_of = partial(_slopes, wave, waves, harmonic)
+            packets.append(_Packet(first, _amplitude_at(p, first), curves, _TREAD, slopes_of))
             if first == 0:
                 before = wave
         # On the same belt, so its share along the belt is that of the wave before.
         ahead = p[_AHEAD.start : _AHEAD.stop]
-        curve, share = pulse(block, *ahead), before.shares[0]
+        curve, share = pulse(seen, *ahead), before.shares[0]
         behind = range(_TREAD.start, _AHEAD.stop)
 
         def slopes() -> tuple[ComplexArray, ComplexArray]:
@@ -236,7 +263,8 @@ class TravellingEdgeWaves(SignalEffect):
             along_by[: len(share_by)] = share_by[:, None, None] * curve
             return curve_by, along_by
 
-        packets.append(_Packet(_AHEAD_AT, _amplitude_at(p, _AHEAD_AT), curve, share * curve, behind, slopes))
+        curves = np.stack([curve, share * curve])
+        packets.append(_Packet(_AHEAD_AT, _amplitude_at(p, _AHEAD_AT), curves, behind, slopes))
         return packets
 
 
@@ -392,15 +420,15 @@ def _slopes(wave: BeltWave, waves: Running, harmonic: int) -> tuple[ComplexArray
     return by, along_by
 
 
-def _amplitude_at(parameters: list[float], first: int) -> complex:
+def _amplitude_at(parameters: Sequence[float], first: int) -> complex:
     """Return cosine minus i sine."""
     return complex(parameters[first], -parameters[first + 1])
 
 
-def _travelling_signal(block: ModelledBlock, packets: list[_Packet]) -> FloatArray:
+def _travelling_signal(seen: _Seen, packets: list[_Packet]) -> FloatArray:
     """Return the contribution of packets, (3, FIELD_SIZE)."""
-    curves = np.sum([packet.amplitude * np.stack([packet.curve, packet.along]) for packet in packets], axis=0)
-    return _curvature_signal(block, *spectrum_of(curves))
+    curves = np.sum([packet.amplitude * packet.curves for packet in packets], axis=0)
+    return _curvature_signal(seen, *spectrum_of(curves))
 
 
 def _pitch_waves(block: ModelledBlock, parameters: FloatArray) -> FloatArray:
@@ -419,11 +447,11 @@ def _pitch_waves(block: ModelledBlock, parameters: FloatArray) -> FloatArray:
     return np.stack([waves, np.stack([-side * theta * sine, side * theta * cosine]), waves * (square / width)])
 
 
-def _curvature_signal(block: ModelledBlock, wave: ComplexArray, along: ComplexArray | None = None) -> FloatArray:
+def _curvature_signal(seen: ModelledBlock | _Seen, wave: ComplexArray, along: ComplexArray | None = None) -> FloatArray:
     """Return the contribution of a wave of the belt's curvature to the axes.
 
     Args:
-        block: the block.
+        seen: the block, or what a contribution depends on of it.
         wave: its spectrum on the model's grid in R omega^2, (..., FIELD_SIZE // 2 + 1).
         along: that of the part that changes along the belt as it does for the sensor, kappa times the wave; None where
             all of it does.
@@ -431,9 +459,9 @@ def _curvature_signal(block: ModelledBlock, wave: ComplexArray, along: ComplexAr
     Returns:
         (..., 3, FIELD_SIZE), m/s^2.
     """
-    scale = block.conditions.radius_m * block.conditions.omega_radps**2
+    scale = seen.conditions.radius_m * seen.conditions.omega_radps**2
     result = np.zeros((*wave.shape[:-1], 3, FIELD_SIZE))
-    offset = relative_offset(block)
+    offset = seen.offset if isinstance(seen, _Seen) else relative_offset(seen)
     # Without amplitude, the derivatives by all but the amplitudes are zero.
     for axis, spectrum, factor in (
         (RADIAL, wave, scale * _CLOSED),

@@ -2,7 +2,8 @@
 
 import math
 from dataclasses import dataclass
-from typing import Final, Self
+from functools import lru_cache
+from typing import Final, Protocol, Self
 
 import numpy as np
 
@@ -17,6 +18,20 @@ _BOTH: Final = np.stack([_ORDER, -_ORDER])
 _ON_GRID: Final = 0.5 * FIELD_SIZE * (-1.0) ** _ORDER
 # Turn over the free belt below which a wave has the coefficients of this one.
 _SHORT: Final = 1e-5
+
+
+class Contact(Protocol):
+    """What waves depend on of a block."""
+
+    @property
+    def leading_edge_rad(self) -> float:
+        """Negative."""
+        ...
+
+    @property
+    def trailing_edge_rad(self) -> float:
+        """Positive."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,22 +80,34 @@ class Running:
     _length_rad: float
 
     @classmethod
-    def of(cls, block: ModelledBlock, side: int, orders: ComplexArray) -> Self:
+    def of(cls, block: Contact, side: int, orders: ComplexArray) -> Self:
         """Return the waves of complex orders (n,) from one edge of a block's contact."""
         length = 2.0 * math.pi - (block.trailing_edge_rad - block.leading_edge_rad)
         edge, way = (block.leading_edge_rad, 1.0) if side == 0 else (block.trailing_edge_rad, -1.0)
         z = orders[:, None, None] + way * _BOTH
-        short = np.abs(z) * length < _SHORT
-        z = np.where(short, _SHORT / length, z)
+        turn, along = _turns(edge, way * length)
+        # The exponential of a sum: that over the orders of the grid serves every wave and block of the same edges.
+        end = np.exp(1j * length * orders)[:, None, None] * along
+        short = np.abs(z) < _SHORT / length
+        if short.any():
+            z[short], end[short] = _SHORT / length, np.exp(1j * _SHORT)
         # From here on a coefficient is that of a constant but for a turn of its phase.
-        turn = np.exp(-1j * edge * _BOTH) / (2.0 * math.pi)
-        end = np.exp(1j * length * z)
         return cls(turn * ((end - 1.0) / (1j * z)), z, turn * end, length)
 
     def by_order(self) -> ComplexArray:
         """Return the derivatives of the coefficients by each order, of their shape."""
         result: ComplexArray = (self._length_rad * self._end - self.curves) / self._beyond
         return result
+
+
+@lru_cache(maxsize=64)
+def _turns(edge_rad: float, length_rad: float) -> tuple[ComplexArray, ComplexArray]:
+    """Return exp(-i m edge) / (2 pi) and exp(i m length) of the orders m and -m, (2, FIELD_SIZE // 2 + 1) each."""
+    turn = np.exp(-1j * edge_rad * _BOTH) / (2.0 * math.pi)
+    along = np.exp(1j * length_rad * _BOTH)
+    for shared in (turn, along):
+        shared.setflags(write=False)
+    return turn, along
 
 
 def spectrum_of(coefficients: ComplexArray) -> ComplexArray:
@@ -93,7 +120,7 @@ def spectrum_of(coefficients: ComplexArray) -> ComplexArray:
     return result
 
 
-def pulse(block: ModelledBlock, order: float, place_rad: float, width_rad: float) -> ComplexArray:
+def pulse(block: Contact, order: float, place_rad: float, width_rad: float) -> ComplexArray:
     """Return exp(i order x - x^2 / (2 width^2)), x = angle ahead of the leading edge less the place.
 
     Returns:
