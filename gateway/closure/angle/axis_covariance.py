@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Final, Protocol
 
 import numpy as np
@@ -177,22 +178,24 @@ class _Whole:
         self.priors = _steadied(bare)
         scatters, scales = axis_groups.scatters, axis_groups.scales
         numbers = range(len(axis_groups.groups))
-        blocks = []
-        for first in numbers:
-            row = []
-            for second in numbers:
-                shared = np.tensordot(scales[:, first] * scales[:, second], np.stack(self.priors), axes=1)
-                block = _chosen(shared, scatters[first].chosen, scatters[second].chosen)
-                row.append(block + _unshared_covariance(axis_groups, first, bare) if first == second else block)
-            blocks.append(row)
-        factor, log_determinant = inverse_factor(np.block(blocks))
-        inverse = factor.T @ factor
-        self.log_determinant = log_determinant - sum(scatter.log_determinant for scatter in scatters)
         ends = np.cumsum([0, *(len(scatter.chosen) for scatter in scatters)])
+        of = [slice(first, last) for first, last in pairwise(ends.tolist())]
+        covariance = np.empty((ends[-1], ends[-1]))
+        for first in numbers:
+            for second in range(first + 1):
+                # The lower triangle is enough for the factorisation.
+                factors = scales[:, first] * scales[:, second]
+                shared = sum(factor * prior for factor, prior in zip(factors.tolist(), self.priors, strict=True))
+                block = _chosen(np.asarray(shared), scatters[first].chosen, scatters[second].chosen)
+                if first == second:
+                    block = block + _unshared_covariance(axis_groups, first, bare)
+                covariance[of[first], of[second]] = block
+        inverse, log_determinant = _inverse(covariance)
+        self.log_determinant = log_determinant - sum(scatter.log_determinant for scatter in scatters)
         self._inverse = np.zeros((len(numbers), len(numbers), REAL, REAL))
         for first in numbers:
             for second in numbers:
-                block = inverse[ends[first] : ends[first + 1], ends[second] : ends[second + 1]]
+                block = inverse[of[first], of[second]]
                 self._inverse[first, second][np.ix_(scatters[first].chosen, scatters[second].chosen)] = block
 
     def weighted(self, rows: Rows) -> list[FloatArray]:
@@ -329,6 +332,22 @@ def inverse_factor(matrix: FloatArray) -> tuple[FloatArray, float]:
     result[half:, half:], second = inverse_factor(matrix[half:, half:] - below @ below.T)
     result[half:, :half] = -result[half:, half:] @ (below @ result[:half, :half])
     return result, first + second
+
+
+def _inverse(matrix: FloatArray) -> tuple[FloatArray, float]:
+    """Return the inverse of a matrix and the logarithm of its determinant; arguments as for `inverse_factor`."""
+    if len(matrix) > _LARGE:
+        factor, log_determinant = inverse_factor(matrix)
+        return factor.T @ factor, log_determinant
+    if not len(matrix):
+        return matrix, 0.0
+    lower = _cholesky(matrix)
+    log_determinant = 2.0 * float(np.log(np.diagonal(lower)).sum())
+    inverse, _ = lapack.dpotri(lower, lower=1, overwrite_c=True)
+    below = np.tril(inverse)
+    result: FloatArray = below + below.T
+    result[np.diag_indices(len(result))] *= 0.5
+    return result, log_determinant
 
 
 def lower_product(lower: FloatArray, matrix: FloatArray) -> FloatArray:
