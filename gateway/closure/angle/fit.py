@@ -18,7 +18,11 @@ from gateway.closure.model.closure_model import ClosureModel
 from gateway.types import ComplexArray, FloatArray
 
 _MAX_STEPS: Final = 100
-_HALVINGS: Final = 6
+# Most steps that are tried, and the shares of the one before that a shorter one is.
+_TRIED: Final = 6
+_LEAST_SHARE: Final = 0.1
+_MOST_SHARE: Final = 0.5
+_SMALLEST: Final = 1e-300
 # Decrease of the cost below which a fit has converged: far below what decides between two sets of effects.
 _DONE: Final = 0.02
 # Largest step of a state's logarithms.
@@ -357,7 +361,7 @@ def _descend(
             break
         states = model.layout.states
         change = change / max(1.0, float(np.abs(change[states]).max()) / _REACH)
-        moved = _better(fit, data, change)
+        moved = _better(fit, data, change, done)
         if moved is None:
             break
         gained = fit.cost
@@ -367,21 +371,43 @@ def _descend(
     return fit
 
 
-def _better(fit: Fit, data: Whitened, change: FloatArray) -> FloatArray | None:
-    """Return the parameters after a full or partial step that improves the fit; None if none does."""
-    pinned = False
-    for _ in range(_HALVINGS):
+def _better(fit: Fit, data: Whitened, change: FloatArray, done: float) -> FloatArray | None:
+    """Return the parameters after a full or partial step that improves the fit; None if none does.
+
+    A partial step ends where the parabola through the cost, its slope at the start and its value at the end of the step
+    before is lowest.
+
+    Args:
+        fit: where the step begins.
+        data: whitened.
+        change: the step, at most to the optimum of the linearised model.
+        done: decrease of the cost that is not worth a step, by which the fit would end.
+    """
+    gradient = fit.slope - fit.prior_precision @ (fit.vector - fit.prior_mean)
+    pinned, share = False, 1.0
+    secant: float | None = None
+    for _ in range(_TRIED):
         moved: FloatArray = fit.vector + change
         try:
             cost = _misfit(fit.model, data, moved, fit.applied) / fit.scale
         except (NoShapeError, np.linalg.LinAlgError):
             # A shorter step for all would end before a bound that only one of them meets.
             change, pinned = (0.25 * change if pinned else _step_inside(fit, change)), True
+            secant = None
             continue
         away = moved - fit.prior_mean
-        if cost + float(away @ fit.prior_precision @ away) < fit.cost:
+        rise = cost + float(away @ fit.prior_precision @ away) - fit.cost
+        if rise < 0.0:
             return moved
-        change = 0.4 * change
+        if secant is not None and rise * (1.0 - share) > share * (secant - rise):
+            # Rises over the step, extrapolated to its start: at a kink the cost grows there, other than its slope says.
+            break
+        fall = 2.0 * float(change @ gradient)
+        share = min(max(0.5 * fall / max(rise + fall, _SMALLEST), _LEAST_SHARE), _MOST_SHARE)
+        secant = share * rise
+        change = share * change
+        if float(2.0 * (change @ gradient) - change @ fit.precision @ change) < done:
+            break
     return None
 
 

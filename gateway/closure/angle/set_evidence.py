@@ -25,11 +25,12 @@ _NO_DATA: Final = 1e-9
 # Most steps of the amplitudes, and the change of log evidence at which they end.
 _STEPS: Final = 15
 _SETTLED: Final = 0.03
-# Most rounds until all rest, the change of a parameter over its error at which it does, and that of log evidence at
-# which the amplitudes do.
+# Most rounds until all rest, the change of a parameter over its error at which it does, that of log evidence at which
+# the amplitudes do, and the rounds of no higher evidence after which no rest is to come.
 _MOST_ROUNDS: Final = 20
 _AT_REST: Final = 0.02
 _AMPLITUDES_AT_REST: Final = 1e-3
+_MOST_FALLS: Final = 3
 # Steps of the parameters with the discrepancy in: it moves them by little. Most rounds of them, for those that it moves
 # by more, and the predicted decrease of the cost up to which the last step is taken without a fit.
 _FIT_STEPS: Final = 6
@@ -109,11 +110,14 @@ def settled(evaluated: Evaluated, data: Whitened) -> Evaluated:
     """Return a set whose parameters and discrepancy rest, to a fiftieth of their errors.
 
     Along a flat ridge the evidence changes by little long before both do. Where they stop then depends on the way
-    there, and so on the rounding of the machine.
+    there, and so on the rounding of the machine. A set that goes to and fro over a kink has no such place; the highest
+    of its evidences is taken once it does not rise any more.
     """
     fit, applied = evaluated.fit, evaluated.fit.applied
     if applied is None:
         raise ValueError("a set rests with its discrepancy")
+    highest: tuple[float, Fit] = (-math.inf, fit)
+    falls = 0
     try:
         for number in range(_MOST_ROUNDS):
             before = fit.vector
@@ -121,10 +125,15 @@ def settled(evaluated: Evaluated, data: Whitened) -> Evaluated:
             fit, applied = _settled(fit, applied, _MOST_ROUNDS, _AMPLITUDES_AT_REST)
             # The first fit is that under the amplitudes as they were.
             if number and _in_errors(fit, fit.vector - before) < _AT_REST:
+                return evaluated_at(fit)
+            evidence = log_evidence(fit)
+            falls += evidence <= highest[0]
+            highest = max(highest, (evidence, fit), key=lambda each: each[0])
+            if falls == _MOST_FALLS:
                 break
     except (FitFailedError, np.linalg.LinAlgError):
         return evaluated
-    return evaluated_at(fit)
+    return evaluated_at(highest[1])
 
 
 def _in_errors(fit: Fit, change: FloatArray) -> float:
