@@ -3,7 +3,8 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Self
+from functools import lru_cache
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from gateway.closure.angle.discrepancy_kernels import FROM_PLACES, PLACES, Burst
 from gateway.closure.angle.fit import Fit
 from gateway.closure.angle.likelihood import Whitened
 from gateway.closure.angle.residual import group_residuals, residual_ratio
-from gateway.types import FloatArray
+from gateway.types import FloatArray, IntArray
 
 # Amplitudes that are tried, as powers over the noise: log evidence is flat about its maximum.
 _POWERS: Final = np.logspace(0.0, 8.0, 17)
@@ -117,24 +118,45 @@ class _Seen:
         return cls(_Answer(answer, information), at_places, index, part, power)
 
 
+class _Narrow(NamedTuple):
+    """A concentration in the basis in which few numbers describe it.
+
+    Attributes:
+        in_orders: whether that is the real coefficients: an order has two, a band few orders; a burst has few places.
+        inside: of the numbers, (m,).
+        curves: in them, (m, k).
+        powers: mean products of the curves, (k, k).
+    """
+
+    in_orders: bool
+    inside: IntArray
+    curves: FloatArray
+    powers: FloatArray
+
+
+@lru_cache(maxsize=1024)
+def _narrow(concentration: Concentration) -> _Narrow:
+    curves = concentration.curves()
+    in_orders = not isinstance(concentration, Burst)
+    narrow = FROM_PLACES @ curves if in_orders else curves
+    inside = np.flatnonzero(np.abs(narrow).max(axis=1) > 1e-3)
+    return _Narrow(in_orders, inside, narrow[inside], curves.T @ curves / len(PLACES))
+
+
 def _evident(
     concentration: Concentration, seen: Sequence[_Seen], shape: tuple[int, ...], power: float, log_odds: float
 ) -> Evident:
     """Return what a concentration gains: on every axis of a state the part of the larger gain."""
-    curves = concentration.curves()
-    # An order has two coefficients, a band few orders, a burst few places.
-    in_orders = not isinstance(concentration, Burst)
-    narrow = FROM_PLACES @ curves if in_orders else curves
-    inside = np.flatnonzero(np.abs(narrow).max(axis=1) > 1e-3)
-    narrow = narrow[inside]
+    narrow = _narrow(concentration)
     amplitudes, gains, powers = np.zeros(shape), np.zeros(shape[0]), np.zeros(shape[0])
     for each in seen:
-        given = each.by_order if in_orders else each.at_places
-        values, vectors = np.linalg.eigh(narrow.T @ given.information[np.ix_(inside, inside)] @ narrow)
+        given = each.by_order if narrow.in_orders else each.at_places
+        information = given.information[narrow.inside[:, None], narrow.inside]
+        values, vectors = np.linalg.eigh(narrow.curves.T @ information @ narrow.curves)
         values = np.maximum(values, 0.0)
         if values[-1] <= 0.0:
             continue
-        along = vectors.T @ (narrow.T @ given.answer[inside])
+        along = vectors.T @ (narrow.curves.T @ given.answer[narrow.inside])
         tried = _POWERS[:, None] / values[-1]
         gained = 0.5 * (tried * np.square(along) / (1.0 + tried * values) - np.log1p(tried * values)).sum(axis=1)
         top = int(np.argmax(gained))
@@ -143,7 +165,7 @@ def _evident(
             gains[each.index] = gained[top]
             amplitudes[each.index] = 0.0
             amplitudes[each.index, each.part] = amplitude
-            field = curves @ (vectors @ (along / (1.0 / amplitude + values)))
-            powers[each.index] = each.power * float(field @ field) / len(PLACES)
+            weights = vectors @ (along / (1.0 / amplitude + values))
+            powers[each.index] = each.power * float(weights @ narrow.powers @ weights)
     share = float(powers.sum()) / power if power > 0.0 else 0.0
     return Evident(concentration, amplitudes, float(gains.sum()), log_odds, share)
