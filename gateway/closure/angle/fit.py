@@ -12,7 +12,7 @@ import numpy as np
 from gateway.closure.angle.axis_covariance import Rows
 from gateway.closure.angle.discrepancy import Applied
 from gateway.closure.angle.likelihood import REAL, Whitened, as_real
-from gateway.closure.effects.effect import RingEffect
+from gateway.closure.effects.effect import RingEffect, SignalEffect
 from gateway.closure.model.baseline import NoShapeError
 from gateway.closure.model.closure_model import ClosureModel
 from gateway.types import ComplexArray, FloatArray
@@ -22,6 +22,7 @@ _MAX_STEPS: Final = 100
 _TRIED: Final = 6
 _LEAST_SHARE: Final = 0.1
 _MOST_SHARE: Final = 0.5
+_FIXED_SHARE: Final = 0.4
 _SMALLEST: Final = 1e-300
 # Decrease of the cost below which a fit has converged: far below what decides between two sets of effects.
 _DONE: Final = 0.02
@@ -375,7 +376,7 @@ def _better(fit: Fit, data: Whitened, change: FloatArray, done: float) -> FloatA
     """Return the parameters after a full or partial step that improves the fit; None if none does.
 
     A partial step ends where the parabola through the cost, its slope at the start and its value at the end of the step
-    before is lowest.
+    before is lowest, or at a fixed share of the step before where the cost jumps.
 
     Args:
         fit: where the step begins.
@@ -384,6 +385,7 @@ def _better(fit: Fit, data: Whitened, change: FloatArray, done: float) -> FloatA
         done: decrease of the cost that is not worth a step, by which the fit would end.
     """
     gradient = fit.slope - fit.prior_precision @ (fit.vector - fit.prior_mean)
+    jumps = any(isinstance(effect, SignalEffect) and effect.jumps for effect in fit.model.effects)
     pinned, share = False, 1.0
     secant: float | None = None
     for _ in range(_TRIED):
@@ -399,12 +401,15 @@ def _better(fit: Fit, data: Whitened, change: FloatArray, done: float) -> FloatA
         rise = cost + float(away @ fit.prior_precision @ away) - fit.cost
         if rise < 0.0:
             return moved
-        if secant is not None and rise * (1.0 - share) > share * (secant - rise):
-            # Rises over the step, extrapolated to its start: at a kink the cost grows there, other than its slope says.
-            break
-        fall = 2.0 * float(change @ gradient)
-        share = min(max(0.5 * fall / max(rise + fall, _SMALLEST), _LEAST_SHARE), _MOST_SHARE)
-        secant = share * rise
+        if jumps:
+            share = _FIXED_SHARE
+        else:
+            if secant is not None and rise * (1.0 - share) > share * (secant - rise):
+                # Rises over the step, extrapolated to its start: at a kink the cost grows there, unlike its slope.
+                break
+            fall = 2.0 * float(change @ gradient)
+            share = min(max(0.5 * fall / max(rise + fall, _SMALLEST), _LEAST_SHARE), _MOST_SHARE)
+            secant = share * rise
         change = share * change
         if float(2.0 * (change @ gradient) - change @ fit.precision @ change) < done:
             break

@@ -304,6 +304,8 @@ class SignalEffect(Effect):
         linear: True when the contribution is proportional to the parameters.
         sizes: number of its first parameters that make its size; the others shape it.
         scaling: growth with speed, load and pressure, in words, of an effect that may be proposed as a law.
+        jumps: True where it jumps as the contact's edges pass nodes of the belt's grid: a step that improves a fit may
+            then be far shorter than one that does not.
         needs_other_conditions: True where one recording cannot show it, since what others leave may look like it:
             recordings of other conditions must confirm it.
     """
@@ -312,6 +314,7 @@ class SignalEffect(Effect):
     linear: bool = False
     sizes: int = 1
     scaling: str = ""
+    jumps: bool = False
     needs_other_conditions: bool = False
 
     @abstractmethod

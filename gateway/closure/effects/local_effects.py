@@ -151,6 +151,7 @@ class _OnBelt(SignalEffect):
 
     axes = (CIRCUMFERENTIAL, RADIAL)
     needs_exact = True
+    jumps = True
     stage = Stage.BELT
     source = "linearised exact ring (gateway.physics.rolling_ring.local_changes)"
     scaling = (
