@@ -13,6 +13,7 @@ from gateway.signal.angle_resampling import MARGIN_SAMPLES
 from gateway.signal.contact_trains import (
     INTERVAL_RATIO,
     LONGEST_PERIOD_S,
+    SKIPPED_DEPTH_SHARE,
     TURN_RATIO,
     WheelProperties,
     least_level,
@@ -83,6 +84,12 @@ _RUN_TURN_RATIO: Final = 1.25
 # since its speed may change, less gravity, which changes by 2 g between contact and top.
 _ROLLING_SHARE: Final = 0.55
 _ROLLING_GRAVITY_MPS2: Final = 20.0
+# Squared turn of two revolutions on the smallest belt, 0.2 m, from which on a contact may have been skipped, and the
+# part of the period in which that lies: halfway, or after one and two thirds.
+_SKIPPING_TURN2_M: Final = 4.0 * 0.2
+_SKIPPED_BETWEEN: Final = (0.3, 0.7)
+# A period that is longer than the last one by this ratio is examined.
+_LONGER_RATIO: Final = 1.4
 
 
 class ContactPair(NamedTuple):
@@ -145,6 +152,33 @@ def kept_rolling(radial_mps2: FloatArray, first: int, last: Contact, contact: Co
     parts = [radial_mps2[lo:hi] for index, (lo, hi) in enumerate(pairwise(edges)) if index % 4 < 3]
     # Medians, so that an impact does not count as a stop.
     return all(float(np.median(part)) - floor >= least for part in parts)
+
+
+def skips_contact(last: Contact, contact: Contact, rate_hz: float, read: Read, sign: int) -> bool:
+    """Return whether the signal between two contacts has another one, so that they are not neighbours.
+
+    Args:
+        last: the earlier contact, in running sample numbers.
+        contact: the later one.
+        rate_hz: sampling rate.
+        read: returns the radial axis; between the two, no sample was lost.
+        sign: makes it positive inward.
+    """
+    shallower, period = min(last.depth_mps2, contact.depth_mps2), contact.centre - last.centre
+    turn = turn_of(last.depth_mps2, contact.depth_mps2, period / rate_hz)
+    if shallower < _UNSEEN_DEPTH_MPS2 or turn * turn < _SKIPPING_TURN2_M:
+        return False
+    width = max(3.0, 0.5 * (last.duration + contact.duration))
+    reach = box_offsets(width)[2]
+    first, end = (round(last.centre + share * period) for share in _SKIPPED_BETWEEN)
+    radial = sign * read(first - reach, end + reach)
+    prefix = cumulative(radial)
+    score, outer = dip_score(prefix, width)
+    if not len(score) or score.max() < SKIPPED_DEPTH_SHARE * shallower:
+        return False
+    # An impact is as deep, but seldom as long.
+    inside = refine_contact(radial, outer + int(score.argmax()), width, prefix=prefix)
+    return inside is not None and _ratio(size(inside), size(last)) < _RUN_SIZE_RATIO
 
 
 def restore_lost_edge(contact: Contact, expected: float, missing: Missing) -> Contact | None:
@@ -238,7 +272,15 @@ def edge_jitter2(start: Contact, end: Contact, speed_ratio: float) -> float:
 
 
 class ContactTrack:
-    """The latest contacts of a wheel and the prediction of the next one. Deterministic."""
+    """The latest contacts of a wheel and the prediction of the next one. Deterministic.
+
+    Attributes:
+        contact: the latest.
+        recent: the latest ones.
+        periods: the two latest, in samples.
+        next_index: number of samples at which the next contact is searched.
+        skips_contacts: whether contacts were seen between those of the track, which then is lost.
+    """
 
     def __init__(self, contacts: list[Contact], rate_hz: float, sign: int) -> None:
         """Start from a run of at least three contacts."""
@@ -256,6 +298,9 @@ class ContactTrack:
         self._turn = float(np.median([self._turn_of(*pair) for pair in pairwise(contacts)]))
         self._size = float(np.median([size(contact) for contact in contacts]))
         self._followed = 0
+        self.skips_contacts = False
+        # Whether the signal of a revolution since the last loss had no further contact.
+        self._is_single = False
         self._duty = float(np.median([c.duration / p for c, p in zip(contacts[1:], periods, strict=True)]))
         self._plan()
 
@@ -323,7 +368,9 @@ class ContactTrack:
             if contact is not None and turns:
                 fitting.append((self._misfit(contact, turns) if len(candidates) > 1 else 0.0, index, contact, turns))
         if fitting:
-            return self._accept(*min(fitting)[2:])
+            contact, turns = min(fitting)[2:]
+            self.skips_contacts = self._skips_contact(contact, turns, read, missing)
+            return None if self.skips_contacts else self._accept(contact, turns)
         if end < self._give_up_at:
             self.next_index = end + max(1, round(0.15 * self._period))
             return []
@@ -381,6 +428,19 @@ class ContactTrack:
             else:
                 return 0
         return turns if self._rolled_through(last, contact, turns, read) else 0
+
+    def _skips_contact(self, contact: Contact, turns: int, read: Read, missing: Missing) -> bool:
+        """Return whether a revolution without loss has a contact inside.
+
+        The first since the start and since the last loss is examined, and one that is much longer than the one before.
+        """
+        last = self.contact
+        if turns > 1 or missing(math.ceil(last.centre), math.floor(contact.centre)):
+            self._is_single = False
+        elif not self._is_single or contact.centre - last.centre > _LONGER_RATIO * self.periods[-1]:
+            self._is_single = not skips_contact(last, contact, self._rate_hz, read, self._sign)
+            return not self._is_single
+        return False
 
     def _misfit(self, contact: Contact, turns: int) -> float:
         """Return the cost of a contact `turns` revolutions later: deviations from the prediction, less its strength."""

@@ -120,7 +120,7 @@ def why_no_revolution(signal: RadialSignal, longest_s: float, *, interrupted: bo
 
     Args:
         signal: the stretch.
-        longest_s: length of the longest stretch of samples without a gap, of which `signal` may be a part.
+        longest_s: length of the longest stretch of samples without a gap.
         interrupted: whether samples were lost on the link between such stretches.
     """
     if signal.saturated_share >= _SATURATED_SHARE:
@@ -283,30 +283,51 @@ class MissingRevolutions:
         self._came = True
         self._schedule(max(self._begun, int(end)))
 
-    def samples(self, head: int, read: Read, saturated_share: Callable[[int, int], float]) -> None:
+    def samples(
+        self,
+        head: int,
+        read: Read,
+        saturated_share: Callable[[int, int], float],
+        longest_measured: Callable[[int, int], int],
+    ) -> None:
         """Examine the stretches that are due with samples up to `head`.
 
         Args:
             head: number of samples available.
             read: radial axis of a range of samples.
             saturated_share: share of a range of samples at the end of the sensor's range.
+            longest_measured: length of the longest stretch of a range without a lost sample.
         """
         self._head = head
         while self._due <= head:
-            self._examine(self._due, read, saturated_share)
+            self._examine(self._due, read, saturated_share, longest_measured)
             self._due += round(INTERVAL_S * self._rate_hz)
 
-    def finish(self, head: int, read: Read, saturated_share: Callable[[int, int], float]) -> None:
+    def finish(
+        self,
+        head: int,
+        read: Read,
+        saturated_share: Callable[[int, int], float],
+        longest_measured: Callable[[int, int], int],
+    ) -> None:
         """Examine the last stretch, however short, when no more samples will come."""
         self._head = head
         if not self._came and not self._causes:
-            self._examine(head, read, saturated_share)
+            self._examine(head, read, saturated_share, longest_measured)
 
-    def _examine(self, end: int, read: Read, saturated_share: Callable[[int, int], float]) -> None:
+    def _examine(
+        self,
+        end: int,
+        read: Read,
+        saturated_share: Callable[[int, int], float],
+        longest_measured: Callable[[int, int], int],
+    ) -> None:
         first = max(self._since, end - round(WINDOW_S * self._rate_hz))
         signal = RadialSignal(read(first, end), self._rate_hz, self._radius_m, self._is_dc, saturated_share(first, end))
-        longest_s = max(self._longest_s, (end - self._begun) / self._rate_hz)
-        reasons = why_no_revolution(signal, longest_s, interrupted=self._stretches > 1)
+        longest = longest_measured(first, end)
+        is_whole = longest == end - first
+        longest_s = max(self._longest_s, (end - self._begun if is_whole else longest) / self._rate_hz)
+        reasons = why_no_revolution(signal, longest_s, interrupted=self._stretches > 1 or not is_whole)
         self._waited_s = (end - self._since) / self._rate_hz
         code = reasons[0].code
         self._causes[code] += 1

@@ -129,6 +129,12 @@ class SampleBuffer:
         """Return first and last (exclusive) sample of the gaps that reach into `first` to `end` (exclusive)."""
         return [(lo, hi) for lo, hi in self._gaps if lo < end and hi > first] if self._gaps else []
 
+    def longest_measured(self, first: int, end: int) -> int:
+        """Return the length of the longest stretch within `first` to `end` (exclusive) in which no sample was lost."""
+        gaps = self.gaps_between(first, end)
+        begins, ends = [first, *(hi for _, hi in gaps)], [*(lo for lo, _ in gaps), end]
+        return max(after - before for before, after in zip(begins, ends, strict=True))
+
     def measured_around(self, place: float, first: int, end: int) -> tuple[int, int]:
         """Return the longest stretch within `first` to `end` (exclusive) around a place in which no sample was lost.
 

@@ -4,11 +4,19 @@ Every decision is made at a sample number fixed in advance and uses only the sam
 do not depend on the chunks in which samples arrive, live or from a dump.
 """
 
+import math
 from itertools import pairwise
 from typing import Final
 
 from gateway.pipeline.contact_tracking import ContactPair as ContactPair
-from gateway.pipeline.contact_tracking import ContactTrack, Missing, Read, consistent, restore_lost_edge
+from gateway.pipeline.contact_tracking import (
+    ContactTrack,
+    Missing,
+    Read,
+    consistent,
+    restore_lost_edge,
+    skips_contact,
+)
 from gateway.pipeline.results import WheelState
 from gateway.signal.contact_trains import LONGEST_PERIOD_S, WheelProperties
 from gateway.signal.segmentation import Contact, cumulative, find_contacts, is_still, refine_contact
@@ -51,6 +59,8 @@ class Segmenter:
         self._paired_until = float(origin)
         self._until_check = _FIRST_CHECK_CONTACTS
         self._check_interval = _CHECK_INTERVAL_CONTACTS[0]
+        # Whether loss hid contacts since the last check of a stretch without loss.
+        self._is_uncertain = False
         self._properties: WheelProperties | None = None
         self._look_ahead()
 
@@ -99,7 +109,8 @@ class Segmenter:
             return []
         if pairs:
             self._paired_until = self._track.contact.centre
-            self._check(read, end)
+            self._is_uncertain |= len(pairs) > 1
+            self._check(read, missing, end)
         return pairs
 
     def _search(self, read: Read, missing: Missing) -> list[ContactPair]:
@@ -112,6 +123,9 @@ class Segmenter:
         previous_track = self._properties if searched_s < _TRUST_KNOWN_S else None
         coarse, sign = find_contacts(radial, self._rate_hz, previous_track)
         contacts = self._latest_placed(coarse, radial * sign, first, missing)
+        if self._skips_any(contacts, sign, read, missing):
+            self._origin = int(contacts[-1].centre - 2.0 * contacts[-1].duration)
+            return []
         if len(contacts) < 3:
             if not coarse and searched_s >= STANDSTILL_S:
                 self.state = WheelState.STANDSTILL if is_still(radial, self._rate_hz) else WheelState.SEARCHING
@@ -120,6 +134,7 @@ class Segmenter:
         self.state = WheelState.ROLLING
         track = self._track = ContactTrack(contacts, self._rate_hz, sign)
         self._until_check, self._check_interval = _FIRST_CHECK_CONTACTS, _CHECK_INTERVAL_CONTACTS[0]
+        self._is_uncertain = missing(math.floor(contacts[0].centre), math.ceil(track.contact.centre)) > 0
         pairs: list[ContactPair] = []
         previous: float | None = None
         for start, following in pairwise(contacts):
@@ -147,28 +162,44 @@ class Segmenter:
                 runs.append([contact])
         return next((run for run in reversed(runs) if len(run) >= 3), [])
 
+    def _skips_any(self, contacts: list[Contact], sign: int, read: Read, missing: Missing) -> bool:
+        """Return whether the signal of a pair of contacts without loss shows another one between them."""
+        return any(
+            not missing(math.ceil(last.centre), math.floor(contact.centre))
+            and skips_contact(last, contact, self._rate_hz, read, sign)
+            for last, contact in pairwise(contacts)
+        )
+
     def _lose(self, resume: int, now: int) -> None:
         """Search again from sample `resume` on; decisions continue from `now`."""
         self.state = WheelState.SEARCHING
         if self._track is not None:
-            self._properties = self._track.properties or self._properties
+            skips = self._track.skips_contacts
+            self._properties = None if skips else self._track.properties or self._properties
         self._track = None
         self._origin = max(resume, self._origin)
         self._searched_from = now
         self._search_at = now + self._step
 
-    def _check(self, read: Read, end: int) -> None:
-        """Drop the track if an independent search over the last revolutions finds its contacts elsewhere."""
+    def _check(self, read: Read, missing: Missing, end: int) -> None:
+        """Drop the track if an independent search over the last revolutions finds its contacts elsewhere.
+
+        It is made at intervals, and where loss hid contacts as soon as these revolutions lost nothing.
+        """
         track = self._track
         assert track is not None
         self._until_check -= 1
         span = round(_CHECK_PERIODS * track.periods[-1])
-        if self._until_check > 0 or span > SEARCH_WINDOW_S * self._rate_hz:
-            return
-        self._until_check = self._check_interval
-        self._check_interval = min(2 * self._check_interval, _CHECK_INTERVAL_CONTACTS[1])
         contact = track.contact
         first = max(int(contact.centre) - span, self._origin)
+        is_whole_again = self._is_uncertain and not missing(first, end)
+        if not (self._until_check <= 0 or is_whole_again) or span > SEARCH_WINDOW_S * self._rate_hz:
+            return
+        if is_whole_again:
+            self._is_uncertain = False
+        else:
+            self._until_check = self._check_interval
+            self._check_interval = min(2 * self._check_interval, _CHECK_INTERVAL_CONTACTS[1])
         contacts, sign = find_contacts(read(first, end), self._rate_hz)
         near = [
             abs(first + centre - seen.centre) <= 0.75 * seen.duration

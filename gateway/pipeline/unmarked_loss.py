@@ -32,6 +32,8 @@ _LEAST_MEAN_MPS2: Final = 30.0
 # Root of the product over its reference from which more than one turn was made, and its greatest distance to a whole
 # number where it tells which.
 _SEVERAL_TURNS: Final = 1.5
+# The same between contacts that were not seen, which need not be neighbours nor whole turns apart.
+_UNSEEN_TURNS: Final = 1.25
 _WHOLE_WITHIN: Final = 0.35
 # Revolutions in a row that deviate alike from which the deviation is the new state, such as another gain.
 _CHANGED: Final = 3
@@ -77,7 +79,9 @@ class UnmarkedLossCheck:
             return 1
         turns = math.sqrt(mean_mps2 * period * period / middle)
         # The mean of a wheel that slows down falls with the square of its speed, so the product stays.
-        if turns < _SEVERAL_TURNS or (is_whole and abs(turns - round(turns)) > _WHOLE_WITHIN):
+        if turns < (_SEVERAL_TURNS if is_whole else _UNSEEN_TURNS):
+            return 1
+        if is_whole and abs(turns - round(turns)) > _WHOLE_WITHIN:
             return 1
         return max(round(turns), 2)
 
@@ -106,7 +110,10 @@ class UnmarkedLossCheck:
         middle = self._middle
         if not middle > _LEAST_MEAN_MPS2 * period * period:
             return 0.0
-        scatter = _MAD_TO_STD * statistics.median([abs(product - middle) for product in self._products]) / middle
+        deviations = [abs(product - middle) for product in self._products]
+        # The median of few deviations may be small by chance: the largest of them is not.
+        is_full = len(deviations) == _MEMORY
+        scatter = (_MAD_TO_STD * statistics.median(deviations) if is_full else max(deviations)) / middle
         before, last = self._periods
         change = period / last - 1.0
         # A zero-g offset is a larger part of the mean at lower speeds.

@@ -278,7 +278,7 @@ class WheelPipeline:
             if self._segmenter.next_index <= buffer.head:
                 self._count_saturated()
                 self._take(self._segmenter.advance(self._read_radial, buffer.missing_between, buffer.head))
-            self._missing.samples(buffer.head, self._read_radial, self._saturated_share)
+            self._missing.samples(buffer.head, self._read_radial, self._saturated_share, buffer.longest_measured)
 
     def finish(self, host: HostClock) -> list[RevolutionResult]:
         """Complete the revolutions that can be completed, when no more samples will come."""
@@ -288,7 +288,7 @@ class WheelPipeline:
         self._host = host
         self._finish_segment()
         assert self._buffer is not None
-        self._missing.finish(self._buffer.head, self._read_radial, self._saturated_share)
+        self._missing.finish(self._buffer.head, self._read_radial, self._saturated_share, self._buffer.longest_measured)
         return self.complete()
 
     def _take(self, pairs: Sequence[ContactPair]) -> None:
@@ -464,19 +464,20 @@ class WheelPipeline:
             is_predicted = pair.start.predicted or pair.end.predicted
             is_lossy = buffer.missing_between(first, last) > 0
             is_seen = timed_pair.start.is_seen and timed_pair.end.is_seen
-            if not is_lossy and (is_predicted or not is_seen):
+            if not is_lossy and not is_predicted and not is_seen:
                 # The period is not measured, as where the loss is in the contact before this revolution begins.
                 checked.append(_SOUND)
                 continue
-            if is_lossy:
+            if is_lossy or is_predicted:
                 # Without a contact the mean is too large by the share of that, a tenth; over two turns, four times.
                 mean_mps2 = scale * (buffer.measured_mean(first, last, column) - offset)
                 turns = self._unmarked.turns(end - start, abs(mean_mps2), stated, is_whole=not is_predicted)
                 # A mean that points outward is that of a wheel whose gaps were taken for contacts.
                 level = offset + _IN_CONTACT * mean_mps2 / scale
                 dips = partial(_dips, column=column, level=level, scale=scale)
-                # What is stated may be wrong; the wheel's own revolutions tell of several turns wherever the gaps are.
-                is_hidden = mean_mps2 < 0.0 or self._unmarked.knows_a_turn
+                # What is stated may be wrong; the wheel's own revolutions tell of several turns wherever the gaps are,
+                # and between contacts that were not seen there may be any number.
+                is_hidden = is_predicted or mean_mps2 < 0.0 or self._unmarked.knows_a_turn
                 is_hidden = is_hidden or _may_hide_contacts(buffer, start, end, turns, dips)
                 checked.append(_Checked(0.0, turns) if is_hidden else _SOUND)
                 continue

@@ -55,7 +55,7 @@ _OUTDONE_DEPTH_RATIO: Final = 1.15
 _OUTDONE_LENGTH_SHARE: Final = 0.25
 # A dip between two contacts counts as a skipped contact when its depth is at least this share of theirs and the
 # logarithm of its squared length differs by less than this.
-_SKIPPED_DEPTH_SHARE: Final = 0.7
+SKIPPED_DEPTH_SHARE: Final = 0.7
 _SKIPPED_LENGTH_LOG: Final = 0.7
 # A train of up to this many contacts is doubtful when dips around it are deeper by this ratio.
 _SHORT_TRAIN: Final = 3
@@ -239,7 +239,7 @@ def doubtful(train: list[int], dips: Dips, others: Dips) -> bool:
         skipped = (
             (dips.centre > before)
             & (dips.centre < after)
-            & (dips.depth >= _SKIPPED_DEPTH_SHARE * depth[index : index + 2].min())
+            & (dips.depth >= SKIPPED_DEPTH_SHARE * depth[index : index + 2].min())
         )
         skipped &= np.abs(np.log(dips.depth * dips.width**2 / length[index])) < _SKIPPED_LENGTH_LOG
         better += bool(inside.any() or skipped.any())

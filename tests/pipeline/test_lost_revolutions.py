@@ -11,12 +11,16 @@ from gateway.estimators.estimator import Estimate, Revolution, Status, not_used
 from gateway.pipeline.contact_timing import MOST_UNSEEN
 from gateway.pipeline.gap_filling import GapFilling, angles_in_gaps
 from gateway.pipeline.lost_revolutions import LossStreak, SteadyStatus
+from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.quantity_catalogue import quantity_of
 from gateway.reasons import Code, Reason
 from gateway.signal.angle_resampling import angle_grid, elapsed_angles, fit_phase
 from tests.testkit.exact_ring import solution
 from tests.testkit.revolution_data import exact_wave, make_revolution
+from tests.testkit.simulated_wheel import restated
 
+STEADY = "[sensor]\nrange_g = 1000\n[motion]\nspeed_kmh = 90"
+SETUP = WheelSetup("FL", 0, 0, 0.32, radius_std_m=0.0032, load_n=5000.0, pressure_pa=210e3)
 CLEAN = make_revolution(exact_wave(solution()))
 LOST = (Reason(Code.SAMPLES_LOST),)
 
@@ -110,6 +114,27 @@ def test_status_does_not_flicker_at_ten_percent_loss(
     recording, estimates = tenth_lost
     changed, counts = zip(*(changed_revolutions(estimates, wheel, 60) for wheel in recording.truth), strict=True)
     assert sum(map(len, changed)) < 0.01 * sum(counts)
+
+
+def bursts(share: float, blocks: float, end: int, seed: int) -> frozenset[int]:
+    """Return the indices of blocks, up to `end`, that are lost in bursts of a mean length, a share of all."""
+    rng, index = np.random.default_rng(seed), 40
+    lost: set[int] = set()
+    while index < end:
+        length = rng.geometric(1.0 / blocks)
+        lost |= set(range(index, index + length))
+        index += length + rng.geometric(share / (blocks * (1.0 - share)))
+    return frozenset(lost)
+
+
+@pytest.mark.parametrize(("share", "blocks", "seed"), [(0.3, 8.0, 2), (0.5, 8.0, 5), (0.5, 16.0, 3), (0.5, 16.0, 5)])
+def test_speed_is_right_once_bursts_that_hid_contacts_have_ended(share: float, blocks: float, seed: int) -> None:
+    """Contacts that bursts of half a revolution leave may be two turns apart, or be overshoots of an edge."""
+    results, _ = restated(STEADY, 10.0, SETUP, ("kinematic",), dropped=bursts(share, blocks, 1600, seed))
+    speeds = [result.estimates[0] for result in results]
+    during, after = speeds[:-40], speeds[-40:]
+    assert [speed for speed in during if speed.status is Status.VALID and abs(speed.value - 25.0) > 0.3 * 25.0] == []
+    assert all(speed.status is Status.VALID and abs(speed.value - 25.0) < 3.0 * speed.std for speed in after)
 
 
 def test_streak_is_as_long_as_what_the_average_lacks() -> None:

@@ -163,6 +163,14 @@ def test_stretches_between_gaps_are_too_short(roll: Roll, to_frames: ToFrames) -
     assert main_reason(wheel).code is Code.SAMPLES_INTERRUPTED
 
 
+def test_loss_within_every_revolution_is_the_reason(roll: Roll, to_frames: ToFrames) -> None:
+    frames = to_frames(roll(65.0, 6.0).radial_mps2)
+    # A revolution takes 30 blocks; two are received, five lost.
+    remaining = [frame for frame in frames if frame.type != MessageType.SAMPLES or frame.seq % 7 < 2]
+    wheel, _ = run(remaining)
+    assert main_reason(wheel).code is Code.SAMPLES_INTERRUPTED
+
+
 def test_saturated_axis_is_named(to_frames: ToFrames) -> None:
     wheel, flags = run(to_frames(on_the_rim(150.0, 7.0)))  # beyond the range of int16 at this scale
     reason = main_reason(wheel)

@@ -102,6 +102,19 @@ def test_lost_contact_is_marked_predicted(roll: Callable):
     assert len(pairs) >= len(signal.contacts) - 2
 
 
+def test_hidden_contacts_do_not_leave_the_track_at_half_the_speed(roll: Callable):
+    """As long as every second contact is lost, those seen are two turns apart; then all are seen again."""
+    signal = roll(65.0, 6.0)
+    gaps = [(int(contact) - 150, int(contact) + 150) for contact in signal.contacts[1:16:2]]
+    for lo, hi in gaps:
+        signal.radial_mps2[lo:hi] = np.linspace(*signal.radial_mps2[[lo, hi]], hi - lo)
+    pairs, _ = segment(signal, missing=lambda a, b: sum(max(0, min(b, hi) - max(a, lo)) for lo, hi in gaps))
+    after = [pair for pair in pairs if pair.start.centre > signal.contacts[20]]
+    assert len(after) >= len(signal.contacts) - 24
+    assert np.ptp([pair.end.centre - pair.start.centre for pair in after]) < 0.01 * np.diff(signal.contacts).mean()
+    assert signal.errors(ends(after)).max() < 0.002 * 9600 * 0.11
+
+
 def test_noise_and_standstill_give_no_revolution(roll: Callable):
     for noise in (0.1, 3.4, 40.0):
         pairs, segmenter = segment(roll(0.0, 12.0, noise_mps2=noise))

@@ -1,6 +1,7 @@
 """One simulated wheel run through the whole pipeline, from bytes to results."""
 
 from functools import lru_cache
+from itertools import groupby
 
 import numpy as np
 
@@ -55,6 +56,7 @@ def restated(
     unit_factor: float = 1.0,
     lost: tuple[tuple[int, int], ...] = (),
     repeated: tuple[tuple[int, int], ...] = (),
+    dropped: frozenset[int] = frozenset(),
     channels: tuple[int, int, int] = (0, 1, 2),
     late: tuple[int, int, int] = (0, 0, 0),
     seed: int = 4,
@@ -62,7 +64,8 @@ def restated(
     """Return the results of the same samples with another sampling rate and unit stated, as an import may state them.
 
     The time stamps follow the stated rate. Ranges of samples (first, end) of the result may be lost or repeated without
-    a mark, the last one first. Each axis is taken from one of the `channels`, and is late by so many samples.
+    a mark, the last one first; blocks of samples, by their index, are dropped with one. Each axis is taken from one of
+    the `channels`, and is late by so many samples.
     """
     decoder = FrameDecoder()
     hello, blocks = None, []
@@ -89,5 +92,10 @@ def restated(
     ticks = [round(index * size * 1e6 / stated.rate_hz) for index in range(len(samples) // size)]
     wheel, host = WheelPipeline(setup, estimators), HostClock()
     wheel.hello(stated)
-    results = wheel.samples(0, ticks, stated.axes, samples, host)
+    received = [index for index in range(len(ticks)) if index not in dropped]
+    results: list[RevolutionResult] = []
+    for _, run in groupby(enumerate(received), key=lambda numbered: numbered[1] - numbered[0]):
+        stretch = [index for _, index in run]
+        first, end = stretch[0], stretch[-1] + 1
+        results += wheel.samples(first * size, ticks[first:end], stated.axes, samples[first * size : end * size], host)
     return tuple(results + wheel.finish(host)), wheel.snapshot()
