@@ -464,8 +464,10 @@ class WheelPipeline:
             is_predicted = pair.start.predicted or pair.end.predicted
             is_lossy = buffer.missing_between(first, last) > 0
             is_seen = timed_pair.start.is_seen and timed_pair.end.is_seen
-            if not is_lossy and not is_predicted and not is_seen:
-                # The period is not measured, as where the loss is in the contact before this revolution begins.
+            is_measured = is_seen and not is_predicted
+            if not is_lossy and not is_measured and not (is_predicted and self._unmarked.knows_a_turn):
+                # The period is not measured, as where the loss is in the contact before this revolution begins. What is
+                # stated may be wrong.
                 checked.append(_SOUND)
                 continue
             if is_lossy or is_predicted:
@@ -475,8 +477,8 @@ class WheelPipeline:
                 # A mean that points outward is that of a wheel whose gaps were taken for contacts.
                 level = offset + _IN_CONTACT * mean_mps2 / scale
                 dips = partial(_dips, column=column, level=level, scale=scale)
-                # What is stated may be wrong; the wheel's own revolutions tell of several turns wherever the gaps are,
-                # and between contacts that were not seen there may be any number.
+                # The wheel's own revolutions tell of several turns wherever the gaps are. Between contacts that were
+                # not seen there may be any number.
                 is_hidden = is_predicted or mean_mps2 < 0.0 or self._unmarked.knows_a_turn
                 is_hidden = is_hidden or _may_hide_contacts(buffer, start, end, turns, dips)
                 checked.append(_Checked(0.0, turns) if is_hidden else _SOUND)

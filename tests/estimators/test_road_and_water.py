@@ -249,8 +249,8 @@ def test_simulated_distance_over_a_drive() -> None:
 
 
 def test_distance_goes_on_where_known_effects_do_not_hold() -> None:
-    with_effects = _Series(("kinematic", "distance"))
-    without = _Series(("kinematic", "distance"), with_effects)
+    with_effects = _Series(SETUP, ("kinematic", "distance"))
+    without = _Series(SETUP, ("kinematic", "distance"), with_effects)
     shared, separate = (
         [made for made in series.estimators if made.name == "distance"] for series in (with_effects, without)
     )
