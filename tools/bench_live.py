@@ -285,7 +285,8 @@ def main() -> None:
     parser.add_argument("--latency", action="store_true", help="only CPU and latency by --latency")
     arguments = parser.parse_args()
     print(f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}")
-    print(f"4 wheels x 3 axes x 9600 Hz, scenario '{arguments.scenario}', {arguments.seconds:g} s of real time")
+    size = "4 wheels x 3 axes x 9600 Hz, " if arguments.scenario == "demo" else ""
+    print(f"{size}scenario '{arguments.scenario}', {arguments.seconds:g} s of real time")
     kinds = {
         "live --plain": {},
         "live --plain --record": {"record": True},
