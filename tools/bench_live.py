@@ -23,7 +23,7 @@ import termios
 import threading
 import time
 import tty
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -59,21 +59,25 @@ Timed = list[tuple[float, bytes]]
 """Pieces with the time of the monotonic clock at which they were written or read."""
 
 
+def timed_pieces(uri: str) -> Iterator[tuple[float, bytes]]:
+    """Yield the bytes of a simulated hub in the pieces in which a serial link brings them, with their times, s."""
+    for item in open_source(uri, ManualClock()).items(threading.Event()):
+        if isinstance(item, Chunk):
+            for number, first in enumerate(range(0, len(item.data), _PIECE_BYTES)):
+                yield 1e-9 * (item.host_ns + _PIECE_NS * number), item.data[first : first + _PIECE_BYTES]
+
+
 def hub_pieces(scenario: str, seconds: float) -> Timed:
-    """Return the bytes of a simulated hub in the pieces in which a serial link brings them, with their times, s."""
-    source = open_source(f"sim:{scenario}?speed=max&duration={seconds}", ManualClock())
-    return [
-        (1e-9 * (item.host_ns + _PIECE_NS * number), item.data[first : first + _PIECE_BYTES])
-        for item in source.items(threading.Event())
-        if isinstance(item, Chunk)
-        for number, first in enumerate(range(0, len(item.data), _PIECE_BYTES))
-    ]
+    """Return the pieces of a simulated hub, made beforehand."""
+    return list(timed_pieces(f"sim:{scenario}?speed=max&duration={seconds}"))
 
 
-def feed(master: int, pieces: Timed, stop: threading.Event, written: Timed) -> None:
+def feed(master: int, pieces: Iterable[tuple[float, bytes]], stop: threading.Event, written: Timed) -> None:
     """Write pieces to the pseudo-terminal in real time, and note when each was written."""
-    late_s = time.monotonic() - pieces[0][0]
+    late_s: float | None = None
     for due_s, piece in pieces:
+        if late_s is None:
+            late_s = time.monotonic() - due_s
         if (wait_s := due_s + late_s - time.monotonic()) > 0.0:
             stop.wait(wait_s)
         view = memoryview(piece)

@@ -36,7 +36,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from gateway.clock import ManualClock
 from gateway.io.source import Chunk, open_source
 from gateway.recording.reader import RecordingReader
-from tools.bench_live import cpu_s, feed, latencies_ms, read_all
+from tools.bench_live import cpu_s, feed, latencies_ms, read_all, timed_pieces
 from tools.mqtt_broker import PROGRAM, Broker, Listener
 
 _SCENARIO: Final = "demo"
@@ -194,7 +194,7 @@ def run_live_soak(minutes: float, folder: Path, *, readings: int = 10, split_s: 
     soak = LiveSoak()
     shift = folder / "shift"
     shift.write_bytes(bytes(8))
-    uri = f"sim:{_SCENARIO}?speed=1"
+    uri = f"sim:{_SCENARIO}?speed=max"
     config = folder / "vehicle.toml"
     config.write_text(open_source(uri, ManualClock()).vehicle_toml or "")
     master, slave = os.openpty()
@@ -227,7 +227,7 @@ def run_live_soak(minutes: float, folder: Path, *, readings: int = 10, split_s: 
     try:
         text = _wait_for(lambda: (b"".join(piece for _, piece in printed)).decode() + "".join(said), "connected")
         browsers = _Browsers("ws://" + text.split("http://")[1].split()[0])
-        feeder = threading.Thread(target=feed, args=(master, uri, stop, sent), daemon=True)
+        feeder = threading.Thread(target=feed, args=(master, timed_pieces(uri), stop, sent), daemon=True)
         feeder.start()
         _read_regularly(soak, process.pid, minutes, readings, shift, sent, printed)
         stop.set()
