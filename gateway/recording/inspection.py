@@ -4,6 +4,7 @@ import json
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -338,15 +339,13 @@ class _AlarmHistory:
 
 
 def _count(link: LinkInspection, batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> None:
-    admitted = {(hub, wheel) for hub, wheel, _ in batch.by_source() if link.limit.admits("", hub, wheel)}
-    kinds = np.asarray(batch.type).astype(np.int64)
-    sources = np.asarray(batch.hub).astype(np.int64) << 8 | np.asarray(batch.wheel)
-    for key, count in zip(*np.unique(sources << 8 | kinds, return_counts=True), strict=True):
-        source = int(key) >> 16, int(key) >> 8 & 0xFF
-        if source in admitted:
-            link.wheel(*source).frames[MessageType(int(key) & 0xFF).name.lower()] += int(count)
+    for hub, number, places in batch.by_source():
+        if link.limit.admits("", hub, number):
+            types, counts = np.unique(batch.type[places], return_counts=True)
+            names = (MessageType(type_).name.lower() for type_ in types.tolist())
+            link.wheel(hub, number).frames.update(dict(zip(names, counts.tolist(), strict=True)))
     seconds = arrivals_ns // _SECOND_NS
-    for stretch in batch.stretches(lambda hub, wheel: (hub, wheel) in admitted):
+    for stretch in batch.stretches(partial(link.limit.admits, "")):
         for group, part in stretch.parts:
             wheel = link.wheel(group.hub, group.wheel)
             for index, second in enumerate(seconds[group.frame_index[part]].tolist(), part.start):

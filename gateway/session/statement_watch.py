@@ -7,6 +7,7 @@ and clock only, so that a recording gives the same counts as the session.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -24,7 +25,6 @@ from firmware_protocol.messages import (
     Frame,
     Hello,
     Message,
-    MessageType,
     SampleBlock,
     TimeSync,
 )
@@ -62,18 +62,19 @@ _Source = tuple[str, int, int]
 
 
 class _Blocks(NamedTuple):
-    """Sample blocks of a wheel in the order of the stream: place, first sample, tick in us, axis mask, each (k,) int64.
+    """Sample blocks of a wheel with the same axes, in the order of the stream.
 
-    Samples are known by place, those of the chosen blocks only.
+    Attributes:
+        first: (k,) first samples.
+        tick: (k,) hub times in us.
+        axes: axis mask.
+        counts: samples of each block.
     """
 
-    row: NDArray[np.int64]
     first: NDArray[np.int64]
     tick: NDArray[np.int64]
-    axes: NDArray[np.int64]
-
-    def part(self, begin: int, stop: int) -> _Blocks:
-        return _Blocks(*(column[begin:stop] for column in self))
+    axes: int
+    counts: Sequence[NDArray[np.int16]] | NDArray[np.int16]
 
 
 class _Wheel:
@@ -182,6 +183,8 @@ class StatementWatch:
                 self._find(source, Code.HUB_SENDS_AS_WHEEL)
             else:
                 wheel = wheel or self._wheel(source)
+                if wheel.pending and wheel.pending[0][1].axes != message.axes:
+                    self._review_pending(source, wheel)
                 wheel.pending.append((tick_us, message))
                 if len(wheel.pending) >= self._review_blocks:
                     self._review_pending(source, wheel)
@@ -189,23 +192,17 @@ class StatementWatch:
     def batch(self, link: str, batch: FrameBatch) -> None:
         """Take a block of decoded frames; the findings are those of `frames`."""
         self._links.add(link)
-        for hub, wheel, _ in batch.by_source():
-            self._limit.admits(link, hub, wheel)
-        counts: dict[int, NDArray[np.int16]] = {}
-        rest = self._blocks_of(link, batch, counts)
-        for index in np.flatnonzero(batch.type != MessageType.SAMPLES).tolist():
-            source = link, int(batch.hub[index]), int(batch.wheel[index])
-            if not self._limit.admits(*source):
-                continue
-            message = batch.message(index)
-            if isinstance(message, Hello) and source in rest and self._wheel(source).hello != message:
-                blocks = rest[source]
-                stop = int(np.searchsorted(blocks.row, index))
-                self._review(source, self._wheel(source), blocks.part(0, stop), counts)
-                rest[source] = blocks.part(stop, len(blocks.row))
-            self._slow(source, int(batch.type[index]), int(batch.tick_us[index]), message)
-        for source, blocks in rest.items():
-            self._review(source, self._wheel(source), blocks, counts)
+        for stretch in batch.stretches(partial(self._limit.admits, link)):
+            for group, part in stretch.parts:
+                source = link, group.hub, group.wheel
+                if group.wheel == HUB_ITSELF:
+                    self._find(source, Code.HUB_SENDS_AS_WHEEL, part.stop - part.start)
+                    continue
+                first, tick = (column[part].astype(np.int64) for column in (group.first_sample, group.tick_us))
+                self._review(source, self._wheel(source), _Blocks(first, tick, group.axes, group.counts[part]))
+            if (other := stretch.other) is not None:
+                source = link, int(batch.hub[other]), int(batch.wheel[other])
+                self._slow(source, int(batch.type[other]), int(batch.tick_us[other]), batch.message(other))
 
     def counters(self, link: str, counters: LinkCounters) -> None:
         """Take the counters of a link: sources that send nothing but frames of unknown types."""
@@ -246,29 +243,6 @@ class StatementWatch:
             if finding.count >= _LEAST.get(code, 1)
         ]
         return [*notices, self._refusal()] if self._limit.refused else notices
-
-    def _blocks_of(self, link: str, batch: FrameBatch, counts: dict[int, NDArray[np.int16]]) -> dict[_Source, _Blocks]:
-        """Return the sample blocks of every admitted wheel; `counts` gets the samples of the chosen ones."""
-        columns: dict[_Source, list[NDArray[np.int64]]] = {}
-        for group in batch.sample_groups():
-            source = link, group.hub, group.wheel
-            if not self._limit.admits(*source):
-                continue
-            if group.wheel == HUB_ITSELF:
-                self._find(source, Code.HUB_SENDS_AS_WHEEL, len(group.frame_index))
-                continue
-            axes = np.full(len(group.frame_index), group.axes)
-            rows = np.stack([group.frame_index, group.first_sample, group.tick_us, axes]).astype(np.int64)
-            columns.setdefault(source, []).append(rows)
-            for row in np.flatnonzero(chosen(rows[1])).tolist():
-                counts[int(rows[0, row])] = group.counts[row]
-        blocks: dict[_Source, _Blocks] = {}
-        for source, parts in columns.items():
-            rows = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
-            if len(parts) > 1:
-                rows = rows[:, np.argsort(rows[0])]
-            blocks[source] = _Blocks(*rows)
-        return blocks
 
     def _wheel(self, source: _Source) -> _Wheel:
         wheel = self._wheels.get(source)
@@ -355,36 +329,24 @@ class StatementWatch:
 
     def _review_pending(self, source: _Source, wheel: _Wheel) -> None:
         if wheel.pending:
-            rows = np.array([(first, tick_us, axes) for tick_us, (first, axes, _) in wheel.pending], np.int64).T
-            counts = [block.counts for _, block in wheel.pending]
+            ticks_us, samples = zip(*wheel.pending, strict=True)
             wheel.pending.clear()
-            self._review(source, wheel, _Blocks(np.arange(len(counts)), *rows), counts)
+            first, tick = np.array([[block.first_sample for block in samples], ticks_us], np.int64)
+            self._review(source, wheel, _Blocks(first, tick, samples[0].axes, [block.counts for block in samples]))
 
-    def _review(
-        self,
-        source: _Source,
-        wheel: _Wheel,
-        blocks: _Blocks,
-        counts: Mapping[int, NDArray[np.int16]] | Sequence[NDArray[np.int16]],
-    ) -> None:
-        """Compare blocks of samples with the wheel's hello; `counts` has the samples of the chosen ones by place."""
+    def _review(self, source: _Source, wheel: _Wheel, blocks: _Blocks) -> None:
+        """Compare blocks of samples with the wheel's hello."""
         hello = wheel.hello
-        if hello is None or not len(blocks.first):
+        if hello is None:
             return
-        for row in blocks.row[chosen(blocks.first) & (blocks.axes == hello.axes)].tolist():
-            for code, values in wheel.content.block(hello, counts[row]):
-                self._find(source, code, 1, **values)
-        other = blocks.axes[blocks.axes != hello.axes]
-        if len(other):
-            sent, stated = _axes_named(int(other[-1])), _axes_named(hello.axes)
-            self._find(source, Code.HELLO_AXES_DIFFER, len(other), sent=sent, stated=stated)
-        if wheel.last is None:
-            wheel.last = int(blocks.first[0]), int(blocks.tick[0])
-            wheel.repeated(blocks.part(0, 1), np.ones(1, np.int64), jumped=False)
-            blocks = blocks.part(1, len(blocks.first))
-            if not len(blocks.first):
-                return
-        last = wheel.last
+        if blocks.axes == hello.axes:
+            for index in np.flatnonzero(chosen(blocks.first)).tolist():
+                for code, values in wheel.content.block(hello, blocks.counts[index]):
+                    self._find(source, code, 1, **values)
+        else:
+            sent, stated = _axes_named(blocks.axes), _axes_named(hello.axes)
+            self._find(source, Code.HELLO_AXES_DIFFER, len(blocks.first), sent=sent, stated=stated)
+        last = wheel.last or (int(blocks.first[0]), int(blocks.tick[0]))
         wheel.last = int(blocks.first[-1]), int(blocks.tick[-1])
         samples = _steps(last[0], blocks.first)
         us = _steps(last[1], blocks.tick)
