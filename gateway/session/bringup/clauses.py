@@ -12,71 +12,89 @@ EXAMPLE_BYTES: Final = 48
 
 
 class Clause(StrEnum):
-    """A clause of the specification, in the order of the report. The views have its words and its section."""
+    """A clause of the specification, in the order of the report.
+
+    Attributes:
+        section: heading of the page of the protocol that states it.
+        words: the clause in short.
+    """
+
+    section: str
+    words: str
+
+    def __new__(cls, value: str, section: str, words: str) -> "Clause":  # noqa: D102
+        clause = str.__new__(cls, value)
+        clause._value_ = value
+        clause.section, clause.words = section, words
+        return clause
 
     # Frame
-    SYNC = "sync"
-    CONTIGUOUS = "contiguous"
-    LENGTH = "length"
-    CRC = "crc"
-    VERSION = "version"
-    TYPES = "types"
-    FLAGS = "flags"
-    LAYOUT = "layout"
-    RANGES = "ranges"
+    SYNC = "sync", "Frame", "a frame starts with A5 5A"
+    CONTIGUOUS = "contiguous", "Frame", "frames are back to back, with nothing between them"
+    LENGTH = "length", "Frame", "length is that of the payload"
+    CRC = "crc", "Frame", "CRC-32 over all bytes before it"
+    VERSION = "version", "Frame", "the version byte is that of the layout"
+    TYPES = "types", "Frame", "types are defined, and those of a hub"
+    FLAGS = "flags", "Frame", "flags are 0, except bit 0 of signed frames"
+    LAYOUT = "layout", "Payloads", "payloads have the length of their layout"
+    RANGES = "ranges", "Payloads", "values are within their ranges"
     # Counters and time
-    SEQ = "seq"
-    START = "start"
-    DROPS = "drops"
-    TICK = "tick"
-    TICK_MONOTONIC = "tick-monotonic"
-    TICK_FIRST = "tick-first"
-    JITTER = "jitter"
+    SEQ = "seq", "Counters and time", "seq counts the frames of every source, one by one"
+    START = "start", "Counters and time", "seq counts from 0 at every start"
+    DROPS = "drops", "Counters and time", "a frame that could not be sent uses its number"
+    TICK = "tick", "Counters and time", "tick_us counts us"
+    TICK_MONOTONIC = "tick-monotonic", "Counters and time", "tick_us advances and is never set"
+    TICK_FIRST = "tick-first", "Counters and time", "tick_us of SAMPLES is that of the first sample"
+    JITTER = "jitter", "Counters and time", "tick_us of SAMPLES is even to 2 ms (recommended)"
     # HELLO and its values
-    HELLO_FIRST = "hello-first"
-    HELLO_PERIOD = "hello-period"
-    HELLO_VALUES = "hello-values"
-    HELLO_ABSENT = "hello-absent"
-    SCALE_RANGE = "scale-range"
-    HELLO_COUPLING = "hello-coupling"
-    BOOT_COUNT = "boot-count"
-    HELLO_SENSOR = "hello-sensor"
-    HUB_ITSELF = "hub-itself"
-    HUB_NUMBER = "hub-number"
+    HELLO_FIRST = "hello-first", "HELLO and its values", "HELLO comes before the first SAMPLES"
+    HELLO_PERIOD = "hello-period", "Counters and time", "HELLO every 2 s"
+    HELLO_VALUES = "hello-values", "HELLO and its values", "scale and zero of present axes can be used"
+    HELLO_ABSENT = "hello-absent", "HELLO and its values", "values of absent axes are 0 (recommended)"
+    SCALE_RANGE = "scale-range", "HELLO and its values", "range, scale and saturation agree within a factor of 2"
+    HELLO_COUPLING = "hello-coupling", "HELLO and its values", "highpass_hz is 0 with DC coupling"
+    BOOT_COUNT = "boot-count", "HELLO and its values", "boot_count is that of the hub, and higher after every start"
+    HELLO_SENSOR = "hello-sensor", "HELLO and its values", "one sensor per wheel"
+    HUB_ITSELF = "hub-itself", "HELLO and its values", "no message of a wheel comes from wheel 255"
+    HUB_NUMBER = "hub-number", "HELLO and its values", "the hub's number is not 255 (recommended)"
     # Samples
-    AXES = "axes"
-    NUMBERS = "numbers"
-    RATE = "rate"
-    RATE_EXACT = "rate-exact"
-    ONCE = "once"
-    BYTE_ORDER = "byte-order"
-    ROWS = "rows"
-    COUPLING = "coupling"
-    SCALE = "scale"
+    AXES = "axes", "Sample numbers", "SAMPLES have the axes of HELLO"
+    NUMBERS = "numbers", "Sample numbers", "first_sample counts every sample, and does not jump"
+    RATE = "rate", "Sample numbers", "clock, samples and rate_hz agree within 3 % over 2 s"
+    RATE_EXACT = "rate-exact", "Sample numbers", "clock, samples and rate_hz agree within 0.1 % (recommended)"
+    ONCE = "once", "Sample numbers", "a sample is sent once"
+    BYTE_ORDER = "byte-order", "Payloads", "counts are little endian"
+    ROWS = "rows", "Payloads", "rows of signed counts, the axes in their order, radial positive inward"
+    COUPLING = "coupling", "HELLO and its values", "AC coupling is stated of a signal without a steady value"
+    SCALE = "scale", "Payloads", "the steady radial value is R Omega^2"
     # Other messages
-    ENVIRONMENT_PERIOD = "environment-period"
-    ENVIRONMENT_VALUES = "environment-values"
-    STATUS_PERIOD = "status-period"
-    STATUS_VALUES = "status-values"
-    TIME_PERIOD = "time-period"
-    TIME_VALUES = "time-values"
-    LOG = "log"
+    ENVIRONMENT_PERIOD = "environment-period", "Counters and time", "ENVIRONMENT every second"
+    ENVIRONMENT_VALUES = "environment-values", "Payloads", "pressure and temperature are possible"
+    STATUS_PERIOD = "status-period", "Counters and time", "HUB_STATUS every second"
+    STATUS_VALUES = "status-values", "Payloads", "uptime_s and frames_sent are those of the hub"
+    TIME_PERIOD = "time-period", "Counters and time", "TIME_SYNC every second"
+    TIME_VALUES = "time-values", "Sample numbers", "the low bits of hub_us are tick_us"
+    LOG = "log", "LOG_TEXT", "UTF-8, a defined level, at most 10 a second"
     # Signed frames
-    SIGNED_ALL = "signed-all"
-    TAG = "tag"
+    SIGNED_ALL = "signed-all", "Signed frames", "a source signs all of its frames or none"
+    TAG = "tag", "Signed frames", "tags are right under the key of their source"
     # Commands
-    COMMAND_ANSWER = "command-answer"
-    COMMAND_CRC = "command-crc"
-    COMMAND_UNKNOWN = "command-unknown"
-    COMMAND_VALUE = "command-value"
-    COMMAND_TIME = "command-time"
-    COMMAND_STREAM = "command-stream"
-    COMMAND_RATE = "command-rate"
-    COMMAND_REPEATED = "command-repeated"
-    COMMAND_VERIFIED = "command-verified"
+    COMMAND_ANSWER = "command-answer", "Commands", "COMMAND_RESULT of the hub repeats seq and type"
+    COMMAND_CRC = "command-crc", "Commands", "a command with a bad CRC is dropped without an answer"
+    COMMAND_UNKNOWN = "command-unknown", "Commands", "an unknown command has outcome 1"
+    COMMAND_VALUE = "command-value", "Commands", "a value out of range has outcome 2"
+    COMMAND_TIME = "command-time", "Commands", "TIME_SYNC repeats the time of SET_TIME"
+    COMMAND_STREAM = "command-stream", "Commands", "SET_STREAM stops and starts the samples, and nothing else"
+    COMMAND_RATE = "command-rate", "Commands", "HELLO follows SET_RATE at once"
+    COMMAND_REPEATED = "command-repeated", "Commands", "a repeated command is done again; signed, it has outcome 5"
+    COMMAND_VERIFIED = (
+        "command-verified",
+        "Signed commands",
+        "a hub that signs refuses unsigned commands with outcome 4",
+    )
     # Link
-    THROUGHPUT = "throughput"
-    LOSS = "loss"
+    THROUGHPUT = "throughput", "Counters and time", "blocks are full, and the link carries them"
+    LOSS = "loss", "Counters and time", "no frame and no sample is lost"
 
 
 class Verdict(StrEnum):
