@@ -2,7 +2,7 @@
 
 from pydantic import Field
 
-from gateway.config.validation import Section
+from gateway.config.validation import Section, above, within
 from gateway.pipeline.vehicle_signals import Quantity, SignalSetup
 
 
@@ -23,11 +23,8 @@ class BusSignal(Section):
     factor: float = Field(
         default=1.0, description="multiplies the value, such as -1 for another sign or a scale that the DBC file lacks"
     )
-    std_percent: float | None = Field(
-        default=None,
-        ge=0.01,
-        le=50,
-        description="standard error of a speed in percent; default: 0.5 for speeds of rotation, 1 for others",
+    std_percent: float | None = within(
+        None, 0.01, 50, "standard error of a speed in percent; default: 0.5 for speeds of rotation, 1 for others"
     )
 
 
@@ -40,9 +37,7 @@ class VehicleSignals(Section):
     j1939: bool = Field(
         default=False, description="compare identifiers of 29 bits without priority and source address, as in J1939"
     )
-    max_age_s: float = Field(
-        default=1.0, gt=0, le=60, description="a signal that was not received for longer is unknown, in s"
-    )
+    max_age_s: float = above(1.0, 0, 60, "a signal that was not received for longer is unknown, in s")
     signal: tuple[BusSignal, ...] = Field(
         default=(), strict=False, description="the signals, a [[vehicle_signals.signal]] table each"
     )

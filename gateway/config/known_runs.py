@@ -7,7 +7,7 @@ from typing import Any, Literal, TypeVar
 
 from pydantic import Field
 
-from gateway.config.validation import Fault, Section, parse_document, read_text, show
+from gateway.config.validation import Fault, Section, above, parse_document, read_text, show, within
 from gateway.config.vehicle import POSITION_PATTERN
 
 
@@ -15,10 +15,8 @@ class KnownRun(Section):
     """`[[run]]`: one recording, or a part of it."""
 
     recording: str = Field(min_length=1, description="path of the recording, relative to the runs file")
-    from_s: float = Field(default=0.0, ge=0, le=1e6, description="begin of the run after the first revolution in s")
-    to_s: float | None = Field(
-        default=None, gt=0, le=1e6, description="end of the run after the first revolution in s; default: the last one"
-    )
+    from_s: float = within(0.0, 0, 1e6, "begin of the run after the first revolution in s")
+    to_s: float | None = above(None, 0, 1e6, "end of the run after the first revolution in s; default: the last one")
 
 
 class KnownRunsFile(Section):
@@ -35,20 +33,16 @@ class RunTable(KnownRun):
     slip_deg: float = Field(
         ge=-10, le=10, description="known slip angle in degrees; a positive one pulls the tire to the left"
     )
-    slip_std_deg: float | None = Field(
-        default=None, ge=0, le=5, description="standard error of slip_deg in degrees; default: that of the file"
-    )
+    slip_std_deg: float | None = within(None, 0, 5, "standard error of slip_deg in degrees; default: that of the file")
     direction: Literal["forward", "reverse"] = Field(default="forward", description="direction of rolling")
 
 
 class SlipRunsFile(KnownRunsFile):
     """A runs file of a slip calibration."""
 
-    slip_std_deg: float = Field(
-        default=0.05, ge=0, le=5, description="standard error of each slip_deg by itself in degrees"
-    )
-    slip_zero_std_deg: float = Field(
-        default=0.05, ge=0, le=5, description="standard error of the zero that all slip_deg are counted from in degrees"
+    slip_std_deg: float = within(0.05, 0, 5, "standard error of each slip_deg by itself in degrees")
+    slip_zero_std_deg: float = within(
+        0.05, 0, 5, "standard error of the zero that all slip_deg are counted from in degrees"
     )
     run: tuple[RunTable, ...] = Field(
         strict=False, min_length=2, max_length=200, description="at least two runs, a [[run]] table each"
@@ -61,11 +55,8 @@ class ForceRunTable(KnownRun):
     side_force_n: float = Field(
         ge=-100_000, le=100_000, description="force of the road on the tire in N, positive to the left"
     )
-    aligning_moment_nm: float | None = Field(
-        default=None,
-        ge=-100_000,
-        le=100_000,
-        description="moment about the vertical axis in N m, positive turns the tire to the left",
+    aligning_moment_nm: float | None = within(
+        None, -100_000, 100_000, "moment about the vertical axis in N m, positive turns the tire to the left"
     )
     wheel: str | None = Field(
         default=None, pattern=POSITION_PATTERN, description="position of the wheel; default: the one of the others"
@@ -75,10 +66,8 @@ class ForceRunTable(KnownRun):
 class ForceRunsFile(KnownRunsFile):
     """A runs file of a side force calibration."""
 
-    side_force_std_n: float = Field(default=20.0, ge=0, le=10_000, description="standard error of each force in N")
-    aligning_moment_std_nm: float = Field(
-        default=1.0, ge=0, le=10_000, description="standard error of each moment in N m"
-    )
+    side_force_std_n: float = within(20.0, 0, 10_000, "standard error of each force in N")
+    aligning_moment_std_nm: float = within(1.0, 0, 10_000, "standard error of each moment in N m")
     run: tuple[ForceRunTable, ...] = Field(
         strict=False, min_length=2, max_length=200, description="at least two runs, a [[run]] table each"
     )

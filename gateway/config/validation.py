@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Final, Literal, TypeVar, Union, get_args, get_origin
 
 import annotated_types
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic.fields import FieldInfo
 
 from gateway.bounded_input import read_bounded
@@ -101,6 +101,16 @@ class Section(BaseModel):
     """Base of every table of a document: immutable, without unknown keys, silent conversions or NaN."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+def within(default: Any, low: float, high: float, description: str) -> Any:
+    """Return the declaration of a number from `low` to `high`, both included."""
+    return Field(default=default, ge=low, le=high, description=description)
+
+
+def above(default: Any, low: float, high: float, description: str) -> Any:
+    """Return the declaration of a number above `low`, up to and including `high`."""
+    return Field(default=default, gt=low, le=high, description=description)
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from gateway.config.cross_checks import cross_faults
 from gateway.config.si_values import si_values
 from gateway.config.tire_tables import LaminateTable, SideForceCalibrationTable, SlipCalibrationTable
 from gateway.config.toml_writer import toml_text
-from gateway.config.validation import Section, parse_document, read_text
+from gateway.config.validation import Section, above, parse_document, read_text, within
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.errors import ConfigError
 from gateway.pipeline.wheel_setup import (
@@ -87,37 +87,30 @@ class TestRun(Section):
 class Reference(Section):
     """`[tire.reference]`: the four dimensionless numbers of the new tire, as written by `treadlink calibrate`."""
 
-    Bs: float | None = Field(default=None, gt=0, le=1000, description="bending stiffness number, dimensionless")
-    Cw: float | None = Field(default=None, gt=0, le=1000, description="contact width number, dimensionless")
-    Rs: float | None = Field(default=None, gt=0, le=1000, description="radial stiffness number, dimensionless")
-    Ts: float | None = Field(default=None, gt=0, le=1000, description="tangential stiffness number, dimensionless")
-    Bs_std: float | None = Field(default=None, ge=0, le=1000, description="standard error of Bs")
-    Cw_std: float | None = Field(default=None, ge=0, le=1000, description="standard error of Cw")
-    Rs_std: float | None = Field(default=None, ge=0, le=1000, description="standard error of Rs")
-    Ts_std: float | None = Field(default=None, ge=0, le=1000, description="standard error of Ts")
-    pressure_kpa: float | None = Field(
-        default=None, ge=10, le=1500, description="gauge pressure of the measurement in kPa; default: the tire's"
-    )
-    temperature_degc: float | None = Field(
-        default=None,
-        ge=-60,
-        le=200,
-        description="inner-liner temperature of the measurement in degrees Celsius; default: not known",
+    Bs: float | None = above(None, 0, 1000, "bending stiffness number, dimensionless")
+    Cw: float | None = above(None, 0, 1000, "contact width number, dimensionless")
+    Rs: float | None = above(None, 0, 1000, "radial stiffness number, dimensionless")
+    Ts: float | None = above(None, 0, 1000, "tangential stiffness number, dimensionless")
+    Bs_std: float | None = within(None, 0, 1000, "standard error of Bs")
+    Cw_std: float | None = within(None, 0, 1000, "standard error of Cw")
+    Rs_std: float | None = within(None, 0, 1000, "standard error of Rs")
+    Ts_std: float | None = within(None, 0, 1000, "standard error of Ts")
+    pressure_kpa: float | None = within(None, 10, 1500, "gauge pressure of the measurement in kPa; default: the tire's")
+    temperature_degc: float | None = within(
+        None, -60, 200, "inner-liner temperature of the measurement in degrees Celsius; default: not known"
     )
     estimator: str | None = Field(default=None, description="estimator that measured the numbers; default: weak-form")
-    softening_percent_per_k: float | None = Field(
-        default=None,
-        ge=-1,
-        le=5,
-        description="loss of the ring's bending stiffness per kelvin in percent; default: "
-        f"{100.0 * SOFTENING_PER_K:g}, assumed",
+    softening_percent_per_k: float | None = within(
+        None,
+        -1,
+        5,
+        f"loss of the ring's bending stiffness per kelvin in percent; default: {100.0 * SOFTENING_PER_K:g}, assumed",
     )
-    softening_std_percent_per_k: float | None = Field(
-        default=None,
-        ge=0,
-        le=5,
-        description="standard error of softening_percent_per_k in percent per kelvin; default: "
-        f"{100.0 * SOFTENING_STD_PER_K:g}",
+    softening_std_percent_per_k: float | None = within(
+        None,
+        0,
+        5,
+        f"standard error of softening_percent_per_k in percent per kelvin; default: {100.0 * SOFTENING_STD_PER_K:g}",
     )
 
     def numbers(self, stated_pressure_pa: float | None) -> ReferenceNumbers:
@@ -133,20 +126,18 @@ class LoadCalibrationTable(Section):
     half_angle_rad: float = Field(ge=0.01, le=1.5, description="reference contact half angle in rad")
     pressure_kpa: float = Field(ge=10, le=1500, description="reference gauge pressure in kPa")
     angle_exponent: float = Field(ge=0.1, le=5, description="exponent of the half angle")
-    angle_curvature: float = Field(
-        default=0.0, ge=-2, le=2, description="coefficient of the squared logarithm of the half angle"
-    )
+    angle_curvature: float = within(0.0, -2, 2, "coefficient of the squared logarithm of the half angle")
     pressure_exponent: float = Field(ge=-2, le=3, description="exponent of the pressure")
     relative_std_percent: float = Field(ge=0, le=100, description="standard error of a calculated load in percent")
     half_angle_min_rad: float = Field(ge=0.01, le=1.5, description="smallest calibrated half angle in rad")
     half_angle_max_rad: float = Field(ge=0.01, le=1.5, description="largest calibrated half angle in rad")
     pressure_min_kpa: float = Field(ge=10, le=1500, description="lowest calibrated gauge pressure in kPa")
     pressure_max_kpa: float = Field(ge=10, le=1500, description="highest calibrated gauge pressure in kPa")
-    temperature_degc: float | None = Field(
-        default=None,
-        ge=-60,
-        le=200,
-        description="inner-liner temperature of the calibration in degrees Celsius; default: that of [tire.reference]",
+    temperature_degc: float | None = within(
+        None,
+        -60,
+        200,
+        "inner-liner temperature of the calibration in degrees Celsius; default: that of [tire.reference]",
     )
 
     def calibration(self) -> LoadCalibration:
@@ -160,45 +151,26 @@ class Tire(Section):
     size: str | None = Field(default=None, description="tire size, such as 205/55 R16; of use is only the rim")
     maker: str | None = Field(default=None, max_length=2000, description="maker and model of the tire")
     dot: str | None = Field(default=None, max_length=2000, description="DOT code of the tire, or its date")
-    run_in_km: float | None = Field(default=None, ge=0, le=1e6, description="distance the tire has run before in km")
-    radius_mm: float | None = Field(
-        default=None, ge=100, le=1200, description="belt radius in mm: rolling circumference / (2 pi)"
+    run_in_km: float | None = within(None, 0, 1e6, "distance the tire has run before in km")
+    radius_mm: float | None = within(None, 100, 1200, "belt radius in mm: rolling circumference / (2 pi)")
+    radius_std_mm: float | None = within(None, 0, 200, "standard error of radius_mm in mm; default: 1 % of the radius")
+    pressure_kpa: float | None = within(None, 10, 1500, "gauge pressure in kPa")
+    pressure_std_kpa: float | None = within(
+        None, 0, 500, "standard error of the pressure, stated or measured, in kPa; default: 5 % of it"
     )
-    radius_std_mm: float | None = Field(
-        default=None, ge=0, le=200, description="standard error of radius_mm in mm; default: 1 % of the radius"
-    )
-    pressure_kpa: float | None = Field(default=None, ge=10, le=1500, description="gauge pressure in kPa")
-    pressure_std_kpa: float | None = Field(
-        default=None,
-        ge=0,
-        le=500,
-        description="standard error of the pressure, stated or measured, in kPa; default: 5 % of it",
-    )
-    temperature_degc: float | None = Field(
-        default=None, ge=-60, le=250, description="temperature of the inner liner in degrees Celsius"
-    )
-    ring_thickness_mm: float | None = Field(
-        default=None, ge=1, le=80, description="thickness of belt and tread of the new tire in mm"
-    )
-    ring_thickness_std_mm: float | None = Field(
-        default=None, ge=0, le=40, description="standard error of ring_thickness_mm in mm"
-    )
-    wear_mm: float | None = Field(
-        default=None, ge=0, le=60, description="tread worn off since the tire was new in mm, as measured"
-    )
-    wear_std_mm: float | None = Field(
-        default=None, ge=0, le=20, description=f"standard error of wear_mm in mm; default: {_WEAR_STD_MM:g}"
-    )
-    contact_half_angle_deg: float | None = Field(
-        default=None,
-        ge=1,
-        le=60,
-        description="half of the angle between the contact edges in degrees, as known from elsewhere; ring-paper uses "
+    temperature_degc: float | None = within(None, -60, 250, "temperature of the inner liner in degrees Celsius")
+    ring_thickness_mm: float | None = within(None, 1, 80, "thickness of belt and tread of the new tire in mm")
+    ring_thickness_std_mm: float | None = within(None, 0, 40, "standard error of ring_thickness_mm in mm")
+    wear_mm: float | None = within(None, 0, 60, "tread worn off since the tire was new in mm, as measured")
+    wear_std_mm: float | None = within(None, 0, 20, f"standard error of wear_mm in mm; default: {_WEAR_STD_MM:g}")
+    contact_half_angle_deg: float | None = within(
+        None,
+        1,
+        60,
+        "half of the angle between the contact edges in degrees, as known from elsewhere; ring-paper uses "
         "it in place of the measured edges",
     )
-    contact_half_angle_std_deg: float = Field(
-        default=0.5, ge=0, le=30, description="standard error of contact_half_angle_deg in degrees"
-    )
+    contact_half_angle_std_deg: float = within(0.5, 0, 30, "standard error of contact_half_angle_deg in degrees")
     linear_ring: bool = Field(
         default=False,
         description="the signal was computed by Eq. 27 of the ring paper as printed: its order 1 is more than gravity, "
@@ -209,15 +181,10 @@ class Tire(Section):
         description="definition of the ply steer angle that is listed first; adhesion_line is that of the ply steer "
         "paper, the slope behind the leading edge without slip",
     )
-    cavity_length_mm: float | None = Field(
-        default=None,
-        ge=500,
-        le=5000,
-        description="mean circumference of the air in the tire in mm; default: from the belt and the rim of size",
+    cavity_length_mm: float | None = within(
+        None, 500, 5000, "mean circumference of the air in the tire in mm; default: from the belt and the rim of size"
     )
-    cavity_length_std_mm: float | None = Field(
-        default=None, ge=0, le=500, description="standard error of cavity_length_mm in mm; default: 2 %"
-    )
+    cavity_length_std_mm: float | None = within(None, 0, 500, "standard error of cavity_length_mm in mm; default: 2 %")
     reference: Reference = Field(default=Reference(), description="dimensionless numbers of the new tire")
     load_calibration: LoadCalibrationTable | None = Field(
         default=None, description="load from contact half angle and pressure"
@@ -313,10 +280,8 @@ class Axle(Section):
 
     wheels: tuple[str, ...] = Field(strict=False, min_length=1, description="positions of its wheels, at least one")
     weight_kg: float = Field(ge=20, le=40_000, description="weight on the axle in kg")
-    weight_std_kg: float = Field(default=0.0, ge=0, le=5000, description="standard error of the scale in kg")
-    split_std_percent: float = Field(
-        default=5.0, ge=0, le=50, description="standard error of the equal split between the wheels, in percent"
-    )
+    weight_std_kg: float = within(0.0, 0, 5000, "standard error of the scale in kg")
+    split_std_percent: float = within(5.0, 0, 50, "standard error of the equal split between the wheels, in percent")
 
     @property
     def wheel_load_n(self) -> float:
@@ -333,26 +298,18 @@ class Axle(Section):
 class Mounting(Section):
     """`[wheel.mounting]`: position and orientation of the sensor in the tire."""
 
-    offset_mm: float | None = Field(
-        default=None,
-        ge=-20,
-        le=80,
-        description="distance of the sensor below the belt's neutral layer in mm; default: as the circumferential axis "
-        "measures it",
+    offset_mm: float | None = within(
+        None,
+        -20,
+        80,
+        "distance of the sensor below the belt's neutral layer in mm; default: as the circumferential axis measures it",
     )
-    offset_std_mm: float = Field(
-        default=HAND_MOUNTED_STD_M * 1e3, ge=0, le=40, description="standard error of offset_mm in mm"
+    offset_std_mm: float = within(HAND_MOUNTED_STD_M * 1e3, 0, 40, "standard error of offset_mm in mm")
+    roll_deg: float | None = within(
+        None, -45, 45, "rotation about the circumferential axis in degrees; default: as measured, 0 for diagnose"
     )
-    roll_deg: float | None = Field(
-        default=None,
-        ge=-45,
-        le=45,
-        description="rotation about the circumferential axis in degrees; default: as measured, 0 for diagnose",
-    )
-    roll_std_deg: float = Field(
-        default=math.degrees(HAND_MOUNTED_STD_RAD), ge=0, le=45, description="standard error of roll_deg in degrees"
-    )
-    pitch_deg: float = Field(default=0.0, ge=-45, le=45, description="rotation about the lateral axis in degrees")
+    roll_std_deg: float = within(math.degrees(HAND_MOUNTED_STD_RAD), 0, 45, "standard error of roll_deg in degrees")
+    pitch_deg: float = within(0.0, -45, 45, "rotation about the lateral axis in degrees")
     lateral_is_left: bool = Field(
         default=False,
         description="whether the lateral axis is verified to point to the left, as by steering; else a reason says so",
@@ -377,20 +334,14 @@ class Mounting(Section):
 class Sensor(Section):
     """`[wheel.sensor]`: accuracy of the scale and the zero that the hub states, and the sensor's band."""
 
-    gain_std_percent: float = Field(
-        default=GAIN_STD * 1e2, ge=0, le=50, description="standard error of the sensor's gain in percent"
-    )
-    zero_g_std_mps2: float = Field(
-        default=ZERO_G_STD_MPS2, ge=0, le=500, description="standard error of the sensor's zero-g offset in m/s^2"
-    )
-    bandwidth_hz: float | None = Field(
-        default=None, ge=10, le=1e6, description="-3 dB bandwidth of the sensor in Hz; default: not known"
-    )
-    rate_std_percent: float = Field(
-        default=CLOCK_STD_PERCENT,
-        ge=0,
-        le=50,
-        description=f"standard error of the sampling rate in percent; default: {CLOCK_STD_PERCENT:g}, of a hub's clock",
+    gain_std_percent: float = within(GAIN_STD * 1e2, 0, 50, "standard error of the sensor's gain in percent")
+    zero_g_std_mps2: float = within(ZERO_G_STD_MPS2, 0, 500, "standard error of the sensor's zero-g offset in m/s^2")
+    bandwidth_hz: float | None = within(None, 10, 1e6, "-3 dB bandwidth of the sensor in Hz; default: not known")
+    rate_std_percent: float = within(
+        CLOCK_STD_PERCENT,
+        0,
+        50,
+        f"standard error of the sampling rate in percent; default: {CLOCK_STD_PERCENT:g}, of a hub's clock",
     )
 
 
@@ -408,10 +359,8 @@ class Wheel(Section):
         pattern=r"^[0-9a-fA-F]{1,8}$",
         description='serial number of the sensor: 1 to 8 hexadecimal digits in quotes, such as "0000a001"',
     )
-    load_n: float | None = Field(default=None, ge=50, le=100_000, description="vertical load in N")
-    load_std_n: float | None = Field(
-        default=None, ge=0, le=50_000, description="standard error of load_n in N; default: 10 % of the load"
-    )
+    load_n: float | None = within(None, 50, 100_000, "vertical load in N")
+    load_std_n: float | None = within(None, 0, 50_000, "standard error of load_n in N; default: 10 % of the load")
     tire: Tire = Field(default=Tire(), description="deviations of this wheel's tire from [tire]")
     mounting: Mounting = Field(default=Mounting(), description="position and orientation of the sensor")
     sensor: Sensor = Field(default=Sensor(), description="accuracy of the sensor")
@@ -425,25 +374,20 @@ class Wheel(Section):
 class Thresholds(Section):
     """`[thresholds]`: alarm limits; a limit that is not stated raises no alarm."""
 
-    pressure_min_kpa: float | None = Field(default=None, ge=0, le=1500, description="lowest gauge pressure in kPa")
-    pressure_max_kpa: float | None = Field(default=None, ge=10, le=1500, description="highest gauge pressure in kPa")
-    temperature_max_degc: float | None = Field(
-        default=None, ge=-60, le=250, description="highest temperature of the inner liner in degrees Celsius"
+    pressure_min_kpa: float | None = within(None, 0, 1500, "lowest gauge pressure in kPa")
+    pressure_max_kpa: float | None = within(None, 10, 1500, "highest gauge pressure in kPa")
+    temperature_max_degc: float | None = within(
+        None, -60, 250, "highest temperature of the inner liner in degrees Celsius"
     )
-    speed_max_kmh: float | None = Field(default=None, gt=0, le=500, description="highest speed in km/h")
-    load_max_n: float | None = Field(default=None, ge=50, le=100_000, description="highest vertical load in N")
-    wear_max_mm: float | None = Field(default=None, gt=0, le=50, description="largest tread wear in mm")
-    frame_loss_max_percent: float | None = Field(
-        default=None, ge=0, le=100, description="largest share of frames lost in the last 10 s in percent"
+    speed_max_kmh: float | None = above(None, 0, 500, "highest speed in km/h")
+    load_max_n: float | None = within(None, 50, 100_000, "highest vertical load in N")
+    wear_max_mm: float | None = above(None, 0, 50, "largest tread wear in mm")
+    frame_loss_max_percent: float | None = within(
+        None, 0, 100, "largest share of frames lost in the last 10 s in percent"
     )
-    battery_min_percent: float | None = Field(
-        default=None, ge=0, le=100, description="lowest state of charge of a hub's battery in percent"
-    )
-    silent_after_s: float | None = Field(
-        default=None,
-        ge=0.2,
-        le=3600,
-        description="time without samples after which a sensor is silent, in s; 1 s when not stated",
+    battery_min_percent: float | None = within(None, 0, 100, "lowest state of charge of a hub's battery in percent")
+    silent_after_s: float | None = within(
+        None, 0.2, 3600, "time without samples after which a sensor is silent, in s; 1 s when not stated"
     )
 
     @property

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import AwareDatetime, BeforeValidator, Field
 
 from firmware_protocol.messages import Axis, Coupling
-from gateway.config.validation import Fault, Section, parse_document, read_text, show
+from gateway.config.validation import Fault, Section, above, parse_document, read_text, show, within
 from gateway.config.vehicle import (
     ASSUMED_RADIUS_MM,
     ASSUMED_RADIUS_STD_MM,
@@ -137,25 +137,25 @@ class FileLayout(Section):
     delimiter: Annotated[str, _one_of(DELIMITERS)] = Field(default="comma", description="separator of the columns")
     decimal: Literal[".", ","] = Field(default=".", description="decimal separator")
     encoding: str = Field(default="utf-8", description="character encoding, such as utf-8 or latin-1")
-    skip_rows: int = Field(default=0, ge=0, le=100_000, description="number of lines to skip before the header")
+    skip_rows: int = within(0, 0, 100_000, "number of lines to skip before the header")
     unreadable: Literal["error", "missing"] = Field(
         default="error", description="what a cell that is no number is: an error, or a missing value (a gap)"
     )
     header: bool = Field(default=True, description="whether a line names the columns; otherwise they are 1, 2, 3, ...")
-    skip_rows_after_header: int = Field(
-        default=0, ge=0, le=1000, description="number of lines to skip after the header, such as a line of units"
+    skip_rows_after_header: int = within(
+        0, 0, 1000, "number of lines to skip after the header, such as a line of units"
     )
 
 
 class Sampling(Section):
     """`[sampling]`: sampling rate or time column, and start of the measurement."""
 
-    rate_hz: float | None = Field(default=None, gt=0, le=1e7, description="sampling rate in Hz")
-    rate_std_percent: float | None = Field(
-        default=None,
-        ge=0,
-        le=50,
-        description=f"standard error of the rate in percent; default: {STATED_RATE_STD_PERCENT:g} of a stated rate, "
+    rate_hz: float | None = above(None, 0, 1e7, "sampling rate in Hz")
+    rate_std_percent: float | None = within(
+        None,
+        0,
+        50,
+        f"standard error of the rate in percent; default: {STATED_RATE_STD_PERCENT:g} of a stated rate, "
         f"{CLOCK_STD_PERCENT:g} of a time column",
     )
     time_column: str | None = Field(default=None, description="name of the time column, instead of rate_hz")
@@ -172,9 +172,7 @@ class Sampling(Section):
     date_order: Literal["ymd", "dmy", "mdy"] = Field(
         default="ymd", description="order of year, month and day in the dates of a text file, such as dmy in 31.12.2024"
     )
-    start_s: float = Field(
-        default=0.0, ge=0, le=1e7, description="time after the first row in s; earlier rows are left out"
-    )
+    start_s: float = within(0.0, 0, 1e7, "time after the first row in s; earlier rows are left out")
     start_utc: AwareDatetime | None = Field(
         default=None,
         description="start of the measurement: date and time with time zone, such as 2014-05-01T12:00:00Z; default: "
@@ -197,11 +195,8 @@ class AxisColumn(Section):
     unit: Annotated[str, _one_of(ACCELERATION_UNITS_MPS2)] = Field(description="unit of the column")
     sign: int = Field(default=1, description="1, or -1 if the column points against the protocol's direction")
     offset: float = Field(default=0.0, description="value of the column at zero acceleration, in its unit")
-    full_scale: float | None = Field(
-        default=None,
-        gt=0,
-        le=1e9,
-        description="end of the sensor's range in the column's unit; values at or above it are saturated",
+    full_scale: float | None = above(
+        None, 0, 1e9, "end of the sensor's range in the column's unit; values at or above it are saturated"
     )
 
     @property
@@ -232,9 +227,7 @@ class Sensor(Section):
     """`[sensor]`: the sensor of the measurement."""
 
     coupling: Literal["AC", "DC"] = Field(description="DC if the sensor passes the steady value, AC if not")
-    highpass_hz: float = Field(
-        default=0.0, ge=0, le=1000, description="corner frequency of the high-pass of an AC-coupled sensor in Hz"
-    )
+    highpass_hz: float = within(0.0, 0, 1000, "corner frequency of the high-pass of an AC-coupled sensor in Hz")
     sensor_id: str | None = Field(
         default=None, pattern=r"^[0-9a-fA-F]{1,8}$", description="serial number: 1 to 8 hexadecimal digits"
     )
@@ -267,24 +260,18 @@ class StatedConditions(Section):
         description="name of the wheel: 1 to 24 letters, digits, '_', '.' or '-'",
     )
     tire: str | None = Field(default=None, description="tire size; for information only")
-    radius_mm: float | None = Field(
-        default=None,
-        ge=100,
-        le=1200,
-        description=f"belt radius in mm: rolling circumference / (2 pi); {ASSUMED_RADIUS_MM:g} is assumed by default",
+    radius_mm: float | None = within(
+        None,
+        100,
+        1200,
+        f"belt radius in mm: rolling circumference / (2 pi); {ASSUMED_RADIUS_MM:g} is assumed by default",
     )
-    load_n: float | None = Field(default=None, ge=50, le=100_000, description="vertical load in N")
-    load_std_n: float | None = Field(default=None, ge=0, le=50_000, description="standard error of load_n in N")
-    pressure_kpa: float | None = Field(default=None, ge=10, le=1500, description="gauge pressure in kPa")
-    pressure_std_kpa: float | None = Field(
-        default=None, ge=0, le=500, description="standard error of pressure_kpa in kPa"
-    )
-    temperature_degc: float | None = Field(
-        default=None, ge=-60, le=250, description="temperature of the inner liner in degrees Celsius"
-    )
-    ring_thickness_mm: float | None = Field(
-        default=None, ge=1, le=80, description="thickness of belt and tread of the new tire in mm"
-    )
+    load_n: float | None = within(None, 50, 100_000, "vertical load in N")
+    load_std_n: float | None = within(None, 0, 50_000, "standard error of load_n in N")
+    pressure_kpa: float | None = within(None, 10, 1500, "gauge pressure in kPa")
+    pressure_std_kpa: float | None = within(None, 0, 500, "standard error of pressure_kpa in kPa")
+    temperature_degc: float | None = within(None, -60, 250, "temperature of the inner liner in degrees Celsius")
+    ring_thickness_mm: float | None = within(None, 1, 80, "thickness of belt and tread of the new tire in mm")
 
 
 class ImportedWheel(Section):
@@ -297,18 +284,14 @@ class ImportedWheel(Section):
     sensor_id: str | None = Field(
         default=None, pattern=r"^[0-9a-fA-F]{1,8}$", description="serial number: 1 to 8 hexadecimal digits"
     )
-    load_n: float | None = Field(default=None, ge=50, le=100_000, description="vertical load in N")
-    load_std_n: float | None = Field(default=None, ge=0, le=50_000, description="standard error of load_n in N")
-    radius_mm: float | None = Field(
-        default=None, ge=100, le=1200, description="belt radius in mm, if it differs from that of [conditions]"
+    load_n: float | None = within(None, 50, 100_000, "vertical load in N")
+    load_std_n: float | None = within(None, 0, 50_000, "standard error of load_n in N")
+    radius_mm: float | None = within(None, 100, 1200, "belt radius in mm, if it differs from that of [conditions]")
+    radius_std_mm: float | None = within(None, 0, 200, "standard error of radius_mm in mm")
+    pressure_kpa: float | None = within(
+        None, 10, 1500, "gauge pressure in kPa, if it differs from that of [conditions]"
     )
-    radius_std_mm: float | None = Field(default=None, ge=0, le=200, description="standard error of radius_mm in mm")
-    pressure_kpa: float | None = Field(
-        default=None, ge=10, le=1500, description="gauge pressure in kPa, if it differs from that of [conditions]"
-    )
-    pressure_std_kpa: float | None = Field(
-        default=None, ge=0, le=500, description="standard error of pressure_kpa in kPa"
-    )
+    pressure_std_kpa: float | None = within(None, 0, 500, "standard error of pressure_kpa in kPa")
     axis: Axes = Field(description="columns of the acceleration")
     environment: EnvironmentColumns = Field(
         default=EnvironmentColumns(), description="columns of pressure and temperature"
@@ -338,10 +321,8 @@ class ReferenceColumn(Section):
         description="speed, rotation (a rate), angle (of an encoder) or pulses (of a tachometer)"
     )
     unit: str | None = Field(default=None, description="unit of the column; pulses have none")
-    std: float = Field(default=0.0, ge=0, le=1e6, description="standard error of the column, in its unit")
-    pulses_per_turn: float = Field(
-        default=1.0, gt=0, le=100_000, description="number of pulses in one turn of the wheel"
-    )
+    std: float = within(0.0, 0, 1e6, "standard error of the column, in its unit")
+    pulses_per_turn: float = above(1.0, 0, 100_000, "number of pulses in one turn of the wheel")
     threshold: float | None = Field(
         default=None, description="level that a pulse crosses upward; default: midway between lowest and highest"
     )

@@ -5,7 +5,7 @@ from typing import Final
 
 from pydantic import Field
 
-from gateway.config.validation import Section, parse_document
+from gateway.config.validation import Section, above, parse_document, within
 from gateway.planning.link_load import PowerModel
 
 SHIPPED: Final = "accelerometers.toml"
@@ -16,19 +16,15 @@ class Accelerometer(Section):
 
     name: str = Field(min_length=1, max_length=60, description="part and setting")
     range_g: float = Field(ge=1, le=10_000, description="range in g")
-    rate_hz: float | None = Field(
-        default=None, gt=0, le=1e6, description="sampling rate in Hz; left out for an analog part"
-    )
-    bandwidth_hz: float | None = Field(default=None, ge=10, le=1e6, description="-3 dB bandwidth in Hz")
-    noise_mg_rthz: float | None = Field(default=None, ge=0, le=1000, description="noise density in mg/sqrt(Hz)")
-    resolution_mg: float | None = Field(default=None, gt=0, le=1e5, description="step of the output in mg")
-    highpass_hz: float | None = Field(default=None, gt=0, le=100, description="corner of an AC-coupled part in Hz")
-    zero_g_offset_g: float = Field(default=0.0, ge=-1000, le=1000, description="error of the zero in g")
-    gain_error_percent: float = Field(default=0.0, ge=-50, le=50, description="error of the sensitivity in percent")
-    cross_axis_percent: float = Field(
-        default=0.0, ge=-20, le=20, description="share of each other axis in the output in percent"
-    )
-    axes: int | None = Field(default=None, ge=1, le=3, description="number of axes")
+    rate_hz: float | None = above(None, 0, 1e6, "sampling rate in Hz; left out for an analog part")
+    bandwidth_hz: float | None = within(None, 10, 1e6, "-3 dB bandwidth in Hz")
+    noise_mg_rthz: float | None = within(None, 0, 1000, "noise density in mg/sqrt(Hz)")
+    resolution_mg: float | None = above(None, 0, 1e5, "step of the output in mg")
+    highpass_hz: float | None = above(None, 0, 100, "corner of an AC-coupled part in Hz")
+    zero_g_offset_g: float = within(0.0, -1000, 1000, "error of the zero in g")
+    gain_error_percent: float = within(0.0, -50, 50, "error of the sensitivity in percent")
+    cross_axis_percent: float = within(0.0, -20, 20, "share of each other axis in the output in percent")
+    axes: int | None = within(None, 1, 3, "number of axes")
     interface: str = Field(default="", description="how it is read")
     survival_g: float | None = Field(default=None, gt=0, description="shock that it survives in g")
     current_ma: float | None = Field(default=None, gt=0, description="supply current while it measures, in mA")

@@ -4,7 +4,7 @@ from typing import Annotated, Final, Literal, TypeVar
 
 from pydantic import Field
 
-from gateway.config.validation import Section
+from gateway.config.validation import Section, within
 from gateway.simulator.scenario_tables import (
     Defect,
     EdgeWaveTable,
@@ -34,7 +34,7 @@ class Wheel(Section):
         pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,23}$",
         description="name of the wheel, such as FL or rear.left: 1 to 24 letters, digits, '_', '.' or '-'",
     )
-    hub: int = Field(default=0, ge=0, le=255, description="number of the hub that the sensor sends to")
+    hub: int = within(0, 0, 255, "number of the hub that the sensor sends to")
     wheel: int = Field(ge=0, le=254, description="wheel number at this hub")
     sensor_id: str = Field(
         default="",
@@ -60,9 +60,7 @@ class Wheel(Section):
     side: Literal["left", "right"] = Field(
         default="left", description="side of the vehicle; it decides the sign of conicity"
     )
-    phase_deg: float | None = Field(
-        default=None, ge=-360, le=360, description="angle of the sensor at the start in degrees; default: random"
-    )
+    phase_deg: float | None = within(None, -360, 360, "angle of the sensor at the start in degrees; default: random")
     motion: Motion = Field(default=Motion(), description="speed and direction of rolling")
     road: Road = Field(default=Road(), description="random vibration and contact-edge jitter")
     vibration: Vibration = Field(default=Vibration(), description="vibration of the wheel caused by the vehicle")
