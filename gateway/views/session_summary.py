@@ -22,7 +22,7 @@ from gateway.reasons import Code, Reason
 from gateway.signal.effect_correction import CorrectionTable
 from gateway.views.numbers import MISSING, age, duration, fixed, percent, show
 from gateway.views.readout import DISTANCE
-from gateway.views.text import counted, pad, width
+from gateway.views.text import counted, filled, pad, width
 from gateway.views.wording import joined, text
 
 LINE_WIDTH: Final = 96
@@ -237,16 +237,10 @@ def _wheel_lines(wheel: WheelSummary) -> list[str]:
 def _row_lines(row: _Row, label_width: int, value_width: int, note_width: int) -> list[str]:
     """Return a row of label, value and note as one line, as more where label or note do not fit their columns."""
     label, value, note = row
-    labels = [""]
-    for name in _names(label):
-        if labels[-1] and width(f"{labels[-1]} {name}") > label_width:
-            labels.append(name)
-        else:
-            labels[-1] = f"{labels[-1]} {name}".lstrip()
     notes = (
         wrap(note, note_width, break_long_words=False, break_on_hyphens=False) if width(note) > note_width else [note]
     )
-    lines = zip_longest(labels, [value], notes, fillvalue="")
+    lines = zip_longest(filled(_names(label), label_width), [value], notes, fillvalue="")
     return [
         f"  {pad(label_line, label_width)}{_GAP}{pad(value_line, value_width)}{_GAP}{note_line}".rstrip()
         for label_line, value_line, note_line in lines

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import unicodedata
+from collections.abc import Iterable
 from functools import lru_cache
 from typing import Final
 
@@ -99,6 +100,17 @@ def pad(text: str, cells: int) -> str:
 def pad_left(text: str, cells: int) -> str:
     """Return `text` filled with blanks on the left to at least `cells` cells; longer text stays whole."""
     return " " * (cells - width(text)) + text
+
+
+def filled(parts: Iterable[str], cells: int, gap: str = " ") -> list[str]:
+    """Return parts as lines, each with as many as fit in `cells` cells, `gap` between them; no part is broken."""
+    lines: list[str] = []
+    for part in parts:
+        if lines and width(f"{lines[-1]}{gap}{part}") <= cells:
+            lines[-1] += gap + part
+        else:
+            lines.append(part)
+    return lines
 
 
 def storable(text: str) -> str:

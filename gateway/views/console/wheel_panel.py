@@ -26,7 +26,7 @@ from gateway.views.console.trend_plot import draw_trend
 from gateway.views.console.waveform import LEGEND, Zoom, draw_waveform
 from gateway.views.numbers import MISSING, STATUS_MARKS, Shown, age, fixed, kpa, percent, show
 from gateway.views.readout import WEAR, Reading, read_result
-from gateway.views.text import ELLIPSIS, clean, crop, crop_middle, pad, width
+from gateway.views.text import ELLIPSIS, clean, crop, crop_middle, filled, pad, width
 from gateway.views.trend_history import TrendHistory, TrendQuantity
 from gateway.views.wording import text as reason_text
 
@@ -338,13 +338,7 @@ def _wrap(run: Run | None, cells: int) -> list[Row]:
     if run is None:
         return []
     text, role = run
-    lines = [""]
-    for word in text.split():
-        if lines[-1] and width(lines[-1]) + 1 + width(word) > cells:
-            lines.append(word)
-        else:
-            lines[-1] = f"{lines[-1]} {word}".lstrip()
-    return [((line, role),) for line in lines]
+    return [((line, role),) for line in filled(text.split(), cells)]
 
 
 def _cut(rows: list[Row], height: int, cells: int) -> list[Row]:

@@ -33,7 +33,7 @@ from gateway.views.report.phrases import (
 )
 from gateway.views.report.quantities import plain, ratio, show_fitted, significant
 from gateway.views.report.transfer_report import axis_lines
-from gateway.views.text import clean, counted, crop, pad, width
+from gateway.views.text import clean, counted, crop, filled, pad, width
 
 LINE_WIDTH: Final = 80
 MOST_WIDE: Final = 120
@@ -190,10 +190,7 @@ class _Lines:
             old, new = show_fitted(name, before.get(name)), show_fitted(name, after[name])
             cells.append(f"{new.label} {old.text} -> {new.joined()}".replace(" ± ", "±"))
         label = "estimates"
-        while cells:
-            line = cells.pop(0)
-            while cells and width(line) + 3 + width(cells[0]) <= self._room:
-                line += "   " + cells.pop(0)
+        for line in filled(cells, self._room, "   "):
             yield self._row(label, line)
             label = ""
         if doubtful := [name for name in undetermined(diagnosis) if name in names]:
