@@ -1,7 +1,6 @@
 """Reader of numeric columns in delimited text, block by block so that memory use stays constant."""
 
 import csv
-import io
 import itertools
 import math
 import os
@@ -39,6 +38,28 @@ class TolerantSample(NamedTuple):
     block: Block
     unreadable: int
     first: str
+
+
+class _BadCell(NamedTuple):
+    """A cell that is no number.
+
+    Attributes:
+        line: its number in the file.
+        place: of its column among those in use.
+        cells: number of cells in the line.
+        text: None where the line ends before it.
+    """
+
+    line: int
+    place: int
+    cells: int
+    text: str | None
+
+    def __str__(self) -> str:
+        if self.text is None:
+            return f"line {self.line}: has {self.cells} cells"
+        what = "NUL bytes" if "\0" in self.text else f"'{self.text[:40]}' is not a number"
+        return f"line {self.line}: {what}"
 
 
 def column_names(cells: Sequence[str]) -> tuple[str, ...]:
@@ -130,31 +151,15 @@ class CsvColumns:
         Raises:
             ImportDataError: the encoding is wrong, or reading fails.
         """
-        column, values, numbers = self._names.index(name), [], []
-        unreadable, first = 0, ""
         with self._open() as file:
-            lines = enumerate(self._lines(file), 1)
-            for number, line in itertools.islice(lines, self._lines_before_data, self._lines_before_data + BLOCK_ROWS):
-                if not line.strip():
-                    continue
-                cells = self._cells(line)
-                cell = cells[column].strip() if column < len(cells) else None
-                value = math.nan
-                try:
-                    value = float(self._with_point(cell)) if cell else math.nan
-                except ValueError:
-                    cell = "NUL bytes" if "\0" in (cell or "") else f"'{(cell or '')[:40]}' is not a number"
-                else:
-                    cell = f"has {len(cells)} cells" if cell is None else ""
-                if cell:
-                    unreadable += 1
-                    first = first or f"line {number}: {cell}"
-                values.append(value)
-                numbers.append(number)
-        if not values:
+            first = self._lines_before_data
+            lines = list(itertools.islice(enumerate(self._lines(file), 1), first, first + BLOCK_ROWS))
+        numbers = [number for number, line in lines if line.strip()]
+        if not numbers:
             return None
-        block = Block(0, np.array(values)[:, None], lambda k: f"line {numbers[k]}", 0.0)
-        return TolerantSample(block, unreadable, first)
+        values, bad = self._by_cell([line for _, line in lines if line.strip()], numbers, [self._names.index(name)])
+        block = Block(0, values, lambda k: f"line {numbers[k]}", 0.0)
+        return TolerantSample(block, len(bad), str(bad[0]) if bad else "")
 
     def close(self) -> None:
         """Do nothing: each pass closes the file."""
@@ -203,71 +208,46 @@ class CsvColumns:
             lines = [self._with_point(line) for line in lines]
         delimiter = None if self._layout.delimiter == "space" else self._delimiter
         try:
-            return self._numbers(lines, delimiter, use)
+            return np.loadtxt(lines, delimiter=delimiter, usecols=use, ndmin=2, comments=None, quotechar='"')
         except ValueError:
             # The fast parser knows no empty cells.
-            filled = self._with_gaps(lines, use)
-        try:
-            return self._numbers(filled, delimiter, use)
-        except ValueError as error:
-            if self._layout.unreadable == "missing":
-                return self._tolerant(filled, use)
-            raise self._bad_cell(filled, numbers, use, names) from error
+            values, bad = self._by_cell(lines, numbers, use)
+        if bad and self._layout.unreadable == "error":
+            raise self._refusal(bad[0], use, names)
+        self.unreadable += len(bad)
+        return values
 
-    def _tolerant(self, lines: list[str], use: list[int]) -> FloatArray:
-        """Return the values with NaN for cells that are no numbers, and count these."""
-        values = np.full((len(lines), len(use)), math.nan)
-        for row, line in enumerate(lines):
+    def _by_cell(self, lines: list[str], numbers: list[int], use: list[int]) -> tuple[FloatArray, list[_BadCell]]:
+        """Return the values, NaN for cells that are empty or no numbers, and the latter."""
+        values, bad = np.full((len(lines), len(use)), math.nan), []
+        for row, (line, number) in enumerate(zip(lines, numbers, strict=True)):
             cells = self._cells(line)
             for k, column in enumerate(use):
+                cell = cells[column].strip() if column < len(cells) else None
+                if cell == "":
+                    continue
                 try:
-                    values[row, k] = float(cells[column])
-                except (IndexError, ValueError):
-                    self.unreadable += 1
-        return values
+                    # The fast parser knows no underscores between digits.
+                    values[row, k] = float(self._with_point(cell or "?").replace("_", "?"))
+                except ValueError:
+                    bad.append(_BadCell(number, k, len(cells), cell))
+        return values, bad
 
     def _with_point(self, text: str) -> str:
         return text.replace(",", ".") if self._layout.decimal == "," else text
 
-    @staticmethod
-    def _numbers(lines: list[str], delimiter: str | None, use: list[int]) -> FloatArray:
-        return np.loadtxt(lines, delimiter=delimiter, usecols=use, ndmin=2, comments=None, quotechar='"')
-
-    def _with_gaps(self, lines: list[str], use: list[int]) -> list[str]:
-        """Return the lines with `nan` in the empty cells of the columns in use."""
-        filled = []
-        for line in lines:
-            cells = self._cells(line)
-            empty = [column for column in use if column < len(cells) and not cells[column].strip()]
-            if empty:
-                for column in empty:
-                    cells[column] = "nan"
-                text = io.StringIO()
-                csv.writer(text, delimiter=self._delimiter, lineterminator="\n").writerow(cells)
-                line = text.getvalue()
-            filled.append(line)
-        return filled
-
-    def _bad_cell(self, lines: list[str], numbers: list[int], use: list[int], names: Sequence[str]) -> ImportDataError:
-        """Find the first cell that is not a number. This is slow, but the fast parser reports no line of the file."""
-        for line, number in zip(lines, numbers, strict=True):
-            cells = self._cells(line)
-            for column, name in zip(use, names, strict=True):
-                if column >= len(cells):
-                    return ImportDataError(
-                        f"{self._path}: line {number} has {len(cells)} cells, but column '{name}' is number "
-                        f"{column + 1}",
-                        "Check the delimiter in [file] of the map. If the file is cut off there, remove that line.",
-                    )
-                try:
-                    float(cells[column])
-                except ValueError:
-                    fault = f"'{cells[column].strip()}' is not a number"
-                    return ImportDataError(
-                        f"{self._path}: line {number}, column '{name}': {fault}",
-                        self._remedy(cells[column].strip(), number),
-                    )
-        return ImportDataError(f"{self._path}: the lines from {numbers[0]} on cannot be read", "Check their quotes.")
+    def _refusal(self, bad: _BadCell, use: list[int], names: Sequence[str]) -> ImportDataError:
+        name = names[bad.place]
+        if bad.text is None:
+            return ImportDataError(
+                f"{self._path}: line {bad.line} has {bad.cells} cells, but column '{name}' is number "
+                f"{use[bad.place] + 1}",
+                "Check the delimiter in [file] of the map. If the file is cut off there, remove that line.",
+            )
+        return ImportDataError(
+            f"{self._path}: line {bad.line}, column '{name}': '{bad.text}' is not a number",
+            self._remedy(bad.text, bad.line),
+        )
 
     def _remedy(self, cell: str, number: int) -> str:
         if _OTHER_MINUS.search(cell):
