@@ -1,7 +1,6 @@
 """Estimation of one recording of a campaign by a worker process: from the file to the rows of the dataset."""
 
 import json
-import math
 import sys
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
@@ -9,29 +8,17 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Final
 
-import numpy as np
-
 from gateway import __version__
 from gateway.config.effects_file import check_effects
-from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig
+from gateway.config.vehicle import VehicleConfig
 from gateway.errors import ConfigError, OutputError, RecordingError, TreadlinkError
-from gateway.estimators.estimator import Revolution
-from gateway.estimators.revolution_block import RevolutionArrays
+from gateway.estimators.registry import make_estimator
 from gateway.fleet.content_keys import settings_key
 from gateway.fleet.parquet_parts import PartFile
 from gateway.pipeline.results import RevolutionResult
-from gateway.pipeline.tire_estimates import TireEstimates
-from gateway.pipeline.wheel_setup import (
-    BeltLaminate,
-    CorrectionTable,
-    LinearLaw,
-    LoadCalibration,
-    SideForceCalibration,
-    SlipCalibration,
-    StatedPly,
-    TireData,
-)
+from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.plugins import PluginGroup, installed
+from gateway.quantity_catalogue import quantities_of
 from gateway.reasons import Code, Reason
 from gateway.recording.file_content import FileContent
 from gateway.recording.reader import REPAIR_REMEDY, RecordingReader
@@ -58,17 +45,6 @@ REVOLUTIONS: Final = "revolutions"
 RECORDINGS: Final = "recordings"
 
 _NS: Final = 1_000_000_000
-_ANGLES: Final = 1024
-_ORDERS: Final = 61
-# The numbers do not matter, only that they are stated.
-_EVERYTHING_STATED: Final = TireData(
-    laminate=BeltLaminate((StatedPly(0.4, 1e-3, 1e10, 0.2), StatedPly(-0.4, 1e-3, 1e10, 0.2)), 5e6),
-    slip_calibration=SlipCalibration(0.5, 0.05, 0.0, 0.01, 0.0, 0.1, 0.0, 0.0, (-0.1, 0.1), (0.1, 0.3), (150e3, 300e3)),
-    load_calibration=LoadCalibration(4000.0, 0.2, 220e3, 2.0, 0.0, 1.0, 0.02, (0.1, 0.3), (150e3, 300e3)),
-    side_force_calibration=SideForceCalibration(
-        LinearLaw(1e5, 1e3, 0.0, 10.0), LinearLaw(1e4, 1e2, 0.0, 1.0), (0.1, 0.3), (150e3, 300e3)
-    ),
-)
 _FALSE_STATEMENT: Final = "false statement"
 _OTHER_EFFECTS: Final = "effects of another tire"
 
@@ -127,40 +103,21 @@ def estimate_names(estimators: Sequence[str]) -> tuple[str, ...]:
     """Return the names of all estimates that estimators can give, as in tables; they do not depend on the data.
 
     Some estimates come only with a lateral axis, others only where the configuration states plies or a calibration.
+
+    Raises:
+        ConfigError: no estimator of a name.
+        PluginError: it is a plug-in that cannot be used.
     """
-    taken = {*RECORDING_HEAD, *RECORDING_TAIL, *RESULT_HEAD, *RESULT_TAIL}
-    estimate_columns: dict[str, None] = {}
-    for tire in (_EVERYTHING_STATED, TireData()):
-        for axes in (0.0, math.nan):
-            estimation = TireEstimates(replace(UNKNOWN_WHEEL, tire=tire), estimators)
-            (result,) = estimation.take_block(RevolutionArrays([_unusable(axes)]), [0.0], [0], [()])
-            estimate_columns |= dict.fromkeys(distinct_name(estimate.name, taken) for estimate in result.estimates)
-    return tuple(estimate_columns)
-
-
-def _unusable(axes_mps2: float) -> Revolution:
-    """Return a revolution with a fault, whose axes have a constant value; NaN for a sensor without axes."""
-    nothing = np.full(_ANGLES, math.nan)
-    return Revolution(
-        index=0,
-        start_s=0.0,
-        period_s=1.0,
-        omega_radps=2.0 * math.pi,
-        omega_dot_radps2=0.0,
-        radial_mps2=nothing,
-        axes_mps2=np.full((3, _ANGLES), axes_mps2),
-        orders_mps2=np.full(_ORDERS, complex(math.nan, math.nan)),
-        order_max=0,
-        leading_edge_rad=math.nan,
-        trailing_edge_rad=math.nan,
-        leading_edge_std_rad=math.nan,
-        trailing_edge_std_rad=math.nan,
-        noise_mps2=math.nan,
-        missing_fraction=1.0,
-        saturated=False,
-        ac_coupled=False,
-        faults=(Reason(Code.SAMPLES_LOST),),
-    )
+    conditions = {*RECORDING_HEAD, *RECORDING_TAIL, *RESULT_HEAD, *RESULT_TAIL}
+    columns: list[str] = []
+    given: set[str] = set()
+    for estimator in estimators:
+        make_estimator(estimator)  # a plug-in declares its quantities when it is loaded
+        names = [quantity.name for quantity in quantities_of(estimator)]
+        distinct = (f"{estimator}:{name}" if name in given else name for name in names)
+        columns += [distinct_name(name, conditions) for name in distinct]
+        given.update(names)
+    return tuple(columns)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,16 @@ from gateway.errors import OutputError
 from gateway.estimators.registry import CAMPAIGN_ESTIMATORS, ESTIMATORS, make_estimator
 from gateway.fleet.dataset import Description, opened
 from gateway.fleet.history_reading import read_histories
-from gateway.fleet.recording_estimation import _EVERYTHING_STATED, estimate_names
+from gateway.fleet.recording_estimation import estimate_names
+from gateway.pipeline.wheel_setup import (
+    BeltLaminate,
+    LinearLaw,
+    LoadCalibration,
+    SideForceCalibration,
+    SlipCalibration,
+    StatedPly,
+    TireData,
+)
 from gateway.trends.fleet_analysis import analyse
 from tests.estimators.test_estimator_contract import CASES
 from tests.fleet.conftest import DAY_NS
@@ -18,6 +27,15 @@ from tests.fleet.test_campaign_run import rows
 from tests.testkit.campaign_recordings import START_NS, write_recording
 
 COLUMN_PREFIX = "estimated_"
+# The numbers do not matter, only that they are stated.
+EVERYTHING_STATED = TireData(
+    laminate=BeltLaminate((StatedPly(0.4, 1e-3, 1e10, 0.2), StatedPly(-0.4, 1e-3, 1e10, 0.2)), 5e6),
+    slip_calibration=SlipCalibration(0.5, 0.05, 0.0, 0.01, 0.0, 0.1, 0.0, 0.0, (-0.1, 0.1), (0.1, 0.3), (150e3, 300e3)),
+    load_calibration=LoadCalibration(4000.0, 0.2, 220e3, 2.0, 0.0, 1.0, 0.02, (0.1, 0.3), (150e3, 300e3)),
+    side_force_calibration=SideForceCalibration(
+        LinearLaw(1e5, 1e3, 0.0, 10.0), LinearLaw(1e4, 1e2, 0.0, 1.0), (0.1, 0.3), (150e3, 300e3)
+    ),
+)
 
 
 @pytest.mark.parametrize("name", list(ESTIMATORS))
@@ -27,7 +45,7 @@ def test_every_estimate_of_an_estimator_has_a_column(name: str) -> None:
     revolution, average, conditions = CASES["good"]
     wave = revolution.radial_mps2
     for axes in (revolution.axes_mps2, np.stack([0.1 * wave, 0.01 * wave, wave])):
-        for stated in (conditions, replace(conditions, tire=_EVERYTHING_STATED)):
+        for stated in (conditions, replace(conditions, tire=EVERYTHING_STATED)):
             result = make_estimator(name).update(replace(revolution, axes_mps2=axes), average, stated)
             assert {estimate.name for estimate in result} <= reference
 
