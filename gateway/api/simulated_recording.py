@@ -15,7 +15,7 @@ from gateway.errors import OutputError, SourceError
 from gateway.io.source import Chunk, LinkItem
 from gateway.reasons import Reason
 from gateway.recording.reader import RecordingInfo, RecordingReader
-from gateway.recording.writer import whole_recording
+from gateway.recording.writer import RecordingWriter, whole_recording
 from gateway.simulator.link_faults import parse_faults
 from gateway.simulator.scenario import load_scenario, parse_scenario, vehicle_toml
 from gateway.simulator.scenario_model import Scenario
@@ -123,7 +123,8 @@ def _written(source: SimulatorSource, path: Path, uri: str, clock: Clock) -> Rec
         raise OutputError(
             f"'{path}' does not end in .mcap", "`treadlink simulate --out FILE.bin` writes the bytes of the link."
         )
-    with whole_recording(path, start_ns=clock.now_ns(), vehicle_toml=source.vehicle_toml, sources=[uri]) as writer:
+    part = RecordingWriter(path, start_ns=clock.now_ns(), vehicle_toml=source.vehicle_toml, sources=[uri], in_part=True)
+    with whole_recording(part) as writer:
         for item in source.items(threading.Event()):
             writer.write(item)
     return RecordingReader(path)

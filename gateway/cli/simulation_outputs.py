@@ -12,7 +12,7 @@ from gateway.cli.stop_signals import stop_request
 from gateway.clock import Clock
 from gateway.errors import OutputError, SourceError
 from gateway.io.source import Chunk, LinkItem
-from gateway.recording.writer import whole_recording
+from gateway.recording.writer import RecordingWriter, whole_recording
 from gateway.simulator.link_faults import Fault
 from gateway.simulator.pty_link import PtyPort
 from gateway.simulator.scenario_model import Scenario
@@ -45,7 +45,8 @@ def to_file(source: SimulatorSource, duration_s: float, out: Path, uri: str, clo
 def _output(out: Path, start_ns: int, toml: str | None, uri: str) -> Iterator[Callable[[LinkItem], object]]:
     """Create the file in the format given by its suffix; yield a function that writes an item."""
     if out.suffix == ".mcap":
-        with whole_recording(out, start_ns=start_ns, vehicle_toml=toml, sources=[uri]) as writer:
+        part = RecordingWriter(out, start_ns=start_ns, vehicle_toml=toml, sources=[uri], in_part=True)
+        with whole_recording(part) as writer:
             yield writer.write
     elif out.suffix == ".bin":
         if out.exists():

@@ -370,7 +370,8 @@ def _recorded(
 ) -> ImportReport:
     """Write the recording, the second half of the work, and return the report."""
     link = f"import:{path.name}"
-    with whole_recording(out, start_ns=start_ns, vehicle_toml=vehicle.to_toml(), sources=(link,)) as writer:
+    new = RecordingWriter(out, start_ns=start_ns, vehicle_toml=vehicle.to_toml(), sources=(link,), in_part=True)
+    with whole_recording(new) as writer:
         writer.write(LinkEvent(link, start_ns, LinkEventKind.CONNECTED, f"imported from {path.name}{more}"))
         writes = [part.writes(writer, link, lambda share: progress(0.5 + 0.5 * share)) for part in parts]
         for time_s, write in heapq.merge(*writes, key=lambda timed_write: timed_write[0]):

@@ -15,7 +15,7 @@ from gateway.errors import RecordingError
 from gateway.io.source import Chunk, LinkEvent, LinkItem, VehicleData
 from gateway.recording.reader import REPAIR_REMEDY, RecordingReader
 from gateway.recording.run_description import NO_DESCRIPTION, Note, RunDescription
-from gateway.recording.writer import whole_recording
+from gateway.recording.writer import RecordingWriter, whole_recording
 
 # Some minutes of one link: copies of a frame are no further apart, unless a clock is wrong.
 _REMEMBERED_FRAMES: Final = 200_000
@@ -134,14 +134,16 @@ def merge_recordings(
     starts = [reader.info.start_ns for reader in readers if reader.info.start_ns]
     firsts = [span[0] for content in contents for span in content.spans_ns.values()]
     shared = {link: _Once() for link in _links(contents) if sum(link in content.spans_ns for content in contents) > 1}
-    with whole_recording(
+    part = RecordingWriter(
         target,
         start_ns=min([*starts, *firsts], default=0),
         vehicle_toml=vehicle_toml,
         sources=tuple(dict.fromkeys(source for reader in readers for source in reader.info.sources)),
         dbc_text=dbc_text,
         run=_joint_run(readers),
-    ) as writer:
+        in_part=True,
+    )
+    with whole_recording(part) as writer:
         for item in _items(readers, contents, shared):
             writer.write(item)
     once = shared.values()

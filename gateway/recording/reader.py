@@ -12,9 +12,8 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Metadata
 
 from firmware_protocol.decoder import FrameDecoder
-from gateway.errors import RecordingError, reading_remedy
+from gateway.errors import RecordingError
 from gateway.io.source import LinkItem
-from gateway.nearest_name import missing_path_remedy
 from gateway.reasons import Code, Reason
 from gateway.recording.mcap_layout import (
     CHANNEL_METADATA,
@@ -42,7 +41,7 @@ from gateway.recording.mcap_records import (
     parse_small,
     walk,
 )
-from gateway.recording.regular_file import open_regular
+from gateway.recording.regular_file import open_recording_file
 from gateway.recording.run_description import NO_DESCRIPTION, RunDescription, parse_description, read_notes
 from gateway.writing_lock import is_being_written
 
@@ -146,7 +145,7 @@ class RecordingReader:
         self._channels: dict[int, ChannelInfo] = {}
         self._links: set[str] = set()
         self._note_chars = 0
-        with self._open() as file:
+        with open_recording_file(self._path) as file:
             size = os.fstat(file.fileno()).st_size
             self.session = self._session_metadata(file, size)
             finished = _is_finished(file, size)
@@ -195,7 +194,7 @@ class RecordingReader:
         self._links = set()
         self.notes = []
         self._note_chars = 0
-        with self._open() as file:
+        with open_recording_file(self._path) as file:
             size = os.fstat(file.fileno()).st_size
             self.position = file.seek(len(MAGIC))
             for opcode, stated, body in self._records(file, size):
@@ -382,16 +381,6 @@ class RecordingReader:
         elif (at_byte := values.get("at_byte", 0)) != self._last_damaged_byte:
             self._damaged_parts += 1
             self._last_damaged_byte = at_byte
-
-    def _open(self) -> BinaryIO:
-        try:
-            return open_regular(self._path)
-        except FileNotFoundError as error:
-            raise RecordingError(f"recording '{self._path}' does not exist", missing_path_remedy(self._path)) from error
-        except OSError as error:
-            raise RecordingError(
-                f"cannot read recording '{self._path}': {error.strerror}", reading_remedy(error)
-            ) from error
 
 
 def _is_finished(file: BinaryIO, size: int) -> bool:

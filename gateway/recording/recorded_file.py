@@ -4,13 +4,13 @@ from collections.abc import Generator, Iterable, Iterator
 from pathlib import Path
 from typing import Final, Protocol
 
-from gateway.errors import RecordingError, reading_remedy
+from gateway.errors import RecordingError
 from gateway.io.source import Chunk, LinkItem
 from gateway.nearest_name import missing_path_remedy
 from gateway.reasons import Reason
 from gateway.recording.mcap_records import MAGIC
 from gateway.recording.reader import RecordingInfo, RecordingReader
-from gateway.recording.regular_file import open_regular
+from gateway.recording.regular_file import open_recording_file
 
 _DUMP_BLOCK_BYTES: Final = 4096
 
@@ -101,11 +101,6 @@ def open_recorded_file(path: Path | str, rate_bytes_per_s: float | None = None) 
     path = Path(path)
     if path.suffix.lower() != ".bin":
         return RecordingReader(path)
-    try:
-        with open_regular(path) as file:
-            magic = file.read(len(MAGIC))
-    except FileNotFoundError as error:
-        raise RecordingError(f"recording '{path}' does not exist", missing_path_remedy(path)) from error
-    except OSError as error:
-        raise RecordingError(f"cannot read recording '{path}': {error.strerror}", reading_remedy(error)) from error
+    with open_recording_file(path) as file:
+        magic = file.read(len(MAGIC))
     return RecordingReader(path) if magic == MAGIC else RawDump(path, rate_bytes_per_s)

@@ -4,7 +4,8 @@ import stat
 from pathlib import Path
 from typing import BinaryIO
 
-from gateway.errors import RecordingError
+from gateway.errors import RecordingError, reading_remedy
+from gateway.nearest_name import missing_path_remedy
 
 
 def open_regular(path: Path) -> BinaryIO:
@@ -23,3 +24,17 @@ def open_regular(path: Path) -> BinaryIO:
             f"Write it to a file first: cat '{path}' > recording.mcap",
         )
     return path.open("rb")
+
+
+def open_recording_file(path: Path) -> BinaryIO:
+    """Open a recording for reading.
+
+    Raises:
+        RecordingError: it does not exist or cannot be read.
+    """
+    try:
+        return open_regular(path)
+    except FileNotFoundError as error:
+        raise RecordingError(f"recording '{path}' does not exist", missing_path_remedy(path)) from error
+    except OSError as error:
+        raise RecordingError(f"cannot read recording '{path}': {error.strerror}", reading_remedy(error)) from error

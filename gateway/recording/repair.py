@@ -3,16 +3,14 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
 
 from firmware_protocol.decoder import FrameDecoder
-from gateway.errors import RecordingError, reading_remedy
-from gateway.nearest_name import missing_path_remedy
+from gateway.errors import RecordingError
 from gateway.recording.container import McapOutput
 from gateway.recording.file_window import FileWindow
 from gateway.recording.mcap_layout import RAW_ENCODING, REPAIR_METADATA, SESSION_METADATA
 from gateway.recording.reader import RecordingReader
-from gateway.recording.regular_file import open_regular
+from gateway.recording.regular_file import open_recording_file
 from gateway.recording.run_description import copy_notes
 from gateway.recording.salvage import Salvage
 from gateway.recording.stitch import Losses, Stitcher
@@ -86,7 +84,7 @@ def repair_recording(path: Path, target: Path, progress: Progress | None = None)
     Raises:
         RecordingError: nothing can be recovered, `target` exists, or the disk is full.
     """
-    with _opened(path) as file:
+    with open_recording_file(path) as file:
         data = FileWindow(file, path)
         if not len(data):
             raise RecordingError(f"'{path}' is empty", "It contains nothing to recover.")
@@ -149,12 +147,3 @@ def _write(
         losses=losses,
         session_kept=bool(salvage.session),
     )
-
-
-def _opened(path: Path) -> BinaryIO:
-    try:
-        return open_regular(path)
-    except FileNotFoundError as error:
-        raise RecordingError(f"recording '{path}' does not exist", missing_path_remedy(path)) from error
-    except OSError as error:
-        raise RecordingError(f"cannot read '{path}': {error.strerror}", reading_remedy(error)) from error

@@ -12,7 +12,7 @@ from gateway.reasons import Code, Reason
 from gateway.recording.mcap_layout import MAX_TIME_NS
 from gateway.recording.reader import REPAIR_REMEDY, RecordingReader
 from gateway.recording.run_description import copy_notes
-from gateway.recording.writer import whole_recording
+from gateway.recording.writer import RecordingWriter, whole_recording
 
 _SET: Final = frozenset({Code.SYSTEM_TIME_SET, Code.SYSTEM_TIME_SLEWED})
 # What is left of a step after the time was moved by it.
@@ -91,14 +91,16 @@ def set_clock(
             )
         return host_ns + ahead_ns
 
-    with whole_recording(
+    part = RecordingWriter(
         target,
         start_ns=moved(info.start_ns or 0),
         vehicle_toml=info.vehicle_toml,
         sources=info.sources,
         dbc_text=info.dbc_text,
         run=info.run,
-    ) as writer:
+        in_part=True,
+    )
+    with whole_recording(part) as writer:
         is_empty = True
         for item in reader.items():
             on_position(reader.position, info.size_bytes)

@@ -86,7 +86,7 @@ class RecordingWriter:
             sources: URIs of the sources, for information.
             dbc_text: DBC file of the vehicle bus.
             run: description of the test run.
-            in_part: write to `NAME.part` until `publish`, as `whole_recording` does.
+            in_part: write to `NAME.part` until `publish`, for `whole_recording`.
 
         Raises:
             RecordingError: the file exists, or cannot be created.
@@ -232,31 +232,14 @@ class RecordingWriter:
 
 
 @contextmanager
-def whole_recording(
-    path: Path | str,
-    *,
-    start_ns: int,
-    vehicle_toml: str | None = None,
-    sources: Sequence[str] = (),
-    dbc_text: str | None = None,
-    run: RunDescription | None = None,
-) -> Iterator[RecordingWriter]:
-    """Write a recording that appears under its name when it is complete, or not at all; arguments as RecordingWriter.
+def whole_recording(writer: RecordingWriter) -> Iterator[RecordingWriter]:
+    """Give a recording that is written in a part its name when it is complete, or discard it.
 
     For what can be made again from its source. A session records under the final name from the beginning.
 
     Raises:
-        RecordingError: the file exists or cannot be created, the disk is full or gone.
+        RecordingError: the disk is full or gone.
     """
-    writer = RecordingWriter(
-        path,
-        start_ns=start_ns,
-        vehicle_toml=vehicle_toml,
-        sources=sources,
-        dbc_text=dbc_text,
-        run=run,
-        in_part=True,
-    )
     try:
         yield writer
         writer.publish()

@@ -45,7 +45,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from gateway.config.validation import parse_document
 from gateway.io.source import Chunk
 from gateway.recording.reader import RecordingReader
-from gateway.recording.writer import whole_recording
+from gateway.recording.writer import RecordingWriter, whole_recording
 from gateway.simulator.scenario import vehicle_toml
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulation import simulate
@@ -583,9 +583,9 @@ def make_inputs(folder: Path) -> None:
     for number, (name, duration_s) in enumerate((("drive", _SHORT_S), ("other", _SHORT_S), ("long", _LONG_S))):
         scenario = parse_document(Scenario, _SCENARIO.format(seed=number + 1, load_n=4000 + 500 * number), name)
         start_ns = _START_NS + number * 3600 * 10**9
-        with whole_recording(
-            folder / f"{name}.mcap", start_ns=start_ns, vehicle_toml=vehicle_toml(scenario), sources=("sim",)
-        ) as writer:
+        path, toml = folder / f"{name}.mcap", vehicle_toml(scenario)
+        part = RecordingWriter(path, start_ns=start_ns, vehicle_toml=toml, sources=("sim",), in_part=True)
+        with whole_recording(part) as writer:
             for chunk in simulate(scenario, duration_s=duration_s).chunks("sim", start_ns):
                 writer.write(chunk)
     (folder / "vehicle.toml").write_text(vehicle_toml(scenario))
