@@ -5,7 +5,7 @@ from the estimators, since recordings, tables and `--help` need it without the n
 8855: x forward, y to the left, z up; angles of the contact count from its centre, positive behind it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from math import inf
@@ -792,6 +792,20 @@ def declare(estimator: str, quantities: Sequence[Quantity]) -> tuple[str, str] |
 def quantities_of(estimator: str) -> tuple[Quantity, ...]:
     """Return the quantities of an estimator; none where it is not known."""
     return CATALOGUE.get(estimator) or _OF_PLUGINS.get(estimator, ())
+
+
+def given_by(estimators: Iterable[str]) -> dict[str, Quantity]:
+    """Return the quantities of estimators by the names of their estimates in one result, in order.
+
+    A name that an earlier estimator uses has the prefix of the later one: `ring-paper:Bs`.
+    """
+    given: dict[str, Quantity] = {}
+    for estimator in estimators:
+        given |= {
+            f"{estimator}:{quantity.name}" if quantity.name in given else quantity.name: quantity
+            for quantity in quantities_of(estimator)
+        }
+    return given
 
 
 def declared() -> tuple[Quantity, ...]:

@@ -16,7 +16,7 @@ from gateway.exporting.export_table import DTYPES, Block, WheelTable
 from gateway.pipeline.mean_revolution import MeanOfRevolutions
 from gateway.pipeline.results import RevolutionResult
 from gateway.quantity_catalogue import CATALOGUE, quantity_of
-from gateway.recording.revolution_fields import estimate_descriptions, field_names
+from gateway.recording.revolution_fields import estimate_descriptions
 from gateway.session.recorded_signals import SignalBlock
 from gateway.signal.angle_resampling import GRID_SIZE, angle_grid, elapsed_angles
 from gateway.signal.order_spectrum import ORDER_COUNT
@@ -260,10 +260,7 @@ _LEFT_OUT: Final = frozenset({"position", "host_utc"})
 
 
 def _estimate_columns(first: Iterable[RevolutionResult], estimators: Sequence[str]) -> tuple[Column, ...]:
-    names: dict[str, None] = {}
-    for estimator in (name for name in CATALOGUE if name in estimators):
-        # A name that an earlier estimator uses gets the prefix of the later one.
-        names |= dict.fromkeys(f"{estimator}:{name}" if name in names else name for name in field_names(estimator))
+    names = dict.fromkeys(estimate_descriptions(name for name in CATALOGUE if name in estimators))
     for result in first:
         names |= dict.fromkeys(_plain(name) for name in row_of(result)[1])
     descriptions = estimate_descriptions()

@@ -18,7 +18,7 @@ from gateway.fleet.parquet_parts import PartFile
 from gateway.pipeline.results import RevolutionResult
 from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.plugins import PluginGroup, installed
-from gateway.quantity_catalogue import quantities_of
+from gateway.quantity_catalogue import given_by
 from gateway.reasons import Code, Reason
 from gateway.recording.file_content import FileContent
 from gateway.recording.reader import REPAIR_REMEDY, RecordingReader
@@ -109,15 +109,9 @@ def estimate_names(estimators: Sequence[str]) -> tuple[str, ...]:
         PluginError: it is a plug-in that cannot be used.
     """
     conditions = {*RECORDING_HEAD, *RECORDING_TAIL, *RESULT_HEAD, *RESULT_TAIL}
-    columns: list[str] = []
-    given: set[str] = set()
     for estimator in estimators:
         make_estimator(estimator)  # a plug-in declares its quantities when it is loaded
-        names = [quantity.name for quantity in quantities_of(estimator)]
-        distinct = (f"{estimator}:{name}" if name in given else name for name in names)
-        columns += [distinct_name(name, conditions) for name in distinct]
-        given.update(names)
-    return tuple(columns)
+    return tuple(distinct_name(name, conditions) for name in given_by(estimators))
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,9 +1,9 @@
 """Fields of a revolution's message: conditions, and the estimates of every estimator with their parts."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Final
 
-from gateway.quantity_catalogue import CATALOGUE
+from gateway.quantity_catalogue import CATALOGUE, given_by
 
 CONDITIONS: Final = {
     "index": ("i", "running number of the wheel's revolutions"),
@@ -30,21 +30,12 @@ PARTS: Final = {
 """Parts of an estimate: suffix of the name, type and description."""
 
 
-def field_names(estimator: str) -> tuple[str, ...]:
-    """Return the fields of an estimator's estimates: their columns with `_over_` for `/`."""
-    return tuple(quantity.column.replace("/", "_over_") for quantity in CATALOGUE[estimator])
-
-
-def estimate_descriptions() -> dict[str, str]:
-    """Return the description of every estimate by its name.
-
-    A name that an earlier estimator also uses is listed again with the prefix that it then has: `ring-paper:Bs`.
-    """
-    descriptions: dict[str, str] = {}
-    for estimator, quantities in CATALOGUE.items():
-        for name, quantity in zip(field_names(estimator), quantities, strict=True):
-            descriptions[f"{estimator}:{name}" if name in descriptions else name] = quantity.description
-    return descriptions
+def estimate_descriptions(estimators: Iterable[str] = CATALOGUE) -> dict[str, str]:
+    """Return the description of every estimate of estimators by its field: its column with `_over_` for `/`."""
+    return {
+        (name.removesuffix(quantity.name) + quantity.column).replace("/", "_over_"): quantity.description
+        for name, quantity in given_by(estimators).items()
+    }
 
 
 def fields() -> Iterator[tuple[str, str, str]]:

@@ -12,7 +12,7 @@ from gateway.estimators.estimator import TireConditions
 from gateway.estimators.registry import ESTIMATORS, make_estimator
 from gateway.reasons import Code, Reason
 from gateway.recording.reader import RecordingInfo
-from gateway.recording.revolution_fields import field_names
+from gateway.recording.revolution_fields import estimate_descriptions
 from gateway.recording.schemas import schema_of
 from gateway.session.recorded_signals import revolutions
 from gateway.session.recording_pass import OpenedRecording
@@ -85,7 +85,7 @@ def test_every_recorded_field_is_listed(payloads):
     recorded = set().union(*payloads)
     assert recorded - set(listed) == set()
     statuses = {name for name in recorded if name.endswith("_status")}
-    of_forward = {f"forward:{name}_status" for name in field_names("forward")}
+    of_forward = {f"forward:{name}_status" for name in estimate_descriptions(["forward"])}
     of_forward |= {name.removeprefix("forward:") for name in of_forward}
     assert {name for name in listed if name.endswith("_status")} - statuses - of_forward == set()
 
@@ -94,7 +94,7 @@ def test_estimates_of_the_forward_model_are_listed():
     wave = np.cos(angle_grid())
     revolution = make_revolution(wave, edges=(-0.2, 0.2), faults=(Reason(Code.SAMPLES_LOST),))
     made = make_estimator("forward").update(revolution, settled(revolution, 1), TireConditions(radius_m=math.nan))
-    assert {estimate.name.replace("/", "_over_") for estimate in made} == set(field_names("forward"))
+    assert {estimate.name.replace("/", "_over_") for estimate in made} == set(estimate_descriptions(["forward"]))
 
 
 def test_recorded_values_have_the_listed_types(payloads):
