@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Any, Final, TypeGuard
 
-from gateway.config.validation import Fault, key_of, show
+from gateway.config.validation import Fault, as_table, as_tables, key_of, show
 from gateway.nearest_name import nearest
 
 # Hubs times wheels of one hub are far fewer; the checks of names compare all with all.
@@ -20,7 +20,7 @@ def cross_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
 
     The raw document is checked so that these faults are reported together with those of single keys.
     """
-    wheels = _tables(data.get("wheel"))
+    wheels = as_tables(data.get("wheel"))
     if len(wheels) > _MAX_WHEELS:
         yield Fault("wheel", show(data["wheel"]), f"allowed: at most {_MAX_WHEELS} tables")
         return
@@ -34,13 +34,13 @@ def cross_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
             key = key_of(data, ("wheel", index, "load_std_n"))
             yield Fault(key, show(wheel["load_std_n"]), "it needs load_n too")
     yield from _calibrations(data, wheels)
-    if _table(data.get("security")).get("policy") == "require":
+    if as_table(data.get("security")).get("policy") == "require":
         for index, wheel in wheels:
             if "sensor_id" not in wheel:
                 key = key_of(data, ("wheel", index, "sensor_id"))
                 yield Fault(key, None, 'required by security.policy = "require"')
     yield from _bus_signals(data, wheels)
-    thresholds = _table(data.get("thresholds"))
+    thresholds = as_table(data.get("thresholds"))
     low, high = thresholds.get("pressure_min_kpa"), thresholds.get("pressure_max_kpa")
     if _is_number(low) and _is_number(high) and low >= high:
         yield Fault("thresholds.pressure_min_kpa", show(low), f"allowed: less than pressure_max_kpa = {show(high)}")
@@ -49,7 +49,7 @@ def cross_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
 def _bus_signals(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, Any]]]) -> Iterator[Fault]:
     positions = [wheel["position"] for _, wheel in wheels if isinstance(wheel.get("position"), str)]
     seen: dict[tuple[str, str], int] = {}
-    for index, signal in _tables(_table(data.get("vehicle_signals")).get("signal")):
+    for index, signal in as_tables(as_table(data.get("vehicle_signals")).get("signal")):
         key = f"vehicle_signals.signal[#{index + 1}]"
         quantity, wheel = signal.get("quantity"), signal.get("wheel")
         if _is_number(signal.get("factor")) and signal["factor"] == 0:
@@ -68,7 +68,7 @@ def _calibrations(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, 
     tires += [(key_of(data, ("wheel", index, "tire")), wheel.get("tire")) for index, wheel in wheels]
     for name, tire in tires:
         for kind in ("load_calibration", "slip_calibration", "side_force_calibration"):
-            calibration = _table(_table(tire).get(kind))
+            calibration = as_table(as_table(tire).get(kind))
             for low_key, high_key in (
                 ("half_angle_min_rad", "half_angle_max_rad"),
                 ("pressure_min_kpa", "pressure_max_kpa"),
@@ -77,15 +77,15 @@ def _calibrations(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, 
                 low, high = calibration.get(low_key), calibration.get(high_key)
                 if _is_number(low) and _is_number(high) and low > high:
                     yield Fault(f"{name}.{kind}.{low_key}", show(low), f"allowed: up to {high_key} = {show(high)}")
-        yield from _laminate(f"{name}.laminate", _table(_table(tire).get("laminate")))
+        yield from _laminate(f"{name}.laminate", as_table(as_table(tire).get("laminate")))
 
 
 def _laminate(name: str, laminate: Mapping[str, Any]) -> Iterator[Fault]:
     rubber = laminate.get("rubber_mpa")
-    cords = [ply for _, ply in _tables(laminate.get("ply")) if ply.get("cord_share_percent") != 0]
+    cords = [ply for _, ply in as_tables(laminate.get("ply")) if ply.get("cord_share_percent") != 0]
     if "ply" in laminate and len(cords) < 2:
         yield Fault(f"{name}.ply", show(laminate["ply"]), "at least two plies need cords (cord_share_percent above 0)")
-    for index, ply in _tables(laminate.get("ply")):
+    for index, ply in as_tables(laminate.get("ply")):
         cord = ply.get("cord_gpa")
         if _is_number(cord) and _is_number(rubber) and cord * 1e3 < rubber:
             allowed = f"at least {name}.rubber_mpa = {show(rubber)}, which is {rubber * 1e-3:g} GPa"
@@ -125,7 +125,7 @@ def _duplicates(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, An
 def _axles(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, Any]]]) -> Iterator[Fault]:
     by_position = {wheel["position"]: wheel for _, wheel in wheels if isinstance(wheel.get("position"), str)}
     taken: dict[str, int] = {}
-    for index, axle in _tables(data.get("axle")):
+    for index, axle in as_tables(data.get("axle")):
         names = axle.get("wheels")
         key = f"axle[#{index + 1}].wheels"
         for name in names if isinstance(names, list | tuple) else ():
@@ -150,20 +150,20 @@ def _axles(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, Any]]])
 
 
 def _radii(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, Any]]]) -> Iterator[Fault]:
-    if "radius_mm" in _table(data.get("tire")):
+    if "radius_mm" in as_table(data.get("tire")):
         return
     for index, wheel in wheels:
-        if "radius_mm" not in _table(wheel.get("tire")):
+        if "radius_mm" not in as_table(wheel.get("tire")):
             key = key_of(data, ("wheel", index, "tire", "radius_mm"))
             yield Fault(key, None, "the belt radius is required here or as tire.radius_mm")
 
 
 def _rings(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, Any]]]) -> Iterator[Fault]:
     """Yield rings that are too thick for their radius or thinner than their wear, as each wheel combines the keys."""
-    common = _table(data.get("tire"))
+    common = as_table(data.get("tire"))
     tires = [("tire", common, common)]
     for index, wheel in wheels:
-        stated = _table(wheel.get("tire"))
+        stated = as_table(wheel.get("tire"))
         tires.append((key_of(data, ("wheel", index, "tire")), stated, {**common, **stated}))
     for name, stated, tire in tires:
         radius, thickness, wear = tire.get("radius_mm"), tire.get("ring_thickness_mm"), tire.get("wear_mm")
@@ -187,21 +187,12 @@ def _rings(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, Any]]])
 def _load_errors(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, Any]]]) -> Iterator[Fault]:
     """Yield standard errors of loads and weights that exceed the value itself."""
     tables = [(key_of(data, ("wheel", index)), wheel, "load_n", "load_std_n") for index, wheel in wheels]
-    for index, axle in _tables(data.get("axle")):
+    for index, axle in as_tables(data.get("axle")):
         tables.append((f"axle[#{index + 1}]", axle, "weight_kg", "weight_std_kg"))
     for name, table, key, std_key in tables:
         value, std = table.get(key), table.get(std_key)
         if _is_within(value, _LOADS) and _is_number(std) and std > value:
             yield Fault(f"{name}.{std_key}", show(std), f"allowed: up to {key} = {show(value)}")
-
-
-def _tables(value: object) -> list[tuple[int, Mapping[str, Any]]]:
-    items = value if isinstance(value, list | tuple) else ()
-    return [(index, item) for index, item in enumerate(items) if isinstance(item, Mapping)]
-
-
-def _table(value: object) -> Mapping[str, Any]:
-    return value if isinstance(value, Mapping) else {}
 
 
 def _is_int(value: object) -> TypeGuard[int]:

@@ -103,6 +103,17 @@ class Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
 
+def as_table(value: object) -> Mapping[str, Any]:
+    """Return a table of a document that is not validated yet; an empty one for anything else."""
+    return value if isinstance(value, Mapping) else {}
+
+
+def as_tables(value: object) -> list[tuple[int, Mapping[str, Any]]]:
+    """Return the tables of a list likewise, each with its index."""
+    items = value if isinstance(value, list | tuple) else ()
+    return [(index, item) for index, item in enumerate(items) if isinstance(item, Mapping)]
+
+
 def within(default: Any, low: float, high: float, description: str) -> Any:
     """Return the declaration of a number from `low` to `high`, both included."""
     return Field(default=default, ge=low, le=high, description=description)

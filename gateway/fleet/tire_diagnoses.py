@@ -19,6 +19,7 @@ from gateway.fleet.recording_estimation import RECORDINGS
 from gateway.fleet.worker_tasks import WorkerTasks
 from gateway.reasons import Code, Reason
 from gateway.table_columns import DIAGNOSIS_COLUMNS
+from gateway.views.plain_values import plain
 from gateway.views.text import storable
 from gateway.views.wording import as_json, joined, text
 
@@ -209,7 +210,7 @@ def diagnose_tire(order: DiagnosisOrder, _: Callable[[int], None] = lambda _: No
                     **common,
                     "effect": finding.name,
                     "verdict": str(finding.verdict),
-                    "parameters": json.dumps(_finite(parameters), ensure_ascii=False),
+                    "parameters": json.dumps(plain(parameters), ensure_ascii=False),
                     "reason": joined([finding.reason]) if finding.reason is not None else None,
                     "rms_mps2": finding.rms_mps2,
                     "diagnosis": whole if number == 0 else None,
@@ -251,7 +252,7 @@ def _write_failure(order: DiagnosisOrder, reason: Reason) -> TireOutcome:
 
 def _tires(root: Path, paths: Collection[Path]) -> dict[tuple[str, str, str], list[dict[str, Any]]]:
     """Return the rows of the given recordings by (vehicle, position, sensor)."""
-    given_paths = {str(path).encode("utf-8", "backslashreplace").decode() for path in paths}
+    given_paths = {storable(str(path)) for path in paths}
     tires: dict[tuple[str, str, str], list[dict[str, Any]]] = defaultdict(list)
     for vehicle, row in _recording_rows(root):
         if row["path"] in given_paths and row["revolutions_valid"]:
@@ -275,9 +276,3 @@ def _chosen(rows: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
         last = len(by_speed) - 1
         by_speed = [by_speed[round(index * last / (MOST_RECORDINGS - 1))] for index in range(MOST_RECORDINGS)]
     return sorted(by_speed, key=lambda row: (row["start_utc"], row["recording_id"]))
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {name: _finite(part) for name, part in value.items()}
-    return value if not isinstance(value, float) or abs(value) < float("inf") else None

@@ -12,7 +12,17 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import AwareDatetime, BeforeValidator, Field
 
 from firmware_protocol.messages import Axis, Coupling
-from gateway.config.validation import Fault, Section, above, parse_document, read_text, show, within
+from gateway.config.validation import (
+    Fault,
+    Section,
+    above,
+    as_table,
+    as_tables,
+    parse_document,
+    read_text,
+    show,
+    within,
+)
 from gateway.config.vehicle import (
     ASSUMED_RADIUS_MM,
     ASSUMED_RADIUS_STD_MM,
@@ -469,7 +479,7 @@ def parse_map(text: str, origin: str) -> ImportMap:
 
 
 def _cross_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
-    sampling = _table(data, "sampling")
+    sampling = as_table(data.get("sampling"))
     if "rate_hz" in sampling and "time_column" in sampling:
         yield Fault("sampling", "both rate_hz and time_column", "keep only one")
     elif "rate_hz" not in sampling and "time_column" not in sampling:
@@ -478,18 +488,18 @@ def _cross_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
         yield Fault("sampling.time_zone", show(sampling["time_zone"]), 'only for time_unit = "iso"')
     yield from _axis_faults(data)
     yield from _mounting_faults(data)
-    sensor = _table(data, "sensor")
+    sensor = as_table(data.get("sensor"))
     highpass_hz = sensor.get("highpass_hz", 0)
     if sensor.get("coupling") == "DC" and isinstance(highpass_hz, int | float) and highpass_hz > 0:
         yield Fault(
             "sensor.highpass_hz", show(highpass_hz), 'a DC-coupled sensor has no high-pass; is the coupling "AC"?'
         )
-    layout = _table(data, "file")
+    layout = as_table(data.get("file"))
     if layout.get("decimal") == "," and layout.get("delimiter", "comma") == "comma":
         yield Fault(
             "file.delimiter", show(layout.get("delimiter", "comma")), "a decimal comma requires another delimiter"
         )
-    conditions = _table(data, "conditions")
+    conditions = as_table(data.get("conditions"))
     for error, value in _ERRORS:
         if error in conditions and value not in conditions:
             yield Fault(f"conditions.{error}", show(conditions[error]), f"it needs {value} too")
@@ -501,19 +511,19 @@ def _mounting_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
     mounting_table = "[wheel.mounting]" if "wheel" in data else "[mounting]"
     for table in ("sensor", "conditions"):
         for key in ("offset_mm", "offset_std_mm"):
-            if key in _table(data, table):
-                yield Fault(f"{table}.{key}", show(_table(data, table)[key]), f"move it to {mounting_table}")
+            if key in as_table(data.get(table)):
+                yield Fault(f"{table}.{key}", show(as_table(data.get(table))[key]), f"move it to {mounting_table}")
 
 
 def _axis_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
     """Yield faults of the axes: missing or repeated columns, and a single wheel beside several."""
-    wheels = _tables(data, "wheel")
+    wheels = [wheel for _, wheel in as_tables(data.get("wheel"))]
     if wheels:
         for key in ("axis", "environment", "mounting"):
             if key in data:
                 yield Fault(key, "beside [[wheel]]", f"move it to [wheel.{key}] of each wheel")
         for key, table in (("position", "conditions"), ("load_n", "conditions"), ("sensor_id", "sensor")):
-            if key in _table(data, table):
+            if key in as_table(data.get(table)):
                 yield Fault(f"{table}.{key}", "beside [[wheel]]", "move it to each wheel")
         if len(wheels) > _MAX_WHEELS:
             yield Fault("wheel", f"{len(wheels)} wheels", f"at most {_MAX_WHEELS}")
@@ -523,7 +533,7 @@ def _axis_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
     positions: set[str] = set()
     sections = [(f"wheel[#{k}].", wheel) for k, wheel in enumerate(wheels, 1)] or [("", data)]
     for prefix, section in sections:
-        axes = _table(section, "axis")
+        axes = as_table(section.get("axis"))
         if "axis" in section and "radial" not in axes:
             yield Fault(f"{prefix}axis.radial", None, "the radial axis is required to find the revolutions")
         for name, axis in axes.items():
@@ -548,11 +558,11 @@ def _axis_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
 
 def _reference_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
     """Yield faults of the references: units, repeated names, and unknown wheels."""
-    wheels = [wheel.get("position") for wheel in _tables(data, "wheel")]
-    positions = wheels or [_table(data, "conditions").get("position", "W1")]
+    wheels = [wheel.get("position") for _, wheel in as_tables(data.get("wheel"))]
+    positions = wheels or [as_table(data.get("conditions")).get("position", "W1")]
     names: set[object] = set()
-    for k, reference in enumerate(_tables(data, "reference"), 1):
-        key, quantity, unit = f"reference[#{k}]", reference.get("quantity"), reference.get("unit")
+    for index, reference in as_tables(data.get("reference")):
+        key, quantity, unit = f"reference[#{index + 1}]", reference.get("quantity"), reference.get("unit")
         units = REFERENCE_UNITS.get(quantity) if isinstance(quantity, str) else None
         if units and unit not in units:
             stated_unit = None if unit is None else show(unit)
@@ -572,13 +582,3 @@ def _reference_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
         for wheel in stated if isinstance(stated, list) else ():
             if wheel not in positions:
                 yield Fault(f"{key}.wheels", show(wheel), f"the wheels are {', '.join(map(str, positions))}")
-
-
-def _table(data: Mapping[str, Any], key: str) -> Mapping[str, Any]:
-    value = data.get(key)
-    return value if isinstance(value, Mapping) else {}
-
-
-def _tables(data: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
-    value = data.get(key)
-    return [table for table in value if isinstance(table, Mapping)] if isinstance(value, list) else []

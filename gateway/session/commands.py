@@ -1,7 +1,7 @@
 """Commands to hubs: at every connection of a session, or a single one with its reply."""
 
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from typing import Final, NamedTuple, Protocol, runtime_checkable
 
@@ -107,14 +107,12 @@ class CommandedSource(WrappedSource):
         return [SetTime(self._clock.now_ns()), *rate, SetStream(True)]
 
 
-class _Settings(Protocol):
-    def __call__(self) -> list[Command]: ...
-
-
 class _Greeter:
     """Sends the settings to every hub of a connection, once for each of its starts."""
 
-    def __init__(self, source: TwoWaySource, settings: _Settings, commands: HubCommands, clock: Clock) -> None:
+    def __init__(
+        self, source: TwoWaySource, settings: Callable[[], list[Command]], commands: HubCommands, clock: Clock
+    ) -> None:
         self._source = source
         self._settings = settings
         self._commands = commands

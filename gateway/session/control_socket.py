@@ -19,7 +19,7 @@ from typing import Final, NamedTuple
 
 from gateway.clock import Clock
 from gateway.errors import LinkLostError, TreadlinkError
-from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem
+from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, WrappedSource
 from gateway.session.commands import TwoWaySource
 
 _logger = logging.getLogger(__name__)
@@ -32,7 +32,7 @@ _LONGEST_REQUEST: Final = 4096
 _IS_PRIVATE: Final = 0o077
 
 
-class SharedLink:
+class SharedLink(WrappedSource):
     """A source whose bytes others can read too, and write through it.
 
     Attributes:
@@ -42,20 +42,11 @@ class SharedLink:
 
     def __init__(self, source: TwoWaySource) -> None:
         """Wrap a source."""
-        self.rate_hz = source.rate_hz
+        super().__init__(source)
         self.source = source
+        self.rate_hz = source.rate_hz
         self._lock = threading.Lock()
         self._readers: list[socket.socket] = []
-
-    @property
-    def link(self) -> str:
-        """Name of the link."""
-        return self.source.link
-
-    @property
-    def vehicle_toml(self) -> str | None:
-        """Configuration that comes with the source."""
-        return self.source.vehicle_toml
 
     def items(self, stop: threading.Event) -> Iterator[LinkItem]:
         """Yield the items of the source; those who read with it get the bytes first, or are let go when too slow."""
@@ -73,10 +64,6 @@ class SharedLink:
             SourceError: the hub takes no data.
         """
         self.source.send(data)
-
-    def close(self) -> None:
-        """Close the source."""
-        self.source.close()
 
     def add_reader(self, reader: socket.socket) -> None:
         """Give the bytes that arrive from now on to a socket that does not block."""

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from gateway.config.toml_writer import toml_text
-from gateway.config.validation import Fault, parse_document, read_text, show
+from gateway.config.validation import Fault, as_table, as_tables, parse_document, read_text, show
 from gateway.errors import SourceError
 from gateway.nearest_name import nearest
 from gateway.quantity_catalogue import RING_NUMBERS
@@ -19,12 +19,12 @@ _SUFFIX = ".toml"
 
 def scenario_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
     """Yield the inconsistencies between keys."""
-    wheels = [item for item in _list(data.get("wheel")) if isinstance(item, Mapping)]
+    wheels = [wheel for _, wheel in as_tables(data.get("wheel"))]
     taken = "another wheel has the same; they must be unique"
     yield from _repeated("wheel", "position", [show(wheel.get("position")) for wheel in wheels], taken)
     addresses = [f"hub = {show(wheel.get('hub', 0))}, wheel = {show(wheel.get('wheel'))}" for wheel in wheels]
     yield from _repeated("wheel", "wheel", addresses, taken)
-    hubs = [show(hub.get("hub")) for hub in _list(data.get("hub")) if isinstance(hub, Mapping)]
+    hubs = [show(hub.get("hub")) for _, hub in as_tables(data.get("hub"))]
     yield from _repeated("hub", "hub", hubs, "another table describes this hub too; keep only one")
     yield from _section_faults("", data, data)
     for number, wheel in enumerate(wheels, 1):
@@ -38,8 +38,8 @@ def _repeated(table: str, key: str, values: Sequence[str], allowed: str) -> Iter
 
 
 def _section_faults(where: str, table: Mapping[str, Any], data: Mapping[str, Any]) -> Iterator[Fault]:
-    overrides = {name: _table(table.get(name)) for name in ("sensor", "tire", "motion", "defect")}
-    merged = {name: {**_table(data.get(name)), **items} for name, items in overrides.items()}
+    overrides = {name: as_table(table.get(name)) for name in ("sensor", "tire", "motion", "defect")}
+    merged = {name: {**as_table(data.get(name)), **items} for name, items in overrides.items()}
     sensor, tire, motion = merged["sensor"], merged["tire"], merged["motion"]
     bandwidth, rate = _number(sensor.get("bandwidth_hz")), _number(sensor.get("rate_hz", 9600.0))
     if _given(overrides["sensor"], "bandwidth_hz", "rate_hz") and bandwidth > 0.45 * rate:
@@ -73,14 +73,6 @@ def _given(table: Mapping[str, Any], *names: str) -> bool:
 def _number(value: object) -> float:
     """Return a number, or NaN for anything else, so that every comparison is false."""
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
-
-
-def _list(value: object) -> list[Any]:
-    return value if isinstance(value, list) else []
-
-
-def _table(value: object) -> Mapping[str, Any]:
-    return value if isinstance(value, Mapping) else {}
 
 
 def builtin_scenarios() -> dict[str, str]:

@@ -164,11 +164,7 @@ def trend_lines(trends: FleetTrends) -> Iterator[str]:
     yield f"{tires} of {vehicles_of(trends)}, {read}, {day(first)} to {day(last)} (UTC)"
     yield from (clean(text(note)) for note in trends.notes)
     yield ""
-    units = {
-        quantity: next((n.unit for t in trends.tires for n in t.numbers if n.quantity == quantity), "")
-        for quantity in _SHORT
-    }
-    rows = [["tire", "recordings", *(f"{LABELS[name]}, {units[name]}" for name in _SHORT)]]
+    rows = [["tire", "recordings", *(f"{LABELS[name]}, {unit_in(trends.tires, name)}" for name in _SHORT)]]
     rows += [
         [tire_name(trend), str(trend.recordings), *(shown(number_of(trend.numbers, name)) for name in _SHORT)]
         for trend in trends.tires[:_LISTED]
