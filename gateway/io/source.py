@@ -394,6 +394,14 @@ def is_live(uri: str) -> bool:
     return kind.live and not address.target.lower().endswith(kind.file_suffixes)
 
 
+def _number(text: str) -> float:
+    """Return the number of a text, NaN where it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
+
+
 def positive_option(name: str, text: str, *, or_max: bool = False) -> float:
     """Return the value of an option that is a number above 0; with `or_max`, infinity for `max`.
 
@@ -402,11 +410,8 @@ def positive_option(name: str, text: str, *, or_max: bool = False) -> float:
     """
     if or_max and text == "max":
         return math.inf
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not (value > 0.0 and math.isfinite(value)):
+    value = _number(text)
+    if not 0.0 < value < math.inf:
         raise SourceError(f"invalid option {name}={text}", f"Give a number above 0{' or max' if or_max else ''}.")
     return value
 
@@ -425,10 +430,7 @@ def number_option(options: Mapping[str, str], name: str, default: float, low: fl
     text = options.get(name)
     if text is None:
         return default
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
+    value = _number(text)
     if not low <= value <= high:
         raise SourceError(f"{name}={text} is not allowed", f"Give a number from {low:g} to {high:g}.")
     return value

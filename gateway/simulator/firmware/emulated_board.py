@@ -6,7 +6,6 @@ import socket
 import subprocess
 from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
 from typing import Final
 
 from gateway.errors import LinkLostError, SourceError
@@ -76,9 +75,7 @@ class EmulatedBoard:
         """Return the board."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Stop QEMU."""
         self._stack.close()
 
