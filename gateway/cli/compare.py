@@ -45,11 +45,10 @@ def compare(
       treadlink compare before.mcap after.mcap
       treadlink compare tire-a.mcap tire-b.mcap --csv differences.csv
     """
-    from gateway.cli.recording_estimates import EstimateOrder, estimate_recording
+    from gateway.cli.recording_estimates import estimate_recording
     from gateway.cli.summary_output import SummaryOutput
     from gateway.errors import RecordingError, TreadlinkError
     from gateway.estimators.mean_comparison import compared_means
-    from gateway.estimators.registry import DEFAULT_ESTIMATORS
     from gateway.security.key_file import default_key_file
     from gateway.views.drive_comparison import comparison_csv, comparison_lines, means_of, radii_of
     from gateway.views.output_file import check_outputs, write_whole
@@ -59,12 +58,17 @@ def compare(
     check_outputs([csv_path], [first, second, config_path, *effects_paths, key_file or default_key_file()], force=force)
     drives, damaged = [], []
     for path in (first, second):
-        order = EstimateOrder(
-            path, config_path, effects_paths, key_file, estimators or DEFAULT_ESTIMATORS, is_drawn=True
-        )
         size = path.stat().st_size if path.is_file() else 0
         with progress_bar(f"estimating {path.name}") as bar:
-            estimated = estimate_recording(order, partial(_show, bar, size), ())
+            estimated = estimate_recording(
+                path,
+                partial(_show, bar, size),
+                config_path=config_path,
+                effects_paths=effects_paths,
+                key_file=key_file,
+                estimators=estimators,
+                is_drawn=True,
+            )
         assert estimated.drive is not None
         drives.append(estimated.drive)
         if estimated.damage is not None:

@@ -64,8 +64,7 @@ def estimate(
     A FILE appears when it is complete, or not at all. A FILE of - is standard output; the summary is then printed to
     standard error. The exit status is 1 if a recording has no frames, or a wheel that sent samples has no revolution.
     """
-    from gateway.cli.recording_estimates import EstimateOrder, estimate_recording
-    from gateway.estimators.registry import DEFAULT_ESTIMATORS
+    from gateway.cli.recording_estimates import estimate_recording
     from gateway.estimators.weighted_mean import coverage_factor
     from gateway.recording.recorded_file import check_exist
     from gateway.security.key_file import default_key_file
@@ -105,10 +104,16 @@ def estimate(
             def on_position(read_bytes: int, before_bytes: int = before_bytes) -> None:
                 bar.show((before_bytes + read_bytes) / max(sum(sizes), 1))
 
-            order = EstimateOrder(
-                path, config_path, effects_paths, key_file, estimators or DEFAULT_ESTIMATORS, is_drawn=bool(html_path)
+            estimated = estimate_recording(
+                path,
+                on_position,
+                tables,
+                config_path=config_path,
+                effects_paths=effects_paths,
+                key_file=key_file,
+                estimators=estimators,
+                is_drawn=html_path is not None,
             )
-            estimated = estimate_recording(order, on_position, tables)
             with view.hidden():
                 for line in estimated.lines:
                     say(line)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from firmware_protocol.counters import LinkCounters
 from gateway.config.vehicle import ASSUMED_RADIUS_MM
+from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.reasons import Code, Reason
 from gateway.recording.recorded_file import RawDump, open_recorded_file
 from gateway.recording.reference_topic import ReferenceReader
@@ -17,27 +18,6 @@ from gateway.views.session_summary import ResultSummary, effects_line, removed_l
 from gateway.views.tables.result_table import ResultTable
 from gateway.views.text import clean
 from gateway.views.wording import notice_text
-
-
-@dataclass(frozen=True, slots=True)
-class EstimateOrder:
-    """Order to estimate one recording.
-
-    Attributes:
-        path: the recording.
-        config_path: vehicle configuration, None to use the recorded one.
-        effects_paths: files of known effects.
-        key_file: keys of signed frames, None for the user's.
-        estimators: names from the registry.
-        is_drawn: whether the answer has what a page shows.
-    """
-
-    path: Path
-    config_path: Path | None
-    effects_paths: tuple[Path, ...]
-    key_file: Path | None
-    estimators: tuple[str, ...]
-    is_drawn: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,31 +38,40 @@ class RecordingEstimated:
 
 
 def estimate_recording(
-    order: EstimateOrder, on_position: Callable[[int], None], tables: Sequence[ResultTable]
+    path: Path,
+    on_position: Callable[[int], None],
+    tables: Sequence[ResultTable] = (),
+    *,
+    config_path: Path | None,
+    effects_paths: Sequence[Path],
+    key_file: Path | None,
+    estimators: Sequence[str],
+    is_drawn: bool,
 ) -> RecordingEstimated:
     """Estimate one recording.
 
     Args:
-        order: recording and settings.
+        path: the recording.
         on_position: called with the bytes of the file read so far.
         tables: take the rows.
+        config_path: vehicle configuration, None to use the recorded one.
+        effects_paths: files of known effects.
+        key_file: keys of signed frames, None for the user's.
+        estimators: names from the registry, none for the default ones.
+        is_drawn: whether the answer has what a page shows.
 
     Raises:
         TreadlinkError: the recording, its configuration or the keys cannot be read, or a table cannot be written.
     """
-    reader = _opened(order.path)
+    reader = _opened(path)
     recording = open_recording(
-        reader,
-        order.config_path,
-        effects_paths=order.effects_paths,
-        key_file=order.key_file,
-        on_position=on_position,
+        reader, config_path, effects_paths=effects_paths, key_file=key_file, on_position=on_position
     )
     vehicle = recording.vehicle
-    drive = Drive(order.path.name, reader.info.described_run().lines()) if order.is_drawn else None
+    drive = Drive(path.name, reader.info.described_run().lines()) if is_drawn else None
     check = ReferenceCheck(reader, vehicle) if isinstance(reader, ReferenceReader) else None
-    summary, name = ResultSummary(), order.path.name
-    estimation = RecordingPass(recording, order.estimators, signals=recording.signals())
+    summary, name = ResultSummary(), path.name
+    estimation = RecordingPass(recording, estimators or DEFAULT_ESTIMATORS, signals=recording.signals())
     for result in estimation:
         if check is not None:
             check.add(result)
@@ -93,7 +82,7 @@ def estimate_recording(
             table.write(result, name)
     on_position(reader.info.size_bytes)
     assumed = "" if vehicle is not None else f"  (no configuration: belt radius {ASSUMED_RADIUS_MM:g} mm assumed)"
-    lines = [f"{order.path}{assumed}"]
+    lines = [f"{path}{assumed}"]
     wheels = summary.wheels(estimation.wheels)
     notices = estimation.notices([wheel.position for wheel in wheels])
     lines += [f"  {clean(notice_text(notice))}" for notice in notices]
