@@ -526,6 +526,12 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             is_steady=True,
             live_label="",
         ),
+        _ply_steer(
+            "ply_steer_ahead_rad",
+            "steepest slope of the free belt ahead of the contact, which leans the other way",
+            "extremum of -dy/dx within 0.8 rad of the leading edge",
+            "leans against ply steer",
+        ),
         Quantity(
             "lateral_offset_mps2",
             "constant in the mean of the lateral axis: zero-g offset and camber",
@@ -534,12 +540,6 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             powers={Basis.GAIN: -1.0, Basis.AXES: 1.0},
             rests_on=_SIGNED,
             possible=_ZEROS,
-        ),
-        _ply_steer(
-            "ply_steer_ahead_rad",
-            "steepest slope of the free belt ahead of the contact, which leans the other way",
-            "extremum of -dy/dx within 0.8 rad of the leading edge",
-            "leans against ply steer",
         ),
         # Of the stated plies alone.
         Quantity(
@@ -557,22 +557,6 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "slip_apparent_rad",
             "first-half slope of this revolution less that at zero slip",
             "(y(0) - y(leading edge)) / length - zero",
-        ),
-        _slope(
-            "slip_angle_rad",
-            "slip angle, with a slip calibration",
-            "alpha of slope = zero + share alpha (1 - saturation |alpha|)",
-            "pulls the tire to the left",
-            compared="slip",
-            rests_on=_LOCKED,
-        ),
-        _slope(
-            "slip_angle_mean_rad",
-            "slip angle of the mean of the latest revolutions, with a slip calibration",
-            "the same of the mean slope",
-            "pulls the tire to the left",
-            rests_on=_LOCKED,
-            scatter_memory=_LONG_AVERAGE,
         ),
         Quantity(
             "slip_direction",
@@ -598,6 +582,22 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             _TO_THE_LEFT,
             powers={Basis.AXES: 1.0},
             rests_on=_SIGNED,
+        ),
+        _slope(
+            "slip_angle_rad",
+            "slip angle, with a slip calibration",
+            "alpha of slope = zero + share alpha (1 - saturation |alpha|)",
+            "pulls the tire to the left",
+            compared="slip",
+            rests_on=_LOCKED,
+        ),
+        _slope(
+            "slip_angle_mean_rad",
+            "slip angle of the mean of the latest revolutions, with a slip calibration",
+            "the same of the mean slope",
+            "pulls the tire to the left",
+            rests_on=_LOCKED,
+            scatter_memory=_LONG_AVERAGE,
         ),
     ),
     "side-force": (
