@@ -16,6 +16,7 @@ before the new one appears, so that a crash leaves no recording twice; what it l
 import json
 import os
 import re
+import socket
 import sys
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -209,11 +210,8 @@ class Dataset:
             self.clear_failure(content)
             # The file of the recordings is the last: what is without it does not count, and is removed.
             for table in (REVOLUTIONS, RECORDINGS):
-                if table not in parts:
-                    continue
-                folder = self.root / table / partition(vehicle, start_ns)
-                folder.mkdir(parents=True, exist_ok=True)
-                self._places[table, key] = parts[table].replace(folder / f"{key}.parquet")
+                if table in parts:
+                    self._places[table, key] = self._place(parts[table], table, vehicle, start_ns, f"{key}.parquet")
         self._remember(key)
 
     def fail(self, path: Path, content: FileContent | None, settings: str, failure: Failure, now_ns: int) -> None:
@@ -271,9 +269,12 @@ class Dataset:
             for path in old:
                 path.unlink(missing_ok=True)
             for part, vehicle, start_ns, name in parts:
-                folder = self.root / table / partition(vehicle, start_ns)
-                folder.mkdir(parents=True, exist_ok=True)
-                part.replace(folder / name)
+                self._place(part, table, vehicle, start_ns, name)
+
+    def _place(self, part: Path, table: str, vehicle: str, start_ns: int, name: str) -> Path:
+        folder = self.root / table / partition(vehicle, start_ns)
+        folder.mkdir(parents=True, exist_ok=True)
+        return part.replace(folder / name)
 
     def clear_incoming(self) -> None:
         """Remove parts that no campaign writes any more."""
@@ -494,7 +495,7 @@ def _locked(root: Path, waiting: Callable[[str], bool]) -> Iterator[None]:
                 raise TimeoutError
         with suppress(OSError):
             os.ftruncate(descriptor, 0)
-            os.write(descriptor, f"process {os.getpid()} on {_host()}".encode())
+            os.write(descriptor, f"process {os.getpid()} on {socket.gethostname()}".encode())
         yield
     finally:
         os.close(descriptor)
@@ -509,12 +510,6 @@ def _try_lock(descriptor: int) -> bool:
     except (BlockingIOError, PermissionError):
         return False
     return True
-
-
-def _host() -> str:
-    import socket
-
-    return socket.gethostname()
 
 
 @contextmanager

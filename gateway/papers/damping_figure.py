@@ -58,13 +58,13 @@ class DampingBound(NamedTuple):
     torque_nm: float
 
 
-def damping_bound(load_n: float = TABLE_3_LOAD_N, *, torque_known: bool) -> DampingBound:
+def damping_bound(*, torque_known: bool) -> DampingBound:
     """Return the bound for a sidewall with _LOSS at 65 km/h and 5 mg/rtHz, from orders 2 to 30 of the exact ring.
 
     The contact centre is not known. Numbers and tread are: they act on the even part of the signal.
     """
     used = [0, 1, 2] if torque_known else [0, 1, 2, 3]
-    rows = _derivatives(load_n)[used]
+    rows = _derivatives(TABLE_3_LOAD_N)[used]
     std_m = NOISE_MG_PER_RTHZ * 1e-3 * STANDARD_GRAVITY_MPS2 / math.sqrt(2.0 * math.pi / OMEGA_RADPS) / OMEGA_RADPS**2
     stacked = np.concatenate([rows.real, rows.imag], axis=1) / std_m
     covariance = np.linalg.inv(stacked @ stacked.T)

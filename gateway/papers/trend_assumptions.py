@@ -183,12 +183,12 @@ def edge_pressure(solution: RingSolution) -> float:
     return float(solution.contact_pressure_npm[outer].mean() / solution.contact_pressure_npm[inside].mean())
 
 
-def angle_error_exponent(step: float = 0.01) -> float:
+def angle_error_exponent() -> float:
     """Return d ln Cw / d ln Pn of Eq. 28 under an error of the contact angle alone, at 5000 N and 2.1 bar."""
     solution = _solved(constant_width, TABLE_3_LOAD_N, TABLE_3_PRESSURE_PA)
-    half = solution.half_angle_rad
-    low, high = (_eq_28(solution, half * (1.0 + sign * step))[0][1] for sign in (-1.0, 1.0))
-    return math.log(high / low) / math.log((1.0 - step) / (1.0 + step))
+    half, ends = solution.half_angle_rad, (0.99, 1.01)
+    low, high = (_eq_28(solution, half * end)[0][1] for end in ends)
+    return math.log(high / low) / math.log(ends[0] / ends[1])
 
 
 def half_angle(solution: RingSolution, edge: Edge) -> float:

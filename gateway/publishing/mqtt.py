@@ -239,9 +239,9 @@ class MqttSink:
         if isinstance(item, PublishedRevolution):
             position = quote(item.result.position, safe="")
             topic = f"{self._prefix}/wheel/{position}/revolution"
-            self._publish(topic, *_encoded(item), stop, counted=True)
+            self._publish(topic, encoded(next(messages(item))), stop, counted=True)
         elif isinstance(item, PublishedAlarm):
-            self._publish(f"{self._prefix}/alarm", *_encoded(item), stop, counted=True)
+            self._publish(f"{self._prefix}/alarm", encoded(next(messages(item))), stop, counted=True)
         else:
             for payload in messages(item):
                 self._announce(payload, stop)
@@ -388,10 +388,6 @@ class MqttSink:
             topic = message.topic if is_state else announced_topic(bytes(message.payload), f"{self._prefix}/status")
             if topic is not None:
                 self._earlier[message.topic] = topic
-
-
-def _encoded(item: PublishedRevolution | PublishedAlarm) -> tuple[bytes]:
-    return tuple(encoded(payload) for payload in messages(item))  # type: ignore[return-value]
 
 
 def _cause(error: Exception) -> str:

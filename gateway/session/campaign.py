@@ -42,6 +42,8 @@ SPARE: Final = Reason(Code.BETWEEN_GROUP_SPEEDS, groups=MAX_GROUPS)
 _PLACEHOLDER_DEGC: Final = 20.0
 # Within this time even a wheel at walking speed turns more than once.
 _ONE_TURN_S: Final = 5.0
+# Blocks of a group whose estimates are compared, unless asked otherwise.
+_FOLDS: Final = 5
 
 
 def read_campaign(
@@ -49,7 +51,7 @@ def read_campaign(
     *,
     vehicle: VehicleConfig | None = None,
     wheel: str | None = None,
-    folds: int = 5,
+    folds: int = _FOLDS,
     on_bytes: Callable[[int], None] | None = None,
     workers: Workers | None = None,
     reverse: Collection[Path] = (),
@@ -128,7 +130,6 @@ def read_usable(
     wheel: str,
     *,
     vehicle: VehicleConfig | None = None,
-    folds: int = 5,
     key_file: Path | None = None,
 ) -> tuple[WheelRecordings, dict[int, Reason]]:
     """Read those of many recordings that can be used, and return why the others cannot, by their number.
@@ -137,13 +138,12 @@ def read_usable(
         paths: recordings.
         wheel: position.
         vehicle: configuration for all recordings; None to use the one in each recording.
-        folds: blocks of a group with enough revolutions, at least 2.
         key_file: keys of signed frames, where the configuration asks for them.
 
     Raises:
         RecordingError: none of them can be used.
     """
-    orders = _orders(paths, vehicle, wheel, folds, (), key_file)
+    orders = _orders(paths, vehicle, wheel, _FOLDS, (), key_file)
     refused: dict[int, Reason] = {}
     reads = [RecordingRead(())] * len(orders)
     work = Workers().work_on(_read_or_refuse, orders, lambda _: None)
