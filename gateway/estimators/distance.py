@@ -50,7 +50,8 @@ class DistanceEstimator(RevolutionEstimator):
             return (Estimate.invalid(NAMES[0], Reason(Code.SPEED_OR_RADIUS_UNKNOWN)),)
         circumference = 2.0 * math.pi * radius
         frequency = revolution.omega_radps / (2.0 * math.pi)
-        if not math.isnan(self._end_s):
+        # Between revolutions that share a contact there is none, whatever the hub's clock says.
+        if not (revolution.follows or math.isnan(self._end_s)):
             self._bridge(revolution.start_s - self._end_s, frequency, circumference)
         self._end_s, self._frequency_hz = revolution.start_s + revolution.period_s, frequency
         self._distance_m += circumference * revolution.turns

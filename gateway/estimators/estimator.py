@@ -146,6 +146,8 @@ class Revolution:
         turns: between the two contacts; more than 1 where contacts between them were not seen.
         corner: of the AC coupling over the wheel's frequency, undone in the axes; 0 for none, or where none is stated.
         assumed_steady: True when the angular acceleration could not be measured, without a revolution before, and is 0.
+        follows: True when it begins with the contact that ended the revolution before.
+        rate_std: relative standard error of the sampling rate by a hub's clock or sample numbers that are not steady.
     """
 
     index: int
@@ -172,6 +174,8 @@ class Revolution:
     turns: int = 1
     corner: float = 0.0
     assumed_steady: bool = False
+    follows: bool = False
+    rate_std: float = 0.0
 
 
 def sign_not_determined(value: float, std: float) -> Reason:

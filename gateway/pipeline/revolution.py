@@ -117,6 +117,8 @@ class TimedRevolution:
         index: running number of the revolution.
         start_s: hub time of the first contact centre.
         rate_hz: measured sampling rate.
+        rate_std: its relative standard error.
+        follows: whether it begins with the contact that ended the revolution before.
         sign: +1 or -1, makes the radial axis positive inward.
         contribution_mps2: (3, GRID_SIZE) contribution of known effects to the axes, which is subtracted; None if none.
         uncorrected: reason why no contribution is subtracted although effects are known.
@@ -129,6 +131,8 @@ class TimedRevolution:
     index: int
     start_s: float
     rate_hz: float
+    rate_std: float
+    follows: bool
     sign: int
     contribution_mps2: FloatArray | None = None
     uncorrected: Reason | None = None
@@ -264,6 +268,8 @@ def _in_angle(
             faults=against if edge_fault is None else (*against, edge_fault),
             period_std_s=math.hypot(revolution.timed.period_std, revolution.missing_samples) / revolution.rate_hz,
             rate_hz=revolution.rate_hz,
+            rate_std=revolution.rate_std,
+            follows=revolution.follows,
             uncorrected=revolution.uncorrected,
             turns=revolution.turns,
             corner=corners[row_index],

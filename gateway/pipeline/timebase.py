@@ -4,16 +4,18 @@ Both fits use completed windows only, chosen by the requested time, so that the 
 which frames arrive.
 """
 
+import math
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gateway.signal.short_medians import median
+from gateway.types import FloatArray
 
 # Distance of the support points of the sample clock, and their number in a fit.
 _SAMPLE_WINDOW_S: Final = 0.5
@@ -24,6 +26,17 @@ _MIN_SPAN_S: Final = 2.0
 _STAMP_ERROR_US: Final = 2000.0
 # A measured rate that deviates more than this from the nominal one indicates faulty time stamps.
 _MAX_RATE_ERROR: Final = 0.1
+# A time between two support points is a step, of the hub's clock or by samples that were lost or repeated unmarked,
+# where it is off their median by more than so many of the median deviations, and by more than this. Steps are looked
+# for in so many times or more, and up to this share of them.
+_STEP_DEVIATIONS: Final = 8.0
+_LEAST_STEP_US: Final = 100.0
+_LEAST_TIMES: Final = 4
+_MOST_STEPS: Final = 0.4
+# Mean square residual, over that by neighbouring stamps alone, up to which stamps scatter about a line at random.
+_RANDOM_SCATTER: Final = 1.5
+# Relative error of the rate below which a clock counts as steady: a tenth of that which is assumed of every rate.
+_STEADY_CLOCK: Final = 1e-5
 
 _HOST_WINDOW_US: Final = 1_000_000
 _HOST_WINDOWS: Final = 60
@@ -33,8 +46,28 @@ _CLOSED_AFTER_WINDOWS: Final = 2
 _USED_AFTER_WINDOWS: Final = 3
 
 
+class _Fit(NamedTuple):
+    """Line through time stamps.
+
+    Attributes:
+        rate_hz: sampling rate.
+        anchor: sample number.
+        anchor_us: its hub time.
+        rate_std: relative standard error of the rate, by what the stamps leave of the line; 0 of a steady clock.
+    """
+
+    rate_hz: float
+    anchor: int
+    anchor_us: float
+    rate_std: float
+
+
 class SampleClock:
-    """Maps a wheel's running sample number to hub time, measuring the true sampling rate against the hub's clock."""
+    """Maps a wheel's running sample number to hub time, measuring the true sampling rate against the hub's clock.
+
+    A step of the hub's clock or of the sample numbers does not change the rate: the stamps before and after it are on
+    parallel lines.
+    """
 
     def __init__(self, nominal_rate_hz: float) -> None:
         """Start with the nominal rate."""
@@ -43,7 +76,7 @@ class SampleClock:
         self._indices: list[int] = []
         self._ticks_us: list[int] = []
         # Fits by their last sample: times are asked for in no fixed order.
-        self._fits: dict[int, tuple[float, int, float]] = {}
+        self._fits: dict[int, _Fit] = {}
 
     def stamp(self, index: int, tick_us: int) -> None:
         """Add the hub time `tick_us` (unwrapped) of sample `index`."""
@@ -67,8 +100,8 @@ class SampleClock:
             else:
                 block_index = -((first - due) // block)
 
-    def _fitted(self, index: float) -> tuple[float, int, float]:
-        """Return rate in Hz, anchor sample and the anchor's hub time in us, from the time stamps up to `index`."""
+    def _fitted(self, index: float) -> _Fit:
+        """Return the line through the time stamps up to `index`."""
         until = max(1, bisect_right(self._indices, index))
         last = self._indices[until - 1]
         cached = self._fits.get(last)
@@ -76,29 +109,99 @@ class SampleClock:
             return cached
         indices = np.array(self._indices[max(0, until - _SAMPLE_WINDOWS) : until], np.float64)
         ticks = np.array(self._ticks_us[max(0, until - _SAMPLE_WINDOWS) : until], np.float64)
+        ticks, steps_us, doubt = _without_steps(indices, ticks)
         rate, index_mean, tick_mean = self.nominal_rate_hz, float(indices.mean()), float(ticks.mean())
         span = indices[-1] - indices[0]
         differs = abs(ticks[-1] - ticks[0] - span * 1e6 / rate) > _STAMP_ERROR_US
+        # A rate that the stamps do not support yet is off by what they say of it.
+        std = abs(float(ticks[-1] - ticks[0]) / (span * 1e6 / rate) - 1.0) if span else 0.0
         if span >= _MIN_SPAN_S * rate or differs:
             centred = indices - index_mean
             us_per_sample = float(centred @ (ticks - tick_mean) / (centred @ centred))
             measured = 1e6 / us_per_sample if us_per_sample > 0.0 else 0.0
             if abs(measured / rate - 1.0) <= _MAX_RATE_ERROR:
                 rate = measured
-        anchor_us = tick_mean + (last - index_mean) * 1e6 / rate
+                if len(indices) > _LEAST_TIMES:
+                    std = _slope_error(centred, ticks - tick_mean - us_per_sample * centred) / us_per_sample
+        std = math.hypot(std, doubt)
+        anchor_us = tick_mean + (last - index_mean) * 1e6 / rate + steps_us
         while len(self._fits) >= _SAMPLE_WINDOWS:
             del self._fits[next(iter(self._fits))]
-        self._fits[last] = rate, last, anchor_us
+        self._fits[last] = _Fit(rate, last, anchor_us, std if std > _STEADY_CLOCK else 0.0)
         return self._fits[last]
 
     def rate_hz(self, index: float) -> float:
         """Return the sampling rate, Hz, estimated from samples up to `index`."""
-        return self._fitted(index)[0]
+        return self._fitted(index).rate_hz
+
+    def rate_std(self, index: float) -> float:
+        """Return the relative standard error of `rate_hz` by the scatter of the stamps; 0 where the clock is steady."""
+        return self._fitted(index).rate_std
 
     def hub_us(self, index: float) -> float:
         """Return the hub time of a (fractional) sample number, us since the hub's start."""
-        rate, anchor, anchor_us = self._fitted(index)
+        rate, anchor, anchor_us, _ = self._fitted(index)
         return anchor_us + (index - anchor) * 1e6 / rate
+
+
+class _Unstepped(NamedTuple):
+    """Time stamps as they would be without steps.
+
+    Attributes:
+        ticks_us: (n,) hub times.
+        steps_us: sum of the steps.
+        doubt: relative error of the rate where the steps may be another rate.
+    """
+
+    ticks_us: FloatArray
+    steps_us: float
+    doubt: float
+
+
+def _without_steps(indices: FloatArray, ticks_us: FloatArray) -> _Unstepped:
+    """Return time stamps without the steps of the hub's clock and of the sample numbers.
+
+    A late stamp is a step and a step back: the last one may be late, unless its step is larger than that. Where steps
+    follow each other up to now, or are too many, they may be another rate.
+    """
+    samples, times_us = np.diff(indices), np.diff(ticks_us)
+    if len(samples) < _LEAST_TIMES:
+        return _Unstepped(ticks_us, 0.0, 0.0)
+    beyond_us = times_us - samples * float(np.median(times_us / samples))
+    # The usual deviation of a few times is by chance.
+    least_us = _LEAST_STEP_US if len(samples) >= 2 * _LEAST_TIMES else 2.0 * _STAMP_ERROR_US
+    limit_us = max(least_us, _STEP_DEVIATIONS * float(np.median(np.abs(beyond_us))))
+    is_step = np.abs(beyond_us) > limit_us
+    if not is_step.any():
+        return _Unstepped(ticks_us, 0.0, 0.0)
+    steps_us = np.where(is_step, beyond_us, 0.0)
+    if np.count_nonzero(is_step) > _MOST_STEPS * len(samples):
+        return _Unstepped(ticks_us, 0.0, float(np.abs(steps_us).sum() / times_us.sum()))
+    in_a_row = int(np.argmin(is_step[::-1]))
+    doubt = abs(float(steps_us[-in_a_row:].sum() / times_us[-in_a_row:].sum())) if in_a_row > 1 else 0.0
+    without = ticks_us - np.concatenate(([0.0], np.cumsum(steps_us)))
+    if abs(steps_us[-1]) <= _STAMP_ERROR_US:
+        steps_us[-1] = 0.0
+    return _Unstepped(without, float(steps_us.sum()), doubt)
+
+
+def _slope_error(indices: FloatArray, residual_us: FloatArray) -> float:
+    """Return the standard error of the slope of a line through time stamps, us per sample.
+
+    Stamps that scatter at random are as far from the line as neighbouring ones from each other. What lies further off
+    is taken for a random walk, as by samples that are lost unmarked: its mean step is as unsure as a single one. A
+    rate that drifts gives the same.
+
+    Args:
+        indices: (n,) sample numbers about their mean, n > 4.
+        residual_us: (n,) hub times less the line.
+    """
+    count, span = len(indices), float(indices[-1] - indices[0])
+    mean_square = float(residual_us @ residual_us) / (count - 2)
+    bends = np.diff(residual_us, 2)
+    at_random = float(bends @ bends) / (6.0 * len(bends))
+    walk = max(0.0, mean_square - _RANDOM_SCATTER * at_random) * 15.0 * count / span**2
+    return math.sqrt(mean_square / float(indices @ indices) + walk)
 
 
 class HostClock:

@@ -75,6 +75,14 @@ class Named(Mapping[str, Estimate]):
         return len(self._estimates)
 
 
+def _at_rate(conditions: TireConditions, rate_std: float) -> TireConditions:
+    """Return conditions with a relative error of the sampling rate beside what is stated of it."""
+    if not rate_std:
+        return conditions
+    claims = conditions.claims
+    return replace(conditions, claims=replace(claims, rate_std=math.hypot(claims.rate_std, rate_std)))
+
+
 class _PausedSteps:
     """The running average after each of revolutions of which some have faults and leave it unchanged."""
 
@@ -263,7 +271,10 @@ class TireEstimates:
             self._series[uncorrected] = _Series(self._setup, self._names, self._current)
         self._current = series = self._series[uncorrected]
         averages = self._take_in(arrays)
-        stated = [self.conditions(end_us) for end_us in ends_us]
+        stated = [
+            _at_rate(self.conditions(end_us), revolution.rate_std)
+            for end_us, revolution in zip(ends_us, revolutions, strict=True)
+        ]
         measured = series.calibration.measure(RevolutionBlock(revolutions, arrays, averages, stated))
         earlier = [Given() for _ in revolutions]
         evidences = [

@@ -125,6 +125,8 @@ class WheelPipeline:
         self._overwritten_before = self._looked_at = 0
         # Samples that the last revolution was short of without a mark.
         self._checked_before = _SOUND
+        # Centre of the contact that ended the last revolution.
+        self._end = math.nan
         self.blocks_before_hello = 0
         # The latest state for views, until something changes it.
         self._snapshot: WheelSnapshot | None = None
@@ -161,6 +163,7 @@ class WheelPipeline:
             self._buffer = SampleBuffer(round(BUFFER_S * hello.rate_hz), len(reading.columns))
             self._segmenter = None
             self._timer.reset()
+            self._end = math.nan
             self._filling.reset()
             self._unmarked.reset()
             self._clock = SampleClock(hello.rate_hz)
@@ -341,6 +344,7 @@ class WheelPipeline:
         self._buffer.reset(head)
         self._start_segmenter(head)
         self._timer.reset()
+        self._end = math.nan
         self._unmarked.reset()
         self._clock = SampleClock(self._sensor.hello.rate_hz)
 
@@ -432,9 +436,11 @@ class WheelPipeline:
             start_s = clock.hub_us(timed.start.centre) * 1e-6
             revolutions.append(
                 TimedRevolution(
-                    pair, timed, self._revolutions, start_s, rate_hz, sign, contribution, uncorrected, *check
+                    pair, timed, self._revolutions, start_s, rate_hz, clock.rate_std(pair.end.centre),
+                    timed.start.centre == self._end, sign, contribution, uncorrected, *check,
                 )
-            )
+            )  # fmt: skip
+            self._end = timed.end.centre
             ends_us.append(end_us)
             self._revolutions += 1
         self._checked_before = before

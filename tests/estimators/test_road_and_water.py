@@ -6,6 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from firmware_protocol.decoder import FrameDecoder
+from gateway.config.validation import parse_document
 from gateway.config.vehicle import Tire
 from gateway.estimators.cavity import CavityEstimator
 from gateway.estimators.distance import DistanceEstimator
@@ -16,8 +18,11 @@ from gateway.estimators.water_wedge import WaterWedgeEstimator
 from gateway.pipeline.results import RevolutionResult
 from gateway.pipeline.tire_estimates import _Series
 from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.pipeline.wheels import Pipeline
 from gateway.reasons import Code, Reason, codes_of
 from gateway.simulator.road_profile import QuarterCar, RoadProfile, RoadRide, roughness_m3
+from gateway.simulator.scenario_model import Scenario
+from gateway.simulator.simulation import simulate
 from tests.testkit.exact_ring import RADIUS_M, solution
 from tests.testkit.revolution_data import CONDITIONS, exact_wave, make_revolution, settled
 from tests.testkit.simulated_wheel import last, simulated
@@ -246,6 +251,24 @@ def test_simulated_distance_over_a_drive() -> None:
     omega = truth.omega_radps(0.5 * (results[-1].revolution.start_s + end) - shift)
     assert result["angular_speed_radps"].value == pytest.approx(omega, rel=2e-3)
     assert result["rotation_rpm"].value == pytest.approx(60.0 / results[-1].revolution.period_s, rel=1e-9)
+
+
+@pytest.mark.parametrize("step_us", [300_000, -100_000, 8000])
+def test_step_of_the_hubs_clock_is_neither_distance_nor_speed(step_us: int) -> None:
+    text = "[motion]\nspeed_kmh = 80\n[[wheel]]\nposition = 'FL'\nwheel = 0\n"
+    simulation, decoder = simulate(parse_document(Scenario, text, "test"), duration_s=8.0), FrameDecoder()
+    setup = replace(SETUP, position="FL", radius_m=0.32, radius_std_m=0.0032)
+    pipeline, results = Pipeline((setup,), setup, ("kinematic", "distance")), []
+    for chunk in simulation.chunks("link", 10**18):
+        for frame in decoder.feed(chunk.data):
+            stepped = frame._replace(tick_us=frame.tick_us + step_us * (frame.tick_us > 4_000_000))
+            results += pipeline.frames("link", (stepped,), chunk.host_ns)
+    results += pipeline.finish()
+    estimates = [{estimate.name: estimate for estimate in result.estimates} for result in results]
+    assert len(results) > 80
+    for turns, result in enumerate(estimates, 1):
+        assert result["distance_m"].value == pytest.approx(2.0 * math.pi * 0.32 * turns)
+        assert abs(result["angular_speed_radps"].value - 80.0 / 3.6 / 0.32) < 4.0 * result["angular_speed_radps"].std
 
 
 def test_distance_goes_on_where_known_effects_do_not_hold() -> None:

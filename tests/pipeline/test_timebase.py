@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from gateway.pipeline.timebase import HostClock, SampleClock
 
@@ -112,3 +113,51 @@ def test_a_hub_200_ppm_fast_is_followed_for_a_day():
     # 17 s are gained in a day; a time is wrong by the quickest delay of the link, and by what a minute of drift leaves.
     assert np.max(np.abs(errors_s[3:])) < 0.02
     assert np.ptp(errors_s[-60:]) < 0.02
+
+
+def stamped(
+    ticks_us: np.ndarray, block: int = 80, lost: frozenset[int] = frozenset(), rate_hz: float = 9600.0
+) -> tuple[SampleClock, int]:
+    """Return a clock that has seen the blocks, those lost without a mark not numbered, and its last sample."""
+    clock, index = SampleClock(rate_hz), 0
+    for number, tick_us in enumerate(ticks_us):
+        if number not in lost:
+            clock.stamp(index, round(tick_us))
+            index += block
+    return clock, index - block
+
+
+def block_times_us(seconds: float, block: int = 80, rate_hz: float = 9600.0) -> np.ndarray:
+    return np.arange(round(seconds * rate_hz / block)) * block * 1e6 / rate_hz
+
+
+@pytest.mark.parametrize("step_us", [300_000.0, -100_000.0, 8000.0, 2000.0])
+def test_a_step_of_the_hubs_clock_does_not_change_the_rate(step_us: float) -> None:
+    times_us = block_times_us(12.0) + np.where(np.arange(1440) >= 720, step_us, 0.0)
+    clock, last = stamped(times_us)
+    assert abs(clock.rate_hz(last) / 9600.0 - 1.0) < 1e-6
+    assert clock.rate_std(last) < 1e-5
+    assert abs(clock.hub_us(last) - times_us[-1]) < 20.0
+
+
+def test_samples_lost_without_a_mark_do_not_change_the_rate() -> None:
+    rng = np.random.default_rng(3)
+    lost = frozenset(np.flatnonzero(rng.random(2400) < 0.004).tolist())
+    clock, last = stamped(block_times_us(20.0), lost=lost)
+    assert len(lost) > 5
+    assert abs(clock.rate_hz(last) / 9600.0 - 1.0) < 1e-6
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_error_of_the_rate_covers_what_stamps_that_scatter_or_bend_leave(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    for seconds in (6.0, 12.0, 25.0):
+        times_us = block_times_us(seconds)
+        scattered, last = stamped(times_us + rng.normal(0.0, 700.0, len(times_us)))
+        assert abs(scattered.rate_hz(last) / 9600.0 - 1.0) < 3.5 * scattered.rate_std(last)
+        assert scattered.rate_std(last) < 1e-3
+        # Samples come ever later: at the end, the rate is lower by 20 ppm for each second.
+        drifting, last = stamped(times_us + 1e-5 * times_us * times_us * 1e-6)
+        off = drifting.rate_hz(last) / 9600.0 * (1.0 + 2e-5 * seconds) - 1.0
+        assert abs(off) < 3.0 * drifting.rate_std(last)
+    assert stamped(times_us)[0].rate_std(last) == 0.0
