@@ -59,6 +59,14 @@ _ALONG_NAME: Final = AXIS_NAMES[_CIRCUMFERENTIAL]
 _PRIOR_STDS: Final = (0.1, STANDARD_GRAVITY_MPS2, 5e-4, 3e-4)
 # Scatter of a revolution's mean without noise: road, speed within the revolution.
 _MEAN_STD_MPS2: Final = 0.5
+# Error of a revolution's mean over its value, per difference of the relative changes of speed in two revolutions: a
+# wheel that brakes or spins does not turn with the constant acceleration that the mean is freed from. Such a difference
+# counts in so many revolutions, and beyond what a usual drive and the timing of contacts make of it.
+_MEAN_BY_JERK: Final = 0.15
+_JERK_LASTS: Final = 3
+_USUAL_JERK: Final = 0.005
+# The same, per square of the relative change of speed in a revolution.
+_MEAN_BY_CHANGE: Final = 0.1
 # Systematic error of the closure as a share of R Omega^2: 1.3e-4 on a belt of 5 MN.
 _CLOSURE_STD: Final = 1.5e-4
 # Signal in the middle of a flat contact as a share of R Omega^2, on the exact ring over loads, and its error.
@@ -252,6 +260,10 @@ class SelfCalibrationEstimator(BlockEstimator):
         self._steady.reset()
         # Whether the revolution before each of a block has faults.
         self._after_fault: BoolArray = np.zeros(1, np.bool_)
+        # Relative change of the speed in each of the last revolutions before a block, and in its own; NaN where it is
+        # not known. Relative errors of the means of its own.
+        self._changes: FloatArray = np.full(_JERK_LASTS, math.nan)
+        self._mean_errors: FloatArray = np.zeros(0)
         self._has_along = False
         self._is_calibrated = False
         self._reference_degc: float | None = None
@@ -286,6 +298,7 @@ class SelfCalibrationEstimator(BlockEstimator):
         lost_values = self._steady.update_block(block)
         faulty = [bool(revolution.faults) for revolution in block.revolutions]
         self._after_fault = np.array([self._after_fault[-1], *faulty])
+        self._look_at_speed(block)
         steps: list[_Step] = []
         taken: list[int] = []
         for index, revolution in enumerate(block.revolutions):
@@ -305,6 +318,16 @@ class SelfCalibrationEstimator(BlockEstimator):
         steps += self._take(block, taken)
         self._steps = steps
         return [(step.measured, lost) for step, lost in zip(steps, lost_values, strict=True)]
+
+    def _look_at_speed(self, block: RevolutionBlock) -> None:
+        """Take the error that a change of acceleration makes in the mean of each revolution of a block."""
+        changes = block.arrays.omega_dot_radps2 * (2.0 * math.pi) / np.square(block.arrays.omega_radps)
+        changes[[revolution.assumed_steady for revolution in block.revolutions]] = math.nan
+        self._changes = np.concatenate([self._changes[-_JERK_LASTS:], changes])
+        jumps = np.nan_to_num(np.abs(np.diff(self._changes)))
+        jerks = np.lib.stride_tricks.sliding_window_view(jumps, _JERK_LASTS).max(axis=1)
+        by_change = _MEAN_BY_CHANGE * np.square(np.nan_to_num(changes))
+        self._mean_errors = _MEAN_BY_JERK * np.maximum(jerks - _USUAL_JERK, 0.0) + by_change
 
     def estimates(self, block: RevolutionBlock, unsure: Sequence[float] | None = None) -> list[tuple[Estimate, ...]]:
         """Return the estimates of NAMES after each revolution of the block that was measured last.
@@ -529,9 +552,10 @@ class SelfCalibrationEstimator(BlockEstimator):
         # Gravity was subtracted with a gain of 1; the remainder is compared with the closure of the belt.
         gravity = STANDARD_GRAVITY_MPS2 * belt.gravity_order_1
         remainder = order_1.real - belt.signal_order_1 * mean
-        change = np.abs(block.arrays.omega_dot_radps2[selection]) * (2.0 * math.pi) / (omega * omega)
+        change = np.nan_to_num(np.abs(self._changes[_JERK_LASTS:][selection]))
         settled = self._last.revolutions + 1 + np.arange(len(taken)) > 2
         is_steady = (change > 0.0) & (change < _STEADY_SPEED) & settled & (belt.mean_square <= GREATEST_MEAN_SQUARE)
+        is_resumed = np.isnan(self._changes[_JERK_LASTS:][selection]) & (self._last.revolutions > 0)
         # Behind a revolution with faults, neither the time of the contact between them nor the acceleration is sure.
         usable = np.isfinite(remainder) & np.isfinite(expected) & ~self._after_fault[:-1][selection]
         # Factors of G, z, G' and a, then the left-hand side, of both equations.
@@ -544,7 +568,9 @@ class SelfCalibrationEstimator(BlockEstimator):
             steady,
             remainder,
         )
-        by_mean /= _MEAN_STD_MPS2
+        by_mean /= np.hypot(_MEAN_STD_MPS2, self._mean_errors[selection] * expected)[:, np.newaxis]
+        # Behind a pause, the acceleration is not known.
+        by_mean[is_resumed] = 0.0
         by_gravity /= self._scatter_mps2
         by_gravity[~is_steady] = 0.0
         if block.conditions[taken[0]].tire.is_linear_ring:

@@ -185,3 +185,17 @@ def test_zero_offset_error_grows_as_speeds_approach(
     rows = np.array([[steady, 1.0] for steady in steady_mps2])
     (aa, ab), (_, bb) = (rows.T @ rows).tolist()
     assert least <= speed_errors(Equations(aa, ab, bb)).zero_mps2 <= most
+
+
+@pytest.mark.parametrize(
+    "speed_kmh",
+    [
+        "[[0, 65], [4, 65], [4.5, 130], [5, 130], [5.3, 65], [8, 65]]",
+        "[[0, 80], [3, 80], [4.5, 0], [6, 0], [8, 60], [10, 60]]",
+    ],
+)
+def test_means_of_a_wheel_that_spins_or_stops_give_no_zero_offset(speed_kmh: str) -> None:
+    tables = f"[sensor]\nrange_g = 1000\n[motion]\nspeed_kmh = {speed_kmh}"
+    for result in simulated(tables, 10.0, SETUP, ESTIMATORS)[0]:
+        offset = {estimate.name: estimate for estimate in result.estimates}["zero_g_offset_mps2"]
+        assert offset.status is not Status.VALID or within(offset, 0.0)
