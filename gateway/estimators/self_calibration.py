@@ -80,6 +80,10 @@ _KEEP: Final = 1.0 - 1.0 / _HORIZON_REVOLUTIONS
 _HUB_AT_REST: Final = 1e-4
 # Memory of the hub's motion, as that of the running average that contains it.
 _KEEP_OF_HUB: Final = 1.0 - 1.0 / DEFAULT_HORIZON_REVOLUTIONS
+# Memory of depth and pitch by the latest revolutions alone, and their standard errors beyond which they are not those
+# of all: the sensor moves, or another axis is read.
+_KEEP_OF_LATEST: Final = 1.0 - 1.0 / 8.0
+_BEYOND_LATEST: Final = 2.0
 # Share of its prior error below which the zero-g offset counts as determined, and of a stated error below which a
 # measured value stands against a statement that contradicts it.
 _SEPARATED: Final = 0.3
@@ -274,6 +278,8 @@ class SelfCalibrationEstimator(BlockEstimator):
         self._with_gravity: FloatArray = np.zeros(4)
         self._along_gravity: AlongGravity | None = None
         self._hub: FloatArray = np.zeros(HUB_SIZE)
+        # Equations of the mounting, of the latest revolutions.
+        self._latest: FloatArray = np.zeros(MOUNTING_SIZE)
         # Sums of the axes, and of 1, the square of the speed and the reaction to angular acceleration; what the
         # relations of the axes said at the last renewal.
         self._axes: FloatArray = np.zeros((0, 0))
@@ -443,6 +449,7 @@ class SelfCalibrationEstimator(BlockEstimator):
             self._last = _START._replace(against=against is not turned, floor=self._last.floor)
             self._is_calibrated = self._has_along = False
             self._hub, self._axes, self._axes_with = np.zeros(HUB_SIZE), np.zeros((0, 0)), np.zeros(3)
+            self._latest = np.zeros(MOUNTING_SIZE)
             self._relations = AxisRelations()
             self._by_yaw_m = 0.0
             self._ratio = self._offset_ratio(block.conditions[index])
@@ -522,7 +529,10 @@ class SelfCalibrationEstimator(BlockEstimator):
         reaction = omega_dot * first_conditions.radius_m
         self._axes_with = powers[-1] * self._axes_with + weights @ np.array([np.ones(len(taken)), omega**2, reaction]).T
         self._hub = hub[-1]
-        return self._record(block, taken, belt, sums, hub, warm, expected)
+        powers, decay = _decay(len(taken), _KEEP_OF_LATEST)
+        latest = powers[:, np.newaxis] * self._latest + decay @ rows[:, _MOUNTING]
+        self._latest = latest[-1]
+        return self._record(block, taken, belt, sums, hub, latest, warm, expected)
 
     def _warm(self, conditions: TireConditions) -> float:
         degc = conditions.temperature_degc
@@ -592,6 +602,7 @@ class SelfCalibrationEstimator(BlockEstimator):
         belt: BeltKinematics,
         sums: FloatArray,
         hub: FloatArray,
+        latest: FloatArray,
         warm: Sequence[float],
         expected: Sequence[float],
     ) -> list[_Step]:
@@ -599,7 +610,9 @@ class SelfCalibrationEstimator(BlockEstimator):
         hub_mps2 = [0.0] * len(taken)
         if self._has_along:
             mountings, mounting_stds = MountingRows(sums[:, _MOUNTING], hub).solve()
-            solutions, stds = mountings.tolist(), mounting_stds.tolist()
+            of_latest, latest_stds = MountingRows(latest, hub).solve()
+            beyond = np.abs(of_latest - mountings) - _BEYOND_LATEST * latest_stds
+            solutions, stds = mountings.tolist(), np.hypot(mounting_stds, np.fmax(beyond, 0.0)).tolist()
             # What a belt without any such motion leaves does not count.
             motion = hub_motion_mps2(hub, mountings[:, 0], mountings[:, 1])
             motion[np.isnan(motion)] = 0.0

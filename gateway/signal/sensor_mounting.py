@@ -17,6 +17,7 @@ import numpy as np
 
 from gateway.compiled import core
 from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.quantity_catalogue import LARGEST_ZERO_MPS2
 from gateway.signal.angle_resampling import angle_grid
 from gateway.types import BoolArray, ComplexArray, FloatArray, IntArray
 
@@ -41,6 +42,10 @@ MOUNTING_STD_RAD: Final = math.radians(1.0)
 _CONTRADICTION: Final = 3.0
 # Least relative variance of the radial mean, which is a spread of the speed of 0.5 %.
 _LEAST_SPREAD: Final = 1e-4
+# Lateral acceleration of a usual curve, which the lateral mean contains, and the number of latest revolutions whose
+# means, where they are further off than by a curve, are those of another roll.
+_CURVE_MPS2: Final = 4.0
+_LATEST_REVOLUTIONS: Final = 8
 # Wide prior of the roll tilt; keeps the estimate finite in the first revolutions.
 _ROLL_PRIOR_STD_RAD: Final = math.radians(10.0)
 
@@ -372,7 +377,8 @@ class RollCalibration:
 
     Over a closed belt the lateral displacement adds nothing to the mean, and the radial mean is R Omega^2. At a single
     speed the tilt is as accurate as the offset is known (1 m/s^2 at 65 km/h is 0.06 deg). Revolutions at different
-    speeds separate the two. Old revolutions are forgotten exponentially, so the fit follows temperature.
+    speeds separate the two. Old revolutions are forgotten exponentially, so the fit follows temperature. What the
+    latest are off by, beyond a curve, is in the error of the tilt: the sensor has moved.
     """
 
     def __init__(self, offset_std_mps2: float = OFFSET_STD_MPS2, horizon_revolutions: float = 500.0) -> None:
@@ -394,6 +400,8 @@ class RollCalibration:
         self.count = 0
         self._roll_rad, self._roll_std_rad, self._offset_mps2 = 0.0, MOUNTING_STD_RAD, 0.0
         self._found_std_mps2 = self._offset_std_mps2
+        # Mean residual of the latest revolutions over the radial mean.
+        self._latest_rad = 0.0
 
     def expect_offset(self, std_mps2: float) -> None:
         """Change the prior standard error of the constant, from the next revolution on."""
@@ -418,14 +426,21 @@ class RollCalibration:
         free = aa * bb - ab * ab
         if free > _LEAST_SPREAD * aa * bb:
             alone = (aa * b - ab * a) / free
-            if abs(alone) > _CONTRADICTION * math.hypot(math.sqrt(aa / free), std):
+            contradicts = abs(alone) > _CONTRADICTION * math.hypot(math.sqrt(aa / free), std)
+            # One that no sensor has is none: a few means do not belong to their speeds.
+            if contradicts and abs(alone) <= LARGEST_ZERO_MPS2:
                 std = abs(alone)
         aa += self._roll_weight
         bb += std**-2
         determinant = aa * bb - ab * ab
         self._roll_rad = math.atan((bb * a - ab * b) / determinant)
-        self._roll_std_rad = math.sqrt(bb / determinant)
         self._offset_mps2 = (aa * b - ab * a) / determinant
+        off_rad = (mean_lateral_mps2 - self._offset_mps2) / mean_radial_mps2 - math.tan(self._roll_rad)
+        self._latest_rad += (off_rad - self._latest_rad) / min(self.count, _LATEST_REVOLUTIONS)
+        moved_rad = max(abs(self._latest_rad) - _CURVE_MPS2 / mean_radial_mps2, 0.0)
+        # What no sensor has of the constant is of the tilt.
+        of_constant_rad = max(abs(self._offset_mps2) - LARGEST_ZERO_MPS2, 0.0) / mean_radial_mps2
+        self._roll_std_rad = math.hypot(math.sqrt(bb / determinant), moved_rad, of_constant_rad)
         self._found_std_mps2 = math.sqrt(aa / determinant)
 
     @property

@@ -199,3 +199,22 @@ def test_means_of_a_wheel_that_spins_or_stops_give_no_zero_offset(speed_kmh: str
     for result in simulated(tables, 10.0, SETUP, ESTIMATORS)[0]:
         offset = {estimate.name: estimate for estimate in result.estimates}["zero_g_offset_mps2"]
         assert offset.status is not Status.VALID or within(offset, 0.0)
+
+
+def test_errors_of_the_mounting_cover_a_sensor_that_comes_loose() -> None:
+    results, _ = simulated("[sensor]\nrange_g = 1000\noffset_mm = 3", 12.0, SETUP, ESTIMATORS)
+    first = results[40].revolution.index
+    estimator, average = SelfCalibrationEstimator(), RunningAverage()
+    for result in results:
+        revolution = result.revolution
+        # It tips forward and to the side, to 3 deg within 40 revolutions, and stays there.
+        tilt_rad = math.radians(min(max(revolution.index - first, 0) / 40.0, 1.0) * 3.0)
+        along, lateral, radial = revolution.axes_mps2
+        axes = np.array([along + math.sin(tilt_rad) * radial, lateral + math.sin(tilt_rad) * radial, radial])
+        tipped = replace(revolution, axes_mps2=axes)
+        made = estimator.update(tipped, extended(average, tipped), result.conditions)
+        estimates = {estimate.name: estimate for estimate in made}
+        if revolution.index > first + 15:
+            assert within(estimates["pitch_tilt_rad"], tilt_rad)
+            assert within(estimates["roll_tilt_rad"], tilt_rad)
+    assert estimates["pitch_tilt_rad"].std < math.radians(3.0)

@@ -117,6 +117,29 @@ def test_roll_tracks_slow_changes() -> None:
     assert moved.roll_rad == pytest.approx(0.01, rel=0.02)
 
 
+def test_error_of_the_roll_covers_a_sensor_that_tips() -> None:
+    tipped = RollCalibration()
+    for count in range(120):
+        true_rad = 0.0 if count < 60 else 0.07
+        tipped.update(math.tan(true_rad) * 1000.0, 1000.0)
+        if not 60 <= count < 63:
+            assert abs(tipped.roll_rad - true_rad) < 3.0 * tipped.roll_std_rad
+    in_a_curve = RollCalibration()
+    for count in range(120):
+        in_a_curve.update(3.0 if count > 60 else 0.0, 1000.0)
+    assert in_a_curve.roll_std_rad == pytest.approx(calibrate(0.0, 0.0, [1000.0] * 120).roll_std_rad)
+
+
+def test_constant_that_no_sensor_has_is_in_the_error_of_the_roll() -> None:
+    drifting = RollCalibration(offset_std_mps2=9.8)
+    for count in range(200):
+        # Both axes drift by the same: that looks like a roll with a constant that hides it.
+        drift = 0.2 * max(count - 50, 0)
+        drifting.update(drift, 3450.0 + drift)
+    assert abs(drifting.offset_mps2) > 500.0
+    assert abs(drifting.roll_rad) < 3.0 * drifting.roll_std_rad
+
+
 def test_roll_without_mean_keeps_mounting_error() -> None:
     nothing = calibrate(5.0, 0.0, [-3.0, 0.0, math.nan])
     assert nothing.count == 0
