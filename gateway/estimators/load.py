@@ -77,7 +77,8 @@ class LoadEstimator(RevolutionEstimator):
         by_angle = _by_angle(revolution, conditions, half, half_std, pressure)
         disagreement_n = _disagreement_n(by_angle, conditions)
         by_angle = _compared(by_angle, conditions)
-        by_width = _compared(self._by_width(block, index), conditions)
+        by_width = _behind(self._by_width(block, index), block, index, half, half_std)
+        by_width = _compared(by_width, conditions)
         if DoubtRule.TWO_LOADS in conditions.rules:
             by_angle, by_width = _widened(by_angle, by_width)
         load = _better(by_angle, by_width)
@@ -142,6 +143,22 @@ class LoadEstimator(RevolutionEstimator):
             # The width is the tire's and lasts; the load of this revolution was not measured.
             status = Status.PROVISIONAL
         return Estimate(NAMES[2], value, std, status, doubts, value * width.scatter_std / width.value)
+
+
+def _behind(by_width: Estimate, block: RevolutionBlock, index: int, half: float, half_std: float) -> Estimate:
+    """Return a load by the width with the error that its average makes where the load has changed within its memory.
+
+    The load goes with the square of the contact's half angle, which every revolution has of its own.
+    """
+    if by_width.status is Status.INVALID or block.revolutions[index].faults:
+        return by_width
+    leading, trailing = block.averages.edges_rad[index]
+    ratio = 2.0 * half / (trailing - leading)
+    if not ratio > 0.0:
+        return by_width
+    change = 2.0 * math.log(ratio)
+    beyond2 = change * change - (2.0 * half_std / half) ** 2
+    return by_width._replace(std=math.hypot(by_width.std, by_width.value * math.sqrt(max(beyond2, 0.0))))
 
 
 def _beyond_load(width: Estimate, load_std: float, conditions: TireConditions) -> float:

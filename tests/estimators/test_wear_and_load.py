@@ -327,3 +327,18 @@ def test_loads_that_disagree_include_their_difference(factor: float) -> None:
         assert (Code.LOADS_DISAGREE in codes_of(load.reasons)) == (factor > 1.0)
     # Two right loads agree: their errors hardly grow.
     assert factor > 1.0 or after["load_n"].std == before["load_n"].std < 0.04 * 5000.0
+
+
+@pytest.mark.parametrize("share", [0.7, 1.3])
+def test_load_by_width_is_not_behind_a_step_of_the_load(share: float) -> None:
+    stated = replace(wheel(4500.0), load_std_n=25.0, radius_std_m=0.0032, pressure_relative_std=0.005)
+    loads = f"load_n = [[0, 4500], [6, 4500], [6.01, {4500 * share}]]"
+    results, _ = simulated("", 8.0, stated, ESTIMATORS, loads)
+    before = [last((result,))["load_by_width_n"] for result in results if result.revolution.start_s < 5.8]
+    assert before[-1].std < 0.03 * before[-1].value
+    # The simulated load changes within a quarter of a second, the edges within a revolution or two.
+    after = [result for result in results if result.revolution.start_s > 6.4]
+    assert len(after) > 10
+    for result in after:
+        load = last((result,))["load_by_width_n"]
+        assert load.status is not Status.VALID or abs(load.value - 4500.0 * share) < 3.0 * load.std
