@@ -144,7 +144,8 @@ def _write(lines: Iterable[str], text: str, out_path: Path | None, *, force: boo
     for line in lines:
         say(line)
     if out_path is None:
-        say("\n" + text.removesuffix("\n"))
+        for line in ("", *text.splitlines()):
+            say(line)
     else:
         write_whole(out_path, text, force=force)
         say.written(out_path, " (copy its tables to the vehicle configuration, replacing those of the same name)")

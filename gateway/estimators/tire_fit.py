@@ -34,6 +34,8 @@ _DETERMINED_SHARE: Final = 0.8
 _PASSES: Final = 8
 # Points of equal weight from which leaving one out gives the error; a little less, as weights are hardly ever equal.
 _LEAST_POINTS: Final = 2.5
+# Standard errors from the range of tires at which a slope with temperature is none of one tire.
+_CONTRADICTION: Final = 4.0
 # Sidewall numbers change with pressure: they are averaged over points within this share of the reference pressure.
 _SAME_PRESSURE: Final = 0.05
 
@@ -184,7 +186,8 @@ def fit_softening(points: Sequence[TirePoint]) -> tuple[float, float]:
     """Return the relative loss of bending stiffness per kelvin and its standard error, from points of one wear.
 
     ln(Bs p) = constant - softening T by weighted least squares, with the usual range of tires as the prior: points at
-    one temperature return the prior. The errors include that of the temperatures, and the scatter of the points.
+    one temperature return the prior. The errors include that of the temperatures, and the scatter of the points. Points
+    whose own slope contradicts that range differ in more than their temperature, and return the prior too.
     """
     rows = [
         (point.temperature_degc, bending.value * point.pressure_pa, bending.std / bending.value)
@@ -201,7 +204,12 @@ def fit_softening(points: Sequence[TirePoint]) -> tuple[float, float]:
     logarithm = np.log(stiffness) - weights @ np.log(stiffness) / weights.sum()
     prior = SOFTENING_STD_PER_K**-2
     information = float(weights @ np.square(warmer))
-    slope = (prior * SOFTENING_PER_K - float(weights @ (warmer * logarithm))) / (prior + information)
+    product = -float(weights @ (warmer * logarithm))
+    # Of the slope from the prior, in units of 1 / information.
+    departure = product - information * SOFTENING_PER_K
+    if abs(departure) > _CONTRADICTION * math.hypot(math.sqrt(information), information * SOFTENING_STD_PER_K):
+        return SOFTENING_PER_K, SOFTENING_STD_PER_K
+    slope = (prior * SOFTENING_PER_K + product) / (prior + information)
     scatter = 1.0
     if len(rows) > 2:
         scatter = max(1.0, float(weights @ np.square(logarithm + slope * warmer)) / (len(rows) - 2))

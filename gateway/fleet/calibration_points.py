@@ -139,7 +139,9 @@ def fit_lines(points: Sequence[TirePoint], fit: LoadFit, reference: ReferenceNum
         f"valid for {low:.0f} to {high:.0f} N at {1e-3 * law.pressure_pa:.0f} kPa, "
         f"{1e-3 * law.pressure_range_pa[0]:.0f} to {1e-3 * law.pressure_range_pa[1]:.0f} kPa, at the present wear",
         f"bending stiffness falls by {reference.softening_per_k:.2%} ± {reference.softening_std_per_k:.2%} per kelvin"
-        + ("" if is_softening_measured(reference) else " (assumed; recordings 20 K apart are needed to measure it)"),
+        + (
+            "" if is_softening_measured(reference) else " (assumed; recordings of the same tires 20 K apart measure it)"
+        ),
     ]
     return lines
 

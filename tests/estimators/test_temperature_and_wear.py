@@ -1,6 +1,7 @@
 """Temperature and wear as inputs of load and wear, and the measured loss of stiffness with temperature."""
 
 import math
+import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -9,9 +10,16 @@ import pytest
 from gateway.config.vehicle import parse_vehicle
 from gateway.estimators.estimator import Estimate, Status, TireConditions
 from gateway.estimators.load import LoadEstimator
-from gateway.estimators.tire_data import LoadCalibration, ReferenceNumbers, TireData
-from gateway.estimators.tire_fit import TirePoint, fit_softening, reference_numbers
+from gateway.estimators.tire_data import (
+    SOFTENING_PER_K,
+    SOFTENING_STD_PER_K,
+    LoadCalibration,
+    ReferenceNumbers,
+    TireData,
+)
+from gateway.estimators.tire_fit import TirePoint, fit_load_calibration, fit_softening, reference_numbers
 from gateway.estimators.wear import WearEstimator
+from gateway.fleet.calibration_points import calibration_toml
 from gateway.reasons import Code, codes_of
 from tests.testkit.exact_ring import solution
 from tests.testkit.revolution_data import exact_wave, make_revolution, settled
@@ -142,6 +150,18 @@ def test_one_temperature_leaves_the_assumed_softening() -> None:
     assert (value, std) == pytest.approx((0.006, 0.003))
     reference = reference_numbers(points(0.002, [20.0, 60.0], 0.001, 2), "weak-form")
     assert reference.softening_per_k == pytest.approx(0.002, abs=5e-4)
+
+
+def test_tires_of_two_kinds_say_nothing_about_the_softening() -> None:
+    point = points(0.0, [25.0], 0.02, 1)[0]
+    stiff = Estimate("Bs", 5e-3, 1e-4, Status.VALID)
+    mixed = [
+        *(replace(point, temperature_degc=degc) for degc in (29.0, 29.2)),
+        *(replace(point, temperature_degc=degc, numbers={"Bs": stiff}) for degc in (33.0, 33.2)),
+    ]
+    assert fit_softening(mixed) == (SOFTENING_PER_K, SOFTENING_STD_PER_K)
+    tables = tomllib.loads(calibration_toml(fit_load_calibration(mixed).calibration, reference_numbers(mixed, "ring")))
+    assert "softening_percent_per_k" not in tables["tire"]["reference"]
 
 
 def test_configuration_states_softening_wear_and_temperature() -> None:
