@@ -123,8 +123,8 @@ class Code(Enum):
     )
     SAMPLES_TOO_SHORT = "three revolutions take {needed_s:.1f s}, but the samples last {duration_s:.1f s}"
     SAMPLES_WITHOUT_HELLO = (
-        "{count} blocks of samples, but no HELLO: without rate and scale nothing can be estimated. A hub sends a HELLO "
-        "every 2 s. Restart the hub or update its firmware"
+        "{count} blocks of samples, but no valid HELLO: without rate and scale nothing can be estimated. A hub sends a "
+        "HELLO every 2 s. Restart the hub; `treadlink protocol check` says what is wrong with a HELLO"
     )
     WHEEL_STANDS = (
         "the wheel stands still: the radial axis is {mean_mps2:.1f m/s²} with a standard deviation of "
@@ -550,7 +550,8 @@ class Code(Enum):
     )
     FRAMES_RESUMED = "frames arrive now"
     FRAMES_WITH_BAD_PAYLOAD = (
-        "frames with a valid checksum whose content violates the protocol are skipped: a fault of the firmware"
+        "frames with a valid checksum whose content violates the protocol are skipped: a fault of the firmware. "
+        "`treadlink protocol check` names the fields"
     )
     FRAMES_WITH_UNKNOWN_FLAGS = "frames with unknown flags are skipped and counted"
     HUB_RESTARTED = "restarted (boot count {boot_count}); its counters and times start again"
@@ -573,8 +574,8 @@ class Code(Enum):
     NO_FRAMES = "data arrives, but it contains no frame: {content}"
     NO_FRAMES_ANY_MORE = "data arrives, but no frame any more, after {frames} frames: {content}"
     NO_HELLO = (
-        "samples arrive, but no hello for {silence_s:.0f s}: without rate and scale nothing can be estimated. A "
-        "hub sends a hello every 2 s. Restart the hub or update its firmware"
+        "samples arrive, but no valid HELLO for {silence_s:.0f s}: without rate and scale nothing can be estimated. A "
+        "hub sends a HELLO every 2 s. Restart the hub; `treadlink protocol check` says what is wrong with a HELLO"
     )
     OLDER_PROTOCOL = (
         "its firmware uses protocol {version}, older than treadlink's {own}: it takes only unsigned commands"

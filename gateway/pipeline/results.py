@@ -194,7 +194,7 @@ class LinkSnapshot:
         frames_lost: missing by their counters.
         duplicates: frames seen twice.
         reordered: frames that came late.
-        skipped: frames of unknown type or newer version.
+        skipped: frames of unknown type or newer version, and those whose content violates the protocol.
         latency_s: delay of the newest samples against the fastest seen; None before time is known and in silence.
         queue_dropped: items that a stage could not take, by stage name.
         battery_percent: of the hub, None when unknown.

@@ -402,7 +402,7 @@ class SessionCore:
             frames_lost=counters.lost,
             duplicates=counters.duplicates,
             reordered=counters.reordered,
-            skipped=counters.skipped,
+            skipped=counters.skipped + counters.bad_payload,
             latency_s=self._pipeline.latency_s(name, self._alarms.silence.speaking_hubs(name)),
             queue_dropped={str(stage): count for stage, count in link.queue_dropped.items()},
             battery_percent=status.battery_percent if status is not None else None,

@@ -33,6 +33,7 @@ from gateway.recording.repair import repair_recording
 from gateway.recording.writer import RecordingWriter
 from gateway.session.core import SessionCore
 from gateway.session.recording_pass import OpenedRecording, RecordingPass
+from gateway.views.wording import text
 from tests.session.hub_frames import HubFrames
 
 START_NS = 1_700_000_000_000_000_000
@@ -117,6 +118,18 @@ def test_frame_that_comes_twice_counts_once(name: str) -> None:
         wheel.counters for wheel in once.snapshot(1.0).wheels
     ]
     assert twice.false_statements() == once.false_statements()
+
+
+def test_frames_with_a_bad_payload_are_counted_as_skipped() -> None:
+    hub = HubFrames()
+    hub.hello()
+    for index in range(FLOOD):
+        SENDERS["bad payload"](hub, index)
+    core = session(hub.stream)
+    (link,) = core.snapshot(1.0).links
+    assert (link.frames, link.skipped) == (1, FLOOD)
+    (said,) = [text(notice.reason) for notice in core.take_notices() if notice.reason.code in NAMED.values()]
+    assert "treadlink protocol check" in said
 
 
 def test_flood_does_not_disturb_another_wheel() -> None:
