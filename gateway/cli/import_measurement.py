@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -68,7 +69,8 @@ def import_(files: tuple[Path, ...], map_path: Path | None, out: Path | None, gu
     if report.references:
         for line in _comparison_lines(report.recording):
             click.echo(clean(line))
-    click.echo(f"next: treadlink estimate {report.recording}, or treadlink replay {report.recording}")
+    name = shlex.quote(str(report.recording))
+    click.echo(f"next: treadlink estimate {name}, or treadlink replay {name}")
 
 
 def _comparison_lines(recording: Path) -> list[str]:
@@ -99,7 +101,8 @@ def _guess(file: Path, out: Path | None, *, force: bool) -> None:
     write_whole(target, text, force=force)
     if not is_stdout(target):
         click.echo(f"written: {target}")
-        click.echo(f"next: check what it assumes, then treadlink import {file} --map {target}")
+        words = shlex.join(["treadlink", "import", str(file), "--map", str(target)])
+        click.echo(f"next: check what it assumes, then {words}")
 
 
 def report_lines(report: ImportReport) -> list[str]:

@@ -1,6 +1,7 @@
 """Sessions of the commands live, record and replay: opening, running and closing."""
 
 import os
+import shlex
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -281,8 +282,8 @@ def end_session(session: RunningSession, write: Callable[[str], None]) -> tuple[
         several = f", {parts} files, this is the last" if parts > 1 else ""
         write(f"recording: {snapshot.recording} ({snapshot.recorded_bytes / 1e6:.1f} MB{several})")
         if session.live.core.recording.fault is None:
-            write(f"  show its content: treadlink inspect {snapshot.recording}")
-            write(f"  replay it: treadlink replay {snapshot.recording}")
+            write(f"  show its content: treadlink inspect {shlex.quote(str(snapshot.recording))}")
+            write(f"  replay it: treadlink replay {shlex.quote(str(snapshot.recording))}")
         else:
             write(f"  INCOMPLETE: {session.live.core.recording.fault}")
     return no_frames, no_revolutions

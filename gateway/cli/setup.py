@@ -1,5 +1,6 @@
 """`treadlink setup`: from a plugged hub to a vehicle file, in a dialogue or by options."""
 
+import shlex
 from pathlib import Path
 
 import click
@@ -118,4 +119,4 @@ def setup(
     if not vehicle.wheel:
         raise ConfigError("no wheel has a sensor, so that nothing was written", "Run setup again.")
     write_whole(out, dialogue.text(), force=force)
-    click.echo(f"written: {out}\n  use it: treadlink live {' '.join(sources)} --config {out}")
+    click.echo(f"written: {out}\n  use it: {shlex.join(['treadlink', 'live', *sources, '--config', str(out)])}")

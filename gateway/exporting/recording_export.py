@@ -1,6 +1,7 @@
 """Export of a recording to a file."""
 
 import importlib
+import shlex
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -176,7 +177,7 @@ def export_recording(
             if out_file.rows == rows and CONTENTS[content.what].needs_results:
                 raise OutputError(
                     f"'{path}' has no {content.what} to export: no wheel completed a revolution that can be used",
-                    f"`treadlink estimate {path}` lists the reasons.",
+                    f"`treadlink estimate {shlex.quote(str(path))}` lists the reasons.",
                 )
             done += 1
     columns = {content.what: len(content.columns) for content in measured_contents}

@@ -1,6 +1,7 @@
 """First pass over a recording: its wheels, their sensors, and the conditions that an export file states."""
 
 import math
+import shlex
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field, replace
 
@@ -143,7 +144,8 @@ def first_pass(opened: OpenedRecording, *, wheels: Collection[str] = ()) -> Firs
         )
     if not heard:
         raise OutputError(
-            f"'{path}' has no samples to export", f"`treadlink inspect {path}` shows what the recording contains."
+            f"'{path}' has no samples to export",
+            f"`treadlink inspect {shlex.quote(str(path))}` shows what the recording contains.",
         )
     missing = [name for name in wheels if name not in {wheel.position for wheel in heard}]
     if missing:

@@ -4,6 +4,7 @@ import importlib
 import logging
 import math
 import re
+import shlex
 import threading
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
@@ -363,8 +364,8 @@ def parse_source_uri(uri: str) -> SourceAddress:
     if source_kind(scheme) is None:
         schemes = [f"{name}:" for name in (*SOURCES, *names(PluginGroup.SOURCES, SOURCES))]
         remedy = (
-            f"It is a file. `treadlink replay {uri}` shows a recording, `treadlink import --guess {uri}` begins the "
-            "import of a measurement."
+            f"It is a file. `treadlink replay {shlex.quote(uri)}` shows a recording, "
+            f"`treadlink import --guess {shlex.quote(uri)}` begins the import of a measurement."
             if Path(uri).is_file()
             else f"{did_you_mean(f'{scheme or uri}:', schemes)}A source starts with one of {', '.join(schemes)}; try "
             "`treadlink live sim:demo`."

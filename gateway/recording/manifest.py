@@ -1,6 +1,7 @@
 """Manifest of a folder of recordings: SHA-256 of every file, in the format of `sha256sum`, carried by any copy."""
 
 import re
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final
@@ -99,11 +100,12 @@ def verify(recording: Path) -> None:
         if RecordingReader(recording).info.in_progress:
             raise RecordingError(
                 f"'{recording}' is being recorded",
-                f"When its session has ended, run `treadlink manifest {recording.parent}`.",
+                f"When its session has ended, run `treadlink manifest {shlex.quote(str(recording.parent))}`.",
             )
         raise RecordingError(
             f"the manifest of '{recording.parent}' does not have '{recording.name}'",
-            f"Where the recording was made, run `treadlink manifest {recording.parent}`, and copy {MANIFEST_NAME} too.",
+            f"Where the recording was made, run `treadlink manifest {shlex.quote(str(recording.parent))}`, and copy "
+            f"{MANIFEST_NAME} too.",
         )
     for path in (recording, notes_path(recording)):
         if path.name not in hashes:

@@ -1,5 +1,6 @@
 """Orders and average of the wheels of a recording."""
 
+import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -96,7 +97,8 @@ def recorded_orders(
     if missing or not orders:
         of = f" of wheel {', '.join(missing)}" if missing else ""
         raise RecordingError(
-            f"'{path}' has no usable revolution{of}", f"`treadlink estimate {path}` lists the reasons."
+            f"'{path}' has no usable revolution{of}",
+            f"`treadlink estimate {shlex.quote(str(path))}` lists the reasons.",
         )
     order = {wheel.position: index for index, wheel in enumerate(vehicle.wheel if vehicle is not None else ())}
     return RecordedOrders(

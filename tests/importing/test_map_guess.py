@@ -1,5 +1,6 @@
 """First import maps: read from the data what they show, and leave open what they cannot."""
 
+import shlex
 import tomllib
 from pathlib import Path
 
@@ -187,3 +188,12 @@ def test_command_writes_the_map_once(tmp_path: Path, monkeypatch: pytest.MonkeyP
     both = CliRunner().invoke(import_, ["--guess", str(path), "--map", "run.map.toml"])
     assert both.exit_code == 2
     assert "either --map" in both.output
+
+
+def test_next_command_can_be_copied_with_a_space_in_a_name(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "run 1.csv", columns_of(rolling(9600.0, 2.0)))
+    said = CliRunner().invoke(import_, ["--guess", str(path), "--out", str(tmp_path / "map 1.toml")]).output
+    words = shlex.split(said[said.index("treadlink") :])
+    assert words == ["treadlink", "import", str(path), "--map", str(tmp_path / "map 1.toml")]
+    said = CliRunner().invoke(import_, [*words[2:], "--out", str(tmp_path / "run 1.mcap")]).output
+    assert shlex.split(said[said.index("treadlink estimate") :])[2] == f"{tmp_path / 'run 1.mcap'},"
