@@ -15,6 +15,13 @@ _NOT_ALONE: Final = re.compile(r"[1-9rUhG]|\d+|-\d+")
 _UNIT_WORD: Final = re.compile(
     r"(?:^|[^a-z0-9])(rpm|kmh|kph|km/h|mph|deg|kpa|bar|psi|mps2|m/s2|m/s\^2|mg)(?:[^a-z0-9]|$)", re.IGNORECASE
 )
+_RATE: Final = r"(?:^|[^a-z])(?:fs|(?:sampl(?:es?|ing)[_ -]?)?(?:rate|freq(?:uency)?)|abtast(?:rate|frequenz))"
+_RATE_NAME: Final = re.compile(rf"{_RATE}(?:[_ -]?hz)?$", re.IGNORECASE)
+_RATE_TEXT: Final = re.compile(
+    rf"{_RATE}(?![a-z])(?P<before>[^\d\n]{{0,20}})(?P<number>\d+(?:[.,]\d+)?)[;,:\t ]*(?P<after>(?:k?Hz|k?S/s)\b)?",
+    re.IGNORECASE,
+)
+_HERTZ: Final = re.compile(r"(k?)(?:Hz|S/s)", re.IGNORECASE)
 _NO_UNIT: Final = frozenset({"-", "?", "1", "none", "n/a"})
 _UNIT_NAMES: Final = {
     "m/s²": "m/s^2", "m/s**2": "m/s^2", "mps^2": "m/s^2", "ms^-2": "m/s^2", "m/s/s": "m/s^2", "m*s^-2": "m/s^2",
@@ -27,6 +34,8 @@ _SURELY_ACCELERATION: Final = re.compile(r"acc|beschl", re.IGNORECASE)
 _ACCELERATION: Final = re.compile(
     r"acc|beschl|radial|circumf|tangent|(?:^|[^a-z])a[_ .-]?(?:[xyz]|\d{1,2}|rad|tan|lat)?(?:[^a-z]|$)", re.IGNORECASE
 )
+# The letter alone is a unit behind the name of an axis only.
+_AXIS_IN_G: Final = re.compile(r"([xyz]|.{2,})_g", re.IGNORECASE)
 A_MAGNITUDE: Final = "a magnitude"
 """Quantity of a column without a direction, which no axis is."""
 # The first that fits names the column; sensors of several quantities use one letter for each axis.
@@ -64,6 +73,8 @@ def unit_of(name: str, stated: str) -> str:
         unit = next((text for text in reversed(_BRACKET.findall(name)) if _is_unit(text, name)), "")
     if not unit and (word := _UNIT_WORD.search(name)):
         unit = word[1].lower()
+    if not unit and (axis := _AXIS_IN_G.fullmatch(name)) and (len(axis[1]) == 1 or names_acceleration(axis[1])):
+        unit = "g"
     return _UNIT_NAMES.get(unit, unit)
 
 
@@ -74,6 +85,26 @@ def _is_unit(text: str, name: str) -> bool:
     channel = len(text) == 1 and text in "AKNWJm" and names_acceleration(name)
     is_unit = text in _UNIT_NAMES or _UNIT.fullmatch(text) is not None
     return is_unit and not channel and not _NOT_ALONE.fullmatch(text)
+
+
+def names_rate(name: str) -> bool:
+    """Return whether the name of an attribute or of a single number is that of a sampling rate."""
+    return _RATE_NAME.search(name) is not None
+
+
+def rate_in_text(line: str) -> float | None:
+    """Return the sampling rate in Hz that a line above the columns states with its unit, None where it states none.
+
+    >>> rate_in_text("# run 12, sample rate: 9.6 kHz")
+    9600.0
+    >>> rate_in_text("Abtastrate [Hz];9600,0")
+    9600.0
+    """
+    found = _RATE_TEXT.search(line)
+    unit = _HERTZ.search(found["after"] or found["before"]) if found else None
+    if found is None or unit is None:
+        return None
+    return float(found["number"].replace(",", ".")) * (1e3 if unit[1] else 1.0)
 
 
 def names_acceleration(name: str) -> bool:

@@ -44,6 +44,7 @@ class FileFacts:
         dates: columns of dates with times, read as seconds from the first; its ns since 1970, None without a time zone.
         time_column: column of the file's own time base, None where the file has none.
         conditions: by wheel and name, value and source as text, in a file that treadlink has exported.
+        rates_hz: sampling rates that the file states beside its columns, by the name of the attribute or number.
     """
 
     names: Sequence[str]
@@ -53,6 +54,7 @@ class FileFacts:
     dates: dict[str, int | None] = field(default_factory=dict)
     time_column: str | None = None
     conditions: dict[str, dict[str, Sequence[str]]] = field(default_factory=dict)
+    rates_hz: dict[str, float] = field(default_factory=dict)
 
 
 class BlockReader(Protocol):

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from gateway.errors import ImportDataError
+from gateway.importing.column_names import rate_in_text
 from gateway.importing.csv_columns import column_names
 from gateway.importing.import_map import DELIMITERS, FileLayout
 
@@ -22,6 +23,7 @@ _DATE: Final = re.compile(
 )
 _HALF_OF_DAY: Final = re.compile(r"[ap]\.?m", re.IGNORECASE)
 _DECIMAL_COMMA: Final = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
+_COMMENTS: Final = ("#", "%", "//")
 _MAX_HEADER_LINES: Final = 200
 
 
@@ -35,6 +37,7 @@ class TextLayout:
         dates: columns of dates with times, or times of day.
         date_order: of year, month and day in them: `ymd`, `dmy`, `mdy`; with `?` where days and months look alike.
         texts: columns of other texts, each with its first.
+        rates_hz: sampling rates that the lines above the columns state, by the place of the line.
     """
 
     layout: FileLayout
@@ -42,6 +45,7 @@ class TextLayout:
     dates: frozenset[str]
     date_order: str
     texts: dict[str, str]
+    rates_hz: dict[str, float]
 
 
 def recognise_layout(path: Path) -> TextLayout:
@@ -71,6 +75,8 @@ def recognise_layout(path: Path) -> TextLayout:
     above = [k for k in range(start) if len(rows[k]) == width and any(rows[k])]
     # A line of units is directly below that of the names.
     has_units = len(above) >= 2 and above[-1] == start - 1 and above[-2] == start - 2
+    if has_units and _is_comment(lines[start - 2]) and not _is_comment(lines[start - 1]):
+        has_units = False  # a remark that happens to have as many commas
     header = above[-2] if has_units else above[-1] if above and above[-1] == start - 1 else None
     names = column_names(rows[header]) if header is not None else [str(k + 1) for k in range(width)]
     data_rows = [row for row in rows[start:] if len(row) == width]
@@ -92,7 +98,12 @@ def recognise_layout(path: Path) -> TextLayout:
     }
     units = dict(zip(names, rows[start - 1], strict=True)) if has_units else {}
     order = _date_order([cell for name in dates for cell in columns[name]])
-    return TextLayout(layout, units, frozenset(dates), order, texts)
+    stated = {f"line {k + 1}": rate_hz for k, line in enumerate(lines[:start]) if (rate_hz := rate_in_text(line))}
+    return TextLayout(layout, units, frozenset(dates), order, texts, stated)
+
+
+def _is_comment(line: str) -> bool:
+    return line.lstrip().startswith(_COMMENTS)
 
 
 def _example(rows: Sequence[list[str]]) -> str:

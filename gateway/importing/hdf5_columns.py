@@ -6,6 +6,7 @@ are never followed.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from gateway.errors import ImportDataError
+from gateway.importing.column_names import names_rate
 from gateway.importing.columns import (
     BLOCK_ROWS,
     MAX_MATRIX_COLUMNS,
@@ -81,6 +83,7 @@ class Hdf5Columns:
         self._units: dict[str, str] = {}
         self._unusable: dict[str, tuple[str, str]] = {}
         self._dates: dict[str, int | None] = {}
+        self._rates_hz: dict[str, float] = {}
         self._objects: set[str] = set()
         self._count = 0
         self._file = h5py.File(path, "r")
@@ -91,7 +94,11 @@ class Hdf5Columns:
     def facts(self) -> FileFacts:
         """Every numeric vector, matrix column and field."""
         return FileFacts(
-            tuple(self._columns), units=self._units, unusable=dict(self._unusable), dates=dict(self._dates)
+            tuple(self._columns),
+            units=self._units,
+            unusable=dict(self._unusable),
+            dates=dict(self._dates),
+            rates_hz=self._rates_hz,
         )
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
@@ -120,6 +127,7 @@ class Hdf5Columns:
         if depth and "MATLAB_sparse" in group.attrs:
             self._unusable[prefix] = ("is a sparse matrix", "Save it as a full one: full(x).")
             return
+        self._note_rates(prefix, group)
         between = "." if self._matlab else "/"
         for key in group:
             if self._matlab and not depth and key.startswith("#"):
@@ -199,8 +207,17 @@ class Hdf5Columns:
                 self._dates[name], column = None, seconds_of(column)
             self._columns[name] = _Column(column, len(column))
 
+    def _note_rates(self, name: str, holder: h5py.Group | h5py.Dataset) -> None:
+        """Note the attributes that state a sampling rate."""
+        for key in [key for key in holder.attrs if names_rate(key)]:
+            with contextlib.suppress(ValueError):  # a text
+                self._rates_hz[f"{name}@{printable(key)}"] = float(_attribute(holder, key).strip("[] "))
+
     def _add_numbers(self, name: str, data: h5py.Dataset) -> None:
         shape = data.shape
+        self._note_rates(name, data)
+        if data.size == 1 and names_rate(name):
+            self._rates_hz[name] = float(np.asarray(data).ravel()[0])
         unit = _attribute(data, "units") or _attribute(data, "unit") or _attribute(data, "Units")
         added = []
         if len(shape) == 1:

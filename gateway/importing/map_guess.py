@@ -6,7 +6,7 @@ import json
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -48,6 +48,11 @@ _ROLES: Final = {
     "circumferential": re.compile(r"circumf|tangent|longitud", re.IGNORECASE),
     "lateral": re.compile(r"lateral|(^|[^a-z])quer", re.IGNORECASE),
 }
+# Short forms, which beside a named acceleration name another axis; alone they may be of a position.
+_SHORT_ROLES: Final = {
+    "circumferential": re.compile(r"(^|[^a-z])(tang?|circ|long?)([^a-z]|$)", re.IGNORECASE),
+    "lateral": re.compile(r"(^|[^a-z])lat([^a-z]|$)", re.IGNORECASE),
+}
 _SLOW_S: Final = 0.005
 _SLOW_ROWS: Final = 50
 _LAG_S: Final = 1.0
@@ -82,6 +87,10 @@ _MOST_COMPARED: Final = 9
 _ROUNDED: Final = 1e-3
 _VOLTAGES: Final = frozenset({"", "V", "mV"})
 _TEMPERATURE_UNITS: Final = frozenset({"degC", "C"})
+# A constant column of these states a condition of the test.
+_UNITS_OF_CONSTANTS: Final = (
+    _TEMPERATURE_UNITS | PRESSURE_UNITS_PA.keys() | REFERENCE_UNITS["speed"].keys() | REFERENCE_UNITS["rotation"].keys()
+) - {"Hz"}
 _LISTED_REASONS: Final = 40
 
 
@@ -127,7 +136,9 @@ class _Axis:
         unit: unit by the file or by magnitude, empty when neither says it.
         why: reason for the unit.
         steady: mean in its own unit.
-        depth: depth of the contact in its own unit, negative where the contact points up.
+        depth: depth of the contact in its own unit, negative where the contact points up; without revolutions that of
+            the largest peaks.
+        is_rolling: whether revolutions are seen.
         swing: standard deviation.
         doubt: why it may not be the radial axis, empty without a reason.
     """
@@ -139,6 +150,12 @@ class _Axis:
     depth: float
     swing: float
     doubt: str
+    is_rolling: bool
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether it has a steady part, so that its mean says its direction."""
+        return abs(self.steady) > 0.3 * abs(self.depth)
 
 
 @dataclass(slots=True)
@@ -168,6 +185,7 @@ class _Guess:
         time_doubt: what is doubtful about it, empty where nothing is.
         no_time: why a column of times cannot be used, None without one.
         rate_hz: sampling rate, None where it is unknown.
+        stated_rate: where the file states the rate, empty where it comes from times or is unknown.
         since_1970_s: time of the first row since 1970, None where the times have another zero.
         is_dated: whether times of dates are no times of day alone.
         date_order: of year, month and day in dates, with `?` where it is not certain.
@@ -184,6 +202,7 @@ class _Guess:
     time_doubt: str = ""
     no_time: str | None = None
     rate_hz: float | None = None
+    stated_rate: str = ""
     since_1970_s: float | None = None
     is_dated: bool = True
     date_order: str = "ymd"
@@ -275,24 +294,25 @@ def _columns(
             block, fault = first_rows
             seen.append(_Seen(name, block.values[:, 0], unit_of(name, stated), block.where, fault))
     rows = _main_rows(seen)
-    seen = _own_time(reader, facts, [column for column in seen if len(column.values) == rows]) + seen
-    skipped += [
-        (column.name, f"{len(column.values)} rows, others {rows}") for column in seen if len(column.values) != rows
-    ]
-    return [column for column in seen if len(column.values) == rows], skipped, remedies
+    main = [column for column in seen if len(column.values) == rows]
+    if main:
+        beside = next((column for column in main if column.says_acceleration), main[0])
+        if facts.time_column is not None and all(column.name != facts.time_column for column in main):
+            main = [*_at_rows_of(beside, _Seen(facts.time_column, beside.values, "s", beside.where), reader), *main]
+        for column in [column for column in seen if len(column.values) != rows]:
+            found = _at_rows_of(beside, column, reader)
+            main += found
+            skipped += [] if found else [(column.name, f"{len(column.values)} rows, others {rows}")]
+    return main, skipped, remedies
 
 
-def _own_time(reader: ColumnReader, facts: FileFacts, columns: Sequence[_Seen]) -> list[_Seen]:
-    """Return the file's own time base of columns; its times are those of a column beside it."""
-    name = facts.time_column
-    if name is None or not columns or any(column.name == name for column in columns):
-        return []
-    beside = next((column for column in columns if column.says_acceleration), columns[0])
+def _at_rows_of(beside: _Seen, column: _Seen, reader: ColumnReader) -> list[_Seen]:
+    """Return a column with the rows of another, as MDF files give their time and slower channels; nothing elsewhere."""
     try:
-        block = reader.sample([beside.name, name])
-    except ImportDataError:  # the import says why, if the map states that time
+        block = reader.sample([beside.name, column.name])
+    except ImportDataError:  # the import says why, if the map states that column
         return []
-    return [] if block is None else [_Seen(name, block.values[:, 1], "s", block.where)]
+    return [] if block is None else [_Seen(column.name, block.values[:, 1], column.unit, block.where)]
 
 
 class _Unreadable(NamedTuple):
@@ -356,14 +376,33 @@ def _sorted(seen: Sequence[_Seen], facts: FileFacts, text: TextLayout | None) ->
         guess.time = facts.time_column
     _leave_unnamed(guess)
     _leave_magnitudes(guess)
+    if guess.time is None:
+        _take_rate({**facts.rates_hz, **(text.rates_hz if text is not None else {})}, guess)
     return guess
+
+
+def _take_rate(rates_hz: Mapping[str, float], guess: _Guess) -> None:
+    """Take the rate that the file states, where it states a single one."""
+    likely = {name: hz for name, hz in rates_hz.items() if _LIKELY_HZ[0] <= hz <= _LIKELY_HZ[1]}
+    if len(set(likely.values())) == 1:
+        guess.stated_rate, guess.rate_hz = next(iter(likely.items()))
+
+
+def _names_role(name: str, role: str) -> bool:
+    """Return whether the name of an acceleration says its axis, also in a short form."""
+    short = _SHORT_ROLES.get(role)
+    return _ROLES[role].search(name) is not None or (short is not None and short.search(name) is not None)
 
 
 def _leave_unnamed(guess: _Guess) -> None:
     """Leave columns out that nothing calls an acceleration, where others of their wheel are called so."""
     for columns in _by_wheel(guess.candidates).values():
         if any(column.says_acceleration for column in columns):
-            unnamed = [column for column in columns if not column.says_acceleration]
+            unnamed = [
+                column
+                for column in columns
+                if not (column.says_acceleration or any(_names_role(column.name, role) for role in _SHORT_ROLES))
+            ]
             guess.others += [(column.name, "not named as an acceleration, as others are") for column in unnamed]
             guess.candidates = [column for column in guess.candidates if column not in unnamed]
 
@@ -433,7 +472,7 @@ def _is_time(column: _Seen, values: FloatArray, guess: _Guess, rates_hz: tuple[f
         return False
     # Times may be rounded, but their trend is straight.
     trend = values[0] + (values[-1] - values[0]) * np.arange(len(values)) / (len(values) - 1)
-    step = float((values[-1] - values[0]) / len(steps))
+    step = _usual_step(steps)
     if float(np.abs(values - trend).max()) > 3.0 * max(step, float(steps.max())):
         return False
     for unit in _time_units(column, values):
@@ -457,6 +496,13 @@ def _is_time(column: _Seen, values: FloatArray, guess: _Guess, rates_hz: tuple[f
     return False
 
 
+def _usual_step(steps: FloatArray) -> float:
+    """Return the mean step of times, without those of gaps where most are alike."""
+    typical = float(np.median(steps))
+    regular = np.abs(steps - typical) <= 0.5 * typical
+    return float(steps[regular].mean()) if typical > 0.0 and np.mean(regular) > 0.9 else float(steps.mean())
+
+
 def _time_fault(column: _Seen, values: FloatArray) -> tuple[str, float | None] | None:
     """Return why a column of times cannot be used, and the rate by its regular steps; None where it is no time."""
     steps = np.diff(values)
@@ -472,10 +518,27 @@ def _time_fault(column: _Seen, values: FloatArray) -> tuple[str, float | None] |
     if not len(wrong):
         wrong, what = np.flatnonzero(~regular), "skips"
     if not len(wrong):
-        return None
+        return _rate_change(column, values, steps)
     reason = f"'{column.name}' {what} in {column.where(int(rows[wrong[0] + 1]))}"
-    typical = float(steps[regular].mean())
-    return reason, _likely_hz(column, values, typical)
+    return _with_rate(reason, _likely_hz(column, values, float(steps[regular].mean())))
+
+
+def _with_rate(reason: str, rate_hz: float | None) -> tuple[str, float | None]:
+    return (reason if rate_hz is None else f"{reason}; {rate_hz:.6g} Hz by its other steps"), rate_hz
+
+
+def _rate_change(column: _Seen, values: FloatArray, steps: FloatArray) -> tuple[str, float | None] | None:
+    """Return that the rate of even times is another at the end than at the beginning, and that of the beginning."""
+    part = max(1, len(steps) // 10)
+    first_hz, last_hz = (
+        _likely_hz(column, values, float(steps[at].mean())) for at in (slice(part), slice(-part, None))
+    )
+    if first_hz is None or last_hz is None:
+        return None
+    return (
+        f"'{column.name}' goes from {first_hz:.6g} to {last_hz:.6g} Hz: cut the file where the rate changes",
+        first_hz,
+    )
 
 
 def _block_clock(column: _Seen, values: FloatArray, steps: FloatArray) -> tuple[str, float | None] | None:
@@ -486,7 +549,7 @@ def _block_clock(column: _Seen, values: FloatArray, steps: FloatArray) -> tuple[
     rows = int(advances[-1] - advances[0])
     span = float(values[advances[-1] + 1] - values[advances[0] + 1])
     each = rows / (len(advances) - 1)
-    return f"'{column.name}' advances once in {each:.4g} rows", _likely_hz(column, values, span / rows)
+    return _with_rate(f"'{column.name}' advances once in {each:.4g} rows", _likely_hz(column, values, span / rows))
 
 
 def _likely_hz(column: _Seen, values: FloatArray, step: float) -> float | None:
@@ -499,10 +562,10 @@ def _kind(column: _Seen, values: FloatArray, guess: _Guess) -> str | None:
     """Sort a column in; return the reason why it is left out, None when it is used."""
     if len(values) < _FEWEST_ROWS:
         return f"{len(values)} values only"
-    spread = float(values.std())
-    if not spread > 0.0:
+    unit, name, spread = column.unit, column.name, float(values.std())
+    # The rounding of the mean gives a constant a spread.
+    if not np.ptp(values) > 0.0 and unit not in _UNITS_OF_CONSTANTS:
         return f"constant, {values[0]:g}"
-    unit, name = column.unit, column.name
     other = other_quantity(name)
     if other is not None and (other == A_MAGNITUDE or not column.is_acceleration):
         return f"{other} by its name"
@@ -578,10 +641,13 @@ def _axes(columns: Sequence[_Seen], rate_hz: float | None) -> list[_Axis]:
     for column in columns:
         values = _liveliest(column.values, rate_hz)
         lag = None if rate_hz is None else revolution_lag(values, rate_hz, ASSUMED_RADIUS_MM * 1e-3)
-        steady, depth = float(np.nanmean(values)), 0.0
+        steady = float(np.nanmean(values))
         if lag is not None:
             down, up = contact_depth(values, lag), contact_depth(-values, lag)
-            depth = down if down >= up else -up
+        else:
+            low, middle, high = np.nanpercentile(values, (1.0, 50.0, 99.0))
+            down, up = middle - low, high - middle
+        depth = float(down if down >= up else -up)
         unit, why = (column.unit, "stated in the file") if column.is_acceleration else ("", "")
         doubt = column.fault
         if lag is not None and rate_hz is not None:
@@ -594,7 +660,7 @@ def _axes(columns: Sequence[_Seen], rate_hz: float | None) -> list[_Axis]:
             if not doubt and (not unit or not (size > 0.0 and fits(size, expected))):
                 shown = f"its mean and contact are {size:.0f}" if unit else f"no unit makes {size:.4g} fit"
                 doubt = f"V²/R of its revolutions is {expected:.0f} m/s², {shown}"
-        axes.append(_Axis(column, unit, why, steady, depth, float(np.nanstd(values)), doubt))
+        axes.append(_Axis(column, unit, why, steady, depth, float(np.nanstd(values)), doubt, lag is not None))
     named = _ROLES["radial"]
     return sorted(
         axes,
@@ -651,9 +717,11 @@ def _written(path: Path, layout: FileLayout, guess: _Guess, facts: FileFacts) ->
             order = guess.date_order.rstrip("?")
             other = "mdy" if order == "dmy" else "dmy"
             lines.append(f'date_order = "{order}"' + (f"   # ? or {other}" if order != guess.date_order else ""))
+    elif guess.stated_rate:
+        beside = f"; {_comment(guess.no_time)}" if guess.no_time is not None else ""
+        lines.append(f"rate_hz = {rate_hz:.9g}   # ? stated in the file: {_comment(guess.stated_rate)}{beside}")
     elif guess.no_time is not None:
-        rate = f"; {rate_hz:.6g} Hz by its other steps" if rate_hz else ""
-        lines.append(f"# rate_hz = {rate_hz or 10000.0:.6g}   # ? {_comment(guess.no_time)}{rate}")
+        lines.append(f"# rate_hz = {rate_hz or 10000.0:.6g}   # ? {_comment(guess.no_time)}")
     else:
         lines.append("# rate_hz = 10000.0   # ? not in the file: the sampling rate has to be stated")
     if guess.since_1970_s is not None and facts.start_ns is None:
@@ -713,24 +781,29 @@ def _file_lines(layout: FileLayout, faults: Sequence[str]) -> list[str]:
 def _axis_lines(prefix: str, group: Sequence[_Axis], missed: Sequence[str]) -> list[str]:
     lines = []
     ordered = _ordered(group)
-    only_lateral = len(ordered) == 2 and _ROLES["lateral"].search(ordered[1].seen.name)
+    only_lateral = len(ordered) == 2 and _names_role(ordered[1].seen.name, "lateral")
     for name, axis in zip(("radial", "lateral") if only_lateral else _AXES, ordered, strict=False):
         lines += [
             f"[{prefix}.{name}]",
             f"column = {toml_string(axis.seen.name)}{_reason(name, axis, missed, len(group))}",
         ]
-        unit = axis.unit or group[0].unit
-        why = axis.why or ("as the radial axis" if unit else "? neither the file nor the magnitude says it")
+        # Only on the radial axis does V²/R say how large a value is.
+        says_unit = axis is group[0] or axis.seen.is_acceleration
+        unit = axis.unit if says_unit else group[0].unit
+        why = axis.why if says_unit and axis.why else "as the radial axis" if unit and not says_unit else _NO_UNIT
         lines.append(f"unit = {toml_string(unit or 'g')}   # {why}")
         if name == "radial":
-            against = axis.steady < 0.0 if abs(axis.steady) > 0.3 * abs(axis.depth) else axis.depth < 0.0
-            lines.append(f"sign = {-1 if against else 1}   # positive toward the wheel centre, by its mean and contact")
+            against = axis.steady < 0.0 if axis.is_steady else axis.depth < 0.0
+            by = "positive toward the wheel centre, by its mean and contact"
+            by = by if axis.is_rolling else "? positive toward the wheel centre, by its mean and largest peaks"
+            lines.append(f"sign = {-1 if against else 1}   # {by}")
         else:
             lines.append("# sign = -1   # ? positive " + _DIRECTIONS[name])
         lines.append("# full_scale = 500.0   # ? end of the sensor's range, in the column's unit")
     return [*lines, ""]
 
 
+_NO_UNIT: Final = "? neither the file nor the magnitude says it"
 _AXES: Final = ("radial", "circumferential", "lateral")
 _DIRECTIONS: Final = {
     "circumferential": "in the direction in which the sensor travels",
@@ -740,8 +813,10 @@ _DIRECTIONS: Final = {
 
 def _ordered(group: Sequence[_Axis]) -> list[_Axis]:
     """Return the radial axis, then the others by their swing: that of the circumferential one is larger."""
-    sideways = _ROLES["lateral"]
-    return [group[0], *sorted(group[1:3], key=lambda axis: (bool(sideways.search(axis.seen.name)), -axis.swing))]
+    return [
+        group[0],
+        *sorted(group[1:3], key=lambda axis: (_names_role(axis.seen.name, "lateral"), -axis.swing)),
+    ]
 
 
 def _reason(name: str, axis: _Axis, missed: Sequence[str], count: int) -> str:
@@ -751,11 +826,11 @@ def _reason(name: str, axis: _Axis, missed: Sequence[str], count: int) -> str:
         doubts.append("not read: " + ", ".join(f"'{column}'" for column in missed))
     if name == "radial" and count > len(_AXES):
         doubts.append(f"{count} columns may be axes")
-    if _ROLES[name].search(axis.seen.name):
+    if _names_role(axis.seen.name, name):
         why = "by its name"
     elif name != "radial":
         why = "by the size of its variation only"
-    elif axis.depth:
+    elif axis.is_rolling:
         why = f"mean {axis.steady:.4g}, contact {abs(axis.depth):.4g} deep"
     else:
         why = f"the largest mean, {axis.steady:.4g}; no revolutions are seen in the first rows"
@@ -765,10 +840,10 @@ def _reason(name: str, axis: _Axis, missed: Sequence[str], count: int) -> str:
 
 
 def _sensor_lines(radial: _Axis) -> list[str]:
-    steady = abs(radial.steady) > 0.3 * abs(radial.depth)
-    why = "the radial axis has a steady part" if steady else "? the radial axis has no steady part"
-    lines = ["[sensor]", f"coupling = {toml_string('DC' if steady else 'AC')}   # {why}"]
-    if not steady:
+    why = "the radial axis has a steady part" if radial.is_steady else "the radial axis has no steady part"
+    mark = "" if radial.is_steady and radial.is_rolling else "? "
+    lines = ["[sensor]", f"coupling = {toml_string('DC' if radial.is_steady else 'AC')}   # {mark}{why}"]
+    if not radial.is_steady:
         lines.append("# highpass_hz = 0.1   # ? corner of the coupling")
     return [*lines, ""]
 

@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.importing.column_names import names_rate
 from gateway.importing.columns import (
     BLOCK_ROWS,
     MAX_MATRIX_COLUMNS,
@@ -46,6 +47,7 @@ class MatColumns:
         self._columns: dict[str, NDArray[Any]] = {}
         self._unusable: dict[str, tuple[str, str]] = {}
         self._dates: dict[str, int | None] = {}
+        self._rates_hz: dict[str, float] = {}
         has_objects = content.pop("__function_workspace__", None) is not None
         for name, value in content.items():
             if not name.startswith("__") and not isinstance(value, MatlabOpaque):
@@ -62,7 +64,9 @@ class MatColumns:
     @property
     def facts(self) -> FileFacts:
         """Every numeric vector and matrix column."""
-        return FileFacts(tuple(self._columns), unusable=dict(self._unusable), dates=dict(self._dates))
+        return FileFacts(
+            tuple(self._columns), unusable=dict(self._unusable), dates=dict(self._dates), rates_hz=self._rates_hz
+        )
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
         """Yield the named columns, which must have equal lengths."""
@@ -82,6 +86,8 @@ class MatColumns:
         if fields is not None and depth < _MAX_DEPTH:
             for field in fields:
                 self._add(f"{name}.{field}", getattr(value, field, None), depth + 1)
+        elif isinstance(value, int | float) and names_rate(name):
+            self._rates_hz[name] = float(value)
         elif isinstance(value, np.ndarray) and value.dtype.kind in "iuf":
             if value.ndim == 1:
                 self._columns[name] = value
