@@ -1181,6 +1181,10 @@ class Code(Enum):
         "'{recording}' has {size_bytes:.1f MB} in one chunk or record at byte {at_byte:d}, which is skipped; at most "
         "{largest_bytes:.1f MB} are read at once. Check where the file comes from"
     )
+    SCALE_UNLIKELY = (
+        "the steady acceleration of the radial column is {found_mps2:.4g m/s²}, {ratio:.3g} times the V²/R of "
+        "{expected_mps2:.4g m/s²} of its revolutions: is it in counts or volts? State `scale`, their size, in each axis"
+    )
     UNIT_UNLIKELY = (
         "the radial column is stated in {stated}, but {fitting} fits: with {stated}, the steady acceleration is "
         "{found_mps2:.4g m/s²}, {ratio:.3g} times the V²/R of {expected_mps2:.4g m/s²} of a revolution of "

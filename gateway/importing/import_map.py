@@ -203,21 +203,29 @@ class AxisColumn(Section):
 
     column: str = Field(description="name of the column")
     unit: Annotated[str, _one_of(ACCELERATION_UNITS_MPS2)] = Field(description="unit of the column")
+    scale: float = within(
+        1.0, 1e-9, 1e9, "size of 1 in the column in that unit, where it holds counts or volts: 100 for V of 10 mV/g"
+    )
     sign: int = Field(default=1, description="1, or -1 if the column points against the protocol's direction")
-    offset: float = Field(default=0.0, description="value of the column at zero acceleration, in its unit")
+    offset: float = Field(default=0.0, description="value of the column at zero acceleration")
     full_scale: float | None = above(
-        None, 0, 1e9, "end of the sensor's range in the column's unit; values at or above it are saturated"
+        None, 0, 1e9, "end of the sensor's range above `offset`, as the column shows it; values there are saturated"
     )
 
     @property
     def factor_mps2(self) -> float:
         """Factor from (value - offset) to m/s^2 in the protocol's direction."""
-        return self.sign * ACCELERATION_UNITS_MPS2[self.unit]
+        return self.sign * self._size_mps2
 
     @property
     def full_scale_mps2(self) -> float | None:
         """End of the sensor's range in m/s^2, None when not stated."""
-        return None if self.full_scale is None else self.full_scale * ACCELERATION_UNITS_MPS2[self.unit]
+        return None if self.full_scale is None else self.full_scale * self._size_mps2
+
+    @property
+    def _size_mps2(self) -> float:
+        """Size of 1 in the column in m/s^2."""
+        return self.scale * ACCELERATION_UNITS_MPS2[self.unit]
 
 
 class Axes(Section):

@@ -17,6 +17,7 @@ import numpy as np
 from firmware_protocol.wire import MIN_RATE_HZ
 from gateway.config.toml_writer import toml_string
 from gateway.config.vehicle import ASSUMED_RADIUS_MM
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.errors import ImportDataError
 from gateway.importing.column_names import A_MAGNITUDE, names_acceleration, other_quantity, unit_of
 from gateway.importing.columns import Block, ColumnReader, FileFacts
@@ -39,7 +40,7 @@ from gateway.importing.import_map import (
 )
 from gateway.importing.reader_process import ReaderProcesses
 from gateway.importing.time_counter import TimeCounter
-from gateway.importing.unit_check import contact_depth, fits, revolution_lag
+from gateway.importing.unit_check import contact_depth, fits, no_unit_fits, revolution_lag
 from gateway.types import FloatArray
 
 _MOST_COLUMNS: Final = 64
@@ -139,6 +140,7 @@ class _Axis:
         depth: depth of the contact in its own unit, negative where the contact points up; without revolutions that of
             the largest peaks.
         is_rolling: whether revolutions are seen.
+        scale: size of 1 in its unit by V²/R, where no unit fits by far.
         swing: standard deviation.
         doubt: why it may not be the radial axis, empty without a reason.
     """
@@ -151,6 +153,7 @@ class _Axis:
     swing: float
     doubt: str
     is_rolling: bool
+    scale: float | None = None
 
     @property
     def is_steady(self) -> bool:
@@ -640,6 +643,7 @@ def _axes(columns: Sequence[_Seen], rate_hz: float | None) -> list[_Axis]:
     axes = []
     for column in columns:
         values = _liveliest(column.values, rate_hz)
+        scale = None
         lag = None if rate_hz is None else revolution_lag(values, rate_hz, ASSUMED_RADIUS_MM * 1e-3)
         steady = float(np.nanmean(values))
         if lag is not None:
@@ -660,7 +664,9 @@ def _axes(columns: Sequence[_Seen], rate_hz: float | None) -> list[_Axis]:
             if not doubt and (not unit or not (size > 0.0 and fits(size, expected))):
                 shown = f"its mean and contact are {size:.0f}" if unit else f"no unit makes {size:.4g} fit"
                 doubt = f"V²/R of its revolutions is {expected:.0f} m/s², {shown}"
-        axes.append(_Axis(column, unit, why, steady, depth, float(np.nanstd(values)), doubt, lag is not None))
+            in_unit = largest * ACCELERATION_UNITS_MPS2.get(unit, STANDARD_GRAVITY_MPS2)
+            scale = expected / in_unit if in_unit > 0.0 and no_unit_fits(in_unit / expected) else None
+        axes.append(_Axis(column, unit, why, steady, depth, float(np.nanstd(values)), doubt, lag is not None, scale))
     named = _ROLES["radial"]
     return sorted(
         axes,
@@ -792,6 +798,9 @@ def _axis_lines(prefix: str, group: Sequence[_Axis], missed: Sequence[str]) -> l
         unit = axis.unit if says_unit else group[0].unit
         why = axis.why if says_unit and axis.why else "as the radial axis" if unit and not says_unit else _NO_UNIT
         lines.append(f"unit = {toml_string(unit or 'g')}   # {why}")
+        if group[0].scale is not None:
+            size = f"# scale = {group[0].scale:.4g}"
+            lines.append(f"{size}   # ? counts or volts? V²/R fits with about this size of 1: state the exact one")
         if name == "radial":
             against = axis.steady < 0.0 if axis.is_steady else axis.depth < 0.0
             by = "positive toward the wheel centre, by its mean and contact"

@@ -17,10 +17,12 @@ _ONE_REVOLUTION: Final = 0.85
 # The belt radius may be assumed and the contact's depth is rough, but units are a factor of 9.8 apart.
 _TOLERANCE: Final = 1.6
 _SMOOTHED_SHARE: Final = 0.02
+# Three revolutions taken for one are a factor of 9.
+_NO_UNIT: Final = 20.0
 
 
 def unlikely_unit(radial_mps2: FloatArray, rate_hz: float, radius_m: float, stated: str, *, dc: bool) -> Reason | None:
-    """Return a finding when another unit of the column fits the revolutions and the stated one does not.
+    """Return a finding when the stated unit does not fit the revolutions, but another one does, or none by far.
 
     On a rolling wheel the mean of the radial axis is V^2/R = (2 pi / T)^2 R. An AC-coupled sensor has no mean, but in
     the contact it reads less by the same amount. The period T is the lag at which the signal repeats.
@@ -55,7 +57,15 @@ def unlikely_unit(radial_mps2: FloatArray, rate_hz: float, radius_m: float, stat
                 stated=stated,
                 fitting=name,
             )
+    ratio = found_mps2 / expected_mps2
+    if no_unit_fits(ratio):
+        return Reason(Code.SCALE_UNLIKELY, found_mps2=found_mps2, expected_mps2=expected_mps2, ratio=ratio)
     return None
+
+
+def no_unit_fits(ratio: float) -> bool:
+    """Return whether a steady acceleration is so far from V^2/R that not even a missed revolution explains it."""
+    return abs(math.log(ratio)) > math.log(_NO_UNIT)
 
 
 def fits(found_mps2: float, expected_mps2: float) -> bool:

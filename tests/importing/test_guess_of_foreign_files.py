@@ -11,7 +11,8 @@ from gateway.importing.column_names import names_rate, rate_in_text
 from gateway.importing.import_map import parse_map
 from gateway.importing.importer import import_file
 from gateway.importing.map_guess import guess_map
-from tests.importing.measurements import write_csv
+from gateway.reasons import Code
+from tests.importing.measurements import Decoded, write_csv
 from tests.importing.rolling_wheel import rolling
 
 G = 9.80665
@@ -46,8 +47,27 @@ def test_short_names_beside_a_named_axis_are_axes(tmp_path: Path) -> None:
 def test_unit_of_counts_is_not_known_on_any_axis(tmp_path: Path) -> None:
     # The circumferential axis in counts happens to fit V²/R in g.
     counts = {"t": WHEEL.times_s, "ch1": 10.0 * X, "ch2": 10.0 * Y, "ch3": 400.0 * Z}
-    text, _ = guessed(write_csv(tmp_path / "counts.csv", counts))
+    path = write_csv(tmp_path / "counts.csv", counts)
+    text, _ = guessed(path)
     assert text.count("# ? neither the file nor the magnitude says it") == 3
+    (finding,) = import_file(path, parse_map(text, "map"), tmp_path / "wrong.mcap").wheels[0].findings
+    assert finding.code is Code.SCALE_UNLIKELY
+    sizes = [line for line in text.splitlines() if line.startswith("# scale = ")]
+    assert [float(line.split()[3]) for line in sizes] == pytest.approx([1 / (400.0 * G)] * 3, rel=0.2)
+    report = import_file(path, parse_map(text.replace("# scale", "scale"), "map"), tmp_path / "out.mcap")
+    assert not report.wheels[0].findings
+
+
+def test_offset_scale_and_full_scale_are_those_of_the_column(tmp_path: Path) -> None:
+    volts = {"t": WHEEL.times_s, "z": 2.5 + 0.01 * np.clip(Z / G, None, 120.0)}
+    path = write_csv(tmp_path / "volts.csv", volts)
+    axis = 'column = "z"\nunit = "g"\nscale = 100\noffset = 2.5\nfull_scale = 1.2'
+    map_text = f'[sampling]\nrate_hz = 9600\n[axis.radial]\n{axis}\n[sensor]\ncoupling = "DC"\n'
+    report = import_file(path, parse_map(map_text, "map"), tmp_path / "out.mcap")
+    decoded = Decoded(tmp_path / "out.mcap")
+    assert np.abs(decoded.samples_mps2[:, 0] - np.minimum(Z, 120.0 * G)).max() < 0.1
+    assert decoded.hello.range_mps2[2] == pytest.approx(120.0 * G, rel=1e-3)
+    assert not report.wheels[0].findings
 
 
 def test_times_that_change_their_rate_are_named(tmp_path: Path) -> None:
