@@ -156,7 +156,7 @@ class LiveRevolutions:
             self._opened.remove_empty_recording()
         fault = self._session.core.recording.fault
         if fault is not None:
-            raise RecordingError(fault, "The part written before is readable.")
+            raise RecordingError(fault, "Check the disk and its free space, then record again.")
 
     def _abandon(self) -> None:
         """Close after another error, which the user needs first."""

@@ -32,7 +32,7 @@ def calibrate() -> None:
     """
 
 
-@calibrate.command()
+@calibrate.command(short_help="Calibrate load and reference numbers at known loads.")
 @click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RECORDING...")
 @path_option("--config", "config_path", help="Vehicle configuration (TOML) for recordings without one.")
 @click.option(
@@ -112,7 +112,7 @@ def slip(runs_path: Path, config_path: Path | None, out_path: Path | None, force
     _write(slip_lines(runs, fit), slip_toml(fit.calibration), out_path, force=force)
 
 
-@calibrate.command(name="side-force")
+@calibrate.command(name="side-force", short_help="Calibrate side force and aligning moment.")
 @_of_runs
 def side_force(runs_path: Path, config_path: Path | None, out_path: Path | None, force: bool) -> None:
     """Calibrate side force and aligning moment from runs at known forces.

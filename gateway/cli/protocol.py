@@ -7,7 +7,8 @@ from typing import Final
 
 import click
 
-from gateway.cli.options import FiniteRange, config_option, force_option, keys_option
+from gateway.cli.options import FiniteRange, force_option, keys_option
+from gateway.cli.path_option import path_option
 from gateway.errors import TreadlinkError
 from gateway.views.output_file import check_outputs, write_whole
 
@@ -27,7 +28,7 @@ def protocol() -> None:
     """Check a firmware; generate C code, test vectors and descriptions for other programs."""
 
 
-@protocol.command()
+@protocol.command(short_help="Check a firmware against the specification, clause by clause.")
 @click.argument("source", metavar="URI|FILE")
 @click.option(
     "--for",
@@ -99,7 +100,7 @@ def check(
         raise SystemExit(exit_status.NO_RESULT)
 
 
-@protocol.command()
+@protocol.command(short_help="Print the frames of a hub or a file as lines.")
 @click.argument("source", metavar="URI|FILE")
 @click.option("--for", "shown_duration", metavar="TIME", help="Stop after this time, such as 60s or 2min.")
 def dump(source: str, shown_duration: str | None) -> None:
@@ -138,7 +139,7 @@ def encoder(out: Path | None, force: bool) -> None:
     _write({ENCODER_NAME: c_encoder()}, out, force=force)
 
 
-@protocol.command()
+@protocol.command(short_help="Write the reference collector: firmware of a hub in C11.")
 @click.option(
     "--out", type=click.Path(file_okay=False, path_type=Path), metavar="DIR", required=True, help="Output folder."
 )
@@ -176,7 +177,11 @@ def vectors(out: Path | None, force: bool) -> None:
 @protocol.command()
 @_OUT
 @force_option
-@config_option
+@path_option(
+    "--config",
+    "config_path",
+    help="Vehicle configuration (TOML) with the wheels.  [default: FL, FR, RL, RR and four more]",
+)
 @click.option(
     "--base-id",
     default="0x500",
@@ -185,10 +190,7 @@ def vectors(out: Path | None, force: bool) -> None:
     help="Identifier of the first frame, as in --publish can:INTERFACE:CHANNEL?base_id=ID.",
 )
 def dbc(out: Path | None, force: bool, config_path: Path | None, base_id: str) -> None:
-    """Write the DBC file of the frames that `--publish can:` sends.
-
-    Wheels have the names of --config; without it FL, FR, RL, RR and four more.
-    """
+    """Write the DBC file of the frames that `--publish can:` sends."""
     from gateway.config.vehicle import load_vehicle
     from gateway.publishing.can_frames import dbc_text
 
@@ -220,7 +222,7 @@ def kaitai(out: Path | None, force: bool) -> None:
     _write({KAITAI_NAME: kaitai_description()}, out, force=force)
 
 
-@protocol.command()
+@protocol.command(short_help="Write the JSON schema of the objects that are published.")
 @_OUT
 @force_option
 def schema(out: Path | None, force: bool) -> None:

@@ -240,7 +240,7 @@ def ending(session: RunningSession, stop: StopRequest, *, needs_revolutions: boo
         stop.raise_if_set()
         raise
     if session.live.core.recording.fault is not None:
-        raise RecordingError(session.live.core.recording.fault, "The part written before is readable.")
+        raise RecordingError(session.live.core.recording.fault, "Check the disk and its free space, then record again.")
     damage = session.opened.damage()
     if damage is not None:
         raise RecordingError(text(damage), "The readable part was replayed.")

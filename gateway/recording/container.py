@@ -40,6 +40,7 @@ class _GuardedStream:
 
     def __init__(self, path: Path, part: Path | None) -> None:
         self._path = path
+        self._stays = part is None
         try:
             self._file = _open_new(path) if part is None else _open_part(path, part)
         except OSError as error:
@@ -68,7 +69,7 @@ class _GuardedStream:
                 raise FileNotFoundError(errno.ENOENT, "the file was deleted while it was written")
         except OSError as error:
             self._cut_back()
-            raise _write_error(self._path, error) from error
+            raise _write_error(self._path, error, stays=self._stays) from error
         self._written += len(self._pending)
         self._pending = bytearray()
 
@@ -84,13 +85,13 @@ class _GuardedStream:
         try:
             os.fsync(self._file.fileno())
         except OSError as error:
-            raise _write_error(self._path, error) from error
+            raise _write_error(self._path, error, stays=self._stays) from error
 
     def close(self) -> None:
         try:
             self._file.close()
         except OSError as error:  # a network folder may refuse only now what it took before
-            raise _write_error(self._path, error) from error
+            raise _write_error(self._path, error, stays=self._stays) from error
 
 
 class PackedIndexes:
@@ -377,11 +378,12 @@ def _open_error(path: Path, error: OSError) -> RecordingError:
     return RecordingError(f"cannot create '{path}': {error.strerror}", "Choose another folder or disk.")
 
 
-def _write_error(path: Path, error: OSError) -> RecordingError:
-    consequence = "the part written before stays readable"
+def _write_error(path: Path, error: OSError, *, stays: bool) -> RecordingError:
+    """Return what has gone wrong; `stays` is whether the file is kept, as that of a session is."""
+    consequence = "the part written before stays readable" if stays else "nothing is left of it"
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return RecordingError(
-            f"disk full while recording to '{path}'; {consequence}", "Free some space, or record to another disk."
+            f"disk full while writing '{path}'; {consequence}", "Free some space, or choose another disk."
         )
     if error.errno == errno.ENOENT:
         return RecordingError(

@@ -238,6 +238,18 @@ def test_every_command_has_help():
         assert len(done) > 200
 
 
+@pytest.mark.parametrize("group", ["calibrate", "command", "keys", "protocol"])
+def test_summaries_of_subcommands_are_whole(group):
+    _, _, commands = run(group, "--help").partition("Commands:")
+    assert commands
+    assert "..." not in commands
+
+
+def test_configuration_of_the_dbc_has_its_own_default():
+    help_text = " ".join(run("protocol", "dbc", "--help").split())
+    assert "[default: FL, FR, RL, RR and four more]" in help_text
+
+
 def test_interrupt_ends_a_live_session_with_its_summary(tmp_path):
     process = subprocess.Popen(
         [sys.executable, "-m", "gateway.cli", "live", "sim:lab", "--plain", "--record", tmp_path / "i.mcap"],

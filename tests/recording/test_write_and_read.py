@@ -6,6 +6,7 @@ import json
 import os
 import re
 from collections.abc import Callable
+from io import FileIO
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +21,11 @@ from mcap.stream_reader import StreamReader
 
 from gateway.errors import RecordingError
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem
+from gateway.recording import container
 from gateway.recording.mcap_layout import MARKS_TOPIC, event_topic, raw_topic
 from gateway.recording.reader import RecordingReader
 from gateway.recording.schemas import TOPICS, schema_of
-from gateway.recording.writer import RecordingWriter
+from gateway.recording.writer import RecordingWriter, whole_recording
 from gateway.views.wording import text
 from tests.recording import streams
 
@@ -200,6 +202,20 @@ def test_full_disk_is_reported_and_file_valid(
     items, reader = broken_off(tmp_path / "r.mcap", monkeypatch, FullDisk, "disk full")
     assert list(reader.items()) == items
     assert reader.damage is None
+
+
+def test_full_disk_leaves_nothing_of_a_copy_and_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class FullDisk(FileIO):
+        def write(self, data: object) -> int:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(container, "FileIO", FullDisk)
+    with (
+        pytest.raises(RecordingError, match=r"disk full while writing .*copy\.mcap'; nothing is left of it"),
+        whole_recording(tmp_path / "copy.mcap", start_ns=0) as writer,
+    ):
+        list(map(writer.write, some_items()))
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("number", [errno.ESTALE, errno.EIO, errno.ENODEV])
