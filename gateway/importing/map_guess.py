@@ -86,7 +86,8 @@ _MOST_REPEATS: Final = 0.2
 _MOST_COMPARED: Final = 9
 # Share of a magnitude by which columns that are rounded apart may miss it.
 _ROUNDED: Final = 1e-3
-_VOLTAGES: Final = frozenset({"", "V", "mV"})
+_VOLTS: Final = frozenset({"V", "mV"})
+_VOLTAGES: Final = _VOLTS | {""}
 _TEMPERATURE_UNITS: Final = frozenset({"degC", "C"})
 # A constant column of these states a condition of the test.
 _UNITS_OF_CONSTANTS: Final = (
@@ -357,6 +358,7 @@ def _names_axis(name: str, unit: str) -> bool:
 def _sorted(seen: Sequence[_Seen], facts: FileFacts, text: TextLayout | None) -> _Guess:
     guess = _Guess()
     finite = [(column, column.values[np.isfinite(column.values)]) for column in seen]
+    volts: list[_Seen] = []
     if facts.dates:
         guess.date_order = text.date_order if text is not None else "ymd"
         name = next(iter(facts.dates))
@@ -375,6 +377,10 @@ def _sorted(seen: Sequence[_Seen], facts: FileFacts, text: TextLayout | None) ->
         kind = _kind(column, values, guess)
         if kind is not None:
             guess.others.append((column.name, kind))
+            volts += [column] if kind == f"unit {column.unit}" and column.unit in _VOLTS else []
+    if not guess.candidates:
+        guess.candidates = volts
+        guess.others = [other for other in guess.others if other[0] not in {column.name for column in volts}]
     if guess.time_unit != ISO and guess.time is None and facts.time_column is not None:
         guess.time = facts.time_column
     _leave_unnamed(guess)
@@ -657,22 +663,25 @@ def _axes(columns: Sequence[_Seen], rate_hz: float | None) -> list[_Axis]:
         if lag is not None and rate_hz is not None:
             expected = (2.0 * math.pi * rate_hz / lag) ** 2 * ASSUMED_RADIUS_MM * 1e-3
             largest = max(abs(steady), abs(depth))
-            for name in () if unit else ("m/s^2", "g", "mg"):
+            for name in () if column.unit else ("m/s^2", "g", "mg"):
                 if largest > 0.0 and fits(largest * ACCELERATION_UNITS_MPS2[name], expected):
                     unit, why = name, f"by magnitude: V²/R of its revolutions is {expected:.0f} m/s²"
             size = largest * ACCELERATION_UNITS_MPS2.get(unit, 1.0)
             if not doubt and (not unit or not (size > 0.0 and fits(size, expected))):
                 shown = f"its mean and contact are {size:.0f}" if unit else f"no unit makes {size:.4g} fit"
                 doubt = f"V²/R of its revolutions is {expected:.0f} m/s², {shown}"
-            in_unit = largest * ACCELERATION_UNITS_MPS2.get(unit, STANDARD_GRAVITY_MPS2)
-            scale = expected / in_unit if in_unit > 0.0 and no_unit_fits(in_unit / expected) else None
+            # The contact's depth holds no reading at zero acceleration.
+            in_unit = abs(depth) * ACCELERATION_UNITS_MPS2.get(unit, STANDARD_GRAVITY_MPS2)
+            if in_unit > 0.0 and ((not unit and column.unit) or no_unit_fits(in_unit / expected)):
+                scale = expected / in_unit
         axes.append(_Axis(column, unit, why, steady, depth, float(np.nanstd(values)), doubt, lag is not None, scale))
     named = _ROLES["radial"]
     return sorted(
         axes,
         key=lambda axis: (
             not named.search(axis.seen.name),
-            -max(abs(axis.steady), abs(axis.depth), 1e-3 * axis.swing),
+            # The mean of volts is their reading at zero acceleration.
+            -max(abs(axis.steady) * (axis.seen.unit not in _VOLTS), abs(axis.depth), 1e-3 * axis.swing),
         ),
     )
 
@@ -801,8 +810,13 @@ def _axis_lines(prefix: str, group: Sequence[_Axis], missed: Sequence[str]) -> l
         if group[0].scale is not None:
             size = f"# scale = {group[0].scale:.4g}"
             lines.append(f"{size}   # ? counts or volts? V²/R fits with about this size of 1: state the exact one")
+            offset = axis.steady - (axis.depth if axis is group[0] else 0.0)
+            if abs(offset) > 0.3 * abs(group[0].depth):
+                lines.append(f"# offset = {offset:.3g}   # ? reading at zero acceleration")
         if name == "radial":
-            against = axis.steady < 0.0 if axis.is_steady else axis.depth < 0.0
+            # With a reading at zero acceleration, the mean says no direction.
+            by_mean = axis.is_steady and axis.scale is None
+            against = axis.steady < 0.0 if by_mean else axis.depth < 0.0
             by = "positive toward the wheel centre, by its mean and contact"
             by = by if axis.is_rolling else "? positive toward the wheel centre, by its mean and largest peaks"
             lines.append(f"sign = {-1 if against else 1}   # {by}")
@@ -850,7 +864,7 @@ def _reason(name: str, axis: _Axis, missed: Sequence[str], count: int) -> str:
 
 def _sensor_lines(radial: _Axis) -> list[str]:
     why = "the radial axis has a steady part" if radial.is_steady else "the radial axis has no steady part"
-    mark = "" if radial.is_steady and radial.is_rolling else "? "
+    mark = "" if radial.is_steady and radial.is_rolling and radial.scale is None else "? "
     lines = ["[sensor]", f"coupling = {toml_string('DC' if radial.is_steady else 'AC')}   # {mark}{why}"]
     if not radial.is_steady:
         lines.append("# highpass_hz = 0.1   # ? corner of the coupling")

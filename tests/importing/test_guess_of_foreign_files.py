@@ -58,6 +58,19 @@ def test_unit_of_counts_is_not_known_on_any_axis(tmp_path: Path) -> None:
     assert not report.wheels[0].findings
 
 
+def test_volts_are_taken_where_nothing_else_is_an_acceleration(tmp_path: Path) -> None:
+    volts = {f"CH{number} [V]": 2.5 + 0.005 * values / G for number, values in enumerate((X, Y, -Z), 1)}
+    text, document = guessed(write_csv(tmp_path / "volts.csv", {"Time [s]": WHEEL.times_s, **volts}))
+    assert (document["axis"]["radial"]["column"], document["axis"]["radial"]["sign"]) == ("CH3 [V]", -1)
+    assert "# ? " in line_of(text, "coupling")
+    assert float(line_of(text, "# scale").split()[3]) == pytest.approx(200.0, rel=0.2)
+    assert float(line_of(text, "# offset").split()[3]) == pytest.approx(2.5, abs=0.1)
+    columns = {"Time [s]": WHEEL.times_s, "mic [V]": volts["CH1 [V]"], "acc z [g]": Z / G}
+    text, _ = guessed(write_csv(tmp_path / "both.csv", columns))
+    assert "#   mic [V]: unit V" in text
+    assert "# scale" not in text
+
+
 def test_offset_scale_and_full_scale_are_those_of_the_column(tmp_path: Path) -> None:
     volts = {"t": WHEEL.times_s, "z": 2.5 + 0.01 * np.clip(Z / G, None, 120.0)}
     path = write_csv(tmp_path / "volts.csv", volts)
