@@ -24,6 +24,7 @@ _DATE: Final = re.compile(
 _HALF_OF_DAY: Final = re.compile(r"[ap]\.?m", re.IGNORECASE)
 _DECIMAL_COMMA: Final = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 _COMMENTS: Final = ("#", "%", "//")
+_LIKE_SCORES: Final = 0.01
 _MAX_HEADER_LINES: Final = 200
 
 
@@ -73,10 +74,12 @@ def recognise_layout(path: Path) -> TextLayout:
         )
     width = len(rows[start])
     above = [k for k in range(start) if len(rows[k]) == width and any(rows[k])]
-    # A line of units is directly below that of the names.
+    # A line of units is directly below that of the names, and has no unit without a name.
     has_units = len(above) >= 2 and above[-1] == start - 1 and above[-2] == start - 2
-    if has_units and _is_comment(lines[start - 2]) and not _is_comment(lines[start - 1]):
-        has_units = False  # a remark that happens to have as many commas
+    if has_units:
+        # A remark may have as many commas, and a line that ends a header as many tabs.
+        is_remark = _is_comment(lines[start - 2]) and not _is_comment(lines[start - 1])
+        has_units = not is_remark and all(name or not unit for name, unit in zip(*rows[start - 2 : start], strict=True))
     header = above[-2] if has_units else above[-1] if above and above[-1] == start - 1 else None
     names = column_names(rows[header]) if header is not None else [str(k + 1) for k in range(width)]
     data_rows = [row for row in rows[start:] if len(row) == width]
@@ -166,7 +169,9 @@ def _delimiter(lines: list[str]) -> str:
         width = Counter(map(len, rows)).most_common(1)[0][0]
         # A wrong delimiter leaves pieces such as `5;2` between the numbers.
         score = round(sum(_share(row) for row in rows if len(row) == width), 1)
-        if (score, width) > most:
+        # Single lines of a header, such as `Channels<tab>1`, decide nothing.
+        is_like = abs(score - most[0]) <= _LIKE_SCORES * most[0]
+        if width > most[1] if is_like else score > most[0]:
             best, most = name, (score, width)
     return best
 

@@ -77,6 +77,7 @@ SUFFIXES: Final[dict[str, FileFormat]] = {
     ".txt": FileFormat.CSV,
     ".tsv": FileFormat.CSV,
     ".dat": FileFormat.CSV,
+    ".lvm": FileFormat.CSV,
     ".h5": FileFormat.HDF5,
     ".hdf5": FileFormat.HDF5,
     ".ide": FileFormat.IDE,

@@ -52,6 +52,7 @@ MEASUREMENT_SUFFIXES: Final = frozenset(
         ".txt",
         ".tsv",
         ".dat",
+        ".lvm",
         ".mat",
         ".h5",
         ".hdf5",

@@ -175,3 +175,12 @@ def test_slower_channels_of_an_mdf_file_are_used(tmp_path: Path) -> None:
     assert [(item["column"], item["unit"]) for item in document["reference"]] == [("v", "km/h")]
     assert "not used" not in text
     assert import_file(path, parse_map(text, "map"), tmp_path / "out.mcap").references
+
+
+def test_header_of_labview_ends_above_the_names(tmp_path: Path) -> None:
+    head = ["LabVIEW Measurement\t", "***End_of_Header***\t", "Channels\t1\t\t", "Delta_X\t0.000104\t0.000104\t"]
+    rows = [f"{t:.7f}\t{z:.4f}\t" for t, z in zip(WHEEL.times_s, Z / G, strict=True)]
+    (tmp_path / "run.lvm").write_text("\n".join([*head, "***End_of_Header***\t\t", "X_Value\taz\tComment", *rows]))
+    _, document = guessed(tmp_path / "run.lvm")
+    assert document["sampling"] == {"time_column": "X_Value", "time_unit": "s"}
+    assert document["axis"] == {"radial": {"column": "az", "unit": "g", "sign": 1}}
