@@ -93,6 +93,7 @@ class LateralSteps(NamedTuple):
 
     Attributes:
         own_m: (k, 2 k) coefficients of each revolution, corrected with the roll tilt known then.
+        own_radial_m: (k, 2 k) of the radial axis: the change of `own_m` per rad of further roll tilt, but for the sign.
         mean_m: (k, 2 k) of the average, corrected with the latest roll tilt.
         roll: calibration after each.
         effective_counts: number of revolutions of equal weight that would have the same variance, after each.
@@ -101,6 +102,7 @@ class LateralSteps(NamedTuple):
     """
 
     own_m: FloatArray
+    own_radial_m: FloatArray
     mean_m: FloatArray
     roll: Sequence[Roll]
     effective_counts: list[float]
@@ -204,7 +206,8 @@ class LateralAverage:
         tilts = np.array([roll.rad for roll in rolls])
         values = np.concatenate([_coefficients(block.arrays, taken, revolutions, tilts), tilts[:, np.newaxis]], axis=1)
         carried = [min(revolution.order_max, ORDERS.stop - 1) for revolution in revolutions]
-        steps = LateralSteps(values[:, :_SIZE], np.empty((len(taken), _SIZE)), rolls, [], [], [])
+        own_m, own_radial_m = values[:, :_SIZE], values[:, _SIZE : 2 * _SIZE]
+        steps = LateralSteps(own_m, own_radial_m, np.empty((len(taken), _SIZE)), rolls, [], [], [])
         first = 0
         for end in range(1, len(taken) + 1):
             if end == len(taken) or carried[end] != carried[first]:

@@ -25,7 +25,7 @@ from gateway.estimators.lateral_shape import (
 )
 from gateway.estimators.slip_calibration import SlipCalibration
 from gateway.reasons import Code, Reason
-from gateway.signal.lateral_deformation import chord_row, lateral_waveform
+from gateway.signal.lateral_deformation import ORDERS, chord_row, lateral_waveform
 from gateway.signal.synchronous_average import RunningMoments
 from gateway.types import FloatArray
 
@@ -44,6 +44,9 @@ _SIGNIFICANT: Final = 3.0
 _SIDE_RAD: Final = math.radians(0.1)
 # Memory of scatter and of the left and right means.
 _HORIZON: Final = 50.0
+_GRID: Final = 512
+# Largest of 80 normal values, in standard errors: what noise adds to an extreme of a waveform that is flat there.
+_NOISE_PEAK: Final = 2.4
 # Differences of neighbouring revolutions from which the scatter is known, and revolutions of either side from which
 # left and right are compared.
 _LEAST_STEPS: Final = 3
@@ -56,6 +59,18 @@ def lateral_asymmetry(waveform: FloatArray) -> float:
     return (high + low) / (high - low) if high > low else math.nan
 
 
+def _asymmetry(coefficients_m: FloatArray) -> float:
+    return lateral_asymmetry(lateral_waveform(coefficients_m, _GRID))
+
+
+def _asymmetry_by_noise(coefficients_m: FloatArray, peak_m: float) -> float:
+    """Return what noise that stands on both extremes with a peak makes of the asymmetry; 1 if it hides them."""
+    waveform = lateral_waveform(coefficients_m, _GRID)
+    if peak_m >= abs(waveform).max():
+        return 1.0
+    return lateral_asymmetry(waveform) - lateral_asymmetry(waveform - np.clip(waveform, -peak_m, peak_m))
+
+
 class SlipAngleEstimator(LateralEstimator):
     """Slip of each revolution, relative to a slope at zero slip that is calibrated or learnt; needs a lateral axis.
 
@@ -66,6 +81,7 @@ class SlipAngleEstimator(LateralEstimator):
     slip angles. With it, slip_angle_rad is that of the revolution and slip_angle_mean_rad that of the mean of the
     latest ones. Outside the calibrated half angles, pressures and slip angles they are provisional.
 
+    The error of lateral_asymmetry is its scatter, what the roll tilt's error makes, and what noise adds to extremes.
     slip_direction is 1, -1, or 0 when slip is within three standard errors of zero; a reason says so.
     left_right_asymmetry is the sum of the mean lateral_asymmetry at left and at right slip, 0 for a tire without
     ply steer and conicity. There are no estimates without a lateral axis.
@@ -79,9 +95,11 @@ class SlipAngleEstimator(LateralEstimator):
     def reset(self) -> None:
         """Forget the zero, the calibration and both sides."""
         super().reset()
-        self._last_slope = math.nan
-        self._steps = RunningMoments(1)
-        self._sides = {1.0: RunningMoments(1), -1.0: RunningMoments(1)}
+        # Slope, asymmetry and coefficients.
+        self._last = np.full(2 + 2 * len(ORDERS), math.nan)
+        self._steps = RunningMoments(len(self._last))
+        # Asymmetry, and its errors by roll tilt and noise with their signs.
+        self._sides = {1.0: RunningMoments(3), -1.0: RunningMoments(3)}
 
     def _names(self, conditions: TireConditions) -> Sequence[str]:
         return NAMES if conditions.tire.slip_calibration is None else (*NAMES, SLIP_NAME, MEAN_NAME)
@@ -95,17 +113,20 @@ class SlipAngleEstimator(LateralEstimator):
         slope = float(chord @ own_m)
         mean = float(chord @ steps.mean_m[row])
         count = steps.effective_counts[row]
-        scatter = self._scatter(slope)
+        asymmetry = _asymmetry(own_m)
+        scatter, asymmetry_scatter, peak_m = self._scatter(np.array([slope, asymmetry, *own_m]))
         law = conditions.tire.slip_calibration
         if law is not None:
             zero, std = law.zero_rad, math.hypot(scatter, law.zero_std_rad)
         else:
             zero, std = mean, math.hypot(scatter * math.sqrt(1.0 + 1.0 / count), _LEARNT_ZERO_STD_RAD)
         apparent = slope - zero
-        asymmetry = lateral_asymmetry(lateral_waveform(own_m, 512))
-        if abs(apparent) > _SIDE_RAD:
+        by_roll_m = steps.roll[row].std_rad * steps.own_radial_m[row]
+        by_roll = 0.5 * (_asymmetry(own_m + by_roll_m) - _asymmetry(own_m - by_roll_m))
+        by_noise = _asymmetry_by_noise(own_m, peak_m)
+        if abs(apparent) > _SIDE_RAD and math.isfinite(by_noise):
             side = self._sides[math.copysign(1.0, apparent)]
-            side.update(np.array([asymmetry]), max(1.0 / (side.count + 1), 1.0 / _HORIZON))
+            side.update(np.array([asymmetry, by_roll, by_noise]), max(1.0 / (side.count + 1), 1.0 / _HORIZON))
         outside: tuple[Reason, ...] = ()
         angles: tuple[Estimate, ...] = ()
         if law is not None:
@@ -127,24 +148,38 @@ class SlipAngleEstimator(LateralEstimator):
         return (
             Estimate(NAMES[0], apparent, std, status, reasons, scatter if math.isfinite(scatter) else 0.0),
             Estimate(NAMES[1], direction, math.nan, status, (*reasons, *unsigned)),
-            Estimate(NAMES[2], asymmetry, math.nan, asymmetry_status, asymmetry_reasons),
+            Estimate(
+                NAMES[2],
+                asymmetry,
+                math.hypot(by_roll, by_noise, asymmetry_scatter),
+                asymmetry_status,
+                asymmetry_reasons,
+                asymmetry_scatter if math.isfinite(asymmetry_scatter) else 0.0,
+            ),
             self._left_right(),
             *angles,
         )
 
-    def _scatter(self, slope_rad: float) -> float:
-        """Return the scatter of one revolution's slope from differences of neighbours, free of slow changes of slip."""
-        step, self._last_slope = slope_rad - self._last_slope, slope_rad
-        if math.isfinite(step):
-            self._steps.update(np.array([0.5 * step * step]), max(1.0 / (self._steps.count + 1), 1.0 / _HORIZON))
-        return math.sqrt(self._steps.mean[0]) if self._steps.count >= _LEAST_STEPS else math.nan
+    def _scatter(self, present: FloatArray) -> tuple[float, float, float]:
+        """Return the scatter of slope and asymmetry in one revolution, and the peak of its noise in m.
+
+        By differences of neighbours, which are free of slow changes of slip; NaN before there are some.
+        """
+        step, self._last = present - self._last, present
+        if np.isfinite(step).all():
+            self._steps.update(0.5 * step * step, max(1.0 / (self._steps.count + 1), 1.0 / _HORIZON))
+        if self._steps.count < _LEAST_STEPS:
+            return math.nan, math.nan, math.nan
+        slope, asymmetry, *coefficients = self._steps.mean.tolist()
+        return math.sqrt(slope), math.sqrt(asymmetry), _NOISE_PEAK * math.sqrt(0.5 * sum(coefficients))
 
     def _left_right(self) -> Estimate:
         left_side, right_side = self._sides[1.0], self._sides[-1.0]
         if min(left_side.count, right_side.count) < _LEAST_OF_SIDE:
             return Estimate.invalid(NAMES[3], Reason(Code.NEEDS_BOTH_SLIPS, needed=_LEAST_OF_SIDE))
+        value, by_roll, by_noise = (left_side.mean + right_side.mean).tolist()
         variance = sum(float(side.variance()[0] * np.asarray(side.weight_square)) for side in (left_side, right_side))
-        return Estimate(NAMES[3], float(left_side.mean[0] + right_side.mean[0]), math.sqrt(variance), Status.VALID)
+        return Estimate(NAMES[3], value, math.hypot(math.sqrt(variance), by_roll, by_noise), Status.VALID)
 
 
 def _status(
