@@ -253,6 +253,8 @@ class Applied:
 
 
 def _rows_of(rows: Rows, axis_groups: AxisGroups, axis: int) -> list[FloatArray | None] | None:
-    """Return the rows (k, REAL) of an axis's groups, None if no group of it has any."""
-    given = [rows[index] for index in axis_groups.groups]
-    return None if all(row is None for row in given) else [None if row is None else row[:, axis] for row in given]
+    """Return the rows (k, REAL) of an axis's groups, None for zeros; None if no group of it has any."""
+    given = [
+        None if (row := rows[index]) is None or not row[:, axis].any() else row[:, axis] for index in axis_groups.groups
+    ]
+    return None if all(row is None for row in given) else given

@@ -90,10 +90,13 @@ class Whitened:
             rows: None stands for zeros.
         """
         size = next(len(row) for row in rows if row is not None)
-        return [
-            np.zeros((size, 3, REAL)) if row is None else np.matmul(row.swapaxes(0, 1), precision).swapaxes(0, 1)
-            for row, precision in zip(rows, self.precisions, strict=True)
-        ]
+        results = [np.zeros((size, 3, REAL)) for _ in rows]
+        for result, row, precision in zip(results, rows, self.precisions, strict=True):
+            for axis in range(3):
+                # Most effects answer in the wheel's plane or across it.
+                if row is not None and row[:, axis].any():
+                    result[:, axis] = row[:, axis] @ precision[axis]
+        return results
 
     def products(self, rows: Sequence[FloatArray | None], batches: int = 1) -> FloatArray:
         """Return rows C^-1 rows' for the scatter C within equal batches of rows as for `weighted`, (batches, k, k)."""

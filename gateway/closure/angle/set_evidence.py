@@ -92,7 +92,7 @@ def evaluate(
     fit, applied = _settled(fit, applied, _STEPS)
     for _ in range(_FIT_ROUNDS):
         start = _inside(fit.vector + _limited(fit), fit)
-        fit = fit_model(fit.model, data, start, applied=applied, most_steps=_FIT_STEPS)
+        fit = fit_model(fit.model, data, start, applied=applied, most_steps=_FIT_STEPS, done=_UNTAKEN_DECREASE)
         fit, applied = _settled(fit, applied, _STEPS)
         if _predicted_decrease(fit) < _UNTAKEN_DECREASE:
             return evaluated_at(fit.moved(_limited(fit)))

@@ -217,7 +217,7 @@ class TravellingEdgeWaves(SignalEffect):
         """Return the derivatives by amplitudes, tread, belt, the packet ahead and the growth."""
         offset = relative_offset(block)
         seen = _Seen(block.leading_edge_rad, block.trailing_edge_rad, block.conditions, offset)
-        packets = self._packets(seen, parameters.tolist())
+        packets = self._packets(seen, tuple(parameters.tolist()))
         rows = np.zeros((len(parameters), 2, len(_ORDER)), complex)
         for packet in packets:
             rows[packet.first : packet.first + 2] += spectrum_of(np.stack([packet.curves, -1j * packet.curves]))
@@ -235,7 +235,8 @@ class TravellingEdgeWaves(SignalEffect):
         relative = conditions.omega_radps * conditions.radius_m / _REFERENCE_MPS
         return relative ** parameters[-1], math.log(relative)
 
-    def _packets(self, seen: _Seen, p: Sequence[float]) -> list[_Packet]:
+    @lru_cache(maxsize=4)  # noqa: B019 - as above
+    def _packets(self, seen: _Seen, p: tuple[float, ...]) -> list[_Packet]:
         """Return the packets before, after, that of the second harmonic, and the one ahead."""
         conditions = seen.conditions
         tread = BlockTread(*p[_TREAD.start : _TREAD.stop])

@@ -52,6 +52,9 @@ def most_evident(fit: Fit, data: Whitened) -> Evident | None:
     """
     if fit.applied is None:
         raise ValueError("a discrepancy is concentrated where a fit has one")
+    power = sum(float(np.square(residual.rms_mps2()).sum()) for residual in group_residuals(fit, data))
+    if not power > 0.0:
+        return None
     possible = concentrations()
     present = set(fit.applied.discrepancy.concentrations)
     answers = fit.applied.answers(fit.weighted, fit.precision)
@@ -61,7 +64,6 @@ def most_evident(fit: Fit, data: Whitened) -> Evident | None:
         for (index, (_, _, axis_groups)), parts in zip(fit.applied.discrepancy.enumerate(), answers, strict=True)
         for part, ((answer, information), scale) in enumerate(zip(parts, axis_groups.scales, strict=True))
     ]
-    power = sum(float(np.square(residual.rms_mps2()).sum()) for residual in group_residuals(fit, data))
     for number, concentration in enumerate(reversed(fit.applied.discrepancy.concentrations), 1):
         for each in seen:
             weights = fit.applied.amplitudes[each.index, each.part, -number] * (
