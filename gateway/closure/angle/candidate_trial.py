@@ -21,6 +21,9 @@ _TRIAL_STEPS: Final = 25
 _ROUGH: Final = 3e-3
 # Logarithm of a state's parameters from which the ring is far from its nominal shape.
 _BENT: Final = 1.5
+# Gain of log likelihood that its best start must have: at least a fifth of what a refined one gains, and refined ones
+# that gain 20 promise nothing.
+_WORTH_REFINING: Final = 4.0
 # Starts of an effect with refinements from which some linear steps are made, and their number.
 _FINALISTS: Final = 8
 _FOLLOWED: Final = 3
@@ -133,6 +136,8 @@ def _nearest(
             for index, shape in few.items()
         }
     trials = _trials(fit, model, effect, coarse, starts)
+    if trials and 0.5 * (fit.cost - min(trial.cost for trial in trials)) < _WORTH_REFINING:
+        return [max(trials, key=_promise).start.tolist()]
     for stage in range(effect.refinements if trials else 0):
         best = max(trials, key=_promise)
         trials += _trials(fit, model, effect, coarse, effect.nearer(stage, best.start.tolist(), conditions))
