@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.closure.angle.candidate_trial import Trial
+from gateway.closure.angle.candidate_trial import Trial, shapes_of, try_effect
 from gateway.closure.angle.discrepancy import Discrepancy
 from gateway.closure.angle.discrepancy_kernels import OrderLine
 from gateway.closure.angle.set_evidence import evaluate
@@ -15,6 +15,7 @@ from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.effects.effect import BaselineModel
 from gateway.closure.effects.ring_options import RingOptions
+from gateway.closure.effects.tread_excitation import TreadExcitation
 from gateway.closure.model.baseline_registry import angle_effects, make_core
 from gateway.closure.model.exact_baseline import ExactCore
 from gateway.closure.model.tire_state import references
@@ -88,3 +89,20 @@ def test_longest_trials_come_first() -> None:
     begun = [effect.name for effect in Scan(fit, [effects[name] for name in sorted(effects)], [0]).effects]
     assert begun[0] == "tread block excitation"
     assert begun.index("travelling edge waves") < begun.index("torsional ripple") < begun.index("gain")
+
+
+@pytest.mark.parametrize(("scale", "refined"), [(1.0, True), (1e4, False)])
+def test_starts_that_explain_nothing_are_not_refined(
+    monkeypatch: pytest.MonkeyPatch, scale: float, refined: bool
+) -> None:
+    """As with errors a hundred times as large, in which whatever a start explains is lost."""
+    fit, _ = fitted(campaign_of(ONE_SPEED))
+    asked: list[int] = []
+
+    def nearer(_: TreadExcitation, stage: int, *__: object) -> tuple[()]:
+        asked.append(stage)
+        return ()
+
+    monkeypatch.setattr(TreadExcitation, "nearer", nearer)
+    assert try_effect(replace(fit, scale=scale), TreadExcitation(), shapes_of(fit, [0])) is not None
+    assert bool(asked) == refined
