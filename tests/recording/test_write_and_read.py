@@ -212,7 +212,7 @@ def test_full_disk_leaves_nothing_of_a_copy_and_says_so(tmp_path: Path, monkeypa
     monkeypatch.setattr(container, "FileIO", FullDisk)
     with (
         pytest.raises(RecordingError, match=r"disk full while writing .*copy\.mcap'; nothing is left of it"),
-        whole_recording(tmp_path / "copy.mcap", start_ns=0) as writer,
+        whole_recording(RecordingWriter(tmp_path / "copy.mcap", start_ns=0, in_part=True)) as writer,
     ):
         list(map(writer.write, some_items()))
     assert not list(tmp_path.iterdir())
