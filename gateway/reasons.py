@@ -268,6 +268,13 @@ class Code(Enum):
     )
     DISTANCE_INTERRUPTED = "the hub restarted {count:.0f} times; what was rolled meanwhile is missing"
     # Of forces
+    ASYMMETRY_NOT_BALANCED = (
+        "the balance of a belt leaves {share:.0%} of the signal's asymmetry, the limit {limit:.0%}: a stone, water or "
+        "waves make it"
+    )
+    BEYOND_FRICTION = (
+        "no friction carries {force:.1f} times the load as force and {torque:.1f} times load and radius as torque"
+    )
     FORCE_NOT_DETERMINED = (
         "not determined: the standard error is {share:.1%} of the load, the limit {limit:.0%} or a third of the force"
     )
@@ -281,6 +288,10 @@ class Code(Enum):
         " the contact pressure, which is not known, leaves {low:.0%} to {high:.0%}"
     )
     SLIP_NOT_LATERAL = "the longitudinal force is {ratio:.1f} times the side force, so the slip is not lateral"
+    TIRE_GIVES_ENERGY = (
+        "the tire would not lose energy but give {share:.1%} ± {std:.1%} of the load: run-out, or something else that "
+        "turns with it, looks like a force"
+    )
     # Of load and wear
     BENDING_NOT_POSITIVE = "the bending stiffness is not positive"
     CORRECTED_FOR_BENDING = "corrected for a bending stiffness {change:+.0%} from that of the calibration"

@@ -20,6 +20,7 @@ from gateway.estimators.asymmetric_solve import (
     solve_asymmetric,
 )
 from gateway.estimators.determination import DETERMINED, doubt_about, positive, unusable
+from gateway.estimators.disagreement import CONTRADICTION
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
 from gateway.estimators.lateral_shape import CIRCUMFERENTIAL, LATERAL
 from gateway.estimators.order_errors import relative_std, wave_std
@@ -28,6 +29,7 @@ from gateway.estimators.revolution_block import RevolutionBlock, RevolutionEstim
 from gateway.estimators.sensor_claims import CORNER_TOLERANCE, Tilt
 from gateway.physics.asymmetric_belt import curvature_from_signal
 from gateway.physics.belt_shape import MAX_ORDER, orders_about
+from gateway.quantity_catalogue import quantity_of
 from gateway.reasons import Code, Reason
 from gateway.signal.sensor_mounting import HUB_ORDER
 from gateway.types import FloatArray
@@ -55,6 +57,11 @@ _EXTENSION_STD: Final = 0.02
 _EXTENSION_LOSS_STD: Final = 0.004
 # Largest standard error of a valid force near zero, over the load: driving at steady speed takes 1 to 5 % of it.
 _USEFUL_STD: Final = 0.02
+# Largest error of the load of a balance that is solved: its row is one of those that hold.
+_LOAD_TOLERANCE: Final = 0.1
+# Largest part of the asymmetry that is not of the balance, of a force that is known to a share of itself only: what is
+# beyond is of a stone or of water, and its phase is not random.
+_LARGEST_UNBALANCED: Final = 0.3
 
 
 class _Track:
@@ -112,7 +119,11 @@ class _Track:
         self.solution, self._solved_at = None, self._count
         self._std, self._waves = own_std, waves
         solution = solve_asymmetric(self._mean, self._mean_std, half_angle_rad, start, prior)
-        if not (np.isfinite(solution.forces).all() and (solution.unknowns[:4] > 0.0).all()):
+        load_error = abs(float(solution.forces[Force.LOAD]) - 1.0)
+        # Not a number is no load either.
+        if not (
+            load_error <= _LOAD_TOLERANCE and np.isfinite(solution.forces).all() and (solution.unknowns[:4] > 0.0).all()
+        ):
             raise np.linalg.LinAlgError("the balance describes no belt")
         self.solution = solution
         self._solved_orders = corrected_orders(self._mean)
@@ -138,6 +149,15 @@ class _Track:
         """Covariance of the forces by the scatter of the averaged revolutions, (4, 4)."""
         assert self.solution is not None
         return self.solution.noise(self._std * math.sqrt(self._weight_square))
+
+    @property
+    def unbalanced(self) -> float:
+        """Correction that noise does not explain, over the asymmetric part of the mean."""
+        assert self.solution is not None
+        sines = corrected_orders(self._mean)[len(self.solution.correction) // 2 :]
+        excess = max(1.0 - 1.0 / max(self.solution.misfit, 1.0), 0.0)
+        asymmetric = max(float(np.linalg.norm(sines)), 1e-300)
+        return math.sqrt(excess) * float(np.linalg.norm(self.solution.correction)) / asymmetric
 
     def tire(self) -> TirePrior:
         """Return the tire's own unknowns."""
@@ -256,6 +276,8 @@ class LongitudinalForceEstimator(RevolutionEstimator):
         forces, covariance = self._now.forces, self._now.covariance
         tilt = math.hypot(self._now.solution.tilt_rad, _LEVEL_STD_RAD)
         pull, torque = float(forces[Force.LONGITUDINAL]), float(forces[Force.TORQUE])
+        doubts = (*doubts, *_impossible(forces, covariance, tilt))
+        unbalanced = self._now.unbalanced
         pull_variance, torque_variance = (
             float(covariance[force, force]) for force in (Force.LONGITUDINAL, Force.TORQUE)
         )
@@ -263,7 +285,7 @@ class LongitudinalForceEstimator(RevolutionEstimator):
         torque_std = math.hypot(math.sqrt(torque_variance), _EXTENSION_STD * torque)
         scatter = self._now.scatter
         pull_scatter, torque_scatter = (_root(scatter[force, force]) for force in (Force.LONGITUDINAL, Force.TORQUE))
-        ratio = _signed(NAMES[2], pull, pull_std, pull_scatter, 1.0, doubts)
+        ratio = _signed(NAMES[2], pull, pull_std, pull_scatter, 1.0, doubts, unbalanced)
         losses = self._losses(doubts)
         load = conditions.load_n
         if load is None or not positive(load):
@@ -274,7 +296,13 @@ class LongitudinalForceEstimator(RevolutionEstimator):
         lever_relative = math.hypot(relative, conditions.radius_std_m / conditions.radius_m)
         return (
             _signed(
-                NAMES[0], load * pull, load * math.hypot(pull_std, pull * relative), load * pull_scatter, load, doubts
+                NAMES[0],
+                load * pull,
+                load * math.hypot(pull_std, pull * relative),
+                load * pull_scatter,
+                load,
+                doubts,
+                unbalanced,
             ),
             _signed(
                 NAMES[1],
@@ -283,6 +311,7 @@ class LongitudinalForceEstimator(RevolutionEstimator):
                 lever * torque_scatter,
                 lever,
                 doubts,
+                unbalanced,
             ),
             ratio,
             *losses,
@@ -293,10 +322,7 @@ class LongitudinalForceEstimator(RevolutionEstimator):
         assert self._tire.solution is not None
         forces, covariance = self._tire.forces, self._tire.covariance
         tilt = math.hypot(self._tire.solution.tilt_rad, _LEVEL_STD_RAD)
-        resistance = float(_RESISTANCE @ forces)
-        variance = float(_RESISTANCE @ covariance @ _RESISTANCE)
-        extension = _EXTENSION_LOSS_STD * float(forces[Force.LONGITUDINAL])
-        std = math.hypot(math.sqrt(max(variance, 0.0)), tilt, extension)
+        resistance, std = _resistance(forces, covariance, tilt)
         scatter = self._tire.scatter
         rolling = _positive(NAMES[3], resistance, std, _root(float(_RESISTANCE @ scatter @ _RESISTANCE)), doubts)
         undetermined = next((reason for reason in rolling.reasons if reason.code is Code.NOT_DETERMINED), None)
@@ -332,18 +358,51 @@ def _tilted(
     return result
 
 
+def _resistance(forces: FloatArray, covariance: FloatArray, tilt_rad: float) -> tuple[float, float]:
+    """Return rolling resistance over the load, and its standard error."""
+    extension = _EXTENSION_LOSS_STD * float(forces[Force.LONGITUDINAL])
+    std = math.hypot(_root(float(_RESISTANCE @ covariance @ _RESISTANCE)), tilt_rad, extension)
+    return float(_RESISTANCE @ forces), std
+
+
+def _impossible(forces: FloatArray, covariance: FloatArray, tilt_rad: float) -> tuple[Reason, ...]:
+    """Return why no rolling tire has these forces; empty where one may.
+
+    Force and torque are bounded by friction, and a tire loses energy. What repeats with the wheel and is no force, as
+    run-out, makes an asymmetry of either sign of loss.
+    """
+    pull, torque, loss = (float(forces[force]) for force in (Force.LONGITUDINAL, Force.TORQUE, Force.LOSS))
+    reasons = []
+    if max(abs(pull), abs(torque)) > quantity_of(NAMES[2]).possible[1]:
+        reasons.append(Reason(Code.BEYOND_FRICTION, force=pull, torque=torque))
+    loss_std = math.hypot(_root(float(covariance[Force.LOSS, Force.LOSS])), _EXTENSION_LOSS_STD * pull)
+    lost = (_resistance(forces, covariance, tilt_rad), (loss, loss_std))
+    value, std = min(lost, key=lambda pair: pair[0] + CONTRADICTION * pair[1])
+    if value < -CONTRADICTION * std:
+        reasons.append(Reason(Code.TIRE_GIVES_ENERGY, share=-value, std=std))
+    return tuple(reasons)
+
+
 def _root(variance: float) -> float:
     return math.sqrt(max(variance, 0.0))
 
 
 def _signed(
-    name: str, value: float, std: float, scatter_std: float, unit: float, doubts: tuple[Reason, ...]
+    name: str,
+    value: float,
+    std: float,
+    scatter_std: float,
+    unit: float,
+    doubts: tuple[Reason, ...],
+    unbalanced: float,
 ) -> Estimate:
-    """Return a force, valid where it is known to a share of the load, or to a third of itself."""
+    """Return a force, valid where known to a share of the load, or to a third of itself by a balance that holds."""
     if not (math.isfinite(value) and math.isfinite(std)):
         return Estimate.invalid(name, Reason(Code.NOT_FINITE))
     if std > max(_USEFUL_STD * unit, abs(value) / DETERMINED):
         doubts = (*doubts, Reason(Code.FORCE_NOT_DETERMINED, share=std / unit, limit=_USEFUL_STD))
+    elif std > _USEFUL_STD * unit and unbalanced > _LARGEST_UNBALANCED:
+        doubts = (*doubts, Reason(Code.ASYMMETRY_NOT_BALANCED, share=unbalanced, limit=_LARGEST_UNBALANCED))
     return Estimate(name, value, std, Status.PROVISIONAL if doubts else Status.VALID, doubts, scatter_std)
 
 
