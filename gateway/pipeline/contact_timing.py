@@ -48,6 +48,8 @@ _LEAST_SAMPLES: Final = 16
 # Updates from which the estimate of the edges' jitter is used, and least weight of an update of a running mean.
 _MIN_JITTER_UPDATES: Final = 8
 _LEAST_WEIGHT: Final = 0.05
+# Standard errors of the distance between the edges from which its change is not of what is known of either.
+_UNEXPECTED_STDS: Final = 3.0
 # Revolutions in the average from which its scatter is known. Before, it contains only the sensor's noise.
 _SCATTER_KNOWN: Final = 3
 # Error of either edge per change of the half angle against the template's: its shape is that at another load.
@@ -171,6 +173,7 @@ class ContactTimer:
         self._edge_change2 = _RunningMean((_EDGE_CHANGE_PRIOR_RAD**2,) * 2, 1)
         self._times: tuple[tuple[float, float], ...] = ()
         self._jitter = _RunningMean((0.0, 0.0, 0.0))
+        self._forget_distance()
         self._noise_share = _RunningMean((1.0, 1.0))
         self._template: ContactTemplate | None = None
         self._until_renewal = 0
@@ -183,6 +186,11 @@ class ContactTimer:
         self._apart_rad = _RunningMean((0.0,))
         self._share = 0.5
         self._weights = _Weights(0.5, 0.0, 0.0, 0.0)
+
+    def _forget_distance(self) -> None:
+        # Angle between the times of both edges at the last contact, NaN before it, and its variance by its changes.
+        self._distance_rad = math.nan
+        self._distance2 = _RunningMean((0.0,))
 
     @property
     def until_renewal(self) -> int:
@@ -219,6 +227,7 @@ class ContactTimer:
         else:
             self._points = latest.middle_rad, latest.middle_rad
             self._apart_rad = _RunningMean((0.0,))
+            self._forget_distance()
         self._template = latest
         if self._points is not None:
             self._weights = _Weights(self._share, self._apart_rad.values[0], *self._points)
@@ -375,13 +384,16 @@ class ContactTimer:
         sample = 1.0 / match.rate
         seen = match.guess + match.shift_rad[0] * sample, match.guess + match.shift_rad[1] * sample
         leading, trailing = seen[0] + points[0] * sample, seen[1] + points[1] * sample
+        by_jitter2 = self._distance_jitter2
         self._update_jitter(leading, trailing)
-        self._apart_rad.add((trailing - leading) * match.rate)
+        distance_rad = (trailing - leading) * match.rate
+        self._apart_rad.add(distance_rad)
         apart = self._apart_rad.values[0] * sample
         # The scatter of the average includes the jitter of the edges; the residual of the match does not.
         if self._scatter2 > 0.0:
             self._noise_share.add(match.residual[0] ** 2 / self._scatter2, match.residual[1] ** 2 / self._scatter2)
         n00, n01, n11 = self._noise(match)
+        distance2 = max(n00 - 2.0 * n01 + n11, by_jitter2)
         early, late = edges.leading_rad * sample, edges.trailing_rad * sample
         rate_error2, common2 = self._rate_error2.values[0], (_RATE_SHIFT_RAD * sample) ** 2
         s00, s01, s11 = (
@@ -407,6 +419,10 @@ class ContactTimer:
                 leading_weight * v00 + mixed_weight * v01 + trailing_weight * v11,
             )
         )
+        distance2 += rate_error2 * (late - early) ** 2
+        unexpected = self._unexpected_variance(distance_rad, distance2 * match.rate**2) * sample**2
+        # Either edge may have it.
+        centre_std = math.hypot(centre_std, math.sqrt(0.5 * (leading_weight + trailing_weight) * unexpected))
         # A change of the weights must not move the timed point: only the distance's deviation from its mean counts.
         centre = leading + share * (trailing - leading - apart) + 0.5 * apart
         step = template.middle_rad - 0.5 * (points[0] + points[1])
@@ -478,6 +494,33 @@ class ContactTimer:
         if len(self._rates) == 3:
             before, last, now = self._rates
             self._rate_error2.add((0.5 * (now - 2.0 * last + before) / last) ** 2)
+
+    @property
+    def _distance_jitter2(self) -> float:
+        """Variance of the distance between the edges by jitter, samples^2; 0 before it is known."""
+        if self._jitter.count < _MIN_JITTER_UPDATES:
+            return 0.0
+        j00, j01, j11 = self._jitter.values
+        return j00 - 2.0 * j01 + j11
+
+    def _unexpected_variance(self, distance_rad: float, variance_rad2: float) -> float:
+        """Return the variance of the distance between the edges of a contact by its change, rad^2; 0 where expected.
+
+        A speed that changes within a revolution, as at the onset of braking, moves both edges, but not alike. So does
+        jitter, which is not known at first: until then, the mean of the changes counts.
+
+        Args:
+            distance_rad: between the times of both edges.
+            variance_rad2: that noise, or the jitter of the contacts before, and the usual error of the speed leave it.
+        """
+        change2 = 0.5 * (distance_rad - self._distance_rad) ** 2
+        self._distance_rad = distance_rad
+        if math.isnan(change2):
+            return 0.0
+        if self._jitter.count < _MIN_JITTER_UPDATES:
+            self._distance2.add(change2)
+            change2 = max(change2, self._distance2.values[0])
+        return change2 if change2 > _UNEXPECTED_STDS**2 * variance_rad2 else 0.0
 
     def _update_jitter(self, leading: float, trailing: float) -> None:
         """Estimate the jitter of each edge from the second differences of its times.

@@ -140,3 +140,28 @@ def test_first_errors_are_stated_larger_than_later_ones() -> None:
     results, _ = simulated("[sensor]\nnoise_mg_rthz = 0.5", 4.0, SETUP, ("kinematic",))
     stated = np.array([result.revolution.period_std_s for result in results])
     assert stated[:4].min() > stated[10:].max()
+
+
+def pulls_of_speed(tables: str, duration_s: float) -> np.ndarray:
+    """Return errors of the mean angular speed of each revolution over their standard errors."""
+    results, truth = simulated(tables, duration_s, SETUP, ("kinematic",))
+    pulls = []
+    for result in results:
+        revolution = result.revolution
+        turned_rad = np.diff(truth.angle_rad(np.array([0.0, revolution.period_s]) + revolution.start_s))[0]
+        pulls.append((turned_rad / (2.0 * math.pi) - 1.0) / (revolution.period_std_s / revolution.period_s))
+    return np.array(pulls)
+
+
+@pytest.mark.parametrize("last_kmh", [35.0, 130.0])
+def test_onset_of_braking_and_spin_is_in_the_errors(last_kmh: float) -> None:
+    """The speed at the first contacts that it moves is not that which the revolutions before tell."""
+    for onset_s in (4.00, 4.03, 4.06, 4.09):
+        pulls = pulls_of_speed(f"[motion]\nspeed_kmh = [[0, 65], [{onset_s}, 65], [{onset_s + 0.5}, {last_kmh}]]", 4.6)
+        assert np.abs(pulls[3:]).max() < 4.0, (onset_s, last_kmh)
+
+
+def test_jitter_is_in_the_errors_before_it_is_known() -> None:
+    pulls = pulls_of_speed("[road]\nleading_jitter_mm = 4\ntrailing_jitter_mm = 4", 2.5)
+    assert len(pulls) > 15
+    assert np.abs(pulls[3:]).max() < 4.0
