@@ -433,6 +433,7 @@ class Code(Enum):
     )
     SENSOR_STEPS = "steps of {step_mps2:.2g m/s²} are more than twice the noise, which biases the numbers"
     SENSOR_STUCK = "does not move by one count for {duration_s:.0f s}: {axes} counts"
+    SENSORS_SHARE_NUMBER = "the sensors {first} and {second} send under the number of one wheel: give each its own"
     SENSOR_TILTED = (
         "the {axis} axis carries the steady value of the radial axis: tilted by {tilt_rad:.0f deg}, or the axes "
         "are swapped"

@@ -135,18 +135,18 @@ def qualified(
 
 
 def provisional_where(
-    estimates: Iterable[Estimate], basis: Basis, why: Reason, share: float = 0.0
+    estimates: Iterable[Estimate], basis: Basis | None, why: Reason, share: float = 0.0
 ) -> tuple[Estimate, ...]:
     """Return estimates of which those that rest on something are provisional at best, with the reason.
 
     Args:
         estimates: of one revolution.
-        basis: on which an estimate rests.
+        basis: on which an estimate rests; None for every one.
         why: the reason.
         share: of its value, by which its error grows.
     """
     return tuple(
-        provisional(estimate, why, share) if basis in quantity_of(estimate.name).rests_on else estimate
+        provisional(estimate, why, share) if basis is None or basis in quantity_of(estimate.name).rests_on else estimate
         for estimate in estimates
     )
 

@@ -45,12 +45,12 @@ class Doubt(NamedTuple):
     """A reason against every estimate that rests on a basis.
 
     Attributes:
-        basis: on which an estimate rests.
+        basis: on which an estimate rests; None for every one.
         reason: what is against it.
         share: of its value by which it may be biased, a part of its error.
     """
 
-    basis: Basis
+    basis: Basis | None
     reason: Reason
     share: float = 0.0
 

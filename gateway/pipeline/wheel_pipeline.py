@@ -1,9 +1,11 @@
 """Pipeline of one wheel: from raw samples to revolutions and estimates."""
 
 import math
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -39,6 +41,8 @@ BUFFER_S: Final = 8.0
 _MAX_GAP_S: Final = 0.25
 # Tolerance between the time stamp and the sample number of a late block. If it is exceeded, the hub has restarted.
 _LATE_TOLERANCE_US: Final = 250_000
+# Hellos, every two seconds or so, within which no sensor is exchanged and back.
+_SERIALS: Final = 8
 # Readings of pressure and temperature that may come while revolutions wait; with more, an earlier one could be lost.
 _MOST_WAITING: Final = 60
 # Turns to either side of a contact within which a gap may hide it: it is known by the belt before and behind it too.
@@ -112,6 +116,8 @@ class WheelPipeline:
         self._unmarked = UnmarkedLossCheck()
         self._missing = MissingRevolutions(setup.radius_m)
         self._sensor: _Sensor | None = None
+        # Serial numbers of the latest hellos.
+        self._serials: deque[int] = deque(maxlen=_SERIALS)
         self._buffer: SampleBuffer | None = None
         self._segmenter: Segmenter | None = None
         self._clock: SampleClock | None = None
@@ -138,6 +144,7 @@ class WheelPipeline:
     def hello(self, hello: Hello) -> None:
         """Take the layout and scaling of the samples; a changed sensor or rate restarts the wheel's processing."""
         previous = self._sensor
+        self._serials.append(hello.sensor_id)
         if previous is not None and previous.hello == hello:
             return
         self._snapshot = None
@@ -450,7 +457,19 @@ class WheelPipeline:
             for timed in all_timed
         )
         doubts = sensor.doubts(in_angle.revolutions, counts, self.setup.radius_m)
+        if (other := self._other_sensor) is not None:
+            doubts = [(Doubt(None, other), *doubts_of_one) for doubts_of_one in doubts]
         self._results += self._tire.take_block(in_angle, ends_us, [host.host_ns(end_us) for end_us in ends_us], doubts)
+
+    @property
+    def _other_sensor(self) -> Reason | None:
+        """Why the samples are of several sensors: a serial number that comes back after another; None else."""
+        serials = list(self._serials)
+        changes = sum(before != after for before, after in pairwise(serials))
+        if changes < len(set(serials)):
+            return None
+        first, second = sorted(set(serials))[:2]
+        return Reason(Code.SENSORS_SHARE_NUMBER, first=f"{first:08x}", second=f"{second:08x}")
 
     def _checked(self, pairs: Sequence[ContactPair], timed: Sequence[TimedPair], sign: int) -> list[_Checked]:
         """Return what mean and period of each revolution say of its samples and contacts."""

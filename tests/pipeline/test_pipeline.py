@@ -396,3 +396,33 @@ def test_revolutions_do_not_wait_for_a_hub_clock_that_stands_still(four_wheels):
     for index, frame in enumerate(four_wheels):
         results += pipeline.frames("link", [frame._replace(tick_us=first)], 10**18 + index * 938_000)
     assert len(results) > 0.85 * len([*results, *pipeline.finish()])
+
+
+def with_hellos(frames):
+    """Return frames of one sensor with its hello every two seconds."""
+    first, repeated = frames[0], 0
+    for frame in frames:
+        if frame.tick_us >= 2_000_000 * (repeated + 1):
+            repeated += 1
+            yield first._replace(tick_us=frame.tick_us)
+        yield frame
+
+
+@pytest.mark.parametrize("run", [run_live, run_batch])
+def test_sensors_that_share_a_wheel_number_leave_nothing_valid(roll, to_frames, run) -> None:
+    signal = roll(65.0, 10.0).radial_mps2
+    own, other = (
+        list(with_hellos(to_frames(signal, sensor_id=serial, start_us=start_us)))
+        for serial, start_us in ((1, 0), (2, 3_000_000))
+    )
+    shared = sorted(own + other, key=lambda frame: frame.tick_us)
+    exchanged = [frame for frame in own if frame.tick_us < 3_000_000] + other
+    results, _ = run(stream(shared))
+    late = [result for result in results if result.revolution.start_s > 7.0]
+    assert late
+    for estimate in (estimate for result in late for estimate in result.estimates):
+        assert estimate.status is not Status.VALID, estimate
+    assert any(Code.SENSORS_SHARE_NUMBER in codes_of(e.reasons) for result in late for e in result.estimates)
+    results, _ = run(stream(exchanged))
+    assert not any(Code.SENSORS_SHARE_NUMBER in codes_of(e.reasons) for result in results for e in result.estimates)
+    assert any(e.status is Status.VALID for e in results[-1].estimates)
