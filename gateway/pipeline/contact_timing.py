@@ -419,10 +419,6 @@ class ContactTimer:
                 leading_weight * v00 + mixed_weight * v01 + trailing_weight * v11,
             )
         )
-        distance2 += rate_error2 * (late - early) ** 2
-        unexpected = self._unexpected_variance(distance_rad, distance2 * match.rate**2) * sample**2
-        # Either edge may have it.
-        centre_std = math.hypot(centre_std, math.sqrt(0.5 * (leading_weight + trailing_weight) * unexpected))
         # A change of the weights must not move the timed point: only the distance's deviation from its mean counts.
         centre = leading + share * (trailing - leading - apart) + 0.5 * apart
         step = template.middle_rad - 0.5 * (points[0] + points[1])
@@ -430,6 +426,10 @@ class ContactTimer:
         step = min(max(step, -limit), limit)
         self._points = points[0] + step, points[1] + step
         self._share = share
+        distance2 += rate_error2 * (late - early) ** 2
+        unexpected = self._unexpected_variance(distance_rad, distance2 * match.rate**2) * sample**2
+        # Either edge may have it.
+        centre_std = math.hypot(centre_std, math.sqrt(0.5 * (leading_weight + trailing_weight) * unexpected))
         other_load = _OTHER_LOAD_SHARE * 0.5 * (seen[1] - seen[0]) * match.rate
         leading_std = math.hypot(math.sqrt(n00) * match.rate, other_load)
         trailing_std = math.hypot(math.sqrt(n11) * match.rate, other_load)
