@@ -28,6 +28,7 @@ from gateway.pipeline.wheel_setup import (
     PRESSURE_STD,
     RADIUS_STD,
     RATE_STD,
+    RUN_OUT_M,
     SOFTENING_PER_K,
     SOFTENING_STD_PER_K,
     ZERO_G_STD_MPS2,
@@ -185,6 +186,9 @@ class Tire(Section):
         None, 500, 5000, "mean circumference of the air in the tire in mm; default: from the belt and the rim of size"
     )
     cavity_length_std_mm: float | None = within(None, 0, 500, "standard error of cavity_length_mm in mm; default: 2 %")
+    runout_mm: float | None = within(
+        None, 0, 5, f"radial run-out: height of the high spot in mm; default: {1e3 * RUN_OUT_M:g}"
+    )
     reference: Reference = Field(default=Reference(), description="dimensionless numbers of the new tire")
     load_calibration: LoadCalibrationTable | None = Field(
         default=None, description="load from contact half angle and pressure"
@@ -261,6 +265,7 @@ class Tire(Section):
             wear_std_m=(_WEAR_STD_MM if self.wear_std_mm is None else self.wear_std_mm) * 1e-3,
             cavity_length_m=self.cavity_length_m,
             cavity_length_std_m=self.cavity_length_std_m,
+            runout_m=RUN_OUT_M if self.runout_mm is None else self.runout_mm * 1e-3,
             half_angle_rad=None if self.contact_half_angle_deg is None else math.radians(self.contact_half_angle_deg),
             half_angle_std_rad=math.radians(self.contact_half_angle_std_deg),
             is_linear_ring=self.linear_ring,

@@ -21,6 +21,8 @@ UNKNOWN_DIFFERENCE_K: Final = 15.0
 ASSUMED_DEGC: Final = 25.0
 # Error of the difference of two temperatures of the belt, which are measured at the inner liner.
 DIFFERENCE_STD_K: Final = 2.0
+# Height of the high spot of a good tire on a good rim, where it is not stated.
+RUN_OUT_M: Final = 1e-4
 # Relative error of the power law of the load at a point that it was not fitted to, on the exact ring.
 LOAD_LAW_STD: Final = 0.01
 
@@ -147,6 +149,7 @@ class TireData:
         wear_std_m: one standard error of it.
         cavity_length_m: mean circumference of the gas in the tire; None when not known.
         cavity_length_std_m: one standard error of it.
+        runout_m: height of the high spot of radial run-out, that of a good tire where it is not stated.
         half_angle_rad: contact half angle as stated, None when it is not.
         half_angle_std_rad: one standard error of it.
         is_linear_ring: whether the signal is that of the linear ring, computed by Eq. 27 of the ring paper as printed.
@@ -165,6 +168,7 @@ class TireData:
     wear_std_m: float = 0.0
     cavity_length_m: float | None = None
     cavity_length_std_m: float = 0.0
+    runout_m: float = RUN_OUT_M
     half_angle_rad: float | None = None
     half_angle_std_rad: float = 0.0
     is_linear_ring: bool = False

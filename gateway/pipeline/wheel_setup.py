@@ -17,6 +17,7 @@ from gateway.estimators.sensor_claims import SensorClaims as SensorClaims
 from gateway.estimators.side_force_calibration import LinearLaw as LinearLaw
 from gateway.estimators.side_force_calibration import SideForceCalibration as SideForceCalibration
 from gateway.estimators.slip_calibration import SlipCalibration as SlipCalibration
+from gateway.estimators.tire_data import RUN_OUT_M as RUN_OUT_M
 from gateway.estimators.tire_data import SOFTENING_PER_K as SOFTENING_PER_K
 from gateway.estimators.tire_data import SOFTENING_STD_PER_K as SOFTENING_STD_PER_K
 from gateway.estimators.tire_data import LoadCalibration as LoadCalibration

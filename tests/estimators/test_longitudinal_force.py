@@ -20,6 +20,7 @@ from gateway.estimators.longitudinal_force import (
 )
 from gateway.estimators.revolution_block import extended
 from gateway.estimators.sensor_claims import Tilt
+from gateway.estimators.tire_data import RUN_OUT_M, TireData
 from gateway.physics.asymmetric_belt import asymmetric_shape, curvature_from_signal
 from gateway.physics.belt_shape import MAX_ORDER, orders_about
 from gateway.physics.rolling_ring import (
@@ -38,6 +39,7 @@ from tests.testkit.exact_ring import BASE_RING, PRESSURE_PA, RADIUS_M, omega_at,
 from tests.testkit.revolution_data import CONDITIONS, OMEGA, make_revolution
 
 LOAD_N = 5000.0
+ROUND = replace(CONDITIONS, tire=TireData(runout_m=0.0))
 STIFF = replace(BASE_RING, extension_stiffness_n=5e7)
 LOSSY = replace(STIFF, foundation_damping_nspm2=100.0)
 STD = np.full(61, 1.4e-4)
@@ -58,7 +60,7 @@ def estimates(
     *,
     noise_mps2: float = 0.5,
     revolutions: int = 16,
-    conditions: TireConditions = CONDITIONS,
+    conditions: TireConditions = ROUND,
     waves_m: np.ndarray | float = 0.0,
     lateral_mps2: np.ndarray | float = math.nan,
     seed: int = 3,
@@ -85,7 +87,7 @@ def test_lateral_axis_in_a_rolled_sensor_is_in_the_errors() -> None:
     plain = estimates(ring_result)["longitudinal_force_n"]
     rolled = estimates(
         ring_result,
-        conditions=replace(CONDITIONS, tilt=Tilt(roll_rad=0.1)),
+        conditions=replace(ROUND, tilt=Tilt(roll_rad=0.1)),
         waves_m=-0.1 * lateral_mps2(len(ring_result.sensor.radial_m)) / OMEGA**2,
         lateral_mps2=lateral_mps2(1024),
     )["longitudinal_force_n"]
@@ -189,6 +191,24 @@ def test_waves_of_tread_blocks_are_in_the_errors() -> None:
     for name, true in (("longitudinal_force_n", 0.0), ("axle_torque_nm", ring_result.axle_torque_nm)):
         assert abs(waving[name].value - true) < 2.0 * waving[name].std
         assert waving[name].std > 1.2 * calm[name].std
+
+
+def test_usual_run_out_is_in_the_errors() -> None:
+    """An axle at constant height and run-out that is not stated, at eight places of the sensor."""
+    rings = [
+        solve_rolling_ring(LOSSY, share * LOAD_N, PRESSURE_PA, omega_at(65.0), nodes=960) for share in (0.95, 1.0, 1.05)
+    ]
+    low, middle, high = rings
+    change = (high.sensor.radial_m - low.sensor.radial_m) / (low.axle_height_m - high.axle_height_m)
+    pulls = []
+    for place_rad in np.arange(8) * (math.pi / 4.0):
+        waves_m = RUN_OUT_M * np.cos(middle.theta_rad + place_rad) * change
+        result = estimates(middle, conditions=CONDITIONS, waves_m=waves_m)
+        for name, true in (("longitudinal_force_n", 0.0), ("axle_torque_nm", middle.axle_torque_nm)):
+            assert result[name].status is Status.VALID
+            pulls.append((result[name].value - true) / result[name].std)
+    assert np.abs(pulls).max() < 2.0
+    assert 0.4 < np.sqrt(np.square(pulls).mean()) < 1.3
 
 
 def test_without_load_only_the_ratio_is_given() -> None:

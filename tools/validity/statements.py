@@ -75,6 +75,7 @@ class Statement:
             "pressure_std_kpa": self.pressure_std_kpa,
             "ring_thickness_mm": self.thickness_mm,
             "ring_thickness_std_mm": THICKNESS_STD_MM,
+            "runout_mm": 0.0,
         }
         if self.reference is not None:
             numbers = dict(zip(RING_NUMBERS, self.reference, strict=True))
