@@ -556,7 +556,10 @@ def _roll_estimate(roll: Roll, conditions: TireConditions, unusable: Reason | No
     by_gains = math.sqrt(2.0) * conditions.gain_std * roll.rad
     std = math.hypot(_roll_error(roll, conditions), by_gains, conditions.tilt.mixed)
     doubt = unusable
-    if doubt is None and stated is None and not _zero_is_measured(roll, claims):
+    if doubt is None and roll.count < SETTLED_REVOLUTIONS:
+        # A zero that is not as stated, or another axis, takes as many to show.
+        doubt = Reason(Code.NOT_SETTLED, revolutions=roll.count, needed=SETTLED_REVOLUTIONS)
+    elif doubt is None and stated is None and not _zero_is_measured(roll, claims):
         doubt = _unlikely_roll(roll, claims)
     elif doubt is None and stated is not None and _differs_from_roll(roll, claims, stated):
         doubt = Reason(Code.ROLL_CONTRADICTED, stated_rad=stated, stated_std_rad=claims.roll_std_rad)

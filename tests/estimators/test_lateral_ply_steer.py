@@ -268,7 +268,9 @@ def test_reason_names_conicity_and_orders() -> None:
 
 def test_first_revolutions_and_faults_are_provisional() -> None:
     revolutions = rolled(radial())
-    assert estimate(revolutions[:3])[NAMES[0]].status is Status.PROVISIONAL
+    first = estimate(revolutions[:3])
+    assert first[NAMES[0]].status is Status.PROVISIONAL
+    assert first[ROLL_NAME].status is Status.PROVISIONAL
     estimator = PlySteerEstimator()
     before = estimate(revolutions, estimator)
     bad = replace(revolutions[0], faults=(Reason(Code.SAMPLES_LOST),), axes_mps2=revolutions[0].axes_mps2 * 3)
