@@ -167,9 +167,13 @@ def _without_steps(indices: FloatArray, ticks_us: FloatArray) -> _Unstepped:
     samples, times_us = np.diff(indices), np.diff(ticks_us)
     if len(samples) < _LEAST_TIMES:
         return _Unstepped(ticks_us, 0.0, 0.0)
-    beyond_us = times_us - samples * float(np.median(times_us / samples))
     # The usual deviation of a few times is by chance.
     least_us = _LEAST_STEP_US if len(samples) >= 2 * _LEAST_TIMES else 2.0 * _STAMP_ERROR_US
+    # Near the mean rate all are near the median one, which takes longer.
+    furthest_us = float(np.abs(times_us - samples * (times_us.sum() / samples.sum())).max())
+    if furthest_us * (1.0 + float(samples.max() / samples.min())) <= least_us:
+        return _Unstepped(ticks_us, 0.0, 0.0)
+    beyond_us = times_us - samples * float(np.median(times_us / samples))
     limit_us = max(least_us, _STEP_DEVIATIONS * float(np.median(np.abs(beyond_us))))
     is_step = np.abs(beyond_us) > limit_us
     if not is_step.any():
