@@ -214,13 +214,15 @@ class RecordingStage:
         sync_due_ns = self._clock.now_ns()
         while True:
             ending = self._ending.is_set()
+            is_due = self._clock.now_ns() >= sync_due_ns
+            if is_due and self._disk is not None:
+                # Before a slow disk holds this thread: a short session may end meanwhile.
+                self.room = self._disk.room(self._clock.now_ns())
             all_written = self._write_some()
             now_ns = self._clock.now_ns()
             self._writer.tick(now_ns)
-            if now_ns >= sync_due_ns:
+            if is_due:
                 self._writer.sync()
-                if self._disk is not None:
-                    self.room = self._disk.room(now_ns)
                 sync_due_ns = now_ns + _SYNC_INTERVAL_NS
             if all_written:
                 if ending:
