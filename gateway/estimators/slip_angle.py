@@ -63,12 +63,11 @@ def _asymmetry(coefficients_m: FloatArray) -> float:
     return lateral_asymmetry(lateral_waveform(coefficients_m, _GRID))
 
 
-def _asymmetry_by_noise(coefficients_m: FloatArray, peak_m: float) -> float:
+def _asymmetry_by_noise(waveform_m: FloatArray, peak_m: float) -> float:
     """Return what noise that stands on both extremes with a peak makes of the asymmetry; 1 if it hides them."""
-    waveform = lateral_waveform(coefficients_m, _GRID)
-    if peak_m >= abs(waveform).max():
+    if peak_m >= abs(waveform_m).max():
         return 1.0
-    return lateral_asymmetry(waveform) - lateral_asymmetry(waveform - np.clip(waveform, -peak_m, peak_m))
+    return lateral_asymmetry(waveform_m) - lateral_asymmetry(waveform_m - np.clip(waveform_m, -peak_m, peak_m))
 
 
 class SlipAngleEstimator(LateralEstimator):
@@ -113,7 +112,8 @@ class SlipAngleEstimator(LateralEstimator):
         slope = float(chord @ own_m)
         mean = float(chord @ steps.mean_m[row])
         count = steps.effective_counts[row]
-        asymmetry = _asymmetry(own_m)
+        waveform_m = lateral_waveform(own_m, _GRID)
+        asymmetry = lateral_asymmetry(waveform_m)
         scatter, asymmetry_scatter, peak_m = self._scatter(np.array([slope, asymmetry, *own_m]))
         law = conditions.tire.slip_calibration
         if law is not None:
@@ -123,7 +123,7 @@ class SlipAngleEstimator(LateralEstimator):
         apparent = slope - zero
         by_roll_m = steps.roll[row].std_rad * steps.own_radial_m[row]
         by_roll = 0.5 * (_asymmetry(own_m + by_roll_m) - _asymmetry(own_m - by_roll_m))
-        by_noise = _asymmetry_by_noise(own_m, peak_m)
+        by_noise = _asymmetry_by_noise(waveform_m, peak_m)
         if abs(apparent) > _SIDE_RAD and math.isfinite(by_noise):
             side = self._sides[math.copysign(1.0, apparent)]
             side.update(np.array([asymmetry, by_roll, by_noise]), max(1.0 / (side.count + 1), 1.0 / _HORIZON))

@@ -100,11 +100,11 @@ def rate_in_text(line: str) -> float | None:
     >>> rate_in_text("Abtastrate [Hz];9600,0")
     9600.0
     """
-    found = _RATE_TEXT.search(line)
-    unit = _HERTZ.search(found["after"] or found["before"]) if found else None
-    if found is None or unit is None:
+    match = _RATE_TEXT.search(line)
+    unit = _HERTZ.search(match["after"] or match["before"]) if match else None
+    if match is None or unit is None:
         return None
-    return float(found["number"].replace(",", ".")) * (1e3 if unit[1] else 1.0)
+    return float(match["number"].replace(",", ".")) * (1e3 if unit[1] else 1.0)
 
 
 def names_acceleration(name: str) -> bool:

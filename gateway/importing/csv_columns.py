@@ -45,13 +45,13 @@ class _BadCell(NamedTuple):
 
     Attributes:
         line: its number in the file.
-        place: of its column among those in use.
+        column: its index among those in use.
         cells: number of cells in the line.
         text: None where the line ends before it.
     """
 
     line: int
-    place: int
+    column: int
     cells: int
     text: str | None
 
@@ -237,11 +237,11 @@ class CsvColumns:
         return text.replace(",", ".") if self._layout.decimal == "," else text
 
     def _refusal(self, bad: _BadCell, use: list[int], names: Sequence[str]) -> ImportDataError:
-        name = names[bad.place]
+        name = names[bad.column]
         if bad.text is None:
             return ImportDataError(
                 f"{self._path}: line {bad.line} has {bad.cells} cells, but column '{name}' is number "
-                f"{use[bad.place] + 1}",
+                f"{use[bad.column] + 1}",
                 "Check the delimiter in [file] of the map. If the file is cut off there, remove that line.",
             )
         return ImportDataError(

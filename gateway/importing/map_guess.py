@@ -304,9 +304,9 @@ def _columns(
         if facts.time_column is not None and all(column.name != facts.time_column for column in main):
             main = [*_at_rows_of(beside, _Seen(facts.time_column, beside.values, "s", beside.where), reader), *main]
         for column in [column for column in seen if len(column.values) != rows]:
-            found = _at_rows_of(beside, column, reader)
-            main += found
-            skipped += [] if found else [(column.name, f"{len(column.values)} rows, others {rows}")]
+            resampled = _at_rows_of(beside, column, reader)
+            main += resampled
+            skipped += [] if resampled else [(column.name, f"{len(column.values)} rows, others {rows}")]
     return main, skipped, remedies
 
 

@@ -9,7 +9,7 @@ import math
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
@@ -238,6 +238,20 @@ def _rate(signal: RadialSignal, mean: float, depth: float, period_s: float) -> R
     )
 
 
+class RadialSamples(NamedTuple):
+    """Samples of the radial axis, by ranges of their numbers, the end exclusive.
+
+    Attributes:
+        read: radial axis of a range.
+        saturated_share: share of a range at the end of the sensor's range.
+        longest_measured: length of the longest stretch of a range without a lost sample.
+    """
+
+    read: Read
+    saturated_share: Callable[[int, int], float]
+    longest_measured: Callable[[int, int], int]
+
+
 class MissingRevolutions:
     """Watch over one wheel's samples for revolutions that do not come.
 
@@ -283,48 +297,29 @@ class MissingRevolutions:
         self._came = True
         self._schedule(max(self._begun, int(end)))
 
-    def samples(
-        self,
-        head: int,
-        read: Read,
-        saturated_share: Callable[[int, int], float],
-        longest_measured: Callable[[int, int], int],
-    ) -> None:
+    def samples(self, head: int, samples: RadialSamples) -> None:
         """Examine the stretches that are due with samples up to `head`.
 
         Args:
             head: number of samples available.
-            read: radial axis of a range of samples.
-            saturated_share: share of a range of samples at the end of the sensor's range.
-            longest_measured: length of the longest stretch of a range without a lost sample.
+            samples: these, by ranges.
         """
         self._head = head
         while self._due <= head:
-            self._examine(self._due, read, saturated_share, longest_measured)
+            self._examine(self._due, samples)
             self._due += round(INTERVAL_S * self._rate_hz)
 
-    def finish(
-        self,
-        head: int,
-        read: Read,
-        saturated_share: Callable[[int, int], float],
-        longest_measured: Callable[[int, int], int],
-    ) -> None:
+    def finish(self, head: int, samples: RadialSamples) -> None:
         """Examine the last stretch, however short, when no more samples will come."""
         self._head = head
         if not self._came and not self._causes:
-            self._examine(head, read, saturated_share, longest_measured)
+            self._examine(head, samples)
 
-    def _examine(
-        self,
-        end: int,
-        read: Read,
-        saturated_share: Callable[[int, int], float],
-        longest_measured: Callable[[int, int], int],
-    ) -> None:
+    def _examine(self, end: int, samples: RadialSamples) -> None:
         first = max(self._since, end - round(WINDOW_S * self._rate_hz))
-        signal = RadialSignal(read(first, end), self._rate_hz, self._radius_m, self._is_dc, saturated_share(first, end))
-        longest = longest_measured(first, end)
+        saturated = samples.saturated_share(first, end)
+        signal = RadialSignal(samples.read(first, end), self._rate_hz, self._radius_m, self._is_dc, saturated)
+        longest = samples.longest_measured(first, end)
         is_whole = longest == end - first
         longest_s = max(self._longest_s, (end - self._begun if is_whole else longest) / self._rate_hz)
         reasons = why_no_revolution(signal, longest_s, interrupted=self._stretches > 1 or not is_whole)

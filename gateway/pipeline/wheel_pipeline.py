@@ -19,7 +19,7 @@ from gateway.estimators.doubt_rules import DoubtRule
 from gateway.estimators.estimator import Revolution
 from gateway.pipeline.contact_timing import ContactTimer, TimedPair
 from gateway.pipeline.gap_filling import GapFilling
-from gateway.pipeline.missing_revolutions import MissingRevolutions
+from gateway.pipeline.missing_revolutions import MissingRevolutions, RadialSamples
 from gateway.pipeline.possible_readings import possible_reading
 from gateway.pipeline.results import RevolutionResult, SensorFlag, WheelCounters, WheelSnapshot, WheelState
 from gateway.pipeline.revolution import SensorReading, TimedRevolution, revolutions_in_angle
@@ -288,7 +288,7 @@ class WheelPipeline:
             if self._segmenter.next_index <= buffer.head:
                 self._count_saturated()
                 self._take(self._segmenter.advance(self._read_radial, buffer.missing_between, buffer.head))
-            self._missing.samples(buffer.head, self._read_radial, self._saturated_share, buffer.longest_measured)
+            self._missing.samples(buffer.head, self._radial_samples(buffer))
 
     def finish(self, host: HostClock) -> list[RevolutionResult]:
         """Complete the revolutions that can be completed, when no more samples will come."""
@@ -298,7 +298,7 @@ class WheelPipeline:
         self._host = host
         self._finish_segment()
         assert self._buffer is not None
-        self._missing.finish(self._buffer.head, self._read_radial, self._saturated_share, self._buffer.longest_measured)
+        self._missing.finish(self._buffer.head, self._radial_samples(self._buffer))
         return self.complete()
 
     def _take(self, pairs: Sequence[ContactPair]) -> None:
@@ -373,6 +373,9 @@ class WheelPipeline:
         assert sensor is not None
         assert buffer is not None
         return sensor.reading.radial_mps2(buffer.view(first, end))
+
+    def _radial_samples(self, buffer: SampleBuffer) -> RadialSamples:
+        return RadialSamples(self._read_radial, self._saturated_share, buffer.longest_measured)
 
     def _saturated_share(self, first: int, end: int) -> float:
         """Return the share of samples whose radial axis is at the end of the sensor's range."""

@@ -138,22 +138,22 @@ def by_secants(
         tension_n = belt_tension_n(law, grid, start.state)
     size_of_state = start.state.size
     moving = size_of_state + tangent.borders
-    place = np.concatenate([start.state.reshape(-1), [start.height_m, start.traction][: tangent.borders], tension_n])
+    unknowns = np.concatenate([start.state.reshape(-1), [start.height_m, start.traction][: tangent.borders], tension_n])
     steps: list[FloatArray] = []
     before = _FIRST_SECANT * law.radius_m
 
-    def there(iterations: int) -> NewtonState:
-        borders = place[size_of_state:moving].tolist()
+    def solution(iterations: int) -> NewtonState:
+        borders = unknowns[size_of_state:moving].tolist()
         return NewtonState(
-            place[:size_of_state].reshape(start.state.shape),
+            unknowns[:size_of_state].reshape(start.state.shape),
             borders[0],
             borders[1] if len(borders) == 2 else start.traction,
             start.iterations + iterations,
         )
 
     for iteration in range(_MOST_SECANTS):
-        now = there(iteration)
-        held = Held(place[moving:], tangent.segments)
+        now = solution(iteration)
+        held = Held(unknowns[moving:], tangent.segments)
         residual, border, beyond_n = imbalance(law, grid, now.state, now.height_m, now.traction, held)
         changes, borders = tangent(-residual[None], -border[None])
         by_stretch = tangent.segments.tension_after_n(changes[0, :, :2]) - tangent.segments.tension_n
@@ -167,10 +167,10 @@ def by_secants(
         size = float(np.abs(step[:moving]).max())
         if not size < _SLOWEST_FALL * before:
             return None
-        place = place + step
+        unknowns = unknowns + step
         # The next step is smaller than this one by more than this one is than that before.
         if steps and size * size < _REACHED * law.radius_m * before:
-            return there(iteration + 1)
+            return solution(iteration + 1)
         steps.append(step)
         before = size
     return None
