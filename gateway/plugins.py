@@ -6,11 +6,11 @@ import logging
 import opcode
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from enum import StrEnum
 from functools import cache
 from typing import Final
 
 from gateway.errors import PluginError
+from gateway.feature import Registry
 from gateway.reasons import Code, Reason
 
 _logger = logging.getLogger(__name__)
@@ -18,16 +18,6 @@ _logger = logging.getLogger(__name__)
 # Reasons are stored with every revolution.
 _LONGEST_TEXT: Final = 300
 _RAISE: Final = opcode.opmap["RAISE_VARARGS"]
-
-
-class PluginGroup(StrEnum):
-    """Group of entry points, one for each registry."""
-
-    SOURCES = "treadlink.sources"
-    ESTIMATORS = "treadlink.estimators"
-    EFFECTS = "treadlink.effects"
-    SINKS = "treadlink.sinks"
-    IMPORTERS = "treadlink.importers"
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +32,7 @@ class Plugin:
         target: object that the entry point names, `module:attribute`.
     """
 
-    group: PluginGroup
+    group: Registry
     name: str
     package: str
     version: str
@@ -67,7 +57,7 @@ Check = Callable[[Plugin, object], Reason | None]
 
 
 @cache
-def installed(group: PluginGroup) -> tuple[Plugin, ...]:
+def installed(group: Registry) -> tuple[Plugin, ...]:
     """Return the plug-ins of a group by name; nothing is imported."""
     plugins = []
     for entry in importlib.metadata.entry_points(group=group):
@@ -77,12 +67,12 @@ def installed(group: PluginGroup) -> tuple[Plugin, ...]:
     return tuple(sorted(set(plugins), key=lambda plugin: (plugin.name, plugin.package)))
 
 
-def names(group: PluginGroup, taken: Collection[str]) -> list[str]:
+def names(group: Registry, taken: Collection[str]) -> list[str]:
     """Return the names that plug-ins add to a registry which has the names `taken`; nothing is imported."""
     return [plugin.name for plugin in installed(group) if _name_refusal(plugin, taken) is None]
 
 
-def load(group: PluginGroup, name: str, taken: Collection[str], check: Check) -> object | None:
+def load(group: Registry, name: str, taken: Collection[str], check: Check) -> object | None:
     """Return the object of a plug-in; None where no package adds this name.
 
     Raises:
@@ -97,7 +87,7 @@ def load(group: PluginGroup, name: str, taken: Collection[str], check: Check) ->
     return None
 
 
-def load_all(group: PluginGroup, taken: Collection[str], check: Check) -> Mapping[str, object]:
+def load_all(group: Registry, taken: Collection[str], check: Check) -> Mapping[str, object]:
     """Return the objects of all plug-ins of a group that fit, by name; the others are logged."""
     by_name = {}
     for plugin in installed(group):
@@ -111,7 +101,7 @@ def load_all(group: PluginGroup, taken: Collection[str], check: Check) -> Mappin
     return by_name
 
 
-def statuses(group: PluginGroup, taken: Collection[str], check: Check) -> list[PluginStatus]:
+def statuses(group: Registry, taken: Collection[str], check: Check) -> list[PluginStatus]:
     """Return every plug-in of a group with the verdict; imports them."""
     return [
         PluginStatus(plugin, _name_refusal(plugin, taken) or _examined(plugin, check)[1]) for plugin in installed(group)

@@ -10,12 +10,16 @@ import pytest
 ROOT = Path(__file__).parents[1]
 
 
+# What a room declares, a module of this name in each.
+DECLARATIONS = {"feature", "reasons", "quantities"}
+
+
 def test_no_two_modules_share_a_name():
     """Command modules are named for their command, which may be the name of the room that does the work."""
     result = defaultdict(list)
     for top in ("gateway", "firmware_protocol"):
         for path in sorted((ROOT / top).rglob("*.py")):
-            if "cli" not in path.parts and path.stem != "__init__":
+            if "cli" not in path.parts and path.stem not in {"__init__", *DECLARATIONS}:
                 result[path.stem].append(str(path.relative_to(ROOT)))
     assert {name: paths for name, paths in result.items() if len(paths) > 1} == {}
 

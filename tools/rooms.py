@@ -44,11 +44,11 @@ class Import(NamedTuple):
 @cache
 def modules() -> Mapping[str, Path]:
     """Return the file of each module of the two packages by its name."""
-    found = {}
+    paths = {}
     for package in ("gateway", "firmware_protocol"):
         for path in sorted((ROOT / package).rglob("*.py")):
-            found[".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")] = path
-    return found
+            paths[".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")] = path
+    return paths
 
 
 @cache
@@ -81,7 +81,7 @@ def is_core(room: str) -> bool:
 @cache
 def imports() -> tuple[Import, ...]:
     """Return the imports of all modules of this project, each once for each place."""
-    return tuple(one for module, path in modules().items() for one in _imports_of(module, path))
+    return tuple(made for module, path in modules().items() for made in _imports_of(module, path))
 
 
 def _imports_of(module: str, path: Path) -> Iterator[Import]:
@@ -98,17 +98,17 @@ def _imports_of(module: str, path: Path) -> Iterator[Import]:
             is_guard = isinstance(child, ast.If) and ast.unparse(child.test).endswith("TYPE_CHECKING")
             yield from walk(child, in_function=in_function or is_function, for_types=for_types or is_guard)
 
-    for one in walk(ast.parse(path.read_text("utf-8")), in_function=False, for_types=False):
-        if one.imported in modules():
-            yield one
+    for made in walk(ast.parse(path.read_text("utf-8")), in_function=False, for_types=False):
+        if made.imported in modules():
+            yield made
 
 
 def imports_of_features() -> list[str]:
     """Return the imports that run from the core to a feature, as `module -> module`."""
     wrong = {
-        f"{one.module} -> {one.imported}"
-        for one in imports()
-        if one.module != FRONT and is_core(room_of(one.module)) and not is_core(room_of(one.imported))
+        f"{made.module} -> {made.imported}"
+        for made in imports()
+        if made.module != FRONT and is_core(room_of(made.module)) and not is_core(room_of(made.imported))
     }
     return sorted(wrong)
 
@@ -119,12 +119,12 @@ def arrows() -> dict[tuple[str, str], list[Import]]:
     A feature sees the core as one room.
     """
     between = defaultdict(list)
-    for one in imports():
-        upper, lower = room_of(one.module), room_of(one.imported)
+    for made in imports():
+        upper, lower = room_of(made.module), room_of(made.imported)
         if is_core(upper) != is_core(lower):
             upper, lower = (CORE if is_core(room) else room for room in (upper, lower))
-        if upper != lower and one.module != FRONT:
-            between[upper, lower].append(one)
+        if upper != lower and made.module != FRONT:
+            between[upper, lower].append(made)
     return dict(sorted(between.items()))
 
 
@@ -165,9 +165,9 @@ def _reached(start: str, below: Mapping[str, Iterable[str]]) -> set[str]:
 def modules_behind(start: str) -> set[str]:
     """Return the modules that a module needs, itself included, also those that it imports in functions."""
     needed = defaultdict(set)
-    for one in imports():
-        if not one.is_for_types:
-            needed[one.module].add(one.imported)
+    for made in imports():
+        if not made.is_for_types:
+            needed[made.module].add(made.imported)
     return {start, *_reached(start, needed)}
 
 
@@ -193,8 +193,8 @@ def main(arguments: Sequence[str]) -> None:
     if "--arrows" in arguments:
         for (upper, lower), those in between.items():
             print(f"{upper} -> {lower}")
-            for one in those:
-                print(f"    {one.module} -> {one.imported}")
+            for made in those:
+                print(f"    {made.module} -> {made.imported}")
         return
     lines: dict[str, list[int]] = defaultdict(list)
     for module in modules():

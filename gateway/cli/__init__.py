@@ -2,7 +2,6 @@
 
 import errno
 import gc
-import importlib
 import logging
 import os
 import sys
@@ -17,7 +16,9 @@ from click.shell_completion import CompletionItem
 from gateway import __version__
 from gateway.cli.path_option import path_option
 from gateway.errors import OutputError, TreadlinkError
+from gateway.feature import CommandLine, Registry, features, object_of
 from gateway.nearest_name import did_you_mean
+from gateway.reasons import Code, Reason
 
 # The matrices here are small, so waking a thread costs more than the product it computes, many times more on a busy
 # computer, whatever the environment asks for. This must be set before numpy is imported; child processes inherit it.
@@ -33,40 +34,15 @@ _UNUSABLE: Final = (errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR, errno.EISDIR
 _REFUSALS: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 # name -> (module:function, line in `treadlink --help`), in the order in which a user meets them.
-COMMANDS: Final[dict[str, tuple[str, str]]] = {
-    "live": ("gateway.cli.live:live", "Show live estimates from a hub, the simulator or a recording."),
-    "record": ("gateway.cli.record:record", "Record a source to a file without a screen."),
-    "replay": ("gateway.cli.replay:replay", "Replay a recording with live estimates."),
-    "inspect": ("gateway.cli.inspect:inspect", "Show the links, losses, rates and time line of recordings."),
-    "estimate": ("gateway.cli.estimate:estimate", "Estimate recordings in one pass and write tables."),
-    "compare": ("gateway.cli.compare:compare", "Compare two recordings: means, differences and their significance."),
-    "export": ("gateway.cli.export:export", "Write measurements to CSV, Parquet, MATLAB, MDF, TYDEX or MCAP files."),
-    "orders": ("gateway.cli.orders:orders", "Show the order spectra and the average of every wheel."),
-    "diagnose": ("gateway.cli.diagnose:diagnose", "Identify the physical effects that the model lacks."),
-    "campaign": ("gateway.cli.campaign:campaign", "Estimate many recordings into a dataset."),
-    "trends": ("gateway.cli.trends:trends", "Report how tires and sensors of a dataset change."),
-    "calibrate": ("gateway.cli.calibrate:calibrate", "Calibrate load, reference numbers and slip of a tire."),
-    "import": (
-        "gateway.cli.import_measurement:import_",
-        "Convert a CSV, MAT, HDF5, MF4, TDMS or IDE file to a recording.",
-    ),
-    "note": ("gateway.cli.note:note", "Add a comment or tags to recordings without changing them."),
-    "manifest": ("gateway.cli.manifest:manifest", "Write hashes of recordings that copies are compared with."),
-    "repair": ("gateway.cli.repair:repair", "Repair a recording that was cut off or damaged."),
-    "compact": ("gateway.cli.repair:compact", "Compress finished recordings."),
-    "set-clock": ("gateway.cli.repair:set_clock", "Copy a recording with right times, if its clock was wrong."),
-    "merge": ("gateway.cli.merge:merge", "Merge recordings of one drive."),
-    "simulate": ("gateway.cli.simulate:simulate", "Simulate hubs and tires."),
-    "plan": ("gateway.cli.plan:plan", "Say what a sensor will be able to measure before it is bought."),
-    "figures": ("gateway.cli.figures:figures", "Draw the papers' figures from simulated tires or measurements."),
-    "scan": ("gateway.cli.scan:scan", "List hubs in range and serial ports."),
-    "setup": ("gateway.cli.setup:setup", "Write a vehicle file for plugged hubs: wheels, radius, pressure, load."),
-    "command": ("gateway.cli.command:command", "Send a command to a hub and print its reply."),
-    "keys": ("gateway.cli.keys:keys", "Manage sensor signing keys."),
-    "doctor": ("gateway.cli.doctor:doctor", "Check packages, ports, permissions and configuration."),
-    "completion": ("gateway.cli.completion:completion", "Print the completion script of a shell."),
-    "protocol": ("gateway.cli.protocol:protocol", "Check a firmware; generate C code, vectors, parsers, schema."),
+_OF_CORE: Final = {
+    "live": CommandLine("gateway.cli.live:live", "Show live estimates from a hub, the simulator or a recording."),
+    "record": CommandLine("gateway.cli.record:record", "Record a source to a file without a screen."),
+    "replay": CommandLine("gateway.cli.replay:replay", "Replay a recording with live estimates."),
+    "inspect": CommandLine("gateway.cli.inspect:inspect", "Show the links, losses, rates and time line of recordings."),
+    "estimate": CommandLine("gateway.cli.estimate:estimate", "Estimate recordings in one pass and write tables."),
 }
+COMMANDS: Final = {**_OF_CORE, **{name: line for feature in features() for name, line in feature.commands.items()}}
+"""Commands of the core, then those of the features; packages of others add theirs."""
 
 _logger = logging.getLogger(__name__)
 
@@ -75,31 +51,31 @@ class LazyGroup(click.Group):
     """Command group that imports a subcommand only when it is used."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
-        """Return names in the order of COMMANDS."""
-        return list(COMMANDS)
+        """Return names in the order of COMMANDS, those of plug-ins last."""
+        return [*COMMANDS, *_of_plugins()]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002 - click's signature
         """Import and return the subcommand, or None for an unknown name."""
         if cmd_name not in COMMANDS:
-            return None
-        module_name, attribute = COMMANDS[cmd_name][0].split(":")
-        command: click.Command = getattr(importlib.import_module(module_name), attribute)
-        return command
+            from gateway.plugins import load
+
+            command = load(Registry.COMMANDS, cmd_name, COMMANDS, plugin_fault)
+        else:
+            command = object_of(COMMANDS[cmd_name].target)
+        return command if isinstance(command, click.Command) else None
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Find the subcommand; for an unknown name, propose the most similar one."""
-        if args and args[0] not in COMMANDS and not args[0].startswith("-"):
+        if args and args[0] not in COMMANDS and not args[0].startswith("-") and args[0] not in _of_plugins():
             ctx.fail(f"No such command '{args[0]}'. {did_you_mean(args[0], COMMANDS)}".rstrip())
         return super().resolve_command(ctx, args)
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
         """Complete the name of a subcommand without importing any."""
         options = click.Command.shell_complete(self, ctx, incomplete)
-        commands = [
-            CompletionItem(name, help=text) for name, (_, text) in COMMANDS.items() if name.startswith(incomplete)
-        ]
+        commands = [CompletionItem(name, help=text) for name, text in _summaries() if name.startswith(incomplete)]
         return [*commands, *options]
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
@@ -115,7 +91,26 @@ class LazyGroup(click.Group):
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
         """List the commands from the table without importing them."""
         with formatter.section("Commands"):
-            formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
+            formatter.write_dl(_summaries())
+
+
+def _of_plugins() -> dict[str, str]:
+    """Return the packages of the commands that plug-ins add, by name; nothing of them is imported."""
+    from gateway.plugins import installed, names
+
+    added = names(Registry.COMMANDS, COMMANDS)
+    return {plugin.name: plugin.package for plugin in installed(Registry.COMMANDS) if plugin.name in added}
+
+
+def _summaries() -> list[tuple[str, str]]:
+    """Return every command with its line in the help."""
+    of_plugins = [(name, f"Command of the package {package}.") for name, package in _of_plugins().items()]
+    return [*((name, line.summary) for name, line in COMMANDS.items()), *of_plugins]
+
+
+def plugin_fault(_plugin: object, command: object) -> Reason | None:
+    """Return why the object of a plug-in is no command, None when it is one."""
+    return None if isinstance(command, click.Command) else Reason(Code.PLUGIN_WRONG_TYPE, expected="a click.Command")
 
 
 @contextmanager

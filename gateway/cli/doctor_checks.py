@@ -118,17 +118,18 @@ def check_plugins() -> Iterator[Check]:
     """Check every plug-in of the installed packages: it is imported, and its interface compared with the registry's."""
     from gateway.closure.effects import catalogue
     from gateway.estimators import registry
+    from gateway.feature import Registry
     from gateway.importing import file_formats
     from gateway.io import source
-    from gateway.plugins import PluginGroup, statuses
+    from gateway.plugins import statuses
     from gateway.publishing import sink
 
     for group, taken, fault in (
-        (PluginGroup.SOURCES, source.SOURCES, source.plugin_fault),
-        (PluginGroup.ESTIMATORS, registry.ESTIMATORS, registry.plugin_fault),
-        (PluginGroup.EFFECTS, (), catalogue.plugin_fault),
-        (PluginGroup.IMPORTERS, file_formats.PLUGIN_NAMES_TAKEN, file_formats.plugin_fault),
-        (PluginGroup.SINKS, sink.SINKS, sink.plugin_fault),
+        (Registry.SOURCES, source.SOURCES, source.plugin_fault),
+        (Registry.ESTIMATORS, registry.ESTIMATORS, registry.plugin_fault),
+        (Registry.EFFECTS, (), catalogue.plugin_fault),
+        (Registry.IMPORTERS, file_formats.PLUGIN_NAMES_TAKEN, file_formats.plugin_fault),
+        (Registry.SINKS, sink.SINKS, sink.plugin_fault),
     ):
         for plugin, refusal in ((status.plugin, status.refusal) for status in statuses(group, tuple(taken), fault)):
             name = f"plug-in {plugin.name}"

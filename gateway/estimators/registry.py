@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import importlib
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Final, TypeGuard
 
 from gateway.errors import ConfigError
+from gateway.feature import Registry, added, object_of
 from gateway.nearest_name import did_you_mean
-from gateway.plugins import Plugin, PluginGroup, load, missing_members, names
+from gateway.plugins import Plugin, load, missing_members, names
 from gateway.quantity import Quantity
 from gateway.quantity_catalogue import declare, quantities_of
 from gateway.reasons import Code, Reason
@@ -23,25 +23,15 @@ _MAX_QUANTITIES: Final = 100
 
 # name -> "module:class"; the class is called without arguments, once per wheel. Estimators run in this order: one that
 # uses the estimates of others comes after them.
-ESTIMATORS: Final[dict[str, str]] = {
+ESTIMATORS: Final[Mapping[str, str]] = {
     "kinematic": "gateway.estimators.kinematic:KinematicEstimator",
     "distance": "gateway.estimators.distance:DistanceEstimator",
     "self-calibration": "gateway.estimators.self_calibration:SelfCalibrationEstimator",
     "weak-form": "gateway.estimators.weak_form:WeakFormEstimator",
-    "ring-modal": "gateway.estimators.ring_modal:RingModalEstimator",
-    "ring-paper": "gateway.estimators.ring_paper:RingPaperEstimator",
-    "forward": "gateway.estimators.forward:ForwardEstimator",
+    **added(Registry.NUMBERS),
     "wear": "gateway.estimators.wear:WearEstimator",
     "load": "gateway.estimators.load:LoadEstimator",
-    "longitudinal-force": "gateway.estimators.longitudinal_force:LongitudinalForceEstimator",
-    "ply-steer": "gateway.estimators.ply_steer:PlySteerEstimator",
-    "slip-angle": "gateway.estimators.slip_angle:SlipAngleEstimator",
-    "side-force": "gateway.estimators.side_force:SideForceEstimator",
-    "friction": "gateway.estimators.friction_use:FrictionUseEstimator",
-    "asynchronous": "gateway.estimators.nonsynchronous:NonsynchronousEstimator",
-    "cavity": "gateway.estimators.cavity:CavityEstimator",
-    "road": "gateway.estimators.road_roughness:RoadRoughnessEstimator",
-    "water-wedge": "gateway.estimators.water_wedge:WaterWedgeEstimator",
+    **added(Registry.ESTIMATORS),
 }
 
 DEFAULT_ESTIMATORS: Final[tuple[str, ...]] = ("kinematic", "distance", "weak-form", "wear", "ply-steer")
@@ -54,7 +44,7 @@ CAMPAIGN_ESTIMATORS: Final[tuple[str, ...]] = tuple(
 
 def estimator_names() -> list[str]:
     """Return the names of all estimators in running order; those of plug-ins run last."""
-    return [*ESTIMATORS, *names(PluginGroup.ESTIMATORS, ESTIMATORS)]
+    return [*ESTIMATORS, *names(Registry.ESTIMATORS, ESTIMATORS)]
 
 
 def in_order(chosen: Iterable[str]) -> list[str]:
@@ -71,10 +61,9 @@ def make_estimator(name: str) -> Estimator:
         PluginError: it is a plug-in that cannot be used.
     """
     if name in ESTIMATORS:
-        module_name, class_name = ESTIMATORS[name].split(":")
-        estimator: Estimator = getattr(importlib.import_module(module_name), class_name)()
+        estimator: Estimator = object_of(ESTIMATORS[name])()
         return estimator
-    loaded = load(PluginGroup.ESTIMATORS, name, ESTIMATORS, plugin_fault)
+    loaded = load(Registry.ESTIMATORS, name, ESTIMATORS, plugin_fault)
     if not callable(loaded):
         hint = did_you_mean(name, estimator_names())
         raise ConfigError(f"unknown estimator '{name}'", f"{hint}Known estimators: {', '.join(estimator_names())}.")

@@ -13,11 +13,12 @@ from gateway.config.effects_file import check_effects
 from gateway.config.vehicle import VehicleConfig
 from gateway.errors import ConfigError, OutputError, RecordingError, TreadlinkError
 from gateway.estimators.registry import make_estimator
+from gateway.feature import Registry
 from gateway.fleet.content_keys import settings_key
 from gateway.fleet.parquet_parts import PartFile
 from gateway.pipeline.results import RevolutionResult
 from gateway.pipeline.wheel_setup import CorrectionTable
-from gateway.plugins import PluginGroup, installed
+from gateway.plugins import installed
 from gateway.quantity_catalogue import given_by
 from gateway.reasons import Code, Reason
 from gateway.recording.file_content import FileContent
@@ -92,7 +93,7 @@ class EstimationSettings:
                 "code": self.code,
                 "plugins": [
                     [plugin.name, plugin.package, plugin.version]
-                    for plugin in installed(PluginGroup.ESTIMATORS)
+                    for plugin in installed(Registry.ESTIMATORS)
                     if plugin.name in self.estimators
                 ],
             }

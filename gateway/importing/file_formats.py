@@ -10,13 +10,14 @@ from typing import Any, Final
 import numpy as np
 
 from gateway.errors import ImportDataError, reading_remedy
+from gateway.feature import Registry
 from gateway.importing.columns import Block, ColumnReader, FileFacts
 from gateway.importing.csv_columns import CsvColumns
 from gateway.importing.import_map import ISO, SUFFIXES, FileFormat, ImportMap
 from gateway.importing.iso_times import IsoTimes
 from gateway.importing.reader_process import ProcessColumns, ReaderProcesses
 from gateway.nearest_name import missing_path_remedy
-from gateway.plugins import Plugin, PluginGroup, load, missing_members
+from gateway.plugins import Plugin, load, missing_members
 from gateway.reasons import Code, Reason
 
 _KNOWN: Final = ", ".join(SUFFIXES)
@@ -173,7 +174,7 @@ def _plugin_reader(path: Path) -> ColumnReader | None:
         PluginError: it cannot be used.
     """
     suffix = path.suffix.lower().removeprefix(".")
-    reader: Any = load(PluginGroup.IMPORTERS, suffix, PLUGIN_NAMES_TAKEN, plugin_fault)
+    reader: Any = load(Registry.IMPORTERS, suffix, PLUGIN_NAMES_TAKEN, plugin_fault)
     return None if reader is None else PluginReader(path, reader)
 
 

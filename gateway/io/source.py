@@ -14,9 +14,10 @@ from typing import Final, Protocol
 
 from gateway.clock import Clock
 from gateway.errors import SourceError
+from gateway.feature import Registry
 from gateway.io.bus_frames import unpack
 from gateway.nearest_name import did_you_mean
-from gateway.plugins import Plugin, PluginGroup, load, missing_factory, names
+from gateway.plugins import Plugin, load, missing_factory, names
 from gateway.reasons import Code, Reason
 from gateway.uri_parts import split_uri
 
@@ -324,7 +325,7 @@ def source_kind(scheme: str) -> SourceKind | None:
     """
     if scheme in SOURCES:
         return SOURCES[scheme]
-    loaded = load(PluginGroup.SOURCES, scheme, SOURCES, plugin_fault)
+    loaded = load(Registry.SOURCES, scheme, SOURCES, plugin_fault)
     return loaded if isinstance(loaded, SourceKind) else None
 
 
@@ -362,7 +363,7 @@ def parse_source_uri(uri: str) -> SourceAddress:
     except ValueError as error:
         raise SourceError(f"source '{uri}' cannot be read: {error}", "Write special characters as %XX.") from error
     if source_kind(scheme) is None:
-        schemes = [f"{name}:" for name in (*SOURCES, *names(PluginGroup.SOURCES, SOURCES))]
+        schemes = [f"{name}:" for name in (*SOURCES, *names(Registry.SOURCES, SOURCES))]
         remedy = (
             f"It is a file. `treadlink replay {shlex.quote(uri)}` shows a recording, "
             f"`treadlink import --guess {shlex.quote(uri)}` begins the import of a measurement."

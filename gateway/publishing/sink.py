@@ -13,9 +13,10 @@ from typing import Final, Protocol, runtime_checkable
 from urllib.parse import urlsplit
 
 from gateway.errors import TreadlinkError
+from gateway.feature import Registry
 from gateway.nearest_name import did_you_mean
 from gateway.pipeline.results import AlarmChange, RevolutionResult, SessionSnapshot
-from gateway.plugins import Plugin, PluginGroup, load, missing_factory, names
+from gateway.plugins import Plugin, load, missing_factory, names
 from gateway.reasons import Code, Reason
 from gateway.uri_parts import split_uri
 from gateway.views.session_control import SessionControl
@@ -228,7 +229,7 @@ def sink_kind(scheme: str) -> SinkKind | None:
     """
     if scheme in SINKS:
         return SINKS[scheme]
-    kind = load(PluginGroup.SINKS, scheme, SINKS, plugin_fault)
+    kind = load(Registry.SINKS, scheme, SINKS, plugin_fault)
     return kind if isinstance(kind, SinkKind) else None
 
 
@@ -257,7 +258,7 @@ def parse_sink_uri(uri: str) -> SinkAddress:
     except ValueError as error:
         raise SinkError(f"--publish '{uri}' cannot be read: {error}", "Write special characters as %XX.") from error
     if sink_kind(scheme) is None:
-        schemes = [f"{name}:" for name in (*SINKS, *names(PluginGroup.SINKS, SINKS))]
+        schemes = [f"{name}:" for name in (*SINKS, *names(Registry.SINKS, SINKS))]
         hint = did_you_mean(f"{scheme or uri}:", schemes)
         raise SinkError(
             f"unknown live output '{uri}'", f"{hint}It starts with one of {', '.join(schemes)}; for example jsonl:-"

@@ -7,7 +7,8 @@ from itertools import takewhile
 
 from gateway.closure import effects as package
 from gateway.closure.effects.effect import BaselineModel, Effect
-from gateway.plugins import Plugin, PluginGroup, imported, installed, load_all
+from gateway.feature import Registry
+from gateway.plugins import Plugin, imported, installed, load_all
 from gateway.reasons import Code, Reason
 
 
@@ -19,7 +20,7 @@ def catalogue() -> dict[str, Effect]:
         ValueError: two effects of this package share a name or a rank.
     """
     effects = list(_builtin())
-    for added in load_all(PluginGroup.EFFECTS, (), plugin_fault).values():
+    for added in load_all(Registry.EFFECTS, (), plugin_fault).values():
         effects += _effects_of(added)
     effects.sort(key=lambda effect: effect.rank)
     by_name = {effect.name: effect for effect in effects}
@@ -34,7 +35,7 @@ def plugin_fault(plugin: Plugin, loaded: object) -> Reason | None:
     if not effects:
         return Reason(Code.PLUGIN_WRONG_TYPE, expected="a sequence of gateway.closure.effects.effect.Effect")
     taken = [(effect, "treadlink") for effect in _builtin()]
-    for earlier in takewhile(lambda other: other != plugin, installed(PluginGroup.EFFECTS)):
+    for earlier in takewhile(lambda other: other != plugin, installed(Registry.EFFECTS)):
         taken += [(effect, earlier.package) for effect in _effects_of(imported(earlier))]
     for effect in effects:
         for other, owner in taken:

@@ -1,0 +1,1 @@
+"""Set-up of hubs and of this computer."""

@@ -1,0 +1,1 @@
+"""Comparison of recordings, pages of a drive, and order spectra."""

@@ -1,0 +1,1 @@
+"""Physical effects that the model of a wheel lacks."""

@@ -1,0 +1,12 @@
+"""Declaration of the feature."""
+
+from typing import Final
+
+from gateway.feature import CommandLine, Feature
+
+FEATURE: Final = Feature(
+    commands={
+        "campaign": CommandLine("gateway.cli.campaign:campaign", "Estimate many recordings into a dataset."),
+        "trends": CommandLine("gateway.cli.trends:trends", "Report how tires and sensors of a dataset change."),
+    },
+)

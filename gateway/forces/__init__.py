@@ -1,0 +1,1 @@
+"""Forces, slip and ply steer, and the calibrations of a tire."""

@@ -1,0 +1,1 @@
+"""Check of a firmware, and code for it."""

@@ -1,0 +1,1 @@
+"""Choice of a sensor before it is bought."""

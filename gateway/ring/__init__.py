@@ -1,0 +1,1 @@
+"""The rolling ring, and the fit of its exact equilibrium."""
