@@ -36,6 +36,7 @@ from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.data.condition_groups import unlike_contacts
 from gateway.closure.effects.catalogue import candidates, plugin_effects
 from gateway.closure.effects.effect import BaselineModel
+from gateway.closure.effects.mounting import MountingOffset
 from gateway.closure.laws.law_search import LawsFound, propose_laws
 from gateway.closure.laws.unseen_recordings import judged_elsewhere
 from gateway.closure.model.baseline_registry import angle_effects, make_core
@@ -155,6 +156,9 @@ def _diagnose(
         raise TreadlinkError(
             "a diagnosis needs at least two revolutions of one recording", "Record longer at a steady speed."
         )
+    if all(group.conditions.offset_measured for group in campaign.groups):
+        # Its error is a parameter of every set.
+        omitted = {*omitted, MountingOffset.name}
     effects = angle_effects({name: effect for name, effect in candidates(model).items() if name not in omitted})
     search = SetSearch(
         campaign, core, data, effects, Discrepancy(campaign, data), expired, _Steps(on_progress), helpers

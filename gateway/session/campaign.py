@@ -240,6 +240,7 @@ def _assemble(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead], wheel
     begin_s, order_remarks = _begins(orders, reads)
     degc = _reference_degc(groups)
     states = _states(groups).tolist()
+    groups = _of_one_depth(groups)
     sensors = {read.sensor_id for read in reads if read.groups}
     return Campaign(
         wheel=wheel,
@@ -386,6 +387,15 @@ def _begins(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead]) -> tupl
         begins.append(read.first_s - elapsed_s)
         elapsed_s += read.last_s - read.first_s
     return begins, [Reason(Code.RECORDING_ORDER_UNKNOWN)]
+
+
+def _of_one_depth(groups: Sequence[Group]) -> list[Group]:
+    """Return groups whose measured depths are one: what differs between them is the error of the measurements."""
+    measured = [group.declared_offset_m for group in groups if group.conditions.offset_measured]
+    return [
+        replace(group, declared_offset_m=sum(measured) / len(measured)) if group.conditions.offset_measured else group
+        for group in groups
+    ]
 
 
 def _placed(group: Group, state: int, begin_s: float, degc: float, name: str) -> Group:

@@ -346,6 +346,7 @@ def _declared(
     mounting = wheel.mounting if wheel is not None else Mounting()
     offset_m = mounting.offset_m
     offset_known = offset_m is not None and not is_assumed(vehicle, Quantity.OFFSET)
+    measured = offset_m is None
     if offset_m is None:
         in_use = last.conditions
         offset_known = in_use.sensor_offset_std_m < _OFFSET_KNOWN_M
@@ -360,5 +361,6 @@ def _declared(
         reverse=order.reverse,
         ac_coupled=store.ac_coupled,
         offset_known=offset_known,
+        offset_measured=measured and offset_known,
         gain_std=last.conditions.claims.gain_std,
     )

@@ -11,6 +11,7 @@ from gateway.closure.bayes.parameter_estimates import fitted_parameter
 from gateway.closure.effects.belt_geometry import relative_curvature, relative_offset
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, FIELD_SIZE, LATERAL, RADIAL, GroupConditions
 from gateway.closure.effects.lateral_response import Load, Stiffness, unit_response
+from gateway.closure.laws.sensor_errors import GainBelowZero
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.physics.lateral_belt import LateralBelt, LateralSolution, solve_lateral_belt
 from gateway.physics.rolling_ring.sensor_waveform import sensor_waveform
@@ -232,3 +233,32 @@ def test_plausible_range_is_in_display_units() -> None:
         ("square", "% at 1000 m/s²"),
         ("cube", "% at 1000 m/s²"),
     ]
+
+
+def test_depth_that_the_recordings_measured_is_free() -> None:
+    # What import measured is off by a fault of the axis itself; nothing states the depth.
+    depth_m, share = 8e-3, 0.06
+
+    def lopsided(signal: FloatArray, theta: FloatArray, conditions: GroupConditions) -> FloatArray:
+        read = at_depth(depth_m)(signal, theta, conditions)
+        read[CIRCUMFERENTIAL] -= share * np.minimum(read[CIRCUMFERENTIAL], 0.0)
+        return read
+
+    made = campaign_of(TWO_SPEEDS, lopsided, axes=ALL_AXES)
+    measured = tuple(
+        replace(
+            group,
+            declared_offset_m=7.75e-3,
+            conditions=replace(group.conditions, offset_measured=True),
+            blocks=tuple(
+                replace(block, conditions=replace(block.conditions, offset_measured=True)) for block in group.blocks
+            ),
+        )
+        for group in made.groups
+    )
+    error = GainBelowZero(CIRCUMFERENTIAL)
+    fit, _ = fitted(replace(made, groups=measured), error)
+    where = fit.model.layout.sensor
+    depth_std_m = math.sqrt(float(fit.covariance[where, where][0, 0]))
+    assert 7.75e-3 + float(fit.vector[where][0]) == pytest.approx(depth_m, abs=3.0 * depth_std_m + 2e-5)
+    assert float(fit.vector[fit.model.layout.effect(error.name)][0]) == pytest.approx(-share, rel=0.05)

@@ -46,6 +46,7 @@ class Declared:
         radius_m: belt radius.
         offset_m: sensor below the neutral layer.
         offset_known: False where that is neither stated nor measured.
+        offset_measured: True where only the recording's own samples measured it.
         gain_std: relative standard error of the gain of the sensor's axes.
         roll_rad: of the sensor.
         pitch_rad: of the sensor.
@@ -62,6 +63,7 @@ class Declared:
     reverse: bool = False
     ac_coupled: bool = False
     offset_known: bool = True
+    offset_measured: bool = False
     gain_std: float = 0.0
 
 
@@ -211,6 +213,7 @@ def _conditions(table: RevolutionTable, places: IntArray, declared: Declared) ->
         reverse=declared.reverse,
         ac_coupled=declared.ac_coupled,
         offset_known=declared.offset_known,
+        offset_measured=declared.offset_measured,
         gain_std=declared.gain_std,
     )
 

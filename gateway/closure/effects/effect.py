@@ -178,6 +178,7 @@ class GroupConditions:
         reverse: the tire rolls the other way round.
         ac_coupled: the sensor does not pass the steady value.
         offset_known: False where the sensor's distance from the neutral layer is neither stated nor measured.
+        offset_measured: True where the recording's own samples measured that distance, and nothing states it.
         gain_std: relative standard error of the gain of the sensor's axes, as stated.
     """
 
@@ -193,6 +194,7 @@ class GroupConditions:
     reverse: bool = False
     ac_coupled: bool = False
     offset_known: bool = True
+    offset_measured: bool = False
     gain_std: float = 0.0
 
 

@@ -24,6 +24,7 @@ from gateway.closure.effects.effect import (
     Stage,
 )
 from gateway.closure.effects.periodic_filter import ORDER, filtered, order_hz
+from gateway.closure.effects.ring_options import RingOptions
 from gateway.types import ComplexArray, FloatArray
 
 # Rubber's smallest loss factor, with room; a resonance without any would have no finite response.
@@ -67,6 +68,23 @@ class MountingOffset(RingEffect):
     def expected(self, conditions: Sequence[GroupConditions]) -> bool:
         """Return whether the declared depth is assumed somewhere: sensors on the liner sit some mm below the belts."""
         return any(not condition.offset_known for condition in conditions)
+
+
+class MeasuredDepth(MountingOffset):
+    """Depth of a sensor that no statement gives, against the one that its recordings measured: one for all of them.
+
+    It is no effect but a parameter of the sensor, free in every fit: an effect that the samples contain has pulled what
+    they measured.
+    """
+
+    name = "measured depth"
+
+    def options(self, options: RingOptions, parameters: FloatArray, conditions: GroupConditions) -> RingOptions:
+        """Return the options at the depth; those of a recording with a stated depth stay."""
+        return super().options(options, parameters, conditions) if conditions.offset_measured else options
+
+
+MEASURED_DEPTH: Final = MeasuredDepth()
 
 
 class SensorLength(SignalEffect):

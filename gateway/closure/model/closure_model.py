@@ -12,6 +12,7 @@ from gateway.closure.data.campaign_data import Campaign, Group
 from gateway.closure.data.side_information import witnesses
 from gateway.closure.effects.angle_orders import ORDERS, field_orders
 from gateway.closure.effects.effect import GroupConditions, ModelledBlock, RingEffect, SignalEffect, Stage
+from gateway.closure.effects.mounting import MEASURED_DEPTH
 from gateway.closure.effects.ring_options import RingOptions
 from gateway.closure.model.baseline import Core, NoShapeError, Shape, moved
 from gateway.closure.model.parameter_vector import Layout
@@ -64,13 +65,16 @@ class ClosureModel:
         self.campaign = campaign
         self._held = dict(held or {})
         self.core = core
-        self._ring = tuple(effect for effect in effects if not isinstance(effect, SignalEffect))
+        ring = tuple(effect for effect in effects if not isinstance(effect, SignalEffect))
         self._signal = tuple(
             sorted((e for e in effects if isinstance(e, SignalEffect)), key=lambda effect: effect.stage)
         )
-        self.effects: tuple[AngleEffect, ...] = (*self._ring, *self._signal)
+        self.effects: tuple[AngleEffect, ...] = (*ring, *self._signal)
+        measured = any(group.conditions.offset_measured for group in campaign.groups)
+        self._sensor = (MEASURED_DEPTH,) if measured else ()
+        self._ring = (*self._sensor, *ring)
         self._witnesses = witnesses(campaign)
-        self.layout = Layout(len(core.names), campaign.states, len(campaign.groups), self.effects)
+        self.layout = Layout(len(core.names), campaign.states, len(campaign.groups), self.effects, self._sensor)
         reference_of = references(campaign)
         self._shifts = [shift(core.names, group.conditions, reference_of[group.state]) for group in campaign.groups]
         self._half_angles_rad = half_angles_rad(campaign)
@@ -81,7 +85,7 @@ class ClosureModel:
         Args:
             near: vector that a fit starts from, whose whole numbers it keeps; None for the catalogue's own priors.
         """
-        mean, std = self.layout.priors(self.core, self.effects)
+        mean, std = self.layout.priors(self.core, (*self._sensor, *self.effects))
         if near is not None:
             self.layout.hold_whole(self.effects, near, mean, std)
         for witness in self._witnesses:

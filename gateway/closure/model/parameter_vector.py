@@ -1,4 +1,4 @@
-"""Layout of the parameter vector: states of the tire, contact centres, effects."""
+"""Layout of the parameter vector: states of the tire, contact centres, the sensor, effects."""
 
 from __future__ import annotations
 
@@ -17,14 +17,17 @@ _CENTRE_STD_RAD = 0.05
 class Layout:
     """Indices in the parameter vector."""
 
-    def __init__(self, core_size: int, states: int, groups: int, effects: Sequence[Effect]) -> None:
-        """Lay out the states' parameters, a centre a group, then the effects'."""
+    def __init__(
+        self, core_size: int, states: int, groups: int, effects: Sequence[Effect], sensor: Sequence[Effect] = ()
+    ) -> None:
+        """Lay out the states' parameters, a centre a group, those of the sensor in every set, then the effects'."""
         self._core_size = core_size
         self._state_count = states
         self._groups = groups
         self._effects: dict[str, slice] = {}
         begin = states * core_size + groups
-        for effect in effects:
+        self._without_effects = begin + sum(len(effect.parameters) for effect in sensor)
+        for effect in (*sensor, *effects):
             self._effects[effect.name] = slice(begin, begin + len(effect.parameters))
             begin += len(effect.parameters)
         self.size = begin
@@ -49,7 +52,12 @@ class Layout:
     @property
     def without_effects(self) -> int:
         """Number of parameters before the first effect's."""
-        return self._state_count * self._core_size + self._groups
+        return self._without_effects
+
+    @property
+    def sensor(self) -> slice:
+        """Places of the sensor's parameters that every set has."""
+        return slice(self._state_count * self._core_size + self._groups, self._without_effects)
 
     def priors(self, core: Core, effects: Sequence[Effect]) -> tuple[FloatArray, FloatArray]:
         """Return mean and standard deviation of every parameter before the data are used, (size,) each."""

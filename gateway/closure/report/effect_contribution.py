@@ -68,6 +68,8 @@ def contribution_table(fit: Fit, findings: tuple[Finding, ...], laws: tuple[Law,
     vector[with_all.layout.state(0)] = fit.model.tire(fit.vector, index)
     for number in range(len(imagined)):
         vector[with_all.layout.centre(number)] = fit.vector[fit.model.layout.centre(index)]
+    sensor = fit.vector[fit.model.layout.sensor]
+    vector[with_all.layout.sensor] = sensor
     for effect in fit.model.effects:
         vector[with_all.layout.effect(effect.name)] = fit.vector[fit.model.layout.effect(effect.name)]
     without = vector.copy()
@@ -92,7 +94,7 @@ def contribution_table(fit: Fit, findings: tuple[Finding, ...], laws: tuple[Law,
         omega_range_radps=(low, high),
         load_range_n=_around(load, _LOAD_MARGIN) if group.load_known else None,
         pressure_range_pa=_around(pressure, _PRESSURE_MARGIN) if group.pressure_known else None,
-        sensor_offset_m=group.declared_offset_m,
+        sensor_offset_m=group.declared_offset_m + float(sensor.sum()),
         sensor_id=campaign.sensor_id,
         sources=campaign.recordings,
         vehicle=campaign.vehicle,

@@ -117,6 +117,7 @@ def _carried_back(larger: ClosureModel, smaller: ClosureModel, vector: FloatArra
         result[smaller.layout.state(state)] = vector[larger.layout.state(state)]
     for index in range(len(smaller.campaign.groups)):
         result[smaller.layout.centre(index)] = vector[larger.layout.centre(index)]
+    result[smaller.layout.sensor] = vector[larger.layout.sensor]
     for effect in smaller.effects:
         result[smaller.layout.effect(effect.name)] = vector[larger.layout.effect(effect.name)]
     return result

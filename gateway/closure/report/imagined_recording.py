@@ -64,6 +64,7 @@ def _places(model: ClosureModel, larger: ClosureModel) -> IntArray:
     """Return the places of a campaign's parameters among those of the campaign with one more group."""
     places = [np.arange(larger.layout.size)[larger.layout.state(state)] for state in range(model.campaign.states)]
     places.append(np.array([larger.layout.centre(index) for index in range(len(model.campaign.groups))]))
+    places.append(np.arange(larger.layout.size)[larger.layout.sensor])
     places += [np.arange(larger.layout.size)[larger.layout.effect(effect.name)] for effect in model.effects]
     return np.concatenate(places)
 

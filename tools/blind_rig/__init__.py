@@ -1,0 +1,1 @@
+"""Blind cases of the closed loop: a ring, sensors and causes written without the closure's equations."""

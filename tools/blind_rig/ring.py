@@ -1,0 +1,229 @@
+"""A loaded rolling ring as a chain of nodes, solved by Newton's method with a complex-step tangent.
+
+Every force derives from the node's neighbours: tension and bending of the chain, pressure on the enclosed area, a
+sidewall of springs and dashpots, and a unilateral tread on a flat road or a drum. Nothing of `gateway.physics` is used.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_matrix
+from scipy.sparse.linalg import splu
+
+Array = NDArray[Any]
+
+NODES: Final = 2880
+LOCAL_NODES: Final = 720
+GRAVITY_MPS2: Final = 9.80665
+_COLOURS: Final = 5
+_ORDERS: Final = 300
+_LOCAL_ORDERS: Final = 150
+
+
+@dataclass(frozen=True)
+class Ring:
+    """A tire as a ring; numbers as of the ring paper's table.
+
+    Attributes:
+        bs, cw, rs, ts: bending, tension, radial and tangential sidewall numbers.
+        radius_m, pressure_pa, mass_kgpm: belt radius, inflation pressure, mass per length.
+        tread_npm2: tread stiffness.
+        extension_n: EA of the belt.
+        sidewall_damping_nspm2: dashpot of the sidewall.
+        drum_pm: curvature of the road, 1/m; 0 for flat.
+    """
+
+    bs: float = 2.9e-3
+    cw: float = 0.205
+    rs: float = 2.8
+    ts: float = 2.4
+    radius_m: float = 0.315
+    pressure_pa: float = 2.2e5
+    mass_kgpm: float = 3.2
+    tread_npm2: float = 6.5e7
+    extension_n: float = 4e8
+    sidewall_damping_nspm2: float = 0.0
+    drum_pm: float = 0.0
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Signal of a sensor over the angle: (2, N) inward and along, of inertia over Omega^2 and of gravity."""
+
+    inertia_m: Array
+    gravity_mps2: Array
+
+
+class _Chain:
+    def __init__(self, ring: Ring, load_n: float, omega_radps: float, nodes: int) -> None:
+        self.ring, self.load_n, self.nodes = ring, load_n, nodes
+        self.h = 2.0 * math.pi / nodes
+        self.theta = (np.arange(nodes) - nodes // 2) * self.h
+        self.out = np.stack([np.sin(self.theta), -np.cos(self.theta)])
+        self.along = np.stack([np.cos(self.theta), np.sin(self.theta)])
+        r, p = ring.radius_m, ring.pressure_pa
+        self.ei = np.full(nodes, ring.bs * p * r**4)
+        # Cw is the pressure's tension b p R over p R^2.
+        self.tension = ring.cw * p * r * r
+        self.centrifugal = ring.mass_kgpm * r * r * omega_radps**2
+        self.omega = omega_radps
+        self.frozen_inertia: Array | None = None
+
+    def forces(self, x: Array, height: Any) -> tuple[Array, Array]:
+        """Return the force on every node (2, N), and the road's push of each."""
+        ring, h = self.ring, self.h
+        r, p = ring.radius_m, ring.pressure_pa
+        step = np.roll(x, -1, axis=1) - x
+        length = np.sqrt(step[0] ** 2 + step[1] ** 2)
+        t = step / length
+        normal = np.stack([-t[1], t[0]])
+        before = np.roll(t, 1, axis=1)
+        turned = np.arcsin(before[0] * t[1] - before[1] * t[0])
+        moment = self.ei * (turned - h) / (r * h)
+        rest = 2.0 * r * math.sin(0.5 * h)
+        pull = self.tension + self.centrifugal + ring.extension_n * (length / rest - 1.0)
+        inner = pull * t + (moment - np.roll(moment, -1)) / length * normal
+        total = inner - np.roll(inner, 1, axis=1)
+        chord = 0.5 * (np.roll(x, -1, axis=1) - np.roll(x, 1, axis=1))
+        total = total + self.tension / r * np.stack([chord[1], -chord[0]])
+        if self.frozen_inertia is None:
+            second = np.roll(x, -1, axis=1) - 2.0 * x + np.roll(x, 1, axis=1)
+            total = total - self.centrifugal / (r * h) * second
+        else:
+            total = total - self.frozen_inertia
+        moved = x - r * self.out
+        radial, tangential = (moved * self.out).sum(0), (moved * self.along).sum(0)
+        up = r * h * p * np.stack([ring.rs * radial, ring.ts * tangential])
+        if ring.sidewall_damping_nspm2:
+            rate = 0.5 * r * self.omega * ring.sidewall_damping_nspm2
+            up = up + rate * np.stack([np.roll(c, -1) - np.roll(c, 1) for c in (radial, tangential)])
+        total = total - up[0] * self.out - up[1] * self.along
+        if ring.drum_pm:
+            centre = np.stack([-x[0], -height - 1.0 / ring.drum_pm - x[1]])
+            distance = np.sqrt(centre[0] ** 2 + centre[1] ** 2)
+            depth, toward = 1.0 / ring.drum_pm - distance, -centre / distance
+        else:
+            depth, toward = -x[1] - height, np.array([[0.0], [1.0]])
+        push = np.where(depth.real > 0.0, depth, 0.0) * (ring.tread_npm2 * r * h) * toward
+        return total + push, push
+
+    def tangent(self, x: Array, height: float) -> Any:
+        """Return the factorised tangent of all forces and of the load."""
+        n, tiny = self.nodes, 1e-30
+        rows, columns, values = [], [], []
+        index = np.arange(n)
+        load_row = np.zeros(2 * n)
+        for colour in range(_COLOURS):
+            chosen = index[index % _COLOURS == colour]
+            for axis in range(2):
+                moved = x.astype(complex)
+                moved[axis, chosen] += 1j * tiny
+                force, push = self.forces(moved, height)
+                change = force.imag / tiny
+                for offset in range(-2, 3):
+                    target = (chosen + offset) % n
+                    for component in range(2):
+                        rows.append(2 * target + component)
+                        columns.append(2 * chosen + axis)
+                        values.append(change[component, target])
+                load_row[2 * chosen + axis] = push[1].imag[chosen] / tiny
+        force, push = self.forces(x.astype(complex), height + 1j * tiny)
+        by_height = force.imag / tiny
+        for component in range(2):
+            rows.append(2 * index + component)
+            columns.append(np.full(n, 2 * n))
+            values.append(by_height[component])
+        rows.append(np.full(2 * n + 1, 2 * n))
+        columns.append(np.arange(2 * n + 1))
+        values.append(np.append(load_row, push[1].imag.sum() / tiny))
+        matrix = csc_matrix(
+            (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(2 * n + 1, 2 * n + 1)
+        )
+        return splu(matrix)
+
+    def solve(self, x: Array, height: float, load_n: float, passes: int = 60) -> tuple[Array, float]:
+        """Return the shape under a load and the axle's height.
+
+        Raises:
+            RuntimeError: it does not converge.
+        """
+        for _ in range(passes):
+            force, push = self.forces(x, height)
+            left = np.append(force.T.ravel(), push[1].sum() - load_n)
+            step = -self.tangent(x, height).solve(left)
+            longest = float(np.abs(step).max())
+            factor = min(1.0, 2e-3 / longest)
+            x = x + factor * step[:-1].reshape(-1, 2).T
+            height += factor * float(step[-1])
+            if longest < 1e-9:
+                return x, height
+        raise RuntimeError("the ring does not converge")
+
+    def loaded(self) -> tuple[Array, float]:
+        """Return the shape under the load from the round ring."""
+        x, height = self.ring.radius_m * self.out, self.ring.radius_m - 2e-3
+        for share in (0.1, 0.4, 1.0):
+            x, height = self.solve(x, height, share * self.load_n)
+        return x, height
+
+
+def _derivative(curve: Array, times: int, orders: int) -> Array:
+    n = curve.shape[-1]
+    spectrum = np.fft.rfft(curve, axis=-1)
+    order = np.arange(spectrum.shape[-1])
+    fade = np.clip((1.4 * orders - order) / (0.4 * orders), 0.0, 1.0)
+    result: Array = np.fft.irfft(spectrum * (1j * order) ** times * fade, n=n, axis=-1)
+    return result
+
+
+def _read(x: Array, tangent: Array, depth_m: float, orders: int) -> Shape:
+    t = tangent / np.sqrt((tangent**2).sum(0))
+    out = np.stack([t[1], -t[0]])
+    acceleration = _derivative(x - depth_m * out, 2, orders)
+    inertia = np.stack([-(acceleration * out).sum(0), (acceleration * t).sum(0)])
+    gravity = GRAVITY_MPS2 * np.stack([-out[1], t[1]])
+    return Shape(inertia, gravity)
+
+
+def rolled(ring: Ring, load_n: float, omega_radps: float, depth_m: float) -> Shape:
+    """Return what a sensor reads over a revolution, angle -pi first."""
+    x, _ = _Chain(ring, load_n, omega_radps, NODES).loaded()
+    return _read(x, _derivative(x, 1, _ORDERS), depth_m, _ORDERS)
+
+
+def spliced(ring: Ring, load_n: float, depth_m: float, stiffer: Callable[[Array], Array], sensor_rad: float) -> Array:
+    """Return what a stiffer or softer place of the belt adds to `Shape.inertia_m`, (2, NODES).
+
+    Args:
+        ring: the tire.
+        load_n: its load.
+        depth_m: of the sensor.
+        stiffer: factor of EI by the material angle from the place.
+        sensor_rad: material angle of the sensor from the place.
+
+    The place moves slowly against the belt's vibrations: each position of it is a state of equilibrium.
+    """
+    chain = _Chain(ring, load_n, 0.0, LOCAL_NODES)
+    x, height = chain.loaded()
+    plain_ei, n = chain.ei.copy(), LOCAL_NODES
+    ahead = round(sensor_rad / chain.h)
+    plain, changed, tangents = np.empty((2, n)), np.empty((2, n)), np.empty((2, n))
+    base = x.copy()
+    for step in range(n):
+        # The sensor is at node `step`, the place behind it by its angle.
+        from_place = np.mod((np.arange(n) - step + ahead) * chain.h + math.pi, 2.0 * math.pi) - math.pi
+        chain.ei = plain_ei * stiffer(from_place)
+        x, height = chain.solve(x, height, load_n)
+        changed[:, step], plain[:, step] = x[:, step], base[:, step]
+        # The sensor sits on its own piece of belt.
+        tangents[:, step] = x[:, (step + 1) % n] - x[:, step - 1]
+    with_it = _read(changed, tangents, depth_m, _LOCAL_ORDERS).inertia_m
+    flat = np.roll(base, -1, axis=1) - np.roll(base, 1, axis=1)
+    less = with_it - _read(plain, flat, depth_m, _LOCAL_ORDERS).inertia_m
+    spectrum = np.fft.rfft(less, axis=1) * (NODES / n)
+    result: Array = np.fft.irfft(spectrum, n=NODES, axis=1)
+    return result
