@@ -17,7 +17,8 @@ FOUNDATION = {
     "gateway", "gateway.types", "gateway.constants", "gateway.errors", "gateway.clock", "gateway.reasons",
     "gateway.feature",
     "gateway.plugins", "gateway.quantity", "gateway.quantity_catalogue", "gateway.table_columns", "gateway.worker_pool",
-    "gateway.bounded_input", "gateway.nearest_name", "gateway.optional_packages", "gateway.uri_parts",
+    "gateway.bounded_input", "gateway.nearest_name", "gateway.removed_names", "gateway.optional_packages",
+    "gateway.uri_parts",
     "gateway.compiled", "gateway.wheel_position",
     "gateway.writing_lock", "gateway.revision",
 }  # fmt: skip

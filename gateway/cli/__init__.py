@@ -14,11 +14,13 @@ import click
 from click.shell_completion import CompletionItem
 
 from gateway import __version__
+from gateway.cli.command_group import CommandGroup
 from gateway.cli.path_option import path_option
 from gateway.errors import OutputError, TreadlinkError
 from gateway.feature import CommandLine, Registry, features, object_of
 from gateway.nearest_name import did_you_mean
 from gateway.reasons import Code, Reason
+from gateway.removed_names import replacement
 
 # The matrices here are small, so waking a thread costs more than the product it computes, many times more on a busy
 # computer, whatever the environment asks for. This must be set before numpy is imported; child processes inherit it.
@@ -47,7 +49,7 @@ COMMANDS: Final = {**_OF_CORE, **{name: line for feature in features() for name,
 _logger = logging.getLogger(__name__)
 
 
-class LazyGroup(click.Group):
+class LazyGroup(CommandGroup):
     """Command group that imports a subcommand only when it is used."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
@@ -68,7 +70,13 @@ class LazyGroup(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Find the subcommand; for an unknown name, propose the most similar one."""
-        if args and args[0] not in COMMANDS and not args[0].startswith("-") and args[0] not in _of_plugins():
+        if (
+            args
+            and args[0] not in COMMANDS
+            and not args[0].startswith("-")
+            and args[0] not in _of_plugins()
+            and not replacement(ctx.command_path, args[0])
+        ):
             ctx.fail(f"No such command '{args[0]}'. {did_you_mean(args[0], COMMANDS)}".rstrip())
         return super().resolve_command(ctx, args)
 

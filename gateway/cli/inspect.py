@@ -15,7 +15,7 @@ from gateway.cli import exit_status
     "--verify",
     "verifies",
     is_flag=True,
-    help="Only compare with the folder's SHA256SUMS (treadlink manifest), and name what the folder lacks.",
+    help="Only compare with the folder's SHA256SUMS, and name what the folder lacks.",
 )
 def inspect(recordings: tuple[Path, ...], as_json: bool, verifies: bool) -> None:
     """Show the links, sensors, rates, losses, events and time line of RECORDING...

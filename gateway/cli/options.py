@@ -13,6 +13,7 @@ from gateway.cli.path_option import path_option
 from gateway.constants import LONGEST_LATENCY_S
 from gateway.estimators.registry import DEFAULT_ESTIMATORS, estimator_names
 from gateway.nearest_name import did_you_mean
+from gateway.removed_names import replacement
 
 _SPLIT_UNITS: Final = {
     "MB": ("size", 10**6),
@@ -42,6 +43,10 @@ class KnownName(click.Choice[str]):
         try:
             return super().convert(value, param, ctx)
         except click.BadParameter as error:
+            command = ctx.command_path if ctx is not None else ""
+            option = param.opts[0] if param is not None else ""
+            if (remedy := replacement(command, option, str(value))) is not None:
+                raise click.BadParameter(f"'{value}' was removed. {remedy}") from error
             raise click.BadParameter(f"{error.message} {did_you_mean(str(value), self.choices)}".rstrip()) from error
 
 

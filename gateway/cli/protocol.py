@@ -7,6 +7,7 @@ from typing import Final
 
 import click
 
+from gateway.cli.command_group import CommandGroup
 from gateway.cli.options import FiniteRange, force_option, keys_option
 from gateway.cli.path_option import path_option
 from gateway.errors import TreadlinkError
@@ -23,7 +24,7 @@ _OUT = click.option(
 _CHECK_S: Final = 30.0
 
 
-@click.group()
+@click.group(cls=CommandGroup)
 def protocol() -> None:
     """Check a firmware; generate C code, test vectors and descriptions for other programs."""
 
@@ -207,19 +208,6 @@ def dbc(out: Path | None, force: bool, config_path: Path | None, base_id: str) -
             "Install it with: pip install 'treadlink[can]'",
         ) from error
     _write({"treadlink.dbc": text}, out, force=force)
-
-
-@protocol.command()
-@_OUT
-@force_option
-def kaitai(out: Path | None, force: bool) -> None:
-    """Write a Kaitai Struct description of the frames.
-
-    The Kaitai Struct compiler makes parsers from it for a dozen languages.
-    """
-    from firmware_protocol.kaitai import KAITAI_NAME, kaitai_description
-
-    _write({KAITAI_NAME: kaitai_description()}, out, force=force)
 
 
 @protocol.command(short_help="Write the JSON schema of the objects that are published.")

@@ -19,6 +19,7 @@ from gateway.bounded_input import read_bounded
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.errors import ConfigError, reading_remedy
 from gateway.nearest_name import missing_path_remedy, nearest
+from gateway.removed_names import replacement
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 Location = tuple[int | str, ...]
@@ -261,6 +262,9 @@ def _fault(model: type[BaseModel], data: object, item: Mapping[str, Any]) -> Fau
     key = key_of(data, location)
     owner, field = _field_at(model, location)
     if kind == "extra_forbidden":
+        remedy = replacement(".".join(str(part) for part in location if isinstance(part, str)))
+        if remedy is not None:
+            return Fault(key, show(item["input"]), f"removed; {remedy}")
         names = list(owner.model_fields) if owner else []
         guess = nearest(str(location[-1]), names)
         hint = f"did you mean '{guess}'?" if guess else f"known keys: {', '.join(names)}"

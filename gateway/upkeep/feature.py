@@ -7,9 +7,6 @@ from gateway.feature import CommandLine, Feature
 FEATURE: Final = Feature(
     commands={
         "note": CommandLine("gateway.cli.note:note", "Add a comment or tags to recordings without changing them."),
-        "manifest": CommandLine(
-            "gateway.cli.manifest:manifest", "Write hashes of recordings that copies are compared with."
-        ),
         "repair": CommandLine("gateway.cli.repair:repair", "Repair a recording that was cut off or damaged."),
         "compact": CommandLine("gateway.cli.repair:compact", "Compress finished recordings."),
         "set-clock": CommandLine(

@@ -161,7 +161,7 @@ def test_every_command_with_force_is_covered() -> None:
     }
     assert forcing == covered | {
         "figures", "repair", "protocol collector", "protocol dbc", "protocol encoder", "protocol header",
-        "protocol kaitai", "protocol schema", "protocol vectors", "protocol wireshark", "setup",
+        "protocol schema", "protocol vectors", "protocol wireshark", "setup",
     }  # fmt: skip
 
 

@@ -16,7 +16,6 @@ from firmware_protocol.cgen import c_encoder, c_header
 from firmware_protocol.codec import decode_payload, encode_frame, encode_payload
 from firmware_protocol.conformance import make_vectors
 from firmware_protocol.decoder import FrameDecoder
-from firmware_protocol.kaitai import kaitai_description
 from firmware_protocol.messages import MessageType, SampleBlock
 from firmware_protocol.reference_frames import WireFrame
 from firmware_protocol.spec import updated
@@ -138,7 +137,6 @@ def log_frame(seq: int, payload_bytes: int) -> bytes:
     [
         ("header", c_header),
         ("encoder", c_encoder),
-        ("kaitai", kaitai_description),
         ("wireshark", wireshark_dissector),
     ],
 )

@@ -19,7 +19,6 @@ QUICK = (
     "compact",
     "compact --in-place",
     "note",
-    "manifest",
     "import",
     "keys new",
     "calibrate load",

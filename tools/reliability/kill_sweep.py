@@ -119,7 +119,6 @@ CASES: Final = (
     Case("compact --in-place", "compact --in-place drive.mcap"),
     Case("merge", "merge drive.mcap other.mcap --out out.mcap --config vehicle.toml"),
     Case("note", "note drive.mcap --comment second", appends="drive.mcap.notes.jsonl"),
-    Case("manifest", "manifest ."),
     Case("export .csv", "export drive.mcap out.csv --what estimates"),
     Case("export .parquet", "export drive.mcap out.parquet"),
     Case("export .mat", "export drive.mcap out.mat --what angle"),
