@@ -717,6 +717,11 @@ class Code(Enum):
     COMMAND_REPEATED = "command repeated: its counter is not above that of an earlier one"
     COMMAND_UNKNOWN = "unknown command"
     COMMAND_VALUE_REFUSED = "value refused"
+    CORE_STUCK = (
+        "has not returned for {stuck_s:.0f s}: there are no results until it does, the recording goes on. Leave it "
+        "out, or mend it"
+    )
+    CORE_GOES_ON = "has returned after {stuck_s:.0f s}"
     DECODING_BEHIND = (
         "this computer is too slow to decode and estimate. Dropped data is counted; a recording has all of it"
     )
@@ -736,6 +741,11 @@ class Code(Enum):
     RECORDING_BEGUN = "recording to {path}"
     RECORDING_FINISHED = "recording {path} finished"
     RECORDING_STOPPED = "RECORDING STOPPED: {error}. {remedy}"
+    THREAD_STOPPED = "stopped by an internal error: {error}"
+    TIMES_REFUSED = (
+        "frames are refused and counted, because their time is not between 1970 and 2116: that of the first is "
+        "{time_s:utc}"
+    )
     SPEED_RANGE = "{low_mps:.0f km/h} to {high_mps:.0f km/h}"
     TOPICS_BEHIND = (
         "the disk is too slow: decoded values are left out of the recording, raw bytes are kept. Dropped data is "

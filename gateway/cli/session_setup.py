@@ -17,7 +17,7 @@ from gateway.cli.stop_signals import StopRequest
 from gateway.clock import SystemClock
 from gateway.config.vehicle import choose_vehicle
 from gateway.constants import LATENCY_S
-from gateway.errors import RecordingError
+from gateway.errors import RecordingError, TreadlinkError
 from gateway.io.source import parse_source_uri
 from gateway.publishing.publisher import Publisher, open_publisher
 from gateway.publishing.sink import SinkSetting, parse_sink_uri
@@ -260,11 +260,16 @@ def end_session(session: RunningSession, write: Callable[[str], None]) -> tuple[
     Raises:
         TreadlinkError: a source or the session failed.
     """
+    failure: TreadlinkError | None = None
     try:
         snapshot = session.live.close()
+    except TreadlinkError as error:
+        failure, snapshot = error, session.live.snapshot()
     finally:
         sinks = session.publisher.close() if session.publisher is not None else ()
         removed = session.opened.remove_empty_recording()
+    if failure is not None and not any(link.frames for link in snapshot.links):
+        raise failure
     links = {link.link: FrameCounts(link.frames, sum(link.judged.values())) for link in snapshot.links}
     no_frames, no_revolutions = missing_frames(links), missing_revolutions(snapshot.wheels, links)
     if session.publisher is not None and session.publisher.is_output_closed:
@@ -286,6 +291,8 @@ def end_session(session: RunningSession, write: Callable[[str], None]) -> tuple[
             write(f"  replay it: treadlink replay {shlex.quote(str(snapshot.recording))}")
         else:
             write(f"  INCOMPLETE: {session.live.core.recording.fault}")
+    if failure is not None:
+        raise failure
     return no_frames, no_revolutions
 
 

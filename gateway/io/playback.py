@@ -7,6 +7,7 @@ import threading
 from typing import Final, Protocol, runtime_checkable
 
 from gateway.clock import Clock
+from gateway.io.source import is_time
 
 _WAIT_SLICE_NS: Final = 100_000_000
 
@@ -46,11 +47,15 @@ class Playback:
     def wait_until(self, stream_ns: int, stop: threading.Event, closed: threading.Event) -> bool:
         """Wait until an item is due; return False when `stop` or, within 0.1 s, `closed` is set before it.
 
+        An item whose time is out of range is due at once, and leaves the schedule as it is.
+
         Args:
             stream_ns: time of the item.
             stop: asks the source to end.
             closed: the source is closed.
         """
+        if not is_time(stream_ns):
+            return not stop.is_set() and not closed.is_set()
         with self._lock:
             now_ns = self._clock.now_ns()
             if self._anchor is None:

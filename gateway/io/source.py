@@ -106,6 +106,8 @@ _EVENT_CODES: Final = {
 }
 
 _LONGEST_PAUSE_S: Final = 1e9
+# In the year 2116: sums of such times fit into 64 bits, as recordings and tables have them.
+_LATEST_NS: Final = 1 << 62
 
 EVENT_DETAILS: Final[Mapping[Code, Mapping[str, type]]] = {
     Code.BATTERY_LEVEL: {"level": float},
@@ -195,6 +197,11 @@ class LinkEvent:
         quoted = (Reason(Code.QUOTED_TEXT, text=self.text),) if self.text else ()
         details = (*quoted, *self.details)
         return Reason(Code.LINK_EVENT, event=event, details=details) if details else event
+
+
+def is_time(host_ns: int) -> bool:
+    """Return whether a time can be recorded: between 1970 and 2116."""
+    return 0 <= host_ns < _LATEST_NS
 
 
 VehicleData = BusFrames | Sentences

@@ -5,7 +5,7 @@ import threading
 from collections.abc import Iterator
 
 from gateway.io.playback import Playback, PlayedSource
-from gateway.io.source import LinkItem, Source, WrappedSource
+from gateway.io.source import LinkItem, Source, WrappedSource, is_time
 
 
 def limited(source: Source, duration_s: float) -> Source:
@@ -37,10 +37,11 @@ class TimeLimitedSource(WrappedSource):
         # Closing the generator ends the source where it is, as `stop` does.
         with contextlib.closing(self._source.items(stop)) as items:  # type: ignore[type-var]  # all are generators
             for item in items:
-                if end_ns is None:
-                    end_ns = item.host_ns + self._duration_ns
-                if item.host_ns > end_ns:
-                    return
+                if is_time(item.host_ns):
+                    if end_ns is None:
+                        end_ns = item.host_ns + self._duration_ns
+                    if item.host_ns > end_ns:
+                        return
                 yield item
 
 

@@ -29,6 +29,8 @@ _NUMBERS: Final = struct.Struct("<7QH")
 _OFFSET: Final = struct.Struct("<HQ")
 # Neighbouring entries are similar, so packs of them compress well.
 _PACK_ENTRIES: Final = 512
+# Of MCAP.
+_LATEST_NS: Final = (1 << 64) - 1
 
 
 class _GuardedStream:
@@ -224,7 +226,13 @@ class McapOutput:
         return number
 
     def add_message(self, channel: int, log_time_ns: int, data: bytes, sequence: int | None = None) -> None:
-        """Append a message; its sequence number is counted unless given."""
+        """Append a message; its sequence number is counted unless given.
+
+        Raises:
+            RecordingError: the disk is full or gone, or the time has no place in a recording.
+        """
+        if not 0 <= log_time_ns <= _LATEST_NS:
+            raise RecordingError(f"the recording '{self.path}' has no place for the time {log_time_ns * 1e-9:g} s", "")
         if sequence is None:
             sequence = self._sequences[channel]
             self._sequences[channel] = (sequence + 1) & 0xFFFFFFFF
@@ -290,9 +298,11 @@ class McapOutput:
             raise RecordingError(f"the recording '{self.path}' is closed", "Start a new recording.")
         try:
             action()
-        except RecordingError as error:
+        except BaseException as error:
+            # Whatever failed may have left half a record, which must not be written.
             self.failed = True
-            _logger.warning("%s", error)
+            if isinstance(error, RecordingError):
+                _logger.warning("%s", error)
             raise
 
 

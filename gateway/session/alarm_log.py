@@ -23,8 +23,8 @@ _PAST_SPANS: Final = 256
 _WAITING_CHANGES: Final = 1024
 # Silence that goes on is reported again at these ages, then every hour.
 _REMINDERS_S: Final = (60.0, 600.0, 3600.0)
-# Events of the link and notices of the guard report these already.
-_REPORTED_ELSEWHERE: Final = frozenset({AlarmName.LINK, AlarmName.SECURITY})
+# Events of the link, notices of the guard and of the session report these already.
+_REPORTED_ELSEWHERE: Final = frozenset({AlarmName.LINK, AlarmName.SECURITY, AlarmName.STOPPED})
 
 
 @dataclass(slots=True)

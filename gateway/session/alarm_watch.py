@@ -29,6 +29,7 @@ from gateway.pipeline.wheels import Pipeline
 from gateway.reasons import Code, Notice, Reason
 from gateway.session.alarm_log import AlarmLog
 from gateway.session.alarms import (
+    RECORDING,
     SILENCES,
     THRESHOLDS,
     AlarmKey,
@@ -137,6 +138,7 @@ class SessionAlarms(AlarmWatch):
     Attributes:
         sinks: present state of the live outputs.
         disk: what is left of the disk of the recording, None when nothing is recorded.
+        stopped: reasons of what of the session has stopped, by its name.
     """
 
     def __init__(
@@ -150,6 +152,7 @@ class SessionAlarms(AlarmWatch):
         super().__init__(vehicle, position_of, witnesses)
         self.sinks: tuple[SinkSnapshot, ...] = ()
         self.disk: DiskRoom | None = None
+        self.stopped: dict[str, Reason] = {}
         self._state = state
         self._sensor_ids = sensor_ids(vehicle)
 
@@ -168,6 +171,13 @@ class SessionAlarms(AlarmWatch):
         """Take what is left of the disk of the recording."""
         self.disk = room
 
+    def recording_stopped(self, reason: Reason | None) -> None:
+        """Take why the present recording has stopped, None while it goes on."""
+        if reason is None:
+            self.stopped.pop(RECORDING, None)
+        else:
+            self.stopped[RECORDING] = reason
+
     def review(self) -> list[Notice]:
         """Compare the present alarms with those before; return new notices."""
         wheels, links = self._state()
@@ -183,8 +193,15 @@ class SessionAlarms(AlarmWatch):
         """Return the present alarms of wheels, with their silences, of links and of live outputs."""
         standing = self.log.standing()
         present = alarms(wheels, links, self.thresholds, self._sensor_ids, standing=standing)
-        of_disk = disk_alarm(self.disk, standing)
-        return (*self._silent(wheels, len(links) > 1), *present, *self._witnesses(), *sink_alarms(self.sinks), *of_disk)
+        of_session = (Alarm(name, AlarmName.STOPPED, reason) for name, reason in self.stopped.items())
+        return (
+            *self._silent(wheels, len(links) > 1),
+            *present,
+            *self._witnesses(),
+            *sink_alarms(self.sinks),
+            *disk_alarm(self.disk, standing),
+            *of_session,
+        )
 
     def with_silences(self, wheels: Sequence[WheelSnapshot]) -> tuple[WheelSnapshot, ...]:
         """Return wheels with what is silent of them."""

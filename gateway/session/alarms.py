@@ -28,8 +28,8 @@ _SPEED: Final = "speed_mps"
 _MARGIN: Final = 0.02
 # A live output that is away for a shorter time is no alarm.
 _SINK_AWAY_S: Final = 2.0
-# Position of alarms of the recording.
-_RECORDING: Final = "recording"
+RECORDING: Final = "recording"
+"""Position of alarms of the recording."""
 # Time to react to a disk that fills up, and the time with which its alarm is over again.
 _DISK_SHORT_S: Final = 600.0
 _DISK_ENOUGH_S: Final = 900.0
@@ -52,6 +52,7 @@ class AlarmName(StrEnum):
     SECURITY = "security"
     SILENT = "silent"
     SPEED = "speed"
+    STOPPED = "stopped"
     TEMPERATURE = "temperature"
     WEAR = "wear"
 
@@ -145,13 +146,13 @@ def disk_alarm(room: DiskRoom | None, standing: Mapping[AlarmKey, Code] = NONE_S
     """Yield the alarm of a disk that will be full soon."""
     if room is None:
         return
-    limit_s = _DISK_ENOUGH_S if (_RECORDING, AlarmName.DISK) in standing else _DISK_SHORT_S
+    limit_s = _DISK_ENOUGH_S if (RECORDING, AlarmName.DISK) in standing else _DISK_SHORT_S
     if room.left_s is not None and room.left_s < limit_s:
         yield Alarm(
-            _RECORDING, AlarmName.DISK, Reason(Code.DISK_FULL_SOON, free_bytes=room.free_bytes, left_s=room.left_s)
+            RECORDING, AlarmName.DISK, Reason(Code.DISK_FULL_SOON, free_bytes=room.free_bytes, left_s=room.left_s)
         )
     elif room.left_s is None and room.free_bytes < _DISK_LEAST_BYTES:
-        yield Alarm(_RECORDING, AlarmName.DISK, Reason(Code.DISK_SPACE, free_bytes=room.free_bytes))
+        yield Alarm(RECORDING, AlarmName.DISK, Reason(Code.DISK_SPACE, free_bytes=room.free_bytes))
 
 
 def superseded(

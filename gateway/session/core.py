@@ -310,6 +310,7 @@ class SessionCore:
         """
         self._ticked_ns = now_ns
         self.recording.tick(now_ns)
+        self._alarms.recording_stopped(self.recording.stopped)
         self._report("", self._watch.tick(now_ns), now_ns)
         results: list[RevolutionResult] = []
         for name, link in self._links.items():
@@ -337,10 +338,25 @@ class SessionCore:
                 self._reported_missing.add((wheel.position, codes_of((missing,))))
                 self._report("", [Notice(wheel.position, missing)], now_ns)
 
-    def dropped(self, link: str, stages: Mapping[Stage, int]) -> None:
-        """Set the number of items that the stages of the session have dropped; the first drop is reported."""
+    def stopped(self, name: str, reason: Reason) -> None:
+        """Note that a part of the session has stopped, for alarms; say it."""
+        self._alarms.stopped[name] = reason
+        self._report("", [Notice(name, reason, Level.ERROR)], self.newest_ns or self._ticked_ns)
+
+    def dropped(self, link: str, stages: Mapping[Stage, int], refused_ns: int | None = None) -> None:
+        """Set the number of items that the stages of the session have dropped; the first drop is reported.
+
+        Args:
+            link: name of the link.
+            stages: the numbers.
+            refused_ns: time of the first item whose time is out of range, None without any.
+        """
         state = self._link(link)
         for stage in stages.keys() - state.queue_dropped.keys():
+            if stage is Stage.TIMES and refused_ns is not None:
+                refused = Reason(Code.TIMES_REFUSED, time_s=refused_ns * 1e-9)
+                self._report(link, [Notice(link, refused, Level.ERROR)], self.newest_ns or self._ticked_ns)
+                continue
             level = Level.ERROR if stage in _LOSSES else Level.WARNING
             self.notify(Notice(link, Reason(_BEHIND[stage]), level))
         state.queue_dropped = stages

@@ -5,6 +5,7 @@ import threading
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from typing import Final, TypeVar
 
 from gateway.clock import Clock
@@ -13,22 +14,25 @@ from gateway.constants import LATENCY_S
 from gateway.errors import RecordingError, TreadlinkError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.playback import Playback, PlayedSource
-from gateway.io.source import LinkEvent, LinkEventKind, LinkItem, Source
-from gateway.pipeline.results import RevolutionResult, SessionSnapshot
+from gateway.io.source import BusFrames, LinkEvent, LinkEventKind, LinkItem, Sentences, Source, is_time
+from gateway.pipeline.results import Alarm, RevolutionResult, SessionSnapshot
 from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.reasons import Code, Level, Notice, Reason
 from gateway.recording.run_description import NO_DESCRIPTION, RunDescription, filled_in, form_of
 from gateway.security.guard import Guard
+from gateway.session.alarms import AlarmName
 from gateway.session.bounded_buffer import Buffer
 from gateway.session.computer_watch import ComputerWatch
 from gateway.session.control_socket import ControlSocket
 from gateway.session.core import SessionCore
+from gateway.session.core_watch import LOOK_S, CoreWatch
 from gateway.session.disk_watch import DiskWatch
 from gateway.session.latency import Latency
 from gateway.session.lateness import LatenessWatch
 from gateway.session.publication import Publication
 from gateway.session.recording_stage import Recorder, RecordingStage, Stage, disk_watch_of
 from gateway.session.signal_decoding import SignalDecoder
+from gateway.session.supervisor import Supervisor
 from gateway.views.session_summary import ResultSummary
 
 _logger = logging.getLogger(__name__)
@@ -43,6 +47,8 @@ _RESULT_ITEMS: Final = 8192
 _SNAPSHOT_INTERVAL_NS: Final = 100_000_000
 _IDLE_S: Final = 0.05
 _JOIN_S: Final = 5.0
+# A source that can wait for the core does not wait longer.
+_GIVEN_UP_S: Final = 20.0
 
 
 class LiveSession:
@@ -76,6 +82,7 @@ class LiveSession:
         run: RunDescription = NO_DESCRIPTION,
         latency_s: float = LATENCY_S,
         control: ControlSocket | None = None,
+        supervisor: Supervisor | None = None,
     ) -> None:
         """Build the session; `start` runs it.
 
@@ -96,6 +103,7 @@ class LiveSession:
             run: description of the run, until a form states another.
             latency_s: longest time that a result may wait.
             control: serves the links to other commands; the session closes it.
+            supervisor: sees threads that were started before; the session closes it. None for one of its own.
         """
         self._control = control
         self._publication = publication
@@ -116,9 +124,10 @@ class LiveSession:
         self._has_results = threading.Event()
         self._notices: deque[Notice] = deque(maxlen=_RESULT_ITEMS)
         self._dropped: dict[str, Counter[Stage]] = {source.link: Counter() for source in sources}
+        # Time of the first item of each link whose time is out of range.
+        self._refused_ns: dict[str, int] = {}
+        self._supervisor = supervisor or Supervisor()
         self._failure: BaseException | None = None
-        self._reading = len(self._sources)
-        self._lock = threading.Lock()
         self._start_ns = clock.now_ns()
         # Time of the clock that was spent in pauses, and the beginning of the present one.
         self._paused_ns = 0
@@ -148,11 +157,20 @@ class LiveSession:
             self.core.add_link(source.link)
         self._notices.extend(self.core.take_notices())
         self._snapshot = self.core.snapshot(0.0)
-        self._threads = [
-            threading.Thread(target=self._guarded, args=(self._read, number), name=f"read {source.link}")
+        self._readers = [
+            threading.Thread(target=self._read, args=(number,), name=f"read {source.link}")
             for number, source in enumerate(self._sources)
         ]
-        self._threads.append(threading.Thread(target=self._guarded, args=(self._run,), name="session"))
+        self._core_thread = threading.Thread(target=self._guarded, name="session")
+        self._watch = CoreWatch(self._core_thread)
+        self._rounds = 0
+        # Set while the core is stuck and waiting for it is in vain.
+        self._is_given_up = False
+        self._threads = [
+            *self._readers,
+            self._core_thread,
+            threading.Thread(target=self._watch_core, name="core watch"),
+        ]
 
     def start(self) -> None:
         """Start reading."""
@@ -282,14 +300,15 @@ class LiveSession:
         self._done.wait(_JOIN_S)
         for source in self._sources:
             source.close()
-        waiting = -1
-        # Delivered items are worth waiting for as long as their number falls or the disk accepts data.
-        while not self._done.wait(_JOIN_S) and (len(self._items) != waiting or self._is_recording_ending()):
-            waiting = len(self._items)
+        # Delivered items are worth waiting for; a core that is stuck is left by its watch.
+        while not self._done.wait(_JOIN_S) and self._core_thread.is_alive():
+            pass
         for thread in self._threads:
             if thread.ident is not None:
-                thread.join(_JOIN_S if self._done.is_set() else 0.0)
+                thread.join(_JOIN_S if not self._watch.stuck_s else 0.0)
         _logger.info("session closed%s", "" if self._done.is_set() else " with items left")
+        self._supervisor.close()
+        self._take_thread_ends()
         self.check()
         return self._snapshot
 
@@ -307,31 +326,30 @@ class LiveSession:
     def _is_recording_ending(self) -> bool:
         return self._recording is not None and self._recording.ending
 
-    def _guarded(self, target: Callable[..., None], *arguments: object) -> None:
+    def _guarded(self) -> None:
         try:
-            target(*arguments)
+            self._run()
         except BaseException as error:
             self._fail(error)
-            if target == self._run:
-                self._save_recording()
-                self._end()
+            self._save_recording()
+            self._end()
 
     def _fail(self, error: BaseException) -> None:
         """End the session with this error, unless it ends with another already."""
         _logger.debug("a thread of the session failed", exc_info=error)
-        if self._failure is None:
-            self._failure = error
+        self._failure = self._failure or error
         self._stop.set()
 
-    def _check_recording(self) -> None:
-        """End the session when the thread of the recording failed by a fault of its own."""
-        if self._recording is not None and self._recording.failure is not None and self._failure is None:
-            self._fail(self._recording.failure)
+    def _take_thread_ends(self) -> None:
+        """Report threads that an error has ended; the session goes on, and fails at its end."""
+        for name, error in self._supervisor.take():
+            self._failure = self._failure or error
+            self.core.stopped(name, Reason(Code.THREAD_STOPPED, error=repr(error)))
 
     def _save_recording(self) -> None:
-        """Finish the recording although the core has failed."""
+        """Finish the recording although the core has failed; does nothing where the core has finished it."""
         if self._recording is not None:
-            with suppress(TreadlinkError):  # the user needs the failure of the core
+            with suppress(Exception):  # the user needs the failure of the core
                 self._recording.close()
 
     def _read(self, number: int) -> None:
@@ -340,10 +358,23 @@ class LiveSession:
         try:
             for item in source.items(self._stop):
                 self._source_of.setdefault(item.link, number)
-                self._offer(item, patient, dropped)
-        finally:
-            with self._lock:
-                self._reading -= 1
+                if is_time(item.host_ns):
+                    self._offer(item, patient, dropped)
+                else:
+                    self._refuse(item)
+        except TreadlinkError as error:  # it cannot be opened
+            self._fail(error)
+        except BaseException as error:
+            # The other sources go on.
+            event = LinkEvent(source.link, self._clock.now_ns(), LinkEventKind.LOST, f"internal error: {error!r}")
+            self._offer(event, patient, dropped)
+            raise
+
+    def _refuse(self, item: LinkItem) -> None:
+        """Count the frames of an item that has no time at which it could be recorded."""
+        self._refused_ns.setdefault(item.link, item.host_ns)
+        count = item.count if isinstance(item, BusFrames | Sentences) else 1
+        self._dropped.setdefault(item.link, Counter())[Stage.TIMES] += count
 
     def _offer(self, item: LinkItem, patient: bool, dropped: Counter[Stage]) -> None:
         """Hand an item to the recording, then to the core; anything but a chunk of a device may wait for room."""
@@ -364,7 +395,7 @@ class LiveSession:
     def _hand_over(self, put: Callable[[float], bool], patient: bool) -> bool:
         if put(0.0):
             return True
-        while patient and not self._stop.is_set():
+        while patient and not self._stop.is_set() and not self._is_given_up:
             if put(_IDLE_S):
                 return True
         return False
@@ -375,6 +406,7 @@ class LiveSession:
         # The times of recordings that are played are not of this computer.
         is_of_computer = len(self._playbacks()) < len(self._sources) or self._recording is not None
         while True:
+            self._rounds += 1
             item = self._items.get(self._round_s or _IDLE_S)
             if is_of_computer:
                 self._take_computer_events(computer.events())
@@ -383,12 +415,10 @@ class LiveSession:
                 self._note_lateness(item)
                 self._take_results(self.core.take(item))
             else:
-                with self._lock:
-                    reading = self._reading
-                if not reading and not self._items:
+                if not any(reader.is_alive() for reader in self._readers) and not self._items:
                     break
             self._take_over_recording()
-            self._check_recording()
+            self._take_thread_ends()
             if self._acknowledged.is_set():
                 self._acknowledged.clear()
                 self.core.acknowledge_alarms()
@@ -403,10 +433,49 @@ class LiveSession:
         with self._recording_lock:
             self._may_record = False
         self._take_over_recording()
+        self._take_thread_ends()
         self._take_results(self.core.finish())
-        self._check_recording()
         self._publish(self._clock.now_ns(), ended=True)
         self._end()
+
+    def _watch_core(self) -> None:
+        """Name what keeps the core; end the session without it where it is asked to end, or nothing else comes."""
+        name, shown_s, watch = "", 0.0, self._watch
+        while not self._done.wait(LOOK_S):
+            if not self._core_thread.is_alive():
+                self._save_recording()
+                self._end()
+                return
+            is_stuck = watch.look(self._rounds) and not self._is_recording_ending()
+            self._is_given_up = is_stuck and watch.stuck_s >= _GIVEN_UP_S
+            if not is_stuck:
+                if shown_s:
+                    self._notices.append(Notice(name, Reason(Code.CORE_GOES_ON, stuck_s=shown_s)))
+                shown_s = 0.0
+                continue
+            if not shown_s:
+                self._notices.append(Notice(watch.name, watch.reason, Level.ERROR))
+            name, shown_s = watch.name, watch.stuck_s
+            self._show_stuck()
+            is_idle = self._is_given_up and not any(reader.is_alive() for reader in self._readers)
+            if self._stop.is_set() or is_idle:
+                self._fail(
+                    TreadlinkError(
+                        f"{watch.name} has not returned for {watch.stuck_s:.0f} s; the session ended without it",
+                        "The recording, if there is one, is finished. Leave out what hangs, or mend it.",
+                    )
+                )
+                self._save_recording()
+                self._end()
+
+    def _show_stuck(self) -> None:
+        """Show the state before the core got stuck, with its alarm and the present time."""
+        now_ns = self._clock.now_ns()
+        alarms = [alarm for alarm in self._snapshot.alarms if alarm.reason.code is not Code.CORE_STUCK]
+        alarms.append(Alarm(self._watch.name, AlarmName.STOPPED, self._watch.reason))
+        self._snapshot = replace(self._snapshot, elapsed_s=self._elapsed_s(now_ns), alarms=tuple(alarms))
+        if self._publication is not None:
+            self._publication.show(self._snapshot, now_ns)
 
     def _end(self) -> None:
         self._done.set()
@@ -494,9 +563,9 @@ class LiveSession:
             first[Stage.VIEW] = self._results_lost
         if self._recording is not None and self._recording.topics_dropped:
             first[Stage.TOPICS] = self._recording.topics_dropped
-        for link, stages in self._dropped.items():
+        for link, stages in list(self._dropped.items()):
             if stages:
-                self.core.dropped(link, dict(stages))
+                self.core.dropped(link, dict(stages), self._refused_ns.get(link))
         if self._publication is not None:
             self.core.publishes_to(self._publication.sinks())
         recording = self._recording

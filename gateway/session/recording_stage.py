@@ -37,6 +37,7 @@ class Stage(StrEnum):
     TOPICS = "recorded topics"
     DECODING = "decoding"
     VIEW = "view"
+    TIMES = "time out of range"
 
 
 class Recorder(Protocol):
@@ -90,7 +91,6 @@ class RecordingStage:
     Attributes:
         topics_dropped: decoded topics dropped for lack of room.
         room: what is left of the disk, None where it is not known.
-        failure: an error that is not a fault of the disk, None when there is none.
     """
 
     def __init__(self, writer: Recorder, clock: Clock, disk: DiskWatch | None = None) -> None:
@@ -102,7 +102,6 @@ class RecordingStage:
             disk: measures what is left of the disk; None for not at all.
         """
         self.topics_dropped = 0
-        self.failure: BaseException | None = None
         self.room: DiskRoom | None = None
         self._writer = writer
         self._disk = disk
@@ -204,11 +203,14 @@ class RecordingStage:
         except RecordingError as error:
             self._fault = error
             self._close_and_discard()
-        except BaseException as error:  # our own fault must end the session, not only the recording
-            self._fault = RecordingError(f"recording '{self.path}' stopped by an internal error: {error!r}")
-            self._is_reported = True
+        except BaseException as error:  # a fault of our own ends the recording as one of the disk does
+            _logger.debug("the recording failed", exc_info=error)
+            self._fault = RecordingError(
+                f"recording '{self.path}' stopped by an internal error, {error!r}; the part written before stays "
+                "readable",
+                "Please report it.",
+            )
             self._close_and_discard()
-            self.failure = error
 
     def _write_until_the_end(self) -> None:
         sync_due_ns = self._clock.now_ns()
@@ -246,7 +248,7 @@ class RecordingStage:
 
     def _close_and_discard(self) -> None:
         """Close the file as it is, and free the memory of waiting entries."""
-        with suppress(RecordingError):  # the user needs the first failure
+        with suppress(Exception):  # the user needs the first failure
             self._writer.close()
         while self._waiting.get() is not None:
             pass

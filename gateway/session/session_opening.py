@@ -30,6 +30,7 @@ from gateway.session.live import LiveSession
 from gateway.session.publication import Publication
 from gateway.session.recording_stage import disk_watch_of
 from gateway.session.signal_decoding import open_decoder
+from gateway.session.supervisor import Supervisor
 from gateway.views.session_summary import ResultSummary
 
 
@@ -162,6 +163,7 @@ def open_session(
     """
     sources: list[Source] = []
     recorder: RecordingWriter | SplitWriter | None = None
+    supervisor = Supervisor()
     try:
         sources += [open_source(uri, clock) for uri in uris]
         for source in sources:
@@ -213,6 +215,7 @@ def open_session(
             run=stated,
             latency_s=latency_s,
             control=ControlSocket(links),
+            supervisor=supervisor,
         )
         for link in links.values():
             other = session_of(link.link)
@@ -221,6 +224,7 @@ def open_session(
                 live.core.notify(Notice(link.link, Reason(Code.LINK_IN_USE, process=other.process), Level.WARNING))
         live.start()
     except BaseException:
+        supervisor.close()
         for source in sources:
             source.close()
         if recorder is not None:

@@ -29,13 +29,15 @@ class SessionRecording:
 
     Attributes:
         recorder: None when there is no recording, or it failed.
-        fault: why the recording stopped early, None when it did not.
+        fault: why a recording of the session stopped early, None when none did.
+        stopped: the same of the present recording.
     """
 
     def __init__(self, recorder: Recorder | None, notify: Callable[[Notice], None]) -> None:
         """Take an open recording, closed by `close`; `notify` takes notices."""
         self.recorder = recorder
         self.fault: str | None = None
+        self.stopped: Reason | None = None
         self._notify = notify
         self._last = _path_and_size(recorder)
         self._waveform_due_ns: dict[str, int] = {}
@@ -53,6 +55,7 @@ class SessionRecording:
             self._notify(Notice("", Reason(Code.RECORDING_FINISHED, path=str(self.recorder.path))))
         self.recorder, self._last = recorder, _path_and_size(recorder)
         if recorder is not None:
+            self.stopped = None
             self._notify(Notice("", Reason(Code.RECORDING_BEGUN, path=str(recorder.path))))
         self._waveform_due_ns.clear()
 
@@ -124,8 +127,8 @@ class SessionRecording:
             with suppress(RecordingError):  # the user needs the first failure
                 self.recorder.close()
             self.recorder = None
-            reason = Reason(Code.RECORDING_STOPPED, error=str(error), remedy=error.remedy)
-            self._notify(Notice("", reason, Level.ERROR))
+            self.stopped = Reason(Code.RECORDING_STOPPED, error=str(error), remedy=error.remedy)
+            self._notify(Notice("", self.stopped, Level.ERROR))
 
 
 def _path_and_size(recorder: Recorder | None) -> tuple[str, int]:

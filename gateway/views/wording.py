@@ -3,6 +3,7 @@
 import math
 import string
 from collections.abc import Iterable
+from datetime import UTC, datetime
 from functools import lru_cache
 from typing import Any, Final
 
@@ -51,6 +52,14 @@ def _unsigned_zero(shown: str) -> str:
     return shown[1:] if shown.startswith("-") and not any(digit in shown for digit in "123456789n") else shown
 
 
+def _utc(time_s: float) -> str:
+    """Return a time, s since the epoch, as a date; in seconds where no calendar has it."""
+    try:
+        return f"{datetime.fromtimestamp(time_s, UTC):%Y-%m-%d %H:%M:%S}"
+    except (OverflowError, ValueError, OSError):
+        return f"{time_s:.0f} s since 1970"
+
+
 class _Template(string.Formatter):
     """`str.format` with units of display and nested reasons."""
 
@@ -61,6 +70,8 @@ class _Template(string.Formatter):
             return ", ".join(self.format_field(item, format_spec) for item in value)
         if format_spec == "probability":
             return probability_text(value, ".2g")
+        if format_spec == "utc":
+            return _utc(value)
         if format_spec == "series":
             # Sentences are about the value itself, not its logarithm.
             return label_of(str(value)).removeprefix("ln ")
