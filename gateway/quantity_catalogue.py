@@ -726,29 +726,6 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             possible=_POSITIVE,
         ),
     ),
-    "water-wedge": (
-        Quantity(
-            "leading_edge_shift_rad",
-            "shift of the leading edge into the contact, against the contacts before",
-            "edge less the prediction by the contacts before",
-            "into the contact",
-            rests_on=_SIGNAL,
-        ),
-        Quantity(
-            "trailing_edge_shift_rad",
-            "shift of the trailing edge into the contact, against the contacts before",
-            "edge less the prediction by the contacts before",
-            "into the contact",
-            rests_on=_SIGNAL,
-        ),
-        Quantity(
-            "water_wedge_rad",
-            "shift of the leading edge less that of the trailing edge",
-            "the first less the second; most wedges of water do not show in it",
-            "shorter contact by the leading edge",
-            rests_on=_SIGNAL,
-        ),
-    ),
 }
 """Quantities of each estimator of this package, in the order of their columns."""
 

@@ -396,17 +396,12 @@ class Code(Enum):
     NEEDS_UNINTERRUPTED_ROLLING = "needs {duration_s:.0f s} of uninterrupted rolling"
     NO_LINE = "no line stands out"
 
-    # Of road and water
+    # Of the road
     CAVITY_CONTRADICTED = (
         "the inner liner reads {measured_degc:.0f} °C, but the cavity resonates as air of {found_degc:.0f} °C would: "
         "another gas ({ratio:.2f} times gamma / M of air), cavity_length_mm or the temperature is wrong, or "
         "it is another line"
     )
-    WEDGE_HARDLY_SHOWN = (
-        "not verified by any measurement: water that carries a fifth of the load may move the belt's edge by "
-        "0.3 deg only"
-    )
-    LIKE_A_WATER_WEDGE = "the leading edge has moved in by {shift_rad:.1f deg}, the trailing one has not"
     NEEDS_CAVITY_LENGTH = "needs cavity_length_mm or a size with the rim of the tire in the vehicle file"
     NEEDS_REVOLUTIONS = "needs {needed:.0f} revolutions, {count:.0f} so far"
     NEEDS_TEMPERATURE = "needs the temperature"

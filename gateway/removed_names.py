@@ -6,11 +6,12 @@ from typing import Final
 REMOVED: Final[Mapping[str, str]] = {
     "treadlink manifest": "Write SHA256SUMS with `sha256sum *.mcap* > SHA256SUMS` in the folder of the recordings; "
     "`treadlink inspect --verify` reads it.",
+    "--estimator water-wedge": "It has no successor: it showed none of the wet contacts of measured drives.",
+    "[road] leading_shift_mm": "Remove it: only the estimator water-wedge, which was removed too, reacted to it.",
     "treadlink protocol kaitai": "Use the Wireshark dissector (`treadlink protocol wireshark`), the C code (`header`, "
     "`encoder`) or the specification with its test vectors (`vectors`).",
 }
-"""Name as a user writes it -> remedy: `treadlink COMMAND`, `treadlink COMMAND --option`, `treadlink COMMAND --option
-VALUE`, or the dotted key of a file."""
+"""Name as a user writes it -> remedy: `treadlink COMMAND [--option]`, `--option VALUE` or `[table] key`."""
 
 
 def replacement(*words: str) -> str | None:

@@ -70,7 +70,7 @@ def test_a_wrong_rate_reaches_all_that_rests_on_it(name: str, value: float, effe
     assert RATE.effect_on(Estimate(name, value, 1e-6, Status.VALID)) == pytest.approx(effect)
 
 
-@pytest.mark.parametrize("name", ["cavity_hz", "cavity_temperature_degc", "cavity_gas_ratio", "water_wedge_rad"])
+@pytest.mark.parametrize("name", ["cavity_hz", "cavity_temperature_degc", "cavity_gas_ratio"])
 def test_a_high_pass_leaves_lines_and_edges(name: str) -> None:
     assert LOST_STEADY_VALUE.effect_on(Estimate(name, 1.0, 0.1, Status.VALID)) == 0.0
 

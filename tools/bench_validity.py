@@ -44,7 +44,6 @@ T = TypeVar("T")
 # revolution: they are judged on request.
 DEFAULT = (
     "kinematic", "distance", "self-calibration", "weak-form", "wear", "load", "longitudinal-force", "ply-steer",
-    "water-wedge",
 )  # fmt: skip
 # The independent tire is flat: no lateral axis.
 ROLLED_WITHOUT = ("ply-steer",)

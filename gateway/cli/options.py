@@ -43,9 +43,8 @@ class KnownName(click.Choice[str]):
         try:
             return super().convert(value, param, ctx)
         except click.BadParameter as error:
-            command = ctx.command_path if ctx is not None else ""
             option = param.opts[0] if param is not None else ""
-            if (remedy := replacement(command, option, str(value))) is not None:
+            if (remedy := replacement(option, str(value))) is not None:
                 raise click.BadParameter(f"'{value}' was removed. {remedy}") from error
             raise click.BadParameter(f"{error.message} {did_you_mean(str(value), self.choices)}".rstrip()) from error
 

@@ -262,7 +262,8 @@ def _fault(model: type[BaseModel], data: object, item: Mapping[str, Any]) -> Fau
     key = key_of(data, location)
     owner, field = _field_at(model, location)
     if kind == "extra_forbidden":
-        remedy = replacement(".".join(str(part) for part in location if isinstance(part, str)))
+        table = next((part for part in reversed(location[:-1]) if isinstance(part, str)), "")
+        remedy = replacement(f"[{table}]", str(location[-1]))
         if remedy is not None:
             return Fault(key, show(item["input"]), f"removed; {remedy}")
         names = list(owner.model_fields) if owner else []

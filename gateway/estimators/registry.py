@@ -13,6 +13,7 @@ from gateway.plugins import Plugin, load, missing_members, names
 from gateway.quantity import Quantity
 from gateway.quantity_catalogue import declare, quantities_of
 from gateway.reasons import Code, Reason
+from gateway.removed_names import replacement
 
 if TYPE_CHECKING:
     from gateway.estimators.estimator import Estimator
@@ -65,6 +66,8 @@ def make_estimator(name: str) -> Estimator:
         return estimator
     loaded = load(Registry.ESTIMATORS, name, ESTIMATORS, plugin_fault)
     if not callable(loaded):
+        if (remedy := replacement("--estimator", name)) is not None:
+            raise ConfigError(f"the estimator '{name}' was removed", remedy)
         hint = did_you_mean(name, estimator_names())
         raise ConfigError(f"unknown estimator '{name}'", f"{hint}Known estimators: {', '.join(estimator_names())}.")
     from gateway.estimators.plugin_estimator import PluginEstimator

@@ -20,7 +20,6 @@ FEATURE: Final = Feature(
             "asynchronous": "gateway.estimators.nonsynchronous:NonsynchronousEstimator",
             "cavity": "gateway.estimators.cavity:CavityEstimator",
             "road": "gateway.estimators.road_roughness:RoadRoughnessEstimator",
-            "water-wedge": "gateway.estimators.water_wedge:WaterWedgeEstimator",
         },
     },
 )

@@ -8,10 +8,8 @@ import numpy as np
 from gateway.simulator.filters import band_noise_gain, lowpass, lowpass_noise_gain, resonator
 from gateway.simulator.motion import Turning, WheelRotation
 from gateway.simulator.scenario_tables import Impact, Road, Vibration
-from gateway.simulator.time_series import Series, constant
 from gateway.types import FloatArray
 
-NO_SHIFT: Final = constant(0.0)
 # The shift of an edge fades out over this angle to either side, at the latest at the other edge.
 _REACH_RAD: Final = 0.5
 _LEAST_RAD: Final = 1e-6
@@ -20,30 +18,21 @@ _LEAST_RAD: Final = 1e-6
 class EdgeJitter:
     """Contact-edge jitter: the shape about each edge is shifted by a normal angle drawn for each revolution."""
 
-    def __init__(
-        self,
-        leading_rad: float,
-        trailing_rad: float,
-        rng: np.random.Generator,
-        leading_shift_rad: Series = NO_SHIFT,
-    ) -> None:
-        """Take the standard deviation of each edge, and the shift of the leading edge into the contact over time."""
-        self._leading_shift_rad = leading_shift_rad
-        self._is_shifted = leading_shift_rad.low != 0.0 or leading_shift_rad.high != 0.0
+    def __init__(self, leading_rad: float, trailing_rad: float, rng: np.random.Generator) -> None:
+        """Take the standard deviation of each edge."""
         self._deviations = np.array([leading_rad, trailing_rad])
         self._rng = rng
         self._from = 0
         self._shifts = np.empty((0, 2))
 
-    def shifted(self, angle_rad: FloatArray, edges_rad: tuple[float, float], time_s: FloatArray) -> FloatArray:
+    def shifted(self, angle_rad: FloatArray, edges_rad: tuple[float, float]) -> FloatArray:
         """Return the angles at which to evaluate the undisturbed shape. Calls must go forward in angle.
 
         Args:
             angle_rad: unwrapped material angles, rising.
             edges_rad: undisturbed (leading, trailing) contact angle.
-            time_s: of each angle.
         """
-        if not (self._deviations.any() or self._is_shifted) or not len(angle_rad):
+        if not self._deviations.any() or not len(angle_rad):
             return angle_rad
         turn = np.floor(angle_rad / (2.0 * math.pi) + 0.5)
         turns = turn.astype(np.int64)
@@ -55,9 +44,6 @@ class EdgeJitter:
             from_edge = within - edges_rad[edge]
             near = np.clip(np.where(from_edge < 0.0, from_edge / before_rad, from_edge / behind_rad), -1.0, 1.0)
             shift = self._shifts[turns - self._from, edge]
-            if edge == 0 and self._is_shifted:
-                # The shape of an edge that has moved forward is the undisturbed one a little earlier.
-                shift = shift - self._leading_shift_rad.at_times(time_s)
             moved += shift * 0.5 * (1.0 + np.cos(math.pi * near))
         return moved
 

@@ -50,11 +50,6 @@ class Road(Section):
     bandwidth_hz: float = within(500.0, 10, 10_000, "bandwidth in Hz")
     leading_jitter_mm: float = within(0.0, 0, 20, "RMS jitter of the leading contact edge between revolutions in mm")
     trailing_jitter_mm: float = within(0.0, 0, 20, "RMS jitter of the trailing contact edge between revolutions in mm")
-    leading_shift_mm: Annotated[Series, in_range(-50, 200)] = Field(
-        default=constant(0.0),
-        description="shift of the leading contact edge into the contact in mm, as by a water wedge: a number or a list "
-        "of [t_s, value] points",
-    )
     profile: Literal["A", "B", "C", "D", "E", "F", "G", "H"] | None = Field(
         default=None, description="class of the road's profile after ISO 8608; default: an even road"
     )

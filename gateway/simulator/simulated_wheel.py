@@ -57,7 +57,6 @@ class WheelSimulator:
             plan.road.leading_jitter_mm * per_mm,
             plan.road.trailing_jitter_mm * per_mm,
             edge_rng,
-            plan.road.leading_shift_mm.scaled(per_mm),
         )
         self._ride: RoadRide | None = None
         if plan.road.profile is not None:
@@ -92,7 +91,7 @@ class WheelSimulator:
         the block's begin to that of its end. Of camber gravity is felt, and its rate as that of the slip angle.
         """
         turning = self._rotation.at(time_s)
-        angle = self._jitter.shifted(turning.angle_rad, self._edges_rad, time_s)
+        angle = self._jitter.shifted(turning.angle_rad, self._edges_rad)
         camber = self.plan.camber_rad.at_times(time_s)
         gravity = STANDARD_GRAVITY_MPS2 * np.cos(camber) + self._hub(turning)
         if self._ride is not None:

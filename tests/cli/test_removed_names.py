@@ -4,7 +4,11 @@ import pytest
 
 from gateway.cli import COMMANDS
 from gateway.cli.options import KnownName
+from gateway.config.validation import parse_document
+from gateway.errors import ConfigError
+from gateway.estimators.registry import make_estimator
 from gateway.removed_names import REMOVED
+from gateway.simulator.scenario_model import Scenario
 from tests.testkit.commands import invoked
 
 TYPED = [name for name in REMOVED if name.startswith("treadlink ")]
@@ -16,8 +20,28 @@ def test_a_removed_command_or_option_names_its_replacement(name: str) -> None:
     done = invoked(*words)
     assert done.exit_code == 2
     assert "was removed" in done.output
-    # click breaks no line of an error
     assert REMOVED[name] in done.output
+
+
+@pytest.mark.parametrize("name", [name for name in REMOVED if name.startswith("--")])
+def test_a_removed_value_of_an_option_names_what_is_left(name: str) -> None:
+    option, value = name.split()
+    done = invoked("live" if option == "--estimator" else "diagnose", "x.mcap", option, value)
+    assert done.exit_code == 2
+    assert f"'{value}' was removed. {REMOVED[name]}" in done.output
+
+
+def test_a_removed_estimator_is_refused_in_python_too() -> None:
+    with pytest.raises(ConfigError, match="was removed"):
+        make_estimator("water-wedge")
+
+
+@pytest.mark.parametrize("name", [name for name in REMOVED if name.startswith("[")])
+def test_a_removed_key_names_its_replacement(name: str) -> None:
+    table, key = name.split()
+    with pytest.raises(ConfigError, match="removed; ") as refused:
+        parse_document(Scenario, f"{table}\n{key} = 1.0\n", "wheel.toml")
+    assert REMOVED[name] in str(refused.value)
 
 
 def test_no_command_is_both_removed_and_present() -> None:

@@ -158,7 +158,7 @@ def test_stone_strikes_once_per_revolution_and_rings() -> None:
 def test_jitter_moves_only_the_contact_edges(lead: float, trail: float, parts: int) -> None:
     angle = np.linspace(0.0, 2 * math.pi * 300, 300 * 800, endpoint=False)
     jitter = EdgeJitter(lead, trail, np.random.default_rng(3))
-    moved = np.concatenate([jitter.shifted(piece, (-0.2, 0.2), piece) for piece in np.array_split(angle, parts)])
+    moved = np.concatenate([jitter.shifted(piece, (-0.2, 0.2)) for piece in np.array_split(angle, parts)])
     within = np.mod(angle + math.pi, 2 * math.pi) - math.pi
     leading, trailing = ((moved - angle)[np.abs(within - edge) < 0.004] for edge in (-0.2, 0.2))
     assert leading.std() == pytest.approx(lead, rel=0.15, abs=1e-3 * trail)

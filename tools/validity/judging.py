@@ -22,7 +22,7 @@ from validity.tires import ZERO_G_STD_MPS2
 # Estimators whose quantities are judged, all of them of which the truth is there; the numbers are those of the first
 # that runs.
 _OWNED: Final = (
-    "kinematic", "distance", "self-calibration", "wear", "load", "longitudinal-force", "ply-steer", "water-wedge",
+    "kinematic", "distance", "self-calibration", "wear", "load", "longitudinal-force", "ply-steer",
 )  # fmt: skip
 NUMBER_ESTIMATORS: Final = ("weak-form", "ring-modal", "ring-paper", "forward")
 # Their models are off by more than the data's errors, as they say: not valid is right where they do not know.
@@ -230,7 +230,6 @@ def truths(run: Run, statement: Statement, result: RevolutionResult) -> dict[str
         **_forces(run),
         "sensor_roll_rad": roll_rad,
         "lateral_offset_mps2": world.zero_g_mps2[1],
-        **dict.fromkeys(("leading_edge_shift_rad", "trailing_edge_shift_rad", "water_wedge_rad"), 0.0),
         "ply_steer_peak_rad": slopes.peak_rad,
         "ply_steer_first_half_rad": slopes.first_half_rad,
         "ply_steer_adhesion_line_rad": slopes.adhesion_line_rad,

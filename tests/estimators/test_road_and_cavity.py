@@ -1,4 +1,4 @@
-"""Distance, road class, cavity and water wedge of simulated wheels, whose truth the estimators do not share."""
+"""Distance, road class and cavity of simulated wheels, whose truth the estimators do not share."""
 
 import math
 from dataclasses import replace
@@ -14,7 +14,6 @@ from gateway.estimators.distance import DistanceEstimator
 from gateway.estimators.estimator import Estimate, Status, TireConditions
 from gateway.estimators.road_roughness import RoadRoughnessEstimator, class_letter
 from gateway.estimators.tire_data import TireData
-from gateway.estimators.water_wedge import WaterWedgeEstimator
 from gateway.pipeline.results import RevolutionResult
 from gateway.pipeline.tire_estimates import _Series
 from gateway.pipeline.wheel_setup import WheelSetup
@@ -150,31 +149,6 @@ def during(results: tuple[RevolutionResult, ...], first_s: float, last_s: float)
         for result in results
         if first_s < result.revolution.start_s - start < last_s
     ]
-
-
-def test_moved_leading_edge_is_like_a_water_wedge() -> None:
-    shift = "[road]\nleading_shift_mm = [[0, 0], [6, 0], [6.05, 20], [6.6, 20], [6.65, 0]]"
-    results = driven(shift, 7.5, "water-wedge")
-    for result in during(results, 6.05, 6.3):
-        leading, trailing = result["leading_edge_shift_rad"], result["trailing_edge_shift_rad"]
-        assert 320.0 * leading.value == pytest.approx(20.0, abs=2.5)
-        assert abs(320.0 * trailing.value) < 1.0
-        assert leading.status is Status.PROVISIONAL
-        assert codes_of(leading.reasons) == (Code.LIKE_A_WATER_WEDGE, Code.WEDGE_HARDLY_SHOWN)
-    for result in during(results, 5.0, 5.8):
-        assert codes_of(result["water_wedge_rad"].reasons) == (Code.WEDGE_HARDLY_SHOWN,)
-
-
-def test_smaller_load_is_not_like_a_water_wedge() -> None:
-    results = driven("", 7.5, "water-wedge", "load_n = [[0, 5000], [6, 5000], [6.2, 3500]]")
-    result = during(results, 6.0, 7.0)
-    assert max(item["leading_edge_shift_rad"].value for item in result) > 0.03
-    assert all(Code.LIKE_A_WATER_WEDGE not in codes_of(item["water_wedge_rad"].reasons) for item in result)
-
-
-def test_water_wedge_needs_contacts_before() -> None:
-    result = WaterWedgeEstimator().update(REVOLUTION, AVERAGE, CONDITIONS)
-    assert {codes_of(item.reasons) for item in result} == {(Code.NEEDS_REVOLUTIONS,)}
 
 
 TURN_M = 2.0 * math.pi * RADIUS_M

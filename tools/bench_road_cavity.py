@@ -1,6 +1,6 @@
-"""Pulls of distance, load, wear, road class, cavity and water wedge on simulated tires drawn at random.
+"""Pulls of distance, load, wear, road class and cavity on simulated tires drawn at random.
 
-python tools/bench_road_water.py [--tires N] [--seed N] [QUANTITY...]
+python tools/bench_road_cavity.py [--tires N] [--seed N] [QUANTITY...]
 """
 
 import argparse
@@ -212,43 +212,6 @@ def cavity(seed: int, index: int) -> Iterator[Pull]:
         yield Pull(group, result, truth, flagged is not is_air if is_estimated else None)
 
 
-def water(seed: int, index: int) -> Iterator[Pull]:
-    """Yield the shifts of the edges while the leading one is displaced, and while the load changes."""
-    world = draw_world(seed, index)
-    rng = np.random.default_rng([seed, index, 1000])
-    shift_mm = float(rng.uniform(0.05, 0.3) * 200.0 * world.radius_m)
-    jitter = f"leading_jitter_mm = {rng.uniform(0.2, 2.0):.3f}\ntrailing_jitter_mm = {rng.uniform(0.1, 0.6):.3f}\n"
-    speed = min(world.speed_kmh, 130.0) / 3.6
-    turn_s = 2.0 * math.pi * world.radius_m / speed
-    begin, end = 12.0, 12.0 + 6.0 * turn_s
-    for group, table, wheel, truth in (
-        (
-            "water wedge",
-            f"leading_shift_mm = [[0, 0], [{begin}, 0], [{begin + 0.01}, {shift_mm}], [{end}, {shift_mm}], "
-            f"[{end + 0.01}, 0]]\n",
-            "",
-            1e-3 * shift_mm / world.radius_m,
-        ),
-        ("load change, no wedge", "", f"{begin}, {begin + 0.3}", 0.0),
-    ):
-        loads = f"[[0, {world.load_n}], [{begin}, {world.load_n}], [{begin + 0.3}, {0.7 * world.load_n}]]"
-        results, truths = run(
-            world,
-            f"[road]\n{jitter}{table}",
-            ("kinematic", "water-wedge"),
-            1000 * seed + index,
-            loads=loads if wheel else None,
-        )
-        shift_s = truths.hub_s(0.0)
-        for result in results:
-            at_s = result.revolution.start_s - shift_s
-            if begin + 2.5 * turn_s < at_s < begin + 3.5 * turn_s:
-                wedge = next(estimate for estimate in result.estimates if estimate.name == "water_wedge_rad")
-                named = Code.LIKE_A_WATER_WEDGE in codes_of(wedge.reasons)
-                yield Pull(group, wedge, truth, named is (truth > 0.0))
-                break
-
-
 def distance(seed: int, index: int) -> Iterator[Pull]:
     """Yield distance and angular speed of a drive with a radius that is stated with an error of 1 %."""
     world = draw_world(seed, index)
@@ -327,7 +290,6 @@ BENCHES: Final[dict[str, Callable[[int, int], Iterator[Pull]]]] = {
     "load": load,
     "road": road,
     "cavity": cavity,
-    "water": water,
 }
 
 if __name__ == "__main__":
