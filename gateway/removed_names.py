@@ -3,11 +3,15 @@
 from collections.abc import Mapping
 from typing import Final
 
+_NEXT_STEPS: Final = "The report of every diagnosis has next steps, which name the recording that would decide."
 REMOVED: Final[Mapping[str, str]] = {
     "treadlink manifest": "Write SHA256SUMS with `sha256sum *.mcap* > SHA256SUMS` in the folder of the recordings; "
     "`treadlink inspect --verify` reads it.",
     "--estimator water-wedge": "It has no successor: it showed none of the wet contacts of measured drives.",
     "[road] leading_shift_mm": "Remove it: only the estimator water-wedge, which was removed too, reacted to it.",
+    "treadlink diagnose --plan": _NEXT_STEPS,
+    "treadlink diagnose --want": _NEXT_STEPS,
+    "treadlink diagnose --at": _NEXT_STEPS,
     "treadlink protocol kaitai": "Use the Wireshark dissector (`treadlink protocol wireshark`), the C code (`header`, "
     "`encoder`) or the specification with its test vectors (`vectors`).",
 }

@@ -25,10 +25,8 @@ from gateway.views.text import clean, json_text
 
 if TYPE_CHECKING:
     from gateway.closure.result import Diagnosis
-    from gateway.closure.search.tempered_posterior import Posterior
     from gateway.closure.transfer import Transfer
     from gateway.config.vehicle import VehicleConfig
-    from gateway.planning.next_recording import RecordingPlan
     from gateway.worker_pool import Workers
 
 MODELS: Final = ("exact", "series", "paper")
@@ -95,27 +93,6 @@ def _list_effects(context: click.Context, _: click.Parameter, chosen: str | None
     help="Do not search: report the error with the effects of this file, exactly as found in other recordings.",
 )
 @click.option(
-    "--plan",
-    "plans_next",
-    is_flag=True,
-    help="Also plan the next recording: what each speed, load, pressure and direction would decide, and the errors of "
-    "the numbers after it.",
-)
-@click.option(
-    "--want",
-    "want_texts",
-    multiple=True,
-    metavar="NAME=ERROR",
-    help="With --plan, largest error of a number, as in Bs=3%; repeat for several.",
-)
-@click.option(
-    "--at",
-    "at_text",
-    metavar="SPEEDS",
-    help="With --plan, speeds at which a recording can be made, as in 30..120km/h: both ends and the middle.  "
-    "[default: half to one and a half times the present speed]",
-)
-@click.option(
     "--folds",
     type=click.IntRange(2, 20),
     default=5,
@@ -167,9 +144,6 @@ def diagnose(
     effects_path: Path | None,
     plugin_path: Path | None,
     known_path: Path | None,
-    plans_next: bool,
-    want_texts: tuple[str, ...],
-    at_text: str | None,
     folds: int,
     jobs: int | None,
     budget_s: float | None,
@@ -198,7 +172,6 @@ def diagnose(
 
     \b
       treadlink diagnose 40kmh.mcap 80kmh.mcap 120kmh.mcap --html report.html
-      treadlink diagnose drive.mcap --plan --want Bs=3% --at 30..120km/h
       treadlink diagnose drive.mcap --wheel FL --save-effects fl.effects.json
       treadlink estimate drive.mcap --effects fl.effects.json
       treadlink diagnose other.mcap --effects fl.effects.json
@@ -210,10 +183,6 @@ def diagnose(
         raise click.UsageError(
             "--effects states the wheel, and nothing is searched for: leave out --wheel, --budget and --self-test."
         )
-    if plans_next and (known_path is not None or model != "exact"):
-        raise click.UsageError("--plan goes with a search on the exact ring: leave out --effects and --model.")
-    if (want_texts or at_text is not None) and not plans_next:
-        raise click.UsageError("--want and --at are of the next recording: add --plan.")
     if (effects_path or plugin_path) is not None and model != "exact":
         raise TreadlinkError(
             f"{'--save-effects' if effects_path is not None else '--law-plugin'} requires --model exact",
@@ -237,17 +206,12 @@ def diagnose(
         _report_transfer(result, known_path, json_path, html_path, force=force)
         return
     with _work(others) as (workers, on_progress):
-        from gateway.cli.wanted_errors import parse_speeds_mps
         from gateway.closure.effects.effect import BaselineModel
         from gateway.session.campaign_diagnosis import diagnose_recordings
-        from gateway.views.plans.recording_plan import recording_plan_json, recording_plan_lines
         from gateway.views.report.diagnosis_json import write_json
         from gateway.views.report.html import write_html
         from gateway.views.report.terminal import closure_summary_lines
 
-        speeds_mps = parse_speeds_mps(at_text) if at_text is not None else ()
-        _check_wants(want_texts)
-        posteriors: list[Posterior] = []
         diagnosis = diagnose_recordings(
             recordings,
             vehicle=_vehicle(config_path),
@@ -261,58 +225,19 @@ def diagnose(
             budget_s=budget_s,
             self_tests=self_tests,
             on_progress=on_progress,
-            on_posterior=posteriors.append,
         )
-        plan = _planned(diagnosis, posteriors[0], want_texts, speeds_mps, on_progress) if plans_next else None
     diagnosis = _by_command(diagnosis)
     say = SummaryOutput((json_path, html_path, effects_path))
     on_terminal = (sys.stderr if say.err else sys.stdout).isatty()
     columns = shutil.get_terminal_size().columns if on_terminal else 0
     for line in closure_summary_lines(diagnosis, columns, has_all_notes=not on_terminal):
         say(clean(line))
-    plan_values = None
-    if plan is not None:
-        plan_values = recording_plan_json(plan)
-        for line in recording_plan_lines(plan):
-            say(clean(line))
     _write(
         say,
-        (json_path, partial(write_json, diagnosis, force=force, plan=plan_values)),
+        (json_path, partial(write_json, diagnosis, force=force)),
         (html_path, partial(write_html, diagnosis, force=force)),
         (effects_path, partial(_save_effects, diagnosis, force=force)),
         (plugin_path, partial(write_plugin, diagnosis)),
-    )
-
-
-def _check_wants(texts: tuple[str, ...]) -> None:
-    """Refuse errors of what is no number of the tire, before minutes of work; shares need no value for it."""
-    from gateway.cli.wanted_errors import parse_want
-    from gateway.quantity_catalogue import RING_NUMBERS
-
-    ratios = (f"{name}/Cw" for name in RING_NUMBERS if name != "Cw")
-    for text in texts:
-        parse_want(text, dict.fromkeys((*RING_NUMBERS, *ratios, "contact_half_angle_rad"), 1.0))
-
-
-def _planned(
-    diagnosis: Diagnosis,
-    posterior: Posterior,
-    want_texts: tuple[str, ...],
-    speeds_mps: tuple[float, ...],
-    on_progress: Callable[[float, str], None],
-) -> RecordingPlan:
-    """Return the plan of the next recording."""
-    from gateway.cli.wanted_errors import parse_want
-    from gateway.planning.next_recording import plan_recordings
-
-    estimates = diagnosis.estimates_after
-    values = {name: estimate.value for name, estimate in estimates.items() if estimate.state is None}
-    return plan_recordings(
-        posterior,
-        estimates,
-        wants=[parse_want(text, values) for text in want_texts],
-        speeds_mps=speeds_mps,
-        on_progress=on_progress,
     )
 
 

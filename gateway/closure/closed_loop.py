@@ -87,7 +87,6 @@ def diagnose(
     on_progress: Progress = lambda _share, _text: None,
     expired: Callable[[], bool] = lambda: False,
     workers: Workers | None = None,
-    on_posterior: Callable[[Posterior], None] = lambda _posterior: None,
     self_tests: int = 0,
 ) -> Diagnosis:
     """Find the effects that a baseline model lacks on a campaign.
@@ -99,7 +98,6 @@ def diagnose(
         on_progress: called with the share that is done and the present step.
         expired: True when the time for the search is over; what is known by then is reported.
         workers: other processes that share the work; the result does not depend on them.
-        on_posterior: called with the sets of effects that the result rests on, and their fits.
         self_tests: number of recordings to simulate from the result and to diagnose again.
 
     Raises:
@@ -118,20 +116,20 @@ def diagnose(
     others = plugin_effects()
     left_out: tuple[Reason, ...] = ()
     try:
-        diagnosis, fit = run(campaign, model, empirical, part, on_posterior=on_posterior)
+        diagnosis, fit = run(campaign, model, empirical, part)
     except BaseException as error:  # code of others may raise anything
         if not others or isinstance(error, TreadlinkError | BrokenProcessPool) or is_from_user(error):
             raise
         text = error_text(error)
         left_out = (Reason(Code.PLUGIN_EFFECTS_LEFT_OUT, effects=", ".join(sorted(others)), error=text),)
         run = partial(run, omitted=others)
-        diagnosis, fit = run(campaign, model, empirical, part, on_posterior=on_posterior)
+        diagnosis, fit = run(campaign, model, empirical, part)
     diagnosis = replace(diagnosis, notes=(*left_out, *diagnosis.notes))
     if not self_tests:
         return diagnosis
 
     def again(simulation: Campaign, on_share: Progress) -> Diagnosis:
-        return run(simulation, model, False, on_share, on_posterior=lambda _posterior: None)[0]
+        return run(simulation, model, False, on_share)[0]
 
     def beyond(share: float, text: str) -> None:
         on_progress((1.0 + self_tests * share) / parts, text)
@@ -146,7 +144,6 @@ def _diagnose(
     on_progress: Progress,
     expired: Callable[[], bool],
     helpers: Helpers,
-    on_posterior: Callable[[Posterior], None],
     omitted: Collection[str] = (),
 ) -> tuple[Diagnosis, Fit]:
     """Return the diagnosis of a campaign without the effects `omitted`, and the fit of the best set."""
@@ -166,7 +163,6 @@ def _diagnose(
     edges_ahead = helpers.ahead(_edges, campaign)
     time_locked_ahead = helpers.ahead(partial(_time_locked, without=omitted), campaign)
     posterior = _searched(search, on_progress)
-    on_posterior(posterior)
     best = posterior.best
     on_progress(SEARCHED, "computing held-out errors")
     also = [posterior.every[names] for name in best.names if (names := best.names - {name}) in posterior.every]

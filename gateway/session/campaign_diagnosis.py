@@ -12,7 +12,6 @@ from gateway.closure.closed_loop import SEARCHED, BaselineUnfittedError, baselin
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.effect import BaselineModel
 from gateway.closure.result import Diagnosis, Origin, RecordingOrigin
-from gateway.closure.search.tempered_posterior import Posterior
 from gateway.closure.transfer import Transfer, transfer
 from gateway.config.vehicle import VehicleConfig
 from gateway.reasons import Code, Reason
@@ -44,7 +43,6 @@ def diagnose_recordings(
     self_tests: int = 0,
     clock: Clock | None = None,
     on_progress: Progress | None = None,
-    on_posterior: Callable[[Posterior], None] = lambda _posterior: None,
 ) -> Diagnosis:
     """Diagnose one wheel of one or more recordings.
 
@@ -63,7 +61,6 @@ def diagnose_recordings(
         self_tests: number of recordings to simulate from the result and to diagnose again.
         clock: of the budget; None for the system's.
         on_progress: called with the share done, 0 to 1, and the present step.
-        on_posterior: called with the sets of effects that the result rests on, and their fits.
 
     Raises:
         TreadlinkError: a recording cannot be read, or contains nothing usable.
@@ -105,7 +102,6 @@ def diagnose_recordings(
         on_progress=on_share,
         expired=lambda: budget_s is not None and clock.now_ns() >= begin_ns + round(1e9 * budget_s),
         workers=workers,
-        on_posterior=on_posterior,
         self_tests=self_tests,
     )
     if budget_s is not None and not diagnosis.complete:

@@ -15,7 +15,6 @@ from gateway.closure.effects.effect import BaselineModel
 from gateway.closure.result import Fitted, Law
 from gateway.config.effects_file import effects_text, load_effects
 from gateway.errors import OutputError, TreadlinkError
-from gateway.planning.next_recording import NextRecording, RecordingPlan
 from gateway.reasons import Code, Reason
 from gateway.recording.file_content import check_distinct
 from gateway.session import campaign_diagnosis
@@ -397,52 +396,3 @@ def test_copies_are_recognised_by_content(closed, recording, tmp_path):
     # Of the same size only.
     copy.write_bytes(recording.read_bytes()[:-1] + b"\0")
     check_distinct([recording, copy])
-
-
-def test_plan_of_the_next_recording_is_printed_and_written(closed, recording, tmp_path, monkeypatch):
-    """What it says is tested with the planner."""
-    diagnosis, out, asked = ordinary(), tmp_path / "plan.json", []
-    values = {name: estimate.value for name, estimate in diagnosis.estimates_after.items()}
-
-    def diagnose(_, **options):
-        options["on_posterior"]("sets")
-        return diagnosis
-
-    def plan_recordings(posterior, estimates, **options):
-        asked.append((posterior, options["wants"], options["speeds_mps"]))
-        errors = {name: 0.01 * value for name, value in values.items()}
-        made = NextRecording(20.0, 4000.0, 2.2e5, True, 30.0, 300, True, 0.97, 12.0, errors)
-        return RecordingPlan({"gain": 0.6}, 2, errors, values, tuple(options["wants"]), (made,))
-
-    monkeypatch.setattr("gateway.session.campaign_diagnosis.diagnose", diagnose)
-    monkeypatch.setattr("gateway.planning.next_recording.plan_recordings", plan_recordings)
-    result = run(recording, "--plan", "--want", "Bs=3%", "--at", "36..72km/h", "--json", out)
-    assert result.exit_code == 0, result.output
-    ((posterior, (want,), speeds_mps),) = asked
-    assert posterior == "sets"
-    assert want == ("Bs", pytest.approx(0.03 * values["Bs"]))
-    assert speeds_mps == pytest.approx([10.0, 15.0, 20.0])
-    lines = result.output.splitlines()
-    assert "next recording; open, with their probabilities: gain 60 %" in lines
-    (row,) = [line for line in lines if line.startswith("  *   72 km/h")]
-    assert "97 %" in row
-    assert row.endswith("reversed")
-    assert json.loads(out.read_text())["plan"]["recordings"][0]["decided"] == 0.97
-
-
-@pytest.mark.parametrize(
-    "options",
-    [("--want", "Bs=3%"), ("--at", "80km/h"), ("--plan", "--model", "series"), ("--plan", "--effects", "some.json")],
-)
-def test_options_of_the_plan_are_refused_where_nothing_is_planned(closed, recording, options):
-    result = run(recording, *options)
-    assert result.exit_code == 2
-    assert "--plan" in result.output
-    assert not closed[0]
-
-
-def test_number_that_is_no_number_of_the_tire_is_refused_before_the_work(closed, recording):
-    message, remedy = refused(recording, "--plan", "--want", "speed=3%")
-    assert "speed" in message
-    assert "Bs" in remedy
-    assert not closed[0]

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from gateway.closure import closed_loop
-from gateway.closure.angle.fit import Fit
 from gateway.closure.closed_loop import diagnose
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.catalogue import catalogue
@@ -35,6 +34,7 @@ from tests.closure.planted_campaign import (
     ALL_AXES,
     ONE_SPEED,
     RADIUS_M,
+    among,
     campaign_of,
     evaluated,
     larger_belt,
@@ -113,11 +113,8 @@ def test_simulations_of_a_result_are_diagnosed_as_they_were_made() -> None:
 
 @pytest.mark.usefixtures("few")
 def test_result_outlives_simulations_that_fail_or_are_cut_short() -> None:
-    fits: list[Fit] = []
-    result = diagnose(
-        campaign_of(ONE_SPEED, turned(LATERAL, 0.03), axes=ALL_AXES),
-        on_posterior=lambda posterior: fits.append(posterior.best.fit),
-    )
+    campaign = campaign_of(ONE_SPEED, turned(LATERAL, 0.03), axes=ALL_AXES)
+    result = diagnose(campaign)
     blind = replace(result, findings=())
     outcomes = iter([TreadlinkError("no model fits"), result, replace(blind, complete=False), blind])
 
@@ -127,7 +124,9 @@ def test_result_outlives_simulations_that_fail_or_are_cut_short() -> None:
             raise outcome
         return outcome
 
-    tested = self_test(fits[0], result, again, 4, lambda *_: None, lambda: False)
+    tested = self_test(
+        evaluated(campaign, *among("roll tilt").values())[0].fit, result, again, 4, lambda *_: None, lambda: False
+    )
     assert (tested.count, tested.failed, tested.missed) == (1, 1, {})
     words = self_test_text(tested)
     assert "1 simulation without a diagnosis" in words

@@ -285,15 +285,6 @@ def _gradients(fit: Fit, index: int, values: Mapping[str, float]) -> dict[str, F
     return gradients
 
 
-def values_and_gradients(fit: Fit) -> dict[str, tuple[float, FloatArray]]:
-    """Return the estimates of the state with the most revolutions, with their derivatives (P,) by the parameters."""
-    campaign = fit.model.campaign
-    index = _first_group(campaign, _reference_state(campaign))
-    values = _values(fit, fit.vector, index)
-    gradients = _gradients(fit, index, values)
-    return {name: (value, gradients[name]) for name, value in values.items()}
-
-
 def before_and_after(before: Mapping[str, Fitted], after: Mapping[str, Fitted]) -> dict[str, tuple[Fitted, Fitted]]:
     """Pair the estimates that both have."""
     return {name: (value, after[name]) for name, value in before.items() if name in after}

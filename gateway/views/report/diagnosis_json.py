@@ -91,20 +91,18 @@ def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
     return dict(plain(document))
 
 
-def write_json(diagnosis: Diagnosis, path: Path, *, force: bool = False, plan: Mapping[str, Any] | None = None) -> None:
+def write_json(diagnosis: Diagnosis, path: Path, *, force: bool = False) -> None:
     """Write a diagnosis as JSON, whole or not at all.
 
     Args:
         diagnosis: the result.
         path: of the file.
         force: replace a file that exists.
-        plan: of the next recording, as plain values; None for no key `plan`.
 
     Raises:
         OutputError: the file exists and `force` is not set, or it cannot be written.
     """
-    document = diagnosis_json(diagnosis) | ({} if plan is None else {"plan": plan})
-    text = json_text(document, indent=2)
+    text = json_text(diagnosis_json(diagnosis), indent=2)
     write_whole(path, text + "\n", force=force)
 
 
