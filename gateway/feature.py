@@ -26,6 +26,8 @@ class Registry(StrEnum):
     """Class that follows `gateway.estimators.estimator.Estimator`, by the estimator's name."""
     NUMBERS = "treadlink.numbers"
     """Likewise an estimator of the ring's four numbers, which wear and load can rest on."""
+    PARTS = "treadlink.parts"
+    """Part of a session by its name in `gateway.session.session_parts`, which says what the core asks of it."""
     EFFECTS = "treadlink.effects"
     SINKS = "treadlink.sinks"
     IMPORTERS = "treadlink.importers"

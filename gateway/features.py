@@ -18,4 +18,6 @@ FEATURES: Final = (
     "gateway.makers.feature",
     "gateway.ring.feature",
     "gateway.vehicle.feature",
+    "gateway.console.feature",
+    "gateway.publishing.feature",
 )

@@ -27,7 +27,7 @@ from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.nearest_name import nearest
 from gateway.pipeline.results import RevolutionResult
 from gateway.recording.recorded_file import RecordedFile, open_recorded_file
-from gateway.session.effects_opening import open_effects
+from gateway.session.corrections import open_effects
 from gateway.session.recorded_signals import (
     EnvironmentReading,
     HeardWheel,

@@ -125,7 +125,6 @@ def campaign(
     from gateway.fleet.parquet_parts import require_campaign_packages
 
     require_campaign_packages()
-    from gateway.config.effects_file import check_effects
     from gateway.config.vehicle import load_vehicle
     from gateway.fleet.campaign_run import CampaignRun, find_recordings
     from gateway.fleet.content_keys import estimators_version
@@ -135,6 +134,7 @@ def campaign(
     from gateway.fleet.scheduler_tasks import scheduler_tasks
     from gateway.fleet.tire_diagnoses import DiagnosisCounts, diagnose_tires
     from gateway.fleet.worker_tasks import WorkerTasks
+    from gateway.session.corrections import check_effects
     from gateway.session.effects_opening import open_effects_file
 
     recording_paths = find_recordings(paths, where)

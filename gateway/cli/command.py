@@ -87,9 +87,9 @@ def time(source: str, key_file: Path | None, unsigned: bool) -> None:
 
 
 def _send(uri: str, what: Command, key_file: Path | None, unsigned: bool) -> None:
-    from gateway.io.source import Source, open_source
+    from gateway.io.source import Source, TwoWaySource, open_source
     from gateway.security.key_file import command_keys
-    from gateway.session.commands import TwoWaySource, execute
+    from gateway.session.commands import execute
     from gateway.session.control_socket import SessionSource, session_of
 
     opened: Source = open_source(uri, _clock)

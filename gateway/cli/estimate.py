@@ -67,7 +67,7 @@ def estimate(
     from gateway.cli.recording_estimates import estimate_recording
     from gateway.estimators.weighted_mean import coverage_factor
     from gateway.recording.recorded_file import check_exist
-    from gateway.security.key_file import default_key_file
+    from gateway.session.session_parts import default_key_file
     from gateway.views.drive_page.drive_page import check_page, write_drive_page
     from gateway.views.progress import progress_view
     from gateway.views.tables.result_table import TableFormat, open_table

@@ -99,7 +99,7 @@ def show_session(session: RunningSession, stop: StopRequest, *, plain: bool) -> 
             run_plain(session, stop, click.echo)
         else:
             from gateway.cli.logs import held_back
-            from gateway.views.console.screen import run_console
+            from gateway.session.session_parts import show_screen
 
             with held_back():
-                run_console(session.live, lambda: stop.is_set() or session.time_is_up(), session.addresses)
+                show_screen(session.live, lambda: stop.is_set() or session.time_is_up(), session.addresses)

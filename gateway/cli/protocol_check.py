@@ -17,6 +17,7 @@ from gateway.io.source import (
     LinkEvent,
     LinkEventKind,
     LinkItem,
+    TwoWaySource,
     is_live,
     open_source,
     parse_source_uri,
@@ -28,7 +29,6 @@ from gateway.security.cmac import Key
 from gateway.session.bringup.clauses import CheckReport
 from gateway.session.bringup.command_trial import CLAUSES, CommandTrial
 from gateway.session.bringup.firmware_check import FirmwareCheck
-from gateway.session.commands import TwoWaySource
 from gateway.views.frame_lines import FrameLines
 from gateway.views.text import escaped
 from gateway.views.wording import text

@@ -19,15 +19,14 @@ from gateway.config.vehicle import choose_vehicle
 from gateway.constants import LATENCY_S
 from gateway.errors import RecordingError, TreadlinkError
 from gateway.io.source import parse_source_uri
-from gateway.publishing.publisher import Publisher, open_publisher
-from gateway.publishing.sink import SinkSetting, parse_sink_uri
 from gateway.reasons import Notice
 from gateway.recording.run_description import NO_DESCRIPTION, RunDescription
 from gateway.recording.split_writer import Split, SplitWriter
-from gateway.security.key_file import default_key_file
 from gateway.session.live import LiveSession
 from gateway.session.missing_results import FrameCounts, missing_frames, missing_revolutions
+from gateway.session.publication import LiveOutputs
 from gateway.session.session_opening import OpenedSession, open_session
+from gateway.session.session_parts import default_key_file, open_outputs, output_files
 from gateway.views.output_file import check_outputs, is_stdout
 from gateway.views.plain import PlainView
 from gateway.views.progress import can_move_cursor
@@ -50,7 +49,7 @@ class RunningSession:
     """
 
     opened: OpenedSession
-    publisher: Publisher | None = None
+    publisher: LiveOutputs | None = None
 
     @property
     def live(self) -> LiveSession:
@@ -103,11 +102,11 @@ def start_session(
     inputs = [options["config_path"], options["key_file"] or default_key_file(), *options["effects_paths"]]
     _check_published(publish, uris, inputs, record)
     clock = SystemClock()
-    publishers: list[Publisher] = []
+    publishers: list[LiveOutputs] = []
     started: list[LiveSession] = []
 
-    def opened_outputs(positions: Sequence[str]) -> Publisher | None:
-        publisher = open_publisher(publish, SinkSetting(positions, lambda: next(iter(started), None)), clock)
+    def opened_outputs(positions: Sequence[str]) -> LiveOutputs | None:
+        publisher = open_outputs(publish, positions, lambda: next(iter(started), None), clock)
         publishers.extend([publisher] if publisher is not None else [])
         return publisher
 
@@ -144,7 +143,7 @@ def _check_published(
         SourceError: a source's URI is wrong.
         SinkError: that of a live output is.
     """
-    written = [Path(sink.target) for sink in map(parse_sink_uri, publish) if sink.scheme == "jsonl"]
+    written = output_files(publish)
     sources = [parse_source_uri(uri) for uri in uris]
     # Options name files too, such as dbc. What is no file is compared in vain.
     read = [Path(text) for source in sources for text in (source.target, *source.options.values())]

@@ -3,8 +3,7 @@
 import hashlib
 import json
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -12,16 +11,13 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from gateway.config.validation import Section, read_text
-from gateway.config.vehicle import POSITION_PATTERN, VehicleConfig
+from gateway.config.vehicle import POSITION_PATTERN
 from gateway.errors import ConfigError
 from gateway.pipeline.wheel_setup import (
     CorrectedEffect,
-    CorrectedSignal,
     CorrectionTable,
     EffectParameter,
-    WheelSetup,
 )
-from gateway.reasons import Code, Level, Notice, Reason, Value
 
 VERSION: Final = 3
 """Of files that are written and read. Earlier ones have no digest, so that nothing shows whether they were edited."""
@@ -33,21 +29,6 @@ _MAX_BYTES: Final = 16 << 20
 _SIGNIFICANT_DIGITS: Final = 7
 
 Range = tuple[float, float]
-
-# Differences with which subtracting would be wrong, and what they are.
-_REFUSED: Final[Mapping[Code, Callable[[Reason], str]]] = {
-    Code.EFFECTS_OF_OTHER_OFFSET: lambda reason: (
-        f"were found with the sensor {_mm(reason['found_m'])} mm below the neutral layer, but the configuration states "
-        f"{_mm(reason['offset_m'])} mm"
-    ),
-    Code.EFFECTS_OF_OTHER_RADIUS: lambda reason: (
-        f"were found with a belt radius of {_mm(reason['found_m'])} mm, but the configuration states "
-        f"{_mm(reason['radius_m'])} mm"
-    ),
-    Code.EFFECTS_OF_OTHER_SENSOR: lambda reason: (
-        f"belong to sensor {reason['found_on']}, but the configuration names {reason['sensor']}"
-    ),
-}
 
 
 class _Parameter(Section):
@@ -211,98 +192,10 @@ def load_effects(path: Path) -> CorrectionTable:
         raise ConfigError(f"{path}: {error}", remedy) from error
 
 
-def check_effects(tables: Sequence[CorrectionTable], vehicle: VehicleConfig | None) -> None:
-    """Check that tables belong to the vehicle.
-
-    Raises:
-        ConfigError: there is no such wheel, two tables are of one wheel, or its radius, mounting or sensor differs.
-    """
-    wheels = {wheel.position: wheel for wheel in vehicle.wheel} if vehicle is not None else {}
-    seen: set[str] = set()
-    for table in tables:
-        name = table.position
-        if vehicle is None or name not in wheels:
-            configured = f"the configuration has {', '.join(wheels)}" if wheels else "there is no configuration"
-            raise ConfigError(
-                f"the effects belong to wheel {name}, but {configured}",
-                "Give the configuration of the diagnosis with --config.",
-            )
-        if name in seen:
-            raise ConfigError(f"two effects files belong to wheel {name}", "Give one file per wheel.")
-        seen.add(name)
-        for difference in _differences(table, vehicle):
-            if difference.code in _REFUSED:
-                raise ConfigError(
-                    f"the effects of wheel {name} {_REFUSED[difference.code](difference)}",
-                    "Run `treadlink diagnose --save-effects` again with this configuration.",
-                )
-
-
-def _differences(table: CorrectionTable, vehicle: VehicleConfig) -> tuple[Reason, ...]:
-    """Return what the configuration states of a table's wheel otherwise than the recordings of its diagnosis."""
-    wheel = next(wheel for wheel in vehicle.wheel if wheel.position == table.position)
-    tire = vehicle.tire_of(wheel)
-    radius_m, offset_m = tire.radius_m, wheel.mounting.offset_m
-    return table.differences(
-        CorrectedSignal(
-            sensor_id=wheel.sensor_number,
-            vehicle=vehicle.vehicle.name,
-            tire=tire.size or "",
-            radii_m=() if radius_m is None else (radius_m,),
-            offsets_m=() if offset_m is None else (offset_m,),
-        )
-    )
-
-
-def with_effects(setups: Iterable[WheelSetup], tables: Sequence[CorrectionTable]) -> tuple[WheelSetup, ...]:
-    """Return the wheels, each with the table of its effects where there is one."""
-    by_position = {table.position: table for table in tables}
-    return tuple(replace(setup, correction=by_position.get(setup.position)) for setup in setups)
-
-
-def effects_doubts(tables: Sequence[CorrectionTable], vehicle: VehicleConfig | None) -> list[Notice]:
-    """Return a notice for all that differs from the recordings of the diagnosis without being a reason to refuse."""
-    return [
-        Notice(table.position, difference, Level.WARNING)
-        for table in tables
-        for difference in (_differences(table, vehicle) if vehicle is not None else ())
-    ]
-
-
-def effects_notices(tables: Sequence[CorrectionTable], vehicle: VehicleConfig | None) -> list[Notice]:
-    """Return notices on each wheel with known effects: which are subtracted, under which conditions, and doubts."""
-    subtracted = [
-        Notice(
-            table.position,
-            Reason(
-                Code.EFFECTS_SUBTRACTED,
-                effects=tuple(effect.name for effect in table.effects),
-                ranges=tuple(_ranges(table)),
-            ),
-        )
-        for table in tables
-    ]
-    return [*subtracted, *effects_doubts(tables, vehicle)]
-
-
-def _ranges(table: CorrectionTable) -> Iterator[Reason]:
-    low, high = (omega_radps * table.radius_m for omega_radps in table.omega_range_radps)
-    yield Reason(Code.SPEED_RANGE, low_mps=low, high_mps=high)
-    if table.load_range_n is not None:
-        yield Reason(Code.LOAD_RANGE, low_n=table.load_range_n[0], high_n=table.load_range_n[1])
-    if table.pressure_range_pa is not None:
-        yield Reason(Code.PRESSURE_RANGE, low_pa=table.pressure_range_pa[0], high_pa=table.pressure_range_pa[1])
-
-
 def _digest(document: Mapping[str, Any]) -> str:
     """Return the SHA-256 of all that a file states, whatever its line breaks and the order of its keys."""
     stated = {key: value for key, value in document.items() if key != _DIGEST}
     return hashlib.sha256(json.dumps(stated, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
-
-
-def _mm(length_m: Value) -> str:
-    assert isinstance(length_m, float)
-    return f"{length_m * 1e3:g}"
 
 
 def _document(text: str, path: Path) -> dict[str, Any]:

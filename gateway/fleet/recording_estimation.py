@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Final
 
 from gateway import __version__
-from gateway.config.effects_file import check_effects
 from gateway.config.vehicle import VehicleConfig
 from gateway.errors import ConfigError, OutputError, RecordingError, TreadlinkError
 from gateway.estimators.registry import make_estimator
@@ -24,6 +23,7 @@ from gateway.reasons import Code, Reason
 from gateway.recording.file_content import FileContent
 from gateway.recording.reader import REPAIR_REMEDY, RecordingReader
 from gateway.recording.run_description import RunDescription, TireIdentity
+from gateway.session.corrections import check_effects
 from gateway.session.provenance import Quantity, is_assumed
 from gateway.session.recording_pass import OpenedRecording, RecordingPass, open_recording
 from gateway.session.wheel_identity import configured, configured_tire

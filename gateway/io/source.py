@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final, Protocol, runtime_checkable
 
 from gateway.clock import Clock
 from gateway.errors import SourceError
@@ -233,6 +233,26 @@ class Source(Protocol):
 
     def close(self) -> None:
         """Release the port, file or process; may be called twice and from another thread."""
+        ...
+
+
+@runtime_checkable
+class TwoWaySource(Source, Protocol):
+    """A source that can be written to.
+
+    Attributes:
+        rate_hz: sampling rate to set on its hub, None to leave it.
+    """
+
+    rate_hz: float | None
+
+    def send(self, data: bytes) -> None:
+        """Write a frame.
+
+        Raises:
+            LinkLostError: the write failed.
+            SourceError: the hub takes no data.
+        """
         ...
 
 

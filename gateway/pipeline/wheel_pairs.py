@@ -19,7 +19,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 
@@ -30,7 +30,6 @@ from gateway.pipeline.axis_lags import ALARM as AXIS_LAG
 from gateway.pipeline.axis_lags import AxisLags
 from gateway.pipeline.qualification import provisional_where
 from gateway.pipeline.results import Alarm, RevolutionResult
-from gateway.pipeline.vehicle_witness import VehicleJoin
 from gateway.quantity import Basis
 from gateway.quantity_catalogue import declared
 from gateway.reasons import Code, Reason
@@ -109,6 +108,18 @@ class _Verdict(NamedTuple):
 
 _NOTHING: Final = _Verdict()
 _NOT_APART: Final = (math.nan, math.nan)
+
+
+class VehicleWitness(Protocol):
+    """Signals of the vehicle beside the wheels."""
+
+    def joined(self, result: RevolutionResult) -> RevolutionResult:
+        """Return a result with the signals at the middle of its revolution as further estimates."""
+        ...
+
+    def alarms(self) -> Iterator[Alarm]:
+        """Yield an alarm for each contradiction that stands."""
+        ...
 
 
 @dataclass(slots=True)
@@ -201,7 +212,7 @@ class _Pair:
 class WheelPairs:
     """Compares the wheels of one vehicle; in whatever order their revolutions come, the same ones are compared."""
 
-    def __init__(self, join: VehicleJoin | None = None) -> None:
+    def __init__(self, join: VehicleWitness | None = None) -> None:
         """Start without revolutions; `join` adds the vehicle's signals, None for none."""
         self._join = join
         self._axis_lags = AxisLags()

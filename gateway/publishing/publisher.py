@@ -1,7 +1,8 @@
 """Live outputs of a session: each item goes to every sink, and the end waits for receivers that take items."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -18,8 +19,10 @@ from gateway.publishing.sink import (
     SinkSetting,
     kind_of,
     open_sink,
+    parse_sink_uri,
 )
 from gateway.publishing.sink_worker import SinkWorker
+from gateway.views.session_control import SessionControl
 
 STANDARD_OUTPUT: Final = "jsonl:-"
 FINISH_STUCK_S: Final = 2.0
@@ -106,6 +109,22 @@ class Publisher:
         for worker in self._workers:
             worker.discard()
         return self.sinks()
+
+
+def files_of(uris: Sequence[str]) -> list[Path]:
+    """Return the files that live outputs write.
+
+    Raises:
+        SinkError: a URI is wrong.
+    """
+    return [Path(address.target) for address in map(parse_sink_uri, uris) if address.scheme == "jsonl"]
+
+
+def open_outputs(
+    uris: Sequence[str], positions: Sequence[str], session: Callable[[], SessionControl | None], clock: Clock
+) -> Publisher | None:
+    """Return the live outputs of a session, None without any; errors as for `open_publisher`."""
+    return open_publisher(uris, SinkSetting(positions, session), clock)
 
 
 def open_publisher(uris: Sequence[str], setting: SinkSetting, clock: Clock) -> Publisher | None:

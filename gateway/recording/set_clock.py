@@ -6,45 +6,16 @@ from pathlib import Path
 from typing import Final
 
 from gateway.errors import RecordingError
-from gateway.io.nmea_sentences import ReceiverClock, SentenceReader
-from gateway.io.source import Chunk, LinkEvent, LinkItem, Sentences, VehicleData
-from gateway.reasons import Code, Reason
+from gateway.io.source import Chunk, LinkEvent, LinkItem
+from gateway.reasons import Reason
 from gateway.recording.mcap_layout import MAX_TIME_NS
 from gateway.recording.reader import REPAIR_REMEDY, RecordingReader
+from gateway.recording.recorded_clock import RecordedClock, ahead_of_step_s
 from gateway.recording.run_description import copy_notes
 from gateway.recording.writer import RecordingWriter, whole_recording
 
-_SET: Final = frozenset({Code.SYSTEM_TIME_SET, Code.SYSTEM_TIME_SLEWED})
 # What is left of a step after the time was moved by it.
 _NEGLIGIBLE_S: Final = 1e-3
-
-
-class RecordedClock:
-    """What a recording says of its own times, from its events and the sentences of a positioning receiver.
-
-    A receiver counts more than a step of the system time, which may have set it from wrong to wrong.
-    """
-
-    def __init__(self) -> None:
-        """Start without an item."""
-        self.set: Reason | None = None
-        """The last change of the system time."""
-        self._sentences, self._receiver = SentenceReader(), ReceiverClock()
-
-    def take(self, item: VehicleData | LinkEvent) -> None:
-        """Take an item, in the order of the recording."""
-        if isinstance(item, Sentences):
-            for fix in self._sentences.read(item.data):
-                self._receiver.take(fix, item.host_ns)
-        elif isinstance(item, LinkEvent):
-            self.set = next((detail for detail in item.details if _ahead_s(detail) is not None), self.set)
-
-    @property
-    def ahead_s(self) -> float | None:
-        """What is to be added to its times, in s: 0 if a receiver agrees, None if nothing is said."""
-        if self._receiver.has_time:
-            return self._receiver.ahead_s or 0.0
-        return (_ahead_s(self.set) or None) if self.set is not None else None
 
 
 def recorded_clock_error_s(path: Path) -> float | None:
@@ -115,19 +86,13 @@ def set_clock(
         copy_notes(path, target)
 
 
-def _ahead_s(detail: Reason) -> float | None:
-    """Return what a change of the system time adds to the times of the recording, None of other details."""
-    value = detail["ahead_s"] if detail.code in _SET else None
-    return value if isinstance(value, float) else None
-
-
 def _corrected(item: LinkItem, host_ns: int, ahead_s: float) -> LinkItem:
     """Return an item at another time; what an event of a step adds to the times is what is left of it."""
     if not isinstance(item, LinkEvent):
         return replace(item, host_ns=host_ns)
     details = []
     for detail in item.details:
-        before_s = _ahead_s(detail)
+        before_s = ahead_of_step_s(detail)
         if before_s is not None:
             left_s = before_s - ahead_s
             ahead = {"ahead_s": 0.0 if abs(left_s) < _NEGLIGIBLE_S else left_s}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter as Tally
 from collections.abc import Mapping
-from enum import StrEnum
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -23,6 +22,7 @@ from gateway.security.key_file import (
     sensor_identity,
     stored_keys,
 )
+from gateway.session.frame_guard import Verdict
 
 _HELLO_IDS: Final = PAYLOADS[MessageType.HELLO].reader("hub_id", "sensor_id", "boot_count")
 _HELLO_BYTES: Final = PAYLOADS[MessageType.HELLO].size + wire.TAG_BYTES
@@ -34,30 +34,6 @@ _REPEAT_FACTOR: Final = 100
 # A hello comes every 2 s; this many frames of a source before a verified one are worth a notice, fewer are not.
 _EARLY_FRAMES: Final = 1000
 
-
-class Verdict(StrEnum):
-    """Verdict on a frame; only VERIFIED frames pass where signatures are required."""
-
-    VERIFIED = "verified"
-    UNSIGNED = "unsigned"
-    FORGED = "wrong tag"
-    EARLIER_START = "earlier start"
-    REPLAYED = "replayed"
-    TOO_LATE = "too late"
-    NO_KEY = "no key"
-    NOT_ADMITTED = "not admitted"
-    EARLY = "before hello"
-
-
-SUSPICIOUS: Final = (
-    Verdict.UNSIGNED,
-    Verdict.FORGED,
-    Verdict.EARLIER_START,
-    Verdict.REPLAYED,
-    Verdict.TOO_LATE,
-    Verdict.NOT_ADMITTED,
-)
-"""Verdicts that bad intent could explain."""
 
 _CODES: Final = {
     Verdict.UNSIGNED: Code.FRAME_UNSIGNED,

@@ -13,7 +13,7 @@ from gateway.config.vehicle import Thresholds
 from gateway.estimators.estimator import Status
 from gateway.pipeline.results import Alarm, DiskRoom, LinkSnapshot, SilentPart, SinkSnapshot, SinkState, WheelSnapshot
 from gateway.reasons import Code, Reason
-from gateway.security.guard import SUSPICIOUS
+from gateway.session.frame_guard import SUSPICIOUS
 from gateway.session.link_health import hub_name
 from gateway.session.silence import SilentHub, SilentVehicle
 from gateway.session.wheel_identity import misplaced_sensor

@@ -3,18 +3,16 @@
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from typing import Final, NamedTuple, Protocol, runtime_checkable
+from typing import Final, NamedTuple
 
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import (
     COMMAND_TYPES,
-    COMMANDS,
     EVERY_HUB,
     Command,
     CommandResult,
     Frame,
     Hello,
-    MessageType,
     Outcome,
     SetRate,
     SetStream,
@@ -22,41 +20,14 @@ from firmware_protocol.messages import (
 )
 from gateway.clock import Clock
 from gateway.errors import LinkLostError, SourceError
-from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source, WrappedSource
-from gateway.reasons import Code, Reason
+from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source, TwoWaySource, WrappedSource
 from gateway.security.cmac import Key
 from gateway.session.command_signing import HubAtLink, HubCommands, command_frame
+from gateway.session.hub_log import refusal
 from gateway.views.wording import text
 
 REPLY_TIMEOUT_S: Final = 5.0
-_OUTCOMES: Final = {
-    Outcome.UNKNOWN_COMMAND: Code.COMMAND_UNKNOWN,
-    Outcome.VALUE_REFUSED: Code.COMMAND_VALUE_REFUSED,
-    Outcome.FAILED: Code.COMMAND_FAILED,
-    Outcome.NOT_VERIFIED: Code.COMMAND_NOT_VERIFIED,
-    Outcome.REPEATED: Code.COMMAND_REPEATED,
-}
 _NO_KEYS: Final[Mapping[str, Key]] = {}
-
-
-@runtime_checkable
-class TwoWaySource(Source, Protocol):
-    """A source that can be written to.
-
-    Attributes:
-        rate_hz: sampling rate to set on its hub, None to leave it.
-    """
-
-    rate_hz: float | None
-
-    def send(self, data: bytes) -> None:
-        """Write a frame.
-
-        Raises:
-            LinkLostError: the write failed.
-            SourceError: the hub takes no data.
-        """
-        ...
 
 
 class CommandedSource(WrappedSource):
@@ -328,14 +299,3 @@ def _remedy(result: CommandResult) -> str:
     if result.outcome == Outcome.NOT_VERIFIED:
         return "The hub takes only commands signed with its key: see `treadlink keys list` and --keys."
     return "See docs/reference/protocol.md, Commands."
-
-
-def refusal(result: CommandResult) -> Reason | None:
-    """Return why a hub did not execute a command, None when it did."""
-    if result.outcome == Outcome.DONE:
-        return None
-    code_of = {outcome.value: code for outcome, code in _OUTCOMES.items()}
-    code = code_of.get(result.outcome)
-    outcome = Reason(Code.COMMAND_OUTCOME, outcome=result.outcome) if code is None else Reason(code)
-    name = MessageType(result.command).name if result.command in COMMANDS else f"command {result.command}"
-    return Reason(Code.COMMAND_REFUSED, command=name, outcome=outcome)

@@ -19,8 +19,11 @@ from typing import Final, NamedTuple
 
 from gateway.clock import Clock
 from gateway.errors import LinkLostError, TreadlinkError
-from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, WrappedSource
-from gateway.session.commands import TwoWaySource
+from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source, TwoWaySource, WrappedSource
+from gateway.reasons import Code, Level, Notice, Reason
+from gateway.security.key_file import command_keys
+from gateway.session.commands import with_commands
+from gateway.session.frame_guard import FrameGuard
 
 _logger = logging.getLogger(__name__)
 
@@ -315,3 +318,41 @@ def _private_folder(*, create: bool) -> Path | None:
     if not is_private:
         _logger.warning("'%s' is not private to this user: commands cannot go through sessions", folder)
     return folder if is_private else None
+
+
+class CommandedLinks:
+    """Links of a session whose hubs are sent the settings, shared with other commands.
+
+    Attributes:
+        sources: of the session, those that can be written to with their commands.
+    """
+
+    def __init__(
+        self, sources: Sequence[Source], clock: Clock, key_file: Path | None, guard: FrameGuard | None
+    ) -> None:
+        """Wrap sources; commands are signed where a guard checks frames.
+
+        Raises:
+            SecurityError: the keys cannot be read.
+        """
+        keys = command_keys(key_file) if guard is not None else {}
+        # The policy `warn` is for a time in which not every hub signs yet.
+        may_be_unsigned = guard is not None and not guard.requires
+        self._links = shared_links([source for source in sources if isinstance(source, TwoWaySource)])
+        shared = {id(link.source): link for link in self._links.values()}
+        self.sources = [
+            with_commands(shared.get(id(source), source), clock, keys, may_be_unsigned=may_be_unsigned)
+            for source in sources
+        ]
+
+    def serve(self) -> ControlSocket:
+        """Begin to serve the links to other commands."""
+        return ControlSocket(self._links)
+
+    def in_use(self) -> Iterator[Notice]:
+        """Yield a notice for each link that another session has."""
+        for link in self._links.values():
+            other = session_of(link.link)
+            if other is not None:
+                other.connection.close()
+                yield Notice(link.link, Reason(Code.LINK_IN_USE, process=other.process), Level.WARNING)

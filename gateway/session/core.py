@@ -8,7 +8,6 @@ from typing import Final
 
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Frame, Hello, HubStatus, MessageType
-from gateway.config.effects_file import effects_notices, with_effects
 from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig
 from gateway.constants import LATENCY_S
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
@@ -23,23 +22,22 @@ from gateway.pipeline.results import (
     SinkSnapshot,
     WheelSnapshot,
 )
-from gateway.pipeline.vehicle_witness import VehicleJoin
 from gateway.pipeline.wheel_pairs import WheelPairs
 from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.pipeline.wheels import Pipeline
 from gateway.reasons import Code, Level, Notice, Reason, codes_of
-from gateway.security.guard import Guard
 from gateway.session.alarm_watch import SessionAlarms, State
+from gateway.session.corrections import effects_notices, with_effects
 from gateway.session.disk_watch import disk_notices
+from gateway.session.frame_guard import FrameGuard, GuardWatch
 from gateway.session.hub_log import HubLog
 from gateway.session.latency import Latency
 from gateway.session.link_health import LinkHealth, hub_name
 from gateway.session.missing_results import long_missing
 from gateway.session.recent_loss import RecentLoss
 from gateway.session.recording_stage import Recorder, Stage
-from gateway.session.security_watch import SecurityWatch
+from gateway.session.session_parts import VehicleSignals, open_vehicle_signals
 from gateway.session.session_recording import SessionRecording
-from gateway.session.signal_decoding import SignalDecoder
 from gateway.session.silence import parts_heard
 from gateway.session.statement_watch import StatementWatch
 from gateway.session.wheel_identity import positions, unconfigured_wheel
@@ -99,9 +97,9 @@ class SessionCore:
         recorder: Recorder | None = None,
         records_items: bool = True,
         estimators: Sequence[str] = DEFAULT_ESTIMATORS,
-        guard: Guard | None = None,
+        guard: FrameGuard | None = None,
         effects: Sequence[CorrectionTable] = (),
-        signals: SignalDecoder | None = None,
+        signals: VehicleSignals | None = None,
         latency_s: float = LATENCY_S,
     ) -> None:
         """Build the session.
@@ -116,7 +114,7 @@ class SessionCore:
             signals: decodes the vehicle's bus and receivers; None for receivers only.
             latency_s: longest time that a result may wait, so that several revolutions are worked on at once.
         """
-        self._watch = SecurityWatch(guard)
+        self._watch = GuardWatch(guard)
         self.recording = SessionRecording(recorder, self.notify)
         self._records_items = records_items
         self._notices: deque[Notice] = deque(maxlen=_SHOWN_NOTICES)
@@ -128,13 +126,13 @@ class SessionCore:
         setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), effects)
         self._latency = self._present_latency = Latency(latency_s)
         self._pipeline = Pipeline(setups, unknown, estimators, self._latency.hold_s)
-        self._signals = signals or SignalDecoder()
+        self._signals = signals or open_vehicle_signals(vehicle)
         self._vehicle = vehicle
         self._reported_missing: set[tuple[str, tuple[Code, ...]]] = set()
         # Configured wheels, and those that were reported not to be.
         self._accounted_wheels = {setup.position for setup in setups}
         self._statements = StatementWatch(positions(vehicle), self._pipeline.limit)
-        self._pairs = WheelPairs(VehicleJoin(self._signals.history))
+        self._pairs = WheelPairs(self._signals.witness())
         self._alarms = SessionAlarms(vehicle, self._pipeline.position, self._state, self._pairs.alarms)
         for notice in vehicle.notices() if vehicle is not None else ():
             self.notify(notice)

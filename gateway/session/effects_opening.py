@@ -1,10 +1,9 @@
-"""Effects files as commands open them: read, checked against the catalogue of effects and against the vehicle."""
+"""Effects files as sessions open them: read, and checked against the catalogue of effects."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
-from gateway.config.effects_file import check_effects, load_effects
-from gateway.config.vehicle import VehicleConfig
+from gateway.closure.known_effects import known_effects
+from gateway.config.effects_file import load_effects
 from gateway.signal.effect_correction import CorrectionTable
 
 
@@ -16,20 +15,6 @@ def open_effects_file(path: Path) -> CorrectionTable:
         TreadlinkError: an effect is not in the catalogue, or its parameters are not those of the catalogue or outside
             of their ranges.
     """
-    # The catalogue takes longer to import than all that a session without known effects needs.
-    from gateway.closure.known_effects import known_effects
-
     table = load_effects(path)
     known_effects(table, str(path))
     return table
-
-
-def open_effects(paths: Sequence[Path], vehicle: VehicleConfig | None) -> tuple[CorrectionTable, ...]:
-    """Return the tables of effects files; errors as for `open_effects_file`.
-
-    Raises:
-        ConfigError: a file does not belong to the vehicle.
-    """
-    tables = tuple(map(open_effects_file, paths))
-    check_effects(tables, vehicle)
-    return tables

@@ -2,13 +2,19 @@
 
 from typing import Final
 
-from firmware_protocol.messages import CommandResult, LogText, Message
+from firmware_protocol.messages import COMMANDS, CommandResult, LogText, Message, MessageType, Outcome
 from gateway.reasons import Code, Level, Notice, Reason
-from gateway.session.commands import refusal
 from gateway.views.recording_topics import log_level
 
 LINES_PER_S: Final = 10
 _SECOND_NS: Final = 1_000_000_000
+_OUTCOMES: Final = {
+    Outcome.UNKNOWN_COMMAND: Code.COMMAND_UNKNOWN,
+    Outcome.VALUE_REFUSED: Code.COMMAND_VALUE_REFUSED,
+    Outcome.FAILED: Code.COMMAND_FAILED,
+    Outcome.NOT_VERIFIED: Code.COMMAND_NOT_VERIFIED,
+    Outcome.REPEATED: Code.COMMAND_REPEATED,
+}
 
 
 class HubLog:
@@ -51,3 +57,14 @@ class HubLog:
         """Return the report of the lines left out since the last one."""
         count, self._left_out = self._left_out, 0
         return [Notice(self._link, Reason(Code.HUB_LOG_LEFT_OUT, count=count), Level.WARNING)] if count else []
+
+
+def refusal(result: CommandResult) -> Reason | None:
+    """Return why a hub did not execute a command, None when it did."""
+    if result.outcome == Outcome.DONE:
+        return None
+    code_of = {outcome.value: code for outcome, code in _OUTCOMES.items()}
+    code = code_of.get(result.outcome)
+    outcome = Reason(Code.COMMAND_OUTCOME, outcome=result.outcome) if code is None else Reason(code)
+    name = MessageType(result.command).name if result.command in COMMANDS else f"command {result.command}"
+    return Reason(Code.COMMAND_REFUSED, command=name, outcome=outcome)

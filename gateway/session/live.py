@@ -19,19 +19,18 @@ from gateway.pipeline.results import Alarm, RevolutionResult, SessionSnapshot
 from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.reasons import Code, Level, Notice, Reason
 from gateway.recording.run_description import NO_DESCRIPTION, RunDescription, filled_in, form_of
-from gateway.security.guard import Guard
 from gateway.session.alarms import AlarmName
 from gateway.session.bounded_buffer import Buffer
 from gateway.session.computer_watch import ComputerWatch
-from gateway.session.control_socket import ControlSocket
 from gateway.session.core import SessionCore
 from gateway.session.core_watch import LOOK_S, CoreWatch
 from gateway.session.disk_watch import DiskWatch
+from gateway.session.frame_guard import FrameGuard
 from gateway.session.latency import Latency
 from gateway.session.lateness import LatenessWatch
 from gateway.session.publication import Publication
 from gateway.session.recording_stage import Recorder, RecordingStage, Stage, disk_watch_of
-from gateway.session.signal_decoding import SignalDecoder
+from gateway.session.session_parts import LinkServer, VehicleSignals
 from gateway.session.supervisor import Supervisor
 from gateway.views.session_summary import ResultSummary
 
@@ -74,14 +73,14 @@ class LiveSession:
         recorder: Recorder | None = None,
         disk: DiskWatch | None = None,
         estimators: Sequence[str] = DEFAULT_ESTIMATORS,
-        guard: Guard | None = None,
+        guard: FrameGuard | None = None,
         effects: Sequence[CorrectionTable] = (),
         publication: Publication | None = None,
-        signals: SignalDecoder | None = None,
+        signals: VehicleSignals | None = None,
         open_recorder: Callable[[RunDescription], Recorder] | None = None,
         run: RunDescription = NO_DESCRIPTION,
         latency_s: float = LATENCY_S,
-        control: ControlSocket | None = None,
+        control: LinkServer | None = None,
         supervisor: Supervisor | None = None,
     ) -> None:
         """Build the session; `start` runs it.

@@ -25,3 +25,32 @@ class Publication(Protocol):
     def sinks(self) -> tuple[SinkSnapshot, ...]:
         """Return the present state of the outputs."""
         ...
+
+
+class LiveOutputs(Publication, Protocol):
+    """Live outputs that are open.
+
+    Attributes:
+        addresses: that users open in a browser.
+    """
+
+    addresses: tuple[str, ...]
+
+    @property
+    def uses_standard_output(self) -> bool:
+        """Whether nothing else may be printed to standard output."""
+        ...
+
+    @property
+    def is_output_closed(self) -> bool:
+        """Whether the reader of standard output has left."""
+        ...
+
+    @property
+    def is_receiver_left(self) -> bool:
+        """After `close`: whether a receiver was away or took nothing at the end."""
+        ...
+
+    def close(self) -> tuple[SinkSnapshot, ...]:
+        """Send what waits and end the outputs; return their last state."""
+        ...

@@ -9,24 +9,22 @@ from numpy.typing import NDArray
 
 from firmware_protocol.block_decoder import FrameBatch
 from firmware_protocol.counters import LinkCounters
-from gateway.config.effects_file import effects_doubts, with_effects
 from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig, choose_vehicle
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.source import Chunk, LinkEvent, VehicleData
 from gateway.pipeline.results import AlarmRecord, RevolutionResult, WheelSnapshot
-from gateway.pipeline.vehicle_witness import VehicleJoin
 from gateway.pipeline.wheel_pairs import WheelPairs
 from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.pipeline.wheels import Pipeline
 from gateway.reasons import Level, Notice
 from gateway.recording.decoder_blocks import DecodedLinks
+from gateway.recording.recorded_clock import RecordedClock
 from gateway.recording.recorded_file import RecordedFile
-from gateway.recording.set_clock import RecordedClock
-from gateway.security.guard import Guard, open_guard
 from gateway.session.alarm_watch import RecordingAlarms
-from gateway.session.effects_opening import open_effects
+from gateway.session.corrections import effects_doubts, open_effects, with_effects
+from gateway.session.frame_guard import FrameGuard
 from gateway.session.missing_results import FrameCounts, missing_frames, missing_revolutions
-from gateway.session.signal_decoding import SignalDecoder, open_decoder
+from gateway.session.session_parts import VehicleSignals, open_guard, open_vehicle_signals
 from gateway.session.statement_watch import StatementWatch
 from gateway.session.wheel_identity import SensorsHeard, positions
 
@@ -60,7 +58,7 @@ class OpenedRecording:
         """Return what the configuration states otherwise than the recordings of the effects' diagnosis."""
         return effects_doubts(self.effects, self.vehicle)
 
-    def guard(self) -> Guard | None:
+    def guard(self) -> FrameGuard | None:
         """Return a new guard, which verifies the frames of one pass; None where none are verified.
 
         Raises:
@@ -68,13 +66,13 @@ class OpenedRecording:
         """
         return open_guard(self.vehicle, self.key_file, remembers=False) if self.verifies else None
 
-    def signals(self) -> SignalDecoder:
+    def signals(self) -> VehicleSignals:
         """Return a new decoder of the vehicle's signals, for one pass.
 
         Raises:
             ConfigError: the DBC file cannot be read, or does not fit the configuration.
         """
-        return open_decoder(self.vehicle, self.config_path, (), [self.file.info.dbc_text])
+        return open_vehicle_signals(self.vehicle, self.config_path, recorded=[self.file.info.dbc_text])
 
     def blocks(
         self, links: DecodedLinks, on_other: Callable[[VehicleData | LinkEvent], None] | None = None
@@ -149,7 +147,7 @@ class RecordingPass:
         *,
         is_watched: bool = True,
         logs_alarms: bool = True,
-        signals: SignalDecoder | None = None,
+        signals: VehicleSignals | None = None,
         on_block: Callable[[str, FrameBatch, NDArray[np.int64]], None] | None = None,
     ) -> None:
         """Prepare the pass.
@@ -178,7 +176,7 @@ class RecordingPass:
         setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), recording.effects)
         self._pipeline = Pipeline(setups, UNKNOWN_WHEEL, estimators)
         self._signals = signals
-        self._pairs = WheelPairs(VehicleJoin(signals.history) if signals is not None else None)
+        self._pairs = WheelPairs(signals.witness() if signals is not None else None)
         alarms = RecordingAlarms(vehicle, self._pipeline, self._pairs.alarms, logs=logs_alarms)
         self._alarms = alarms if is_watched else None
         self._on_block = on_block

@@ -15,21 +15,17 @@ from gateway.io.reconnect import ReconnectingSource
 from gateway.io.source import Source, is_live, open_source, parse_source_uri
 from gateway.io.time_limit import limited
 from gateway.nearest_name import did_you_mean
-from gateway.reasons import Code, Level, Notice, Reason
+from gateway.reasons import Reason
 from gateway.recording.replay_source import ReplaySource
 from gateway.recording.run_description import NO_DESCRIPTION, RunDescription, TireIdentity
 from gateway.recording.split_writer import Split, SplitWriter
 from gateway.recording.writer import RecordingWriter
-from gateway.security.guard import open_guard
-from gateway.security.key_file import command_keys
-from gateway.session.commands import TwoWaySource, with_commands
-from gateway.session.control_socket import ControlSocket, session_of, shared_links
-from gateway.session.effects_opening import open_effects
+from gateway.session.corrections import open_effects
 from gateway.session.latency import Latency
 from gateway.session.live import LiveSession
 from gateway.session.publication import Publication
 from gateway.session.recording_stage import disk_watch_of
-from gateway.session.signal_decoding import open_decoder
+from gateway.session.session_parts import commanded_links, open_guard, open_vehicle_signals
 from gateway.session.supervisor import Supervisor
 from gateway.views.session_summary import ResultSummary
 
@@ -175,20 +171,15 @@ def open_session(
         effects = open_effects(effects_paths, vehicle)
         # Files and simulations repeat frames, so they neither check nor advance the counters against replay.
         guard = open_guard(vehicle, key_file, remembers=all(map(is_live, uris)))
-        keys = command_keys(key_file) if guard is not None else {}
         texts = [getattr(source, "dbc_text", None) for source in sources]
         is_replay = [parse_source_uri(uri).scheme == "replay" for uri in uris]
         stated_texts = [text for text, recorded in zip(texts, is_replay, strict=True) if not recorded]
-        signals = open_decoder(vehicle, config_path, stated_texts, [text for text in texts if text not in stated_texts])
+        signals = open_vehicle_signals(
+            vehicle, config_path, stated=stated_texts, recorded=[text for text in texts if text not in stated_texts]
+        )
         dbc_text = signals.dbc_text or next(filter(None, texts), None)
-        # The policy `warn` is for a time in which not every hub signs yet.
-        may_be_unsigned = guard is not None and not guard.requires
-        links = shared_links([source for source in sources if isinstance(source, TwoWaySource)])
-        shared = {id(link.source): link for link in links.values()}
-        sources = [
-            with_commands(shared.get(id(source), source), clock, keys, may_be_unsigned=may_be_unsigned)
-            for source in sources
-        ]
+        links = commanded_links(sources, clock, key_file, guard)
+        sources = list(links.sources)
         open_recorder = partial(_open_recorder, clock=clock, vehicle=vehicle, uris=uris, dbc_text=dbc_text, run=stated)
         recorder = open_recorder(record, split) if record is not None else None
 
@@ -214,14 +205,11 @@ def open_session(
             open_recorder=None if all(is_replay) else begun,
             run=stated,
             latency_s=latency_s,
-            control=ControlSocket(links),
+            control=links.serve(),
             supervisor=supervisor,
         )
-        for link in links.values():
-            other = session_of(link.link)
-            if other is not None:
-                other.connection.close()
-                live.core.notify(Notice(link.link, Reason(Code.LINK_IN_USE, process=other.process), Level.WARNING))
+        for notice in links.in_use():
+            live.core.notify(notice)
         live.start()
     except BaseException:
         supervisor.close()

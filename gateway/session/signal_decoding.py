@@ -11,6 +11,7 @@ from gateway.io.dbc_file import read_dbc
 from gateway.io.nmea_sentences import ReceiverClock, SentenceReader, can_read_sentences
 from gateway.io.source import BusFrames, Sentences, VehicleData
 from gateway.pipeline.vehicle_signals import RECEIVER_SIGNALS, SignalHistory, SignalValue
+from gateway.pipeline.vehicle_witness import VehicleJoin
 from gateway.reasons import Code, Reason
 from gateway.session.bus_decoding import BusDecoder
 
@@ -65,6 +66,10 @@ class SignalDecoder:
         self._keys_of_bus = keys
         self.dbc_text = bus.dbc_text if bus is not None else None
         self.maps_bus = bus is not None
+
+    def witness(self) -> VehicleJoin:
+        """Return what compares revolutions with the signals, as far as they are decoded."""
+        return VehicleJoin(self.history)
 
     def take(self, item: VehicleData) -> dict[str, float]:
         """Decode an item into the history; return the latest value of each signal in it."""

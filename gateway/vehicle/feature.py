@@ -2,6 +2,13 @@
 
 from typing import Final
 
-from gateway.feature import Feature
+from gateway.feature import Feature, Registry
 
-FEATURE: Final = Feature()
+FEATURE: Final = Feature(
+    adds={
+        Registry.PARTS: {
+            "names of vehicle signals": "gateway.pipeline.vehicle_signals:SIGNAL_NAMES",
+            "vehicle signals": "gateway.session.signal_decoding:open_decoder",
+        },
+    },
+)

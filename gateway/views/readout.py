@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Sequence
+from functools import cache
 from typing import Final, NamedTuple
 
 from gateway.estimators.estimator import Estimate, Status
+from gateway.feature import Registry, added, object_of
 from gateway.pipeline.results import RevolutionResult
-from gateway.pipeline.vehicle_signals import SIGNAL_NAMES
 from gateway.quantity_catalogue import RING_NUMBERS, RING_RATIOS
 from gateway.reasons import Reason
 from gateway.views.numbers import Shown, show
@@ -60,6 +61,13 @@ class Reading(NamedTuple):
         return "" if self.numbers else "no estimates"
 
 
+@cache
+def vehicle_signal_names() -> frozenset[str]:
+    """Return every name that a signal of the vehicle can have among the estimates of a revolution."""
+    names: frozenset[str] = object_of(added(Registry.PARTS)["names of vehicle signals"])
+    return names
+
+
 def read_result(result: RevolutionResult) -> Reading:
     """Sort a result's estimates; speed and angles fall back to the revolution's own when no estimate names them."""
     others: dict[str, Estimate] = {}
@@ -68,7 +76,7 @@ def read_result(result: RevolutionResult) -> Reading:
     ratios: list[Estimate] = []
     for estimate in result.estimates:
         plain = estimate.name.rpartition(":")[2]
-        if estimate.name in SIGNAL_NAMES:
+        if estimate.name in vehicle_signal_names():
             car.append(estimate)
         elif plain in RING_RATIOS:
             ratios.append(estimate)

@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from typing import Protocol
 
+from gateway.pipeline.results import RevolutionResult, SessionSnapshot
+
 
 class SessionControl(Protocol):
     """What its views may ask a session for, from any thread."""
@@ -39,4 +41,24 @@ class SessionControl(Protocol):
         Raises:
             RecordingError: the disk refused.
         """
+        ...
+
+
+class ShownSession(SessionControl, Protocol):
+    """A running session as the console uses it, from the thread of the console."""
+
+    def snapshot(self) -> SessionSnapshot:
+        """Return the latest state; cheap, never raises."""
+        ...
+
+    def results(self) -> list[RevolutionResult]:
+        """Return the results since the last call."""
+        ...
+
+    def pause(self, paused: bool) -> bool:
+        """Pause a replay, or let it go on; return whether the session can be paused, as a live hub cannot."""
+        ...
+
+    def request_stop(self) -> None:
+        """Ask the session to end; returns at once."""
         ...

@@ -10,9 +10,9 @@ from typing import Final, NamedTuple
 
 from gateway.estimators.estimator import Estimate, Status
 from gateway.pipeline.results import RevolutionResult
-from gateway.pipeline.vehicle_signals import SIGNAL_NAMES
 from gateway.quantity_catalogue import quantity_of
 from gateway.views.numbers import split_name
+from gateway.views.readout import vehicle_signal_names
 
 SPAN_S: Final = 600
 """Time that is kept, with the last revolution of each second."""
@@ -21,7 +21,6 @@ _STATUSES: Final = (Status.INVALID, Status.VALID, Status.PROVISIONAL)
 _DESCRIPTIONS: Final = {
     "pressure_pa": "inflation pressure, measured or stated",
     "temperature_degc": "temperature at the sensor",
-    **dict.fromkeys(SIGNAL_NAMES, "signal of the vehicle"),
 }
 
 
@@ -146,4 +145,6 @@ def _estimates(result: RevolutionResult) -> list[Estimate]:
 
 def _words(name: str) -> tuple[str, str, str]:
     label, unit = split_name(name)
+    if name in vehicle_signal_names():
+        return label, unit.symbol, "signal of the vehicle"
     return label, unit.symbol, _DESCRIPTIONS.get(name) or quantity_of(name).description

@@ -8,8 +8,8 @@ from functools import lru_cache
 from typing import Any, Final
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.feature import Registry, added, object_of
 from gateway.reasons import Code, Level, Notice, Reason, Value
-from gateway.trends.watched_series import label_of
 from gateway.views.probabilities import probability_text
 from gateway.views.text import escaped
 
@@ -74,7 +74,8 @@ class _Template(string.Formatter):
             return _utc(value)
         if format_spec == "series":
             # Sentences are about the value itself, not its logarithm.
-            return label_of(str(value)).removeprefix("ln ")
+            label: str = object_of(added(Registry.PARTS)["label of a series"])(str(value))
+            return label.removeprefix("ln ")
         if format_spec == "times":
             return f"more than {_MOST_TIMES:g} times" if value > _MOST_TIMES else f"{value:.2g} times"
         if format_spec == " ":

@@ -28,11 +28,12 @@ from gateway.clock import ManualClock, SystemClock
 from gateway.config.vehicle import parse_vehicle
 from gateway.errors import SourceError
 from gateway.io.ble_source import BleSource
-from gateway.io.source import Chunk, LinkEvent, LinkEventKind, Source, open_source
+from gateway.io.source import Chunk, LinkEvent, LinkEventKind, Source, TwoWaySource, open_source
 from gateway.reasons import Code
 from gateway.session.command_signing import command_frame
-from gateway.session.commands import TwoWaySource, execute, refusal, with_commands
+from gateway.session.commands import execute, with_commands
 from gateway.session.core import SessionCore
+from gateway.session.hub_log import refusal
 from gateway.session.live import LiveSession
 from gateway.simulator.bluetooth.bluez_thread import BluezStandIn
 from gateway.simulator.bluetooth.hubs import BleHub, ble_hubs, broadcast

@@ -10,11 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.config.effects_file import check_effects, effects_doubts, effects_notices, effects_text, load_effects
+from gateway.config.effects_file import effects_text, load_effects
 from gateway.config.vehicle import parse_vehicle
 from gateway.errors import ConfigError
 from gateway.pipeline.wheel_setup import CorrectedEffect, CorrectionTable, EffectParameter
 from gateway.reasons import Code
+from gateway.session.corrections import check_effects, effects_doubts, effects_notices
 
 RNG = np.random.default_rng(1)
 TABLE = CorrectionTable(

@@ -1,4 +1,4 @@
-"""Claims of README.md and the documentation that code can check: paths, names, layers, links and navigation."""
+"""Claims of README.md and the documentation that code can check: paths, names, links and navigation."""
 
 import importlib
 import os
@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from gateway.estimators.registry import ESTIMATORS
-from tests.test_import_rules import ALLOWED, FOUNDATION, imports
+from tests.test_import_rules import imports
 from tools.docs_site.staging import DOCS, ROOT, TOP_LEVEL, generated_pages, relative_links, stage, written_pages
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -51,27 +51,6 @@ def resolves(name: str) -> bool:
         module, _, attribute = name.rpartition(".")
         return bool(module) and resolves(module) and hasattr(importlib.import_module(module), attribute)
     return True
-
-
-def test_the_architecture_page_draws_the_import_rules():
-    page = (ROOT / "docs" / "contributing" / "architecture.md").read_text("utf-8")
-    drawn = {}
-    for row in re.findall(r"^\| (`.*) \| (.*) \|$", page, re.MULTILINE):
-        allowed = set(re.findall(r"`([\w.]+)`", row[1])) or {"everything": {"*"}, "nothing": set()}[row[1]]
-        drawn |= dict.fromkeys(re.findall(r"`([\w.]+)`", row[0]), allowed)
-    assert drawn == ALLOWED
-    assert all(f"`{module}`" in page for module in FOUNDATION)
-
-
-def test_layer_diagram_follows_import_order():
-    page = (ROOT / "docs" / "contributing" / "architecture.md").read_text("utf-8")
-    rows = re.findall(r"^( \d|\d\d) {2}(.*)$", page, re.MULTILINE)
-    level = {name: int(number) for number, names in rows for name in names.split()}
-    layers = {layer.removeprefix("gateway."): allowed for layer, allowed in ALLOWED.items()}
-    assert set(level) == set(layers) | {module.removeprefix("gateway.") for module in FOUNDATION - {"gateway"}}
-    for layer, allowed in layers.items():
-        for below in (set(layers) - {layer}) if allowed == {"*"} else allowed:
-            assert level[below.removeprefix("gateway.")] < level[layer]
 
 
 @cache

@@ -27,10 +27,10 @@ from firmware_protocol.messages import (
 )
 from gateway.clock import SystemClock
 from gateway.config.vehicle import parse_vehicle
-from gateway.io.source import Chunk, open_source
+from gateway.io.source import Chunk, TwoWaySource, open_source
 from gateway.security.cmac import Key
 from gateway.security.key_file import hub_identity, sensor_identity
-from gateway.session.commands import TwoWaySource, execute
+from gateway.session.commands import execute
 from gateway.session.core import SessionCore
 from gateway.simulator.firmware import bench_records
 from gateway.simulator.firmware.bench_records import Kind

@@ -16,12 +16,12 @@ from firmware_protocol.messages import CommandResult, Hello, HubStatus, Outcome,
 from gateway.cli.protocol_check import check_link
 from gateway.clock import SystemClock
 from gateway.errors import SourceError
-from gateway.io.source import Chunk, LinkItem, open_source
+from gateway.io.source import Chunk, LinkItem, TwoWaySource, open_source
 from gateway.security.cmac import Key
 from gateway.session.bringup.clauses import Clause, Verdict
 from gateway.session.bringup.command_trial import CLAUSES
 from gateway.session.bringup.firmware_check import FirmwareCheck
-from gateway.session.commands import TwoWaySource, execute
+from gateway.session.commands import execute
 from gateway.simulator.firmware.firmware_build import COLLECTOR, WARNINGS
 from tests.firmware.conftest import require
 from tests.testkit.collector_bench import command_bytes

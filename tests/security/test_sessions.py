@@ -27,8 +27,8 @@ from gateway.security.freshness import Ledger
 from gateway.security.guard import open_guard
 from gateway.security.key_file import KeyFile, counters_file
 from gateway.session.core import SessionCore
+from gateway.session.frame_guard import GuardWatch
 from gateway.session.recording_pass import RecordingPass, open_recording
-from gateway.session.security_watch import SecurityWatch
 from gateway.views.wording import notice_text, text
 from tests.testkit.agreement import values_of
 from tests.testkit.commands import invoked
@@ -361,7 +361,7 @@ def test_a_policy_without_keys_is_reported(tmp_path: Path, policy: str, monkeypa
 def test_the_first_frame_of_every_start_is_stored_at_once(tmp_path: Path) -> None:
     path = tmp_path / "counters"
     watching = guard(Ledger(path))
-    watch = SecurityWatch(watching)
+    watch = GuardWatch(watching)
     for step, boot_count in enumerate((7, 8)):
         watch.tick(1 + step)  # nothing new yet
         assert watch._saving is not None

@@ -21,14 +21,14 @@ from firmware_protocol.messages import (
 from firmware_protocol.signing import is_signed, sign
 from gateway.clock import ManualClock, SystemClock
 from gateway.errors import SourceError
-from gateway.io.source import Chunk, open_source
+from gateway.io.source import Chunk, TwoWaySource, open_source
 from gateway.reasons import Code
 from gateway.security.cmac import Key, mac
 from gateway.security.freshness import Ledger
 from gateway.security.guard import ConfiguredWheel, Guard
 from gateway.security.key_file import hub_identity, sensor_identity
 from gateway.session.command_signing import command_frame
-from gateway.session.commands import CommandedSource, Executed, TwoWaySource, execute
+from gateway.session.commands import CommandedSource, Executed, execute
 from gateway.session.core import SessionCore
 from gateway.views.wording import text
 from tests.testkit.hub_ends import TIMEOUT_S, PtyPort, TcpHub

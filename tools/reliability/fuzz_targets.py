@@ -26,7 +26,7 @@ from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Coupling, Environment, Frame, Hello, MessageType, SampleBlock
 from gateway.cli.import_measurement import report_lines
 from gateway.clock import ManualClock
-from gateway.config.effects_file import check_effects, effects_notices, effects_text, with_effects
+from gateway.config.effects_file import effects_text
 from gateway.config.known_runs import SlipRunsFile, load_runs
 from gateway.config.vehicle import VehicleConfig, load_vehicle, parse_vehicle, recorded_vehicle
 from gateway.errors import TreadlinkError
@@ -48,6 +48,7 @@ from gateway.security.cmac import Key
 from gateway.security.freshness import Ledger
 from gateway.security.key_file import KeyFile, hub_identity, sensor_identity
 from gateway.session.core import SessionCore
+from gateway.session.corrections import check_effects, effects_notices, with_effects
 from gateway.session.effects_opening import open_effects_file
 from gateway.simulator.scenario import load_scenario
 from gateway.types import FloatArray

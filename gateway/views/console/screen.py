@@ -1,7 +1,7 @@
 """The live console, drawn from snapshots ten times a second, never per frame or revolution."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import ClassVar, Final, Protocol
+from typing import ClassVar, Final
 
 from rich.segment import Segment
 from rich.style import Style
@@ -14,11 +14,11 @@ from textual.widget import Widget
 from textual.widgets import Input
 
 from gateway.errors import TreadlinkError
-from gateway.pipeline.results import RevolutionResult, SessionSnapshot
+from gateway.pipeline.results import SessionSnapshot
 from gateway.views.console.page import ViewState, compose
 from gateway.views.console.styled_rows import Role, Row
 from gateway.views.console.waveform import Zoom
-from gateway.views.session_control import SessionControl
+from gateway.views.session_control import ShownSession
 
 DRAW_INTERVAL_S: Final = 0.1
 _SHORT_MARK: Final = "mark"
@@ -73,26 +73,6 @@ class Board(Widget, can_focus=True):
         if y >= len(self._rows):
             return Strip.blank(self.size.width)
         return Strip([Segment(text, STYLES[role]) for text, role in self._rows[y] if text], self.size.width)
-
-
-class ShownSession(SessionControl, Protocol):
-    """A running session as the console uses it, from the thread of the console."""
-
-    def snapshot(self) -> SessionSnapshot:
-        """Return the latest state; cheap, never raises."""
-        ...
-
-    def results(self) -> list[RevolutionResult]:
-        """Return the results since the last call."""
-        ...
-
-    def pause(self, paused: bool) -> bool:
-        """Pause a replay, or let it go on; return whether the session can be paused, as a live hub cannot."""
-        ...
-
-    def request_stop(self) -> None:
-        """Ask the session to end; returns at once."""
-        ...
 
 
 class WheelBoard(Board):

@@ -1,23 +1,104 @@
-"""The guard within a session: gates of the links, notices, and counters saved in the background."""
+"""The guard within a session: its verdicts, gates of the links, notices, and counters saved in the background."""
 
 import threading
 from collections.abc import Mapping
-from typing import Final
+from enum import StrEnum
+from typing import Final, Protocol
 
 from firmware_protocol.signing import Gate
+from gateway.errors import TreadlinkError
 from gateway.reasons import Code, Level, Notice, Reason
-from gateway.security.cmac import SecurityError
-from gateway.security.guard import Guard
 
 # A crash loses the counters of this time; frames as recent as that could be replayed to the next session.
 _SAVE_EVERY_NS: Final = 5_000_000_000
 _JOIN_S: Final = 5.0
 
 
-class SecurityWatch:
+class Verdict(StrEnum):
+    """Verdict on a frame; only VERIFIED frames pass where signatures are required."""
+
+    VERIFIED = "verified"
+    UNSIGNED = "unsigned"
+    FORGED = "wrong tag"
+    EARLIER_START = "earlier start"
+    REPLAYED = "replayed"
+    TOO_LATE = "too late"
+    NO_KEY = "no key"
+    NOT_ADMITTED = "not admitted"
+    EARLY = "before hello"
+
+
+SUSPICIOUS: Final = (
+    Verdict.UNSIGNED,
+    Verdict.FORGED,
+    Verdict.EARLIER_START,
+    Verdict.REPLAYED,
+    Verdict.TOO_LATE,
+    Verdict.NOT_ADMITTED,
+)
+"""Verdicts that bad intent could explain."""
+
+
+class CountedGate(Protocol):
+    """Check of the frames of one link."""
+
+    @property
+    def counts(self) -> Mapping[Verdict, int]:
+        """Frames by verdict."""
+        ...
+
+    def __call__(self, frame: bytes) -> bool:
+        """Return whether an intact frame may pass."""
+        ...
+
+
+class CounterLedger(Protocol):
+    """Counters of the senders, which are kept from session to session."""
+
+    def starts(self) -> Mapping[str, int]:
+        """Return the latest start of each sender."""
+        ...
+
+    def highest(self) -> Mapping[str, int]:
+        """Return the highest counter of each sender."""
+        ...
+
+    def save(self, counters: Mapping[str, int]) -> None:
+        """Store counters.
+
+        Raises:
+            TreadlinkError: they cannot be stored.
+        """
+        ...
+
+
+class FrameGuard(Protocol):
+    """Check of every frame of a session.
+
+    Attributes:
+        requires: True when only verified frames pass.
+    """
+
+    requires: bool
+
+    @property
+    def ledger(self) -> CounterLedger:
+        """Counters of the senders."""
+        ...
+
+    def gate(self, link: str) -> CountedGate:
+        """Return the check of a link, one per name."""
+        ...
+
+    def take_notices(self) -> list[Notice]:
+        """Return the notices since the last call."""
+        ...
+
+
+class GuardWatch:
     """Wrapper of a guard, or of none."""
 
-    def __init__(self, guard: Guard | None) -> None:
+    def __init__(self, guard: FrameGuard | None) -> None:
         self._guard = guard
         self._due_ns = 0
         self._starts: Mapping[str, int] = {}
@@ -72,7 +153,7 @@ class SecurityWatch:
             return
         try:
             self._guard.ledger.save(current)
-        except SecurityError as error:
+        except TreadlinkError as error:
             self._fault = Reason(Code.COUNTERS_NOT_SAVED, error=str(error), remedy=error.remedy)
 
     def _new_fault(self) -> list[Notice]:

@@ -1,0 +1,1 @@
+"""Screen of a session on the terminal."""

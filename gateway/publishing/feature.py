@@ -1,0 +1,14 @@
+"""Declaration of the feature."""
+
+from typing import Final
+
+from gateway.feature import Feature, Registry
+
+FEATURE: Final = Feature(
+    adds={
+        Registry.PARTS: {
+            "live outputs": "gateway.publishing.publisher:open_outputs",
+            "files of live outputs": "gateway.publishing.publisher:files_of",
+        },
+    },
+)
