@@ -153,8 +153,8 @@ class _Chain:
         """
         for _ in range(passes):
             force, push = self.forces(x, height)
-            left = np.append(force.T.ravel(), push[1].sum() - load_n)
-            step = -self.tangent(x, height).solve(left)
+            residual = np.append(force.T.ravel(), push[1].sum() - load_n)
+            step = -self.tangent(x, height).solve(residual)
             longest = float(np.abs(step).max())
             factor = min(1.0, 2e-3 / longest)
             x = x + factor * step[:-1].reshape(-1, 2).T
