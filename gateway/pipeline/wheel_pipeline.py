@@ -209,9 +209,7 @@ class WheelPipeline:
         return buffer is None or segmenter is None or unwrap(buffer.head, next_sample) >= segmenter.next_index
 
     def overdue_s(self, now_us: int | None) -> float:
-        """Return for how long results have been due at a hub time; negative before, or when there are none."""
-        if self._results:
-            return math.inf
+        """Return for how long revolutions have been due at a hub time; negative before, or when there are none."""
         if not self._decided:
             return -math.inf
         assert self._buffer is not None
@@ -221,8 +219,12 @@ class WheelPipeline:
         return by_samples if now_us is None else max(by_samples, (now_us - self._due_us) * 1e-6)
 
     def complete(self) -> list[RevolutionResult]:
-        """Return the revolutions that were completed since the last call."""
+        """Work on the revolutions that wait, and return those that were completed since the last call."""
         self._revolve()
+        return self.completed()
+
+    def completed(self) -> list[RevolutionResult]:
+        """Return the revolutions that were completed since the last call."""
         results, self._results = self._results, []
         return results
 
@@ -305,16 +307,20 @@ class WheelPipeline:
         """Keep revolutions that the segmenter has found."""
         assert self._segmenter is not None
         if pairs and not self._decided:
-            assert self._buffer is not None
-            assert self._clock is not None
-            head, hold_s = self._buffer.head, self._hold_s
-            self._due_at = head + hold_s * self._clock.nominal_rate_hz
-            # All wheels of a hub at the same times: the work on one finds the code of that on another in the cache.
-            now_us, step_us = self._clock.hub_us(head), hold_s * 1e6
-            self._due_us = (now_us // step_us + 1.0) * step_us if step_us else now_us
+            self._begin_to_wait()
         for pair in pairs:
             self._decided.append(_Decided(pair, self._segmenter.sign))
             self._missing.came(pair.end.centre)
+
+    def _begin_to_wait(self) -> None:
+        """Set the time until which the first waiting revolution may wait for the next ones."""
+        assert self._buffer is not None
+        assert self._clock is not None
+        head, hold_s = self._buffer.head, self._hold_s
+        self._due_at = head + hold_s * self._clock.nominal_rate_hz
+        # All wheels of a hub at the same times: the work on one finds the code of that on another in the cache.
+        now_us, step_us = self._clock.hub_us(head), hold_s * 1e6
+        self._due_us = (now_us // step_us + 1.0) * step_us if step_us else now_us
 
     def _make_room(self, count: int) -> None:
         """Work on the waiting revolutions if so many more samples would overwrite theirs."""
@@ -407,6 +413,7 @@ class WheelPipeline:
             fills_no_block = len(waiting) - done < self._timer.until_renewal
             if overwritten is not None and fills_no_block and overwritten <= int(pair.start.centre):
                 self._decided = waiting[done:]
+                self._begin_to_wait()
                 return
             end = done + 1
             most = min(done + self._timer.until_renewal, len(waiting))

@@ -124,7 +124,8 @@ class Pipeline:
             estimators: names from the registry, in the order of their output.
             hold_s: longest time by which `frames` may return a revolution later, together with the next ones: work on
                 several at once takes less than on one at a time. By the hub's samples and clock, so that the results
-                do not depend on when frames arrive.
+                do not depend on when frames arrive. In `batch`, time after which those of a wheel are complete that
+                sends nothing more.
 
         Raises:
             ConfigError: unknown estimator.
@@ -178,7 +179,13 @@ class Pipeline:
         longest_us = _GATHERED_SHARE * self._hold_s * 1e6
         for source in sources.values():
             source.add_due(longest_us)
-        return [result for wheel in self._due() for result in wheel.complete()]
+        return self._completed(self._due())
+
+    def _completed(self, due: Container[WheelPipeline]) -> list[RevolutionResult]:
+        """Return the revolutions that are complete, those that wait of the wheels that are due."""
+        return [
+            result for _, wheel in self._heard for result in (wheel.complete() if wheel in due else wheel.completed())
+        ]
 
     def _due(self) -> list[WheelPipeline]:
         """Return the wheel whose results have been due for longest, and all that have been for another `hold_s`.
@@ -230,7 +237,8 @@ class Pipeline:
             host_ns: (frames,) arrival time of each; None where they are not known, as of a dump.
         """
         self._router.batch(link, batch, host_ns)
-        return [result for _, wheel in self._heard for result in wheel.complete()]
+        # A wheel works on its revolutions when a block of them is full, or its buffer; one that sends no more does not.
+        return self._completed([wheel for hub, wheel in self._heard if wheel.overdue_s(hub.last_us) >= self._hold_s])
 
     def finish(self) -> list[RevolutionResult]:
         """Complete the revolutions that can be completed, when no more frames will come."""

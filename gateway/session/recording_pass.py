@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,9 @@ from gateway.session.missing_results import FrameCounts, missing_frames, missing
 from gateway.session.session_parts import VehicleSignals, open_guard, open_vehicle_signals
 from gateway.session.statement_watch import StatementWatch
 from gateway.session.wheel_identity import SensorsHeard, positions
+
+# Revolutions of a recording wait for a full block, those of a sensor that fell silent for so long or twice that.
+_HOLD_S: Final = 4.0
 
 Block = tuple[str, FrameBatch, NDArray[np.int64]]
 """Link, a block of its frames, and their arrival times in ns."""
@@ -174,7 +178,7 @@ class RecordingPass:
         self._guard = recording.guard()
         self._links = DecodedLinks(self._guard)
         setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), recording.effects)
-        self._pipeline = Pipeline(setups, UNKNOWN_WHEEL, estimators)
+        self._pipeline = Pipeline(setups, UNKNOWN_WHEEL, estimators, _HOLD_S)
         self._signals = signals
         self._pairs = WheelPairs(signals.witness() if signals is not None else None)
         alarms = RecordingAlarms(vehicle, self._pipeline, self._pairs.alarms, logs=logs_alarms)

@@ -13,6 +13,7 @@ from firmware_protocol.messages import Coupling, Environment, MessageType
 from gateway.estimators.estimator import Status
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.pipeline.results import WheelState
+from gateway.pipeline.tire_estimates import TireEstimates
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.pipeline.wheels import Pipeline
 from gateway.reasons import Code, codes_of
@@ -48,8 +49,8 @@ def arrivals_ns(packets, hold_s):
     return results, came_ns, pipeline.finish()
 
 
-def run_batch(packets, setups=(SETUP,), block=50_000):
-    pipeline, decoder = Pipeline(setups, UNKNOWN), BatchDecoder()
+def run_batch(packets, setups=(SETUP,), block=50_000, hold_s=0.0):
+    pipeline, decoder = Pipeline(setups, UNKNOWN, hold_s=hold_s), BatchDecoder()
     ends = np.cumsum([len(data) for data, _ in packets])
     arrivals = np.array([host_ns for _, host_ns in packets])
     whole = b"".join(data for data, _ in packets)
@@ -86,6 +87,40 @@ def test_batch_equals_live(four_wheels):
     for block in (1_000, 10**7):
         batch, _ = run_batch(packets, SETUPS, block)
         assert_agree(batch, live)
+
+
+def test_pieces_of_a_file_cut_no_block_of_revolutions(four_wheels, monkeypatch):
+    sizes = []
+    take_block = TireEstimates.take_block
+
+    def counted(self, arrays, *arguments):
+        sizes.append(len(arrays))
+        return take_block(self, arrays, *arguments)
+
+    monkeypatch.setattr(TireEstimates, "take_block", counted)
+    packets = stream(four_wheels, 900_000)
+    whole, _ = run_batch(packets, SETUPS, 10**7, hold_s=4.0)
+    sizes_of_whole = sorted(sizes)
+    sizes.clear()
+    pieces, _ = run_batch(packets, SETUPS, 5_000, hold_s=4.0)
+    assert sorted(sizes) == sizes_of_whole
+    assert_agree(pieces, whole)
+
+
+def test_revolutions_of_a_file_wait_for_a_silent_wheel_for_two_holds_at_most(four_wheels):
+    stops_us, hold_s = four_wheels[len(four_wheels) // 4].tick_us, 0.5
+    frames = [frame for frame in four_wheels if frame.wheel or frame.tick_us < stops_us]
+    until = next(index for index, frame in enumerate(frames) if frame.tick_us > stops_us + 2.2e6 * hold_s)
+    pipeline, decoder, came = Pipeline(SETUPS, UNKNOWN, ("kinematic",), hold_s), BatchDecoder(), []
+    for data, host_ns in stream(frames[:until], 900_000):
+        batch = decoder.feed(data)
+        came += pipeline.batch("link", batch, np.full(len(batch), host_ns)) if len(batch) else []
+    of_wheel = [result for result in came if result.position == "W0"]
+    assert len(of_wheel) > 3
+    # What is left ends with the samples, in a contact that only the end of the file completes.
+    left = [result for result in pipeline.finish() if result.position == "W0"]
+    assert all(result.revolution.start_s > of_wheel[-1].revolution.start_s for result in left)
+    assert len(left) <= 1
 
 
 def test_batch_equals_live_on_bad_link(four_wheels):
