@@ -106,7 +106,7 @@ firmware-packages:
 
 # The reference collector in the loop, and what it costs.
 firmware: $(STAMP)
-	$(BIN)/python -m pytest tests/firmware
+	$(BIN)/python -m pytest tests/makers/firmware
 	$(BIN)/python -m tools.bench_firmware
 
 bench: $(STAMP)

@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from gateway.api.measurement_import import guess_map as guess_map
     from gateway.api.measurement_import import import_measurement as import_measurement
     from gateway.api.merged_recording import merge as merge
-    from gateway.api.paper_figures import figures as figures
     from gateway.api.recording_access import Recording as Recording
     from gateway.api.recording_access import Wheel as Wheel
     from gateway.api.recording_access import WheelNotFoundError as WheelNotFoundError
@@ -48,13 +47,14 @@ if TYPE_CHECKING:
     from gateway.api.signal_tables import Revolutions as Revolutions
     from gateway.api.signal_tables import Samples as Samples
     from gateway.api.simulated_recording import simulate as simulate
-    from gateway.api.tire_calibration import TireCalibration as TireCalibration
-    from gateway.api.tire_calibration import calibrate as calibrate
-    from gateway.errors import ConfigError as ConfigError
-    from gateway.errors import OutputError as OutputError
-    from gateway.errors import RecordingError as RecordingError
-    from gateway.errors import SourceError as SourceError
-    from gateway.errors import TreadlinkError
+    from gateway.core.errors import ConfigError as ConfigError
+    from gateway.core.errors import OutputError as OutputError
+    from gateway.core.errors import RecordingError as RecordingError
+    from gateway.core.errors import SourceError as SourceError
+    from gateway.core.errors import TreadlinkError
+    from gateway.forces.tire_calibration import TireCalibration as TireCalibration
+    from gateway.forces.tire_calibration import calibrate as calibrate
+    from gateway.papers.paper_figures import figures as figures
 
     Error = TreadlinkError
 
@@ -67,28 +67,28 @@ _LAZY = {
     "AverageWaveform": "gateway.api.signal_tables:AverageWaveform",
     "CampaignResult": "gateway.api.fleet_results:CampaignResult",
     "Comparison": "gateway.api.estimate_comparison:Comparison",
-    "ConfigError": "gateway.errors:ConfigError",
+    "ConfigError": "gateway.core.errors:ConfigError",
     "DiagnosisReport": "gateway.api.diagnosis_report:DiagnosisReport",
     "Environment": "gateway.api.signal_tables:Environment",
-    "Error": "gateway.errors:TreadlinkError",
+    "Error": "gateway.core.errors:TreadlinkError",
     "Estimates": "gateway.api.estimate_tables:Estimates",
     "LiveRevolutions": "gateway.api.live_revolutions:LiveRevolutions",
     "OrderSpectra": "gateway.api.signal_tables:OrderSpectra",
-    "OutputError": "gateway.errors:OutputError",
+    "OutputError": "gateway.core.errors:OutputError",
     "Recording": "gateway.api.recording_access:Recording",
-    "RecordingError": "gateway.errors:RecordingError",
+    "RecordingError": "gateway.core.errors:RecordingError",
     "Revolution": "gateway.api.revolution_view:Revolution",
     "Revolutions": "gateway.api.signal_tables:Revolutions",
     "Samples": "gateway.api.signal_tables:Samples",
-    "SourceError": "gateway.errors:SourceError",
-    "TireCalibration": "gateway.api.tire_calibration:TireCalibration",
+    "SourceError": "gateway.core.errors:SourceError",
+    "TireCalibration": "gateway.forces.tire_calibration:TireCalibration",
     "TireTrends": "gateway.api.fleet_results:TireTrends",
     "Wheel": "gateway.api.recording_access:Wheel",
     "WheelNotFoundError": "gateway.api.recording_access:WheelNotFoundError",
-    "calibrate": "gateway.api.tire_calibration:calibrate",
+    "calibrate": "gateway.forces.tire_calibration:calibrate",
     "campaign": "gateway.api.fleet_results:campaign",
     "diagnose": "gateway.api.diagnosis_report:diagnose",
-    "figures": "gateway.api.paper_figures:figures",
+    "figures": "gateway.papers.paper_figures:figures",
     "guess_map": "gateway.api.measurement_import:guess_map",
     "import_measurement": "gateway.api.measurement_import:import_measurement",
     "live": "gateway.api.live_revolutions:live",

@@ -15,7 +15,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 if TYPE_CHECKING:
-    from gateway.io.source import Source
+    from gateway.core.links.source import Source
     from tests.testkit.browser import Browser
     from tests.testkit.hub_ends import Reader, TcpHub
 

@@ -9,13 +9,13 @@ from collections.abc import Iterator
 
 import pytest
 
-from gateway.estimators.estimator import Estimate, Revolution, Status, TireConditions
-from gateway.estimators.registry import ESTIMATORS
-from gateway.estimators.signal_evidence import Contradiction, Subject
-from gateway.quantity import Basis
-from gateway.quantity_catalogue import CATALOGUE, declared, quantity_of, rests_on_times_alone
-from gateway.reasons import Code, Reason
-from gateway.recording.revolution_fields import CONDITIONS
+from gateway.core.estimates.estimator import Estimate, Revolution, Status, TireConditions
+from gateway.core.estimates.registry import ESTIMATORS
+from gateway.core.quantity import Basis
+from gateway.core.quantity_catalogue import CATALOGUE, declared, quantity_of, rests_on_times_alone
+from gateway.core.reasons import Code, Reason
+from gateway.core.recording.revolution_fields import CONDITIONS
+from gateway.core.trust.signal_evidence import Contradiction, Subject
 from tests.test_import_rules import dotted, modules
 
 RATE = Contradiction(Subject.STEADY, Reason(Code.NO_SINGLE_CAUSE), {Basis.RATE: 2.0})
@@ -82,16 +82,16 @@ def test_an_old_pressure_reaches_all_that_rests_on_it(name: str) -> None:
 
 # Modules that may list quantities by name, each with the reason.
 LISTS = {
-    "gateway.closure.angle.number_estimates": "errors of the closed loop's own grid, by parameter of its ring",
-    "gateway.closure.model.tire_state": "parameters of the closed loop's ring that the sidewall gives",
-    "gateway.planning.cramer_rao": "equations of the bound of each quantity",
-    "gateway.planning.planned_errors": "true values of a simulated wheel",
+    "gateway.diagnosis.angle.number_estimates": "errors of the closed loop's own grid, by parameter of its ring",
+    "gateway.diagnosis.model.tire_state": "parameters of the closed loop's ring that the sidewall gives",
+    "gateway.planner.cramer_rao": "equations of the bound of each quantity",
+    "gateway.planner.planned_errors": "true values of a simulated wheel",
 }
 
 
 def is_exempt(module: str) -> bool:
     """Estimators give quantities, and the papers' figures show those of the papers."""
-    return module in LISTS or module.startswith(("gateway.estimators.", "gateway.papers."))
+    return module in LISTS or module.startswith(("gateway.core.estimates.", "gateway.papers."))
 
 
 def fields_of_a_revolution() -> set[str]:

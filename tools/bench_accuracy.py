@@ -13,7 +13,7 @@ from accuracy.cases import Case, all_cases, quick_cases
 from accuracy.measure import LONG, Effort, Outcome, measure
 from accuracy.tables import bound_table, case_tables, grid_tables, use_tables
 
-from gateway.estimators.registry import ESTIMATORS
+from gateway.core.estimates.registry import ESTIMATORS
 
 # These live on the lateral axis, which the ring does not have: tools/bench_ply_steer.py measures them.
 ELSEWHERE = ("ply-steer", "slip-angle")

@@ -10,11 +10,11 @@ import threading
 import time
 from multiprocessing.connection import Connection
 
-from gateway.clock import SystemClock
-from gateway.io.source import Chunk, open_source
-from gateway.simulator.bluetooth.bluez_thread import BluezStandIn
-from gateway.simulator.bluetooth.dbus_daemon import PrivateBus
-from gateway.simulator.bluetooth.peripheral import Peripheral
+from gateway.core.clock import SystemClock
+from gateway.core.links.source import Chunk, open_source
+from gateway.simulator.bluez_thread import BluezStandIn
+from gateway.simulator.dbus_daemon import PrivateBus
+from gateway.simulator.peripheral import Peripheral
 
 COUNT = 20_000
 PACED = 3_000

@@ -29,19 +29,19 @@ from pathlib import Path
 import duckdb
 import numpy as np
 
-from gateway.config.validation import parse_document
-from gateway.constants import STANDARD_ATMOSPHERE_PA, ZERO_CELSIUS_K
-from gateway.estimators.tire_data import SOFTENING_PER_K
+from gateway.core.config.validation import parse_document
+from gateway.core.constants import STANDARD_ATMOSPHERE_PA, ZERO_CELSIUS_K
+from gateway.core.estimates.tire_data import SOFTENING_PER_K
+from gateway.core.recording.writer import RecordingWriter
 from gateway.fleet.history_reading import read_histories, read_odometer
 from gateway.fleet.recording_estimation import RECORDINGS, REVOLUTIONS
-from gateway.recording.writer import RecordingWriter
+from gateway.fleet.trends.fleet_analysis import analyse
+from gateway.fleet.trends.trend_result import Quantity
+from gateway.fleet.views.trend_page import write_trends_page
+from gateway.fleet.views.trend_tables import number_of
 from gateway.simulator.scenario import vehicle_toml
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulation import simulate
-from gateway.trends.fleet_analysis import analyse
-from gateway.trends.trend_result import Quantity
-from gateway.views.trend_report.trend_page import write_trends_page
-from gateway.views.trend_report.trend_tables import number_of
 
 BEGIN_NS = 1_767_225_600 * 10**9  # 1 January 2026
 DAY_NS = 86_400 * 10**9
@@ -199,7 +199,7 @@ def make(folder: Path, count: int, jobs: int, duration_s: float) -> None:
 def estimate(folder: Path, jobs: int, limit_s: float | None) -> None:
     """Run the campaign with this number of workers and print what it took."""
     dataset = folder / f"jobs{jobs}.dataset"
-    command = [sys.executable, "-m", "gateway.cli", "campaign", str(folder / "recordings"), "--out", str(dataset)]
+    command = [sys.executable, "-m", "gateway.core.cli", "campaign", str(folder / "recordings"), "--out", str(dataset)]
     command += ["--jobs", str(jobs)]
     begin, before = time.monotonic(), resource.getrusage(resource.RUSAGE_CHILDREN)
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
@@ -228,7 +228,7 @@ def estimate(folder: Path, jobs: int, limit_s: float | None) -> None:
 
 def pack(dataset: Path, tables: Path) -> None:
     """Pack a dataset with `treadlink compact`; print its files and a query over all revolutions, before and after."""
-    command = [sys.executable, "-m", "gateway.cli", "compact", str(dataset), "--out", str(tables)]
+    command = [sys.executable, "-m", "gateway.core.cli", "compact", str(dataset), "--out", str(tables)]
     subprocess.run(command, stdout=subprocess.DEVNULL, check=True)
     answers = []
     for name, tree, revolutions in (

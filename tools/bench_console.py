@@ -18,9 +18,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from gateway.estimators.estimator import Estimate, Revolution, Status, TireConditions
-from gateway.pipeline.results import LinkSnapshot, RevolutionResult, SessionSnapshot, WheelSnapshot, WheelState
-from gateway.reasons import Code, Notice, Reason
+from gateway.core.estimates.estimator import Estimate, Revolution, Status, TireConditions
+from gateway.core.estimates.results import LinkSnapshot, RevolutionResult, SessionSnapshot, WheelSnapshot, WheelState
+from gateway.core.reasons import Code, Notice, Reason
 
 RADIUS_M = 0.32
 SAMPLES = 1024
@@ -129,7 +129,7 @@ def bench_console(columns: int, rows: int) -> None:
         os.close(read_end)
         fcntl.ioctl(sys.stdout.fileno(), termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
         os.environ["TERM"] = "xterm-256color"
-        from gateway.views.console.screen import run_console
+        from gateway.console.screen import run_console
 
         session = FakeSession()
         run_console(session)
@@ -162,9 +162,9 @@ def best_us(function: object, number: int) -> float:
 
 
 def bench_parts() -> None:
-    from gateway.views.console.page import ViewState, compose
-    from gateway.views.console.waveform import draw_waveform
-    from gateway.views.plain import PlainView
+    from gateway.console.page import ViewState, compose
+    from gateway.console.waveform import draw_waveform
+    from gateway.core.text.plain import PlainView
 
     session = FakeSession()
     wheel = session.snapshots[0].wheels[0]

@@ -20,18 +20,18 @@ import scipy
 from bench_ring_paper import BASE, OMEGA, ORDERS, RADIUS_M, revolution_of, sampled
 from scipy.optimize import least_squares
 
-from gateway.estimators.estimator import AngleAverage, Estimator, Revolution, TireConditions
-from gateway.estimators.registry import DEFAULT_ESTIMATORS, ESTIMATORS, make_estimator
-from gateway.estimators.revolution_block import extended
-from gateway.estimators.tire_data import ReferenceNumbers, TireData
-from gateway.physics.reference_tire import TABLE_3_NUMBERS
-from gateway.physics.ring_series import stiffness_terms
-from gateway.physics.rolling_ring import solve_rolling_ring
-from gateway.signal.angle_resampling import fit_phase, resample_revolutions
-from gateway.signal.contact_edges import find_contact_edges
-from gateway.signal.order_spectrum import ORDER_COUNT, order_coefficients
-from gateway.signal.speed_normalisation import normalise_revolutions
-from gateway.signal.synchronous_average import RunningAverage
+from gateway.core.estimates.estimator import AngleAverage, Estimator, Revolution, TireConditions
+from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
+from gateway.core.estimates.registry import DEFAULT_ESTIMATORS, ESTIMATORS, make_estimator
+from gateway.core.estimates.revolution_block import extended
+from gateway.core.estimates.ring_series import stiffness_terms
+from gateway.core.estimates.tire_data import ReferenceNumbers, TireData
+from gateway.core.revolutions.angle_resampling import fit_phase, resample_revolutions
+from gateway.core.revolutions.contact_edges import find_contact_edges
+from gateway.core.revolutions.order_spectrum import ORDER_COUNT, order_coefficients
+from gateway.core.revolutions.speed_normalisation import normalise_revolutions
+from gateway.core.revolutions.synchronous_average import RunningAverage
+from gateway.ring.rolling_ring import solve_rolling_ring
 
 LOAD_N, PRESSURE_PA = 5000.0, 2.1e5
 REVOLUTIONS = 64

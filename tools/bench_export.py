@@ -26,13 +26,13 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from gateway.cli import treadlink  # noqa: E402
-from gateway.config.vehicle import recorded_vehicle  # noqa: E402
+from gateway.core.cli import treadlink  # noqa: E402
+from gateway.core.config.vehicle import recorded_vehicle  # noqa: E402
+from gateway.core.recording.recorded_file import open_recorded_file  # noqa: E402
+from gateway.core.session.recording_pass import OpenedRecording  # noqa: E402
 from gateway.exporting.export_registry import FORMATS  # noqa: E402
+from gateway.exporting.recorded_signals import sample_blocks  # noqa: E402
 from gateway.exporting.recording_export import export_recording  # noqa: E402
-from gateway.recording.recorded_file import open_recorded_file  # noqa: E402
-from gateway.session.recorded_signals import sample_blocks  # noqa: E402
-from gateway.session.recording_pass import OpenedRecording  # noqa: E402
 
 WHEEL = "FL"
 COLUMN = "radial_mps2"

@@ -12,8 +12,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from gateway.errors import SourceError
-from gateway.simulator.firmware.firmware_build import (
+from gateway.core.errors import SourceError
+from gateway.makers.firmware_build import (
     CORTEX_M4,
     WARNINGS,
     build_board,
@@ -160,9 +160,9 @@ def coverage(folder: Path) -> int:
         "-m",
         "pytest",
         "-q",
-        "tests/firmware",
+        "tests/makers/firmware",
         "--deselect",
-        "tests/firmware/test_emulated_board.py",
+        "tests/makers/firmware/test_emulated_board.py",
     ]
     environment = {**os.environ, "TREADLINK_COLLECTOR_BUILD": str(build)}
     done = subprocess.run(tests, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)

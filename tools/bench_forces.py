@@ -20,7 +20,7 @@ from forces.bounds import bound_table
 from forces.lateral import MODELS, cornering, linearity_table
 from forces.runs import TRACTIONS, Measured, pulls, rolled, simulated
 
-from gateway.estimators.estimator import Status
+from gateway.core.estimates.estimator import Status
 
 T = TypeVar("T")
 CASES = ("free", "driven", "braked")

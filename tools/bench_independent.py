@@ -20,15 +20,15 @@ from typing import Any
 import numpy as np
 from accuracy.tables import Table
 
-from gateway.closure.closed_loop import diagnose
-from gateway.closure.data.campaign_data import Block, Campaign, Group
-from gateway.closure.data.revolution_orders import waveform_orders
-from gateway.closure.effects.angle_orders import ORDERS
-from gateway.closure.effects.belt_dispersion import BlockTread, belt_wave
-from gateway.closure.effects.effect import CIRCUMFERENTIAL, RADIAL, GroupConditions
-from gateway.closure.result import Diagnosis, Finding, Verdict
-from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.types import FloatArray
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.types import FloatArray
+from gateway.diagnosis.closed_loop import diagnose
+from gateway.diagnosis.data.campaign_data import Block, Campaign, Group
+from gateway.diagnosis.data.revolution_orders import waveform_orders
+from gateway.diagnosis.effects.angle_orders import ORDERS
+from gateway.diagnosis.effects.belt_dispersion import BlockTread, belt_wave
+from gateway.diagnosis.effects.effect import CIRCUMFERENTIAL, RADIAL, GroupConditions
+from gateway.diagnosis.result import Diagnosis, Finding, Verdict
 
 _NUMBERS = ("Bs", "Cw", "Rs", "Ts")
 _MOST_VALUES = 6

@@ -14,19 +14,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gateway.errors import CalibrationError
-from gateway.estimators.belt_laminate import BeltLaminate, StatedPly, coupling_law
-from gateway.estimators.estimator import Estimate, Status
-from gateway.estimators.slip_angle import MEAN_NAME, SLIP_NAME, SlipAngleEstimator
-from gateway.estimators.slip_fit import SlipFit, SlipRunRevolutions, fit_slip_calibration
-from gateway.estimators.tire_data import TireData
-from gateway.physics.lateral_belt import LateralBelt, solve_lateral_belt
-from gateway.physics.rolling_ring import RingSolution
-from gateway.pipeline.results import RevolutionResult
-from gateway.signal.sensor_mounting import RollCalibration
-from gateway.signal.synchronous_average import RunningAverage
+from gateway.core.errors import CalibrationError
+from gateway.core.estimates.estimator import Estimate, Status
+from gateway.core.estimates.results import RevolutionResult
+from gateway.core.estimates.tire_data import TireData
+from gateway.core.revolutions.sensor_mounting import RollCalibration
+from gateway.core.revolutions.synchronous_average import RunningAverage
+from gateway.core.types import FloatArray
+from gateway.forces.belt_laminate import BeltLaminate, StatedPly, coupling_law
+from gateway.forces.lateral_belt import LateralBelt, solve_lateral_belt
+from gateway.forces.slip_angle import MEAN_NAME, SLIP_NAME, SlipAngleEstimator
+from gateway.forces.slip_fit import SlipFit, SlipRunRevolutions, fit_slip_calibration
+from gateway.ring.rolling_ring import RingSolution
 from gateway.simulator.truth import LateralSlopes, slopes_of
-from gateway.types import FloatArray
 from tools.generators.lateral_signals import RADIUS_M, Sensor, lateral, radial, samples, through_pipeline
 
 LAMINATE_ANGLES_DEG = (18.0, 22.0, 26.0, 30.0)

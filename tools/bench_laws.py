@@ -25,22 +25,22 @@ from law_rig.causes import SENSORS, belt_causes, chain_causes, outside_causes, s
 from law_rig.rolling_in_time import Rolling
 from law_rig.unread_causes import unread_belt_causes, unread_chain_causes, unread_outside_causes
 
-from gateway.closure.angle.discrepancy import Discrepancy
-from gateway.closure.angle.fit import fit_model
-from gateway.closure.angle.likelihood import whiten
-from gateway.closure.angle.residual import residual_ratio
-from gateway.closure.angle.set_evidence import evaluate
-from gateway.closure.data.campaign_data import Block, Campaign, Group
-from gateway.closure.data.revolution_orders import waveform_orders
-from gateway.closure.effects.angle_orders import ORDERS
-from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL, BaselineModel, GroupConditions
-from gateway.closure.laws.law_search import propose_laws
-from gateway.closure.model.baseline_registry import make_core
-from gateway.closure.model.closure_model import ClosureModel
-from gateway.closure.result import Law
-from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
-from gateway.types import ComplexArray
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.types import ComplexArray
+from gateway.diagnosis.angle.discrepancy import Discrepancy
+from gateway.diagnosis.angle.fit import fit_model
+from gateway.diagnosis.angle.likelihood import whiten
+from gateway.diagnosis.angle.residual import residual_ratio
+from gateway.diagnosis.angle.set_evidence import evaluate
+from gateway.diagnosis.data.campaign_data import Block, Campaign, Group
+from gateway.diagnosis.data.revolution_orders import waveform_orders
+from gateway.diagnosis.effects.angle_orders import ORDERS
+from gateway.diagnosis.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL, BaselineModel, GroupConditions
+from gateway.diagnosis.laws.law_search import propose_laws
+from gateway.diagnosis.model.baseline_registry import make_core
+from gateway.diagnosis.model.closure_model import ClosureModel
+from gateway.diagnosis.result import Law
+from gateway.ring.rolling_ring import RingParameters, solve_rolling_ring
 
 _RADIUS_M, _PRESSURE_PA = 0.31, 2.2e5
 _CONDITIONS: Final = ((60.0, 4500.0), (40.0, 4500.0), (80.0, 3600.0))

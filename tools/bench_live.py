@@ -30,12 +30,12 @@ from typing import Any
 
 import numpy as np
 
-from gateway.clock import ManualClock
-from gateway.config.vehicle import parse_vehicle
-from gateway.io.source import Chunk, open_source
-from gateway.recording.writer import RecordingWriter
-from gateway.session.core import SessionCore
-from gateway.session.latency import Latency
+from gateway.core.clock import ManualClock
+from gateway.core.config.vehicle import parse_vehicle
+from gateway.core.links.source import Chunk, open_source
+from gateway.core.recording.writer import RecordingWriter
+from gateway.core.session.core import SessionCore
+from gateway.core.session.latency import Latency
 
 WARM_UP_S = 4.0
 COLUMNS, ROWS = 120, 40
@@ -111,7 +111,7 @@ def measure_process(
     with tempfile.TemporaryDirectory() as folder:
         config = Path(folder) / "vehicle.toml"
         config.write_text(toml or "")
-        command = [sys.executable, "-m", "gateway.cli", "live", f"serial://{port}?baudrate=921600"]
+        command = [sys.executable, "-m", "gateway.core.cli", "live", f"serial://{port}?baudrate=921600"]
         command += ["--config", str(config), "--duration", str(WARM_UP_S + seconds + 2), *options]
         if record:
             command += ["--record", str(Path(folder) / "bench.mcap")]

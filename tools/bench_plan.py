@@ -18,12 +18,12 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from gateway.config.vehicle import parse_vehicle
+from gateway.core.config.vehicle import parse_vehicle
+from gateway.core.estimates.results import RevolutionResult
+from gateway.core.session.core import SessionCore
 from gateway.fleet.content_keys import estimators_version
-from gateway.pipeline.results import RevolutionResult
-from gateway.planning.accelerometer import Accelerometer
-from gateway.planning.planned_errors import AFTER, ESTIMATORS, plan_sensor
-from gateway.session.core import SessionCore
+from gateway.planner.accelerometer import Accelerometer
+from gateway.planner.planned_errors import AFTER, ESTIMATORS, plan_sensor
 from gateway.simulator.scenario import parse_scenario, vehicle_toml
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulation import simulate

@@ -19,18 +19,18 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.estimators.estimator import Revolution, TireConditions
-from gateway.estimators.lateral_shape import DEFINITIONS, lateral_record, slopes
-from gateway.estimators.ply_steer import PlySteerEstimator
-from gateway.estimators.ply_steer_models import TABLE_FORCE_N, compare, roll_car_tire, table_points
-from gateway.estimators.slip_angle import SlipAngleEstimator
-from gateway.estimators.slip_calibration import SlipCalibration
-from gateway.estimators.tire_data import TireData
-from gateway.physics.lateral_belt import LateralBelt, LateralSolution, solve_lateral_belt
-from gateway.physics.rolling_ring import RingSolution
-from gateway.signal.synchronous_average import AngleAverage, RunningAverage
-from gateway.types import FloatArray
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.estimates.estimator import Revolution, TireConditions
+from gateway.core.estimates.tire_data import TireData
+from gateway.core.revolutions.synchronous_average import AngleAverage, RunningAverage
+from gateway.core.types import FloatArray
+from gateway.forces.lateral_belt import LateralBelt, LateralSolution, solve_lateral_belt
+from gateway.forces.lateral_shape import DEFINITIONS, lateral_record, slopes
+from gateway.forces.ply_steer import PlySteerEstimator
+from gateway.forces.ply_steer_models import TABLE_FORCE_N, compare, roll_car_tire, table_points
+from gateway.forces.slip_angle import SlipAngleEstimator
+from gateway.forces.slip_calibration import SlipCalibration
+from gateway.ring.rolling_ring import RingSolution
 from tools.generators.lateral_signals import RADIUS_M, Sensor, lateral, radial, samples, through_pipeline
 
 VARIANTS = {

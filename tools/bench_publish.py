@@ -16,14 +16,14 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from gateway.clock import SystemClock
-from gateway.config.vehicle import parse_vehicle
-from gateway.io.source import open_source
+from gateway.core.clock import SystemClock
+from gateway.core.config.vehicle import parse_vehicle
+from gateway.core.links.source import open_source
+from gateway.core.session.live import LiveSession
+from gateway.core.text.session_summary import ResultSummary
 from gateway.publishing.publisher import Publisher
 from gateway.publishing.sink import SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
-from gateway.session.live import LiveSession
-from gateway.views.session_summary import ResultSummary
 from tools.mqtt_broker import Broker, Listener
 
 _POLL_S = 0.05

@@ -11,20 +11,20 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.estimators.estimator import Revolution, TireConditions
-from gateway.estimators.revolution_block import extended
-from gateway.estimators.ring_paper import RingPaperEstimator, fit_ring_numbers
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.estimates.estimator import Revolution, TireConditions
+from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
+from gateway.core.estimates.revolution_block import extended
+from gateway.core.quantity_catalogue import RING_NUMBERS
+from gateway.core.revolutions import contact_edges as contact
+from gateway.core.revolutions.angle_resampling import GRID_SIZE, fit_phase, resample_revolutions
+from gateway.core.revolutions.order_spectrum import order_coefficients
+from gateway.core.revolutions.speed_normalisation import normalise_revolutions
+from gateway.core.revolutions.synchronous_average import RunningAverage
+from gateway.core.types import FloatArray
 from gateway.papers.ring_data import waveform_revolution
-from gateway.physics.reference_tire import TABLE_3_NUMBERS
-from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
-from gateway.quantity_catalogue import RING_NUMBERS
-from gateway.signal import contact_edges as contact
-from gateway.signal.angle_resampling import GRID_SIZE, fit_phase, resample_revolutions
-from gateway.signal.order_spectrum import order_coefficients
-from gateway.signal.speed_normalisation import normalise_revolutions
-from gateway.signal.synchronous_average import RunningAverage
-from gateway.types import FloatArray
+from gateway.papers.ring_paper import RingPaperEstimator, fit_ring_numbers
+from gateway.ring.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 
 RADIUS_M, SPEED_KMH, RATE_HZ = 0.32, 65.0, 9600.0
 OMEGA = SPEED_KMH / 3.6 / RADIUS_M

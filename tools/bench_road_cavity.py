@@ -13,15 +13,15 @@ from typing import Final
 import numpy as np
 
 from firmware_protocol.decoder import FrameDecoder
-from gateway.config.validation import parse_document
-from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.estimators.estimator import Estimate, Status
-from gateway.estimators.tire_data import ReferenceNumbers
-from gateway.estimators.tire_fit import TirePoint, fit_load_calibration, reference_numbers
-from gateway.pipeline.results import RevolutionResult
-from gateway.pipeline.wheel_setup import TireData, WheelSetup
-from gateway.pipeline.wheels import Pipeline
-from gateway.reasons import Code, codes_of
+from gateway.core.config.validation import parse_document
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.estimates.estimator import Estimate, Status
+from gateway.core.estimates.results import RevolutionResult
+from gateway.core.estimates.tire_data import ReferenceNumbers
+from gateway.core.estimates.wheel_setup import TireData, WheelSetup
+from gateway.core.reasons import Code, codes_of
+from gateway.core.wheels.wheels import Pipeline
+from gateway.forces.tire_fit import TirePoint, fit_load_calibration, reference_numbers
 from gateway.simulator.road_profile import CLASSES, quarter_car
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulation import simulate

@@ -16,8 +16,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from gateway.signal.segmentation import find_contacts
-from gateway.types import FloatArray
+from gateway.core.contacts.segmentation import find_contacts
+from gateway.core.types import FloatArray
 from tools.generators.segmentation_signals import MEASURED, Case, judge, make_signal, segment
 
 Rng = np.random.Generator

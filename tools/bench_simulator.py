@@ -4,9 +4,9 @@ import threading
 import time
 from statistics import median
 
-from gateway.clock import ManualClock
-from gateway.io.source import Chunk, open_source
-from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
+from gateway.core.clock import ManualClock
+from gateway.core.links.source import Chunk, open_source
+from gateway.ring.rolling_ring import RingParameters, solve_rolling_ring
 
 
 def main() -> None:

@@ -10,7 +10,7 @@ import resource
 import subprocess
 import sys
 
-from gateway.cli import COMMANDS
+from gateway.core.cli import COMMANDS
 
 
 def cpu_s(arguments: list[str], environment: dict[str, str] | None = None) -> float:
@@ -30,13 +30,13 @@ def main() -> None:
     print(f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}; CPU of a start, s")
     bare_s = min(cpu_s(["-c", "pass"]) for _ in runs)
     print(f"  {'python alone':28} {bare_s:.3f}")
-    own_s = min(cpu_s(["-m", "gateway.cli", "--help"]) for _ in runs)
+    own_s = min(cpu_s(["-m", "gateway.core.cli", "--help"]) for _ in runs)
     print(f"  {'treadlink --help':28} {own_s:.3f}")
     for name in COMMANDS:
-        help_s = min(cpu_s(["-m", "gateway.cli", name, "--help"]) for _ in runs)
+        help_s = min(cpu_s(["-m", "gateway.core.cli", name, "--help"]) for _ in runs)
         print(f"  {f'treadlink {name} --help':28} {help_s:.3f}")
     completion = {"_TREADLINK_COMPLETE": "bash_complete", "COMP_WORDS": "treadlink e", "COMP_CWORD": "1"}
-    completed_s = min(cpu_s(["-m", "gateway.cli"], completion) for _ in runs)
+    completed_s = min(cpu_s(["-m", "gateway.core.cli"], completion) for _ in runs)
     print(f"  {'completion of a command':28} {completed_s:.3f}")
 
 

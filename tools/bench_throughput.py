@@ -34,46 +34,49 @@ SCENARIO: Final = Path("gateway/simulator/scenarios/demo.toml")
 DEFAULT: Final = "default"
 # Names of what each stage calls, in this and older versions; a name that a version does not have is skipped.
 STAGES: Final = {
-    "segmentation": ("gateway.pipeline.segmenter:Segmenter.advance", "gateway.pipeline.segmenter:Segmenter.finish"),
-    "contact timing": (
-        "gateway.pipeline.contact_timing:ContactTimer.time",
-        "gateway.pipeline.contact_timing:ContactTimer.renew",
+    "segmentation": (
+        "gateway.core.contacts.segmenter:Segmenter.advance",
+        "gateway.core.contacts.segmenter:Segmenter.finish",
     ),
-    "resampling": ("gateway.signal.angle_resampling:resample_revolutions",),
-    "gravity and speed": ("gateway.signal.speed_normalisation:normalise_revolutions",),
-    "clipping": ("gateway.signal.clipping:is_clipped",),
+    "contact timing": (
+        "gateway.core.contacts.contact_timing:ContactTimer.time",
+        "gateway.core.contacts.contact_timing:ContactTimer.renew",
+    ),
+    "resampling": ("gateway.core.revolutions.angle_resampling:resample_revolutions",),
+    "gravity and speed": ("gateway.core.revolutions.speed_normalisation:normalise_revolutions",),
+    "clipping": ("gateway.core.revolutions.clipping:is_clipped",),
     "revolution": (
-        "gateway.pipeline.revolution:revolution_in_angle",
-        "gateway.pipeline.revolution:revolutions_in_angle",
+        "gateway.core.wheels.revolution:revolution_in_angle",
+        "gateway.core.wheels.revolution:revolutions_in_angle",
     ),
     "sensor health": (
-        "gateway.pipeline.sensor_health:SensorHealth.revolution",
-        "gateway.pipeline.sensor_health:SensorHealth.revolutions",
-        "gateway.pipeline.sensor_health:SensorHealth.samples",
+        "gateway.core.trust.sensor_health:SensorHealth.revolution",
+        "gateway.core.trust.sensor_health:SensorHealth.revolutions",
+        "gateway.core.trust.sensor_health:SensorHealth.samples",
     ),
     "buffer, clocks": (
-        "gateway.pipeline.sample_buffer:SampleBuffer.append",
-        "gateway.pipeline.timebase:SampleClock.stamp",
-        "gateway.pipeline.timebase:SampleClock.stamp_blocks",
-        "gateway.pipeline.timebase:HostClock.host_ns",
-        "gateway.pipeline.wheels:Pipeline._stamp",
+        "gateway.core.wheels.sample_buffer:SampleBuffer.append",
+        "gateway.core.wheels.timebase:SampleClock.stamp",
+        "gateway.core.wheels.timebase:SampleClock.stamp_blocks",
+        "gateway.core.wheels.timebase:HostClock.host_ns",
+        "gateway.core.wheels.wheels:Pipeline._stamp",
     ),
-    "running average": ("gateway.signal.synchronous_average:RunningAverage.update_block",),
+    "running average": ("gateway.core.revolutions.synchronous_average:RunningAverage.update_block",),
     "evidence": (
-        "gateway.estimators.signal_evidence:assess",
-        "gateway.estimators.signal_evidence:assess_block",
-        "gateway.estimators.signal_evidence:Evidence.qualified",
+        "gateway.core.trust.signal_evidence:assess",
+        "gateway.core.trust.signal_evidence:assess_block",
+        "gateway.core.trust.signal_evidence:Evidence.qualified",
     ),
     "tire estimates": (
-        "gateway.pipeline.tire_estimates:TireEstimates.take",
-        "gateway.pipeline.tire_estimates:TireEstimates.take_block",
+        "gateway.core.wheels.tire_estimates:TireEstimates.take",
+        "gateway.core.wheels.tire_estimates:TireEstimates.take_block",
     ),
     "alarms": (
-        "gateway.session.alarm_watch:RecordingAlarms.batch",
-        "gateway.session.alarm_watch:RecordingAlarms.result",
-        "gateway.session.alarm_watch:RecordingAlarms.end_of_block",
+        "gateway.core.session.alarm_watch:RecordingAlarms.batch",
+        "gateway.core.session.alarm_watch:RecordingAlarms.result",
+        "gateway.core.session.alarm_watch:RecordingAlarms.end_of_block",
     ),
-    "summary": ("gateway.views.session_summary:ResultSummary.add",),
+    "summary": ("gateway.core.text.session_summary:ResultSummary.add",),
 }
 
 
@@ -143,7 +146,7 @@ class StageClock:
         for stage, targets in STAGES.items():
             for target in targets:
                 self._replace(stage, *target.split(":"))
-        from gateway.estimators.registry import ESTIMATORS, make_estimator
+        from gateway.core.estimates.registry import ESTIMATORS, make_estimator
 
         for name in ESTIMATORS:
             kind = type(make_estimator(name))
@@ -170,13 +173,13 @@ class StageClock:
 
 def measure(case: Case, path: Path, clock: StageClock | None) -> dict[str, Any]:
     """Estimate a recording and return its revolutions, CPU in s, and peak memory in MB."""
-    import gateway.cli  # noqa: F401 - sets up the process as commands do
-    from gateway.config.vehicle import parse_vehicle
-    from gateway.estimators.registry import DEFAULT_ESTIMATORS, make_estimator
-    from gateway.recording.reader import RecordingReader
-    from gateway.session.core import SessionCore
-    from gateway.session.recording_pass import OpenedRecording, RecordingPass
-    from gateway.views.session_summary import ResultSummary
+    import gateway.core.cli  # noqa: F401 - sets up the process as commands do
+    from gateway.core.config.vehicle import parse_vehicle
+    from gateway.core.estimates.registry import DEFAULT_ESTIMATORS, make_estimator
+    from gateway.core.recording.reader import RecordingReader
+    from gateway.core.session.core import SessionCore
+    from gateway.core.session.recording_pass import OpenedRecording, RecordingPass
+    from gateway.core.text.session_summary import ResultSummary
 
     if clock is not None:
         clock.install()
@@ -243,9 +246,9 @@ def scenario_of(wheels: int, rate_hz: int) -> str:
 
 def record(folder: Path, seconds: float, cases: tuple[Case, ...]) -> dict[tuple[int, int], Path]:
     """Write the recordings of all cases; return them by wheels and rate."""
-    from gateway.clock import ManualClock
-    from gateway.io.source import open_source
-    from gateway.recording.writer import RecordingWriter
+    from gateway.core.clock import ManualClock
+    from gateway.core.links.source import open_source
+    from gateway.core.recording.writer import RecordingWriter
 
     made = {}
     for wheels, rate_hz in sorted({(case.wheels, case.rate_hz) for case in cases}):

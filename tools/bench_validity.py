@@ -36,7 +36,7 @@ from validity.summary import (
     worst,
 )
 
-from gateway.estimators.registry import ESTIMATORS
+from gateway.core.estimates.registry import ESTIMATORS
 
 T = TypeVar("T")
 

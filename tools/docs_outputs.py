@@ -99,7 +99,7 @@ def run(command: str, folder: Path) -> str:
     words = shlex.split(command)
     if words[0] == "treadlink":
         resolved = [str((ROOT / word).resolve()) if word.startswith(("examples/", "../")) else word for word in words]
-        arguments, where = [sys.executable, "-m", "gateway.cli", *resolved[1:]], folder
+        arguments, where = [sys.executable, "-m", "gateway.core.cli", *resolved[1:]], folder
     else:
         arguments, where = [sys.executable, *words[1:]], ROOT
     path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH", ""))))

@@ -1,6 +1,6 @@
 """Fit of the distance from the steepest slope of the radial waveform to the contact edge, on random exact rings.
 
-Prints the constants of gateway/signal/edge_distance.py, with the errors at tires left out of the fit.
+Prints the constants of gateway/core/revolutions/edge_distance.py, with the errors at tires left out of the fit.
 Run: python tools/fit_contact_edges.py
 """
 
@@ -9,10 +9,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gateway.physics.rolling_ring import RingNotConvergedError, RingParameters, RingSolution, solve_rolling_ring
-from gateway.signal.angle_resampling import GRID_SIZE
-from gateway.signal.contact_edges import contact_levels
-from gateway.types import FloatArray
+from gateway.core.revolutions.angle_resampling import GRID_SIZE
+from gateway.core.revolutions.contact_edges import contact_levels
+from gateway.core.types import FloatArray
+from gateway.ring.rolling_ring import RingNotConvergedError, RingParameters, RingSolution, solve_rolling_ring
 
 TIRES = 700
 WIDTHS = (15.0, 17.5, 20.0, 25.0, 30.0, 40.0)

@@ -20,11 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from gateway.estimators.ply_steer_models import TABLE_FORCE_N, Points, compare, roll_car_tire, table_points
-from gateway.physics.lateral_belt import LateralBelt, LateralSolution, solve_lateral_belt
-from gateway.physics.rolling_ring import RingSolution
+from gateway.core.types import FloatArray
+from gateway.forces.lateral_belt import LateralBelt, LateralSolution, solve_lateral_belt
+from gateway.forces.ply_steer_models import TABLE_FORCE_N, Points, compare, roll_car_tire, table_points
+from gateway.ring.rolling_ring import RingSolution
 from gateway.simulator.truth import slopes_of
-from gateway.types import FloatArray
 from tools.bench_ply_steer import tir_values
 
 NOMINAL = LateralBelt()

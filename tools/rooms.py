@@ -179,7 +179,7 @@ def lines_of(module: str) -> int:
 
 def module_of_command(name: str) -> str:
     """Return the module of a command of the core or of the exports."""
-    places = (f"gateway.cli.{name}", f"gateway.core.cli.{name}", f"gateway.exporting.{name}")
+    places = (f"gateway.core.cli.{name}", f"gateway.core.cli.{name}", f"gateway.exporting.{name}")
     return next(path for path in places if path in modules())
 
 

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.optional_packages import require_packages
-from gateway.quantity_catalogue import unit_of as quantity_unit
-from gateway.table_columns import REVOLUTION_COLUMNS, Column
+from gateway.core.optional_packages import require_packages
+from gateway.core.quantity_catalogue import unit_of as quantity_unit
+from gateway.core.table_columns import REVOLUTION_COLUMNS, Column
 
 if TYPE_CHECKING:
     import pandas as pd

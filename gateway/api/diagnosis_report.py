@@ -8,18 +8,18 @@ from pathlib import Path
 from typing import Any, Literal
 
 from gateway.api.recording_access import Config, PathLike, Recording, chosen_vehicle
-from gateway.closure.effects.effect import BaselineModel
-from gateway.closure.result import Diagnosis, Finding, Fitted, Law, Unexplained
-from gateway.config.effects_file import effects_text
-from gateway.errors import TreadlinkError
-from gateway.recording.file_content import check_distinct
-from gateway.session.campaign_diagnosis import diagnose_recordings
-from gateway.views.output_file import write_whole
-from gateway.views.report.diagnosis_json import diagnosis_json, write_json
-from gateway.views.report.html import diagnosis_html, write_html
-from gateway.views.report.phrases import effect_title, why_unsaved
-from gateway.views.report.terminal import closure_summary_lines
-from gateway.worker_pool import Workers
+from gateway.core.errors import TreadlinkError
+from gateway.core.recording.file_content import check_distinct
+from gateway.core.text.output_file import write_whole
+from gateway.core.worker_pool import Workers
+from gateway.diagnosis.campaign_diagnosis import diagnose_recordings
+from gateway.diagnosis.effects.effect import BaselineModel
+from gateway.diagnosis.effects_file import effects_text
+from gateway.diagnosis.result import Diagnosis, Finding, Fitted, Law, Unexplained
+from gateway.diagnosis.views.diagnosis_json import diagnosis_json, write_json
+from gateway.diagnosis.views.html import diagnosis_html, write_html
+from gateway.diagnosis.views.phrases import effect_title, why_unsaved
+from gateway.diagnosis.views.terminal import closure_summary_lines
 
 Model = Literal["exact", "series", "paper"]
 DiagnosisProgress = Callable[[float, str], None]

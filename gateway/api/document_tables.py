@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from gateway.config.toml_writer import toml_text
-from gateway.errors import ConfigError
+from gateway.core.config.toml_writer import toml_text
+from gateway.core.errors import ConfigError
 
 
 def document_text(tables: Mapping[str, Any], origin: str) -> str:

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import ClassVar, Self
 
 from gateway.api.column_table import ColumnTable, IndexArray, TextArray, column, unit_of
-from gateway.estimators.mean_comparison import MeanDifference
-from gateway.types import BoolArray, FloatArray
-from gateway.views.wording import joined
+from gateway.compare.mean_comparison import MeanDifference
+from gateway.core.text.wording import joined
+from gateway.core.types import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

@@ -24,18 +24,18 @@ from gateway.api.column_table import (
     utc_array,
 )
 from gateway.api.estimate_comparison import Comparison
-from gateway.estimators.covariance import CAUSES, covariance, relative_errors, scatter_correlation
-from gateway.estimators.estimator import Status
-from gateway.estimators.mean_comparison import Radius, compared_means
-from gateway.estimators.weighted_mean import MeanEstimate, WeightedMean, coverage_factor, mean_estimate
-from gateway.nearest_name import did_you_mean
-from gateway.pipeline.results import AlarmRecord, RevolutionResult
-from gateway.quantity import Basis
-from gateway.quantity_catalogue import quantity_of
-from gateway.table_columns import unsuffixed
-from gateway.types import BoolArray, FloatArray
-from gateway.views.readout import DISTANCE
-from gateway.views.wording import joined, text
+from gateway.compare.mean_comparison import Radius, compared_means
+from gateway.core.estimates.covariance import CAUSES, covariance, relative_errors, scatter_correlation
+from gateway.core.estimates.estimator import Status
+from gateway.core.estimates.results import AlarmRecord, RevolutionResult
+from gateway.core.estimates.weighted_mean import MeanEstimate, WeightedMean, coverage_factor, mean_estimate
+from gateway.core.nearest_name import did_you_mean
+from gateway.core.quantity import Basis
+from gateway.core.quantity_catalogue import quantity_of
+from gateway.core.table_columns import unsuffixed
+from gateway.core.text.readout import DISTANCE
+from gateway.core.text.wording import joined, text
+from gateway.core.types import BoolArray, FloatArray
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -10,8 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from gateway.api.recording_access import Config, PathLike, chosen_vehicle, paths, several_names
-from gateway.clock import SystemClock
-from gateway.estimators.registry import CAMPAIGN_ESTIMATORS, in_order
+from gateway.core.clock import SystemClock
+from gateway.core.estimates.registry import CAMPAIGN_ESTIMATORS, in_order
+from gateway.core.text.output_file import write_whole
+from gateway.core.text.text import json_text
+from gateway.core.text.wording import text
 from gateway.fleet.campaign_run import CampaignRun, find_recordings
 from gateway.fleet.content_keys import estimators_version
 from gateway.fleet.dataset import Description, opened
@@ -19,12 +22,9 @@ from gateway.fleet.history_reading import read_histories, read_odometer
 from gateway.fleet.local_tasks import LocalTasks
 from gateway.fleet.parquet_parts import require_campaign_packages
 from gateway.fleet.recording_estimation import EstimationSettings, RowsKept, estimate_names
-from gateway.trends.fleet_analysis import analyse
-from gateway.trends.trend_result import FleetTrends
-from gateway.views.output_file import write_whole
-from gateway.views.text import json_text
-from gateway.views.trend_report.trend_tables import trend_lines, trends_csv, trends_json
-from gateway.views.wording import text
+from gateway.fleet.trends.fleet_analysis import analyse
+from gateway.fleet.trends.trend_result import FleetTrends
+from gateway.fleet.views.trend_tables import trend_lines, trends_csv, trends_json
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +128,7 @@ class TireTrends:
         """
         out = Path(path)
         if out.suffix == ".html":
-            from gateway.views.trend_report.trend_page import write_trends_page
+            from gateway.fleet.views.trend_page import write_trends_page
 
             write_trends_page(self.result, out, force=force)
         elif out.suffix == ".json":

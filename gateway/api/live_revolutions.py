@@ -10,12 +10,12 @@ from typing import Final, Self
 
 from gateway.api.recording_access import Config, PathLike, chosen_vehicle, path_of, paths, several_names
 from gateway.api.revolution_view import Revolution
-from gateway.clock import SystemClock
-from gateway.errors import RecordingError, SourceError, TreadlinkError
-from gateway.pipeline.results import SessionSnapshot
-from gateway.session.session_opening import OpenedSession, open_session
-from gateway.views.session_summary import summary_lines
-from gateway.views.wording import notice_text, text
+from gateway.core.clock import SystemClock
+from gateway.core.errors import RecordingError, SourceError, TreadlinkError
+from gateway.core.estimates.results import SessionSnapshot
+from gateway.core.session.session_opening import OpenedSession, open_session
+from gateway.core.text.session_summary import summary_lines
+from gateway.core.text.wording import notice_text, text
 
 _POLL_S: Final = 0.05
 

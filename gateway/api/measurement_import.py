@@ -7,7 +7,7 @@ from typing import Any
 from gateway.api.document_tables import document_text
 from gateway.api.recording_access import PathLike, Recording, paths
 from gateway.api.recording_access import open as open_recording
-from gateway.errors import ImportDataError
+from gateway.core.errors import ImportDataError
 from gateway.importing.exported_file import import_exported
 from gateway.importing.import_map import ImportMap, load_map, parse_map
 from gateway.importing.importer import import_file

@@ -7,11 +7,11 @@ from typing import Any, Final
 from gateway.api.document_tables import document_text
 from gateway.api.recording_access import PathLike, Recording, path_of, paths
 from gateway.api.recording_access import open as open_recording
-from gateway.config.validation import read_text
-from gateway.config.vehicle import parse_vehicle
-from gateway.errors import RecordingError
-from gateway.recording.merge import merge_recordings
-from gateway.views.output_file import check_outputs
+from gateway.core.config.validation import read_text
+from gateway.core.config.vehicle import parse_vehicle
+from gateway.core.errors import RecordingError
+from gateway.core.text.output_file import check_outputs
+from gateway.upkeep.merge import merge_recordings
 
 _CONFIGURATION: Final = "the configuration"
 

@@ -21,14 +21,17 @@ from gateway.api.signal_tables import (
     Revolutions,
     Samples,
 )
-from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, choose_vehicle, parse_vehicle
-from gateway.errors import OutputError, RecordingError, TreadlinkError
-from gateway.estimators.registry import DEFAULT_ESTIMATORS
-from gateway.nearest_name import nearest
-from gateway.pipeline.results import RevolutionResult
-from gateway.recording.recorded_file import RecordedFile, open_recorded_file
-from gateway.session.corrections import open_effects
-from gateway.session.recorded_signals import (
+from gateway.core.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, choose_vehicle, parse_vehicle
+from gateway.core.errors import OutputError, RecordingError, TreadlinkError
+from gateway.core.estimates.registry import DEFAULT_ESTIMATORS
+from gateway.core.estimates.results import RevolutionResult
+from gateway.core.nearest_name import nearest
+from gateway.core.recording.recorded_file import RecordedFile, open_recorded_file
+from gateway.core.session.corrections import open_effects
+from gateway.core.session.recording_pass import OpenedRecording, RecordingPass
+from gateway.core.session.wheel_identity import configured_tire
+from gateway.core.text.wording import notice_text, text
+from gateway.exporting.recorded_signals import (
     EnvironmentReading,
     HeardWheel,
     SignalBlock,
@@ -37,9 +40,6 @@ from gateway.session.recorded_signals import (
     signals,
     survey,
 )
-from gateway.session.recording_pass import OpenedRecording, RecordingPass
-from gateway.session.wheel_identity import configured_tire
-from gateway.views.wording import notice_text, text
 
 if TYPE_CHECKING:
     from gateway.simulator.truth import WheelTruth
@@ -358,9 +358,9 @@ class Recording(Mapping[str, "Wheel"]):
             OutputError: the recording is in memory only or its configuration no file; the file exists or cannot be
                 written.
         """
+        from gateway.core.text.output_file import check_outputs
         from gateway.exporting.export_registry import check_format, format_of
         from gateway.exporting.recording_export import export_recording
-        from gateway.views.output_file import check_outputs
 
         recording = self._recording
         if not self.path.is_file():
@@ -387,9 +387,9 @@ class Recording(Mapping[str, "Wheel"]):
 
     def report_html(self, path: PathLike | None = None, *, force: bool = False) -> str:
         """Return the page of `treadlink estimate --html`, and write it; arguments as `Diagnosis.report_html`."""
-        from gateway.views.drive_page.drive import Drive
-        from gateway.views.drive_page.drive_page import check_page, drive_page
-        from gateway.views.output_file import write_whole
+        from gateway.compare.views.drive import Drive
+        from gateway.compare.views.drive_page import check_page, drive_page
+        from gateway.core.text.output_file import write_whole
 
         if path is not None:
             check_page(Path(path), force=force)

@@ -7,14 +7,14 @@ from typing import Final
 import numpy as np
 
 from gateway.api.column_table import utc_array
-from gateway.estimators.estimator import Estimate, TireConditions
-from gateway.estimators.estimator import Revolution as RevolutionSignal
-from gateway.pipeline.results import RevolutionResult
-from gateway.quantity_catalogue import declared
-from gateway.signal.angle_resampling import angle_grid
-from gateway.types import ComplexArray, FloatArray
-from gateway.views.numbers import show
-from gateway.views.wording import joined, text
+from gateway.core.estimates.estimator import Estimate, TireConditions
+from gateway.core.estimates.estimator import Revolution as RevolutionSignal
+from gateway.core.estimates.results import RevolutionResult
+from gateway.core.quantity_catalogue import declared
+from gateway.core.revolutions.angle_resampling import angle_grid
+from gateway.core.text.numbers import show
+from gateway.core.text.wording import joined, text
+from gateway.core.types import ComplexArray, FloatArray
 
 _SHOWN: Final = tuple(quantity.name for quantity in declared() if quantity.entity)
 

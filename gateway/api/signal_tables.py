@@ -11,17 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.api.column_table import ColumnTable, IndexArray, TextArray, TimeArray, column, require_pandas, utc_array
-from gateway.constants import AXIS_NAMES
-from gateway.estimators.estimator import Revolution
-from gateway.optional_packages import require_packages
-from gateway.pipeline.mean_revolution import MeanOfRevolutions, MeanRevolution
-from gateway.pipeline.results import RevolutionResult
-from gateway.session.recorded_signals import EnvironmentReading, SignalBlock
-from gateway.signal.angle_resampling import GRID_SIZE, angle_grid
-from gateway.signal.order_spectrum import ORDER_COUNT, order_coefficients
-from gateway.table_columns import AVERAGE_COLUMNS, SAMPLE_COLUMNS, Column
-from gateway.types import BoolArray, ComplexArray, FloatArray
-from gateway.views.wording import joined
+from gateway.core.constants import AXIS_NAMES
+from gateway.core.estimates.estimator import Revolution
+from gateway.core.estimates.results import RevolutionResult
+from gateway.core.optional_packages import require_packages
+from gateway.core.revolutions.angle_resampling import GRID_SIZE, angle_grid
+from gateway.core.revolutions.order_spectrum import ORDER_COUNT, order_coefficients
+from gateway.core.table_columns import AVERAGE_COLUMNS, SAMPLE_COLUMNS, Column
+from gateway.core.text.wording import joined
+from gateway.core.types import BoolArray, ComplexArray, FloatArray
+from gateway.core.wheels.mean_revolution import MeanOfRevolutions, MeanRevolution
+from gateway.exporting.recorded_signals import EnvironmentReading, SignalBlock
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.errors import OutputError
+from gateway.core.errors import OutputError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

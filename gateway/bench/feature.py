@@ -2,15 +2,20 @@
 
 from typing import Final
 
-from gateway.feature import CommandLine, Feature
+from gateway.core.feature import CommandLine, Feature
 
 FEATURE: Final = Feature(
     commands={
-        "scan": CommandLine("gateway.cli.scan:scan", "List hubs in range and serial ports."),
+        "scan": CommandLine("gateway.bench.commands.scan:scan", "List hubs in range and serial ports."),
         "setup": CommandLine(
-            "gateway.cli.setup:setup", "Write a vehicle file for plugged hubs: wheels, radius, pressure, load."
+            "gateway.bench.commands.setup:setup",
+            "Write a vehicle file for plugged hubs: wheels, radius, pressure, load.",
         ),
-        "doctor": CommandLine("gateway.cli.doctor:doctor", "Check packages, ports, permissions and configuration."),
-        "completion": CommandLine("gateway.cli.completion:completion", "Print the completion script of a shell."),
+        "doctor": CommandLine(
+            "gateway.bench.commands.doctor:doctor", "Check packages, ports, permissions and configuration."
+        ),
+        "completion": CommandLine(
+            "gateway.bench.commands.completion:completion", "Print the completion script of a shell."
+        ),
     },
 )

@@ -2,13 +2,16 @@
 
 from typing import Final
 
-from gateway.feature import CommandLine, Feature
+from gateway.core.feature import CommandLine, Feature
 
 FEATURE: Final = Feature(
     commands={
         "compare": CommandLine(
-            "gateway.cli.compare:compare", "Compare two recordings: means, differences and their significance."
+            "gateway.compare.commands.compare:compare",
+            "Compare two recordings: means, differences and their significance.",
         ),
-        "orders": CommandLine("gateway.cli.orders:orders", "Show the order spectra and the average of every wheel."),
+        "orders": CommandLine(
+            "gateway.compare.commands.orders:orders", "Show the order spectra and the average of every wheel."
+        ),
     },
 )

@@ -2,12 +2,12 @@
 
 from typing import Final
 
-from gateway.feature import Feature, Registry
+from gateway.core.feature import Feature, Registry
 
 FEATURE: Final = Feature(
     adds={
         Registry.PARTS: {
-            "screen": "gateway.views.console.screen:run_console",
+            "screen": "gateway.console.screen:run_console",
         },
     },
 )

@@ -2,15 +2,17 @@
 
 from typing import Final
 
-from gateway.feature import CommandLine, Feature, Registry
+from gateway.core.feature import CommandLine, Feature, Registry
 
 FEATURE: Final = Feature(
     commands={
-        "diagnose": CommandLine("gateway.cli.diagnose:diagnose", "Identify the physical effects that the model lacks."),
+        "diagnose": CommandLine(
+            "gateway.diagnosis.commands.diagnose:diagnose", "Identify the physical effects that the model lacks."
+        ),
     },
     adds={
         Registry.PARTS: {
-            "effects file": "gateway.session.effects_opening:open_effects_file",
+            "effects file": "gateway.diagnosis.effects_opening:open_effects_file",
         },
     },
 )

@@ -7,8 +7,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.core.table_columns import Column
 from gateway.exporting.export_table import DTYPES, Block, ExportWriter, Target, WheelTable, length
-from gateway.table_columns import Column
 
 # Rows that are stored together; a column of them is read at once.
 _STORED_ROWS: Final = 1 << 14

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from gateway.errors import OutputError
-from gateway.nearest_name import did_you_mean
-from gateway.views.output_file import is_stdout
+from gateway.core.errors import OutputError
+from gateway.core.nearest_name import did_you_mean
+from gateway.core.text.output_file import is_stdout
 
 
 class Content(NamedTuple):

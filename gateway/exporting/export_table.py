@@ -9,7 +9,7 @@ from typing import IO, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.table_columns import Column
+from gateway.core.table_columns import Column
 
 Cell = str | int | float | bool
 

@@ -10,17 +10,13 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from firmware_protocol.messages import Axis
-from gateway.constants import AXIS_NAMES
-from gateway.exporting.export_registry import CONTENTS, SAMPLES
-from gateway.exporting.export_table import DTYPES, Block, WheelTable
-from gateway.pipeline.mean_revolution import MeanOfRevolutions
-from gateway.pipeline.results import RevolutionResult
-from gateway.quantity_catalogue import CATALOGUE, quantity_of
-from gateway.recording.revolution_fields import estimate_descriptions
-from gateway.session.recorded_signals import SignalBlock
-from gateway.signal.angle_resampling import GRID_SIZE, angle_grid, elapsed_angles
-from gateway.signal.order_spectrum import ORDER_COUNT
-from gateway.table_columns import (
+from gateway.core.constants import AXIS_NAMES
+from gateway.core.estimates.results import RevolutionResult
+from gateway.core.quantity_catalogue import CATALOGUE, quantity_of
+from gateway.core.recording.revolution_fields import estimate_descriptions
+from gateway.core.revolutions.angle_resampling import GRID_SIZE, angle_grid, elapsed_angles
+from gateway.core.revolutions.order_spectrum import ORDER_COUNT
+from gateway.core.table_columns import (
     AVERAGE_COLUMNS,
     OTHER,
     RESULT_HEAD,
@@ -30,8 +26,12 @@ from gateway.table_columns import (
     Column,
     estimate_columns,
 )
-from gateway.types import FloatArray
-from gateway.views.tables.result_table import row_of
+from gateway.core.text.result_table import row_of
+from gateway.core.types import FloatArray
+from gateway.core.wheels.mean_revolution import MeanOfRevolutions
+from gateway.exporting.export_registry import CONTENTS, SAMPLES
+from gateway.exporting.export_table import DTYPES, Block, WheelTable
+from gateway.exporting.recorded_signals import SignalBlock
 
 # Revolutions in one block of rows.
 _BLOCK_REVOLUTIONS: Final = 64

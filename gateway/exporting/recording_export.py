@@ -7,17 +7,17 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from gateway.errors import OutputError
+from gateway.core.errors import OutputError
+from gateway.core.estimates.results import RevolutionResult
+from gateway.core.reasons import Notice, Reason
+from gateway.core.recording.recorded_file import open_recorded_file
+from gateway.core.session.recording_pass import OpenedRecording, open_recording
+from gateway.core.text.output_file import OutputFile, WholeOutput, is_stdout, scratch_folder
 from gateway.exporting.export_registry import CONTENTS, FORMATS
 from gateway.exporting.export_table import Block, ExportWriter, Target, WheelTable, length
 from gateway.exporting.measured_tables import Source, measured
+from gateway.exporting.recorded_signals import SignalBlock, revolutions, sample_blocks
 from gateway.exporting.wheel_conditions import conditions, first_pass, on_hub_time
-from gateway.pipeline.results import RevolutionResult
-from gateway.reasons import Notice, Reason
-from gateway.recording.recorded_file import open_recorded_file
-from gateway.session.recorded_signals import SignalBlock, revolutions, sample_blocks
-from gateway.session.recording_pass import OpenedRecording, open_recording
-from gateway.views.output_file import OutputFile, WholeOutput, is_stdout, scratch_folder
 
 
 class ExportFile(WholeOutput):

@@ -9,21 +9,21 @@ import numpy as np
 
 from firmware_protocol.messages import Axis
 from gateway import __version__
-from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig
-from gateway.constants import AXIS_NAMES
-from gateway.errors import OutputError
+from gateway.core.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig
+from gateway.core.constants import AXIS_NAMES
+from gateway.core.errors import OutputError
+from gateway.core.estimates.wheel_setup import WheelSetup
+from gateway.core.reasons import Code, Reason
+from gateway.core.recording.reader import REPAIR_REMEDY
+from gateway.core.recording.recorded_file import RawDump, RecordedFile
+from gateway.core.recording.run_description import RunDescription, TireIdentity
+from gateway.core.session.recording_pass import OpenedRecording
+from gateway.core.session.wheel_identity import configured
+from gateway.core.text.text import escaped
+from gateway.core.text.wording import text
+from gateway.core.types import FloatArray
 from gateway.exporting.export_table import Condition
-from gateway.pipeline.wheel_setup import WheelSetup
-from gateway.reasons import Code, Reason
-from gateway.recording.reader import REPAIR_REMEDY
-from gateway.recording.recorded_file import RawDump, RecordedFile
-from gateway.recording.run_description import RunDescription, TireIdentity
-from gateway.session.recorded_signals import SignalBlock, signals
-from gateway.session.recording_pass import OpenedRecording
-from gateway.session.wheel_identity import configured
-from gateway.types import FloatArray
-from gateway.views.text import escaped
-from gateway.views.wording import text
+from gateway.exporting.recorded_signals import SignalBlock, signals
 
 
 @dataclass(slots=True)

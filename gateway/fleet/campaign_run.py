@@ -9,8 +9,14 @@ from functools import partial
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from gateway.clock import Clock
-from gateway.errors import OutputError, RecordingError, TreadlinkError
+from gateway.core.clock import Clock
+from gateway.core.errors import OutputError, RecordingError, TreadlinkError
+from gateway.core.nearest_name import missing_path_remedy
+from gateway.core.reasons import Code, Reason
+from gateway.core.recording.file_content import FileContent, read_content
+from gateway.core.recording.reader import RecordingReader
+from gateway.core.recording.run_description import EVERY_RUN, KEYS, RunFilter
+from gateway.core.text.wording import text
 from gateway.fleet.content_keys import estimators_version, path_key
 from gateway.fleet.dataset import Dataset
 from gateway.fleet.recording_estimation import (
@@ -21,12 +27,6 @@ from gateway.fleet.recording_estimation import (
     estimate_recording,
 )
 from gateway.fleet.worker_tasks import TaskResult, WorkerTasks
-from gateway.nearest_name import missing_path_remedy
-from gateway.reasons import Code, Reason
-from gateway.recording.file_content import FileContent, read_content
-from gateway.recording.reader import RecordingReader
-from gateway.recording.run_description import EVERY_RUN, KEYS, RunFilter
-from gateway.views.wording import text
 
 _POLL_S: Final = 0.1
 _READ_AHEAD: Final = 64

@@ -13,22 +13,22 @@ PATH_DIGITS: Final = 12
 # Packages and modules whose code decides about the rows.
 _ESTIMATING: Final = (
     "firmware_protocol",
-    "gateway.estimators",
-    "gateway.physics",
-    "gateway.pipeline",
-    "gateway.recording",
-    "gateway.signal",
+    "gateway.core.estimates",
+    "gateway.ring",
+    "gateway.core.wheels",
+    "gateway.core.recording",
+    "gateway.core.revolutions",
     "gateway:constants.py",
     "gateway:quantity.py",
     "gateway:quantity_catalogue.py",
 )
 _ROWS: Final = (
-    "gateway.session",
+    "gateway.core.session",
     "gateway.fleet:recording_estimation.py",
-    "gateway.views.tables:wheel_rows.py",
+    "gateway.core.text:wheel_rows.py",
     "gateway:table_columns.py",
 )
-_DIAGNOSING: Final = ("gateway.closure",)
+_DIAGNOSING: Final = ("gateway.diagnosis",)
 
 
 def path_key(path: Path) -> str:

@@ -28,19 +28,19 @@ from urllib.parse import quote
 import numpy as np
 
 from gateway import __version__
-from gateway.bounded_input import read_bounded
-from gateway.errors import OutputError
+from gateway.core.bounded_input import read_bounded
+from gateway.core.errors import OutputError
+from gateway.core.nearest_name import missing_path_remedy
+from gateway.core.reasons import Code, Reason
+from gateway.core.recording.file_content import FileContent
+from gateway.core.table_columns import FAILURE_COLUMNS
+from gateway.core.text.output_file import write_whole
+from gateway.core.text.text import storable
+from gateway.core.text.wording import as_json, text
 from gateway.fleet.content_keys import path_key
 from gateway.fleet.parquet_parts import FORMAT, PartFile, read_rows
 from gateway.fleet.recording_estimation import RECORDINGS, REVOLUTIONS, Failure
-from gateway.nearest_name import missing_path_remedy
-from gateway.reasons import Code, Reason
-from gateway.recording.file_content import FileContent
-from gateway.table_columns import FAILURE_COLUMNS
-from gateway.trends.trend_result import UNKNOWN_VEHICLE
-from gateway.views.output_file import write_whole
-from gateway.views.text import storable
-from gateway.views.wording import as_json, text
+from gateway.fleet.trends.trend_result import UNKNOWN_VEHICLE
 
 if sys.platform == "win32":
     import msvcrt

@@ -16,19 +16,19 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.clock import Clock, SystemClock
-from gateway.config.validation import read_text
-from gateway.errors import OutputError, RecordingError
-from gateway.estimators.estimator import Status
+from gateway.core.clock import Clock, SystemClock
+from gateway.core.config.validation import read_text
+from gateway.core.errors import OutputError, RecordingError
+from gateway.core.estimates.estimator import Status
+from gateway.core.quantity import Statement
+from gateway.core.quantity_catalogue import declared
+from gateway.core.reasons import Code, Reason
+from gateway.core.recording.run_description import EVERY_RUN, RunDescription, RunFilter, TireIdentity, read_notes
+from gateway.core.types import FloatArray
 from gateway.fleet.dataset import FAILURES, Key, is_identified, partition_name, read_description
 from gateway.fleet.parquet_parts import read_rows
 from gateway.fleet.recording_estimation import RECORDINGS
-from gateway.quantity import Statement
-from gateway.quantity_catalogue import declared
-from gateway.reasons import Code, Reason
-from gateway.recording.run_description import EVERY_RUN, RunDescription, RunFilter, TireIdentity, read_notes
-from gateway.trends.tire_history import TireHistory
-from gateway.types import FloatArray
+from gateway.fleet.trends.tire_history import TireHistory
 
 Odometer = Mapping[str, tuple[NDArray[np.int64], FloatArray]]
 """Vehicle -> times in ns and distances in km, both increasing."""

@@ -8,10 +8,10 @@ from contextlib import suppress
 from types import TracebackType
 from typing import Any, Final, Self
 
-from gateway.errors import TreadlinkError
+from gateway.core.errors import TreadlinkError
+from gateway.core.reasons import Code, Reason
+from gateway.core.worker_pool import Workers
 from gateway.fleet.worker_tasks import RunningTask, TaskResult, WorkerTasks
-from gateway.reasons import Code, Reason
-from gateway.worker_pool import Workers
 
 DEFAULT_MEMORY_BYTES: Final = 2_000_000_000
 """Memory of a worker process, at which it is ended."""

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import IO, Any, Final
 from urllib.parse import unquote
 
-from gateway.errors import OutputError
+from gateway.core.errors import OutputError
+from gateway.core.text.output_file import OutputFile, check_target, scratch_folder
 from gateway.fleet.dataset import DIAGNOSES, read_description
 from gateway.fleet.parquet_parts import require_campaign_packages
 from gateway.fleet.recording_estimation import RECORDINGS, REVOLUTIONS
-from gateway.views.output_file import OutputFile, check_target, scratch_folder
 
 TABLES: Final = (RECORDINGS, REVOLUTIONS, DIAGNOSES)
 """Tables that are packed."""

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from gateway import __version__
-from gateway.optional_packages import require_packages
-from gateway.table_columns import CONVENTIONS, Column
-from gateway.views.output_file import OutputFile, WholeOutput
-from gateway.views.tables.table_sinks import Cell, arrow_schema
+from gateway.core.optional_packages import require_packages
+from gateway.core.table_columns import CONVENTIONS, Column
+from gateway.core.text.output_file import OutputFile, WholeOutput
+from gateway.core.text.table_sinks import Cell, arrow_schema
 
 _ROW_GROUP: Final = 16_384
 _COMPRESSION: Final = "zstd"

@@ -9,25 +9,22 @@ from pathlib import Path
 from typing import Final
 
 from gateway import __version__
-from gateway.config.vehicle import VehicleConfig
-from gateway.errors import ConfigError, OutputError, RecordingError, TreadlinkError
-from gateway.estimators.registry import make_estimator
-from gateway.feature import Registry
-from gateway.fleet.content_keys import settings_key
-from gateway.fleet.parquet_parts import PartFile
-from gateway.pipeline.results import RevolutionResult
-from gateway.pipeline.wheel_setup import CorrectionTable
-from gateway.plugins import installed
-from gateway.quantity_catalogue import given_by
-from gateway.reasons import Code, Reason
-from gateway.recording.file_content import FileContent
-from gateway.recording.reader import REPAIR_REMEDY, RecordingReader
-from gateway.recording.run_description import RunDescription, TireIdentity
-from gateway.session.corrections import check_effects
-from gateway.session.provenance import Quantity, is_assumed
-from gateway.session.recording_pass import OpenedRecording, RecordingPass, open_recording
-from gateway.session.wheel_identity import configured, configured_tire
-from gateway.table_columns import (
+from gateway.core.config.vehicle import VehicleConfig
+from gateway.core.errors import ConfigError, OutputError, RecordingError, TreadlinkError
+from gateway.core.estimates.registry import make_estimator
+from gateway.core.estimates.results import RevolutionResult
+from gateway.core.estimates.wheel_setup import CorrectionTable
+from gateway.core.feature import Registry
+from gateway.core.plugins import installed
+from gateway.core.quantity_catalogue import given_by
+from gateway.core.reasons import Code, Reason
+from gateway.core.recording.file_content import FileContent
+from gateway.core.recording.reader import REPAIR_REMEDY, RecordingReader
+from gateway.core.recording.run_description import RunDescription, TireIdentity
+from gateway.core.session.corrections import check_effects
+from gateway.core.session.recording_pass import OpenedRecording, RecordingPass, open_recording
+from gateway.core.session.wheel_identity import configured, configured_tire
+from gateway.core.table_columns import (
     RECORDING_HEAD,
     RECORDING_TAIL,
     RESULT_HEAD,
@@ -35,12 +32,15 @@ from gateway.table_columns import (
     recording_columns,
     revolution_columns,
 )
-from gateway.views.numbers import distinct_name
-from gateway.views.tables.result_table import alarm_fields, row_of
-from gateway.views.tables.table_sinks import Cell
-from gateway.views.tables.wheel_rows import WheelRow, json_cell
-from gateway.views.text import storable
-from gateway.views.wording import as_json
+from gateway.core.text.numbers import distinct_name
+from gateway.core.text.result_table import alarm_fields, row_of
+from gateway.core.text.table_sinks import Cell
+from gateway.core.text.text import storable
+from gateway.core.text.wheel_rows import WheelRow, json_cell
+from gateway.core.text.wording import as_json
+from gateway.diagnosis.provenance import Quantity, is_assumed
+from gateway.fleet.content_keys import settings_key
+from gateway.fleet.parquet_parts import PartFile
 
 REVOLUTIONS: Final = "revolutions"
 RECORDINGS: Final = "recordings"
@@ -412,7 +412,7 @@ def _concerns(subject: str, position: str, positions: Collection[str]) -> bool:
 
 
 def _effects_identity(table: CorrectionTable) -> str:
-    from gateway.config.effects_file import effects_text
+    from gateway.diagnosis.effects_file import effects_text
 
     return effects_text(table)
 

@@ -11,11 +11,11 @@ from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Any, Final
 
-from gateway.clock import SystemClock
-from gateway.errors import OutputError, TreadlinkError
+from gateway.core.clock import SystemClock
+from gateway.core.errors import OutputError, TreadlinkError
+from gateway.core.reasons import Code, Reason
 from gateway.fleet.content_keys import diagnosis_version, estimators_version
 from gateway.fleet.worker_tasks import RunningTask, Work, WorkerTasks
-from gateway.reasons import Code, Reason
 
 _CONNECT_S: Final = 10.0
 _CLOSE_S: Final = 5.0

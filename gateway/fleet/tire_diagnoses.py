@@ -10,18 +10,18 @@ from typing import Any, Final, NamedTuple
 from urllib.parse import unquote
 
 from gateway import __version__
-from gateway.config.vehicle import VehicleConfig
-from gateway.errors import OutputError, TreadlinkError
+from gateway.core.config.vehicle import VehicleConfig
+from gateway.core.errors import OutputError, TreadlinkError
+from gateway.core.reasons import Code, Reason
+from gateway.core.table_columns import DIAGNOSIS_COLUMNS
+from gateway.core.text.plain_values import plain
+from gateway.core.text.text import storable
+from gateway.core.text.wording import as_json, joined, text
 from gateway.fleet.content_keys import diagnosis_version, settings_key
 from gateway.fleet.dataset import DIAGNOSES, Dataset, Key, is_identified
 from gateway.fleet.parquet_parts import PartFile, read_rows
 from gateway.fleet.recording_estimation import RECORDINGS
 from gateway.fleet.worker_tasks import WorkerTasks
-from gateway.reasons import Code, Reason
-from gateway.table_columns import DIAGNOSIS_COLUMNS
-from gateway.views.plain_values import plain
-from gateway.views.text import storable
-from gateway.views.wording import as_json, joined, text
 
 MOST_RECORDINGS: Final = 12
 """Recordings of a diagnosis: the time that it takes grows with their number."""
@@ -178,8 +178,8 @@ def diagnose_tire(order: DiagnosisOrder, _: Callable[[int], None] = lambda _: No
     Raises:
         OutputError: the dataset cannot be written.
     """
-    from gateway.session.campaign_diagnosis import diagnose_agreeing
-    from gateway.views.report.diagnosis_json import diagnosis_json
+    from gateway.diagnosis.campaign_diagnosis import diagnose_agreeing
+    from gateway.diagnosis.views.diagnosis_json import diagnosis_json
 
     try:
         diagnosis = diagnose_agreeing(order.paths, order.position, vehicle=order.config, key_file=order.key_file)

@@ -5,8 +5,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
-from gateway.errors import TreadlinkError
-from gateway.reasons import Code, Reason
+from gateway.core.errors import TreadlinkError
+from gateway.core.reasons import Code, Reason
 
 ATTEMPTS: Final = 2
 """Times that a task is tried when its worker ends."""

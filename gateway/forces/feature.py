@@ -2,24 +2,24 @@
 
 from typing import Final
 
-from gateway.feature import CommandLine, Feature, Registry
+from gateway.core.feature import CommandLine, Feature, Registry
 
 FEATURE: Final = Feature(
     commands={
         "calibrate": CommandLine(
-            "gateway.cli.calibrate:calibrate", "Calibrate load, reference numbers and slip of a tire."
+            "gateway.forces.commands.calibrate:calibrate", "Calibrate load, reference numbers and slip of a tire."
         ),
     },
     adds={
         Registry.ESTIMATORS: {
-            "longitudinal-force": "gateway.estimators.longitudinal_force:LongitudinalForceEstimator",
-            "ply-steer": "gateway.estimators.ply_steer:PlySteerEstimator",
-            "slip-angle": "gateway.estimators.slip_angle:SlipAngleEstimator",
-            "side-force": "gateway.estimators.side_force:SideForceEstimator",
-            "friction": "gateway.estimators.friction_use:FrictionUseEstimator",
-            "asynchronous": "gateway.estimators.nonsynchronous:NonsynchronousEstimator",
-            "cavity": "gateway.estimators.cavity:CavityEstimator",
-            "road": "gateway.estimators.road_roughness:RoadRoughnessEstimator",
+            "longitudinal-force": "gateway.forces.longitudinal_force:LongitudinalForceEstimator",
+            "ply-steer": "gateway.forces.ply_steer:PlySteerEstimator",
+            "slip-angle": "gateway.forces.slip_angle:SlipAngleEstimator",
+            "side-force": "gateway.forces.side_force:SideForceEstimator",
+            "friction": "gateway.forces.friction_use:FrictionUseEstimator",
+            "asynchronous": "gateway.forces.nonsynchronous:NonsynchronousEstimator",
+            "cavity": "gateway.forces.cavity:CavityEstimator",
+            "road": "gateway.forces.road_roughness:RoadRoughnessEstimator",
         },
     },
 )

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Protocol
 
-from gateway.errors import ImportDataError
-from gateway.nearest_name import nearest
-from gateway.types import FloatArray
+from gateway.core.errors import ImportDataError
+from gateway.core.nearest_name import nearest
+from gateway.core.types import FloatArray
 
 BLOCK_ROWS: Final = 65536
 # A matrix with more columns has its channels in rows.

@@ -11,11 +11,11 @@ from typing import Final, NamedTuple, TextIO
 
 import numpy as np
 
-from gateway.errors import ImportDataError
+from gateway.core.errors import ImportDataError
+from gateway.core.types import FloatArray
 from gateway.importing.columns import BLOCK_ROWS, Block, FileFacts
 from gateway.importing.import_map import DELIMITERS, FileLayout
 from gateway.importing.iso_times import IsoTimes
-from gateway.types import FloatArray
 
 _DATE_OR_CLOCK: Final = re.compile(r"\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{4}|\d{1,2}:\d{2}")
 _PLACEHOLDER: Final = re.compile(r"[-?*#./]+|n/?a|#n/a|null|none|missing|err(or)?", re.IGNORECASE)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from gateway.errors import ImportDataError
+from gateway.core.errors import ImportDataError
 from gateway.importing.column_names import rate_in_text
 from gateway.importing.csv_columns import column_names
 from gateway.importing.import_map import DELIMITERS, FileLayout

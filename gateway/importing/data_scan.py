@@ -11,14 +11,14 @@ import numpy as np
 
 from firmware_protocol.messages import Axis
 from firmware_protocol.wire import MAX_RATE_HZ, MIN_RATE_HZ
-from gateway.errors import ImportDataError
+from gateway.core.errors import ImportDataError
+from gateway.core.revolutions.bridged_gaps import BridgedGaps, Bridging
+from gateway.core.types import FloatArray
 from gateway.importing.columns import Block, BlockReader
 from gateway.importing.decimation import Decimation, decimation_factor
 from gateway.importing.import_map import TIME_UNITS_S, ImportedWheel, ImportMap
 from gateway.importing.sample_rows import SampleRows
 from gateway.importing.time_column import MAX_SOURCE_HZ, MAX_TIME_S, TimeColumn
-from gateway.signal.bridged_gaps import BridgedGaps, Bridging
-from gateway.types import FloatArray
 
 # A million g; no sensor reads as much, and its square must still be a number.
 _MAX_MPS2: Final = 1e7

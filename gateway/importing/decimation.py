@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from firmware_protocol.wire import MAX_RATE_HZ
-from gateway.types import BoolArray, FloatArray
+from gateway.core.types import BoolArray, FloatArray
 
 PASSBAND: Final = 0.4
 """End of the pass band, as a share of the new rate."""

@@ -14,9 +14,9 @@ from typing import Final
 import numpy as np
 from pydantic import ValidationError
 
-from gateway.config.vehicle import Mounting
-from gateway.constants import AXIS_NAMES
-from gateway.errors import ImportDataError
+from gateway.core.config.vehicle import Mounting
+from gateway.core.constants import AXIS_NAMES
+from gateway.core.errors import ImportDataError
 from gateway.importing.columns import Block, ColumnReader, FileFacts
 from gateway.importing.csv_columns import CsvColumns
 from gateway.importing.file_formats import open_columns, suffix_format

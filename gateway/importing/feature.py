@@ -2,12 +2,13 @@
 
 from typing import Final
 
-from gateway.feature import CommandLine, Feature
+from gateway.core.feature import CommandLine, Feature
 
 FEATURE: Final = Feature(
     commands={
         "import": CommandLine(
-            "gateway.cli.import_measurement:import_", "Convert a CSV, MAT, HDF5, MF4, TDMS or IDE file to a recording."
+            "gateway.importing.commands.import_measurement:import_",
+            "Convert a CSV, MAT, HDF5, MF4, TDMS or IDE file to a recording.",
         ),
     },
 )

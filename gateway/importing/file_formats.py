@@ -9,16 +9,16 @@ from typing import Any, Final
 
 import numpy as np
 
-from gateway.errors import ImportDataError, reading_remedy
-from gateway.feature import Registry
+from gateway.core.errors import ImportDataError, reading_remedy
+from gateway.core.feature import Registry
+from gateway.core.nearest_name import missing_path_remedy
+from gateway.core.plugins import Plugin, load, missing_members
+from gateway.core.reasons import Code, Reason
 from gateway.importing.columns import Block, ColumnReader, FileFacts
 from gateway.importing.csv_columns import CsvColumns
 from gateway.importing.import_map import ISO, SUFFIXES, FileFormat, ImportMap
 from gateway.importing.iso_times import IsoTimes
 from gateway.importing.reader_process import ProcessColumns, ReaderProcesses
-from gateway.nearest_name import missing_path_remedy
-from gateway.plugins import Plugin, load, missing_members
-from gateway.reasons import Code, Reason
 
 _KNOWN: Final = ", ".join(SUFFIXES)
 _UNPACK: Final = "Unpack the file first, then import what is in it."

@@ -13,10 +13,10 @@ from firmware_protocol import wire
 from firmware_protocol.codec import encode_frame
 from firmware_protocol.declaration import SAMPLES
 from firmware_protocol.messages import Environment, Frame, Hello, Message, MessageType, SampleBlock
-from gateway.errors import ImportDataError
+from gateway.core.errors import ImportDataError
+from gateway.core.types import FloatArray
 from gateway.importing.data_scan import WheelScan
 from gateway.importing.import_map import PRESSURE_UNITS_PA, ImportedWheel, Sensor
-from gateway.types import FloatArray
 
 CHUNK_S: Final = 0.01
 NEVER_SATURATED_COUNTS: Final = wire.MAX_SATURATION_COUNTS

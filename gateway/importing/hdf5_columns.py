@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from gateway.errors import ImportDataError
+from gateway.core.errors import ImportDataError
+from gateway.core.types import FloatArray
 from gateway.importing.column_names import names_rate
 from gateway.importing.columns import (
     BLOCK_ROWS,
@@ -26,7 +27,6 @@ from gateway.importing.columns import (
     row_places,
 )
 from gateway.importing.matlab_objects import CLASSES, can_read_objects, object_columns, seconds_of
-from gateway.types import FloatArray
 
 if TYPE_CHECKING:
     import h5py

@@ -6,7 +6,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from gateway.errors import ImportDataError
+from gateway.core.errors import ImportDataError
 from gateway.importing.columns import BLOCK_ROWS, Block, FileFacts, row_places
 
 TIME: Final = "time"

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import AwareDatetime, BeforeValidator, Field
 
 from firmware_protocol.messages import Axis, Coupling
-from gateway.config.validation import (
+from gateway.core.config.validation import (
     Fault,
     Section,
     above,
@@ -23,7 +23,7 @@ from gateway.config.validation import (
     show,
     within,
 )
-from gateway.config.vehicle import (
+from gateway.core.config.vehicle import (
     ASSUMED_RADIUS_MM,
     ASSUMED_RADIUS_STD_MM,
     CLOCK_STD_PERCENT,
@@ -35,9 +35,9 @@ from gateway.config.vehicle import (
     VehicleConfig,
     Wheel,
 )
-from gateway.config.vehicle import Sensor as Accuracy
-from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.nearest_name import nearest
+from gateway.core.config.vehicle import Sensor as Accuracy
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.nearest_name import nearest
 
 ACCELERATION_UNITS_MPS2: Final[dict[str, float]] = {
     "m/s^2": 1.0,

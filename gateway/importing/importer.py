@@ -12,8 +12,13 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from firmware_protocol.messages import Axis, Coupling
-from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig
-from gateway.errors import ImportDataError
+from gateway.core.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig
+from gateway.core.errors import ImportDataError
+from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind
+from gateway.core.reasons import Code, Reason
+from gateway.core.recording.container import refuse_existing
+from gateway.core.recording.writer import RecordingWriter, whole_recording
+from gateway.core.types import BoolArray, FloatArray, IntArray
 from gateway.importing.columns import BlockReader, FileFacts, require_columns
 from gateway.importing.data_scan import Scan, WheelScan, scan
 from gateway.importing.decimation import ATTENUATION_DB, RIPPLE_DB, Decimation
@@ -24,14 +29,9 @@ from gateway.importing.joined_columns import JoinedColumns
 from gateway.importing.missing_rows import GapFilledColumns
 from gateway.importing.reader_process import ReaderProcesses
 from gateway.importing.reference_channels import ReferenceChannel
+from gateway.importing.reference_topic import reference_topic
 from gateway.importing.sample_rows import SampleRows, WheelColumns, kept_rows
 from gateway.importing.unit_check import unlikely_unit
-from gateway.io.source import Chunk, LinkEvent, LinkEventKind
-from gateway.reasons import Code, Reason
-from gateway.recording.container import refuse_existing
-from gateway.recording.reference_topic import reference_topic
-from gateway.recording.writer import RecordingWriter, whole_recording
-from gateway.types import BoolArray, FloatArray, IntArray
 
 _logger = logging.getLogger(__name__)
 

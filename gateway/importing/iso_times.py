@@ -10,9 +10,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.errors import ImportDataError
+from gateway.core.errors import ImportDataError
+from gateway.core.types import FloatArray
 from gateway.importing.import_map import zone_of
-from gateway.types import FloatArray
 
 _TIME: Final = re.compile(
     r"\s*(?:(\d{1,4}[-/. ](?:\d{1,2}|[a-z]{3})[-/. ]\d{1,4})[T ])?\s*(\d{1,2}:\d\d:\d\d(?:[.,]\d{1,9})?)\d*\s*"

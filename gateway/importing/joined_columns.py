@@ -5,7 +5,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from gateway.errors import ImportDataError
+from gateway.core.errors import ImportDataError
 from gateway.importing.columns import Block, BlockReader, FileFacts, require_columns
 
 

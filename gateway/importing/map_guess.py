@@ -15,10 +15,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from firmware_protocol.wire import MIN_RATE_HZ
-from gateway.config.toml_writer import toml_string
-from gateway.config.vehicle import ASSUMED_RADIUS_MM
-from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.errors import ImportDataError
+from gateway.core.config.toml_writer import toml_string
+from gateway.core.config.vehicle import ASSUMED_RADIUS_MM
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.errors import ImportDataError
+from gateway.core.types import FloatArray
 from gateway.importing.column_names import A_MAGNITUDE, names_acceleration, other_quantity, unit_of
 from gateway.importing.columns import Block, ColumnReader, FileFacts
 from gateway.importing.csv_columns import CsvColumns
@@ -41,7 +42,6 @@ from gateway.importing.import_map import (
 from gateway.importing.reader_process import ReaderProcesses
 from gateway.importing.time_counter import TimeCounter
 from gateway.importing.unit_check import contact_depth, fits, no_unit_fits, revolution_lag
-from gateway.types import FloatArray
 
 _MOST_COLUMNS: Final = 64
 _ROLES: Final = {

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.errors import ImportDataError
+from gateway.core.errors import ImportDataError
 
 CLASSES: Final = ("table", "timetable", "datetime", "duration")
 """Classes of MATLAB that are read."""

@@ -14,9 +14,9 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from gateway.errors import ImportDataError
+from gateway.core.errors import ImportDataError
+from gateway.core.types import FloatArray
 from gateway.importing.columns import BLOCK_ROWS, Block, FileFacts, printable, row_places
-from gateway.types import FloatArray
 
 _MAX_CHANNELS: Final = 20_000
 # A channel of another group is loaded as a whole; a slow quantity has fewer samples.

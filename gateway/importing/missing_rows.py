@@ -7,12 +7,12 @@ from typing import Final
 import numpy as np
 
 from firmware_protocol.wire import MAX_RATE_HZ
-from gateway.errors import ImportDataError
+from gateway.core.errors import ImportDataError
+from gateway.core.types import FloatArray, IntArray
 from gateway.importing.columns import Block, BlockReader, FileFacts
 from gateway.importing.import_map import TIME_UNITS_S, Sampling
 from gateway.importing.time_column import MAX_SOURCE_HZ, MAX_TIME_S, decimal_grid
 from gateway.importing.time_counter import TimeCounter
-from gateway.types import FloatArray, IntArray
 
 # Share of a sample interval by which a step may differ from a whole number of them.
 _TOLERANCE: Final = 0.1

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from gateway.errors import ImportDataError
+from gateway.core.errors import ImportDataError
+from gateway.core.types import FloatArray
 from gateway.importing.columns import BLOCK_ROWS, Block, FileFacts, row_places
-from gateway.types import FloatArray
 
 
 class ParquetColumns:

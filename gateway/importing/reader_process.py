@@ -22,10 +22,10 @@ from typing import Any, Final, TypeVar
 
 import numpy as np
 
-from gateway.errors import ImportDataError, reading_remedy
+from gateway.core.errors import ImportDataError, reading_remedy
+from gateway.core.worker_pool import main_module_hidden
 from gateway.importing.columns import Block, BlockReader, FileFacts, row_places
 from gateway.importing.import_map import FileFormat
-from gateway.worker_pool import main_module_hidden
 
 
 @dataclass(frozen=True, slots=True)

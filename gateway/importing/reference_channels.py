@@ -6,8 +6,8 @@ from typing import Final
 
 import numpy as np
 
+from gateway.core.types import FloatArray
 from gateway.importing.import_map import ReferenceColumn
-from gateway.types import FloatArray
 
 _MEAN_S: Final = 0.1
 """Interval over which speeds and rotations are averaged."""

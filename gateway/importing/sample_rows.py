@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gateway.core.types import FloatArray
 from gateway.importing.columns import Block
 from gateway.importing.decimation import Decimator
 from gateway.importing.import_map import ImportedWheel, ImportMap
-from gateway.types import FloatArray
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from gateway.errors import ImportDataError
+from gateway.core.errors import ImportDataError
+from gateway.core.types import FloatArray
 from gateway.importing.waveform_columns import Waveform, WaveformColumns
-from gateway.types import FloatArray
 
 
 class TdmsColumns(WaveformColumns):

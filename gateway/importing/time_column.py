@@ -7,9 +7,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.errors import ImportDataError
+from gateway.core.errors import ImportDataError
+from gateway.core.types import FloatArray
 from gateway.importing.columns import Block
-from gateway.types import FloatArray
 
 # The ten-thousandfold of the time since 1970.
 MAX_TIME_S: Final = 1e13

@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from gateway.types import FloatArray
+from gateway.core.types import FloatArray
 
 # Counters of microcontrollers; one of 2^32 us starts again each 71.6 minutes, also where it was converted to ms or s.
 _COUNTS: Final = (2.0**32, 2.0**24, 2.0**16, 2.0**32 * 1e-3, 2.0**32 * 1e-6)

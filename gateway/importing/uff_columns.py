@@ -5,7 +5,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from gateway.errors import ImportDataError
+from gateway.core.errors import ImportDataError
 from gateway.importing.waveform_columns import Waveform, WaveformColumns
 
 _FUNCTIONS: Final = 58

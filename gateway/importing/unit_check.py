@@ -5,9 +5,9 @@ from typing import Final
 
 import numpy as np
 
+from gateway.core.reasons import Code, Reason
+from gateway.core.types import FloatArray
 from gateway.importing.import_map import ACCELERATION_UNITS_MPS2
-from gateway.reasons import Code, Reason
-from gateway.types import FloatArray
 
 _FASTEST_MPS: Final = 110.0
 _SLOWEST_MPS: Final = 2.0

@@ -10,9 +10,9 @@ from typing import Final
 
 import numpy as np
 
-from gateway.errors import ImportDataError
+from gateway.core.errors import ImportDataError
+from gateway.core.types import FloatArray
 from gateway.importing.columns import BLOCK_ROWS, Block, FileFacts, require_equal_lengths, row_places
-from gateway.types import FloatArray
 
 TIME: Final = "time"
 """Column of the times of the waveforms, in s from the first value."""

@@ -2,12 +2,13 @@
 
 from typing import Final
 
-from gateway.feature import CommandLine, Feature
+from gateway.core.feature import CommandLine, Feature
 
 FEATURE: Final = Feature(
     commands={
         "protocol": CommandLine(
-            "gateway.cli.protocol:protocol", "Check a firmware; generate C code, vectors, dissector, schema."
+            "gateway.makers.commands.protocol:protocol",
+            "Check a firmware; generate C code, vectors, dissector, schema.",
         ),
     },
 )

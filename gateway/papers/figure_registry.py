@@ -6,8 +6,8 @@ import importlib
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
-from gateway.errors import ConfigError
-from gateway.nearest_name import did_you_mean
+from gateway.core.errors import ConfigError
+from gateway.core.nearest_name import did_you_mean
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from gateway.errors import OutputError
+from gateway.core.errors import OutputError
 from gateway.papers.figure_registry import title
 
 if TYPE_CHECKING:

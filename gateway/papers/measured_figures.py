@@ -12,18 +12,18 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from gateway.errors import ConfigError
-from gateway.nearest_name import did_you_mean
+from gateway.compare.order_statistics import BLOCK_REVOLUTIONS, OrderStatistics
+from gateway.core.errors import ConfigError
+from gateway.core.estimates.ring_series import signal_orders
+from gateway.core.nearest_name import did_you_mean
+from gateway.core.quantity_catalogue import RING_NUMBERS
+from gateway.core.revolutions.angle_resampling import GRID_SIZE, angle_grid
+from gateway.core.revolutions.order_spectrum import ORDER_COUNT
+from gateway.core.types import FloatArray
+from gateway.forces.lateral_deformation import ORDERS, deformation
 from gateway.papers.measured_tires import SLOPES, MeasuredTire, Waveforms
 from gateway.papers.ring_data import ESTIMATORS, measured_orders
 from gateway.papers.ring_figures import STYLES, draw_orders, draw_waveform, linear_trend, relative_residual
-from gateway.physics.ring_series import signal_orders
-from gateway.quantity_catalogue import RING_NUMBERS
-from gateway.signal.angle_resampling import GRID_SIZE, angle_grid
-from gateway.signal.lateral_deformation import ORDERS, deformation
-from gateway.signal.order_spectrum import ORDER_COUNT
-from gateway.signal.order_statistics import BLOCK_REVOLUTIONS, OrderStatistics
-from gateway.types import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

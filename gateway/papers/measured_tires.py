@@ -7,18 +7,18 @@ from typing import Final
 
 import numpy as np
 
-from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
-from gateway.estimators.lateral_shape import DEFINITIONS, has_lateral, lateral_record
-from gateway.estimators.ply_steer import ROLL_NAME
-from gateway.estimators.registry import make_estimator
-from gateway.estimators.revolution_block import extended
-from gateway.estimators.weighted_mean import WeightedMean, mean_estimate
+from gateway.compare.order_statistics import OrderAccumulator, OrderStatistics
+from gateway.core.estimates.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
+from gateway.core.estimates.registry import make_estimator
+from gateway.core.estimates.revolution_block import extended
+from gateway.core.estimates.ring_series import pressure_number
+from gateway.core.estimates.weighted_mean import WeightedMean, mean_estimate
+from gateway.core.quantity_catalogue import RING_NUMBERS, quantity_of
+from gateway.core.revolutions.synchronous_average import RunningAverage
+from gateway.core.types import FloatArray
+from gateway.forces.lateral_shape import DEFINITIONS, has_lateral, lateral_record
+from gateway.forces.ply_steer import ROLL_NAME
 from gateway.papers.ring_data import ESTIMATORS
-from gateway.physics.ring_series import pressure_number
-from gateway.quantity_catalogue import RING_NUMBERS, quantity_of
-from gateway.signal.order_statistics import OrderAccumulator, OrderStatistics
-from gateway.signal.synchronous_average import RunningAverage
-from gateway.types import FloatArray
 
 SLOPES: Final = {definition: f"ply_steer_{definition}_rad" for definition in DEFINITIONS}
 """Quantity of each definition of the ply steer angle."""

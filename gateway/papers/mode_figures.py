@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.papers.ring_data import NOISE_MG_PER_RTHZ, RADIUS_M, RATE_HZ, fitted_orders, measured_orders, new_tire
-from gateway.physics.reference_tire import TABLE_3_NUMBERS
-from gateway.physics.ring_series import (
+from gateway.compare.order_statistics import BLOCK_REVOLUTIONS, OrderAccumulator, OrderStatistics
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
+from gateway.core.estimates.ring_series import (
     Kinematics,
     modal_force,
     modal_number,
@@ -25,12 +25,12 @@ from gateway.physics.ring_series import (
     signal_orders,
     stiffness_terms,
 )
-from gateway.physics.rolling_ring import RingSolution
-from gateway.quantity_catalogue import RING_NUMBERS
-from gateway.signal.angle_resampling import GRID_SIZE, angle_grid
-from gateway.signal.order_spectrum import highest_order
-from gateway.signal.order_statistics import BLOCK_REVOLUTIONS, OrderAccumulator, OrderStatistics
-from gateway.types import FloatArray
+from gateway.core.quantity_catalogue import RING_NUMBERS
+from gateway.core.revolutions.angle_resampling import GRID_SIZE, angle_grid
+from gateway.core.revolutions.order_spectrum import highest_order
+from gateway.core.types import FloatArray
+from gateway.papers.ring_data import NOISE_MG_PER_RTHZ, RADIUS_M, RATE_HZ, fitted_orders, measured_orders, new_tire
+from gateway.ring.rolling_ring import RingSolution
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

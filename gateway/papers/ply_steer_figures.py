@@ -13,11 +13,15 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.estimators.belt_laminate import BeltLaminate, StatedPly, coupling_law
-from gateway.estimators.lateral_shape import DEFINITIONS, LateralRecord, Slopes, slopes
-from gateway.estimators.ply_steer import PEAK_OVER_LAMINATE, PEAK_OVER_LAMINATE_STD
-from gateway.estimators.ply_steer_models import (
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.revolutions.angle_resampling import GRID_SIZE, angle_grid
+from gateway.core.types import FloatArray
+from gateway.forces.belt_laminate import BeltLaminate, StatedPly, coupling_law
+from gateway.forces.lateral_belt import LateralBelt, LateralSolution, solve_lateral_belt
+from gateway.forces.lateral_deformation import ORDERS, deformation, lateral_coefficients, lateral_waveform
+from gateway.forces.lateral_shape import DEFINITIONS, LateralRecord, Slopes, slopes
+from gateway.forces.ply_steer import PEAK_OVER_LAMINATE, PEAK_OVER_LAMINATE_STD
+from gateway.forces.ply_steer_models import (
     RADIUS_M,
     TABLE_ANGLE_DEG,
     TABLE_FORCE_N,
@@ -27,11 +31,7 @@ from gateway.estimators.ply_steer_models import (
     roll_car_tire,
     table_points,
 )
-from gateway.physics.lateral_belt import LateralBelt, LateralSolution, solve_lateral_belt
-from gateway.physics.rolling_ring import RingSolution
-from gateway.signal.angle_resampling import GRID_SIZE, angle_grid
-from gateway.signal.lateral_deformation import ORDERS, deformation, lateral_coefficients, lateral_waveform
-from gateway.types import FloatArray
+from gateway.ring.rolling_ring import RingSolution
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

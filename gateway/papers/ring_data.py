@@ -9,19 +9,25 @@ from typing import Final
 
 import numpy as np
 
-from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.estimators.estimator import AngleAverage, Revolution, TireConditions
-from gateway.estimators.registry import make_estimator
-from gateway.estimators.revolution_block import extended
-from gateway.physics.reference_tire import TABLE_3_LOAD_N, TABLE_3_NUMBERS, TABLE_3_PRESSURE_PA
-from gateway.physics.ring_series import signal_orders
-from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
-from gateway.quantity_catalogue import RING_NUMBERS
-from gateway.signal.angle_resampling import GRID_SIZE
-from gateway.signal.contact_edges import find_contact_edges
-from gateway.signal.order_spectrum import ORDER_COUNT, coefficient_std, highest_order, order_coefficients, sample_std
-from gateway.signal.synchronous_average import RunningAverage
-from gateway.types import FloatArray
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.estimates.estimator import AngleAverage, Revolution, TireConditions
+from gateway.core.estimates.reference_tire import TABLE_3_LOAD_N, TABLE_3_NUMBERS, TABLE_3_PRESSURE_PA
+from gateway.core.estimates.registry import make_estimator
+from gateway.core.estimates.revolution_block import extended
+from gateway.core.estimates.ring_series import signal_orders
+from gateway.core.quantity_catalogue import RING_NUMBERS
+from gateway.core.revolutions.angle_resampling import GRID_SIZE
+from gateway.core.revolutions.contact_edges import find_contact_edges
+from gateway.core.revolutions.order_spectrum import (
+    ORDER_COUNT,
+    coefficient_std,
+    highest_order,
+    order_coefficients,
+    sample_std,
+)
+from gateway.core.revolutions.synchronous_average import RunningAverage
+from gateway.core.types import FloatArray
+from gateway.ring.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 
 RADIUS_M: Final = 0.32
 SPEED_KMH: Final = 65.0

@@ -14,6 +14,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from gateway.core.estimates.ring_series import pressure_number, signal_waveform
+from gateway.core.quantity_catalogue import RING_NUMBERS
+from gateway.core.revolutions.angle_resampling import angle_grid
+from gateway.core.types import FloatArray
 from gateway.papers.ring_data import (
     OMEGA_RADPS,
     RADIUS_M,
@@ -34,10 +38,6 @@ from gateway.papers.trend_assumptions import (
     readings,
     trend,
 )
-from gateway.physics.ring_series import pressure_number, signal_waveform
-from gateway.quantity_catalogue import RING_NUMBERS
-from gateway.signal.angle_resampling import angle_grid
-from gateway.types import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -15,18 +15,18 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gateway.estimators.estimator import TireConditions
-from gateway.estimators.registry import make_estimator
-from gateway.estimators.ring_paper import fit_ring_numbers
+from gateway.core.estimates.estimator import TireConditions
+from gateway.core.estimates.reference_tire import TABLE_3_LOAD_N, TABLE_3_PRESSURE_PA
+from gateway.core.estimates.registry import make_estimator
+from gateway.core.estimates.ring_series import pressure_number
+from gateway.core.quantity_catalogue import RING_NUMBERS
+from gateway.core.revolutions.contact_edges import contact_levels, smoothing_order
+from gateway.core.revolutions.order_spectrum import ORDER_COUNT
+from gateway.core.types import FloatArray
 from gateway.papers.ring_data import LOADS_N, OMEGA_RADPS, PRESSURES_PA, RADIUS_M, paper_ring, quiet_average
-from gateway.physics.reference_tire import TABLE_3_LOAD_N, TABLE_3_PRESSURE_PA
-from gateway.physics.ring_series import pressure_number
-from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
-from gateway.physics.rolling_ring.sensor_waveform import waveform_orders
-from gateway.quantity_catalogue import RING_NUMBERS
-from gateway.signal.contact_edges import contact_levels, smoothing_order
-from gateway.signal.order_spectrum import ORDER_COUNT
-from gateway.types import FloatArray
+from gateway.papers.ring_paper import fit_ring_numbers
+from gateway.ring.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
+from gateway.ring.rolling_ring.sensor_waveform import waveform_orders
 
 _NODES: Final = 720
 # Contact width of MF-Tyre 6.1 over the tire's width, with x the deflection over the radius: q1 x^(1/3) + q2 x. Equation

@@ -2,10 +2,12 @@
 
 from typing import Final
 
-from gateway.feature import CommandLine, Feature
+from gateway.core.feature import CommandLine, Feature
 
 FEATURE: Final = Feature(
     commands={
-        "plan": CommandLine("gateway.cli.plan:plan", "Say what a sensor will be able to measure before it is bought."),
+        "plan": CommandLine(
+            "gateway.planner.commands.plan:plan", "Say what a sensor will be able to measure before it is bought."
+        ),
     },
 )

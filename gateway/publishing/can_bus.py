@@ -10,10 +10,9 @@ from typing import Any, Final
 
 import can
 
-from gateway.errors import ConfigError
-from gateway.estimators.estimator import Estimate
-from gateway.io.can_source import bus_option, error_text
-from gateway.pipeline.results import RevolutionResult, SessionSnapshot, WheelSnapshot, WheelState
+from gateway.core.errors import ConfigError
+from gateway.core.estimates.estimator import Estimate
+from gateway.core.estimates.results import RevolutionResult, SessionSnapshot, WheelSnapshot, WheelState
 from gateway.publishing.can_frames import (
     ALARM_BITS,
     ALARMS,
@@ -37,6 +36,7 @@ from gateway.publishing.sink import (
     SinkError,
     SinkSetting,
 )
+from gateway.vehicle.can_source import bus_option, error_text
 
 _SEND_S: Final = 0.1
 _ATTEMPTS: Final = 10

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, Final
 
-from gateway.errors import ConfigError
-from gateway.pipeline.results import WheelState
-from gateway.quantity import BusFrame, OnBus, Quantity
-from gateway.quantity_catalogue import MOTION_FRAME, on_bus, unit_of
+from gateway.core.errors import ConfigError
+from gateway.core.estimates.results import WheelState
+from gateway.core.quantity import BusFrame, OnBus, Quantity
+from gateway.core.quantity_catalogue import MOTION_FRAME, on_bus, unit_of
 
 DEFAULT_BASE_ID: Final = 0x500
 SLOTS: Final = 8

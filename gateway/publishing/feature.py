@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from gateway.feature import Feature, Registry
+from gateway.core.feature import Feature, Registry
 
 FEATURE: Final = Feature(
     adds={

@@ -11,7 +11,11 @@ import foxglove
 from foxglove.channels import LogChannel
 from foxglove.messages import Log, LogLevel, Timestamp
 
-from gateway.pipeline.results import WheelSnapshot
+from gateway.core.estimates.results import WheelSnapshot
+from gateway.core.reasons import Level, Notice
+from gateway.core.recording.schemas import schema_of
+from gateway.core.text.recording_topics import waveform_payload, wheel_topic
+from gateway.core.text.wording import notice_text
 from gateway.publishing.line_schema import line_schema
 from gateway.publishing.origin_gate import OriginGate, hidden_loopback
 from gateway.publishing.payloads import encoded, messages
@@ -28,10 +32,6 @@ from gateway.publishing.sink import (
     cannot_listen,
     host_and_port,
 )
-from gateway.reasons import Level, Notice
-from gateway.recording.schemas import schema_of
-from gateway.views.recording_topics import waveform_payload, wheel_topic
-from gateway.views.wording import notice_text
 
 _PORT: Final = 8765
 _LEVELS: Final = {

@@ -9,8 +9,8 @@ from typing import Any, Final, NamedTuple
 from urllib.parse import quote
 
 from gateway import __version__
-from gateway.quantity_catalogue import declared
-from gateway.table_columns import typeset_unit
+from gateway.core.quantity_catalogue import declared
+from gateway.core.table_columns import typeset_unit
 
 EXPIRE_S: Final = 30
 """A state that is not renewed for this long is no longer the present one; states come once a second."""

@@ -3,9 +3,9 @@
 from copy import deepcopy
 from typing import Any, Final
 
-from gateway.pipeline.results import SinkState, WheelState
-from gateway.quantity_catalogue import in_state
-from gateway.recording.schemas import schema_of
+from gateway.core.estimates.results import SinkState, WheelState
+from gateway.core.quantity_catalogue import in_state
+from gateway.core.recording.schemas import schema_of
 
 _NUMBER: Final = {"type": "number"}
 _COUNT: Final = {"type": "integer", "minimum": 0}

@@ -24,8 +24,11 @@ from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
-from gateway.errors import TreadlinkError
-from gateway.pipeline.results import SessionSnapshot
+from gateway.core.errors import TreadlinkError
+from gateway.core.estimates.results import SessionSnapshot
+from gateway.core.text.session_control import SessionControl
+from gateway.core.text.text import clean
+from gateway.core.text.trend_history import TrendHistory
 from gateway.publishing.payloads import encoded
 from gateway.publishing.sink import (
     Item,
@@ -39,11 +42,8 @@ from gateway.publishing.sink import (
     cannot_listen,
     host_and_port,
 )
-from gateway.views.session_control import SessionControl
-from gateway.views.text import clean
-from gateway.views.trend_history import TrendHistory
-from gateway.views.web_page.page_html import page_file
-from gateway.views.web_page.page_state import page_quantities, page_state, page_trend, page_waveform
+from gateway.publishing.web_page.page_html import page_file
+from gateway.publishing.web_page.page_state import page_quantities, page_state, page_trend, page_waveform
 
 _logger = logging.getLogger(__name__)
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
-from gateway.pipeline.results import Alarm, LinkSnapshot, SessionSnapshot, WheelSnapshot, WheelState
+from gateway.core.estimates.results import Alarm, LinkSnapshot, SessionSnapshot, WheelSnapshot, WheelState
+from gateway.core.quantity_catalogue import in_state
+from gateway.core.reasons import Code, Reason
+from gateway.core.text.recording_topics import finite, revolution_payload
+from gateway.core.text.text import json_text
+from gateway.core.text.wording import as_json, text
 from gateway.publishing.sink import Item, PublishedAlarm, PublishedRevolution, PublishedState
-from gateway.quantity_catalogue import in_state
-from gateway.reasons import Code, Reason
-from gateway.views.recording_topics import finite, revolution_payload
-from gateway.views.text import json_text
-from gateway.views.wording import as_json, text
 
 JsonObject = dict[str, Any]
 # Fields of states that say how it is now, beside estimates; the others identify and count.

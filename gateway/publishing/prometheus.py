@@ -11,8 +11,8 @@ from prometheus_client import CollectorRegistry, start_http_server
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
-from gateway.estimators.estimator import Status
-from gateway.pipeline.results import WheelSnapshot
+from gateway.core.estimates.estimator import Status
+from gateway.core.estimates.results import WheelSnapshot
 from gateway.publishing.payloads import JsonObject, messages
 from gateway.publishing.sink import (
     Item,

@@ -7,8 +7,9 @@ from typing import Final
 
 import numpy as np
 
-from gateway.clock import Clock
-from gateway.pipeline.results import AlarmChange, RevolutionResult, SessionSnapshot, SinkSnapshot
+from gateway.core.clock import Clock
+from gateway.core.estimates.results import AlarmChange, RevolutionResult, SessionSnapshot, SinkSnapshot
+from gateway.core.text.session_control import SessionControl
 from gateway.publishing.sink import (
     BrowsedSink,
     Item,
@@ -22,7 +23,6 @@ from gateway.publishing.sink import (
     parse_sink_uri,
 )
 from gateway.publishing.sink_worker import SinkWorker
-from gateway.views.session_control import SessionControl
 
 STANDARD_OUTPUT: Final = "jsonl:-"
 FINISH_STUCK_S: Final = 2.0
@@ -35,7 +35,7 @@ _NO_ORDERS: Final = np.empty(0, dtype=np.complex128)
 
 
 class Publisher:
-    """Sends revolutions, alarms and states to sinks; see `gateway.session.publication.Publication`."""
+    """Sends revolutions, alarms and states to sinks; see `gateway.core.session.publication.Publication`."""
 
     def __init__(self, workers: Sequence[SinkWorker], clock: Clock, addresses: Sequence[str] = ()) -> None:
         """Start the outputs; `addresses` are those that users open in a browser."""

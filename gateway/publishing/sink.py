@@ -12,14 +12,14 @@ from pathlib import Path
 from typing import Final, Protocol, runtime_checkable
 from urllib.parse import urlsplit
 
-from gateway.errors import TreadlinkError
-from gateway.feature import Registry
-from gateway.nearest_name import did_you_mean
-from gateway.pipeline.results import AlarmChange, RevolutionResult, SessionSnapshot
-from gateway.plugins import Plugin, load, missing_factory, names
-from gateway.reasons import Code, Reason
-from gateway.uri_parts import split_uri
-from gateway.views.session_control import SessionControl
+from gateway.core.errors import TreadlinkError
+from gateway.core.estimates.results import AlarmChange, RevolutionResult, SessionSnapshot
+from gateway.core.feature import Registry
+from gateway.core.nearest_name import did_you_mean
+from gateway.core.plugins import Plugin, load, missing_factory, names
+from gateway.core.reasons import Code, Reason
+from gateway.core.text.session_control import SessionControl
+from gateway.core.uri_parts import split_uri
 
 _logger = logging.getLogger(__name__)
 

@@ -5,9 +5,12 @@ import threading
 from contextlib import suppress
 from typing import Final
 
-from gateway.clock import Clock
-from gateway.io.reconnect import Backoff, BriefConnections
-from gateway.pipeline.results import SinkSnapshot, SinkState
+from gateway.core.clock import Clock
+from gateway.core.estimates.results import SinkSnapshot, SinkState
+from gateway.core.links.reconnect import Backoff, BriefConnections
+from gateway.core.reasons import Code, Reason
+from gateway.core.session.bounded_buffer import Buffer
+from gateway.core.text.wording import text
 from gateway.publishing.sink import (
     Item,
     PublishedAlarm,
@@ -18,9 +21,6 @@ from gateway.publishing.sink import (
     SinkEndedError,
     SinkRefusedError,
 )
-from gateway.reasons import Code, Reason
-from gateway.session.bounded_buffer import Buffer
-from gateway.views.wording import text
 
 _logger = logging.getLogger(__name__)
 

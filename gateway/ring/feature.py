@@ -2,12 +2,12 @@
 
 from typing import Final
 
-from gateway.feature import Feature, Registry
+from gateway.core.feature import Feature, Registry
 
 FEATURE: Final = Feature(
     adds={
         Registry.NUMBERS: {
-            "forward": "gateway.estimators.forward:ForwardEstimator",
+            "forward": "gateway.ring.forward:ForwardEstimator",
         },
     },
 )

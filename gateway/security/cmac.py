@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from firmware_protocol import wire
 from firmware_protocol.signing import freshness, sign, signed_part, tag_of
-from gateway.errors import TreadlinkError
+from gateway.core.errors import TreadlinkError
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.cmac import CMAC

@@ -2,18 +2,20 @@
 
 from typing import Final
 
-from gateway.feature import CommandLine, Feature, Registry
+from gateway.core.feature import CommandLine, Feature, Registry
 
 FEATURE: Final = Feature(
     commands={
-        "command": CommandLine("gateway.cli.command:command", "Send a command to a hub and print its reply."),
-        "keys": CommandLine("gateway.cli.keys:keys", "Manage sensor signing keys."),
+        "command": CommandLine(
+            "gateway.security.commands.command:command", "Send a command to a hub and print its reply."
+        ),
+        "keys": CommandLine("gateway.security.commands.keys:keys", "Manage sensor signing keys."),
     },
     adds={
         Registry.PARTS: {
             "frame guard": "gateway.security.guard:open_guard",
             "key file": "gateway.security.key_file:default_key_file",
-            "commanded links": "gateway.session.control_socket:CommandedLinks",
+            "commanded links": "gateway.security.control_socket:CommandedLinks",
         },
     },
 )

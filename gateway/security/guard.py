@@ -11,8 +11,9 @@ from firmware_protocol import wire
 from firmware_protocol.declaration import PAYLOADS
 from firmware_protocol.messages import COMMANDS, HUB_ITSELF, MessageType
 from firmware_protocol.signing import is_of_hub, is_signed
-from gateway.config.vehicle import Policy, VehicleConfig
-from gateway.reasons import Code, Level, Notice, Reason
+from gateway.core.config.vehicle import Policy, VehicleConfig
+from gateway.core.reasons import Code, Level, Notice, Reason
+from gateway.core.session.frame_guard import Verdict
 from gateway.security.cmac import Key, SecurityError, Verifier, begin_mac
 from gateway.security.freshness import Counter, Freshness, Ledger
 from gateway.security.key_file import (
@@ -22,7 +23,6 @@ from gateway.security.key_file import (
     sensor_identity,
     stored_keys,
 )
-from gateway.session.frame_guard import Verdict
 
 _HELLO_IDS: Final = PAYLOADS[MessageType.HELLO].reader("hub_id", "sensor_id", "boot_count")
 _HELLO_BYTES: Final = PAYLOADS[MessageType.HELLO].size + wire.TAG_BYTES

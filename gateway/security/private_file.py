@@ -8,7 +8,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
-from gateway.clock import SystemClock
+from gateway.core.clock import SystemClock
 from gateway.security.cmac import SecurityError
 
 if sys.platform == "win32":

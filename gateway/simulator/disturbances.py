@@ -5,10 +5,10 @@ from typing import Final
 
 import numpy as np
 
+from gateway.core.types import FloatArray
 from gateway.simulator.filters import band_noise_gain, lowpass, lowpass_noise_gain, resonator
 from gateway.simulator.motion import Turning, WheelRotation
 from gateway.simulator.scenario_tables import Impact, Road, Vibration
-from gateway.types import FloatArray
 
 # The shift of an edge fades out over this angle to either side, at the latest at the other edge.
 _REACH_RAD: Final = 0.5

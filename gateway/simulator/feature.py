@@ -2,10 +2,10 @@
 
 from typing import Final
 
-from gateway.feature import CommandLine, Feature
+from gateway.core.feature import CommandLine, Feature
 
 FEATURE: Final = Feature(
     commands={
-        "simulate": CommandLine("gateway.cli.simulate:simulate", "Simulate hubs and tires."),
+        "simulate": CommandLine("gateway.simulator.commands.simulate:simulate", "Simulate hubs and tires."),
     },
 )

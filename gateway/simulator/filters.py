@@ -6,7 +6,7 @@ import math
 import numpy as np
 from scipy.linalg.lapack import dtbtrs
 
-from gateway.types import FloatArray
+from gateway.core.types import FloatArray
 
 
 class Biquad:

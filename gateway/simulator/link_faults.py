@@ -20,8 +20,8 @@ from firmware_protocol.messages import (
     SampleBlock,
     TimeSync,
 )
-from gateway.errors import SourceError
-from gateway.io.source import Chunk
+from gateway.core.errors import SourceError
+from gateway.core.links.source import Chunk
 
 
 class Piece(NamedTuple):

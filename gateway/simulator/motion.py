@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gateway.core.types import FloatArray
 from gateway.simulator.time_series import Series
-from gateway.types import FloatArray
 
 # Each pass of the inversion multiplies the error by at most the ripple's amplitude: 0.2 to the power 24 is 1e-17.
 _PASSES = 24

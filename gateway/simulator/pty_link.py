@@ -6,7 +6,7 @@ import select
 from collections import deque
 from typing import Final
 
-from gateway.errors import SourceError
+from gateway.core.errors import SourceError
 
 BACKLOG_BYTES: Final = 1 << 16
 

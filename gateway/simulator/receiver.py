@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from gateway.io.source import Sentences
+from gateway.core.links.source import Sentences
 from gateway.simulator.motion import MotionProfile
 
 LINK: Final = "nmea:sim"

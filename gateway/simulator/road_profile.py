@@ -7,10 +7,10 @@ from typing import Final
 
 import numpy as np
 
-from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.types import FloatArray
 from gateway.simulator.filters import Biquad
 from gateway.simulator.tire_model import TireModel
-from gateway.types import FloatArray
 
 REFERENCE_PER_M: Final = 0.1
 """Spatial frequency at which ISO 8608 states the roughness, cycles per m."""

@@ -4,7 +4,7 @@ from typing import Annotated, Final, Literal, TypeVar
 
 from pydantic import Field
 
-from gateway.config.validation import Section, within
+from gateway.core.config.validation import Section, within
 from gateway.simulator.scenario_tables import (
     Defect,
     EdgeWaveTable,

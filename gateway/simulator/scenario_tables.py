@@ -4,8 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from gateway.config.validation import Section, above, within
-from gateway.constants import AXIS_NAMES
+from gateway.core.config.validation import Section, above, within
+from gateway.core.constants import AXIS_NAMES
 from gateway.simulator.link_faults import parse_fault
 from gateway.simulator.time_series import Series, checked_text, constant, in_range, per_axis
 

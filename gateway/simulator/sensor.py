@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_protocol.messages import Axis, Coupling
-from gateway.constants import AXIS_NAMES, STANDARD_GRAVITY_MPS2
+from gateway.core.constants import AXIS_NAMES, STANDARD_GRAVITY_MPS2
+from gateway.core.types import FloatArray
 from gateway.simulator.filters import Biquad, highpass, loose_mass, lowpass
 from gateway.simulator.scenario_tables import Defect, Sensor
-from gateway.types import FloatArray
 
 
 class SensorDefect:

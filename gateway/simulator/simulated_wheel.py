@@ -6,14 +6,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.physics.turning_wheel import turning_acceleration
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.types import FloatArray
+from gateway.ring.turning_wheel import turning_acceleration
 from gateway.simulator.disturbances import Blows, EdgeJitter, HubMotion, NarrowNoise, RoadNoise
 from gateway.simulator.road_profile import RoadProfile, RoadRide, roughness_m3
 from gateway.simulator.sensor import SensorChain
 from gateway.simulator.tire_table import COLUMNS, LATERAL, WaveformTable, load_weights, look_up
 from gateway.simulator.wheel_plan import WheelPlan
-from gateway.types import FloatArray
 
 
 class WheelSamples(NamedTuple):

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from gateway.errors import ConfigError, SourceError
-from gateway.io.source import Chunk
-from gateway.physics.brush_tread import BrushNotConvergedError
-from gateway.physics.rolling_ring import RingNotConvergedError
+from gateway.core.errors import ConfigError, SourceError
+from gateway.core.links.source import Chunk
+from gateway.forces.brush_tread import BrushNotConvergedError
+from gateway.ring.rolling_ring import RingNotConvergedError
 from gateway.security.key_file import open_signer
 from gateway.simulator.hub import HubSimulator, TimedFrame
 from gateway.simulator.link_faults import Fault, apply_faults, parse_faults

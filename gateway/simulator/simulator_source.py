@@ -8,10 +8,10 @@ from typing import Final
 
 import numpy as np
 
-from gateway.clock import Clock
-from gateway.errors import SourceError
-from gateway.io.playback import Playback
-from gateway.io.source import (
+from gateway.core.clock import Clock
+from gateway.core.errors import SourceError
+from gateway.core.links.playback import Playback
+from gateway.core.links.source import (
     Chunk,
     LinkEvent,
     LinkEventKind,

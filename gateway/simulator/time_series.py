@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from pydantic import PlainValidator
 
-from gateway.types import FloatArray
+from gateway.core.types import FloatArray
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,9 +3,9 @@
 import math
 from dataclasses import dataclass, field, replace
 
-from gateway.physics.lateral_belt import LateralBelt, LateralSolution, solve_lateral_belt
-from gateway.physics.rolling_ring import RingNumbers, RingParameters, RingSolution, solve_rolling_ring
-from gateway.physics.tread_pattern import EdgeWaves, TreadPitch
+from gateway.forces.lateral_belt import LateralBelt, LateralSolution, solve_lateral_belt
+from gateway.ring.rolling_ring import RingNumbers, RingParameters, RingSolution, solve_rolling_ring
+from gateway.ring.tread_pattern import EdgeWaves, TreadPitch
 
 RING_NODES = 2880
 

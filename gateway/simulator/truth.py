@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gateway.physics.rolling_ring import RingNumbers
+from gateway.core.types import ComplexArray, FloatArray
+from gateway.ring.rolling_ring import RingNumbers
 from gateway.simulator.tire_model import TireModel
 from gateway.simulator.wheel_plan import WheelPlan
-from gateway.types import ComplexArray, FloatArray
 
 # Angles at which the slope of the solution is sampled; the relative error of a peak is then 1e-6.
 _FINE = 16384

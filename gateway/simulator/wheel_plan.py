@@ -4,10 +4,10 @@ import math
 import zlib
 from dataclasses import dataclass, replace
 
-from gateway.physics.laminate import crossed_coupling_length
-from gateway.physics.lateral_belt import LateralBelt
-from gateway.physics.rolling_ring import RingParameters
-from gateway.physics.tread_pattern import EdgeWaves, TreadPitch
+from gateway.forces.laminate import crossed_coupling_length
+from gateway.forces.lateral_belt import LateralBelt
+from gateway.ring.rolling_ring import RingParameters
+from gateway.ring.tread_pattern import EdgeWaves, TreadPitch
 from gateway.simulator.motion import MotionProfile, Ripple, WheelRotation
 from gateway.simulator.road_profile import QuarterCar, largest_swing, quarter_car, roughness_m3
 from gateway.simulator.scenario_model import Scenario, Wheel

@@ -2,13 +2,13 @@
 
 from typing import Final
 
-from gateway.feature import Feature, Registry
+from gateway.core.feature import Feature, Registry
 
 FEATURE: Final = Feature(
     adds={
         Registry.PARTS: {
-            "names of vehicle signals": "gateway.pipeline.vehicle_signals:SIGNAL_NAMES",
-            "vehicle signals": "gateway.session.signal_decoding:open_decoder",
+            "names of vehicle signals": "gateway.vehicle.vehicle_signals:SIGNAL_NAMES",
+            "vehicle signals": "gateway.vehicle.signal_decoding:open_decoder",
         },
     },
 )

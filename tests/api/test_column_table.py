@@ -13,8 +13,8 @@ import gateway
 from gateway.api.column_table import METADATA_KEY, unit_of
 from gateway.api.estimate_tables import Alarms, EstimateRows
 from gateway.api.signal_tables import AngleWaveforms, AverageWaveform, Environment, OrderSpectra, Revolutions, Samples
-from gateway.pipeline.results import AlarmRecord
-from gateway.reasons import Code, Reason
+from gateway.core.estimates.results import AlarmRecord
+from gateway.core.reasons import Code, Reason
 
 TABLES = ("samples", "environment", "revolutions", "angle", "average", "orders")
 

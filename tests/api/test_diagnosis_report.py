@@ -14,10 +14,10 @@ import scipy.io
 import gateway
 from gateway.api import diagnosis_report
 from gateway.api.diagnosis_report import DiagnosisReport
-from gateway.closure.effects.effect import BaselineModel
-from gateway.config.effects_file import load_effects
-from gateway.views.report.html import diagnosis_html
-from gateway.views.report.terminal import closure_summary_lines
+from gateway.diagnosis.effects.effect import BaselineModel
+from gateway.diagnosis.effects_file import load_effects
+from gateway.diagnosis.views.html import diagnosis_html
+from gateway.diagnosis.views.terminal import closure_summary_lines
 from tests.api.test_recording_access import correction
 from tests.testkit.diagnosis_data import empty, nasty, ordinary
 
@@ -77,7 +77,7 @@ def test_script_needs_no_guard_for_processes(recorded, tmp_path):
     script.write_text(
         "import gateway\nprint('begun')\n"
         f"try:\n    gateway.guess_map({str(tmp_path / 'x.mat')!r})\nexcept gateway.Error as error:\n    print(error)\n"
-        "from gateway.worker_pool import Workers\n"
+        "from gateway.core.worker_pool import Workers\n"
         "with Workers(1) as workers:\n    print(workers.each[0].submit(abs, -5).result())\n"
     )
     ended = subprocess.run(

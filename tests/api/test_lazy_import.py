@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import gateway
-from gateway import errors
+from gateway.core import errors
 
 FILE = Path(gateway.__file__)
 

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 import gateway
-from gateway.config.effects_file import effects_text
-from gateway.config.vehicle import load_vehicle
-from gateway.recording.reader import RecordingReader
-from gateway.session.recorded_signals import sample_blocks
-from gateway.session.recording_pass import OpenedRecording
-from gateway.signal.effect_correction import CorrectedEffect, CorrectionTable, EffectParameter
-from gateway.signal.order_spectrum import order_coefficients
+from gateway.core.config.vehicle import load_vehicle
+from gateway.core.recording.reader import RecordingReader
+from gateway.core.revolutions.effect_correction import CorrectedEffect, CorrectionTable, EffectParameter
+from gateway.core.revolutions.order_spectrum import order_coefficients
+from gateway.core.session.recording_pass import OpenedRecording
+from gateway.diagnosis.effects_file import effects_text
+from gateway.exporting.recorded_signals import sample_blocks
 from tests.testkit.commands import invoked, run
 
 

@@ -68,7 +68,7 @@ def test_existing_recording_is_not_overwritten(tmp_path):
 
 def test_interrupted_simulation_leaves_no_file(tmp_path, monkeypatch):
     path = tmp_path / "part.mcap"
-    monkeypatch.setattr("gateway.recording.writer.RecordingWriter.write", lambda *_: _interrupt())
+    monkeypatch.setattr("gateway.core.recording.writer.RecordingWriter.write", lambda *_: _interrupt())
     with pytest.raises(KeyboardInterrupt):
         gateway.simulate(ONE_WHEEL, duration_s=1.0, out=path)
     assert not path.exists()

@@ -11,12 +11,12 @@ from typing import Any
 
 import pytest
 
-from gateway.estimators.registry import ESTIMATORS
+from gateway.core.estimates.registry import ESTIMATORS
 from tests.test_import_rules import imports
 from tools.docs_site.staging import DOCS, ROOT, TOP_LEVEL, generated_pages, relative_links, stage, written_pages
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
-SOLVER = "gateway.physics.rolling_ring"
+SOLVER = "gateway.ring.rolling_ring"
 
 
 def name_of(path: Path) -> str:
@@ -75,7 +75,7 @@ def test_only_the_forward_estimator_shares_the_simulators_solver():
     assert sharing == {"forward"}
 
 
-@pytest.mark.parametrize("module", ["gateway.simulator.tire_model", "gateway.closure.model.exact_baseline"])
+@pytest.mark.parametrize("module", ["gateway.simulator.tire_model", "gateway.diagnosis.model.exact_baseline"])
 def test_simulator_and_exact_model_share_one_solver(module):
     assert uses_solver(module)
 

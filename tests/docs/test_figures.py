@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 import pytest
 
-from gateway.cli import treadlink
+from gateway.core.cli import treadlink
 from tools.docs_outputs import (
     PAGES,
     ROOT,

@@ -9,15 +9,15 @@ import click
 import pytest
 from pydantic import BaseModel
 
-from gateway.cli import treadlink
-from gateway.closure.effects.catalogue import catalogue
-from gateway.planning.accelerometer import shipped_accelerometers
-from gateway.quantity import Quantity
-from gateway.quantity_catalogue import declared
-from gateway.reasons import Code
-from gateway.table_columns import typeset_unit
-from gateway.views.effect_catalogue import effects_markdown
-from gateway.views.wording import fields
+from gateway.core.cli import treadlink
+from gateway.core.quantity import Quantity
+from gateway.core.quantity_catalogue import declared
+from gateway.core.reasons import Code
+from gateway.core.table_columns import typeset_unit
+from gateway.core.text.wording import fields
+from gateway.diagnosis.effects.catalogue import catalogue
+from gateway.diagnosis.views.effect_catalogue import effects_markdown
+from gateway.planner.accelerometer import shipped_accelerometers
 from tests.test_import_rules import modules
 from tools.docs_site.accelerometer_pages import accelerometers_markdown
 from tools.docs_site.api_pages import PACKAGES

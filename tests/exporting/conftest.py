@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from gateway.config.vehicle import recorded_vehicle
+from gateway.core.config.vehicle import recorded_vehicle
+from gateway.core.recording.recorded_file import open_recorded_file
+from gateway.core.session.recording_pass import OpenedRecording
+from gateway.exporting.recorded_signals import revolutions, sample_blocks
 from gateway.exporting.recording_export import export_recording
-from gateway.recording.recorded_file import open_recorded_file
-from gateway.session.recorded_signals import revolutions, sample_blocks
-from gateway.session.recording_pass import OpenedRecording
 from tests.testkit.campaign_recordings import write_recording
 
 ESTIMATORS = ("kinematic", "weak-form")

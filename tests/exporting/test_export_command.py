@@ -13,16 +13,16 @@ import numpy as np
 import pytest
 import scipy.io
 
-from gateway.errors import OutputError, TreadlinkError
+from gateway.core.errors import OutputError, TreadlinkError
+from gateway.core.links.source import Chunk
+from gateway.core.recording.reader import RecordingReader
+from gateway.core.table_columns import Column
 from gateway.exporting import column_file
 from gateway.exporting.column_file import ColumnFile
 from gateway.exporting.export_registry import FORMATS, check_format, format_of
 from gateway.exporting.export_table import Condition, WheelTable
 from gateway.exporting.formats import mat_file, mcap_file, mdf_file, parquet_file
 from gateway.exporting.recording_export import ExportFile, export_recording
-from gateway.io.source import Chunk
-from gateway.recording.reader import RecordingReader
-from gateway.table_columns import Column
 from tests.testkit.campaign_recordings import write_recording
 from tests.testkit.commands import invoked
 
@@ -265,7 +265,7 @@ def test_progress_rises_to_the_end(recorded, tmp_path):
 
 
 def test_closed_pipe_ends_quietly(recorded):
-    words = [sys.executable, "-m", "gateway.cli", "export", str(recorded), "-", "--format", "csv"]
+    words = [sys.executable, "-m", "gateway.core.cli", "export", str(recorded), "-", "--format", "csv"]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         assert process.stderr is not None

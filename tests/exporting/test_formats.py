@@ -12,13 +12,13 @@ import pytest
 import scipy.io
 from mcap.reader import make_reader
 
+from gateway.core.recording.schemas import schema_of
 from gateway.exporting import measured_tables
 from gateway.exporting.export_table import WheelTable
 from gateway.exporting.formats.mat_file import identifiers
 from gateway.exporting.formats.mcap_file import json_schema, topic
 from gateway.exporting.formats.tydex_file import NOT_AVAILABLE, channel_keys
 from gateway.exporting.measured_tables import Source, measured
-from gateway.recording.schemas import schema_of
 
 NUMBERS = ("circumferential_mps2", "lateral_mps2", "radial_mps2", "device_s")
 WHOLE = ("host_ns", "number", "saturated")

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from gateway.clock import SystemClock
+from gateway.core.clock import SystemClock
+from gateway.core.estimates.wheel_setup import CorrectionTable
 from gateway.fleet.campaign_run import CampaignProgress, CampaignRun, find_recordings
 from gateway.fleet.content_keys import estimators_version
 from gateway.fleet.dataset import Description, opened
 from gateway.fleet.local_tasks import LocalTasks
 from gateway.fleet.recording_estimation import EstimationSettings, RowsKept, estimate_names, estimate_recording
-from gateway.pipeline.wheel_setup import CorrectionTable
 from tests.testkit.campaign_recordings import START_NS, write_recording
 
 ESTIMATORS = ("kinematic", "weak-form", "wear")

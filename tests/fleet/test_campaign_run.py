@@ -12,13 +12,13 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from gateway.errors import OutputError, RecordingError, TreadlinkError
+from gateway.core.errors import OutputError, RecordingError, TreadlinkError
+from gateway.core.estimates.wheel_setup import CorrectedEffect, CorrectionTable, EffectParameter
+from gateway.core.recording.reader import RecordingReader
+from gateway.core.session.recording_pass import RecordingPass, open_recording
+from gateway.core.text.result_table import row_of
 from gateway.fleet.campaign_run import CampaignProgress, find_recordings
 from gateway.fleet.recording_estimation import RowsKept
-from gateway.pipeline.wheel_setup import CorrectedEffect, CorrectionTable, EffectParameter
-from gateway.recording.reader import RecordingReader
-from gateway.session.recording_pass import RecordingPass, open_recording
-from gateway.views.tables.result_table import row_of
 from tests.fleet.conftest import ESTIMATORS
 from tests.testkit.campaign_recordings import write_recording
 from tests.testkit.faulty_work import faulty_work

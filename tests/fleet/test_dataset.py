@@ -8,16 +8,16 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from gateway.errors import OutputError
+from gateway.core.errors import OutputError
+from gateway.core.quantity import Trend
+from gateway.core.recording.file_content import FileContent, read_content
+from gateway.core.table_columns import Column, recording_columns, revolution_columns
 from gateway.fleet.content_keys import path_key
 from gateway.fleet.dataset import Dataset, Description, opened, partition
 from gateway.fleet.parquet_parts import PartFile
 from gateway.fleet.recording_estimation import RECORDINGS, REVOLUTIONS
-from gateway.quantity import Trend
-from gateway.recording.file_content import FileContent, read_content
-from gateway.table_columns import Column, recording_columns, revolution_columns
-from gateway.trends.trend_result import Quantity, rate_of
-from gateway.trends.watched_series import followed_by
+from gateway.fleet.trends.trend_result import Quantity, rate_of
+from gateway.fleet.trends.watched_series import followed_by
 from tools.docs_site.filled_tables import filled
 
 ROOT = Path(__file__).parents[2]

@@ -6,12 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.errors import OutputError
-from gateway.estimators.registry import CAMPAIGN_ESTIMATORS, ESTIMATORS, make_estimator
-from gateway.fleet.dataset import Description, opened
-from gateway.fleet.history_reading import read_histories
-from gateway.fleet.recording_estimation import estimate_names
-from gateway.pipeline.wheel_setup import (
+from gateway.core.errors import OutputError
+from gateway.core.estimates.registry import CAMPAIGN_ESTIMATORS, ESTIMATORS, make_estimator
+from gateway.core.estimates.wheel_setup import (
     BeltLaminate,
     LinearLaw,
     LoadCalibration,
@@ -20,8 +17,11 @@ from gateway.pipeline.wheel_setup import (
     StatedPly,
     TireData,
 )
-from gateway.trends.fleet_analysis import analyse
-from tests.estimators.test_estimator_contract import CASES
+from gateway.fleet.dataset import Description, opened
+from gateway.fleet.history_reading import read_histories
+from gateway.fleet.recording_estimation import estimate_names
+from gateway.fleet.trends.fleet_analysis import analyse
+from tests.core.estimates.test_estimator_contract import CASES
 from tests.fleet.conftest import DAY_NS
 from tests.fleet.test_campaign_run import rows
 from tests.testkit.campaign_recordings import START_NS, write_recording

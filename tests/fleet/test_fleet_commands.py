@@ -16,9 +16,10 @@ import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
 
-from gateway.cli import treadlink
-from gateway.errors import OutputError
-from gateway.estimators.estimator import Status
+from gateway.core.cli import treadlink
+from gateway.core.errors import OutputError
+from gateway.core.estimates.estimator import Status
+from gateway.core.reasons import Code, Reason
 from gateway.fleet.dataset import Description, opened
 from gateway.fleet.local_tasks import LocalTasks
 from gateway.fleet.recording_estimation import estimate_names
@@ -31,7 +32,6 @@ from gateway.fleet.tire_diagnoses import (
     diagnose_tires,
     outcome_in,
 )
-from gateway.reasons import Code, Reason
 from tests.fleet.conftest import MEMORY_BYTES
 from tests.fleet.test_campaign_run import is_whole, names, rows
 from tests.testkit.campaign_recordings import write_recording
@@ -43,7 +43,7 @@ FEW = ("--estimator", "kinematic", "--estimator", "weak-form", "--jobs", "1")
 
 
 def command(*arguments: object) -> list[str]:
-    return [sys.executable, "-m", "gateway.cli", *map(str, arguments)]
+    return [sys.executable, "-m", "gateway.core.cli", *map(str, arguments)]
 
 
 @pytest.fixture
@@ -288,7 +288,7 @@ def test_unknown_tires_are_not_diagnosed_together(tmp_path, monkeypatch):
 def test_recordings_that_a_diagnosis_leaves_out_are_in_its_row(tmp_path, monkeypatch):
     reason = Reason(Code.RECORDING_LEFT_OUT, recording="b.mcap", reason=Reason(Code.CIRCUMFERENTIAL_REVERSED))
     result = replace(undrawn(), recordings=("a.mcap",), left_out=(reason,))
-    monkeypatch.setattr("gateway.session.campaign_diagnosis.diagnose_agreeing", lambda *_, **__: result)
+    monkeypatch.setattr("gateway.diagnosis.campaign_diagnosis.diagnose_agreeing", lambda *_, **__: result)
     part = tmp_path / "part.parquet"
     order = DiagnosisOrder("v", "FL", "", (Path("a.mcap"), Path("b.mcap")), 0, None, None, part)
     outcome = diagnose_tire(order)
@@ -326,7 +326,7 @@ def test_workers_print_no_alarms():
     code = (
         "import logging, gateway.fleet.local_tasks as tasks\n"
         "tasks._ignore_interrupt()\n"
-        "logging.getLogger('gateway.session.alarm_log').warning('FL: ALARM')\n"
+        "logging.getLogger('gateway.core.session.alarm_log').warning('FL: ALARM')\n"
         "logging.getLogger('other').warning('shown')"
     )
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -9,15 +9,15 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from gateway.clock import ManualClock
-from gateway.errors import OutputError, RecordingError
+from gateway.core.clock import ManualClock
+from gateway.core.errors import OutputError, RecordingError
+from gateway.core.quantity import Statement
 from gateway.fleet.dataset import is_identified
 from gateway.fleet.history_reading import read_histories, read_odometer
 from gateway.fleet.parquet_parts import read_rows
-from gateway.quantity import Statement
-from gateway.recording.compact import compact_recording
-from gateway.trends.fleet_analysis import analyse
-from gateway.trends.stated_changes import stated_changes
+from gateway.fleet.trends.fleet_analysis import analyse
+from gateway.fleet.trends.stated_changes import stated_changes
+from gateway.upkeep.compact import compact_recording
 from tests.testkit.campaign_recordings import START_NS, write_recording
 
 ODOMETER = "vehicle,utc,km\nvan 7,2023-11-14T00:00:00Z,1000\nvan 7,2023-11-24T00:00:00Z,1500\n"

@@ -8,7 +8,7 @@ import duckdb
 import pyarrow.parquet as pq
 import pytest
 
-from gateway.errors import OutputError
+from gateway.core.errors import OutputError
 from gateway.fleet import packed_tables
 from gateway.fleet.packed_tables import pack_tables
 from gateway.fleet.recording_estimation import RECORDINGS, REVOLUTIONS

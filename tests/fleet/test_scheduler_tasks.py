@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from gateway.errors import TreadlinkError
+from gateway.core.errors import TreadlinkError
+from gateway.core.reasons import Code
 from gateway.fleet import recording_estimation
 from gateway.fleet.recording_estimation import Estimated
 from gateway.fleet.scheduler_tasks import scheduler_tasks
-from gateway.reasons import Code
 from tests.fleet.test_campaign_run import is_whole, names
 from tests.testkit.commands import invoked
 

@@ -77,7 +77,7 @@ def test_diagnosis_of_a_sealed_case(request, compare, tmp_path, monkeypatch, see
     bench = replace(case.bench, runs=case.bench.runs[:RUNS])
     record(replace(case, bench=bench), tmp_path, SECONDS)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("gateway.session.campaign_diagnosis.commit", lambda: "0123456789" * 4)
+    monkeypatch.setattr("gateway.diagnosis.campaign_diagnosis.commit", lambda: "0123456789" * 4)
     names = [f"run-{index + 1}.mcap" for index in range(RUNS)]
     run("diagnose", *names, "--json", "found.json", "--html", "found.html", "--jobs", 1)
     compare(f"diagnose-{seed}", json.loads(without_hashes(Path("found.json").read_text("utf-8"))))

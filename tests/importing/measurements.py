@@ -7,9 +7,9 @@ import numpy as np
 
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Environment, Frame, Hello, SampleBlock
-from gateway.io.source import Chunk
-from gateway.recording.reader import RecordingReader
-from gateway.types import FloatArray
+from gateway.core.links.source import Chunk
+from gateway.core.recording.reader import RecordingReader
+from gateway.core.types import FloatArray
 
 
 def waveform(samples: int, seed: int = 1) -> FloatArray:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.types import FloatArray
+from gateway.core.types import FloatArray
 
 RADIUS_M = 0.32
 

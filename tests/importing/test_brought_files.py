@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gateway.errors import ImportDataError
+from gateway.core.errors import ImportDataError
 from gateway.importing.import_map import parse_map
 from gateway.importing.importer import import_file
 from gateway.importing.map_guess import guess_map

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gateway.cli.import_measurement import report_lines
+from gateway.core.types import FloatArray
+from gateway.importing.commands.import_measurement import report_lines
 from gateway.importing.decimation import (
     ATTENUATION_DB,
     PASSBAND,
@@ -16,7 +17,6 @@ from gateway.importing.decimation import (
 )
 from gateway.importing.import_map import parse_map
 from gateway.importing.importer import import_file
-from gateway.types import FloatArray
 from tests.importing.measurements import Decoded, simple_map, write_csv
 
 NO_LIMIT = np.array([np.inf])

@@ -1,7 +1,7 @@
 import re
 from pathlib import Path
 
-from gateway.config.vehicle import parse_vehicle
+from gateway.core.config.vehicle import parse_vehicle
 from gateway.importing.import_map import parse_map
 
 DOCS = Path(__file__).parents[2] / "docs"

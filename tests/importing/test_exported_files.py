@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gateway
-from gateway.errors import ImportDataError
+from gateway.core.errors import ImportDataError
 from gateway.importing.exported_file import import_exported
 from tests.testkit.commands import run
 

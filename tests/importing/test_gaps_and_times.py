@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from firmware_protocol.messages import SampleBlock
-from gateway.cli.import_measurement import report_lines
-from gateway.errors import ImportDataError
+from gateway.core.errors import ImportDataError
+from gateway.core.reasons import Code
+from gateway.core.types import FloatArray
+from gateway.importing.commands.import_measurement import report_lines
 from gateway.importing.csv_columns import CsvColumns
 from gateway.importing.import_map import parse_map
 from gateway.importing.importer import ImportReport, import_file
 from gateway.importing.missing_rows import GapFilledColumns
-from gateway.reasons import Code
-from gateway.types import FloatArray
 from tests.importing.measurements import Decoded, simple_map
 
 RADIAL_ONLY = {"axis.circumferential": "", "axis.lateral": ""}

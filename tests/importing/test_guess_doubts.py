@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gateway.errors import ImportDataError
+from gateway.core.errors import ImportDataError
+from gateway.core.types import FloatArray
 from gateway.importing.column_names import names_acceleration, other_quantity, unit_of
 from gateway.importing.import_map import parse_map
 from gateway.importing.importer import import_file
 from gateway.importing.map_guess import guess_map
-from gateway.types import FloatArray
 from tests.importing.measurements import write_csv
 from tests.importing.rolling_wheel import rolling
 

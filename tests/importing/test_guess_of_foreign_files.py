@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gateway.core.reasons import Code
 from gateway.importing.column_names import names_rate, rate_in_text
 from gateway.importing.import_map import parse_map
 from gateway.importing.importer import import_file
 from gateway.importing.map_guess import guess_map
-from gateway.reasons import Code
 from tests.importing.measurements import Decoded, write_csv
 from tests.importing.rolling_wheel import rolling
 

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.errors import ImportDataError
+from gateway.core.errors import ImportDataError
+from gateway.core.types import FloatArray
 from gateway.importing.columns import require_columns
 from gateway.importing.import_map import FileFormat, parse_map
 from gateway.importing.importer import import_file
 from gateway.importing.map_guess import guess_map
 from gateway.importing.reader_process import ProcessColumns, ReaderProcesses
-from gateway.types import FloatArray
 from tests.importing.measurements import Decoded, simple_map, waveform
 from tests.importing.rolling_wheel import rolling
 

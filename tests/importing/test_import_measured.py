@@ -7,9 +7,9 @@ import pytest
 from click.testing import CliRunner
 
 from firmware_protocol.messages import Coupling
-from gateway.cli.import_measurement import import_
-from gateway.config.vehicle import parse_vehicle
-from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.config.vehicle import parse_vehicle
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.importing.commands.import_measurement import import_
 from gateway.importing.import_map import load_map
 from gateway.importing.importer import import_file
 from tests.importing.measurements import Decoded

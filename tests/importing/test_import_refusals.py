@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.errors import ConfigError, ImportDataError
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.errors import ConfigError, ImportDataError
 from gateway.importing.import_map import load_map, parse_map
 from gateway.importing.importer import import_file
 from tests.importing.measurements import simple_map, waveform, write_csv

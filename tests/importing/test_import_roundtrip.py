@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from firmware_protocol.messages import Coupling
-from gateway.config.vehicle import parse_vehicle
-from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.errors import ConfigError, ImportDataError, RecordingError
+from gateway.core.config.vehicle import parse_vehicle
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.errors import ConfigError, ImportDataError, RecordingError
+from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind
+from gateway.core.types import FloatArray
 from gateway.importing.columns import BLOCK_ROWS
 from gateway.importing.import_map import parse_map
 from gateway.importing.importer import ImportReport, import_file
-from gateway.io.source import Chunk, LinkEvent, LinkEventKind
-from gateway.types import FloatArray
 from tests.importing.measurements import Decoded, simple_map, waveform, write_csv
 from tests.testkit.commands import invoked
 

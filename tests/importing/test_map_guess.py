@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from gateway.cli.import_measurement import import_
-from gateway.errors import ImportDataError
+from gateway.core.errors import ImportDataError
+from gateway.core.types import FloatArray
+from gateway.importing.commands.import_measurement import import_
 from gateway.importing.csv_layout import recognise_layout
 from gateway.importing.import_map import parse_map
 from gateway.importing.importer import import_file
 from gateway.importing.map_guess import guess_map
-from gateway.types import FloatArray
 from tests.importing.measurements import write_csv
 from tests.importing.rolling_wheel import RollingWheel, rolling
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gateway.errors import ImportDataError
+from gateway.core.errors import ImportDataError
 from gateway.importing import file_formats, reader_process
 from gateway.importing.columns import Block, FileFacts, require_columns, row_places
 from gateway.importing.import_map import FileFormat, parse_map

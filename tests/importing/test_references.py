@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from gateway.cli.estimate import estimate
-from gateway.cli.import_measurement import import_
-from gateway.errors import ConfigError
+from gateway.core.cli.estimate import estimate
+from gateway.core.errors import ConfigError
+from gateway.importing.commands.import_measurement import import_
 from gateway.importing.import_map import ReferenceColumn, parse_map
 from gateway.importing.reference_channels import ReferenceChannel
-from gateway.pipeline.reference_comparison import ReferenceComparison
-from gateway.recording.reference_topic import ReferenceReader
-from gateway.views.reference_lines import reference_lines
+from gateway.importing.reference_comparison import ReferenceComparison
+from gateway.importing.reference_topic import ReferenceReader
+from gateway.importing.views.reference_lines import reference_lines
 from tests.importing.measurements import simple_map, write_csv
 from tests.importing.rolling_wheel import RADIUS_M, RollingWheel, rolling
 

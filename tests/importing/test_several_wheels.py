@@ -9,16 +9,16 @@ from click.testing import CliRunner
 
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Environment, Hello, SampleBlock
-from gateway.cli.import_measurement import import_, report_lines
-from gateway.config.vehicle import recorded_vehicle
-from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.errors import ConfigError
+from gateway.core.config.vehicle import recorded_vehicle
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.errors import ConfigError
+from gateway.core.links.source import Chunk
+from gateway.core.recording.reader import RecordingReader
+from gateway.core.types import FloatArray
+from gateway.importing.commands.import_measurement import import_, report_lines
 from gateway.importing.import_map import parse_map
 from gateway.importing.importer import import_file
 from gateway.importing.unit_check import unlikely_unit
-from gateway.io.source import Chunk
-from gateway.recording.reader import RecordingReader
-from gateway.types import FloatArray
 from tests.importing.measurements import simple_map, write_csv
 
 ONE_WHEEL = {"axis.circumferential": "", "axis.lateral": "", "axis.radial": ""}

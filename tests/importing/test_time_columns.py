@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gateway.errors import ConfigError, ImportDataError
+from gateway.core.errors import ConfigError, ImportDataError
 from gateway.importing.columns import BLOCK_ROWS
 from gateway.importing.import_map import parse_map
 from gateway.importing.importer import ImportReport, import_file

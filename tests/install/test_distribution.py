@@ -18,8 +18,8 @@ from pathlib import Path
 import click
 import pytest
 
-from gateway.cli import treadlink
-from gateway.io.source import is_live
+from gateway.core.cli import treadlink
+from gateway.core.links.source import is_live
 
 ROOT = Path(__file__).parents[2]
 PYTHON = Path("Scripts" if os.name == "nt" else "bin") / "python"
@@ -77,8 +77,8 @@ def test_the_wheel_works_in_a_bare_environment(wheel, tmp_path):
 
     code = "import gateway, firmware_protocol; print(gateway.__file__, firmware_protocol.__file__)"
     assert all(Path(name).is_relative_to(site) for name in run("-c", code).split())
-    run("-m", "gateway.cli", "simulate", "lab", "--duration", "2", "--out", "lab.mcap")
-    assert "mean speed" in run("-m", "gateway.cli", "estimate", "lab.mcap", "--csv", "lab.csv")
+    run("-m", "gateway.core.cli", "simulate", "lab", "--duration", "2", "--out", "lab.mcap")
+    assert "mean speed" in run("-m", "gateway.core.cli", "estimate", "lab.mcap", "--csv", "lab.csv")
     assert (tmp_path / "lab.csv").read_text().count("\n") > 10
 
 
@@ -168,7 +168,7 @@ def test_wheel_states_who_it_is(wheel_names: Path) -> None:
         "web",
     } <= set(facts.get_all("Provides-Extra", []))
     entries = archive.read(position.replace("METADATA", "entry_points.txt")).decode()
-    assert "treadlink = gateway.cli:main" in entries
+    assert "treadlink = gateway.core.cli:main" in entries
 
 
 def test_installed_wheel_runs(wheel_names: Path, tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from gateway.errors import ConfigError, OutputError
+from gateway.core.errors import ConfigError, OutputError
 from gateway.papers.figure_registry import all_figures, chosen, title
 from gateway.papers.figure_sheet import draw_figures
 from tests.testkit.commands import invoked, run

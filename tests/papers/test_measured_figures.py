@@ -7,11 +7,11 @@ import math
 import pytest
 
 import gateway
-from gateway.api.figure_sources import FigureSource, measured_tires, read_grid
-from gateway.errors import ConfigError, RecordingError
+from gateway.core.errors import ConfigError, RecordingError
+from gateway.core.quantity_catalogue import RING_NUMBERS
 from gateway.papers.figure_registry import chosen
+from gateway.papers.figure_sources import FigureSource, measured_tires, read_grid
 from gateway.papers.measured_figures import measured_figures
-from gateway.quantity_catalogue import RING_NUMBERS
 from tests.testkit.campaign_recordings import write_recording
 from tests.testkit.commands import invoked, run
 
@@ -102,7 +102,7 @@ def test_unknown_figure_is_named(tires):
 
 def test_no_figure_at_all_is_no_result(folder, tmp_path, monkeypatch):
     nothing = ({}, {"ring-fig-11": "no value"})
-    monkeypatch.setattr("gateway.api.paper_figures.measured_figures", lambda *_: nothing)
+    monkeypatch.setattr("gateway.papers.paper_figures.measured_figures", lambda *_: nothing)
     recording = next(folder.glob("*.mcap"))
     done = invoked("figures", "--from", recording, "--out", tmp_path / "out")
     assert done.exit_code == 1

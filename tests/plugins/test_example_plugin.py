@@ -34,8 +34,8 @@ BAD = {
     "treadlink.sinks": {"mqtt": "bad_plugin:KIND", "thing": "bad_plugin:KIND"},
 }
 BAD_MODULE = """
-from gateway.closure.effects.wheel_motion import Gravity
-from gateway.quantity import Quantity
+from gateway.diagnosis.effects.wheel_motion import Gravity
+from gateway.core.quantity import Quantity
 
 KIND = object()
 NUMBER = 7
@@ -111,7 +111,7 @@ def environment(*folders: Path) -> dict[str, str]:
 
 
 def treadlink(*arguments: str, folders: tuple[Path, ...], check: bool = True) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "gateway.cli", *arguments]
+    command = [sys.executable, "-m", "gateway.core.cli", *arguments]
     done = subprocess.run(command, capture_output=True, text=True, env=environment(*folders), check=False)
     assert not check or done.returncode == 0, done.stderr
     return done
@@ -148,7 +148,7 @@ def test_doctor_refuses_what_does_not_fit(bad: Path) -> None:
         "greedy": "its quantity rotation_rpm is that of kinematic",
         "undeclared": "it is not an estimator with a tuple `quantities` of `Quantity`",
         "gravity": "its name or its rank is that of gravity of treadlink, rank 140",
-        "number": "it is not a sequence of gateway.closure.effects.effect.Effect",
+        "number": "it is not a sequence of gateway.diagnosis.effects.effect.Effect",
         "csv": "its name is taken by treadlink",
         "wavy": "it lacks blocks, sample, close",
         "mqtt": "its name is taken by treadlink",
@@ -222,7 +222,7 @@ def test_source_of_a_plugin_delivers_frames(example: Path, tmp_path: Path) -> No
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     uri = f"udp:127.0.0.1:{port}"
-    command = [sys.executable, "-m", "gateway.cli", "live", uri, "--plain"]
+    command = [sys.executable, "-m", "gateway.core.cli", "live", uri, "--plain"]
     streams = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
     with subprocess.Popen(command, text=True, env=environment(example), **streams) as process:
         assert process.stdout is not None
@@ -273,7 +273,7 @@ def test_importer_of_a_plugin_reads_its_files(example: Path, tmp_path: Path) -> 
 def test_live_output_of_a_plugin_gets_estimates(example: Path, recording: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         uri = f"graphite:127.0.0.1:{server.getsockname()[1]}?prefix=car"
-        command = [sys.executable, "-m", "gateway.cli", "replay", str(recording), "--speed", "max", "--plain"]
+        command = [sys.executable, "-m", "gateway.core.cli", "replay", str(recording), "--speed", "max", "--plain"]
         with subprocess.Popen(
             [*command, "--publish", uri], env=environment(example), stdout=subprocess.DEVNULL
         ) as process:

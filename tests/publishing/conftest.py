@@ -3,15 +3,15 @@ from collections.abc import Iterator, Sequence
 
 import pytest
 
-from gateway.clock import ManualClock
-from gateway.config.vehicle import parse_vehicle
-from gateway.io.reconnect import Backoff
-from gateway.io.source import LinkEvent, open_source
-from gateway.pipeline.results import Alarm, AlarmChange, RevolutionResult, SessionSnapshot
+from gateway.core.clock import ManualClock
+from gateway.core.config.vehicle import parse_vehicle
+from gateway.core.estimates.results import Alarm, AlarmChange, RevolutionResult, SessionSnapshot
+from gateway.core.links.reconnect import Backoff
+from gateway.core.links.source import LinkEvent, open_source
+from gateway.core.reasons import Code, Reason
+from gateway.core.session.core import SessionCore
 from gateway.publishing import sink_worker
 from gateway.publishing.sink import Item, PublishedAlarm, PublishedRevolution, PublishedState
-from gateway.reasons import Code, Reason
-from gateway.session.core import SessionCore
 from tests.publishing.receivers import PostServer, serving
 
 PRESSURE = Reason(Code.PRESSURE_BELOW_LIMIT, pressure_pa=180e3, limit_pa=200e3)

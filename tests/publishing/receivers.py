@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from typing import TypeVar
 
-from gateway.clock import SystemClock
+from gateway.core.clock import SystemClock
 from gateway.publishing.sink import Item, PublishedState, SinkDownError, SinkEndedError, SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
 from tests.testkit.waiting import TIMEOUT_S

@@ -7,10 +7,10 @@ from itertools import count, cycle, islice
 
 import pytest
 
-from gateway.clock import SystemClock
+from gateway.core.clock import SystemClock
+from gateway.core.reasons import Code, Reason
 from gateway.publishing.sink import PublishedRevolution, SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
-from gateway.reasons import Code, Reason
 from tests.publishing.receivers import finish, publish, worker_of
 from tests.publishing.scripted_broker import CUTS, ScriptedBroker
 from tests.testkit.commands import invoked

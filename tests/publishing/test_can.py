@@ -8,9 +8,9 @@ import cantools
 import pytest
 from can.interfaces.virtual import VirtualBus
 
-from gateway.errors import ConfigError
-from gateway.io.reconnect import Backoff
-from gateway.pipeline.results import WheelState
+from gateway.core.errors import ConfigError
+from gateway.core.estimates.results import WheelState
+from gateway.core.links.reconnect import Backoff
 from gateway.publishing import can_bus, sink_worker
 from gateway.publishing.can_frames import (
     CONDITIONS,

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from gateway.clock import SystemClock
+from gateway.core.clock import SystemClock
 from gateway.publishing.foxglove_server import FoxgloveSink, channel_schema
 from gateway.publishing.origin_gate import is_admitted
 from gateway.publishing.sink_worker import SinkWorker

@@ -2,7 +2,7 @@
 
 import pytest
 
-from gateway.pipeline.results import SinkState
+from gateway.core.estimates.results import SinkState
 from gateway.publishing.payloads import messages
 from gateway.publishing.sink import SinkError, SinkSetting, open_sink
 from tests.publishing.receivers import finish, publish, worker_of

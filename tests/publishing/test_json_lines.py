@@ -10,11 +10,11 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from gateway.cli import exit_status, treadlink
+from gateway.core.cli import exit_status, treadlink
+from gateway.core.recording.revolution_fields import PARTS
 from gateway.publishing.line_schema import line_schema
 from gateway.publishing.payloads import encoded, messages
 from gateway.publishing.sink import SinkError
-from gateway.recording.revolution_fields import PARTS
 from tests.publishing.receivers import finish, publish, worker_of
 from tests.testkit.waiting import TIMEOUT_S, until
 
@@ -74,7 +74,7 @@ def test_standard_output_carries_lines_only(capfd) -> None:
 
 
 def test_closed_pipe_ends_quietly() -> None:
-    command = [sys.executable, "-m", "gateway.cli", "live", "sim:demo", "--publish", "jsonl:-"]
+    command = [sys.executable, "-m", "gateway.core.cli", "live", "sim:demo", "--publish", "jsonl:-"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT)
     assert process.stdout is not None
     assert process.stderr is not None

@@ -15,12 +15,12 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from gateway.clock import SystemClock
+from gateway.core.clock import SystemClock
+from gateway.core.text.wording import text
 from gateway.publishing.line_schema import line_schema
 from gateway.publishing.mqtt import PASSWORD, USERNAME
 from gateway.publishing.sink import PublishedState, SinkError, SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
-from gateway.views.wording import text
 from tests.testkit.waiting import TIMEOUT_S, until
 from tools.mqtt_broker import PROGRAM, Broker, Listener
 
@@ -248,7 +248,7 @@ def test_broker_that_never_returns_is_left_at_the_end(items, broker) -> None:
 
 def test_killed_gateway_leaves_its_last_will(broker, listener) -> None:
     process = subprocess.Popen(
-        [sys.executable, "-m", "gateway.cli", "live", "sim:lab", "--plain", "--publish", f"mqtt://127.0.0.1:{broker.port}"],
+        [sys.executable, "-m", "gateway.core.cli", "live", "sim:lab", "--plain", "--publish", f"mqtt://127.0.0.1:{broker.port}"],
         stdout=subprocess.DEVNULL, cwd=ROOT,
     )  # fmt: skip
     until(lambda: listener.of("treadlink/status") == ["online"], 60)

@@ -13,15 +13,15 @@ import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from gateway.clock import SystemClock
-from gateway.errors import RecordingError
-from gateway.pipeline.results import Silence, SilentPart, WheelState
+from gateway.core.clock import SystemClock
+from gateway.core.errors import RecordingError
+from gateway.core.estimates.results import Silence, SilentPart, WheelState
+from gateway.core.reasons import Code, Notice, Reason
 from gateway.publishing import page_server
 from gateway.publishing.page_server import PageSink
 from gateway.publishing.publisher import open_publisher
 from gateway.publishing.sink import PublishedRevolution, PublishedState, SinkError, SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
-from gateway.reasons import Code, Notice, Reason
 from tests.testkit.browser import Tab
 from tests.testkit.waiting import TIMEOUT_S, until
 

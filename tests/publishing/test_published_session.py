@@ -5,18 +5,18 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.clock import SystemClock
-from gateway.config.vehicle import parse_vehicle
-from gateway.io.source import open_source
-from gateway.pipeline.results import SinkSnapshot, SinkState
+from gateway.console.page import ViewState, compose
+from gateway.core.clock import SystemClock
+from gateway.core.config.vehicle import parse_vehicle
+from gateway.core.estimates.results import SinkSnapshot, SinkState
+from gateway.core.links.source import open_source
+from gateway.core.reasons import Code, Reason
+from gateway.core.session.alarms import sink_alarms
+from gateway.core.session.live import LiveSession
+from gateway.core.text.session_summary import ResultSummary, summary_lines
 from gateway.publishing.publisher import Publisher
 from gateway.publishing.sink import PublishedAlarm, PublishedRevolution
 from gateway.publishing.sink_worker import SinkWorker
-from gateway.reasons import Code, Reason
-from gateway.session.alarms import sink_alarms
-from gateway.session.live import LiveSession
-from gateway.views.console.page import ViewState, compose
-from gateway.views.session_summary import ResultSummary, summary_lines
 from tests.publishing.receivers import Receiver
 from tests.testkit.commands import invoked, run
 from tests.testkit.waiting import TIMEOUT_S

@@ -6,11 +6,11 @@ from dataclasses import replace
 import jsonschema
 import pytest
 
-from gateway.pipeline.results import Silence, SilentPart
+from gateway.core.estimates.results import Silence, SilentPart
+from gateway.core.reasons import Code, Reason
 from gateway.publishing.line_schema import line_schema
 from gateway.publishing.payloads import messages
 from gateway.publishing.sink import PublishedState
-from gateway.reasons import Code, Reason
 from tests.publishing.receivers import publish
 from tests.publishing.scripted_broker import Received, ScriptedBroker
 

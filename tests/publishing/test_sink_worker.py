@@ -5,9 +5,10 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.clock import ManualClock, SystemClock
-from gateway.io.reconnect import Backoff
-from gateway.pipeline.results import RevolutionResult, SinkState
+from gateway.core.clock import ManualClock, SystemClock
+from gateway.core.estimates.results import RevolutionResult, SinkState
+from gateway.core.links.reconnect import Backoff
+from gateway.core.reasons import Code, Reason
 from gateway.publishing import publisher as publisher_module
 from gateway.publishing import sink_worker
 from gateway.publishing.publisher import Publisher, open_publisher
@@ -21,7 +22,6 @@ from gateway.publishing.sink import (
     open_sink,
 )
 from gateway.publishing.sink_worker import SinkWorker
-from gateway.reasons import Code, Reason
 from tests.publishing.receivers import Receiver, finish
 from tests.testkit.waiting import TIMEOUT_S, HeldClock, until
 

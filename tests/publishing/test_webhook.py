@@ -5,8 +5,8 @@ import threading
 
 import pytest
 
-from gateway.clock import SystemClock
-from gateway.pipeline.results import SinkState
+from gateway.core.clock import SystemClock
+from gateway.core.estimates.results import SinkState
 from gateway.publishing.payloads import messages
 from gateway.publishing.sink import SINKS, PublishedAlarm, PublishedRevolution, Sink, SinkError, SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker

@@ -1,7 +1,7 @@
 import pytest
 
-from gateway.config.vehicle import VehicleConfig, parse_vehicle
-from gateway.io.source import LinkItem
+from gateway.core.config.vehicle import VehicleConfig, parse_vehicle
+from gateway.core.links.source import LinkItem
 from tests.reliability.streams import simulated
 
 

@@ -4,12 +4,12 @@ import threading
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
-from gateway.clock import SystemClock
-from gateway.config.vehicle import VehicleConfig
-from gateway.io.source import LinkItem
-from gateway.session.live import LiveSession
-from gateway.session.recording_stage import Recorder
-from gateway.views.session_summary import ResultSummary
+from gateway.core.clock import SystemClock
+from gateway.core.config.vehicle import VehicleConfig
+from gateway.core.links.source import LinkItem
+from gateway.core.session.live import LiveSession
+from gateway.core.session.recording_stage import Recorder
+from gateway.core.text.session_summary import ResultSummary
 
 TIMEOUT_S = 90.0
 

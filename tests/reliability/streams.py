@@ -6,10 +6,10 @@ from collections.abc import Iterable
 from firmware_protocol import wire
 from firmware_protocol.codec import encode_raw
 from firmware_protocol.decoder import FrameDecoder
-from gateway.clock import ManualClock
-from gateway.io.source import Chunk, LinkItem, open_source
-from gateway.reasons import Notice
-from gateway.session.core import SessionCore
+from gateway.core.clock import ManualClock
+from gateway.core.links.source import Chunk, LinkItem, open_source
+from gateway.core.reasons import Notice
+from gateway.core.session.core import SessionCore
 
 
 def simulated(uri: str) -> tuple[list[LinkItem], str]:

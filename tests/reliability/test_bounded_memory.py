@@ -11,10 +11,10 @@ from mcap.reader import make_reader
 from mcap.records import ChunkIndex
 from mcap.writer import Writer
 
-from gateway.io.source import Chunk
-from gateway.recording.container import _CHUNK_INDEXES, PackedIndexes
-from gateway.recording.reader import RecordingReader
-from gateway.recording.writer import RecordingWriter
+from gateway.core.links.source import Chunk
+from gateway.core.recording.container import _CHUNK_INDEXES, PackedIndexes
+from gateway.core.recording.reader import RecordingReader
+from gateway.core.recording.writer import RecordingWriter
 from tools.reliability.soak import _TimeErrors
 
 U64 = st.integers(0, 2**63)

@@ -84,7 +84,7 @@ def test_targets_run_on_good_input() -> None:
 
 
 def test_error_messages_are_present_and_escaped() -> None:
-    from gateway.errors import TreadlinkError
+    from gateway.core.errors import TreadlinkError
     from tools.reliability import fuzz_targets
 
     with pytest.raises(UnclearError):
@@ -99,8 +99,8 @@ def test_sample_numbers_jumping_back_twice() -> None:
     # Found by fuzzing: the restarted sample clock was left without its first stamp.
     from firmware_protocol.codec import encode_frame
     from firmware_protocol.messages import Coupling, Frame, Hello, MessageType, SampleBlock
-    from gateway.io.source import Chunk
-    from gateway.session.core import SessionCore
+    from gateway.core.links.source import Chunk
+    from gateway.core.session.core import SessionCore
 
     hello = Hello(1, 0, 1, 2, (1, 0, 0), 1, 9600.0, 4, Coupling.DC, 0.0, (0, 0, 4e3), (0, 0, 0.125), (0, 0, 0), 32767)
     core = SessionCore(None)

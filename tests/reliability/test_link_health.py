@@ -7,14 +7,14 @@ import pytest
 
 from firmware_protocol.codec import encode_raw
 from firmware_protocol.messages import MessageType
-from gateway.config.vehicle import parse_vehicle
-from gateway.io.source import Chunk, LinkEvent, LinkEventKind
-from gateway.reasons import Code, Notice, Reason
-from gateway.recording.reader import RecordingReader
-from gateway.recording.writer import RecordingWriter
-from gateway.session.core import SessionCore
-from gateway.session.line_content import identify_content
-from gateway.views.wording import notice_text
+from gateway.core.config.vehicle import parse_vehicle
+from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind
+from gateway.core.reasons import Code, Notice, Reason
+from gateway.core.recording.reader import RecordingReader
+from gateway.core.recording.writer import RecordingWriter
+from gateway.core.session.core import SessionCore
+from gateway.core.session.line_content import identify_content
+from gateway.core.text.wording import notice_text
 from tests.reliability.streams import chunks_of, decodes, notices_of, readdressed, simulated
 from tools.reliability.named import raw_frames
 from tools.reliability.uart import received

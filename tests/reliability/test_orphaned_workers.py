@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 
 PROGRAM = """
 import os, signal, time
-from gateway.worker_pool import Workers
+from gateway.core.worker_pool import Workers
 with Workers(1) as workers:
     workers.each[0].submit(time.monotonic).result()  # it is up
     {work}

@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gateway.clock import SystemClock
-from gateway.io.source import Chunk
-from gateway.reasons import Code
-from gateway.recording.reader import RecordingReader
-from gateway.recording.repair import repair_recording
-from gateway.recording.writer import RecordingWriter
-from gateway.session.core import SessionCore
-from gateway.views.wording import text
+from gateway.core.clock import SystemClock
+from gateway.core.links.source import Chunk
+from gateway.core.reasons import Code
+from gateway.core.recording.reader import RecordingReader
+from gateway.core.recording.writer import RecordingWriter
+from gateway.core.session.core import SessionCore
+from gateway.core.text.wording import text
+from gateway.upkeep.repair import repair_recording
 from tests.reliability.sessions import TIMEOUT_S, Items, start
 from tests.reliability.streams import link_bytes, simulated
 from tools.reliability.kills import hub_bytes, kill_once
@@ -95,7 +95,7 @@ def test_power_cut_that_tears_pages(recorded, tmp_path: Path, content: str) -> N
 LIMITED = """
 import resource, sys
 resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))
-from gateway.cli import main
+from gateway.core.cli import main
 sys.argv = ["treadlink", *sys.argv[1:]]
 main()
 """

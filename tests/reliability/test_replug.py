@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from gateway.clock import SystemClock
-from gateway.config.vehicle import parse_vehicle
-from gateway.io.source import open_source
-from gateway.reasons import Code, Notice
-from gateway.session.live import LiveSession
-from gateway.views.session_summary import ResultSummary
-from gateway.views.wording import notice_text
+from gateway.core.clock import SystemClock
+from gateway.core.config.vehicle import parse_vehicle
+from gateway.core.links.source import open_source
+from gateway.core.reasons import Code, Notice
+from gateway.core.session.live import LiveSession
+from gateway.core.text.session_summary import ResultSummary
+from gateway.core.text.wording import notice_text
 from tests.reliability.streams import chunks_of, simulated
 from tests.testkit.hub_ends import PtyPort
 

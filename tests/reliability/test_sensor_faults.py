@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from firmware_protocol.messages import Axis, Environment
-from gateway.config.vehicle import parse_vehicle
-from gateway.estimators.estimator import Status
+from gateway.core.config.vehicle import parse_vehicle
+from gateway.core.estimates.estimator import Status
+from gateway.core.estimates.results import Alarm, RevolutionResult
+from gateway.core.reasons import Code, Notice, Reason, codes_of
+from gateway.core.session.core import SessionCore
+from gateway.core.text.wording import notice_text
+from gateway.core.trust.sensor_health import SensorHealth, expected_pressure_change_pa, tilt_rad
 from gateway.importing.import_map import load_map
 from gateway.importing.importer import import_file
-from gateway.pipeline.results import Alarm, RevolutionResult
-from gateway.pipeline.sensor_health import SensorHealth, expected_pressure_change_pa, tilt_rad
-from gateway.reasons import Code, Notice, Reason, codes_of
-from gateway.session.core import SessionCore
-from gateway.views.wording import notice_text
 from tests.reliability.streams import simulated
 from tools.reliability.sensors import SCENARIO
 

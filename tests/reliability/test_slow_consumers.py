@@ -5,21 +5,21 @@ from collections import Counter
 
 import pytest
 
-from gateway.cli.session_setup import RunningSession, end_session, run_plain
-from gateway.cli.stop_signals import StopRequest
-from gateway.clock import ManualClock
-from gateway.errors import RecordingError, TreadlinkError
-from gateway.io.source import Chunk
-from gateway.reasons import Code, Notice
-from gateway.recording.reader import RecordingReader
-from gateway.recording.writer import RecordingWriter
-from gateway.session import live as live_module
-from gateway.session import recording_stage
-from gateway.session.bounded_buffer import Buffer
-from gateway.session.live import LiveSession
-from gateway.session.recording_stage import Stage
-from gateway.session.session_opening import OpenedSession
-from gateway.views.session_summary import ResultSummary
+from gateway.core.cli.session_setup import RunningSession, end_session, run_plain
+from gateway.core.cli.stop_signals import StopRequest
+from gateway.core.clock import ManualClock
+from gateway.core.errors import RecordingError, TreadlinkError
+from gateway.core.links.source import Chunk
+from gateway.core.reasons import Code, Notice
+from gateway.core.recording.reader import RecordingReader
+from gateway.core.recording.writer import RecordingWriter
+from gateway.core.session import live as live_module
+from gateway.core.session import recording_stage
+from gateway.core.session.bounded_buffer import Buffer
+from gateway.core.session.live import LiveSession
+from gateway.core.session.recording_stage import Stage
+from gateway.core.session.session_opening import OpenedSession
+from gateway.core.text.session_summary import ResultSummary
 from tests.reliability.sessions import TIMEOUT_S, Items, SlowWriter, prepare, start
 from tests.reliability.streams import link_bytes
 
@@ -185,7 +185,7 @@ def test_hanging_disk_is_reported_without_waiting(lab, monkeypatch) -> None:
 
 
 def test_stage_reports_a_full_disk_once() -> None:
-    from gateway.clock import SystemClock
+    from gateway.core.clock import SystemClock
 
     writer = SlowWriter()
     writer.error = RecordingError("disk full", "Free space.")

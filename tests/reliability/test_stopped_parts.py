@@ -5,18 +5,18 @@ from pathlib import Path
 
 import pytest
 
-from gateway.cli.session_setup import RunningSession, start_session
-from gateway.clock import SystemClock
-from gateway.errors import TreadlinkError
-from gateway.estimators.registry import ESTIMATORS
-from gateway.io.source import BusFrames, Chunk, LinkEvent, LinkEventKind
-from gateway.reasons import Code
-from gateway.recording.reader import RecordingReader
-from gateway.recording.writer import RecordingWriter
-from gateway.session import live as live_module
-from gateway.session.alarms import AlarmName
-from gateway.session.live import LiveSession
-from gateway.views.session_summary import ResultSummary
+from gateway.core.cli.session_setup import RunningSession, start_session
+from gateway.core.clock import SystemClock
+from gateway.core.errors import TreadlinkError
+from gateway.core.estimates.registry import ESTIMATORS
+from gateway.core.links.source import BusFrames, Chunk, LinkEvent, LinkEventKind
+from gateway.core.reasons import Code
+from gateway.core.recording.reader import RecordingReader
+from gateway.core.recording.writer import RecordingWriter
+from gateway.core.session import live as live_module
+from gateway.core.session.alarms import AlarmName
+from gateway.core.session.live import LiveSession
+from gateway.core.text.session_summary import ResultSummary
 from tests.reliability.sessions import TIMEOUT_S, Items, SlowWriter, prepare
 from tests.reliability.streams import link_bytes
 from tests.testkit.commands import invoked

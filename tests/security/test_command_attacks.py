@@ -17,10 +17,10 @@ from firmware_protocol.codec import encode_frame
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Frame, MessageType, SetStream
 from firmware_protocol.signing import is_signed
-from gateway.clock import ManualClock
-from gateway.errors import SourceError
-from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem
-from gateway.session.commands import CommandedSource, execute
+from gateway.core.clock import ManualClock
+from gateway.core.errors import SourceError
+from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind, LinkItem
+from gateway.security.hub_commands import CommandedSource, execute
 from tests.testkit.signing_hub import KEYS, SECONDS, Hub, hello_message
 
 

@@ -8,13 +8,13 @@ import pytest
 from firmware_protocol.block_decoder import BatchDecoder
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import HUB_ITSELF
-from gateway.reasons import Code, Level, Reason
+from gateway.core.reasons import Code, Level, Reason
+from gateway.core.session.frame_guard import Verdict
+from gateway.core.text.wording import notice_text
 from gateway.security.cmac import Key
 from gateway.security.freshness import WINDOW, Ledger
 from gateway.security.guard import ConfiguredWheel, Guard
 from gateway.security.key_file import counters_file, hub_identity
-from gateway.session.frame_guard import Verdict
-from gateway.views.wording import notice_text
 from tools.generators.security_attacks import (
     HUB,
     KEYS,

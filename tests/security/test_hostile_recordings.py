@@ -10,14 +10,14 @@ import zstandard
 from mcap.writer import Writer
 
 from firmware_protocol.codec import encode_raw
-from gateway.errors import ConfigError
-from gateway.io.source import Chunk
-from gateway.recording.compact import compact_recording
-from gateway.recording.mcap_layout import CHANNEL_METADATA, RAW_ENCODING, SESSION_METADATA, seal
-from gateway.recording.mcap_records import CHUNK_HEAD, MAGIC, RECORD_HEAD
-from gateway.recording.reader import RecordingReader
-from gateway.recording.repair import repair_recording
-from gateway.session.recording_pass import OpenedRecording, RecordingPass
+from gateway.core.errors import ConfigError
+from gateway.core.links.source import Chunk
+from gateway.core.recording.mcap_layout import CHANNEL_METADATA, RAW_ENCODING, SESSION_METADATA, seal
+from gateway.core.recording.mcap_records import CHUNK_HEAD, MAGIC, RECORD_HEAD
+from gateway.core.recording.reader import RecordingReader
+from gateway.core.session.recording_pass import OpenedRecording, RecordingPass
+from gateway.upkeep.compact import compact_recording
+from gateway.upkeep.repair import repair_recording
 from tests.testkit.commands import program
 
 ESCAPE = "\x1b]0;owned\x07\x1b[2J\x9b31m<script>alert(1)</script>"
@@ -169,7 +169,7 @@ def test_extreme_times_are_harmless(tmp_path: Path) -> None:
 
 
 def test_recorded_configuration_is_validated(tmp_path: Path) -> None:
-    from gateway.config.vehicle import parse_vehicle
+    from gateway.core.config.vehicle import parse_vehicle
 
     with pytest.raises(ConfigError):
         parse_vehicle('[[wheel]]\nposition="../../x"\nhub=0\nwheel=0\n[tire]\nradius_mm=300.0\n', "recording")

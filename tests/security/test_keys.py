@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from firmware_protocol.reference_cmac import aes_cmac
-from gateway.errors import TreadlinkError
+from gateway.core.errors import TreadlinkError
 from gateway.security import cmac, private_file
 from gateway.security.cmac import Key, SecurityError, mac
 from gateway.security.freshness import Ledger
@@ -138,7 +138,7 @@ def test_failed_write_keeps_the_old_file(tmp_path: Path, monkeypatch: pytest.Mon
 
 _MAKER = """
 import sys
-from gateway.cli.keys import keys
+from gateway.security.commands.keys import keys
 for number in range(6):
     keys.main(["new", f"{sys.argv[1]}{number}", "--file", sys.argv[2]], standalone_mode=False)
 """

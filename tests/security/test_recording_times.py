@@ -12,10 +12,10 @@ from mcap.writer import Writer
 from firmware_protocol.codec import encode_frame
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import TimeSync
-from gateway.config.validation import parse_document
-from gateway.errors import TreadlinkError
-from gateway.io.source import Chunk, LinkEvent, LinkEventKind
-from gateway.recording.writer import RecordingWriter
+from gateway.core.config.validation import parse_document
+from gateway.core.errors import TreadlinkError
+from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind
+from gateway.core.recording.writer import RecordingWriter
 from gateway.simulator.scenario import vehicle_toml
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulation import simulate

@@ -15,21 +15,21 @@ from firmware_protocol.codec import encode_frame
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Frame, Hello, MessageType, SampleBlock
 from firmware_protocol.signing import is_signed
-from gateway.clock import ManualClock
-from gateway.config.vehicle import VehicleConfig, parse_vehicle
-from gateway.errors import ConfigError, TreadlinkError
-from gateway.io.source import Chunk, open_source
-from gateway.reasons import Code, Level, Notice, Reason
-from gateway.recording.reader import RecordingReader
-from gateway.recording.writer import RecordingWriter
+from gateway.core.clock import ManualClock
+from gateway.core.config.vehicle import VehicleConfig, parse_vehicle
+from gateway.core.errors import ConfigError, TreadlinkError
+from gateway.core.links.source import Chunk, open_source
+from gateway.core.reasons import Code, Level, Notice, Reason
+from gateway.core.recording.reader import RecordingReader
+from gateway.core.recording.writer import RecordingWriter
+from gateway.core.session.core import SessionCore
+from gateway.core.session.frame_guard import GuardWatch
+from gateway.core.session.recording_pass import RecordingPass, open_recording
+from gateway.core.text.wording import notice_text, text
 from gateway.security.cmac import SecurityError
 from gateway.security.freshness import Ledger
 from gateway.security.guard import open_guard
 from gateway.security.key_file import KeyFile, counters_file
-from gateway.session.core import SessionCore
-from gateway.session.frame_guard import GuardWatch
-from gateway.session.recording_pass import RecordingPass, open_recording
-from gateway.views.wording import notice_text, text
 from tests.testkit.agreement import values_of
 from tests.testkit.commands import invoked
 from tools.generators.security_attacks import Sender, downgraded, forged, guard, hello
@@ -257,7 +257,7 @@ STATED_ADDRESSES = (
     "gateway/publishing/foxglove_server.py: foxglove.start_server(",
     "gateway/publishing/origin_gate.py: socket.create_server(",
     # A Unix socket in a folder of the user's own.
-    "gateway/session/control_socket.py: listener.bind(str(path))",
+    "gateway/security/control_socket.py: listener.bind(str(path))",
     "gateway/publishing/page_server.py: socket.create_server((host, port)",
 )
 LISTENERS = {"bind", "create_server", "start_server", "start_unix_server", "HTTPServer", "TCPServer", "run_app"}

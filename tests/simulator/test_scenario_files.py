@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from gateway.config.vehicle import parse_vehicle
-from gateway.errors import ConfigError, SourceError
+from gateway.core.config.vehicle import parse_vehicle
+from gateway.core.errors import ConfigError, SourceError
 from gateway.simulator.scenario import builtin_scenarios, load_scenario, parse_scenario, vehicle_toml
 
 WHEEL = '[[wheel]]\nposition = "W"\nwheel = 0\n'

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from firmware_protocol.decoder import FrameDecoder
-from gateway.clock import ManualClock
-from gateway.config.vehicle import load_vehicle
-from gateway.errors import OutputError, SourceError
-from gateway.io.source import Chunk, open_source
-from gateway.recording.reader import RecordingReader
+from gateway.core.clock import ManualClock
+from gateway.core.config.vehicle import load_vehicle
+from gateway.core.errors import OutputError, SourceError
+from gateway.core.links.source import Chunk, open_source
+from gateway.core.recording.reader import RecordingReader
 from gateway.simulator.pty_link import BACKLOG_BYTES, PtyPort
 from tests.testkit.commands import invoked, run
 

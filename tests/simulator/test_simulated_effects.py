@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Environment, HubStatus, SampleBlock
-from gateway.config.vehicle import parse_vehicle
-from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.errors import ConfigError
+from gateway.core.config.vehicle import parse_vehicle
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.errors import ConfigError
 from gateway.simulator.disturbances import EdgeJitter
 from gateway.simulator.filters import band_noise_gain, loose_mass, resonator
 from gateway.simulator.motion import MotionProfile, Ripple, WheelRotation

@@ -8,11 +8,11 @@ import pytest
 
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Coupling
-from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.estimators.ply_steer import separate_plysteer_conicity
-from gateway.physics.tread_pattern import TreadPitch
-from gateway.pipeline.wheel_setup import WheelSetup
-from gateway.pipeline.wheels import Pipeline
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.estimates.wheel_setup import WheelSetup
+from gateway.core.wheels.wheels import Pipeline
+from gateway.forces.ply_steer import separate_plysteer_conicity
+from gateway.ring.tread_pattern import TreadPitch
 from gateway.simulator.scenario import load_scenario, parse_scenario
 from gateway.simulator.simulated_wheel import WheelSimulator
 from gateway.simulator.simulation import simulate

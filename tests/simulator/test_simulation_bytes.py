@@ -19,9 +19,9 @@ from firmware_protocol.messages import (
     SampleBlock,
     TimeSync,
 )
-from gateway.clock import ManualClock
-from gateway.errors import ConfigError, SourceError
-from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, open_source
+from gateway.core.clock import ManualClock
+from gateway.core.errors import ConfigError, SourceError
+from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind, LinkItem, open_source
 from gateway.simulator.scenario import parse_scenario
 from gateway.simulator.simulation import simulate
 from gateway.simulator.simulator_source import SimulatorSource

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from firmware_protocol.codec import encode_frame
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Coupling, Frame, Hello, MessageType, SampleBlock, TimeSync
-from gateway.errors import SourceError
-from gateway.io.source import Chunk
+from gateway.core.errors import SourceError
+from gateway.core.links.source import Chunk
 from gateway.simulator.link_faults import FAULTS, Fault, apply_faults, cut, frame_pieces, parse_fault, parse_faults
 
 LINK = "sim:test"

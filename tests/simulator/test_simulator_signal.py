@@ -7,9 +7,9 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
-from gateway.physics.tread_pattern import EdgeWaves
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.ring.rolling_ring import RingParameters, solve_rolling_ring
+from gateway.ring.tread_pattern import EdgeWaves
 from gateway.simulator.filters import highpass, lowpass, lowpass_noise_gain
 from gateway.simulator.motion import MotionProfile
 from gateway.simulator.scenario import parse_scenario

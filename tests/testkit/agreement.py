@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from gateway.estimators.estimator import Estimate, Revolution, TireConditions
-from gateway.pipeline.results import RevolutionResult
+from gateway.core.estimates.estimator import Estimate, Revolution, TireConditions
+from gateway.core.estimates.results import RevolutionResult
 
 _CONDITIONS = [field.name for field in dataclasses.fields(TireConditions) if field.name != "sensor_offset_m"]
 # Largest difference over the standard error.

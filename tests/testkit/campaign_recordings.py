@@ -3,8 +3,8 @@
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from gateway.config.validation import parse_document
-from gateway.recording.writer import RecordingWriter
+from gateway.core.config.validation import parse_document
+from gateway.core.recording.writer import RecordingWriter
 from gateway.simulator.scenario import vehicle_toml
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulation import simulate

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import pytest
 from click.testing import CliRunner, Result
 
-from gateway.cli import main, treadlink
+from gateway.core.cli import main, treadlink
 
 
 def invoked(*words: object, input: str | None = None) -> Result:
@@ -53,7 +53,7 @@ def program(*words: object, folder: Path | None = None, encoding: str = "utf-8")
         for name, stream in zip(("stdout", "stderr"), streams, strict=True):
             patch.setattr(sys, name, stream)
         # The handlers of signals are those of this process.
-        patch.setattr("gateway.cli.stop_signals.install", lambda: None)
+        patch.setattr("gateway.core.cli.stop_signals.install", lambda: None)
         if folder is not None:
             patch.chdir(folder)
         try:

@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from gateway.closure.result import (
+from gateway.core.reasons import Code, Reason
+from gateway.diagnosis.result import (
     AsRecorded,
     BlockError,
     Curves,
@@ -22,7 +23,6 @@ from gateway.closure.result import (
     Unexplained,
     Verdict,
 )
-from gateway.reasons import Code, Reason
 
 NAN = math.nan
 NASTY = (

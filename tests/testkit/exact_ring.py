@@ -6,10 +6,10 @@ from functools import lru_cache
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.physics.reference_tire import TABLE_3_NUMBERS
-from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
-from gateway.types import FloatArray
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
+from gateway.core.types import FloatArray
+from gateway.ring.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 
 RADIUS_M = 0.32
 PRESSURE_PA = 2.1e5

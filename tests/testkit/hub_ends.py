@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source
+from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source
 
 TIMEOUT_S = 10.0
 

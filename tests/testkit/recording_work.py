@@ -4,7 +4,7 @@ import os
 import signal
 import threading
 
-from gateway.errors import RecordingError
+from gateway.core.errors import RecordingError
 
 LOST = threading.Event()
 """Set when another process is lost."""

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from gateway.estimators.estimator import AngleAverage, Revolution, TireConditions
-from gateway.estimators.revolution_block import extended
+from gateway.core.estimates.estimator import AngleAverage, Revolution, TireConditions
+from gateway.core.estimates.revolution_block import extended
+from gateway.core.reasons import Reason
+from gateway.core.revolutions.order_spectrum import order_coefficients
+from gateway.core.revolutions.synchronous_average import RunningAverage
 from gateway.papers.ring_data import waveform_revolution
-from gateway.physics.rolling_ring import RingSolution
-from gateway.reasons import Reason
-from gateway.signal.order_spectrum import order_coefficients
-from gateway.signal.synchronous_average import RunningAverage
+from gateway.ring.rolling_ring import RingSolution
 from tests.testkit.exact_ring import PRESSURE_PA, RADIUS_M, omega_at, on_grid
 
 OMEGA = omega_at(65.0)

@@ -20,7 +20,7 @@ from firmware_protocol.messages import (
     Outcome,
 )
 from firmware_protocol.signing import is_signed, sign
-from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem
+from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind, LinkItem
 from gateway.security.cmac import Key, Verifier, mac
 from gateway.security.key_file import hub_identity, sensor_identity
 

@@ -7,13 +7,13 @@ import numpy as np
 
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Hello, SampleBlock
-from gateway.config.validation import parse_document
-from gateway.io.source import Chunk
-from gateway.pipeline.results import RevolutionResult, WheelSnapshot
-from gateway.pipeline.timebase import HostClock
-from gateway.pipeline.wheel_pipeline import WheelPipeline
-from gateway.pipeline.wheel_setup import WheelSetup
-from gateway.pipeline.wheels import Pipeline
+from gateway.core.config.validation import parse_document
+from gateway.core.estimates.results import RevolutionResult, WheelSnapshot
+from gateway.core.estimates.wheel_setup import WheelSetup
+from gateway.core.links.source import Chunk
+from gateway.core.wheels.timebase import HostClock
+from gateway.core.wheels.wheel_pipeline import WheelPipeline
+from gateway.core.wheels.wheels import Pipeline
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulation import simulate
 from gateway.simulator.truth import WheelTruth

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from gateway.signal.angle_resampling import GRID_SIZE, Phase, resample_revolutions
-from gateway.signal.speed_normalisation import NormalisedRevolutions, normalise_revolutions
+from gateway.core.revolutions.angle_resampling import GRID_SIZE, Phase, resample_revolutions
+from gateway.core.revolutions.speed_normalisation import NormalisedRevolutions, normalise_revolutions
 
 
 def resample_revolution(samples_mps2: np.ndarray, phase: Phase, n: int = GRID_SIZE) -> np.ndarray:

@@ -5,9 +5,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.constants import STANDARD_ATMOSPHERE_PA, ZERO_CELSIUS_K
-from gateway.trends.tire_history import MONTH_NS, TireHistory
-from gateway.trends.trend_result import TireTrend, TrendNumber
+from gateway.core.constants import STANDARD_ATMOSPHERE_PA, ZERO_CELSIUS_K
+from gateway.fleet.trends.tire_history import MONTH_NS, TireHistory
+from gateway.fleet.trends.trend_result import TireTrend, TrendNumber
 
 BEGIN_NS = 1_767_225_600 * 10**9
 KM_A_MONTH = 1200.0

@@ -8,9 +8,9 @@ from typing import Any
 import can
 import cantools
 
-from gateway.config.vehicle import VehicleConfig, parse_vehicle
-from gateway.io.bus_frames import BusFrame, pack
-from gateway.io.source import BusFrames, LinkItem
+from gateway.core.config.vehicle import VehicleConfig, parse_vehicle
+from gateway.core.links.bus_frames import BusFrame, pack
+from gateway.core.links.source import BusFrames, LinkItem
 
 DBC = Path(__file__).parent / "data" / "car.dbc"
 LINK = "can:virtual:car"

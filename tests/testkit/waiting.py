@@ -3,7 +3,7 @@
 import threading
 from collections.abc import Callable
 
-from gateway.clock import ManualClock
+from gateway.core.clock import ManualClock
 
 TIMEOUT_S = 20.0
 _tick = threading.Event()

@@ -20,10 +20,10 @@ from validity.left_out import add_counts, count_left_out, left_out_table
 from validity.summary import share, well_table
 from validity.tires import draw_world
 
-from gateway.closure.effects.belt_dispersion import BlockTread, belt_wave
-from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL
-from gateway.estimators.doubt_rules import DoubtRule
-from gateway.estimators.estimator import Estimate, Status
+from gateway.core.estimates.doubt_rules import DoubtRule
+from gateway.core.estimates.estimator import Estimate, Status
+from gateway.diagnosis.effects.belt_dispersion import BlockTread, belt_wave
+from gateway.diagnosis.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL
 
 SMALL = Effort(clean=6, single=8, single_slow=0, runs=2)
 NAMES = ("kinematic", "weak-form", "load", "wear")

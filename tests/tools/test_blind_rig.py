@@ -9,7 +9,7 @@ from blind_rig.__main__ import judged
 from blind_rig.cases import CASES
 from blind_rig.ring import NODES, Ring, rolled, spliced
 
-from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
+from gateway.ring.rolling_ring import RingParameters, solve_rolling_ring
 
 
 def test_ring_agrees_with_the_gateways() -> None:

@@ -4,16 +4,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.physics.rolling_ring import solve_rolling_ring
-from gateway.planning.cramer_rao import (
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.quantity_catalogue import RING_NUMBERS
+from gateway.planner.cramer_rao import (
     DEFAULT_PARAMETERS,
     cramer_rao,
     order_variance,
     waveform_orders,
     waveform_sensitivity,
 )
-from gateway.quantity_catalogue import RING_NUMBERS
+from gateway.ring.rolling_ring import solve_rolling_ring
 from tests.testkit.exact_ring import BASE_RING, PRESSURE_PA, omega_at
 
 OMEGA = omega_at(65.0)

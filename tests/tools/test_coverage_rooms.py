@@ -15,17 +15,17 @@ def report(**covered: int) -> dict[str, object]:
 
 def test_files_of_a_room_are_added():
     data = report(io=90)
-    data["files"]["gateway/io/deeper/b.py"] = {
+    data["files"]["gateway/core/links/deeper/b.py"] = {
         "summary": {"num_statements": 100, "covered_lines": 70, "num_branches": 0, "covered_branches": 0}
     }
-    assert rooms(data)["gateway/io"] == (200, 160, 10, 9)
+    assert rooms(data)["gateway/core/links"] == (200, 160, 10, 9)
 
 
 def test_a_room_below_is_named(tmp_path, capsys):
     path = tmp_path / "coverage.json"
     path.write_text(json.dumps(report(io=90, trends=84)))
     assert main([str(path)]) == 1
-    assert "gateway/trends is below 85 %" in capsys.readouterr().out
+    assert "gateway/fleet/trends is below 85 %" in capsys.readouterr().out
     path.write_text(json.dumps(report(io=90, trends=85)))
     assert main([str(path)]) == 0
     path.write_text(json.dumps(report(io=90, importing=84)))

@@ -16,8 +16,8 @@ from independent_tire.sideways import Sides, bend_sideways
 from independent_tire.steady import SteadyBelt, roll_steadily
 from independent_tire.tires import TIRES
 
-from gateway.physics.lateral_belt import LateralBelt, solve_lateral_belt
-from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
+from gateway.forces.lateral_belt import LateralBelt, solve_lateral_belt
+from gateway.ring.rolling_ring import RingParameters, solve_rolling_ring
 
 RADIUS_M = 0.32
 MESH = Mesh(24, RADIUS_M)

@@ -8,9 +8,9 @@ import pytest
 from law_rig.causes import belt_causes, chain_causes, outside_causes
 from law_rig.unread_causes import unread_belt_causes, unread_chain_causes, unread_outside_causes
 
-from gateway.closure.effects.angle_orders import THETA
-from gateway.closure.effects.effect import GroupConditions
-from gateway.closure.laws.library import library
+from gateway.diagnosis.effects.angle_orders import THETA
+from gateway.diagnosis.effects.effect import GroupConditions
+from gateway.diagnosis.laws.library import library
 
 CONDITIONS = GroupConditions(55.0, 0.0, 0.31, 4500.0, 2.2e5, 25.0, 25.0, 9600.0, 0.0)
 NAMES = set(library())

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gateway.estimators.ply_steer_models import compare, table_points
+from gateway.forces.ply_steer_models import compare, table_points
 from tools.ply_steer_trend import (
     LEAST_CORNERING_NPDEG,
     PROPERTY_LOADS_N,

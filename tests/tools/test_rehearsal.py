@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from firmware_protocol.decoder import FrameDecoder
-from gateway.estimators.estimator import Status
-from gateway.estimators.weighted_mean import WeightedMean
-from gateway.io.source import Chunk
-from gateway.pipeline.wheels import Pipeline
-from gateway.reasons import Code
-from gateway.recording.writer import RecordingWriter
-from gateway.session.alarms import AlarmName
+from gateway.core.estimates.estimator import Status
+from gateway.core.estimates.weighted_mean import WeightedMean
+from gateway.core.links.source import Chunk
+from gateway.core.reasons import Code
+from gateway.core.recording.writer import RecordingWriter
+from gateway.core.session.alarms import AlarmName
+from gateway.core.wheels.wheels import Pipeline
 from gateway.simulator.link_faults import frame_pieces, parse_fault
-from tests.recording.streams import frames
+from tests.core.recording.streams import frames
 
 pytest.importorskip("tty", reason="pseudo-terminals exist on POSIX only")
 can = pytest.importorskip("can")

@@ -5,9 +5,9 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from gateway.physics.reference_tire import TABLE_3_NUMBERS
-from gateway.physics.ring_series import Kinematics
-from gateway.physics.rolling_ring import RingSolution
+from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
+from gateway.core.estimates.ring_series import Kinematics
+from gateway.ring.rolling_ring import RingSolution
 from tools.bench_ring_paper import RADIUS_M, ratio_with_truth_given
 from tools.table_3 import (
     LOAD_N,

@@ -5,9 +5,9 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from gateway.physics.reference_tire import TABLE_3_NUMBERS
-from gateway.physics.rolling_ring import RingParameters
-from gateway.physics.tread_pattern import EdgeWaves
+from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
+from gateway.ring.rolling_ring import RingParameters
+from gateway.ring.tread_pattern import EdgeWaves
 
 RADIUS_M = 0.32
 REFERENCE_PA = 2.1e5

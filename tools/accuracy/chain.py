@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_protocol.messages import Coupling, Hello
-from gateway.estimators.estimator import Revolution, TireConditions
-from gateway.pipeline.timebase import HostClock
-from gateway.pipeline.wheel_pipeline import WheelPipeline
-from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.core.estimates.estimator import Revolution, TireConditions
+from gateway.core.estimates.wheel_setup import WheelSetup
+from gateway.core.wheels.timebase import HostClock
+from gateway.core.wheels.wheel_pipeline import WheelPipeline
 
 FULL_SCALE_COUNTS = 32767
 _BLOCK = 36

@@ -10,16 +10,16 @@ import numpy as np
 from accuracy.cases import RADIUS_M, REFERENCE_PA, RING_THICKNESS_MM, Case
 from accuracy.chain import Turn, hello_of, turns_of
 from accuracy.signals import samples_of, truth_of
-from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.estimators.estimator import Estimate, Status
-from gateway.estimators.registry import make_estimator
-from gateway.estimators.revolution_block import extended
-from gateway.estimators.tire_data import ReferenceNumbers, TireData
-from gateway.physics.reference_tire import TABLE_3_NUMBERS
-from gateway.pipeline.wheel_setup import WheelSetup
-from gateway.planning.cramer_rao import cramer_rao, order_variance, relative_bounds, waveform_sensitivity
-from gateway.reasons import Reason
-from gateway.signal.synchronous_average import RunningAverage
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.estimates.estimator import Estimate, Status
+from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
+from gateway.core.estimates.registry import make_estimator
+from gateway.core.estimates.revolution_block import extended
+from gateway.core.estimates.tire_data import ReferenceNumbers, TireData
+from gateway.core.estimates.wheel_setup import WheelSetup
+from gateway.core.reasons import Reason
+from gateway.core.revolutions.synchronous_average import RunningAverage
+from gateway.planner.cramer_rao import cramer_rao, order_variance, relative_bounds, waveform_sensitivity
 
 LONG = 100
 # Of one revolution each, without averaging; after LONG revolutions the mean of theirs counts.

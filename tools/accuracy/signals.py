@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from accuracy.cases import RADIUS_M, Case
-from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
-from gateway.physics.rolling_ring.sensor_waveform import angle_derivatives
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.types import FloatArray
+from gateway.ring.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
+from gateway.ring.rolling_ring.sensor_waveform import angle_derivatives
 from gateway.simulator.filters import lowpass, lowpass_noise_gain
-from gateway.types import FloatArray
 
 RANGE_MPS2 = 2000.0 * STANDARD_GRAVITY_MPS2
 ROAD_HZ = 500.0

@@ -104,7 +104,7 @@ def _make(case: Case, folder: Path) -> None:
 def _run(gateway: Path, *arguments: str) -> float:
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     done = subprocess.run(
-        [sys.executable, "-m", "gateway.cli", *arguments],
+        [sys.executable, "-m", "gateway.core.cli", *arguments],
         env={**os.environ, "PYTHONPATH": str(gateway)}, cwd=gateway, capture_output=True, text=True, check=False,
     )  # fmt: skip
     after = resource.getrusage(resource.RUSAGE_CHILDREN)

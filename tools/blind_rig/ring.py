@@ -1,7 +1,7 @@
 """A loaded rolling ring as a chain of nodes, solved by Newton's method with a complex-step tangent.
 
 Every force derives from the node's neighbours: tension and bending of the chain, pressure on the enclosed area, a
-sidewall of springs and dashpots, and a unilateral tread on a flat road or a drum. Nothing of `gateway.physics` is used.
+sidewall of springs and dashpots, and a unilateral tread on a flat road or a drum. Nothing of `gateway.ring` is used.
 """
 
 import math

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.core.types import FloatArray
 from gateway.simulator.sensor import SensorChain
-from gateway.types import FloatArray
 
 Element = Callable[[FloatArray, FloatArray], FloatArray]
 """From (n, 3) specific force and (n,) times, s, to the (n, 3) that the sensor's own axes read."""

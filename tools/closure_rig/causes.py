@@ -9,7 +9,7 @@ import numpy as np
 
 from closure_rig.bench import SAMPLE_RATE_HZ, Bench
 from closure_rig.bent import Bend
-from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
 
 Tables = Mapping[str, Mapping[str, Any]]
 """Changes to a scenario: table -> key -> value; "wheel" is the wheel's table, "stated" the declared values."""

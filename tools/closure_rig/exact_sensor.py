@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
+from gateway.core.types import FloatArray
 from gateway.simulator.sensor import SensorChain
-from gateway.types import FloatArray
 
 
 class ExactChain(SensorChain):

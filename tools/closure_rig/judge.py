@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Final
 
-from gateway.closure.spectrum.nonsynchronous_diagnosis import UNKNOWN
+from gateway.diagnosis.spectrum.nonsynchronous_diagnosis import UNKNOWN
 
 
 class Outcome(StrEnum):

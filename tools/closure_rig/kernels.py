@@ -6,18 +6,18 @@ from typing import Final
 
 from accuracy.tables import Table
 
-from gateway.closure import criteria
-from gateway.closure.angle.discrepancy import Discrepancy
-from gateway.closure.angle.likelihood import whiten
-from gateway.closure.angle.number_estimates import estimates_of
-from gateway.closure.data.campaign_data import Campaign
-from gateway.closure.effects.catalogue import candidates
-from gateway.closure.effects.effect import BaselineModel
-from gateway.closure.model.baseline_registry import angle_effects, make_core
-from gateway.closure.search.set_search import SetSearch, baseline_fit
-from gateway.closure.search.tempered_posterior import posterior_of
-from gateway.quantity_catalogue import RING_NUMBERS
-from gateway.session.campaign import read_campaign
+from gateway.core.quantity_catalogue import RING_NUMBERS
+from gateway.diagnosis import criteria
+from gateway.diagnosis.angle.discrepancy import Discrepancy
+from gateway.diagnosis.angle.likelihood import whiten
+from gateway.diagnosis.angle.number_estimates import estimates_of
+from gateway.diagnosis.campaign import read_campaign
+from gateway.diagnosis.data.campaign_data import Campaign
+from gateway.diagnosis.effects.catalogue import candidates
+from gateway.diagnosis.effects.effect import BaselineModel
+from gateway.diagnosis.model.baseline_registry import angle_effects, make_core
+from gateway.diagnosis.search.set_search import SetSearch, baseline_fit
+from gateway.diagnosis.search.tempered_posterior import posterior_of
 
 # About 0.6 and 1.6 times the lengths in use.
 LENGTHS_RAD: Final = ((0.02, 0.07, 0.25), criteria.LENGTHS_RAD, (0.05, 0.2, 0.6))

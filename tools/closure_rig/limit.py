@@ -25,11 +25,11 @@ from closure_rig.draw import Case, Kind
 from closure_rig.exact_sensor import ExactChain
 from closure_rig.outside import stranger
 from closure_rig.record import SECONDS, fit_case, scenario_of, settling_s
-from gateway.closure.effects.angle_orders import ORDERS
-from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.types import ComplexArray, FloatArray
+from gateway.diagnosis.effects.angle_orders import ORDERS
 from gateway.simulator.simulated_wheel import WheelSimulator
 from gateway.simulator.wheel_plan import wheel_plans
-from gateway.types import ComplexArray, FloatArray
 
 DETECTION_CHI2: Final = 25.0
 """Five standard errors."""

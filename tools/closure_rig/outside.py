@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from closure_rig.bench import SAMPLE_RATE_HZ
 from closure_rig.bent import Creep
 from closure_rig.causes import Drawing, Tables
+from gateway.core.types import FloatArray
 from gateway.simulator.motion import Turning, WheelRotation
 from gateway.simulator.sensor import SensorChain
-from gateway.types import FloatArray
 
 Disturbance = Callable[[Turning, bool], FloatArray]
 """From the rotation at n samples, and whether it rolls in reverse, to (n, 3) added specific force in m/s^2."""

@@ -12,8 +12,8 @@ from closure_rig.causes import CAUSES, cause
 from closure_rig.draw import Case, Kind, Order, Parts, pair
 from closure_rig.limit import Strength, size_of
 from closure_rig.outside import STRANGERS, stranger
-from gateway.closure.effects.catalogue import candidates
-from gateway.closure.effects.effect import BaselineModel
+from gateway.diagnosis.effects.catalogue import candidates
+from gateway.diagnosis.effects.effect import BaselineModel
 
 NOTHINGS: Final = 300
 PAIRS: Final = 100

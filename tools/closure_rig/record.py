@@ -15,9 +15,9 @@ from closure_rig.bent import BentChain
 from closure_rig.draw import Case
 from closure_rig.outside import DisturbedChain, FaultyChain
 from firmware_protocol.wire import HELLO_PERIOD_S
-from gateway.config.toml_writer import toml_text
-from gateway.io.source import LinkEvent, LinkEventKind
-from gateway.recording.writer import RecordingWriter
+from gateway.core.config.toml_writer import toml_text
+from gateway.core.links.source import LinkEvent, LinkEventKind
+from gateway.core.recording.writer import RecordingWriter
 from gateway.simulator.scenario import parse_scenario, vehicle_toml
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulated_wheel import WheelSimulator

@@ -9,7 +9,7 @@ from closure_rig.causes import CAUSES, Locked, cause
 from closure_rig.draw import Case, Kind, Order, Parts
 from closure_rig.judge import CANNOT_TELL
 from closure_rig.limit import DETECTION_CHI2, Strength
-from gateway.types import FloatArray
+from gateway.core.types import FloatArray
 
 # Draws of a rival's phases, signs and shapes; they span a harmonic of any phase.
 _DRAWS: Final = 4

@@ -7,12 +7,12 @@ from typing import Any, Final, NamedTuple
 from closure_rig.bench import Run
 from closure_rig.draw import Case
 from closure_rig.record import SECONDS, scenario_of
-from gateway.closure.effects.lateral_response import (
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.diagnosis.effects.lateral_response import (
     BENDING_STIFFNESS_NM2,
     SIDEWALL_STIFFNESS_NPM2,
     TREAD_STIFFNESS_NPM2,
 )
-from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.simulator.disturbances import REFERENCE_MPS
 from gateway.simulator.wheel_plan import WheelPlan, wheel_plans
 

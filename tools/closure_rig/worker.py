@@ -28,8 +28,8 @@ def main() -> None:
 
     if Path(str(gateway.__file__)).parents[1] != Path(sys.argv[4]):
         raise SystemExit(f"'{gateway.__file__}' is not of the version in '{sys.argv[4]}'")
-    from gateway.closure.effects.effect import BaselineModel
-    from gateway.session.campaign_diagnosis import diagnose_recordings
+    from gateway.diagnosis.campaign_diagnosis import diagnose_recordings
+    from gateway.diagnosis.effects.effect import BaselineModel
 
     names = json.loads((folder / "declared.json").read_text(encoding="utf-8"))
     began, used = perf_counter(), _cpu_s()

@@ -4,13 +4,13 @@ import functools
 from collections.abc import Iterator
 from typing import Final
 
-from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.planning.accelerometer import Accelerometer, shipped_accelerometers
-from gateway.planning.planned_errors import AFTER, SensorPlan, fastest_mps, plan_sensor
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.text.numbers import split_name
+from gateway.planner.accelerometer import Accelerometer, shipped_accelerometers
+from gateway.planner.planned_errors import AFTER, SensorPlan, fastest_mps, plan_sensor
 from gateway.simulator.scenario import load_scenario
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.time_series import constant
-from gateway.views.numbers import split_name
 from tools.docs_site.markdown import code, escaped, table
 
 SPEEDS_KMH: Final = (60.0, 100.0, 150.0)

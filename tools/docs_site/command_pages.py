@@ -6,7 +6,7 @@ from typing import Final
 
 import click
 
-from gateway.cli import treadlink
+from gateway.core.cli import treadlink
 from tools.docs_site.markdown import escaped, sentence
 
 _HELP: Final = "Show this message and exit."

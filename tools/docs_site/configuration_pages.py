@@ -13,10 +13,10 @@ from pydantic import AwareDatetime, BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from gateway.config.known_runs import SlipRunsFile
-from gateway.config.vehicle import VehicleConfig
+from gateway.core.config.vehicle import VehicleConfig
+from gateway.forces.known_runs import SlipRunsFile
 from gateway.importing.import_map import ImportMap
-from gateway.planning.accelerometer import AccelerometerList
+from gateway.planner.accelerometer import AccelerometerList
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.time_series import Series
 from tools.docs_site.markdown import code, docstring, escaped, sentence, table

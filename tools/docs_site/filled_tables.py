@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable
 from typing import Final
 
-from gateway.table_columns import (
+from gateway.core.table_columns import (
     AVERAGE_COLUMNS,
     DIAGNOSIS_COLUMNS,
     FAILURE_COLUMNS,

@@ -4,11 +4,11 @@ from collections.abc import Iterator
 from math import isfinite
 from typing import Final
 
-from gateway.quantity import Quantity, Trend
-from gateway.quantity_catalogue import CATALOGUE
-from gateway.table_columns import typeset_unit
-from gateway.trends.trend_result import asymmetry_of, by_temperature, rate_of
-from gateway.views.numbers import fixed, split_name
+from gateway.core.quantity import Quantity, Trend
+from gateway.core.quantity_catalogue import CATALOGUE
+from gateway.core.table_columns import typeset_unit
+from gateway.core.text.numbers import fixed, split_name
+from gateway.fleet.trends.trend_result import asymmetry_of, by_temperature, rate_of
 from tools.docs_site.markdown import code, escaped, table
 
 _INTRODUCTION: Final = """\

@@ -5,8 +5,8 @@ import re
 import string
 from collections.abc import Iterator
 
-from gateway.reasons import Code
-from gateway.views.wording import fields
+from gateway.core.reasons import Code
+from gateway.core.text.wording import fields
 from tools.docs_site.markdown import code, escaped, table
 
 _INTRODUCTION = """\

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final
 
-from gateway.views.effect_catalogue import effects_markdown
+from gateway.diagnosis.views.effect_catalogue import effects_markdown
 from tools.docs_site.accelerometer_pages import accelerometers_markdown
 from tools.docs_site.api_pages import api_markdown
 from tools.docs_site.command_pages import commands_markdown

@@ -1,18 +1,18 @@
-"""Reference of the diagnosis' thresholds, generated from `gateway.closure.criteria`."""
+"""Reference of the diagnosis' thresholds, generated from `gateway.diagnosis.criteria`."""
 
 import ast
 import inspect
 from collections.abc import Iterator
 from itertools import pairwise
 
-from gateway.closure import criteria
+from gateway.diagnosis import criteria
 from tools.docs_site.markdown import code, escaped, table
 
 _INTRODUCTION = """\
 # Thresholds
 
 Every threshold of `treadlink diagnose` with its reason. [Closing the loop](../explanation/closing-the-loop.md) explains
-the method. They stand in `gateway/closure/criteria.py` and may change at any time.
+the method. They stand in `gateway/diagnosis/criteria.py` and may change at any time.
 """
 
 

@@ -15,8 +15,8 @@ from validity.runs import Run, record_wheel, results_of
 from validity.statements import Statement, draw_statement, known_exactly
 from validity.tires import World, draw_world, ordinary
 
-from gateway.estimators.estimator import Estimate, Status
-from gateway.physics.rolling_ring import RingNotConvergedError
+from gateway.core.estimates.estimator import Estimate, Status
+from gateway.ring.rolling_ring import RingNotConvergedError
 from gateway.simulator.tire_table import Range, TireTable
 from gateway.simulator.wheel_plan import WheelPlan
 

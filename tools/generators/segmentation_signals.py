@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, lfilter, lfilter_zi
 
-from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.pipeline.segmenter import ContactPair, Segmenter
-from gateway.types import FloatArray
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.contacts.segmenter import ContactPair, Segmenter
+from gateway.core.types import FloatArray
 
 Speed = Callable[[FloatArray], FloatArray]
 

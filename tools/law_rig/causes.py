@@ -13,10 +13,10 @@ from typing import Final
 
 import numpy as np
 
-from gateway.closure.effects.angle_orders import ORDERS, THETA, field_orders, orders_field
-from gateway.closure.effects.effect import CIRCUMFERENTIAL, FIELD_SIZE, RADIAL, GroupConditions
-from gateway.physics.rolling_ring.force_balance import ring_grid
-from gateway.types import ComplexArray, FloatArray
+from gateway.core.types import ComplexArray, FloatArray
+from gateway.diagnosis.effects.angle_orders import ORDERS, THETA, field_orders, orders_field
+from gateway.diagnosis.effects.effect import CIRCUMFERENTIAL, FIELD_SIZE, RADIAL, GroupConditions
+from gateway.ring.rolling_ring.force_balance import ring_grid
 from law_rig.rolling_in_time import NODES, STEPS, LocalChange, Rolling, last_revolution, read_by
 
 SENSORS: Final = 45

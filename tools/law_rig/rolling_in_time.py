@@ -17,15 +17,15 @@ from typing import Final
 import numpy as np
 from scipy.linalg.lapack import dgbtrf, dgbtrs
 
-from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
-from gateway.physics.rolling_ring.equilibrium import _law
-from gateway.physics.rolling_ring.force_balance import (
+from gateway.core.types import FloatArray, IntArray
+from gateway.ring.rolling_ring import RingParameters, solve_rolling_ring
+from gateway.ring.rolling_ring.equilibrium import _law
+from gateway.ring.rolling_ring.force_balance import (
     BeltLaw,
     belt_balance,
     ring_grid,
 )
-from gateway.physics.rolling_ring.newton_solver import FoldedBand, folded_band
-from gateway.types import FloatArray, IntArray
+from gateway.ring.rolling_ring.newton_solver import FoldedBand, folded_band
 
 NODES: Final = 720
 STEPS: Final = 1080

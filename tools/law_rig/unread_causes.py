@@ -9,10 +9,10 @@ from typing import Final
 
 import numpy as np
 
-from gateway.closure.effects.angle_orders import THETA
-from gateway.closure.effects.effect import CIRCUMFERENTIAL, FIELD_SIZE, RADIAL, GroupConditions
-from gateway.physics.rolling_ring.force_balance import ring_grid
-from gateway.types import FloatArray
+from gateway.core.types import FloatArray
+from gateway.diagnosis.effects.angle_orders import THETA
+from gateway.diagnosis.effects.effect import CIRCUMFERENTIAL, FIELD_SIZE, RADIAL, GroupConditions
+from gateway.ring.rolling_ring.force_balance import ring_grid
 from law_rig.causes import BeltCause, ChainCause, Fault, arch, area
 from law_rig.rolling_in_time import NODES, LocalChange
 

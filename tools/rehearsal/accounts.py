@@ -7,11 +7,11 @@ from typing import Final
 
 import numpy as np
 
-from gateway.io.bus_frames import unpack
-from gateway.io.source import BusFrames, Chunk, LinkEventKind, Sentences
-from gateway.reasons import Code
-from gateway.recording.reader import RecordingReader
-from gateway.session.alarms import AlarmName
+from gateway.core.links.bus_frames import unpack
+from gateway.core.links.source import BusFrames, Chunk, LinkEventKind, Sentences
+from gateway.core.reasons import Code
+from gateway.core.recording.reader import RecordingReader
+from gateway.core.session.alarms import AlarmName
 from gateway.simulator.link_faults import frame_pieces
 from tools.rehearsal.day import START_NS, Played
 from tools.rehearsal.plan import BUS, EXPECTED, HUBS, LINKS, NOBODY, POSITIONS, RECEIVER, SETTLE_S, Fault, Kind

@@ -12,27 +12,27 @@ from typing import Final
 import can
 import numpy as np
 
-from gateway.config.validation import parse_document
-from gateway.config.vehicle import VehicleConfig, parse_vehicle
-from gateway.estimators.estimator import Status
-from gateway.estimators.weighted_mean import WeightedMean
-from gateway.io.source import Chunk, Sentences, is_live, open_source
-from gateway.pipeline.results import AlarmChange, RevolutionResult, SessionSnapshot, SinkSnapshot, SinkState
-from gateway.pipeline.vehicle_signals import RECEIVER_SIGNALS
+from gateway.core.config.validation import parse_document
+from gateway.core.config.vehicle import VehicleConfig, parse_vehicle
+from gateway.core.estimates.estimator import Status
+from gateway.core.estimates.results import AlarmChange, RevolutionResult, SessionSnapshot, SinkSnapshot, SinkState
+from gateway.core.estimates.weighted_mean import WeightedMean
+from gateway.core.links.source import Chunk, Sentences, is_live, open_source
+from gateway.core.reasons import Code, Notice, Reason
+from gateway.core.recording.run_description import RunDescription
+from gateway.core.recording.writer import RecordingWriter
+from gateway.core.session.live import LiveSession
+from gateway.core.session.recording_stage import Recorder
+from gateway.core.text.session_summary import ResultSummary
 from gateway.publishing.publisher import Publisher, open_publisher
 from gateway.publishing.sink import SinkSetting
-from gateway.reasons import Code, Notice, Reason
-from gateway.recording.run_description import RunDescription
-from gateway.recording.writer import RecordingWriter
-from gateway.session.live import LiveSession
-from gateway.session.recording_stage import Recorder
 from gateway.simulator.link_faults import apply_faults, frame_pieces, parse_fault
 from gateway.simulator.motion import MotionProfile
 from gateway.simulator.receiver import SimulatedReceiver, rmc
 from gateway.simulator.scenario import vehicle_toml
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulation import simulate
-from gateway.views.session_summary import ResultSummary
+from gateway.vehicle.vehicle_signals import RECEIVER_SIGNALS
 from tools.mqtt_broker import Broker
 from tools.rehearsal.ends import DayClock, GatedSource, HubEnd, PtyEnd, TcpEnd
 from tools.rehearsal.plan import BUS, HUBS, LINKS, POSITIONS, RECEIVER, TERMINALS, Fault, Kind

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Protocol
 
-from gateway.clock import ComputerTime, ManualClock
-from gateway.io.bus_frames import unpack
-from gateway.io.source import BusFrames, LinkEvent, LinkEventKind, LinkItem, Source
+from gateway.core.clock import ComputerTime, ManualClock
+from gateway.core.links.bus_frames import unpack
+from gateway.core.links.source import BusFrames, LinkEvent, LinkEventKind, LinkItem, Source
 from gateway.simulator import pty_link
 
 _POLL_S = 0.001

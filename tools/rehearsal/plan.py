@@ -6,9 +6,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gateway.reasons import Code
-from gateway.session.alarms import AlarmName
-from gateway.session.recent_loss import WINDOW_S
+from gateway.core.reasons import Code
+from gateway.core.session.alarms import AlarmName
+from gateway.core.session.recent_loss import WINDOW_S
 
 HUBS: Final = 4
 TERMINALS: Final = (0, 1)

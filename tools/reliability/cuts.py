@@ -10,20 +10,20 @@ from pathlib import Path
 
 import numpy as np
 
-from gateway.clock import ManualClock
-from gateway.config.vehicle import parse_vehicle
-from gateway.io.source import Chunk, LinkItem, open_source
-from gateway.recording.reader import RecordingReader
-from gateway.recording.repair import repair_recording
-from gateway.recording.writer import RecordingWriter
-from gateway.session.core import SessionCore
+from gateway.core.clock import ManualClock
+from gateway.core.config.vehicle import parse_vehicle
+from gateway.core.links.source import Chunk, LinkItem, open_source
+from gateway.core.recording.reader import RecordingReader
+from gateway.core.recording.writer import RecordingWriter
+from gateway.core.session.core import SessionCore
+from gateway.upkeep.repair import repair_recording
 
 _PAGE = 4096
 _LAST_PAGES = 64
 _LIMITED = """
 import resource, sys
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]), int(sys.argv[1])))
-from gateway.cli import main
+from gateway.core.cli import main
 sys.argv = ["treadlink", *sys.argv[2:]]
 main()
 """

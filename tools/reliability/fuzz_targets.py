@@ -24,35 +24,35 @@ from firmware_protocol.block_decoder import BatchDecoder
 from firmware_protocol.codec import encode_frame, encode_raw
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Coupling, Environment, Frame, Hello, MessageType, SampleBlock
-from gateway.cli.import_measurement import report_lines
-from gateway.clock import ManualClock
-from gateway.config.effects_file import effects_text
-from gateway.config.known_runs import SlipRunsFile, load_runs
-from gateway.config.vehicle import VehicleConfig, load_vehicle, parse_vehicle, recorded_vehicle
-from gateway.errors import TreadlinkError
+from gateway.core.clock import ManualClock
+from gateway.core.config.vehicle import VehicleConfig, load_vehicle, parse_vehicle, recorded_vehicle
+from gateway.core.errors import TreadlinkError
+from gateway.core.estimates.wheel_setup import CorrectedEffect, CorrectionTable, EffectParameter
+from gateway.core.links.source import Chunk, open_source
+from gateway.core.recording.inspection import inspect_recording
+from gateway.core.recording.manifest import MANIFEST_NAME, absent_recordings
+from gateway.core.recording.reader import RecordingReader
+from gateway.core.recording.run_description import read_notes
+from gateway.core.recording.writer import RecordingWriter
+from gateway.core.session.core import SessionCore
+from gateway.core.session.corrections import check_effects, effects_notices, with_effects
+from gateway.core.text import wording
+from gateway.core.types import FloatArray
+from gateway.diagnosis.effects_file import effects_text
+from gateway.diagnosis.effects_opening import open_effects_file
 from gateway.fleet.history_reading import read_odometer
+from gateway.forces.known_runs import SlipRunsFile, load_runs
+from gateway.importing.commands.import_measurement import report_lines
 from gateway.importing.import_map import ImportMap, load_map, parse_map
 from gateway.importing.importer import import_file
 from gateway.importing.reader_process import ReaderProcesses
-from gateway.io.source import Chunk, open_source
-from gateway.pipeline.wheel_setup import CorrectedEffect, CorrectionTable, EffectParameter
-from gateway.planning.accelerometer import SHIPPED, parse_accelerometers
-from gateway.recording.compact import compact_recording
-from gateway.recording.inspection import inspect_recording
-from gateway.recording.manifest import MANIFEST_NAME, absent_recordings
-from gateway.recording.reader import RecordingReader
-from gateway.recording.repair import repair_recording
-from gateway.recording.run_description import read_notes
-from gateway.recording.writer import RecordingWriter
+from gateway.planner.accelerometer import SHIPPED, parse_accelerometers
 from gateway.security.cmac import Key
 from gateway.security.freshness import Ledger
 from gateway.security.key_file import KeyFile, hub_identity, sensor_identity
-from gateway.session.core import SessionCore
-from gateway.session.corrections import check_effects, effects_notices, with_effects
-from gateway.session.effects_opening import open_effects_file
 from gateway.simulator.scenario import load_scenario
-from gateway.types import FloatArray
-from gateway.views import wording
+from gateway.upkeep.compact import compact_recording
+from gateway.upkeep.repair import repair_recording
 from tools.reliability.mutations import Change, frame_content, mat_content, mdf_content, recording_content
 
 _START_NS = 1_700_000_000_000_000_000
@@ -618,7 +618,7 @@ _NOTES = b"""{"utc": "2026-01-31T12:00:00Z", "comment": "first", "tags": ["wet"]
 
 
 def _accelerometers() -> list[bytes]:
-    parts = (files("gateway.planning") / SHIPPED).read_bytes().split(b"[[sensor]]")
+    parts = (files("gateway.planner") / SHIPPED).read_bytes().split(b"[[sensor]]")
     return [b"[[sensor]]".join(parts[:3])]
 
 

@@ -42,10 +42,10 @@ from typing import Any, Final
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from gateway.config.validation import parse_document
-from gateway.io.source import Chunk
-from gateway.recording.reader import RecordingReader
-from gateway.recording.writer import RecordingWriter, whole_recording
+from gateway.core.config.validation import parse_document
+from gateway.core.links.source import Chunk
+from gateway.core.recording.reader import RecordingReader
+from gateway.core.recording.writer import RecordingWriter, whole_recording
 from gateway.simulator.scenario import vehicle_toml
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulation import simulate
@@ -53,7 +53,7 @@ from gateway.simulator.simulation import simulate
 _CHECKOUT: Final = Path(__file__).resolve().parents[2]
 _RUN_FROM: Final = ("gateway", "firmware_protocol", "treadlink", "tools/reliability")
 # A campaign takes no limit of time: the search of its diagnoses ends at once, in the copy. It changes no file.
-_EDITED: Final = "gateway/session/campaign_diagnosis.py"
+_EDITED: Final = "gateway/diagnosis/campaign_diagnosis.py"
 _SEARCH: Final = "diagnosis = diagnose(campaign)"
 _NO_SEARCH: Final = "diagnosis = diagnose(campaign, expired=lambda: True)"
 _SHIM: Final = Path(__file__).with_name("killing_calls.c")
@@ -281,7 +281,7 @@ def _run(request: dict[str, Any], list_path: Path, loaded: set[str]) -> None:
         os.dup2(null, 0)
         os.dup2(output, 1)
         os.dup2(output, 2)
-        from gateway.cli import main
+        from gateway.core.cli import main
 
         sys.argv = ["treadlink", *request["arguments"]]
         sys.stdout = io.TextIOWrapper(io.FileIO(1, "w", closefd=False), line_buffering=True)
@@ -576,7 +576,7 @@ def _read(path: Path) -> Any:
 
 def make_inputs(folder: Path) -> None:
     """Write recordings of a wheel, one of them cut, and measurements of it as text."""
-    from gateway.cli import treadlink
+    from gateway.core.cli import treadlink
 
     folder.mkdir()
     for number, (name, duration_s) in enumerate((("drive", _SHORT_S), ("other", _SHORT_S), ("long", _LONG_S))):

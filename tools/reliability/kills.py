@@ -21,10 +21,10 @@ from mcap.reader import make_reader
 from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
 
-from gateway.clock import ManualClock
-from gateway.io.source import Chunk, open_source
-from gateway.recording.reader import RecordingReader
-from gateway.recording.repair import repair_recording
+from gateway.core.clock import ManualClock
+from gateway.core.links.source import Chunk, open_source
+from gateway.core.recording.reader import RecordingReader
+from gateway.upkeep.repair import repair_recording
 
 SAFE_S = 0.3
 _START_TIMEOUT_S = 60.0
@@ -71,7 +71,7 @@ def kill_once(folder: Path, chunks: Sequence[bytes], after_s: float) -> Killed:
     master, slave = os.openpty()
     tty.setraw(slave)
     os.set_blocking(master, False)
-    command = [sys.executable, "-m", "gateway.cli", "record", f"serial://{os.ttyname(slave)}", "--out", str(path)]
+    command = [sys.executable, "-m", "gateway.core.cli", "record", f"serial://{os.ttyname(slave)}", "--out", str(path)]
     config = folder.parent / "vehicle.toml"
     process = subprocess.Popen(
         [*command, "--config", str(config)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True

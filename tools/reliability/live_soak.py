@@ -33,9 +33,9 @@ from websockets.typing import Origin
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from gateway.clock import ManualClock
-from gateway.io.source import Chunk, open_source
-from gateway.recording.reader import RecordingReader
+from gateway.core.clock import ManualClock
+from gateway.core.links.source import Chunk, open_source
+from gateway.core.recording.reader import RecordingReader
 from tools.bench_live import cpu_s, feed, latencies_ms, read_all, timed_pieces
 from tools.mqtt_broker import PROGRAM, Broker, Listener
 
@@ -201,7 +201,14 @@ def run_live_soak(minutes: float, folder: Path, *, readings: int = 10, split_s: 
     tty.setraw(slave)
     broker = Broker(folder).start() if PROGRAM else None
     listener = Listener(broker.port, "soak/wheel/+/revolution", lambda _: b"") if broker else None
-    command = [sys.executable, "-m", "gateway.cli", "live", f"serial://{os.ttyname(slave)}?baudrate=921600", "--plain"]
+    command = [
+        sys.executable,
+        "-m",
+        "gateway.core.cli",
+        "live",
+        f"serial://{os.ttyname(slave)}?baudrate=921600",
+        "--plain",
+    ]
     command += ["--config", str(config), "--record", str(folder / "recordings"), "--split", f"{round(split_s)}s"]
     command += ["--publish", f"jsonl:{folder}/soak.jsonl", "--publish", f"web://127.0.0.1:{_free_port()}"]
     command += ["--publish", f"mqtt://127.0.0.1:{broker.port}/soak?discovery=off"] if broker else []

@@ -9,12 +9,12 @@ from firmware_protocol import wire
 from firmware_protocol.codec import encode_raw
 from firmware_protocol.framing import next_frame
 from firmware_protocol.messages import MessageType
-from gateway.clock import ManualClock
-from gateway.config.vehicle import parse_vehicle
-from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, open_source
-from gateway.reasons import Code, Notice
-from gateway.session.core import SessionCore
-from gateway.views.wording import notice_text
+from gateway.core.clock import ManualClock
+from gateway.core.config.vehicle import parse_vehicle
+from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind, LinkItem, open_source
+from gateway.core.reasons import Code, Notice
+from gateway.core.session.core import SessionCore
+from gateway.core.text.wording import notice_text
 from tools.reliability.uart import received
 
 LINK = "serial:/dev/ttyUSB0"

@@ -5,12 +5,12 @@ import threading
 from collections.abc import Iterator
 from pathlib import Path
 
-from gateway.clock import ManualClock
-from gateway.config.vehicle import parse_vehicle
-from gateway.estimators.estimator import Estimate
-from gateway.io.source import open_source
-from gateway.session.core import SessionCore
-from gateway.views.wording import text
+from gateway.core.clock import ManualClock
+from gateway.core.config.vehicle import parse_vehicle
+from gateway.core.estimates.estimator import Estimate
+from gateway.core.links.source import open_source
+from gateway.core.session.core import SessionCore
+from gateway.core.text.wording import text
 
 _SPEED_MPS = 65.0 / 3.6
 _CASES: dict[str, str] = {

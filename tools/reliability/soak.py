@@ -12,16 +12,16 @@ from pathlib import Path
 
 import numpy as np
 
-from gateway.clock import SystemClock
-from gateway.config.vehicle import parse_vehicle
-from gateway.io.source import Chunk, LinkItem
-from gateway.pipeline.results import RevolutionResult
-from gateway.recording.writer import RecordingWriter
-from gateway.session.live import LiveSession
+from gateway.core.clock import SystemClock
+from gateway.core.config.vehicle import parse_vehicle
+from gateway.core.estimates.results import RevolutionResult
+from gateway.core.links.source import Chunk, LinkItem
+from gateway.core.recording.writer import RecordingWriter
+from gateway.core.session.live import LiveSession
+from gateway.core.text.session_summary import ResultSummary
 from gateway.simulator.scenario import load_scenario, vehicle_toml
 from gateway.simulator.simulation import Simulation, simulate
 from gateway.simulator.truth import WheelTruth
-from gateway.views.session_summary import ResultSummary
 
 START_NS = 1_700_000_000_000_000_000
 

@@ -9,10 +9,10 @@ from typing import Final
 
 import numpy as np
 
-from gateway.estimators.doubt_rules import EVERY_RULE, DoubtRule
-from gateway.estimators.tire_data import LoadCalibration
-from gateway.estimators.tire_fit import TirePoint, fit_load_calibration
-from gateway.physics.rolling_ring import RingNotConvergedError
+from gateway.core.estimates.doubt_rules import EVERY_RULE, DoubtRule
+from gateway.core.estimates.tire_data import LoadCalibration
+from gateway.forces.tire_fit import TirePoint, fit_load_calibration
+from gateway.ring.rolling_ring import RingNotConvergedError
 from validity.cases import Case, drawn, named
 from validity.finite_elements import record_refereed, refereed_world
 from validity.independent import record_rolled, rolled_tires, rolled_world

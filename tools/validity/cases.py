@@ -7,7 +7,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from validity.statements import Statement, known_exactly, moved_to, without_errors
 from validity.tires import TREAD_PER_PRESSURE, World, ordinary, with_resistance
 

@@ -9,10 +9,10 @@ from independent_tire.rolling import Belt
 from independent_tire.sideways import Sides, SidewaysShape, bend_sideways
 from independent_tire.steady import NotSteadyError, SteadyBelt, roll_steadily
 
-from gateway.physics.rolling_ring import RingNotConvergedError, RingParameters
-from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
+from gateway.core.types import FloatArray
+from gateway.ring.rolling_ring import RingNotConvergedError, RingParameters
+from gateway.ring.rolling_ring.sensor_waveform import SensorWaveform
 from gateway.simulator.tire_model import TireModel
-from gateway.types import FloatArray
 from validity.runs import Run, record_wheel, ring_waveforms
 from validity.tires import CLASSES, TireClass, World, draw_world
 

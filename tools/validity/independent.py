@@ -13,7 +13,8 @@ import numpy as np
 from accuracy.tables import Table
 from scipy.interpolate import CubicSpline
 
-from gateway.physics.rolling_ring import (
+from gateway.core.types import FloatArray
+from gateway.ring.rolling_ring import (
     RingParameters,
     RingSolution,
     TreadBlocks,
@@ -23,7 +24,6 @@ from gateway.physics.rolling_ring import (
 )
 from gateway.simulator.tire_table import COLUMNS, LATERAL, TABLE_ANGLES, WaveformTable
 from gateway.simulator.wheel_plan import WheelPlan
-from gateway.types import FloatArray
 from validity.runs import Run, record_wheel
 from validity.tires import World, draw_world
 

@@ -7,13 +7,13 @@ from typing import Final
 
 import numpy as np
 
-from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.estimators.estimator import Estimate, Status
-from gateway.estimators.kinematic import CENTRE_STD_RAD
-from gateway.estimators.registry import in_order
-from gateway.pipeline.results import RevolutionResult
-from gateway.planning.cramer_rao import DEFAULT_PARAMETERS, cramer_rao, order_variance, waveform_sensitivity
-from gateway.quantity_catalogue import CATALOGUE, RING_NUMBERS, RING_RATIOS
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.estimates.estimator import Estimate, Status
+from gateway.core.estimates.kinematic import CENTRE_STD_RAD
+from gateway.core.estimates.registry import in_order
+from gateway.core.estimates.results import RevolutionResult
+from gateway.core.quantity_catalogue import CATALOGUE, RING_NUMBERS, RING_RATIOS
+from gateway.planner.cramer_rao import DEFAULT_PARAMETERS, cramer_rao, order_variance, waveform_sensitivity
 from validity.cases import Case
 from validity.runs import Run, Store
 from validity.statements import Statement

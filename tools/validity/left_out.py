@@ -7,7 +7,7 @@ from typing import Final
 
 from accuracy.tables import Table
 
-from gateway.estimators.doubt_rules import EVERY_RULE, DoubtRule
+from gateway.core.estimates.doubt_rules import EVERY_RULE, DoubtRule
 from validity.bench import Order, ToldRun, told_runs
 from validity.judging import Judged
 

@@ -15,10 +15,11 @@ import numpy as np
 
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Environment, Frame, Hello, SampleBlock
-from gateway.estimators.doubt_rules import EVERY_RULE, DoubtRule
-from gateway.pipeline.results import RevolutionResult
-from gateway.pipeline.wheel_setup import WheelSetup
-from gateway.pipeline.wheels import Pipeline
+from gateway.core.estimates.doubt_rules import EVERY_RULE, DoubtRule
+from gateway.core.estimates.results import RevolutionResult
+from gateway.core.estimates.wheel_setup import WheelSetup
+from gateway.core.types import FloatArray
+from gateway.core.wheels.wheels import Pipeline
 from gateway.simulator.hub import HubSimulator
 from gateway.simulator.simulated_wheel import WheelSimulator
 from gateway.simulator.simulation import BLOCK_S
@@ -26,7 +27,6 @@ from gateway.simulator.tire_model import TireModel
 from gateway.simulator.tire_table import LATERAL, TABLE_ANGLES, Range, TireTable, WaveformTable
 from gateway.simulator.truth import WheelTruth, slopes_of
 from gateway.simulator.wheel_plan import WheelPlan
-from gateway.types import FloatArray
 from validity.statements import Statement
 from validity.tires import World
 

@@ -5,10 +5,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from gateway.config.toml_writer import toml_text
-from gateway.config.vehicle import VehicleConfig, parse_vehicle
-from gateway.estimators.tire_data import LoadCalibration
-from gateway.quantity_catalogue import RING_NUMBERS
+from gateway.core.config.toml_writer import toml_text
+from gateway.core.config.vehicle import VehicleConfig, parse_vehicle
+from gateway.core.estimates.tire_data import LoadCalibration
+from gateway.core.quantity_catalogue import RING_NUMBERS
 from validity.tires import GAIN_STDS_PERCENT, World
 
 DEFAULT_RADIUS_STD: Final = 0.01

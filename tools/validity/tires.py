@@ -9,10 +9,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from gateway.config.toml_writer import toml_text
-from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.physics.reference_tire import TABLE_3_NUMBERS, TABLE_3_PRESSURE_PA, TABLE_3_RADIUS_M
-from gateway.physics.rolling_ring import RingNotConvergedError, RingParameters, solve_rolling_ring
+from gateway.core.config.toml_writer import toml_text
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS, TABLE_3_PRESSURE_PA, TABLE_3_RADIUS_M
+from gateway.ring.rolling_ring import RingNotConvergedError, RingParameters, solve_rolling_ring
 from gateway.simulator.scenario import parse_scenario
 from gateway.simulator.wheel_plan import WheelPlan, wheel_plans
 

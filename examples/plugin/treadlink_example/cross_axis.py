@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from gateway.closure.effects.effect import (
+from gateway.core.types import FloatArray
+from gateway.diagnosis.effects.effect import (
     CIRCUMFERENTIAL,
     LATERAL,
     Confounder,
@@ -11,7 +12,6 @@ from gateway.closure.effects.effect import (
     Parameter,
     Stage,
 )
-from gateway.types import FloatArray
 
 
 class CrossAxisSensitivity(LinearSignalEffect):

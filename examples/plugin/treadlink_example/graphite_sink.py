@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 import threading
 
-from gateway.estimators.estimator import Status
+from gateway.core.estimates.estimator import Status
 from gateway.publishing.sink import (
     Item,
     PublishedRevolution,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
-from gateway.quantity import Basis, Quantity
+from gateway.core.estimates.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
+from gateway.core.quantity import Basis, Quantity
 
 FREQUENCY = Quantity(
     "wheel_hz", "turns in a second", "Omega / (2 pi)", powers={Basis.RATE: 1.0}, possible=(0.0, math.inf)
@@ -13,7 +13,7 @@ FREQUENCY = Quantity(
 
 
 class RotationEstimator:
-    """Frequency of the wheel in each revolution; follows `gateway.estimators.estimator.Estimator`."""
+    """Frequency of the wheel in each revolution; follows `gateway.core.estimates.estimator.Estimator`."""
 
     name = "rotation"
     quantities = (FREQUENCY,)

@@ -6,9 +6,9 @@ import socket
 import threading
 from collections.abc import Iterator
 
-from gateway.clock import Clock
-from gateway.errors import SourceError
-from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, SourceAddress, SourceKind
+from gateway.core.clock import Clock
+from gateway.core.errors import SourceError
+from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind, LinkItem, SourceAddress, SourceKind
 
 # The session asks to stop at most this long before it is heard.
 _WAIT_S = 0.1
@@ -16,7 +16,7 @@ _LARGEST_DATAGRAM = 65536
 
 
 class UdpSource:
-    """Datagrams that arrive at a port; follows `gateway.io.source.Source`."""
+    """Datagrams that arrive at a port; follows `gateway.core.links.source.Source`."""
 
     vehicle_toml: str | None = None
 

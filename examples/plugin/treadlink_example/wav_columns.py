@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gateway.errors import ImportDataError
+from gateway.core.errors import ImportDataError
 from gateway.importing.columns import BLOCK_ROWS, Block, FileFacts, row_places
 
 _TYPES = {2: "<i2", 4: "<i4"}

@@ -9,10 +9,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.core.table_columns import Column
+from gateway.core.text.table_sinks import harmless
+from gateway.core.text.text import escaped
 from gateway.exporting.export_table import WHEEL, Block, ExportWriter, Target, WheelTable, length, pieces
-from gateway.table_columns import Column
-from gateway.views.tables.table_sinks import harmless
-from gateway.views.text import escaped
 
 _ROWS: Final = 4096
 

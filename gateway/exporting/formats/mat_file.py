@@ -9,10 +9,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Final
 
 from gateway import __version__
-from gateway.errors import OutputError
+from gateway.core.errors import OutputError
+from gateway.core.table_columns import Column
 from gateway.exporting.column_file import ColumnFile, ColumnwiseExport
 from gateway.exporting.export_table import DTYPES, Cell, WheelTable
-from gateway.table_columns import Column
 
 TIME: Final = "time_s"
 """Column that becomes the row times of a timetable."""

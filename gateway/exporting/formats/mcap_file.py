@@ -10,9 +10,9 @@ from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
 from gateway import __version__
+from gateway.core.table_columns import Column
+from gateway.core.text.recording_topics import wheel_topic
 from gateway.exporting.export_table import Block, ExportWriter, Target, WheelTable, described, length
-from gateway.table_columns import Column
-from gateway.views.recording_topics import wheel_topic
 
 HOST_NS: Final = "host_ns"
 """Column with the time of a row, ns since the epoch."""

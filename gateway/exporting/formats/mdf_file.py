@@ -8,10 +8,10 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.errors import OutputError
+from gateway.core.errors import OutputError
+from gateway.core.table_columns import Column
+from gateway.core.text.text import escaped
 from gateway.exporting.export_table import Block, Condition, ExportWriter, Target, WheelTable
-from gateway.table_columns import Column
-from gateway.views.text import escaped
 
 START_NS: Final = "start_ns"
 """Condition with the time of the recording's start, ns since the epoch."""

@@ -8,9 +8,9 @@ from typing import Final
 
 import numpy as np
 
+from gateway.core.table_columns import Column
 from gateway.exporting.column_file import ColumnwiseExport
 from gateway.exporting.export_table import DTYPES, WheelTable, described
-from gateway.table_columns import Column
 
 ABOUT: Final = "about"
 """Name of the array with units, descriptions and conditions: one JSON text."""

@@ -6,9 +6,9 @@ from typing import Any, Final
 
 import numpy as np
 
+from gateway.core.table_columns import Column
+from gateway.core.text.table_sinks import arrow_schema, require_pyarrow
 from gateway.exporting.export_table import WHEEL, Block, ExportWriter, Target, WheelTable, described, length
-from gateway.table_columns import Column
-from gateway.views.tables.table_sinks import arrow_schema, require_pyarrow
 
 # Smaller row groups compress badly.
 _GROUP_ROWS: Final = 1 << 16

@@ -13,10 +13,10 @@ from typing import Final
 import numpy as np
 
 from gateway import __version__
-from gateway.errors import OutputError
+from gateway.core.errors import OutputError
+from gateway.core.table_columns import Column
 from gateway.exporting.column_file import ColumnFile
 from gateway.exporting.export_table import DTYPES, Block, Cell, ExportWriter, Target, WheelTable
-from gateway.table_columns import Column
 
 NOT_AVAILABLE: Final = "NOTAVAIL"
 """Cell of an unknown number."""

@@ -1,0 +1,327 @@
+"""Checks of `treadlink doctor`; each yields its findings and remedies."""
+
+import importlib.metadata
+import os
+import re
+import shutil
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, Final
+
+from gateway.core.errors import ConfigError, TreadlinkError
+from gateway.core.links.source import open_source, parse_source_uri
+from gateway.core.text.progress import can_move_cursor
+from gateway.core.text.text import escaped
+from gateway.core.text.wording import notice_text
+from gateway.core.text.wording import text as wording
+
+PYTHON_MIN: Final = (3, 11)
+TERMINAL_MIN_COLUMNS: Final = 80
+TERMINAL_MIN_LINES: Final = 24
+DISK_FAULT_BYTES: Final = 100_000_000
+# Four wheels with three axes at 9600 Hz, in frames of 36 samples and 242 bytes.
+BYTES_PER_HOUR: Final = 4 * 9600 / 36 * 242 * 3600
+DISK_WARNING_HOURS: Final = 1.0
+_LISTEN_S: Final = 0.1
+# Extras of developers, and the one that only names all others.
+_UNCHECKED_EXTRAS: Final = ("all", "dev", "docs")
+
+_REQUIREMENT: Final = re.compile(
+    r"^([A-Za-z0-9._-]+)[^;]*?(?:>=([0-9.]+))?[^;]*(?:;\s*extra\s*==\s*['\"]([^'\"]+)['\"])?\s*$"
+)
+
+
+class Level(StrEnum):
+    """Result of a check."""
+
+    OK = "ok"
+    WARNING = "warning"
+    FAULT = "fault"
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One finding.
+
+    Attributes:
+        name: subject of the check.
+        level: result.
+        text: finding.
+        remedy: advice to the user, empty if none is needed.
+    """
+
+    name: str
+    level: Level
+    text: str
+    remedy: str = ""
+
+
+def check_python(version: tuple[int, int, int] = sys.version_info[:3]) -> Iterator[Check]:
+    """Check the interpreter's version."""
+    installed = ".".join(map(str, version))
+    if version[:2] < PYTHON_MIN:
+        wanted = ".".join(map(str, PYTHON_MIN))
+        yield Check("python", Level.FAULT, f"{installed} is too old", f"Install Python {wanted} or newer.")
+    else:
+        yield Check("python", Level.OK, installed)
+
+
+def check_packages() -> Iterator[Check]:
+    """Check all required and optional packages except those for development."""
+    try:
+        requirements = importlib.metadata.requires("treadlink") or []
+    except importlib.metadata.PackageNotFoundError:
+        yield Check("packages", Level.FAULT, "treadlink is not installed", "Run: pip install -e .")
+        return
+    missing: dict[str, list[str]] = {}
+    versions: list[str] = []
+    for requirement in requirements:
+        match = _REQUIREMENT.match(requirement)
+        if match is None or match[3] in _UNCHECKED_EXTRAS:
+            continue
+        name, minimum, extra = match[1], match[2], match[3] or ""
+        version = _version_of(name)
+        if version is not None and (minimum is None or _release(version) >= _release(minimum)):
+            versions.append(f"{name} {version}")
+            continue
+        detail = f"{name} is missing" if version is None else f"{name} {version} is older than {minimum}"
+        if extra:
+            missing.setdefault(extra, []).append(detail)
+        else:
+            missing[""] = []
+            yield Check("package", Level.FAULT, detail, f"Run: pip install '{name}>={minimum or 0}'")
+    if "" not in missing:
+        yield Check("packages", Level.OK, ", ".join(dict.fromkeys(versions)))
+    for extra, found_in_extra in missing.items():
+        if extra:
+            remedy = f"Optional. Run: pip install 'treadlink[{extra}]'"
+            yield Check(f"packages [{extra}]", Level.WARNING, ", ".join(found_in_extra), remedy)
+
+
+def check_core() -> Iterator[Check]:
+    """Check whether the compiled core is in use."""
+    from gateway.core.compiled import core, is_switched_off
+
+    if core is not None:
+        yield Check("compiled core", Level.OK, "in use")
+    elif is_switched_off():
+        yield Check("compiled core", Level.OK, "not in use: TREADLINK_COMPILED is 0")
+    else:
+        remedy = "Optional. Install a C compiler and Python's headers, and then treadlink again."
+        yield Check("compiled core", Level.WARNING, "not in use: estimation is slower", remedy)
+
+
+def check_plugins() -> Iterator[Check]:
+    """Check every plug-in of the installed packages: it is imported, and its interface compared with the registry's."""
+    from gateway.core.estimates import registry
+    from gateway.core.feature import Registry
+    from gateway.core.links import source
+    from gateway.core.plugins import statuses
+    from gateway.diagnosis.effects import catalogue
+    from gateway.importing import file_formats
+    from gateway.publishing import sink
+
+    for group, taken, fault in (
+        (Registry.SOURCES, source.SOURCES, source.plugin_fault),
+        (Registry.ESTIMATORS, registry.ESTIMATORS, registry.plugin_fault),
+        (Registry.EFFECTS, (), catalogue.plugin_fault),
+        (Registry.IMPORTERS, file_formats.PLUGIN_NAMES_TAKEN, file_formats.plugin_fault),
+        (Registry.SINKS, sink.SINKS, sink.plugin_fault),
+    ):
+        for plugin, refusal in ((status.plugin, status.refusal) for status in statuses(group, tuple(taken), fault)):
+            name = f"plug-in {plugin.name}"
+            origin = f"{group.removeprefix('treadlink.')} of {plugin.package} {plugin.version}"
+            if refusal is None:
+                yield Check(name, Level.OK, origin)
+            else:
+                remedy = f"Update or remove the package: pip uninstall {plugin.package}"
+                yield Check(name, Level.FAULT, f"{origin} refused: {wording(refusal)}", remedy)
+
+
+def check_ports() -> Iterator[Check]:
+    """Check the permissions of all serial ports."""
+    from serial.tools import list_ports
+
+    any_port = False
+    for port in sorted(list_ports.comports()):
+        any_port = True
+        check = check_device(Path(port.device), port.description or "")
+        # Many computers have unused ports. A port that the user needs is given as a SOURCE.
+        yield check if check.level is Level.OK else replace(check, level=Level.WARNING)
+    if not any_port:
+        yield Check(
+            "serial port", Level.WARNING, "none found", "Plug in the hub. Without a hub, try: treadlink live sim:demo"
+        )
+
+
+def check_bluetooth() -> Iterator[Check]:
+    """Check adapter, service and permissions of Bluetooth LE."""
+    from gateway.core.links.ble_source import scan_devices
+
+    fault = scan_devices(_LISTEN_S).fault
+    if fault is None:
+        yield Check("bluetooth", Level.OK, "available; `treadlink scan` lists the hubs in range")
+    else:
+        # A hub on a cable needs no Bluetooth.
+        yield Check("bluetooth", Level.WARNING, str(fault), f"Needed only for hubs on Bluetooth. {fault.remedy}")
+
+
+def check_device(device: Path, description: str = "") -> Check:
+    """Check that a serial device can be read and written; the remedy names the group that may."""
+    label = f"{device} ({description})" if description and description != "n/a" else str(device)
+    name = "serial port"
+    if os.name != "posix":
+        return Check(name, Level.OK, label)
+    if not device.exists():
+        return Check(name, Level.FAULT, f"there is no {device}", "Plug in the hub. `treadlink doctor` lists the ports.")
+    if not device.is_char_device():
+        return Check(name, Level.FAULT, f"{device} is not a serial port", "Check the name.")
+    if os.access(device, os.R_OK | os.W_OK):
+        return Check(name, Level.OK, f"{label} can be read and written")
+    group = device.group() if _has_group_name(device) else str(device.stat().st_gid)
+    if group == "root" or not device.stat().st_mode & 0o060:
+        remedy = f"Allow access with: sudo chmod a+rw {device}, or add a udev rule."
+    else:
+        remedy = f"Run: sudo usermod -aG {group} $USER, then log out and in again."
+    return Check(name, Level.FAULT, f"{label}: permission denied", remedy)
+
+
+def check_disk(folder: Path) -> Iterator[Check]:
+    """Check that a folder is writable, and its free space."""
+    name = "recordings"
+    there = folder.absolute()
+    while not there.exists() and there != there.parent:
+        there = there.parent
+    if folder.exists() and not folder.is_dir():
+        yield Check(name, Level.FAULT, f"{folder} is a file", "Choose a folder with --recordings.")
+        return
+    if not os.access(there, os.W_OK | os.X_OK):
+        yield Check(name, Level.FAULT, f"{there} is not writable", "Choose another folder with --recordings.")
+        return
+    free_bytes = shutil.disk_usage(there).free
+    hours = free_bytes / BYTES_PER_HOUR
+    text = f"{folder}: {free_bytes / 1e9:.1f} GB free, enough for about {hours:.3g} h of four wheels at 9600 Hz"
+    if free_bytes < DISK_FAULT_BYTES:
+        yield Check(name, Level.FAULT, text, "Free some space, or choose another disk with --recordings.")
+    elif hours < DISK_WARNING_HOURS:
+        yield Check(name, Level.WARNING, text, "Free some space for longer sessions.")
+    else:
+        yield Check(name, Level.OK, text)
+
+
+def check_terminal(
+    is_terminal: bool, size: os.terminal_size, encoding: str, environment: Mapping[str, str]
+) -> Iterator[Check]:
+    """Check the terminal's type, size and encoding."""
+    name = "terminal"
+    if not is_terminal:
+        yield Check(name, Level.WARNING, "the output is not a terminal", "`treadlink live` prints plain lines here.")
+        return
+    term = environment.get("TERM", "")
+    text = f"{term or 'TERM not set'}, {size.columns} x {size.lines}, {encoding}"
+    problems = []
+    if not can_move_cursor(environment):
+        problems.append("set TERM, for example to xterm-256color; until then `treadlink live` prints plain lines")
+    if size.columns < TERMINAL_MIN_COLUMNS or size.lines < TERMINAL_MIN_LINES:
+        problems.append(f"enlarge it to at least {TERMINAL_MIN_COLUMNS} x {TERMINAL_MIN_LINES}")
+    if "utf" not in encoding.lower():
+        problems.append("use a UTF-8 locale such as LANG=C.UTF-8 for curves and units")
+    if problems:
+        remedy = "; ".join(problems)
+        yield Check(name, Level.WARNING, text, f"{remedy[0].upper()}{remedy[1:]}.")
+    else:
+        yield Check(name, Level.OK, text)
+
+
+def check_config(path: Path) -> Iterator[Check]:
+    """Check a vehicle configuration, with one finding for each fault."""
+    from gateway.core.config.vehicle import load_vehicle
+    from gateway.core.estimates.registry import estimator_names
+
+    name = "configuration"
+    try:
+        config = load_vehicle(path)
+    except ConfigError as error:
+        yield from (Check(name, Level.FAULT, line, error.remedy) for line in str(error).splitlines())
+        return
+    setups = config.wheel_setups()
+    wheels = ", ".join(f"{setup.position} (hub {setup.hub}, wheel {setup.wheel})" for setup in setups)
+    yield Check(name, Level.OK, f"{path}: {config.name or 'unnamed'}, wheels {wheels}")
+    if assumed := [f"{share} of the {what} ({', '.join(wheels)})" for what, share, wheels in config.assumed_errors()]:
+        yield Check(name, Level.OK, f"standard errors that are not stated and assumed: {'; '.join(assumed)}")
+    unstated = {
+        "lateral_is_left, so no sign is verified": [
+            each.position for each in setups if not each.sensor.lateral_is_left
+        ],
+        "bandwidth_hz, so no band is doubted": [each.position for each in setups if each.sensor.bandwidth_hz is None],
+    }
+    if lines := [f"{what} ({', '.join(positions)})" for what, positions in unstated.items() if positions]:
+        yield Check(name, Level.OK, f"not stated: {'; '.join(lines)}")
+    for what, key, unknown in (
+        ("load", "load_n or an [[axle]]", [setup.position for setup in setups if setup.load_n is None]),
+        ("pressure", "pressure_kpa", [setup.position for setup in setups if setup.pressure_pa is None]),
+    ):
+        if unknown:
+            rest = ", unless the sensor reports it" if what == "pressure" else ""
+            text = f"{what} of {', '.join(unknown)} is unknown: only ratios of the numbers can be estimated"
+            yield Check(name, Level.WARNING, text, f"State {key} if possible{rest}.")
+    for unknown_name in sorted({setup.tire.reference.estimator for setup in setups} - set(estimator_names())):
+        text = (
+            f"tire.reference.estimator: '{unknown_name}' is not an estimator: neither wear nor load is measured with it"
+        )
+        yield Check(name, Level.FAULT, escaped(text), f"Allowed: {', '.join(estimator_names())}.")
+    yield from (
+        Check(name, Level.WARNING, notice_text(notice), "Measure it and state it in the configuration.")
+        for notice in config.notices()
+    )
+
+
+def check_source(uri: str, clock: Any) -> Iterator[Check]:
+    """Check that a source can be opened, without reading from it."""
+    name = f"source {uri}"
+    try:
+        address = parse_source_uri(uri)
+        source = open_source(uri, clock)
+        source.close()
+        if address.scheme == "tcp":
+            from gateway.core.links.tcp_link import connect, parse_host_port
+
+            connect(parse_host_port(address)).close()
+        elif address.scheme == "ble":
+            yield Check(name, Level.OK, f"in range: {source.look()}")  # type: ignore[attr-defined]
+            return
+    except TreadlinkError as error:
+        yield Check(name, Level.FAULT, str(error), error.remedy)
+        return
+    except ImportError as error:
+        yield Check(name, Level.FAULT, f"package {error.name} is missing", "See the packages above.")
+        return
+    if address.scheme == "serial" and "://" not in address.target:
+        device = check_device(Path(address.target))
+        yield Check(name, device.level, device.text, device.remedy)
+        return
+    yield Check(name, Level.OK, "can be opened")
+
+
+def _has_group_name(device: Path) -> bool:
+    try:
+        device.group()
+    except KeyError:
+        return False
+    return True
+
+
+def _version_of(name: str) -> str | None:
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+def _release(version: str) -> tuple[int, ...]:
+    """Return the leading numbers of a version, for comparing releases."""
+    match = re.match(r"\d+(?:\.\d+)*", version)
+    return tuple(map(int, match[0].split("."))) if match else ()

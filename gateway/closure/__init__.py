@@ -1,1 +1,0 @@
-"""Closing the loop: why does the model not fit this tire?"""

@@ -1,0 +1,91 @@
+"""What a page shows of a drive, collected revolution by revolution in constant memory."""
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+from gateway.core.estimates.estimator import Status
+from gateway.core.estimates.results import AlarmRecord, RevolutionResult, WheelSnapshot
+from gateway.core.reasons import Notice
+from gateway.core.text.wheel_rows import WheelRow
+
+MOST_POINTS: Final = 240
+"""Revolutions of a wheel that are drawn."""
+
+
+class Point(NamedTuple):
+    """Estimates of a revolution.
+
+    Attributes:
+        time_ns: its end by the computer's clock, or by the hub's where the recording has no other.
+        values: value, standard error and whether it is valid, by quantity; without what is invalid.
+    """
+
+    time_ns: int
+    values: dict[str, tuple[float, float, bool]]
+
+
+class DriveWheel:
+    """One wheel of a drive.
+
+    Attributes:
+        row: its means and counts, as in the dataset of a campaign.
+        points: estimates of evenly chosen revolutions, at most MOST_POINTS.
+        stride: `points` has every stride-th revolution.
+        state: last state, None when it is not known.
+    """
+
+    def __init__(self) -> None:
+        self.row = WheelRow()
+        self.points: list[Point] = []
+        self.stride = 1
+        self.state: WheelSnapshot | None = None
+        self._revolutions = 0
+
+    def add(self, result: RevolutionResult) -> None:
+        """Take one revolution."""
+        self.row.add(result)
+        if self._revolutions % self.stride == 0:
+            usable = {
+                estimate.name: (estimate.value, estimate.std, estimate.status is Status.VALID)
+                for estimate in result.estimates
+                if estimate.status is not Status.INVALID
+            }
+            revolution = result.revolution
+            device_ns = round((revolution.start_s + revolution.period_s) * 1e9)
+            self.points.append(Point(result.host_ns or device_ns, usable))
+            if len(self.points) > MOST_POINTS:
+                self.points = self.points[::2]
+                self.stride *= 2
+        self._revolutions += 1
+
+
+class Drive:
+    """One recording on its way to a page.
+
+    Attributes:
+        name: of the file.
+        run: lines of what is stated of the run: test, driver, tags, tires, comments.
+        wheels: by position, in the order of their first revolution.
+        alarms: of the whole recording.
+        notices: contradictions, and what has no result.
+    """
+
+    def __init__(self, name: str, run: Sequence[str] = ()) -> None:
+        self.name, self.run = name, run
+        self.wheels: dict[str, DriveWheel] = {}
+        self.alarms: Sequence[AlarmRecord] = ()
+        self.notices: Sequence[Notice] = ()
+
+    def add(self, result: RevolutionResult) -> None:
+        """Take one revolution."""
+        wheel = self.wheels.get(result.position)
+        if wheel is None:
+            wheel = self.wheels[result.position] = DriveWheel()
+        wheel.add(result)
+
+    def finish(self, states: Sequence[WheelSnapshot], alarms: Sequence[AlarmRecord], notices: Sequence[Notice]) -> None:
+        """Take what is complete at the end of a pass: last states of the wheels, alarms and notices."""
+        self.alarms, self.notices = alarms, notices
+        for state in states:
+            if state.position in self.wheels:
+                self.wheels[state.position].state = state

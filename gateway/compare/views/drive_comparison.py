@@ -1,0 +1,102 @@
+"""Two recordings side by side: conditions, means and their differences, for a terminal and as CSV."""
+
+import io
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+from gateway.compare.mean_comparison import FALSE_ALARM, MeanDifference, Radius
+from gateway.compare.views.drive import Drive
+from gateway.core.estimates.weighted_mean import MeanEstimate
+from gateway.core.quantity_catalogue import unit_of
+from gateway.core.reasons import Code, Reason
+from gateway.core.text.numbers import finite_or_none, fixed, round_to_error, split_name
+from gateway.core.text.readout import DISTANCE
+from gateway.core.text.table_sinks import CsvSink
+from gateway.core.text.text import clean, counted, pad, pad_left
+from gateway.core.text.wheel_glance import GLANCE
+from gateway.core.text.wording import joined, text
+
+_CSV_COLUMNS: Final = (
+    "wheel", "quantity", "unit", "first", "first_std", "first_count", "second", "second_std", "second_count",
+    "difference", "difference_std", "significance", "is_significant", "first_reason", "second_reason",
+)  # fmt: skip
+
+
+def means_of(drive: Drive) -> dict[tuple[str, str], MeanEstimate]:
+    """Return the means over valid revolutions by wheel and quantity, without the distance, which only grows."""
+    return {
+        (position, name): mean
+        for position, wheel in drive.wheels.items()
+        for name, mean in wheel.row.means().items()
+        if name != DISTANCE
+    }
+
+
+def radii_of(drive: Drive) -> dict[str, Radius]:
+    """Return the belt radius of each wheel, as it was at the end."""
+    conditions = {position: wheel.row.conditions for position, wheel in drive.wheels.items()}
+    return {position: Radius.of(last) for position, last in conditions.items() if last is not None}
+
+
+def comparison_lines(first: Drive, second: Drive, differences: Sequence[MeanDifference]) -> Iterator[str]:
+    """Yield the lines of a comparison, wheel by wheel."""
+    for wheel in [position for position in first.wheels if position in second.wheels]:
+        cells = [drive.wheels[wheel].row.cells(drive.wheels[wheel].state, ()) for drive in (first, second)]
+        rows: list[tuple[str, ...]] = [(wheel, clean(first.name), clean(second.name), "difference", "significance")]
+        rows += [(label, *(shown(values) for values in cells), "", "") for label, shown in GLANCE]
+        rows += [_row(difference) for difference in differences if difference.wheel == wheel]
+        widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+        for label, *texts in rows:
+            yield "  ".join(
+                (pad(label, widths[0]), *(pad_left(t, w) for t, w in zip(texts, widths[1:], strict=True)))
+            ).rstrip()
+        yield ""
+    varying = dict.fromkeys(split_name(row.name)[0] for row in differences if row.first.reasons or row.second.reasons)
+    if varying:
+        yield f"~ {', '.join(varying)}: {text(Reason(Code.ROW_SCATTERS))}"
+    significant = sum(difference.is_significant for difference in differences)
+    yield (
+        f"{significant} of {counted(len(differences), 'difference')} marked * are significant: were there none, chance "
+        f"would mark any of them with a probability of {FALSE_ALARM:.0%}"
+    )
+
+
+def _row(compared: MeanDifference) -> tuple[str, str, str, str, str]:
+    label, unit = split_name(compared.name)
+    texts = [
+        round_to_error(value * unit.factor, std * unit.factor).joined() + " ~" * bool(reasons)
+        for value, std, reasons in (
+            (compared.first.value, compared.first.std, compared.first.reasons),
+            (compared.second.value, compared.second.std, compared.second.reasons),
+            (compared.difference, compared.std, ()),
+        )
+    ]
+    significance = fixed(compared.significance, 1)
+    mark = " *" if compared.is_significant else "  "
+    return f"{label}, {unit.symbol}" if unit.symbol else label, texts[0], texts[1], texts[2], significance + mark
+
+
+def comparison_csv(differences: Sequence[MeanDifference]) -> bytes:
+    """Return the differences as CSV, in SI units, one row for each wheel and quantity; unknown is empty."""
+    buffer = io.BytesIO()
+    sink = CsvSink(buffer)
+    sink.header(_CSV_COLUMNS)
+    for compared in differences:
+        first, second = compared.first, compared.second
+        numbers = (compared.difference, compared.std, compared.significance)
+        sink.row(
+            [
+                *(compared.wheel, compared.name, unit_of(compared.name)),
+                *(
+                    first.value,
+                    finite_or_none(first.std),
+                    first.count,
+                    second.value,
+                    finite_or_none(second.std),
+                    second.count,
+                ),
+                *(*map(finite_or_none, numbers), compared.is_significant),
+                *(joined(first.reasons), joined(second.reasons)),
+            ]
+        )
+    return buffer.getvalue()

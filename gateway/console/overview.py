@@ -1,0 +1,105 @@
+"""The overview: one line per wheel, for terminals too small for panels."""
+
+from collections.abc import Sequence
+from typing import Final
+
+from gateway.console.styled_rows import Role, Row, Run, fit
+from gateway.console.wheel_panel import reading_of, silence_text
+from gateway.core.estimates.results import WheelSnapshot, WheelState
+from gateway.core.text.numbers import MISSING, STATUS_MARKS, Shown, fixed, kpa, round_to_error
+from gateway.core.text.readout import Reading
+from gateway.core.text.text import clean, crop_middle, pad, pad_left, width
+
+_WIDE: Final = 110
+_NAME_WIDTH: Final = 6
+_NAME_WIDTH_WIDE: Final = 14
+_SHORT_STATE: Final = {
+    WheelState.NO_DATA: "no data",
+    WheelState.SEARCHING: "search",
+    WheelState.STANDSTILL: "stands",
+    WheelState.ROLLING: "rolling",
+    WheelState.SILENT: "silent",
+}
+_NUMBER_WIDTHS: Final = (8, 6, 5, 5)
+_NUMBER_WIDTHS_WIDE: Final = (16, 13, 11, 11)
+
+
+def overview(wheels: Sequence[WheelSnapshot], selected: int, alarmed: frozenset[str], cells: int) -> list[Row]:
+    """Return a header and one row per wheel, each `cells` wide."""
+    wide = cells >= _WIDE
+    names = [clean(wheel.position) for wheel in wheels]
+    limit = _NAME_WIDTH_WIDE if wide else _NAME_WIDTH
+    name_width = min(max([5, *map(width, names)]), limit)
+    read = [reading_of(wheel) if wheel.silence is None else None for wheel in wheels]
+    # The columns are named for numbers rather than ratios as soon as any wheel has numbers.
+    labels = next((_labels(r) for r in read if r and not r.ratios_only), None)
+    labels = labels or next((_labels(r) for r in read if r), ())
+    widths = list(_NUMBER_WIDTHS_WIDE if wide else _NUMBER_WIDTHS)
+    header = (
+        f"   {pad('wheel', name_width)} {'state':<{10 if wide else 7}} {'km/h':>6} {'lead°':>7} {'trail°':>6} "
+        f"{'kPa':>6} {'°C':>5}{'       N' if wide else ''}  "
+        + " ".join(f"{label:>{size}}" for label, size in zip(labels, widths, strict=False))
+    )
+    rows: list[Row] = [fit(((header, Role.LABEL),), cells)]
+    for i, (wheel, reading) in enumerate(zip(wheels, read, strict=True)):
+        name = pad(crop_middle(names[i], name_width), name_width)
+        start: Row = (
+            (">" if i == selected else " ", Role.TITLE),
+            (f"{i + 1}", Role.TITLE if i == selected else Role.LABEL),
+            ("!" if wheel.position in alarmed else " ", Role.ALARM if wheel.position in alarmed else Role.TEXT),
+            (name, Role.TITLE if i == selected else Role.TEXT),
+        )
+        rows.append(fit((*start, *_values(wheel, reading, wide, labels, widths)), cells))
+    return rows
+
+
+def _labels(reading: Reading) -> tuple[str, ...]:
+    return tuple(number.label for number in reading.numbers)
+
+
+def _values(
+    wheel: WheelSnapshot, reading: Reading | None, wide: bool, labels: tuple[str, ...], widths: Sequence[int]
+) -> Row:
+    if wheel.silence is not None:
+        return ((f" {silence_text(wheel)}", Role.WARNING),)
+    rolling = wheel.state is WheelState.ROLLING
+    state = f"{wheel.state.value:<10}" if wide else f"{_SHORT_STATE[wheel.state]:<7}"
+    speed = fixed(reading.speed.value, 2) if reading is not None and rolling else MISSING
+    lead = fixed(reading.leading.value, 2) if reading is not None else MISSING
+    trail = fixed(reading.trailing.value, 2) if reading is not None else MISSING
+    load = f" {fixed(wheel.load_n, 0):>7}" if wide else ""
+    # The columns have no room for the age of old values; the details of the wheel show it.
+    is_current = wheel.has_current_environment
+    pressure = kpa(wheel.pressure_pa) if is_current else MISSING
+    temperature = fixed(wheel.temperature_degc, 1) if is_current else MISSING
+    row: list[Run] = [
+        (f" {state} ", Role.GOOD if rolling else Role.WARNING),
+        (f"{speed:>6} ", Role.VALUE),
+        (f"{lead:>7} {trail:>6} ", Role.TEXT),
+        (f"{pressure:>6} {temperature:>5}{load} ", Role.TEXT),
+    ]
+    if reading is None:
+        return tuple(row)
+    row.append((STATUS_MARKS[reading.status] or " ", Role.WARNING))
+    row.append((" ".join(_cells(reading, wide, labels, widths)), Role.VALUE))
+    return tuple(row)
+
+
+def _short(shown: Shown) -> str:
+    """Return the value without its error, in at most four digits even if the error justifies more."""
+    digits = shown.number.value.replace(".", "").lstrip("-0")
+    return shown.number.value + shown.number.power if len(digits) <= 4 else round_to_error(shown.value).joined()
+
+
+def _cells(reading: Reading, wide: bool, labels: tuple[str, ...], widths: Sequence[int]) -> list[str]:
+    values = {number.label: number.number.joined("±") if wide else _short(number) for number in reading.numbers}
+    numerators = {label.partition("/")[0]: value for label, value in values.items()}
+    denominators = {label.partition("/")[2] for label in values}
+    if tuple(values) == labels:
+        named = values
+    elif len(denominators) == 1 and {*numerators, *denominators} <= set(labels):
+        # Ratios to one number go into the columns of their numerators, the divisor into its own.
+        named = {**numerators, **{label: f"/{label}" for label in denominators}}
+    else:
+        return [f"{label} {value}" for label, value in values.items()]
+    return [pad_left(named.get(label, ""), size) for label, size in zip(labels, widths, strict=False)]

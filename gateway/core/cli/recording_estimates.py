@@ -1,0 +1,128 @@
+"""Estimates of one recording: rows for the tables, and the lines of its summary."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from firmware_protocol.counters import LinkCounters
+from gateway.compare.views.drive import Drive
+from gateway.core.config.vehicle import ASSUMED_RADIUS_MM
+from gateway.core.estimates.registry import DEFAULT_ESTIMATORS
+from gateway.core.reasons import Code, Reason
+from gateway.core.recording.recorded_file import RawDump, open_recorded_file
+from gateway.core.session.recording_pass import RecordingPass, open_recording
+from gateway.core.text.result_table import ResultTable
+from gateway.core.text.session_summary import ResultSummary, effects_line, removed_line, summary_lines
+from gateway.core.text.text import clean
+from gateway.core.text.wording import notice_text
+from gateway.importing.reference_check import ReferenceCheck
+from gateway.importing.reference_topic import ReferenceReader
+from gateway.importing.views.reference_lines import reference_lines
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingEstimated:
+    """End of the work on one recording; its rows are written.
+
+    Attributes:
+        lines: summary.
+        missing: number of links and wheels without a result.
+        damage: unreadable parts, None without any.
+        drive: what a page shows of it, None where none is made.
+    """
+
+    lines: tuple[str, ...]
+    missing: int
+    damage: Reason | None
+    drive: Drive | None = None
+
+
+def estimate_recording(
+    path: Path,
+    on_position: Callable[[int], None],
+    tables: Sequence[ResultTable] = (),
+    *,
+    config_path: Path | None,
+    effects_paths: Sequence[Path],
+    key_file: Path | None,
+    estimators: Sequence[str],
+    is_drawn: bool,
+) -> RecordingEstimated:
+    """Estimate one recording.
+
+    Args:
+        path: the recording.
+        on_position: called with the bytes of the file read so far.
+        tables: take the rows.
+        config_path: vehicle configuration, None to use the recorded one.
+        effects_paths: files of known effects.
+        key_file: keys of signed frames, None for the user's.
+        estimators: names from the registry, none for the default ones.
+        is_drawn: whether the answer has what a page shows.
+
+    Raises:
+        TreadlinkError: the recording, its configuration or the keys cannot be read, or a table cannot be written.
+    """
+    reader = _opened(path)
+    recording = open_recording(
+        reader, config_path, effects_paths=effects_paths, key_file=key_file, on_position=on_position
+    )
+    vehicle = recording.vehicle
+    drive = Drive(path.name, reader.info.described_run().lines()) if is_drawn else None
+    check = ReferenceCheck(reader, vehicle) if isinstance(reader, ReferenceReader) else None
+    summary, name = ResultSummary(), path.name
+    estimation = RecordingPass(recording, estimators or DEFAULT_ESTIMATORS, signals=recording.signals())
+    for result in estimation:
+        if check is not None:
+            check.add(result)
+        summary.add(result)
+        if drive is not None:
+            drive.add(result)
+        for table in tables:
+            table.write(result, name)
+    on_position(reader.info.size_bytes)
+    assumed = "" if vehicle is not None else f"  (no configuration: belt radius {ASSUMED_RADIUS_MM:g} mm assumed)"
+    lines = [f"{path}{assumed}"]
+    wheels = summary.wheels(estimation.wheels)
+    notices = estimation.notices([wheel.position for wheel in wheels])
+    lines += [f"  {clean(notice_text(notice))}" for notice in notices]
+    for corrections in recording.effects:
+        effect_names = [effect.name for effect in corrections.effects]
+        for wheel_summary in wheels:
+            if wheel_summary.position == corrections.position:
+                lines.append(clean(f"  {effects_line(wheel_summary, effect_names)}"))
+                lines += [clean(f"  {line}") for line in (removed_line(wheel_summary, corrections),) if line]
+    comparisons = check.comparisons() if check is not None else ()
+    alarms = estimation.alarms()
+    for alarm in alarms:
+        for table in tables:
+            table.write_alarm(alarm, name)
+    lines += [
+        clean(f"  {line}".rstrip()) for line in (*summary_lines(wheels, alarms=alarms), *reference_lines(comparisons))
+    ]
+    lines += _link_lines(estimation.links)
+    missing = estimation.missing()
+    for notice in missing:
+        lines.append(f"  {clean(notice_text(notice))}")
+        if notice.reason.code is Code.NO_REVOLUTION:
+            for table in tables:
+                table.write_missing(notice.subject, notice.reason, name)
+    if drive is not None:
+        drive.finish(estimation.wheels, alarms, (*notices, *missing))
+    return RecordingEstimated(tuple(lines), len(missing), reader.damage, drive)
+
+
+def _opened(path: Path) -> ReferenceReader | RawDump:
+    """Return the recording, or the dump of a link, which has no references."""
+    dump = open_recorded_file(path) if path.suffix.lower() == ".bin" else None
+    return dump if isinstance(dump, RawDump) else ReferenceReader(path)
+
+
+def _link_lines(counters: Mapping[str, LinkCounters]) -> Iterator[str]:
+    for link, counted in counters.items():
+        yield (
+            f"  {clean(link)}: {counted.frames} frames, {counted.lost} lost, {counted.crc_errors} with a bad CRC, "
+            f"{counted.duplicates} duplicate, {counted.reordered} late"
+            + (f", {counted.bad_payload} with a bad payload" if counted.bad_payload else "")
+            + (f", {counted.refused} rejected because not verified" if counted.refused else "")
+        )

@@ -1,0 +1,379 @@
+"""Silence and alarms of a session or recording, brought forward in the time of its frames."""
+
+from abc import ABC, abstractmethod
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_protocol.block_decoder import FrameBatch
+from gateway.core.config.vehicle import Thresholds, VehicleConfig
+from gateway.core.estimates.estimator import Status
+from gateway.core.estimates.results import (
+    Alarm,
+    AlarmRecord,
+    DiskRoom,
+    LinkSnapshot,
+    RevolutionResult,
+    Silence,
+    SinkSnapshot,
+    WheelSnapshot,
+    WheelState,
+)
+from gateway.core.links.source import LinkEvent, LinkEventKind, VehicleData
+from gateway.core.reasons import Code, Notice, Reason
+from gateway.core.session.alarm_log import AlarmLog
+from gateway.core.session.alarms import (
+    RECORDING,
+    SILENCES,
+    THRESHOLDS,
+    AlarmKey,
+    AlarmName,
+    alarms,
+    disk_alarm,
+    has_wheel_limits,
+    present_values,
+    silent_alarms,
+    sink_alarms,
+    superseded,
+    threshold_alarms,
+)
+from gateway.core.session.silence import PositionOf, SilenceWatch, VehiclePart, parts_heard
+from gateway.core.session.wheel_identity import positions, sensor_ids
+from gateway.core.trust.wheel_pairs import ALARMS as PAIR_ALARMS
+from gateway.core.wheels.wheels import Pipeline
+
+State = tuple[tuple[WheelSnapshot, ...], tuple[LinkSnapshot, ...]]
+
+REVIEW_INTERVAL_NS: Final = 100_000_000
+"""Interval of reviews, in the time of the frames."""
+# A link that was never open, or that has ended as it should, is no alarm in the history.
+_NORMAL_DOWN: Final = frozenset({Code.LINK_NOT_OPEN, Code.LINK_ENDED})
+_BUS_SLOT_NS: Final = 50_000_000
+_OF_STREAMS: Final = frozenset({*SILENCES, AlarmName.LINK})
+_OF_STREAMS_AND_LIMITS: Final = _OF_STREAMS | THRESHOLDS
+
+
+class AlarmWatch(ABC):
+    """Reviews alarms ten times per second of the frames' time, and whenever something falls silent.
+
+    Attributes:
+        thresholds: of the configuration.
+        silence: takes the frames.
+        log: history of the alarms.
+    """
+
+    def __init__(
+        self,
+        vehicle: VehicleConfig | None,
+        position_of: PositionOf,
+        witnesses: Callable[[], Iterable[Alarm]] = tuple,
+        *,
+        logs: bool = True,
+    ) -> None:
+        """Start without frames.
+
+        Args:
+            vehicle: its thresholds and positions; None without any.
+            position_of: returns the wheel position of link, hub and wheel number.
+            witnesses: returns the alarms of what the vehicle's signals contradict.
+            logs: whether alarms go to the program's log too.
+        """
+        self.thresholds = vehicle.thresholds if vehicle is not None else Thresholds()
+        self.silence = SilenceWatch(position_of, positions(vehicle).values(), self.thresholds.silent_after_s)
+        self.log = AlarmLog(logs=logs)
+        self._witnesses = witnesses
+        self._review_due_ns: dict[str, int] = {}
+
+    @abstractmethod
+    def review(self) -> list[Notice]:
+        """Compare the present alarms with those before; return new notices."""
+
+    def advance(self, link: str, now_ns: int) -> list[Notice]:
+        """Bring a link to a time before its next frame is taken; return new notices."""
+        notices: list[Notice] = []
+        for _ in self.silence.changes(link, now_ns):
+            notices += self.review()
+        review_due_ns = self._review_due_ns.get(link, 0)
+        if not 0 < review_due_ns - now_ns <= REVIEW_INTERVAL_NS:
+            self._review_due_ns[link] = now_ns + REVIEW_INTERVAL_NS
+            notices += self.review()
+        return notices
+
+    def link_event(self, event: LinkEvent) -> list[Notice]:
+        """Take a change of a link at its time; return new notices."""
+        notices = self.advance(event.link, event.host_ns)
+        self.silence.turned(event.link, event.host_ns, None if event.kind.is_open else event.reason)
+        return notices
+
+    def _silent(self, wheels: Iterable[WheelSnapshot], several_links: bool) -> tuple[Alarm, ...]:
+        hubs, vehicles = self.silence.silent_hubs(), self.silence.silent_vehicles()
+        return silent_alarms(wheels, hubs, vehicles, several_links=several_links)
+
+    def _update(
+        self,
+        present: Iterable[Alarm],
+        wheels: Sequence[WheelSnapshot],
+        *,
+        several_links: bool,
+        values: Callable[[], Mapping[AlarmKey, Reason]] = dict,
+        covers: Callable[[AlarmKey], bool] = lambda _: True,
+    ) -> list[Notice]:
+        """Take the present alarms of wheels with their silences; return new notices."""
+        hidden = superseded(
+            wheels,
+            self.silence.silent_hubs(of_down_links=True),
+            self.silence.silent_vehicles(of_down_links=True),
+            several_links=several_links,
+        )
+        return self.log.update(present, self.silence.elapsed_s(), hidden=hidden, values=values, covers=covers)
+
+
+class SessionAlarms(AlarmWatch):
+    """Alarms of a session, from its present state.
+
+    Attributes:
+        sinks: present state of the live outputs.
+        disk: what is left of the disk of the recording, None when nothing is recorded.
+        stopped: reasons of what of the session has stopped, by its name.
+    """
+
+    def __init__(
+        self,
+        vehicle: VehicleConfig | None,
+        position_of: PositionOf,
+        state: Callable[[], State],
+        witnesses: Callable[[], Iterable[Alarm]] = tuple,
+    ) -> None:
+        """Start without frames; `state` returns the present snapshots of wheels and links, silence left out."""
+        super().__init__(vehicle, position_of, witnesses)
+        self.sinks: tuple[SinkSnapshot, ...] = ()
+        self.disk: DiskRoom | None = None
+        self.stopped: dict[str, Reason] = {}
+        self._state = state
+        self._sensor_ids = sensor_ids(vehicle)
+
+    def pause(self, link: str, pause_ns: int, end_ns: int) -> list[Notice]:
+        """Leave a pause of this computer out of the silence of a link; return new notices."""
+        # What was silent before the pause is so without it.
+        notices = self.advance(link, end_ns - pause_ns)
+        self.silence.paused(link, pause_ns, end_ns)
+        return notices
+
+    def take_sinks(self, sinks: tuple[SinkSnapshot, ...]) -> None:
+        """Take the present state of the live outputs."""
+        self.sinks = sinks
+
+    def take_disk(self, room: DiskRoom | None) -> None:
+        """Take what is left of the disk of the recording."""
+        self.disk = room
+
+    def recording_stopped(self, reason: Reason | None) -> None:
+        """Take why the present recording has stopped, None while it goes on."""
+        if reason is None:
+            self.stopped.pop(RECORDING, None)
+        else:
+            self.stopped[RECORDING] = reason
+
+    def review(self) -> list[Notice]:
+        """Compare the present alarms with those before; return new notices."""
+        wheels, links = self._state()
+        wheels = self.with_silences(wheels)
+        return self._update(
+            [alarm for alarm in self.alarms(wheels, links) if not _is_normal(alarm)],
+            wheels,
+            several_links=len(links) > 1,
+            values=lambda: present_values(wheels, links, self.thresholds),
+        )
+
+    def alarms(self, wheels: Sequence[WheelSnapshot], links: Sequence[LinkSnapshot]) -> tuple[Alarm, ...]:
+        """Return the present alarms of wheels, with their silences, of links and of live outputs."""
+        standing = self.log.standing()
+        present = alarms(wheels, links, self.thresholds, self._sensor_ids, standing=standing)
+        of_session = (Alarm(name, AlarmName.STOPPED, reason) for name, reason in self.stopped.items())
+        return (
+            *self._silent(wheels, len(links) > 1),
+            *present,
+            *self._witnesses(),
+            *sink_alarms(self.sinks),
+            *disk_alarm(self.disk, standing),
+            *of_session,
+        )
+
+    def with_silences(self, wheels: Sequence[WheelSnapshot]) -> tuple[WheelSnapshot, ...]:
+        """Return wheels with what is silent of them."""
+        silences = self.silence.of_wheels()
+        return tuple(
+            silenced(wheel, silences[wheel.position]) if wheel.position in silences else wheel for wheel in wheels
+        )
+
+
+class RecordingAlarms(AlarmWatch):
+    """Alarms of a pass over a recording: silence by frame, thresholds and pairs by result, faults by block."""
+
+    def __init__(
+        self,
+        vehicle: VehicleConfig | None,
+        pipeline: Pipeline,
+        witnesses: Callable[[], Iterable[Alarm]] = tuple,
+        *,
+        logs: bool = True,
+    ) -> None:
+        """Start without frames; `pipeline` names the wheels and knows their sensors."""
+        super().__init__(vehicle, pipeline.position, witnesses, logs=logs)
+        self._pipeline = pipeline
+        self._has_limits = has_wheel_limits(self.thresholds)
+        self._events: dict[str, deque[LinkEvent]] = {}
+        # Ends and lengths of the pauses of the computer that recorded, and how many of them each link has passed.
+        self._pauses: list[tuple[int, int]] = []
+        self._passed: Counter[str] = Counter()
+        # Arrivals of the vehicle's data that are later than the frames of hubs taken so far.
+        self._arrivals: dict[str, deque[tuple[int, frozenset[VehiclePart]]]] = {}
+
+    def event(self, event: LinkEvent) -> None:
+        """Take a change of a link; it takes effect before the first frame that arrived later."""
+        if event.is_of_link:
+            self._events.setdefault(event.link, deque()).append(event)
+        elif event.pause_ns is not None:
+            self._pauses.append((event.host_ns, event.pause_ns))
+
+    def vehicle(self, item: VehicleData) -> None:
+        """Take the arrival of data of the vehicle; it takes effect before the first frame of a hub after it."""
+        parts, host_ns = parts_heard(item), item.host_ns
+        if not parts:
+            return
+        arrivals = self._arrivals.setdefault(item.link, deque())
+        # Arrivals within a slot count as one, and many wait for the frames of a hub's block.
+        is_of_slot = len(arrivals) > 1 and 0 <= host_ns - arrivals[-2][0] < _BUS_SLOT_NS
+        if is_of_slot and arrivals[-1][1] == parts:
+            arrivals[-1] = host_ns, parts
+        else:
+            arrivals.append((host_ns, parts))
+
+    def batch(self, link: str, batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> None:
+        """Take a block of frames before its results."""
+        for host_ns, frame in self.silence.thinned(batch, arrivals_ns):
+            self._take_vehicles(host_ns)
+            self._take_events(link, host_ns)
+            self.advance(link, host_ns)
+            if self._pipeline.limit.admits(link, frame.hub, frame.wheel):
+                self.silence.heard(link, frame, host_ns)
+        self.review()
+
+    def result(self, result: RevolutionResult) -> RevolutionResult:
+        """Take a result; return it with the alarms that stand at its wheel and the silence before it."""
+        position = result.position
+        at_s = self.silence.since_begin_s(result.host_ns)
+        if self._has_limits:
+            wheel = _as_snapshot(result)
+            self.log.update(
+                threshold_alarms(wheel, self.thresholds, self.log.standing()),
+                at_s,
+                values=lambda: present_values([wheel], [], self.thresholds),
+                covers=lambda key: key[0] == position and key[1] in THRESHOLDS,
+            )
+        silent_s = self.silence.ended_before_s(position, result.host_ns)
+        standing = self.log.standing_at(position, at_s)
+        if standing == result.alarms and silent_s == result.silent_before_s:
+            return result
+        return replace(result, alarms=standing, silent_before_s=silent_s)
+
+    def compared(self, host_ns: int) -> None:
+        """Take the comparison of left and right wheels, which changes with a result of this time."""
+        at_s = self.silence.since_begin_s(host_ns)
+        self.log.update(self._witnesses(), at_s, covers=lambda key: key[1] in PAIR_ALARMS)
+
+    def end_of_block(self) -> None:
+        """Take the faults of sensors after the results of a block."""
+        wheels = self._pipeline.wheels()
+        flags = [Alarm(wheel.position, flag.name, flag.reason) for wheel in wheels for flag in wheel.flags]
+        flags += self._witnesses()
+        self.log.update(flags, self.silence.elapsed_s(), covers=lambda key: key[1] not in _OF_STREAMS_AND_LIMITS)
+
+    def finish(self) -> tuple[AlarmRecord, ...]:
+        """Return the history of every alarm, with the silences that last to the end of the recording."""
+        waiting_ns = [arrivals[-1][0] for arrivals in self._arrivals.values() if arrivals]
+        end_ns = max([self.silence.newest_ns(), *waiting_ns])
+        self._take_vehicles(end_ns)
+        for link in list(self._events):
+            self._take_events(link, end_ns)
+        for link in self.silence.links():
+            self.advance(link, end_ns)
+        self.review()
+        self.end_of_block()
+        return self.log.records()
+
+    def review(self) -> list[Notice]:
+        """Compare the present alarms of links and streams with those before; return new notices."""
+        several = len(self.silence.links()) > 1
+        wheels = [WheelSnapshot(position, silences=silences) for position, silences in self.silence.of_wheels().items()]
+        present = [*self._link_alarms(), *self._silent(wheels, several)]
+        return self._update(present, wheels, several_links=several, covers=lambda key: key[1] in _OF_STREAMS)
+
+    def advance(self, link: str, now_ns: int) -> list[Notice]:
+        """Bring a link to a time before its next frame is taken, over the pauses before it; return new notices."""
+        notices: list[Notice] = []
+        while self._passed[link] < len(self._pauses):
+            end_ns, pause_ns = self._pauses[self._passed[link]]
+            if end_ns > now_ns:
+                break
+            self._passed[link] += 1
+            notices += [notice for _ in self.silence.changes(link, end_ns - pause_ns) for notice in self.review()]
+            self.silence.paused(link, pause_ns, end_ns)
+        return notices + super().advance(link, now_ns)
+
+    def _take_vehicles(self, until_ns: int) -> None:
+        for link, arrivals in self._arrivals.items():
+            while arrivals and arrivals[0][0] <= until_ns:
+                host_ns, parts = arrivals.popleft()
+                self._take_events(link, host_ns)
+                self.advance(link, host_ns)
+                self.silence.vehicle(link, parts, host_ns)
+            self._take_events(link, until_ns)
+            self.advance(link, until_ns)
+
+    def _take_events(self, link: str, until_ns: int) -> None:
+        events = self._events.get(link)
+        while events and events[0].host_ns <= until_ns:
+            event = events.popleft()
+            if event.kind is LinkEventKind.ENDED:
+                self.advance(link, event.host_ns)
+            else:
+                self.link_event(event)
+            self.review()
+
+    def _link_alarms(self) -> Iterator[Alarm]:
+        for link, state in self.silence.down_links():
+            yield Alarm(link, AlarmName.LINK, Reason(Code.LINK_DOWN, state=state))
+
+
+def silenced(wheel: WheelSnapshot, silences: tuple[Silence, ...]) -> WheelSnapshot:
+    """Return a wheel with its silences; a wheel that has never had data stays without data."""
+    stops = any(silence.stops_numbers for silence in silences)
+    state = WheelState.SILENT if stops and wheel.state is not WheelState.NO_DATA else wheel.state
+    return replace(wheel, state=state, silences=silences)
+
+
+def _is_normal(alarm: Alarm) -> bool:
+    return alarm.name == AlarmName.LINK and any(reason.code in _NORMAL_DOWN for reason in alarm.reason)
+
+
+def _as_snapshot(result: RevolutionResult) -> WheelSnapshot:
+    """Return the state of a wheel at the end of a revolution, as far as thresholds need it."""
+    conditions = result.conditions
+    valid = {estimate.name: estimate for estimate in result.estimates if estimate.status is not Status.INVALID}
+    load_n = conditions.load_n
+    if load_n is None and "load_n" in valid:
+        load_n = valid["load_n"].value
+    return WheelSnapshot(
+        result.position,
+        state=WheelState.ROLLING,
+        last=result,
+        pressure_pa=conditions.pressure_pa,
+        temperature_degc=conditions.temperature_degc,
+        load_n=load_n,
+        wear_mm=valid.get("wear_mm"),
+    )

@@ -1,0 +1,70 @@
+"""Lines that a link's hubs may put on the screen: at most ten a second, the rest counted and reported."""
+
+from typing import Final
+
+from firmware_protocol.messages import COMMANDS, CommandResult, LogText, Message, MessageType, Outcome
+from gateway.core.reasons import Code, Level, Notice, Reason
+from gateway.core.text.recording_topics import log_level
+
+LINES_PER_S: Final = 10
+_SECOND_NS: Final = 1_000_000_000
+_OUTCOMES: Final = {
+    Outcome.UNKNOWN_COMMAND: Code.COMMAND_UNKNOWN,
+    Outcome.VALUE_REFUSED: Code.COMMAND_VALUE_REFUSED,
+    Outcome.FAILED: Code.COMMAND_FAILED,
+    Outcome.NOT_VERIFIED: Code.COMMAND_NOT_VERIFIED,
+    Outcome.REPEATED: Code.COMMAND_REPEATED,
+}
+
+
+class HubLog:
+    """Limit on the lines of one link, by the arrival times, so that a replay shows the same lines."""
+
+    def __init__(self, link: str) -> None:
+        """Start without a line."""
+        self._link = link
+        self._begin_ns = 0
+        self._lines = 0
+        self._left_out = 0
+
+    def take(self, hub: str, message: Message, host_ns: int) -> list[Notice]:
+        """Return what may be shown now of a message of a hub: a line of its log, or why it has refused a command."""
+        if isinstance(message, LogText):
+            reason = Reason(Code.HUB_LOG, severity=log_level(message), text=message.text)
+            notice = Notice(hub, reason)
+        elif isinstance(message, CommandResult) and (refused := refusal(message)) is not None:
+            notice = Notice(hub, refused, Level.WARNING)
+        else:
+            return []
+        shown = self.tick(host_ns)
+        if self._lines < LINES_PER_S:
+            self._lines += 1
+            shown.append(notice)
+        else:
+            self._left_out += 1
+        return shown
+
+    def tick(self, host_ns: int) -> list[Notice]:
+        """Begin a new second when the last one is over; return the report of the lines left out in it."""
+        if 0 <= host_ns - self._begin_ns < _SECOND_NS:
+            return []
+        self._begin_ns = host_ns
+        report = self.finish()
+        self._lines = len(report)
+        return report
+
+    def finish(self) -> list[Notice]:
+        """Return the report of the lines left out since the last one."""
+        count, self._left_out = self._left_out, 0
+        return [Notice(self._link, Reason(Code.HUB_LOG_LEFT_OUT, count=count), Level.WARNING)] if count else []
+
+
+def refusal(result: CommandResult) -> Reason | None:
+    """Return why a hub did not execute a command, None when it did."""
+    if result.outcome == Outcome.DONE:
+        return None
+    code_of = {outcome.value: code for outcome, code in _OUTCOMES.items()}
+    code = code_of.get(result.outcome)
+    outcome = Reason(Code.COMMAND_OUTCOME, outcome=result.outcome) if code is None else Reason(code)
+    name = MessageType(result.command).name if result.command in COMMANDS else f"command {result.command}"
+    return Reason(Code.COMMAND_REFUSED, command=name, outcome=outcome)

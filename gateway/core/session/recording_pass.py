@@ -1,0 +1,254 @@
+"""A pass over a recording: opened with vehicle, keys and effects, read in blocks, watched and estimated."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_protocol.block_decoder import FrameBatch
+from firmware_protocol.counters import LinkCounters
+from gateway.core.config.vehicle import UNKNOWN_WHEEL, VehicleConfig, choose_vehicle
+from gateway.core.estimates.registry import DEFAULT_ESTIMATORS
+from gateway.core.estimates.results import AlarmRecord, RevolutionResult, WheelSnapshot
+from gateway.core.estimates.wheel_setup import CorrectionTable
+from gateway.core.links.source import Chunk, LinkEvent, VehicleData
+from gateway.core.reasons import Level, Notice
+from gateway.core.recording.decoder_blocks import DecodedLinks
+from gateway.core.recording.recorded_clock import RecordedClock
+from gateway.core.recording.recorded_file import RecordedFile
+from gateway.core.session.alarm_watch import RecordingAlarms
+from gateway.core.session.corrections import effects_doubts, open_effects, with_effects
+from gateway.core.session.frame_guard import FrameGuard
+from gateway.core.session.missing_results import FrameCounts, missing_frames, missing_revolutions
+from gateway.core.session.session_parts import VehicleSignals, open_guard, open_vehicle_signals
+from gateway.core.session.statement_watch import StatementWatch
+from gateway.core.session.wheel_identity import SensorsHeard, positions
+from gateway.core.trust.wheel_pairs import WheelPairs
+from gateway.core.wheels.wheels import Pipeline
+
+# Revolutions of a recording wait for a full block, those of a sensor that fell silent for so long or twice that.
+_HOLD_S: Final = 4.0
+
+Block = tuple[str, FrameBatch, NDArray[np.int64]]
+"""Link, a block of its frames, and their arrival times in ns."""
+
+
+@dataclass(frozen=True, slots=True)
+class OpenedRecording:
+    """A recording or the dump of a link, with all that decides what a pass over it gives.
+
+    Attributes:
+        file: the open file. Passes over one object must not overlap; those over copies of it may.
+        vehicle: configuration, None for an assumed belt radius.
+        effects: known effects to subtract, one table per wheel.
+        key_file: keys of signed frames; None for the user's.
+        config_path: file of the configuration where the user gave one.
+        on_position: called with the bytes of the file read so far.
+        verifies: whether frames are verified where the policy of the vehicle asks for it.
+    """
+
+    file: RecordedFile
+    vehicle: VehicleConfig | None = None
+    effects: tuple[CorrectionTable, ...] = ()
+    key_file: Path | None = None
+    config_path: Path | None = None
+    on_position: Callable[[int], None] | None = None
+    verifies: bool = True
+
+    def effects_doubts(self) -> list[Notice]:
+        """Return what the configuration states otherwise than the recordings of the effects' diagnosis."""
+        return effects_doubts(self.effects, self.vehicle)
+
+    def guard(self) -> FrameGuard | None:
+        """Return a new guard, which verifies the frames of one pass; None where none are verified.
+
+        Raises:
+            SecurityError: the keys cannot be read, or would verify nothing.
+        """
+        return open_guard(self.vehicle, self.key_file, remembers=False) if self.verifies else None
+
+    def signals(self) -> VehicleSignals:
+        """Return a new decoder of the vehicle's signals, for one pass.
+
+        Raises:
+            ConfigError: the DBC file cannot be read, or does not fit the configuration.
+        """
+        return open_vehicle_signals(self.vehicle, self.config_path, recorded=[self.file.info.dbc_text])
+
+    def blocks(
+        self, links: DecodedLinks, on_other: Callable[[VehicleData | LinkEvent], None] | None = None
+    ) -> Iterator[Block]:
+        """Yield the frames of all links in blocks.
+
+        Args:
+            links: their decoders, for this pass alone.
+            on_other: called with the other items, in the order of the recording.
+        """
+        for item in self.file.items():
+            if isinstance(item, Chunk):
+                if self.on_position is not None:
+                    self.on_position(self.file.position)
+                yield from links.add(item)
+            elif on_other is not None:
+                on_other(item)
+        yield from links.finish()
+
+    def verified_blocks(self) -> Iterator[Block]:
+        """Yield the frames of all links in blocks, in a pass that needs nothing else."""
+        return self.blocks(DecodedLinks(self.guard()))
+
+
+def open_recording(
+    file: RecordedFile,
+    config: VehicleConfig | Path | None = None,
+    *,
+    effects_paths: Sequence[Path] = (),
+    key_file: Path | None = None,
+    on_position: Callable[[int], None] | None = None,
+    verifies: bool = True,
+) -> OpenedRecording:
+    """Return a recording with its vehicle and effects.
+
+    Args:
+        file: recording or dump.
+        config: vehicle configuration or its file; None for the one in the recording.
+        effects_paths: files of known effects.
+        key_file: keys of signed frames; None for the user's.
+        on_position: called with the bytes of the file read so far.
+        verifies: whether frames are verified where the policy of the vehicle asks for it.
+
+    Raises:
+        ConfigError: the configuration or the effects cannot be read, or do not belong together.
+    """
+    vehicle, config_path = (config, None) if isinstance(config, VehicleConfig) else (None, config)
+    if vehicle is None:
+        vehicle = choose_vehicle(config_path, [file.vehicle_toml], str(file.info.path))
+    effects = open_effects(effects_paths, vehicle)
+    return OpenedRecording(file, vehicle, effects, key_file, config_path, on_position, verifies)
+
+
+class RecordingPass:
+    """One pass over a recording, in constant memory, with the same results as live.
+
+    Iterate it once for the result of every completed revolution, in order per wheel, wheels interleaved by block. What
+    was watched is complete afterwards.
+
+    Attributes:
+        sensors: heard at the wheels.
+        statements: of the hubs, compared with what they send.
+        wheels: last state of every wheel.
+        span_ns: arrival of the first and the last frame, None before the first.
+        clock: what the recording says of its times.
+    """
+
+    def __init__(
+        self,
+        recording: OpenedRecording,
+        estimators: Sequence[str] = DEFAULT_ESTIMATORS,
+        *,
+        is_watched: bool = True,
+        logs_alarms: bool = True,
+        signals: VehicleSignals | None = None,
+        on_block: Callable[[str, FrameBatch, NDArray[np.int64]], None] | None = None,
+    ) -> None:
+        """Prepare the pass.
+
+        Args:
+            recording: what is read.
+            estimators: names from the registry; none for the revolutions alone.
+            is_watched: whether sensors, statements and alarms are of interest; results then have their alarms.
+            logs_alarms: whether alarms go to the program's log too.
+            signals: decodes the vehicle's signals; every result then has them.
+            on_block: called with each block of frames before its revolutions.
+
+        Raises:
+            ConfigError: unknown estimator.
+            SecurityError: the keys cannot be read.
+        """
+        vehicle = recording.vehicle
+        self.sensors = SensorsHeard(vehicle)
+        self.statements = StatementWatch(positions(vehicle))
+        self.wheels: tuple[WheelSnapshot, ...] = ()
+        self.span_ns: tuple[int, int] | None = None
+        self.clock = RecordedClock()
+        self._recording = recording
+        self._guard = recording.guard()
+        self._links = DecodedLinks(self._guard)
+        setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), recording.effects)
+        self._pipeline = Pipeline(setups, UNKNOWN_WHEEL, estimators, _HOLD_S)
+        self._signals = signals
+        self._pairs = WheelPairs(signals.witness() if signals is not None else None)
+        alarms = RecordingAlarms(vehicle, self._pipeline, self._pairs.alarms, logs=logs_alarms)
+        self._alarms = alarms if is_watched else None
+        self._on_block = on_block
+
+    def __iter__(self) -> Iterator[RevolutionResult]:
+        for link, batch, arrivals_ns in self._recording.blocks(self._links, self._take_other):
+            if self._on_block is not None:
+                self._on_block(link, batch, arrivals_ns)
+            if self._alarms is not None:
+                first_ns, last_ns = int(arrivals_ns.min()), int(arrivals_ns.max())
+                before = self.span_ns or (first_ns, last_ns)
+                self.span_ns = min(first_ns, before[0]), max(last_ns, before[1])
+                self.sensors.take(batch)
+                self.statements.batch(link, batch)
+                self._alarms.batch(link, batch, arrivals_ns)
+            # A dump has no arrival times.
+            times_ns = arrivals_ns if arrivals_ns.any() else None
+            yield from self._completed(self._pipeline.batch(link, batch, times_ns))
+            if self._alarms is not None:
+                self._alarms.end_of_block()
+        yield from self._completed(self._pipeline.finish())
+        self.wheels = self._pipeline.wheels()
+        for name, counted in self.links.items():
+            self.statements.counters(name, counted)
+
+    @property
+    def links(self) -> dict[str, LinkCounters]:
+        """Counters of the decoder, by link."""
+        return self._links.counters
+
+    def alarms(self) -> tuple[AlarmRecord, ...]:
+        """Return the history of every alarm, after the last result; none of a pass that is not watched."""
+        return self._alarms.finish() if self._alarms is not None else ()
+
+    def notices(self, heard: Sequence[str]) -> list[Notice]:
+        """Return what was wrong with sensors, statements and effects, after the last result.
+
+        Args:
+            heard: positions of the wheels whose sensors are compared with the configuration.
+        """
+        recording = self._recording
+        # Where signatures are checked, the guard reports misplaced sensors, and what becomes of their frames.
+        of_guard = self._guard.take_notices() if self._guard is not None else []
+        of_sensors = of_guard or self.sensors.mismatches(heard)
+        of_receivers = [Notice(link, reason) for link, reason in self._signals.take_notices()] if self._signals else []
+        # A receiver that contradicts the clock has its own notice.
+        step = self.clock.set if self.clock.ahead_s and not of_receivers else None
+        of_clock = [Notice("this computer", step, Level.WARNING)] if step is not None else []
+        return [*of_sensors, *self.statements.contradictions(), *of_receivers, *of_clock, *recording.effects_doubts()]
+
+    def missing(self) -> tuple[Notice, ...]:
+        """Return the links without a frame and the wheels without a revolution, after the last result."""
+        counts = {name: FrameCounts(counted.frames, counted.refused) for name, counted in self.links.items()}
+        return (*missing_frames(counts), *missing_revolutions(self.wheels, counts))
+
+    def _completed(self, results: list[RevolutionResult]) -> Iterator[RevolutionResult]:
+        for result, is_changed in self._pairs.compared(results):
+            if is_changed and self._alarms is not None:
+                self._alarms.compared(result.host_ns)
+            yield self._alarms.result(result) if self._alarms is not None else result
+
+    def _take_other(self, item: VehicleData | LinkEvent) -> None:
+        self.clock.take(item)
+        if isinstance(item, LinkEvent):
+            if self._alarms is not None:
+                self._alarms.event(item)
+            return
+        if self._alarms is not None:
+            self._alarms.vehicle(item)
+        if self._signals is not None:
+            self._signals.take(item)

@@ -1,0 +1,233 @@
+"""Numbers as an engineer writes them: rounded to their standard error, in field units, never NaN."""
+
+import math
+from collections.abc import Collection
+from functools import lru_cache
+from typing import Final, NamedTuple
+
+from gateway.core.estimates.estimator import Estimate, Status
+from gateway.core.quantity_catalogue import quantity_of
+from gateway.core.reasons import Reason
+from gateway.core.text.wording import joined
+
+MISSING: Final = "—"
+"""Shown for an unknown value."""
+
+STATUS_MARKS: Final[dict[Status, str]] = {Status.VALID: "", Status.PROVISIONAL: "~", Status.INVALID: "x"}
+"""Mark behind a number, by status."""
+
+_SIGNIFICANT_DIGITS: Final = 6  # at most; keeps columns narrow
+_DIGITS_WITHOUT_ERROR: Final = 4
+# Values beyond these are no measurements, and powers of ten would overflow.
+_TINY: Final = 1e-30
+_HUGE: Final = 1e30
+
+
+class Unit(NamedTuple):
+    """Unit of display: symbol, and factor from the unit in a quantity's name."""
+
+    symbol: str
+    factor: float = 1.0
+
+
+# Suffix of a quantity's name -> shown unit. Longer suffixes first: `_mps2` must not be read as `_mps`.
+UNITS: Final[dict[str, Unit]] = {
+    "_per_degc": Unit("1/K"),
+    "_radps2": Unit("rad/s²"),
+    "_radps": Unit("rad/s"),
+    "_rpm": Unit("rpm"),
+    "_mps2": Unit("m/s²"),
+    "_mps": Unit("km/h", 3.6),
+    "_kmh": Unit("km/h"),
+    "_m3": Unit("m³"),
+    "_rad": Unit("deg", 180.0 / math.pi),
+    "_degc": Unit("°C"),
+    "_deg": Unit("deg"),
+    "_kpa": Unit("kPa"),
+    "_pa": Unit("kPa", 1e-3),
+    "_percent": Unit("%"),
+    "_mm": Unit("mm"),
+    "_hz": Unit("Hz"),
+    "_npm": Unit("N/m"),
+    "_nm": Unit("N m"),
+    "_n": Unit("N"),
+    "_m": Unit("mm", 1e3),
+    "_s": Unit("s"),
+    "_w": Unit("W"),
+    "_v": Unit("V"),
+}
+_DIMENSIONLESS: Final = Unit("")
+
+
+class Rounded(NamedTuple):
+    """A value and its standard error as text, with a common power of ten.
+
+    Attributes:
+        value: digits of the value, or MISSING.
+        error: digits of the error, empty when it is not known.
+        exponent: power of ten that multiplies both; 0 when there is none.
+    """
+
+    value: str
+    error: str
+    exponent: int
+
+    @property
+    def power(self) -> str:
+        """The power of ten as written behind the digits, e.g. `e-3`; empty when there is none."""
+        return f"e{self.exponent}" if self.exponent else ""
+
+    def joined(self, sign: str = " ± ") -> str:
+        """Return `0.1953 ± 0.0012`, `(3.083 ± 0.012)e-3`, `65.03` or MISSING."""
+        if not self.error:
+            return self.value + self.power
+        text = f"{self.value}{sign}{self.error}"
+        return f"({text}){self.power}" if self.exponent else text
+
+
+UNKNOWN: Final = Rounded(MISSING, "", 0)
+
+
+def _decade(value: float) -> int:
+    """Return the power of ten of a positive value after rounding to two digits: 0.0996 counts as 0.10."""
+    decade = math.floor(math.log10(value))
+    return decade + 1 if value >= 9.95 * 10.0**decade else decade
+
+
+def round_to_error(value: float, std: float = math.nan) -> Rounded:
+    """Round a value to two significant digits of its standard error.
+
+    Without a usable error (NaN, infinite, not positive) four significant digits are given. Values below 0.01 and from
+    1e6 on get a power of ten in steps of three; what is not finite is UNKNOWN. At most six significant digits are
+    shown; an error smaller than the last of them is rounded up to it, never down to zero.
+    """
+    if not abs(value) < _HUGE:
+        return UNKNOWN
+    has_error = _TINY < std < _HUGE
+    if abs(value) < _TINY:
+        value = 0.0
+    size = max(abs(value), std) if has_error else abs(value)
+    exponent = 0
+    if size and not 1e-2 <= size < 1e6:
+        exponent = 3 * (_decade(size) // 3)
+        value, std, size = value / 10.0**exponent, std / 10.0**exponent, size / 10.0**exponent
+    finest = _SIGNIFICANT_DIGITS - 1 - _decade(size) if size else _SIGNIFICANT_DIGITS
+    if not has_error:
+        digits = min(_DIGITS_WITHOUT_ERROR - 1 - _decade(size), finest) if size else 0
+        return Rounded(f"{round(value, digits) + 0.0:.{max(digits, 0)}f}", "", exponent)
+    digits = 1 - _decade(std)
+    if digits > finest:
+        digits = finest
+        std = max(std, 10.0**-digits)
+    decimals = max(digits, 0)
+    # Adding 0.0 turns a rounded -0.0 into 0.0.
+    return Rounded(f"{round(value, digits) + 0.0:.{decimals}f}", f"{round(std, digits):.{decimals}f}", exponent)
+
+
+RENAMED: Final = "estimated_"
+"""Prefix of an estimate whose name another field of its row has."""
+
+
+def distinct_name(name: str, taken: Collection[str]) -> str:
+    """Return the name of an estimate in a row that has other fields: `estimated_NAME` where NAME is taken.
+
+    A later estimator may estimate what is also a condition, such as the load. The condition keeps the plain name.
+    """
+    return RENAMED + name if name in taken else name
+
+
+@lru_cache(maxsize=256)
+def split_name(name: str) -> tuple[str, Unit]:
+    """Split a quantity's name into a label and the unit it is shown in: `leading_edge_rad` -> `leading edge`, deg."""
+    declared, prefix = quantity_of(name), name.rpartition(":")[0]
+    suffix = next((suffix for suffix in UNITS if name.endswith(suffix) and len(name) > len(suffix)), "")
+    label = name.removesuffix(suffix).replace("_", " ") if suffix else name.replace("_over_", "/").replace("_", " ")
+    if declared.label:
+        label = f"{prefix}:{declared.label}" if prefix else declared.label
+    unit = UNITS[suffix] if suffix else _DIMENSIONLESS
+    return label, Unit(*declared.shown_unit) if declared.shown_unit is not None else unit
+
+
+class Shown(NamedTuple):
+    """An estimate ready for the screen.
+
+    Attributes:
+        label: name of the quantity.
+        number: value and error in the shown unit; UNKNOWN when the estimate is invalid.
+        unit: symbol, empty when dimensionless.
+        value: the value in that unit, not rounded; NaN when the estimate is invalid.
+        status: as estimated.
+        reasons: as estimated.
+    """
+
+    label: str
+    number: Rounded
+    unit: str
+    value: float
+    status: Status
+    reasons: tuple[Reason, ...]
+
+    @property
+    def mark(self) -> str:
+        """Status mark, empty when valid."""
+        return STATUS_MARKS[self.status]
+
+    @property
+    def reason(self) -> str:
+        """The reasons as one text."""
+        return joined(self.reasons)
+
+    def text(self, sign: str = " ± ") -> str:
+        """Return number, unit and mark, e.g. `65.03 ± 0.02 km/h ~`."""
+        text = self.number.joined(sign)
+        if self.unit:
+            text += " " + self.unit
+        return f"{text} {self.mark}" if self.mark else text
+
+
+def show(estimate: Estimate) -> Shown:
+    """Convert an estimate to its shown unit and round it; an invalid one shows MISSING whatever its value."""
+    label, unit = split_name(estimate.name)
+    if estimate.status is Status.INVALID:
+        return Shown(label, UNKNOWN, unit.symbol, math.nan, estimate.status, estimate.reasons)
+    value = estimate.value * unit.factor
+    number = round_to_error(value, estimate.std * unit.factor)
+    return Shown(label, number, unit.symbol, value, estimate.status, estimate.reasons)
+
+
+def finite_or_none(value: float) -> float | None:
+    """Return a number as JSON and empty cells take it: None where it is not finite."""
+    return float(value) if math.isfinite(value) else None
+
+
+def fixed(value: float | None, decimals: int, factor: float = 1.0) -> str:
+    """Return a plain number with fixed decimals, or MISSING for None and values that are not finite."""
+    if value is None or not math.isfinite(value):
+        return MISSING
+    return f"{round(value * factor, decimals) + 0.0:.{decimals}f}"
+
+
+def kpa(pressure_pa: float | None) -> str:
+    """Return a pressure in kPa without its unit, e.g. `210.0`."""
+    return fixed(pressure_pa, 1, 1e-3)
+
+
+def duration(seconds: float) -> str:
+    """Return `h:mm:ss`."""
+    if not math.isfinite(seconds):
+        return MISSING
+    whole = max(int(seconds), 0)
+    return f"{whole // 3600}:{whole // 60 % 60:02d}:{whole % 60:02d}"
+
+
+def age(seconds: float) -> str:
+    """Return a time that has passed as whole seconds, from two minutes on as `h:mm:ss`."""
+    return f"{seconds:.0f} s" if seconds < 120.0 else duration(seconds)
+
+
+def percent(part: int, whole: int) -> str:
+    """Return a share as `1.02 %`; `0 %` when nothing is missing and `<0.01 %` rather than a rounded zero."""
+    if whole <= 0 or part <= 0:
+        return "0 %"
+    share = 100.0 * part / whole
+    return "<0.01 %" if share < 0.01 else f"{share:.2f} %" if share < 9.995 else f"{share:.1f} %"

@@ -1,0 +1,322 @@
+"""Summary of a session: per wheel revolutions, speed, losses and the last estimates with their errors."""
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from itertools import groupby, zip_longest
+from textwrap import wrap
+from typing import Final, NamedTuple
+
+from gateway.core.constants import AXIS_NAMES
+from gateway.core.estimates.estimator import Estimate, Status
+from gateway.core.estimates.results import (
+    AlarmRecord,
+    LinkSnapshot,
+    RevolutionResult,
+    SinkSnapshot,
+    WheelCounters,
+    WheelSnapshot,
+)
+from gateway.core.reasons import Code, Reason
+from gateway.core.revolutions.effect_correction import CorrectionTable
+from gateway.core.text.numbers import MISSING, age, duration, fixed, percent, show
+from gateway.core.text.readout import DISTANCE
+from gateway.core.text.text import counted, filled, pad, width
+from gateway.core.text.wording import joined, text
+
+LINE_WIDTH: Final = 96
+"""Columns of a wheel's rows behind their indent; commands indent the whole by two more."""
+
+_Row = tuple[str, str, str]
+_GAP: Final = "  "
+_NEXT_NAME: Final = ", "
+_LABEL_WIDTH: Final = 24
+_LEAST_NOTE: Final = 30
+# Last revolutions whose values are those of the end.
+_OF_THE_END: Final = 8
+
+
+class Stale(NamedTuple):
+    """An estimate that is not the newest.
+
+    Attributes:
+        revolution: that it is of, counted from 1.
+        reasons: why that of the last revolution is invalid.
+    """
+
+    revolution: int
+    reasons: tuple[Reason, ...]
+
+
+@dataclass(slots=True)
+class WheelSummary:
+    """Summary of one wheel over a whole session or recording.
+
+    Attributes:
+        position: wheel.
+        counters: of its samples, as last known.
+        revolutions: completed.
+        revolutions_valid: without a fault.
+        faults: number of revolutions with each fault.
+        saturated: revolutions with a saturated sample.
+        rolling_s: time in completed revolutions.
+        missing_s: time of the samples within them that were lost.
+        distance_m: 2 pi radius times revolutions.
+        speed_min_mps: slowest revolution.
+        speed_max_mps: fastest revolution.
+        uncorrected: revolutions that known effects were not subtracted from.
+        uncorrected_reason: why, of the last such; None when there is none.
+        newest: the last estimate of each name.
+        usable: the last that was not invalid, with the number of its revolution, counted from 1.
+    """
+
+    position: str
+    counters: WheelCounters = field(default_factory=WheelCounters)
+    revolutions: int = 0
+    revolutions_valid: int = 0
+    faults: Counter[Reason] = field(default_factory=Counter)
+    saturated: int = 0
+    rolling_s: float = 0.0
+    missing_s: float = 0.0
+    distance_m: float = 0.0
+    speed_min_mps: float = math.inf
+    speed_max_mps: float = -math.inf
+    uncorrected: int = 0
+    uncorrected_reason: Reason | None = None
+    newest: dict[str, Estimate] = field(default_factory=dict)
+    usable: dict[str, tuple[int, Estimate]] = field(default_factory=dict)
+
+    @property
+    def speed_mean_mps(self) -> float:
+        """Distance over time, NaN where there is no time."""
+        return self.distance_m / self.rolling_s if self.rolling_s > 0.0 else math.nan
+
+    @property
+    def missing_fraction(self) -> float:
+        """Share of the samples within completed revolutions that were lost, by time; NaN likewise."""
+        return self.missing_s / self.rolling_s if self.rolling_s > 0.0 else math.nan
+
+    @property
+    def lost_fraction(self) -> float:
+        """Share of all samples that were lost on the link, also between revolutions; NaN when not known."""
+        sent = self.counters.samples + self.counters.samples_lost
+        return self.counters.samples_lost / sent if sent else math.nan
+
+    @property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """The last of each name, the last one that was not invalid where there was one."""
+        return tuple(self.usable.get(name, (0, estimate))[1] for name, estimate in self.newest.items())
+
+    @property
+    def stale(self) -> dict[str, Stale]:
+        """Those that are not the newest, which is invalid, by name."""
+        return {
+            name: Stale(number, self.newest[name].reasons)
+            for name, (number, _) in self.usable.items()
+            if self.newest[name].status is Status.INVALID and self.revolutions - number >= _OF_THE_END
+        }
+
+
+class ResultSummary:
+    """Accumulates results wheel by wheel in constant memory."""
+
+    def __init__(self) -> None:
+        self._wheels: dict[str, WheelSummary] = {}
+
+    def add(self, result: RevolutionResult) -> None:
+        """Count one result."""
+        wheel = self._wheels.get(result.position)
+        if wheel is None:
+            wheel = self._wheels[result.position] = WheelSummary(result.position)
+        revolution = result.revolution
+        wheel.revolutions += 1
+        wheel.revolutions_valid += not revolution.faults
+        wheel.saturated += revolution.saturated
+        if revolution.uncorrected is not None:
+            wheel.uncorrected += 1
+            wheel.uncorrected_reason = revolution.uncorrected
+        if revolution.faults:
+            wheel.faults.update(revolution.faults)
+        wheel.rolling_s += revolution.period_s
+        wheel.missing_s += revolution.missing_fraction * revolution.period_s
+        wheel.distance_m += 2.0 * math.pi * result.conditions.radius_m * revolution.turns
+        speed_mps = revolution.omega_radps * result.conditions.radius_m
+        wheel.speed_min_mps = min(wheel.speed_min_mps, speed_mps)
+        wheel.speed_max_mps = max(wheel.speed_max_mps, speed_mps)
+        newest, usable, number, invalid = wheel.newest, wheel.usable, wheel.revolutions, Status.INVALID
+        for estimate in result.estimates:
+            newest[estimate.name] = estimate
+            if estimate.status is not invalid:
+                usable[estimate.name] = number, estimate
+
+    def wheels(self, states: Iterable[WheelSnapshot] = ()) -> tuple[WheelSummary, ...]:
+        """Return the summaries so far, wheels in the order of their first result.
+
+        Args:
+            states: last states of the wheels, which count the samples.
+        """
+        for state in states:
+            if state.position in self._wheels:
+                self._wheels[state.position].counters = state.counters
+        return tuple(self._wheels.values())
+
+
+def effects_line(wheel: WheelSummary, effects: Sequence[str]) -> str:
+    """Return whether a wheel's known effects were subtracted; they hold only where they were found."""
+    names, count, uncorrected = ", ".join(effects), wheel.revolutions, wheel.uncorrected
+    if wheel.uncorrected_reason is None:
+        return f"{wheel.position}: subtracted from its axes: {names}"
+    why = text(wheel.uncorrected_reason)
+    if uncorrected == count:
+        return f"{wheel.position}: NOT subtracted from its axes: {names}: {why}"
+    return (
+        f"{wheel.position}: subtracted from its axes in {count - uncorrected} of {count} revolutions: {names}; "
+        f"not in the others: {why}"
+    )
+
+
+def removed_line(wheel: WheelSummary, table: CorrectionTable) -> str:
+    """Return the size of what known effects removed from each axis, at the wheel's mean speed; empty for nothing."""
+    if wheel.uncorrected >= wheel.revolutions or not math.isfinite(wheel.speed_mean_mps):
+        return ""
+    removed = table.contribution_mps2(wheel.speed_mean_mps / table.radius_m)
+    sizes = ", ".join(
+        f"{axis} {math.sqrt(float(row @ row) / len(row)):.2f}" for axis, row in zip(AXIS_NAMES, removed, strict=True)
+    )
+    return f"{wheel.position}: removed at {3.6 * wheel.speed_mean_mps:.1f} km/h, m/s² rms: {sizes}"
+
+
+def summary_lines(
+    wheels: Iterable[WheelSummary],
+    links: Sequence[LinkSnapshot] = (),
+    alarms: Sequence[AlarmRecord] = (),
+    sinks: Sequence[SinkSnapshot] = (),
+) -> list[str]:
+    """Return a summary as aligned lines: a block for each wheel, the alarms, then a line for each link and output."""
+    blocks = [_wheel_lines(wheel) for wheel in wheels] or [["no revolution was completed"]]
+    if alarms:
+        blocks.append(["alarms", *map(alarm_line, alarms)])
+    lines = [line for block in blocks for line in (*block, "")]
+    return [*lines, *map(_link_line, links), *map(_sink_line, sinks)] if links else lines[:-1]
+
+
+def alarm_line(alarm: AlarmRecord) -> str:
+    """Return what was wrong, when and for how long."""
+    end = "the end" if alarm.is_standing else f"{fixed(alarm.last_s, 1)} s"
+    times = f"from {fixed(alarm.first_s, 1)} s to {end}"
+    if alarm.count > 1:
+        times = f"{alarm.count} times {times}, {age(alarm.total_s)} in all"
+    return f"  {alarm.position} {alarm.name}: {times}: {text(alarm.reason)}"
+
+
+def _wheel_lines(wheel: WheelSummary) -> list[str]:
+    rows: list[_Row] = [("revolutions", str(wheel.revolutions), _revolutions_note(wheel))]
+    span = f"{fixed(wheel.speed_min_mps, 2, 3.6)} to {fixed(wheel.speed_max_mps, 2, 3.6)} km/h"
+    rows.append(("mean speed", f"{fixed(wheel.speed_mean_mps, 3, 3.6)} km/h", span))
+    took = f"in {duration(wheel.rolling_s) if wheel.rolling_s >= 60 else fixed(wheel.rolling_s, 2) + ' s'}"
+    rolled = next((show(estimate) for estimate in wheel.estimates if estimate.name == DISTANCE), None)
+    if rolled is None or rolled.status is Status.INVALID or DISTANCE in wheel.stale:
+        rows.append(("distance", f"{fixed(wheel.distance_m, 1)} m", took))
+    else:
+        rows.append(("distance", rolled.text(), "; ".join(filter(None, (took, rolled.reason)))))
+    rows.append(("samples lost", _share(wheel.lost_fraction), _samples_note(wheel)))
+    last = _estimate_rows(wheel)
+    every = (*rows, *last)
+    # Names of a shared row wrap, so that they do not widen the column of all labels.
+    widest = max(width(label) for label, _, _ in every)
+    of_one = max(width(name) for label, _, _ in every for name in _names(label))
+    label_width = max(min(widest, _LABEL_WIDTH), of_one)
+    value_width = max(width(value) for _, value, _ in every)
+    note_width = max(LINE_WIDTH - label_width - value_width - 2 * len(_GAP), _LEAST_NOTE)
+    blocks = [_row_lines(row, label_width, value_width, note_width) for row in every]
+    lines = [[line for block in part for line in block] for part in (blocks[: len(rows)], blocks[len(rows) :])]
+    return [wheel.position, *lines[0], *(["  at the end:"] if last else []), *lines[1]]
+
+
+def _row_lines(row: _Row, label_width: int, value_width: int, note_width: int) -> list[str]:
+    """Return a row of label, value and note as one line, as more where label or note do not fit their columns."""
+    label, value, note = row
+    notes = (
+        wrap(note, note_width, break_long_words=False, break_on_hyphens=False) if width(note) > note_width else [note]
+    )
+    lines = zip_longest(filled(_names(label), label_width), [value], notes, fillvalue="")
+    return [
+        f"  {pad(label_line, label_width)}{_GAP}{pad(value_line, value_width)}{_GAP}{note_line}".rstrip()
+        for label_line, value_line, note_line in lines
+    ]
+
+
+def _names(label: str) -> list[str]:
+    """Return the names that a label joins, each with the comma behind it."""
+    *others, last = label.split(_NEXT_NAME)
+    return [*(f"{name}{_NEXT_NAME.rstrip()}" for name in others), last]
+
+
+def _estimate_rows(wheel: WheelSummary) -> list[_Row]:
+    """Return (label, value, note) of each estimate; invalid ones of one reason share a row, as do equal notes."""
+    rows: list[_Row] = []
+    stales = wheel.stale
+
+    def shared(estimate: Estimate) -> tuple[Status, tuple[Reason, ...], Stale | None]:
+        return estimate.status, estimate.reasons, stales.get(estimate.name)
+
+    others = [quantity for quantity in wheel.estimates if quantity.name != DISTANCE]
+    for (status, reasons, stale), group in groupby(others, shared):
+        shown = [show(estimate) for estimate in group]
+        reason = joined(reasons)
+        word = "" if status is Status.VALID else str(status)
+        note = f"{word}: {reason}" if word and reason else word or reason
+        if stale is not None:
+            word = f"of revolution {stale.revolution} of {wheel.revolutions}, invalid since"
+            note = f"{word}: {joined(stale.reasons)}"
+        if status is Status.INVALID:
+            rows.append((_NEXT_NAME.join(quantity.label for quantity in shown), MISSING, note))
+            continue
+        for index, quantity in enumerate(shown):
+            rows.append(
+                (quantity.label, f"{quantity.number.joined()} {quantity.unit}".rstrip(), word if index else note)
+            )
+    return rows
+
+
+def _share(fraction: float) -> str:
+    if math.isnan(fraction):
+        return MISSING
+    return "0 %" if fraction == 0 else f"{fixed(fraction, 3, 100.0)} %"
+
+
+def _samples_note(wheel: WheelSummary) -> str:
+    """Return how many of the samples of completed revolutions were lost, if as many as of all, and what saturated."""
+    within = _share(wheel.missing_fraction)
+    saturated = f"{counted(wheel.saturated, 'revolution')} saturated" if wheel.saturated else ""
+    apart = f"{within} within completed revolutions" if within != _share(wheel.lost_fraction) else ""
+    return "; ".join(filter(None, (apart, saturated)))
+
+
+def _revolutions_note(wheel: WheelSummary) -> str:
+    if wheel.revolutions_valid == wheel.revolutions:
+        return "none with a fault"
+    faults = ", ".join(f"{count} x {text(fault)}" for fault, count in wheel.faults.most_common())
+    return f"{wheel.revolutions_valid} without a fault; {faults}"
+
+
+def _sink_line(sink: SinkSnapshot) -> str:
+    """Return what a live output has published; the reason is given when it did not end as it should."""
+    counts = f"{sink.sink}: {sink.published} published, {sink.dropped} dropped"
+    return counts if sink.note.code is Code.SINK_CLOSED else f"{counts}; {text(sink.note)}"
+
+
+def _link_line(link: LinkSnapshot) -> str:
+    expected = link.frames + link.frames_lost
+    parts = [f"{link.frames} frames", f"{link.frames_lost} lost ({percent(link.frames_lost, expected)})"]
+    counted = {
+        "bad CRC": link.crc_errors,
+        "duplicate": link.duplicates,
+        "reordered": link.reordered,
+        "skipped": link.skipped,
+        "noise bytes": link.noise_bytes,
+        **link.judged,
+        **{f"dropped by {stage}": count for stage, count in link.queue_dropped.items()},
+    }
+    return f"{link.link}: " + ", ".join([*parts, *(f"{count} {name}" for name, count in counted.items() if count)])

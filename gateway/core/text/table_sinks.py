@@ -1,0 +1,186 @@
+"""Table formats with columns: CSV and Parquet, and what the columns mean."""
+
+import csv
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import datetime
+from typing import IO, Any, Final, Protocol
+
+from gateway.core.optional_packages import require_packages
+from gateway.core.table_columns import Column
+from gateway.core.text.text import escaped, json_text
+
+Cell = str | int | float | bool | None
+
+_ROW_GROUP: Final = 8192
+# A spreadsheet takes text that begins so for a formula, and runs it.
+_FORMULA_STARTS: Final = ("=", "+", "-", "@", "\t", "\r", "\n")
+
+
+class RowSink(Protocol):
+    """A format with columns, which are given once before the rows."""
+
+    def begin(self, columns: Sequence[Column], metadata: Mapping[str, str] | None = None) -> None:
+        """Set the columns, before the first row, and the metadata of the file where the format has a place for it."""
+        ...
+
+    def row(self, cells: list[Cell]) -> None:
+        """Add a row; None for unknown values."""
+        ...
+
+    def end(self) -> None:
+        """Write what is left; the file stays open."""
+        ...
+
+
+class CsvSink:
+    """RFC 4180 with a header line; unknown values are empty, booleans 0 or 1, floats keep every digit.
+
+    Text that a spreadsheet would run as a formula gets an apostrophe in front: names come from files and hubs.
+    """
+
+    def __init__(self, file: IO[bytes]) -> None:
+        """Take the open file."""
+        self._rows = csv.writer(_Utf8(file))
+
+    def begin(self, columns: Sequence[Column], metadata: Mapping[str, str] | None = None) -> None:  # noqa: ARG002
+        """Write the header; CSV has no place for metadata."""
+        self.header(column.name for column in columns)
+
+    def header(self, names: Iterable[str]) -> None:
+        """Write the header."""
+        self._rows.writerow([harmless(name) for name in names])
+
+    def row(self, cells: list[Cell]) -> None:
+        """Add a row."""
+        # Most cells are numbers.
+        self._rows.writerow([cell if cell is None or type(cell) is float else harmless(cell) for cell in cells])
+
+    def end(self) -> None:
+        """Do nothing: every row is in the file."""
+
+
+class MetadataSink:
+    """What the columns of a table mean, for formats without a place for it: JSON, as CSV on the Web (W3C, csvw)."""
+
+    _DATATYPES: Final[Mapping[type, str]] = {str: "string", int: "integer", float: "double", bool: "boolean"}
+
+    def __init__(self, file: IO[bytes]) -> None:
+        """Take the open file."""
+        self._file = file
+
+    def begin(self, columns: Sequence[Column], metadata: Mapping[str, str] | None = None) -> None:
+        """Write all of it: name, type, description and unit of each column, and how to read the table."""
+        described = [
+            {
+                "name": column.name,
+                "datatype": self._DATATYPES.get(column.kind, "dateTime"),
+                "dc:description": column.description,
+                **({"schema:unitText": column.unit} if column.unit else {}),
+            }
+            for column in columns
+        ]
+        notes = [{"treadlink": dict(metadata or {})}]
+        about = {"@context": "http://www.w3.org/ns/csvw", "tableSchema": {"columns": described}, "notes": notes}
+        self._file.write(json_text(about, indent=1).encode() + b"\n")
+
+    def row(self, cells: list[Cell]) -> None:
+        """Do nothing: rows are in the table."""
+
+    def end(self) -> None:
+        """Do nothing: all of it is in the file."""
+
+
+class _Utf8:
+    """Text file of a binary one that does not close it."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._file = file
+
+    def write(self, text: str) -> int:
+        return self._file.write(text.encode())
+
+
+def harmless(cell: Cell) -> Cell:
+    """Return a cell of CSV: booleans as 0 or 1, text escaped, an apostrophe before what a spreadsheet would run."""
+    if isinstance(cell, bool):
+        return int(cell)
+    if not isinstance(cell, str):
+        return cell
+    return f"'{escaped(cell)}" if cell.startswith(_FORMULA_STARTS) else escaped(cell)
+
+
+def arrow_schema(
+    columns: Iterable[Column], metadata: Mapping[str, str] | None = None, *, is_brief: bool = False
+) -> Any:
+    """Return the Arrow schema of columns.
+
+    Args:
+        columns: in order.
+        metadata: of the whole table.
+        is_brief: whether the fields have no metadata; otherwise they have `unit` and `description`.
+    """
+    import pyarrow as pa
+
+    types = {str: pa.string(), int: pa.int64(), float: pa.float64(), bool: pa.bool_()}
+    types[datetime] = pa.timestamp("ns", tz="UTC")
+    return pa.schema(
+        [
+            pa.field(
+                column.name,
+                pa.float32() if column.is_short else types[column.kind],
+                metadata=None if is_brief else {"unit": column.unit, "description": column.description},
+            )
+            for column in columns
+        ],
+        metadata=metadata,
+    )
+
+
+def require_pyarrow() -> None:
+    """Raise OutputError, naming the extra to install, when Parquet's package is missing."""
+    require_packages("Parquet", "parquet", "pyarrow")
+
+
+class ParquetSink:
+    """Columns with unit and description, in row groups; `host_utc` is that of `host_ns`."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        """Take the open file."""
+        self._file = file
+        self._writer: Any = None
+        self._schema: Any = None
+        self._cells: list[list[Cell]] = []
+
+    def begin(self, columns: Sequence[Column], metadata: Mapping[str, str] | None = None) -> None:
+        """Write the header."""
+        import pyarrow.parquet as pq
+
+        self._schema = arrow_schema(columns, {f"treadlink.{key}": text for key, text in (metadata or {}).items()})
+        self._writer = pq.ParquetWriter(self._file, self._schema)
+
+    def row(self, cells: list[Cell]) -> None:
+        """Add a row."""
+        self._cells.append(cells)
+        if len(self._cells) >= _ROW_GROUP:
+            self._flush()
+
+    def end(self) -> None:
+        """Write what is left and the index."""
+        self._flush()
+        self._writer.close()
+
+    def _flush(self) -> None:
+        import pyarrow as pa
+
+        if not self._cells:
+            return
+        names: list[str] = self._schema.names
+        columns: list[list[Cell]] = [list(column) for column in zip(*self._cells, strict=True)]
+        columns[names.index("host_utc")] = columns[names.index("host_ns")]
+        self._cells = []
+        self._writer.write_table(
+            pa.table(
+                [pa.array(column, field.type) for column, field in zip(columns, self._schema, strict=True)],
+                self._schema,
+            )
+        )

@@ -1,0 +1,58 @@
+"""What a wheel did and under which conditions, as text: from its row in the table of recordings."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final
+
+from gateway.core.text.numbers import MISSING, fixed, round_to_error, split_name
+from gateway.core.text.table_sinks import Cell
+
+Cells = Mapping[str, Cell]
+
+
+def number(cells: Cells, name: str) -> float:
+    """Return a cell as a number, NaN where it is empty."""
+    value = cells.get(name)
+    return float(value) if isinstance(value, int | float) else math.nan
+
+
+def _stated(cells: Cells, name: str) -> str:
+    """Return a condition with its error and unit."""
+    unit = split_name(name)[1]
+    stem, _, suffix = name.rpartition("_")
+    value, std = (number(cells, column) * unit.factor for column in (name, f"{stem}_std_{suffix}"))
+    text = round_to_error(value, std).joined()
+    return text if text == MISSING else f"{text} {unit.symbol}"
+
+
+def _spread(cells: Cells, names: Sequence[str]) -> str:
+    """Return the mean of a quantity with its least and its greatest value."""
+    unit = split_name(names[0])[1]
+    mean, least, most = (fixed(number(cells, name), 1, unit.factor) for name in names)
+    return mean if mean == MISSING else f"{mean} {unit.symbol}, {least} to {most}"
+
+
+def _revolutions(cells: Cells) -> str:
+    count, valid = cells["revolutions"], cells["revolutions_valid"]
+    return str(count) if count == valid else f"{count}, {valid} without a fault"
+
+
+def _lost(cells: Cells) -> str:
+    samples, lost = number(cells, "samples"), number(cells, "samples_lost")
+    return f"{100.0 * lost / (samples + lost):.3g} %" if samples + lost > 0.0 else MISSING
+
+
+_SPEEDS: Final = tuple(f"speed_{part}_mps" for part in ("mean", "min", "max"))
+_TEMPERATURES: Final = ("temperature_degc", "temperature_min_degc", "temperature_max_degc")
+
+GLANCE: Final[tuple[tuple[str, Callable[[Cells], str]], ...]] = (
+    ("revolutions", _revolutions),
+    ("distance", lambda cells: f"{fixed(number(cells, 'distance_m'), 1)} m"),
+    ("speed, mean and span", lambda cells: _spread(cells, _SPEEDS)),
+    ("load, stated", lambda cells: _stated(cells, "load_n")),
+    ("pressure", lambda cells: _stated(cells, "pressure_pa")),
+    ("temperature, mean and span", lambda cells: _spread(cells, _TEMPERATURES)),
+    ("belt radius", lambda cells: _stated(cells, "radius_m")),
+    ("samples lost", _lost),
+)
+"""Label of each line, and its text; MISSING for what is not known."""

@@ -1,0 +1,137 @@
+"""The text of reasons, from the templates in `gateway.core.reasons`."""
+
+import math
+import string
+from collections.abc import Iterable
+from datetime import UTC, datetime
+from functools import lru_cache
+from typing import Any, Final
+
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.feature import Registry, added, object_of
+from gateway.core.reasons import Code, Level, Notice, Reason, Value
+from gateway.core.text.probabilities import probability_text
+from gateway.core.text.text import escaped
+
+# Printed unit: factor from SI.
+_UNITS: Final = {
+    "%": 100.0,
+    "days": 1.0 / 86_400.0,
+    "deg": math.degrees(1.0),
+    "degC": 1.0,
+    "K": 1.0,
+    "h": 1.0 / 3_600.0,
+    "g": 1.0 / STANDARD_GRAVITY_MPS2,
+    "GB": 1e-9,
+    "GHz": 1e-9,
+    "Hz": 1.0,
+    "kB": 1e-3,
+    "kHz": 1e-3,
+    "km": 1e-3,
+    "km/h": 3.6,
+    "kPa": 1e-3,
+    "m": 1.0,
+    "m/s²": 1.0,
+    "MB": 1e-6,
+    "min": 1.0 / 60.0,
+    "mm": 1e3,
+    "ms": 1e3,
+    "ppm": 1e6,
+    "N": 1.0,
+    "s": 1.0,
+    "us": 1e6,
+}
+
+
+# A standard error of more times the value says no more about it.
+_MOST_TIMES: Final = 10.0
+
+
+def _unsigned_zero(shown: str) -> str:
+    """Return a printed number without the sign of a zero."""
+    return shown[1:] if shown.startswith("-") and not any(digit in shown for digit in "123456789n") else shown
+
+
+def _utc(time_s: float) -> str:
+    """Return a time, s since the epoch, as a date; in seconds where no calendar has it."""
+    try:
+        return f"{datetime.fromtimestamp(time_s, UTC):%Y-%m-%d %H:%M:%S}"
+    except (OverflowError, ValueError, OSError):
+        return f"{time_s:.0f} s since 1970"
+
+
+class _Template(string.Formatter):
+    """`str.format` with units of display and nested reasons."""
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        if isinstance(value, Reason):
+            return text(value)
+        if isinstance(value, tuple):
+            return ", ".join(self.format_field(item, format_spec) for item in value)
+        if format_spec == "probability":
+            return probability_text(value, ".2g")
+        if format_spec == "utc":
+            return _utc(value)
+        if format_spec == "series":
+            # Sentences are about the value itself, not its logarithm.
+            label: str = object_of(added(Registry.PARTS)["label of a series"])(str(value))
+            return label.removeprefix("ln ")
+        if format_spec == "times":
+            return f"more than {_MOST_TIMES:g} times" if value > _MOST_TIMES else f"{value:.2g} times"
+        if format_spec == " ":
+            return f" {value}" if value else ""
+        if isinstance(value, str) and not value.isprintable():
+            # Text from a hub, a file or an error stays on its line and cannot control the terminal.
+            value = escaped(value)
+        number, _, unit = format_spec.partition(" ")
+        if unit:
+            return f"{_unsigned_zero(format(value * _UNITS[unit], number))} {unit}"
+        shown = format(value, format_spec)
+        return _unsigned_zero(shown) if isinstance(value, float) else shown
+
+
+_FORMATTER: Final = _Template()
+
+
+@lru_cache(maxsize=1024)
+def text(reason: Reason) -> str:
+    """Return a reason as a phrase without a full stop."""
+    values = dict(reason.values)
+    try:
+        said = _FORMATTER.vformat(reason.code.text_template, (), values)
+        if "consequences" in values:
+            said += _FORMATTER.vformat("; this also changes {consequences:series}", (), values)
+        return said
+    except (LookupError, TypeError, ValueError):  # a plug-in may give a code with values that are not the code's
+        return str(reason.code)
+
+
+def joined(reasons: Iterable[Reason]) -> str:
+    """Return several reasons as one text, each once; empty when there are none."""
+    return "; ".join(dict.fromkeys(text(reason) for reason in reasons))
+
+
+def notice_text(notice: Notice) -> str:
+    """Return a notice as one line: its subject, then its reason; a matter of security is marked as such."""
+    said = f"{escaped(notice.subject)}: {text(notice.reason)}" if notice.subject else text(notice.reason)
+    return f"SECURITY: {said}" if notice.level is Level.SECURITY else said
+
+
+def as_json(reason: Reason) -> dict[str, Any]:
+    """Return a reason as JSON: code, values (SI) and text."""
+    values = {name: _plain(value) for name, value in reason.values}
+    return {"code": str(reason.code), "values": values, "text": text(reason)}
+
+
+def fields(code: Code) -> set[str]:
+    """Return the names of the values that a code's template needs."""
+    return {name for _, name, _, _ in string.Formatter().parse(code.text_template) if name}
+
+
+def _plain(value: Value) -> Any:
+    if isinstance(value, Reason):
+        return as_json(value)
+    if isinstance(value, tuple):
+        return [_plain(item) for item in value]
+    # JSON has no number for what is not finite.
+    return None if isinstance(value, float) and not math.isfinite(value) else value

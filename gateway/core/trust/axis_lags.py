@@ -1,0 +1,165 @@
+"""Comparison of the axes' timing between the wheels of one vehicle, whose hubs and sensors are of one kind.
+
+The relations of a wheel's axes show a lag that explains half of what they leave without it. Noise and the road hide a
+smaller lag. What a wheel has beyond the mean of the others, by four standard errors of the difference and by more than
+a sample, twice in succession, is a lag of this wheel: a lag by the simplifications of the relations is common to all
+wheels, and a lag by samples lost from an average passes.
+
+Errors of lags are those of what the relation leaves. On simulated roads, differences have 1.15 of them as the standard
+deviation, with 2.8 as the largest of 112.
+"""
+
+import bisect
+import math
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from itertools import combinations, islice
+from typing import Final, NamedTuple, TypeAlias
+
+from gateway.core.constants import AXIS_NAMES
+from gateway.core.estimates.results import Alarm, RevolutionResult
+from gateway.core.quantity import Basis
+from gateway.core.quantity_catalogue import quantity_of
+from gateway.core.reasons import Code, Reason
+from gateway.core.revolutions.axis_relations import Lag
+from gateway.core.trust.qualification import provisional
+
+ALARM: Final = "axis lag"
+"""Name of the alarm of a wheel with an axis that is late as only this wheel's is."""
+
+# Standard errors by which a wheel differs from the others. Each renewal of each axis of each wheel is a test.
+_APART: Final = 4.0
+# Those within which a wheel that differed agrees again.
+_STILL_APART: Final = 2.0
+# What rests on the axes, in the order of `AxisRelations.lags`.
+_RESTING: Final = (Basis.ALONG, Basis.AXES)
+_NO_LAGS: Final = (None, None)
+# Changes of a wheel's lags that are remembered: they are renewed every 64 revolutions.
+_CHANGES: Final = 64
+
+
+class _Lags(NamedTuple):
+    """Lags of a wheel's axes, and the time between two samples."""
+
+    axes: tuple[Lag | None, Lag | None]
+    sample_s: float
+
+
+_Late: TypeAlias = tuple[Reason | None, Reason | None]
+_IN_TIME: Final[_Late] = (None, None)
+
+
+@dataclass(slots=True)
+class _Wheel:
+    """A wheel.
+
+    Attributes:
+        changes: its latest lags, each with the end of the first revolution that has them, ns.
+        known_ns: time up to which it is judged.
+        late: why each of its axes is late as only this wheel's is, None where it is not.
+    """
+
+    changes: deque[tuple[int, _Lags]] = field(default_factory=lambda: deque(maxlen=_CHANGES))
+    known_ns: float = -math.inf
+    late: _Late = _IN_TIME
+
+    def lags(self, time_ns: float) -> list[_Lags]:
+        """Return the lags as known at a time, and those before."""
+        return list(islice((lags for end_ns, lags in reversed(self.changes) if end_ns <= time_ns), 2))
+
+
+class AxisLags:
+    """Compares the lags of all wheels; what is known at a time does not depend on the order of the results."""
+
+    def __init__(self) -> None:
+        """Start without a wheel."""
+        self._wheels: dict[str, _Wheel] = {}
+        # Ends of the revolutions with which lags of any wheel change, ns, in order.
+        self._changes_ns: list[int] = []
+
+    def compare(self, result: RevolutionResult) -> None:
+        """Compare the lags of a wheel's next revolution."""
+        changes = self._wheels.setdefault(result.position, _Wheel()).changes
+        if result.axis_lags != (changes[-1][1].axes if changes else _NO_LAGS):
+            changes.append((result.host_ns, _Lags(result.axis_lags, 1.0 / result.revolution.rate_hz)))
+            bisect.insort(self._changes_ns, result.host_ns)
+            del self._changes_ns[: -_CHANGES * len(self._wheels)]
+
+    def take(self, result: RevolutionResult, known_ns: float) -> tuple[RevolutionResult, bool]:
+        """Take a result that was compared.
+
+        Args:
+            result: of any wheel, in order for each.
+            known_ns: time up to which the results of all wheels have come.
+
+        Returns:
+            The result, of which estimates that rest on an axis that is late are provisional, and whether alarms of its
+            wheel begin or end.
+        """
+        wheel = self._wheels[result.position]
+        before = wheel.late
+        if known_ns > wheel.known_ns:
+            first = bisect.bisect_right(self._changes_ns, wheel.known_ns)
+            for time_ns in self._changes_ns[first : bisect.bisect_right(self._changes_ns, known_ns)]:
+                wheel.late = self._judged(result.position, time_ns)
+            wheel.known_ns = known_ns
+        is_changed = any(before) is not any(wheel.late)
+        if not any(wheel.late):
+            return result, is_changed
+        estimates = result.estimates
+        for basis, reason in zip(_RESTING, wheel.late, strict=True):
+            if reason is not None:
+                estimates = tuple(
+                    [
+                        provisional(each, reason) if basis in quantity_of(each.name).powers else each
+                        for each in estimates
+                    ]
+                )
+        return replace(result, estimates=estimates), is_changed
+
+    def alarms(self) -> Iterator[Alarm]:
+        """Yield an alarm for each wheel with an axis that is late as only this wheel's is."""
+        for position, wheel in self._wheels.items():
+            for reason in [reason for reason in wheel.late if reason is not None][:1]:
+                yield Alarm(position, ALARM, reason)
+
+    def _judged(self, position: str, time_ns: int) -> _Late:
+        """Return why each axis of a wheel is late as only this wheel's is, as known at a time."""
+        wheel = self._wheels[position]
+        lags = wheel.lags(time_ns)
+        others = [
+            latest[0] for name, other in self._wheels.items() if name != position and (latest := other.lags(time_ns))
+        ]
+        along, lateral = (
+            _reason(axis, lags, [other.axes[axis] for other in others], is_late=reason is not None)
+            for axis, reason in enumerate(wheel.late)
+        )
+        return along, lateral
+
+
+def _reason(axis: int, lags: list[_Lags], of_others: list[Lag | None], *, is_late: bool) -> Reason | None:
+    """Return the reason where an axis is later than those of the other wheels, which agree with each other."""
+    others = [other for other in of_others if other is not None]
+    if len(lags) < 2 or not others:
+        return None
+    lag, lag_before = (each.axes[axis] for each in lags)
+    if lag is None or lag_before is None:
+        return None
+    if any(_are_apart(first, second, _APART) for first, second in combinations(others, 2)):
+        return None  # the odd one may be among them
+    count = len(others)
+    mean = Lag(math.fsum(other.late_s for other in others) / count, math.hypot(*(o.std_s for o in others)) / count)
+    beyond_s = lag.late_s - mean.late_s
+    if not _are_apart(lag, mean, _STILL_APART if is_late else _APART) or abs(beyond_s) <= lags[0].sample_s:
+        return None
+    if not is_late and not (
+        _are_apart(lag_before, mean, _APART) and (lag_before.late_s - mean.late_s) * beyond_s > 0.0
+    ):
+        return None
+    std_s = math.hypot(lag.std_s, mean.std_s)
+    return Reason(Code.AXIS_LATER_THAN_OTHERS, axis=AXIS_NAMES[axis], late_s=beyond_s, std_s=std_s)
+
+
+def _are_apart(first: Lag, second: Lag, errors: float) -> bool:
+    return abs(first.late_s - second.late_s) > errors * math.hypot(first.std_s, second.std_s)

@@ -1,0 +1,192 @@
+"""What is known against estimates lowers their status: the only place that applies it, by what each rests on."""
+
+import math
+from collections import deque
+from collections.abc import Iterable, Sequence
+from functools import lru_cache
+from typing import Final
+
+from gateway.core.estimates.doubt_rules import EVERY_RULE, DoubtRule
+from gateway.core.estimates.estimator import Estimate, Revolution, Status, estimate_of
+from gateway.core.estimates.wheel_setup import WheelSetup
+from gateway.core.quantity import Basis
+from gateway.core.quantity_catalogue import quantities_of, quantity_of
+from gateway.core.reasons import Code, Reason
+from gateway.core.trust.lost_revolutions import SteadyStatus
+from gateway.core.trust.sensor_limits import Doubt
+from gateway.core.trust.signal_evidence import Evidence
+
+# Standard errors beyond what is possible from which a value is not one of its quantity: one in 160 by chance.
+_BEYOND: Final = 2.5
+# Lag of an average over its change within its memory. A mean of all is behind by half of a steady drift, an exponential
+# one by all of it.
+_LAG: Final = 0.7
+_SIGN_UNVERIFIED: Final = Reason(Code.LATERAL_SIGN_UNVERIFIED)
+
+
+class Qualification:
+    """Qualifies the estimates of one estimator of a wheel; deterministic, one revolution at a time."""
+
+    def __init__(self, estimator: str, setup: WheelSetup) -> None:
+        """Start without revolutions."""
+        self._rules = setup.rules
+        quantities = () if setup.sensor.lateral_is_left else quantities_of(estimator)
+        # Quantities whose sign nobody can know.
+        self._signed = frozenset(quantity.name for quantity in quantities if Basis.SIGN in quantity.rests_on)
+        self._drift = OwnDrift(estimator)
+        self._follows_drift = self._drift.applies and DoubtRule.OWN_DRIFT in setup.rules
+        self._status = SteadyStatus(estimator)
+
+    def reset(self) -> None:
+        """Forget everything, as after a change of tire."""
+        self._drift.reset()
+        self._status.reset()
+
+    def of_block(
+        self,
+        estimates: Iterable[tuple[Estimate, ...]],
+        revolutions: Sequence[Revolution],
+        evidences: Sequence[Evidence],
+        doubts: Sequence[Sequence[Doubt]],
+        streaks: Sequence[float],
+    ) -> list[tuple[Estimate, ...]]:
+        """Return the estimates of consecutive revolutions, of the status and the error that all that is known leaves.
+
+        Args:
+            estimates: of each revolution.
+            revolutions: in order.
+            evidences: of the signal on what is stated, at each.
+            doubts: about the sensor in each.
+            streaks: of each, as `LossStreak.take` returns it.
+        """
+        finals = []
+        for index, raw in enumerate(estimates):
+            final = qualified(raw, evidences[index], doubts[index], revolutions[index].uncorrected, self._rules)
+            if self._signed:
+                final = _unsigned(final, self._signed)
+            if self._follows_drift:
+                final = self._drift.widened(final)
+            finals.append(self._status.steadied(final, streaks[index]))
+        return finals
+
+
+class OwnDrift:
+    """Error of the estimates of one estimator by their own drift: an average is behind what it follows."""
+
+    def __init__(self, estimator: str) -> None:
+        """Start without estimates."""
+        self._memory = {
+            quantity.name: quantity.memory_revolutions
+            for quantity in quantities_of(estimator)
+            if quantity.memory_revolutions
+        }
+        self.applies = bool(self._memory)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything, as after a change of tire."""
+        self._valid: dict[str, deque[float]] = {name: deque(maxlen=count) for name, count in self._memory.items()}
+
+    def widened(self, estimates: tuple[Estimate, ...]) -> tuple[Estimate, ...]:
+        """Return the estimates of the next revolution, with the error by what they have changed in their memory.
+
+        The change is counted from the oldest valid value within it.
+        """
+        valid, hypot = self._valid, math.hypot
+        widened = list(estimates)
+        for index, (name, value, std, status, reasons, scatter_std) in enumerate(estimates):
+            if status is Status.VALID and name in valid:
+                values = valid[name]
+                values.append(value)
+                std_with_lag = hypot(std, _LAG * (value - values[0]))
+                widened[index] = estimate_of((name, value, std_with_lag, status, reasons, scatter_std))
+        return tuple(widened)
+
+
+def qualified(
+    estimates: tuple[Estimate, ...],
+    evidence: Evidence,
+    doubts: Iterable[Doubt],
+    uncorrected: Reason | None,
+    rules: frozenset[DoubtRule] = EVERY_RULE,
+) -> tuple[Estimate, ...]:
+    """Return the estimates of an estimator, of the status that all that is known leaves them.
+
+    Args:
+        estimates: of one revolution.
+        evidence: of the signal on what is stated.
+        doubts: about the sensor.
+        uncorrected: why known effects were not subtracted; None where they were, or where none is known.
+        rules: those that apply.
+    """
+    if uncorrected is not None:
+        why = Reason(Code.EFFECTS_NOT_SUBTRACTED, why=uncorrected)
+        estimates = provisional_where(estimates, Basis.WAVEFORM, why)
+    if evidence.says_anything:
+        estimates = tuple(evidence.qualified(estimate) for estimate in estimates)
+    for doubt in doubts if DoubtRule.SENSOR_LIMITS in rules else ():
+        estimates = provisional_where(estimates, *doubt)
+    for name, value, _, _, _, _ in estimates if DoubtRule.POSSIBLE in rules else ():
+        least, greatest = _range_of(name)
+        # Hardly ever; not a number is not beyond them.
+        if value < least or value > greatest:
+            return tuple(map(_possible, estimates))
+    return estimates
+
+
+def provisional_where(
+    estimates: Iterable[Estimate], basis: Basis | None, why: Reason, share: float = 0.0
+) -> tuple[Estimate, ...]:
+    """Return estimates of which those that rest on something are provisional at best, with the reason.
+
+    Args:
+        estimates: of one revolution.
+        basis: on which an estimate rests; None for every one.
+        why: the reason.
+        share: of its value, by which its error grows.
+    """
+    return tuple(
+        provisional(estimate, why, share) if basis is None or basis in quantity_of(estimate.name).rests_on else estimate
+        for estimate in estimates
+    )
+
+
+def _unsigned(estimates: tuple[Estimate, ...], names: frozenset[str]) -> tuple[Estimate, ...]:
+    """Return estimates with the note that the sign of those of the names is not verified, if they are not invalid."""
+    return tuple(
+        [
+            estimate_of((name, value, std, status, (*reasons, _SIGN_UNVERIFIED), scatter_std))
+            if name in names and status is not Status.INVALID
+            else estimate
+            for estimate in estimates
+            for name, value, std, status, reasons, scatter_std in (estimate,)
+        ]
+    )
+
+
+@lru_cache(maxsize=1024)
+def _range_of(name: str) -> tuple[float, float]:
+    """Return the least and the greatest possible value of a quantity."""
+    return quantity_of(name).possible
+
+
+def _possible(estimate: Estimate) -> Estimate:
+    """Return an estimate, provisional at best where no tire, sensor or road can have its value."""
+    if estimate.status is Status.INVALID:
+        return estimate
+    least, greatest = quantity_of(estimate.name).possible
+    beyond = max(least - estimate.value, estimate.value - greatest)
+    if not beyond > 0.0 or beyond <= _BEYOND * estimate.std:
+        return estimate
+    if not estimate.std > 0.0:
+        return provisional(estimate, Reason(Code.NOT_POSSIBLE_AT_ALL))
+    return provisional(estimate, Reason(Code.NOT_POSSIBLE, errors=beyond / estimate.std))
+
+
+def provisional(estimate: Estimate, why: Reason, share: float = 0.0) -> Estimate:
+    """Return an estimate that is provisional at best, with the reason, and a share of its value in its error."""
+    status = Status.PROVISIONAL if estimate.status is Status.VALID else estimate.status
+    if any(why in reason for reason in estimate.reasons):
+        return estimate._replace(status=status)  # inherited from the estimate that this one is made of
+    std = math.hypot(estimate.std, share * estimate.value) if share else estimate.std
+    return estimate._replace(std=std, status=status, reasons=(*estimate.reasons, why))

@@ -1,0 +1,868 @@
+"""Self-calibration of a sensor: gain, zero-g offset, tilts and mounting offset from the rolling itself.
+
+Gain and zero-g offset follow from two equations per revolution. A closed belt has mean(s) = R Omega^2 (1 - e/R
+mean(k^2)). Gravity rotates through the sensor's axis with amplitude g; it is order 1 of the signal minus the order 1 of
+the closed belt. With the unknowns gain G, offset z, change of gain with temperature G' and belt stretch a:
+
+    mean(s)           = (G + G' dT) R Omega^2 (1 - e/R mean(k^2)) + z
+    order 1 - closure = (G + G' dT) g q + a R Omega^2
+
+Both are linear and are accumulated over revolutions, with prior errors as in a data sheet. Revolutions at different
+speeds separate z from G, and a from g. Pitch tilt and mounting offset come from the circumferential axis,
+roll tilt from the means of the lateral axis (`gateway.core.revolutions.sensor_mounting`).
+"""
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gateway.core.constants import AXIS_NAMES, STANDARD_GRAVITY_MPS2
+from gateway.core.estimates.disagreement import CONTRADICTION
+from gateway.core.estimates.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
+from gateway.core.estimates.lost_steady_value import LostSteadyValue, SteadyValueCheck
+from gateway.core.estimates.pace import is_due
+from gateway.core.estimates.revolution_block import BlockEstimator, RevolutionBlock, measured_shares
+from gateway.core.estimates.sensor_claims import HAND_MOUNTED_STD_M, Tilt
+from gateway.core.reasons import Code, Reason
+from gateway.core.revolutions.axis_relations import AxisRelations, axis_relations
+from gateway.core.revolutions.contact_edges import contact_interior
+from gateway.core.revolutions.sensor_mounting import (
+    HUB_SIZE,
+    MOUNTING_SIZE,
+    BeltKinematics,
+    MountingRows,
+    RollCalibration,
+    belt_kinematics,
+    hub_motion_mps2,
+    mounting_rows,
+    offset_by_yaw_m,
+)
+from gateway.core.revolutions.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS
+from gateway.core.types import BoolArray, ComplexArray, FloatArray
+
+NAMES: Final = (
+    "gain",
+    "zero_g_offset_mps2",
+    "gain_per_degc",
+    "roll_tilt_rad",
+    "pitch_tilt_rad",
+    "sensor_offset_m",
+)
+_CIRCUMFERENTIAL, _LATERAL, _RADIAL = range(3)
+_ALONG_NAME: Final = AXIS_NAMES[_CIRCUMFERENTIAL]
+
+# Prior standard errors of G, z, G' and a: 10 %, 1 g and 0.05 % per degree as in a data sheet; belt stretch as order 1
+# of R Omega^2, 2.4e-4 on a belt of 5 MN at 5000 N.
+_PRIOR_STDS: Final = (0.1, STANDARD_GRAVITY_MPS2, 5e-4, 3e-4)
+# Scatter of a revolution's mean without noise: road, speed within the revolution.
+_MEAN_STD_MPS2: Final = 0.5
+# Error of a revolution's mean over its value, per difference of the relative changes of speed in two revolutions: a
+# wheel that brakes or spins does not turn with the constant acceleration that the mean is freed from. Such a difference
+# counts in so many revolutions, and beyond what a usual drive and the timing of contacts make of it.
+_MEAN_BY_JERK: Final = 0.15
+_JERK_LASTS: Final = 3
+_USUAL_JERK: Final = 0.005
+# The same, per square of the relative change of speed in a revolution.
+_MEAN_BY_CHANGE: Final = 0.1
+# Systematic error of the closure as a share of R Omega^2: 1.3e-4 on a belt of 5 MN.
+_CLOSURE_STD: Final = 1.5e-4
+# Signal in the middle of a flat contact as a share of R Omega^2, on the exact ring over loads, and its error.
+_CONTACT_LEVEL: Final = (-0.025, 0.035)
+# Errors from belt stretch and contact shear in the circumferential axis.
+OFFSET_MODEL_M: Final = 2e-5
+PITCH_MODEL_RAD: Final = 4e-4
+_HORIZON_REVOLUTIONS: Final = 2000.0
+_KEEP: Final = 1.0 - 1.0 / _HORIZON_REVOLUTIONS
+# Order 2 of the circumferential axis that the mounting leaves on belts of random tires, over R Omega^2.
+_HUB_AT_REST: Final = 1e-4
+# Memory of the hub's motion, as that of the running average that contains it.
+_KEEP_OF_HUB: Final = 1.0 - 1.0 / DEFAULT_HORIZON_REVOLUTIONS
+# Memory of depth and pitch by the latest revolutions alone, and their standard errors beyond which they are not those
+# of all: the sensor moves, or another axis is read.
+_KEEP_OF_LATEST: Final = 1.0 - 1.0 / 8.0
+_BEYOND_LATEST: Final = 2.0
+# Share of its prior error below which the zero-g offset counts as determined, and of a stated error below which a
+# measured value stands against a statement that contradicts it.
+_SEPARATED: Final = 0.3
+# Relative error of the steady value that may go with the speed: the belt's shape and the sensor's offset, which the
+# mean depends on, are known better from revolution to revolution, and the sensor warms up.
+_MEAN_WITH_SPEED: Final = 4e-5
+_ROLL_SEPARATED_RAD: Final = math.radians(0.2)
+# Relative change of the speed within a revolution up to which gravity is separated from it. In a first revolution it is
+# not known, and given as 0.
+_STEADY_SPEED: Final = 0.03
+# Longest pause between renewals, which look for a change of direction too.
+_LONGEST: Final = 32
+_LEAST_REVOLUTIONS: Final = 8
+# Ratio of squared residuals from which the circumferential axis points against the rolling direction: gravity of twice
+# its size then remains in order 1.
+_AGAINST: Final = 4.0
+# Share of gravity below which an axis is not along the belt, and the standard errors by which it must be: a yaw of 45
+# deg leaves 0.7.
+_LEAST_GRAVITY: Final = 0.5
+_CERTAIN: Final = 3.0
+# R Omega^2 up to which gravity is looked for: belt stretch and drive add order 1 of up to 1e-3 of it.
+_GRAVITY_SHOWS_MPS2: Final = 1500.0
+# Of earlier revolutions in which gravity was looked for, at each further one.
+_KEPT_OF_GRAVITY: Final = 0.9
+# Largest order of an axis that stands still.
+_STILL_MPS2: Final = 1e-6
+# Mean square of kappa R from which the waveform is not that of a belt: 1.06 on a car tire. Nothing that rests on the
+# shape or on gravity can be told from it.
+GREATEST_MEAN_SQUARE: Final = 1.5
+# The equations of one revolution already overdetermine the mounting offset; three average out its jitter.
+_LEAST_OF_OFFSET: Final = 3
+# Revolutions in the average whose axes are compared with each other.
+_LEAST_OF_RELATIONS: Final = 2.5
+# Those from which their lags are compared with those of other wheels: before, acceleration looks like a lag.
+_LEAST_OF_LAGS: Final = 12.0
+
+# Places in the running sums: equations of the mounting, of the means, of gravity, then normal matrix and right-hand
+# side of G, z, G' and a, and what a relative error of the steady value adds to the right-hand side.
+_MOUNTING: Final = slice(0, MOUNTING_SIZE)
+_MEAN: Final = slice(MOUNTING_SIZE, MOUNTING_SIZE + 5)
+_GRAVITY: Final = slice(MOUNTING_SIZE + 5, MOUNTING_SIZE + 10)
+_MATRIX: Final = slice(MOUNTING_SIZE + 10, MOUNTING_SIZE + 26)
+_RIGHT: Final = slice(MOUNTING_SIZE + 26, MOUNTING_SIZE + 30)
+_STEADY: Final = slice(MOUNTING_SIZE + 30, MOUNTING_SIZE + 34)
+_SUMS: Final = MOUNTING_SIZE + 34
+# Sums of both equations, and of the normal equations, with their places in the products of factors and left-hand sides.
+_EQUATIONS: Final = slice(_MEAN.start, _GRAVITY.stop)
+_NORMAL: Final = slice(_MATRIX.start, _RIGHT.stop)
+_OF_EQUATIONS: Final = np.array(
+    [5 * row + column for row, column in ((0, 0), (0, 1), (1, 1), (0, 4), (1, 4))]
+    + [25 + 5 * row + column for row, column in ((0, 0), (0, 3), (3, 3), (0, 4), (3, 4))]
+)
+_OF_NORMAL: Final = np.array([5 * row + column for row in range(4) for column in range(4)] + [4, 9, 14, 19])
+
+
+class _Measurement(NamedTuple):
+    value: float
+    std: float
+
+
+class AlongGravity(NamedTuple):
+    """Gravity that the circumferential axis shows.
+
+    Attributes:
+        share: of g; negative for an axis that points against the rolling direction.
+        std: its standard error.
+    """
+
+    share: float
+    std: float
+
+    @property
+    def is_absent(self) -> bool:
+        """Whether the axis cannot be the one along the belt."""
+        return abs(self.share) + _CERTAIN * self.std < _LEAST_GRAVITY
+
+
+class Equations(NamedTuple):
+    """Normal equations of two unknowns: ((aa, ab), (ab, bb)) and (a, b)."""
+
+    aa: float = 0.0
+    ab: float = 0.0
+    bb: float = 0.0
+    a: float = 0.0
+    b: float = 0.0
+
+
+class Measured(NamedTuple):
+    """Quantities of the sensor that its own signal gives, for comparison with what is stated.
+
+    Attributes:
+        revolutions: used so far.
+        ac_coupled: whether the sensor passes no steady value.
+        rate_hz: sampling rate in use.
+        steady_mps2: latest mean of the radial axis that a perfect sensor would read on a belt of the stated radius.
+        mean_square: mean square of kappa R.
+        by_mean: of the relative error of the steady value and of the zero-g offset in m/s^2, from the means of the
+            revolutions.
+        by_gravity: of the relative error of the gain, and of belt stretch as order 1 of R Omega^2, from gravity in
+            order 1.
+        contact_gain: gain of an AC-coupled sensor and its standard error, from the depth of the contact; None without.
+        offset_m: sensor below the neutral layer and its standard error; None without a circumferential axis.
+        along_gravity: gravity that the circumferential axis shows; None where nothing tells.
+        hub_mps2: order 2 of the circumferential axis that the belt does not explain; 0 without that axis.
+        relations: of the axes with each other.
+        roll_by_mean_rad: of the averaged axes; NaN without a lateral axis.
+        tilt: how the sensor sits askew.
+    """
+
+    revolutions: int
+    ac_coupled: bool
+    rate_hz: float
+    steady_mps2: float
+    mean_square: float
+    by_mean: Equations
+    by_gravity: Equations
+    contact_gain: tuple[float, float] | None
+    offset_m: tuple[float, float] | None
+    along_gravity: AlongGravity | None = None
+    hub_mps2: float = 0.0
+    relations: AxisRelations = AxisRelations()
+    roll_by_mean_rad: float = math.nan
+    tilt: Tilt = Tilt()
+
+
+class _Step(NamedTuple):
+    """State after one revolution.
+
+    Attributes:
+        refused: why it was not used; None when it was.
+        revolutions: used so far.
+        sums: (_SUMS,) running sums.
+        pitch: None without a circumferential axis.
+        offset: likewise.
+        warm: temperature above that of the first revolution, K.
+        floor: gain of an AC-coupled sensor from the contact; None before the first.
+        measured: for the evidence; None before the first revolution.
+        against: whether the circumferential axis points against the rolling direction.
+    """
+
+    refused: Reason | None
+    revolutions: int
+    sums: FloatArray
+    pitch: _Measurement | None
+    offset: _Measurement | None
+    warm: float
+    floor: Estimate | None
+    measured: Measured | None
+    against: bool = False
+
+
+_START: Final = _Step(None, 0, np.zeros(_SUMS), None, None, 0.0, None, None)
+# Factors of the circumferential and the radial axis.
+_TURNED: Final = np.array([[-1.0], [1.0]])
+
+
+class SelfCalibrationEstimator(BlockEstimator):
+    """Gain, zero-g offset, gain over temperature, roll, pitch and mounting offset, improved by every revolution.
+
+    Estimates: the estimates of NAMES; a perfect sensor has gain 1.
+
+    A revolution with faults, such as a clipped one, is not used; the estimates so far are returned with the reason.
+    The error of the gain includes that of the belt radius. An AC-coupled sensor gives neither offsets nor roll,
+    which need the lost means, and its gain only from the contact, which is flat on a flat road.
+    """
+
+    name = "self-calibration"
+
+    def __init__(self) -> None:
+        """Start from the priors."""
+        self._roll = RollCalibration(offset_std_mps2=_PRIOR_STDS[1])
+        self._steady = SteadyValueCheck()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything, as after a change of sensor."""
+        self._roll.reset()
+        self._steady.reset()
+        # Whether the revolution before each of a block has faults.
+        self._after_fault: BoolArray = np.zeros(1, np.bool_)
+        # Relative change of the speed in each of the last revolutions before a block, and in its own; NaN where it is
+        # not known. Relative errors of the means of its own.
+        self._changes: FloatArray = np.full(_JERK_LASTS, math.nan)
+        self._mean_errors: FloatArray = np.zeros(0)
+        self._has_along = False
+        self._is_calibrated = False
+        self._reference_degc: float | None = None
+        self._ratio = 0.0
+        self._belt: BeltKinematics | None = None
+        self._centre_rad = self._scatter_mps2 = math.nan
+        # Squared residuals with gravity ahead, with gravity back and without any, and the number of equations.
+        self._with_gravity: FloatArray = np.zeros(4)
+        self._along_gravity: AlongGravity | None = None
+        self._hub: FloatArray = np.zeros(HUB_SIZE)
+        # Equations of the mounting, of the latest revolutions.
+        self._latest: FloatArray = np.zeros(MOUNTING_SIZE)
+        # Sums of the axes, and of 1, the square of the speed and the reaction to angular acceleration; what the
+        # relations of the axes said at the last renewal.
+        self._axes: FloatArray = np.zeros((0, 0))
+        self._axes_with: FloatArray = np.zeros(3)
+        self._relations = AxisRelations()
+        self._by_yaw_m = 0.0
+        self._roll_by_mean = math.nan
+        self._last = _START
+        self._steps: list[_Step] = []
+
+    def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
+        """Take revolutions and return the estimates of NAMES after each."""
+        self.measure(block)
+        return self.estimates(block)
+
+    def measure(self, block: RevolutionBlock) -> list[tuple[Measured | None, LostSteadyValue | None]]:
+        """Take revolutions; return what is measured after each, None before the first, and of a lost steady value.
+
+        Curvature of the belt, contact centre and scatter are those of the average at the last renewal. Revolutions
+        whose steady value is lost are not used.
+        """
+        lost_values = self._steady.update_block(block)
+        faulty = [bool(revolution.faults) for revolution in block.revolutions]
+        self._after_fault = np.array([self._after_fault[-1], *faulty])
+        self._look_at_speed(block)
+        steps: list[_Step] = []
+        taken: list[int] = []
+        for index, revolution in enumerate(block.revolutions):
+            lost = lost_values[index]
+            refused = _refused(revolution, block.conditions[index]) if lost is None else steady_value_lost(lost)
+            count = self._last.revolutions + len(taken) + 1
+            due = self._belt is None or is_due(count) or count == _LEAST_REVOLUTIONS + 1 or count % _LONGEST == 0
+            if refused is not None or due:
+                steps += self._take(block, taken)
+                taken = []
+            if refused is None and due:
+                refused = self._renew(block, index)
+            if refused is None:
+                taken.append(index)
+            else:
+                steps.append(self._last._replace(refused=refused))
+        steps += self._take(block, taken)
+        self._steps = steps
+        return [(step.measured, lost) for step, lost in zip(steps, lost_values, strict=True)]
+
+    def _look_at_speed(self, block: RevolutionBlock) -> None:
+        """Take the error that a change of acceleration makes in the mean of each revolution of a block."""
+        changes = block.arrays.omega_dot_radps2 * (2.0 * math.pi) / np.square(block.arrays.omega_radps)
+        changes[[revolution.assumed_steady for revolution in block.revolutions]] = math.nan
+        self._changes = np.concatenate([self._changes[-_JERK_LASTS:], changes])
+        jumps = np.nan_to_num(np.abs(np.diff(self._changes)))
+        jerks = np.lib.stride_tricks.sliding_window_view(jumps, _JERK_LASTS).max(axis=1)
+        by_change = _MEAN_BY_CHANGE * np.square(np.nan_to_num(changes))
+        self._mean_errors = _MEAN_BY_JERK * np.maximum(jerks - _USUAL_JERK, 0.0) + by_change
+
+    def estimates(self, block: RevolutionBlock, unsure: Sequence[float] | None = None) -> list[tuple[Estimate, ...]]:
+        """Return the estimates of NAMES after each revolution of the block that was measured last.
+
+        The roll, which is no evidence, is followed here: call it for every block or for none.
+
+        Args:
+            block: as measured.
+            unsure: relative error of gain or rate of each revolution beyond what is stated; None for none.
+        """
+        return [
+            (
+                *_gain_estimates(revolution, conditions, step),
+                _roll_estimate(revolution, conditions, step, roll),
+                *_mounting_estimates(conditions, step, further),
+            )
+            for revolution, conditions, step, roll, further in zip(
+                block.revolutions,
+                block.conditions,
+                self._steps,
+                self._rolls(block),
+                unsure or (0.0,) * len(block),
+                strict=True,
+            )
+        ]
+
+    def _rolls(self, block: RevolutionBlock) -> list[_Measurement | None]:
+        """Return the roll after each revolution of the block that was measured last; None before its first."""
+        rolls: list[_Measurement | None] = []
+        for index, step in enumerate(self._steps):
+            if step.refused is None and not block.revolutions[index].ac_coupled:
+                means = block.arrays.means_mps2[index]
+                self._roll.update(float(means[_LATERAL]), float(means[_RADIAL]))
+            rolls.append(_Measurement(self._roll.roll_rad, self._roll.roll_std_rad) if self._roll.count else None)
+        return rolls
+
+    def _renew(self, block: RevolutionBlock, index: int) -> Reason | None:
+        """Take the belt's shape from the average; return why the average is not usable, None when it is."""
+        average, conditions = block.averages.at(index), block.conditions[index]
+        if not np.isfinite(average.radial_mps2).all():
+            return Reason(Code.AXIS_NOT_FINITE, axis=AXIS_NAMES[_RADIAL])
+        if not float(average.radial_mps2.mean()) > 0.0:
+            return Reason(Code.NO_STEADY_VALUE)
+        if not math.isfinite(float(average.orders_std_mps2[1])):
+            return Reason(Code.AVERAGE_ERRORS_UNKNOWN)
+        self._ratio = self._offset_ratio(conditions)
+        self._centre_rad = 0.5 * (average.trailing_edge_rad + average.leading_edge_rad)
+        self._scatter_mps2 = max(float(average.orders_std_mps2[1]) * math.sqrt(average.effective_count), 1e-3)
+        self._belt = belt_kinematics(average.radial_mps2, self._ratio, self._centre_rad)
+        if block.revolutions[index].ac_coupled:
+            self._last = self._last._replace(floor=_floor_gain(average, conditions))
+        self._look_at_direction(block, index)
+        if not block.revolutions[index].ac_coupled:
+            self._relate(block, index, (average.leading_edge_rad, average.trailing_edge_rad))
+        return None
+
+    def _relate(self, block: RevolutionBlock, index: int, edges_rad: tuple[float, float]) -> None:
+        """Compare the axes with each other, over the latest revolutions."""
+        weight, square, reaction = self._axes_with.tolist()
+        if weight < _LEAST_OF_RELATIONS:
+            return
+        assert self._belt is not None
+        axes = self._axes / weight
+        if self._last.against:
+            axes[_CIRCUMFERENTIAL] = -axes[_CIRCUMFERENTIAL]
+        self._relations = axis_relations(
+            axes,
+            self._belt,
+            edges_rad,
+            square / weight,
+            reaction / weight,
+            block.revolutions[index].order_max,
+        )
+        if weight < _LEAST_OF_LAGS:
+            self._relations = self._relations._replace(lags=(None, None))
+        self._by_yaw_m = offset_by_yaw_m(axes, self._belt, square / weight, block.revolutions[index].order_max)
+        means = axes.mean(axis=1)
+        self._roll_by_mean = math.atan2(float(means[_LATERAL]), float(means[_RADIAL]))
+
+    def _look_at_direction(self, block: RevolutionBlock, index: int) -> None:
+        """Start again where a revolution shows that the circumferential axis points elsewhere than assumed.
+
+        A tire that rolls in reverse, or an axis of the wrong sign, turns gravity and the reading of the offset round.
+        An axis that is not connected, or not the one along the belt, has no gravity.
+        """
+        spectra = block.arrays.in_plane_mps2[index]
+        if not (np.isfinite(spectra[0, 0].real) and _measures(spectra[0])):
+            return
+        belt, radius_m = self._belt, block.conditions[index].radius_m
+        assert belt is not None
+        if belt.mean_square > GREATEST_MEAN_SQUARE:
+            return
+        revolution = block.revolutions[index]
+        weightless = spectra.copy()
+        weightless[0] += STANDARD_GRAVITY_MPS2 * belt.known_spectra[0]
+        rows = mounting_rows(
+            np.stack([spectra, spectra * _TURNED, weightless]),
+            belt,
+            np.full(3, revolution.omega_radps),
+            np.full(3, revolution.omega_dot_radps2),
+            radius_m,
+            np.full(3, revolution.order_max),
+            with_mean=not revolution.ac_coupled,
+        )
+        ahead, back, without = rows.squared_residuals().tolist()
+        against, absent = self._last.against, self._is_absent
+        turned = _AGAINST * (ahead if against else back) < (back if against else ahead)
+        if not revolution.ac_coupled and radius_m * revolution.omega_radps**2 < _GRAVITY_SHOWS_MPS2:
+            self._with_gravity *= 0.0 if turned else _KEPT_OF_GRAVITY
+            self._with_gravity += (ahead, back, without, float(rows.sums[0, -1]))
+            self._along_gravity = _gravity_of(*self._with_gravity.tolist())
+        if turned or self._is_absent is not absent:
+            self._last = _START._replace(against=against is not turned, floor=self._last.floor)
+            self._is_calibrated = self._has_along = False
+            self._hub, self._axes, self._axes_with = np.zeros(HUB_SIZE), np.zeros((0, 0)), np.zeros(3)
+            self._latest = np.zeros(MOUNTING_SIZE)
+            self._relations = AxisRelations()
+            self._by_yaw_m = 0.0
+            self._ratio = self._offset_ratio(block.conditions[index])
+            average = block.averages.at(index)
+            self._belt = belt_kinematics(average.radial_mps2, self._ratio, self._centre_rad)
+
+    @property
+    def _is_absent(self) -> bool:
+        return self._along_gravity is not None and self._along_gravity.is_absent
+
+    def _offset_ratio(self, conditions: TireConditions) -> float:
+        """Return e / R: as measured once its error is below 1 mm, else as stated, else 0."""
+        offset = self._last.offset
+        if offset is None or not offset.std < HAND_MOUNTED_STD_M:
+            return (conditions.claims.offset_m or 0.0) / conditions.radius_m
+        return min(max(offset.value / conditions.radius_m, -0.05), 0.15)
+
+    def _take(self, block: RevolutionBlock, taken: Sequence[int]) -> list[_Step]:
+        """Add revolutions without faults on one shape of the belt; return the state after each."""
+        if not taken:
+            return []
+        belt = self._belt
+        assert belt is not None
+        first, first_conditions = block.revolutions[taken[0]], block.conditions[taken[0]]
+        rows = np.zeros((len(taken), _SUMS))
+        hub = np.zeros((len(taken), HUB_SIZE))
+        # Without a copy where all are taken, as nearly always.
+        selection = slice(None) if len(taken) == len(block) else np.array(taken)
+        spectra = block.arrays.in_plane_mps2[selection]
+        if self._last.against:
+            spectra = spectra * _TURNED
+        omega, omega_dot = block.arrays.omega_radps[selection], block.arrays.omega_dot_radps2[selection]
+        along = np.isfinite(spectra[:, 0, 0].real) & _measures(spectra[:, 0])
+        if self._is_absent:
+            along[:] = False
+        self._has_along |= bool(along.any())
+        # The circumferential axis reads the acceleration of wheel and car.
+        is_timed = np.array([not block.revolutions[index].assumed_steady for index in taken])
+        have_along = (along & is_timed).tolist()
+        if any(have_along):
+            order_max = np.array([block.revolutions[index].order_max for index in taken])
+            with_mean = not first.ac_coupled
+            mounting = mounting_rows(
+                spectra, belt, omega, omega_dot, first_conditions.radius_m, order_max, with_mean=with_mean
+            )
+            hub, rows[:, _MOUNTING] = mounting.hub, mounting.sums
+            if not all(have_along):
+                left_out = [not has_along for has_along in have_along]
+                hub[left_out] = 0.0
+                rows[left_out, _MOUNTING] = 0.0
+        warm, expected = [self._last.warm] * len(taken), [math.nan] * len(taken)
+        is_calibrated = False
+        if not first.ac_coupled:
+            # Before that, the mounting offset, which the mean depends on, is not known.
+            is_calibrated = (
+                first_conditions.claims.offset_m is not None
+                or not self._has_along
+                or self._last.revolutions + 1 > _LEAST_REVOLUTIONS
+            )
+            warm = [self._warm(block.conditions[index]) for index in taken]
+            steady = self._gain_rows(block, taken, belt, np.array(warm), rows, is_calibrated=is_calibrated)
+            expected = steady.tolist()
+        if (measured := measured_shares([block.revolutions[index] for index in taken])) is not None:
+            rows *= np.array(measured)[:, np.newaxis]
+        before = self._last.sums
+        if is_calibrated and not self._is_calibrated:
+            before = before.copy()
+            before[_MEAN] = before[_GRAVITY] = 0.0
+        self._is_calibrated |= is_calibrated
+        powers, decay = _decay(len(taken), _KEEP)
+        sums = powers[:, np.newaxis] * before + decay @ rows
+        powers, decay = _decay(len(taken), _KEEP_OF_HUB)
+        hub = powers[:, np.newaxis] * self._hub + decay @ hub
+        axes, weights = block.arrays.axes_mps2[selection], decay[-1] * is_timed
+        total = (weights @ axes.reshape(len(taken), -1)).reshape(axes.shape[1:])
+        self._axes = total + powers[-1] * self._axes if self._axes.size else total
+        reaction = omega_dot * first_conditions.radius_m
+        self._axes_with = powers[-1] * self._axes_with + weights @ np.array([np.ones(len(taken)), omega**2, reaction]).T
+        self._hub = hub[-1]
+        powers, decay = _decay(len(taken), _KEEP_OF_LATEST)
+        latest = powers[:, np.newaxis] * self._latest + decay @ rows[:, _MOUNTING]
+        self._latest = latest[-1]
+        return self._record(block, taken, belt, sums, hub, latest, warm, expected)
+
+    def _warm(self, conditions: TireConditions) -> float:
+        degc = conditions.temperature_degc
+        if degc is None:
+            return self._last.warm
+        self._reference_degc = degc if self._reference_degc is None else self._reference_degc
+        return degc - self._reference_degc
+
+    def _gain_rows(
+        self,
+        block: RevolutionBlock,
+        taken: Sequence[int],
+        belt: BeltKinematics,
+        warm: FloatArray,
+        rows: FloatArray,
+        *,
+        is_calibrated: bool,
+    ) -> FloatArray:
+        """Set the two equations of each revolution; return the steady value that is expected of each, (k,)."""
+        selection = slice(None) if len(taken) == len(block) else np.array(taken)
+        orders = block.arrays.orders_mps2[selection, :2]
+        omega = block.arrays.omega_radps[selection]
+        steady = block.conditions[taken[0]].radius_m * omega * omega
+        expected: FloatArray = steady * (1.0 - self._ratio * belt.mean_square)
+        mean = orders[:, 0].real
+        order_1 = orders[:, 1] * complex(math.cos(self._centre_rad), math.sin(self._centre_rad))
+        # Gravity was subtracted with a gain of 1; the remainder is compared with the closure of the belt.
+        gravity = STANDARD_GRAVITY_MPS2 * belt.gravity_order_1
+        remainder = order_1.real - belt.signal_order_1 * mean
+        change = np.nan_to_num(np.abs(self._changes[_JERK_LASTS:][selection]))
+        settled = self._last.revolutions + 1 + np.arange(len(taken)) > 2
+        is_steady = (change > 0.0) & (change < _STEADY_SPEED) & settled & (belt.mean_square <= GREATEST_MEAN_SQUARE)
+        is_resumed = np.isnan(self._changes[_JERK_LASTS:][selection]) & (self._last.revolutions > 0)
+        # Behind a revolution with faults, neither the time of the contact between them nor the acceleration is sure.
+        usable = np.isfinite(remainder) & np.isfinite(expected) & ~self._after_fault[:-1][selection]
+        # Factors of G, z, G' and a, then the left-hand side, of both equations.
+        both = np.zeros((len(taken), 2, 5))
+        by_mean, by_gravity = both[:, 0], both[:, 1]
+        by_mean[:, 0], by_mean[:, 1], by_mean[:, 2], by_mean[:, 4] = expected, 1.0, expected * warm, mean - expected
+        by_gravity[:, 0], by_gravity[:, 2], by_gravity[:, 3], by_gravity[:, 4] = (
+            gravity,
+            gravity * warm,
+            steady,
+            remainder,
+        )
+        by_mean /= np.hypot(_MEAN_STD_MPS2, self._mean_errors[selection] * expected)[:, np.newaxis]
+        # Behind a pause, the acceleration is not known.
+        by_mean[is_resumed] = 0.0
+        by_gravity /= self._scatter_mps2
+        by_gravity[~is_steady] = 0.0
+        if block.conditions[taken[0]].tire.is_linear_ring:
+            by_gravity[:] = 0.0
+        if not usable.all():
+            both[~usable] = 0.0
+        products = both[:, :, :, np.newaxis] * both[:, :, np.newaxis, :]
+        rows[:, _EQUATIONS] = products.reshape(-1, 50)[:, _OF_EQUATIONS]
+        if is_calibrated:
+            total = products[:, 0] + products[:, 1]
+            rows[:, _NORMAL] = total.reshape(-1, 25)[:, _OF_NORMAL]
+            rows[:, _STEADY] = products[:, 0, 0, :4]
+        return expected
+
+    def _record(
+        self,
+        block: RevolutionBlock,
+        taken: Sequence[int],
+        belt: BeltKinematics,
+        sums: FloatArray,
+        hub: FloatArray,
+        latest: FloatArray,
+        warm: Sequence[float],
+        expected: Sequence[float],
+    ) -> list[_Step]:
+        solutions = stds = None
+        hub_mps2 = [0.0] * len(taken)
+        if self._has_along:
+            mountings, mounting_stds = MountingRows(sums[:, _MOUNTING], hub).solve()
+            of_latest, latest_stds = MountingRows(latest, hub).solve()
+            beyond = np.abs(of_latest - mountings) - _BEYOND_LATEST * latest_stds
+            solutions, stds = mountings.tolist(), np.hypot(mounting_stds, np.fmax(beyond, 0.0)).tolist()
+            # What a belt without any such motion leaves does not count.
+            motion = hub_motion_mps2(hub, mountings[:, 0], mountings[:, 1])
+            motion[np.isnan(motion)] = 0.0
+            at_rest = _HUB_AT_REST * block.conditions[taken[0]].radius_m * np.square(block.arrays.omega_radps[taken])
+            hub_mps2 = np.maximum(motion - np.square(at_rest) / np.maximum(motion, 1e-12), 0.0).tolist()
+        floor = self._last.floor
+        contact = None if floor is None or floor.status is Status.INVALID else (floor.value, floor.std)
+        equations = sums[:, _EQUATIONS].tolist()
+        count, against, steps = self._last.revolutions, self._last.against, []
+        for row, index in enumerate(taken):
+            revolution, claims = block.revolutions[index], block.conditions[index].claims
+            count += 1
+            # Relative difference of the gains of two axes; tilts and mounting offset are ratios of axes.
+            axes_std = math.sqrt(2.0) * claims.gain_std
+            offset = pitch = None
+            if solutions is not None and stds is not None:
+                pitch, offset = _mounting(solutions[row], stds[row], axes_std)
+                if against and pitch is not None:
+                    # Of the sensor, not of its turned axis.
+                    pitch = _Measurement(-pitch.value, pitch.std)
+            tilt = Tilt.of(self._roll_by_mean, math.nan if pitch is None else pitch.value)
+            if offset is not None and pitch is not None:
+                offset = _Measurement(offset.value, math.hypot(offset.std, self._by_yaw_m * tilt.yaw_std_rad))
+            measured = Measured(
+                revolutions=count,
+                ac_coupled=revolution.ac_coupled,
+                rate_hz=revolution.rate_hz,
+                steady_mps2=expected[row],
+                mean_square=belt.mean_square,
+                by_mean=Equations(*equations[row][:5]),
+                by_gravity=Equations(*equations[row][5:]),
+                contact_gain=contact,
+                offset_m=offset if count >= _LEAST_OF_OFFSET else None,
+                along_gravity=self._along_gravity,
+                hub_mps2=hub_mps2[row],
+                relations=self._relations,
+                roll_by_mean_rad=self._roll_by_mean,
+                tilt=tilt,
+            )
+            steps.append(_Step(None, count, sums[row], pitch, offset, warm[row], floor, measured, against))
+        self._last = steps[-1]
+        return steps
+
+
+def _measures(spectra: ComplexArray) -> BoolArray:
+    """Return which spectra (..., orders) are not those of an axis that stands still."""
+    moving: BoolArray = np.abs(spectra[..., 1:]).max(axis=-1) > _STILL_MPS2
+    return moving
+
+
+def _gravity_of(ahead: float, back: float, without: float, count: float) -> AlongGravity | None:
+    """Return the gravity in an axis from the squares that are left with gravity ahead, with gravity back and without.
+
+    They are a parabola in the share of gravity.
+    """
+    bend = 0.5 * (ahead + back) - without
+    if not bend > 0.0:
+        return None
+    share = (back - ahead) / (4.0 * bend)
+    residual = max(without - bend * share**2, 0.0)
+    return AlongGravity(share, math.sqrt(residual / max(count, 1.0) / bend))
+
+
+@lru_cache(maxsize=64)
+def _decay(count: int, keep: float) -> tuple[FloatArray, FloatArray]:
+    """Return the shares of the sums before, (k,), and of each new row, (k, k), in the sums after k rows."""
+    index: FloatArray = np.arange(count, dtype=np.float64)
+    powers: FloatArray = keep ** (index + 1.0)
+    later: FloatArray = np.maximum(index[:, np.newaxis] - index, 0.0)
+    rows: FloatArray = np.tril(np.power(keep, later))
+    for array in (powers, rows):
+        array.setflags(write=False)
+    return powers, rows
+
+
+def _mounting(
+    solution: Sequence[float], stds: Sequence[float], axes_std: float
+) -> tuple[_Measurement | None, _Measurement | None]:
+    """Return pitch and mounting offset; None where they are not finite."""
+    offset, tilt = solution[0], solution[1]
+    offset_std = math.hypot(stds[0], axes_std * offset, OFFSET_MODEL_M)
+    if not (math.isfinite(offset_std) and math.isfinite(tilt)):
+        return None, None
+    pitch = _Measurement(math.atan(tilt), math.hypot(stds[1], axes_std * tilt, PITCH_MODEL_RAD))
+    return pitch, _Measurement(offset, offset_std)
+
+
+def _mounting_estimates(conditions: TireConditions, step: _Step, unsure: float) -> tuple[Estimate, Estimate]:
+    if step.pitch is None or step.offset is None:
+        reason = step.refused or _why_without(step.measured)
+        return Estimate.invalid(NAMES[4], reason), Estimate.invalid(NAMES[5], reason)
+    doubt = step.refused or _unsettled(step)
+    value, std = step.offset
+    offset = _estimate(NAMES[5], _Measurement(value, math.hypot(std, unsure * value)) if unsure else step.offset, doubt)
+    if step.against:
+        offset = offset._replace(reasons=(*offset.reasons, Reason(Code.AXIS_AGAINST_ROLLING, axis=_ALONG_NAME)))
+    stated_m, stated_std_m = conditions.claims.offset_m, conditions.claims.offset_std_m
+    if stated_m is not None and abs(stated_m - step.offset.value) > 3.0 * math.hypot(stated_std_m, step.offset.std):
+        is_worse = offset.status is Status.VALID and step.offset.std > _SEPARATED * stated_std_m
+        status = Status.PROVISIONAL if is_worse else offset.status
+        other = Reason(Code.OTHER_OFFSET_STATED, stated_m=stated_m)
+        offset = offset._replace(status=status, reasons=(*offset.reasons, other))
+    return _estimate(NAMES[4], step.pitch, doubt), offset
+
+
+def _why_without(measured: Measured | None) -> Reason:
+    """Return why there is no estimate from the circumferential axis."""
+    gravity = None if measured is None else measured.along_gravity
+    if gravity is not None and gravity.is_absent:
+        return gravity_absent(gravity)
+    return Reason(Code.AXIS_MISSING, axis=_ALONG_NAME)
+
+
+def gravity_absent(gravity: AlongGravity) -> Reason:
+    """Return the statement that the circumferential axis does not turn in gravity."""
+    return Reason(Code.GRAVITY_ABSENT, axis=_ALONG_NAME, share=abs(gravity.share), std=gravity.std)
+
+
+def steady_value_lost(lost: LostSteadyValue) -> Reason:
+    """Return the statement that the sensor is not DC-coupled as stated."""
+    return Reason(Code.COUPLING_CONTRADICTED, share=lost.share, std=lost.std)
+
+
+def zero_contradicted(value_mps2: float, std_mps2: float, stated_std_mps2: float) -> Reason | None:
+    """Return that a measured zero-g offset of the radial axis contradicts its statement; None where it does not."""
+    if abs(value_mps2) <= CONTRADICTION * math.hypot(std_mps2, stated_std_mps2):
+        return None
+    return Reason(Code.ZERO_CONTRADICTED, zero_mps2=value_mps2, std_mps2=std_mps2, stated_std_mps2=stated_std_mps2)
+
+
+def _roll_estimate(
+    revolution: Revolution, conditions: TireConditions, step: _Step, roll: _Measurement | None
+) -> Estimate:
+    if roll is None:
+        lost = Reason(Code.AC_COUPLED) if revolution.ac_coupled else None
+        return Estimate.invalid(NAMES[3], step.refused or lost or Reason(Code.AXIS_MISSING, axis=AXIS_NAMES[_LATERAL]))
+    roll_rad, roll_std_rad = roll
+    mixed = 0.0 if step.measured is None else step.measured.tilt.mixed
+    by_gains = math.sqrt(2.0) * conditions.claims.gain_std * roll_rad
+    widened = _Measurement(roll_rad, math.hypot(roll_std_rad, by_gains, mixed))
+    doubt = step.refused or _unsettled(step)
+    if doubt is None and roll_std_rad > _ROLL_SEPARATED_RAD:
+        doubt = Reason(Code.NEEDS_TWO_SPEEDS, quantity="roll tilt")
+    return _estimate(NAMES[3], widened, doubt)
+
+
+def _gain_estimates(
+    revolution: Revolution, conditions: TireConditions, step: _Step
+) -> tuple[Estimate, Estimate, Estimate]:
+    refused = step.refused
+    if revolution.ac_coupled:
+        lost = Reason(Code.AC_COUPLED)
+        gain = step.floor
+        if gain is None or refused is not None:
+            gain = Estimate.invalid(NAMES[0], refused or Reason(Code.NO_CONTACT))
+        return gain, Estimate.invalid(NAMES[1], lost), Estimate.invalid(NAMES[2], lost)
+    information = step.sums[_MATRIX].reshape(4, 4)
+    if not information[0, 0] > 0.0:
+        reason = refused or Reason(Code.NO_REVOLUTION_YET)
+        first, second, third = (Estimate.invalid(name, reason) for name in NAMES[:3])
+        return first, second, third
+    stds = np.array(_PRIOR_STDS)
+    covariance = np.linalg.inv(information + np.diag(stds**-2.0))
+    change = covariance @ step.sums[_RIGHT]
+    steady = covariance @ step.sums[_STEADY] * _CLOSURE_STD
+    errors = np.sqrt(np.diag(covariance) + np.square(steady))
+    by_speed = speed_errors(Equations(*step.sums[_MEAN].tolist()))
+    errors[1] = math.hypot(errors[1], by_speed.zero_mps2)
+    present = np.array([1.0, 0.0, step.warm, 0.0])
+    gain_value = 1.0 + float(present @ change)
+    radius = conditions.radius_std_m / conditions.radius_m
+    gain_std = math.sqrt(
+        float(present @ covariance @ present) + float(present @ steady) ** 2 + (gain_value * radius) ** 2
+    )
+    doubt = refused or _unsettled(step)
+    one_speed = Reason(Code.NEEDS_TWO_SPEEDS, quantity="gain")
+    together = errors[1] > _SEPARATED * _PRIOR_STDS[1]
+    if not together:
+        gain_std = math.hypot(gain_std, by_speed.gain)
+    zero, stated_std = _Measurement(float(change[1]), float(errors[1])), conditions.claims.zero_g_std_mps2
+    other_zero = zero_contradicted(*zero, stated_std) if zero.std > _SEPARATED * stated_std else None
+    return (
+        _estimate(NAMES[0], _Measurement(gain_value, gain_std), doubt or (one_speed if together else None)),
+        Estimate.invalid(NAMES[1], one_speed) if together else _estimate(NAMES[1], zero, doubt or other_zero),
+        Estimate.invalid(NAMES[2], Reason(Code.NEEDS_TEMPERATURE_CHANGE))
+        if errors[2] > _SEPARATED * _PRIOR_STDS[2]
+        else _estimate(NAMES[2], _Measurement(float(change[2]), float(errors[2])), doubt),
+    )
+
+
+def _unsettled(step: _Step) -> Reason | None:
+    if step.revolutions >= _LEAST_REVOLUTIONS:
+        return None
+    return Reason(Code.NOT_SETTLED, revolutions=step.revolutions, needed=_LEAST_REVOLUTIONS)
+
+
+class SpeedErrors(NamedTuple):
+    """Errors of the relative steady value and of the zero-g offset that means at different speeds share."""
+
+    gain: float
+    zero_mps2: float
+
+
+def speed_errors(equations: Equations) -> SpeedErrors:
+    """Return the errors by a relative error of the steady value that goes with the speed.
+
+    A steady value that is wrong in proportion to its deviation from its mean looks like a zero-g offset.
+
+    Args:
+        equations: `Measured.by_mean`, of at least one revolution.
+
+    Returns:
+        The errors; infinite at one speed.
+    """
+    mean = equations.ab / equations.bb
+    spread2 = equations.aa / equations.bb - mean * mean
+    if not spread2 > 1e-12 * mean * mean:
+        return SpeedErrors(math.inf, math.inf)
+    gain = _MEAN_WITH_SPEED * abs(mean) / math.sqrt(spread2)
+    return SpeedErrors(gain, gain * abs(mean))
+
+
+def _refused(revolution: Revolution, conditions: TireConditions) -> Reason | None:
+    """Return why a revolution must not be used; None when it may be."""
+    if revolution.faults or revolution.saturated:
+        return not_used(revolution.faults or (Reason(Code.RADIAL_SATURATED),))
+    if not math.isfinite(revolution.orders_mps2[0].real):
+        return Reason(Code.AXIS_NOT_FINITE, axis=AXIS_NAMES[_RADIAL])
+    if not conditions.radius_m > 0.0:
+        return Reason(Code.SPEED_OR_RADIUS_UNKNOWN)
+    if not math.isfinite(revolution.trailing_edge_rad - revolution.leading_edge_rad):
+        return Reason(Code.NO_CONTACT_EDGES)
+    return None
+
+
+def _floor_gain(average: AngleAverage, conditions: TireConditions) -> Estimate:
+    """Return the gain of an AC-coupled sensor from the depth of the contact below the mean."""
+    interior = contact_interior(average.radial_mps2, 2.0 * average.radial_mps2.shape[0])
+    if interior is None:
+        return Estimate.invalid(NAMES[0], Reason(Code.NO_CONTACT))
+    steady = conditions.radius_m * average.omega_radps**2
+    depth = float(average.radial_mps2.mean() - average.radial_mps2[interior].mean()) / steady
+    gain = depth / (1.0 - _CONTACT_LEVEL[0])
+    std = gain * math.hypot(_CONTACT_LEVEL[1], conditions.radius_std_m / conditions.radius_m)
+    return Estimate(NAMES[0], gain, std, Status.PROVISIONAL, (Reason(Code.FLAT_CONTACT_ASSUMED),))
+
+
+def _estimate(name: str, measurement: _Measurement, doubt: Reason | None) -> Estimate:
+    if not (math.isfinite(measurement.value) and math.isfinite(measurement.std)):
+        return Estimate.invalid(name, doubt or Reason(Code.NOT_FINITE))
+    if doubt is not None:
+        return Estimate(name, measurement.value, measurement.std, Status.PROVISIONAL, (doubt,))
+    return Estimate(name, measurement.value, measurement.std, Status.VALID)

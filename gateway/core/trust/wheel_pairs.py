@@ -1,0 +1,301 @@
+"""Comparison of the wheels of a vehicle: those of an axle slip to the same side at a time, and roll as fast.
+
+Steering, side wind and a banked road turn or push both wheels to one side. What differs between them, toe and ply
+steer, is constant, and so part of the zero that each wheel's slip is counted from. A wheel that slips to the right
+whenever the other slips to the left has a lateral axis that points the other way, or a position that is another's.
+
+Both wheels roll the same way but in a curve, where speeds that differ by a share d at the speed v mean a lateral
+acceleration of d v^2 over the track. What no curve explains is a belt radius or a rate that is not as stated, until the
+speeds agree within their errors. One wheel alone shows neither.
+
+`gateway.core.trust.axis_lags` compares the axes of all wheels.
+
+What is compared depends on the times of the revolutions alone, not on the order in which they come.
+"""
+
+import bisect
+import math
+from collections import deque
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from itertools import takewhile
+from typing import Final, NamedTuple, Protocol
+
+import numpy as np
+
+from gateway.core.estimates.disagreement import CONTRADICTION
+from gateway.core.estimates.estimator import Status
+from gateway.core.estimates.results import Alarm, RevolutionResult
+from gateway.core.quantity import Basis
+from gateway.core.quantity_catalogue import declared
+from gateway.core.reasons import Code, Reason
+from gateway.core.trust.axis_lags import ALARM as AXIS_LAG
+from gateway.core.trust.axis_lags import AxisLags
+from gateway.core.trust.qualification import provisional_where
+from gateway.core.trust.signal_evidence import Contradiction, Evidence, Subject
+from gateway.core.wheel_position import right_of
+
+ALARM: Final = "lateral axis"
+"""Name of the alarm of a pair that slips to opposite sides."""
+
+ALARMS: Final = frozenset({ALARM, AXIS_LAG, str(Subject.WHEEL_SPEED)})
+"""Names of the alarms of wheels that are compared."""
+
+# A block of one wheel's revolutions may come before those of the other wheel.
+_WAITING: Final = 4096
+# Pairs of revolutions, each of which is beyond three errors at both wheels, and the share that must be opposite. A
+# wheel that meets a kerb or a puddle alone is one of few.
+_LEAST: Final = 8
+_OPPOSITE: Final = 0.8
+# Revolutions whose speeds are compared, some ten seconds of driving, and after how many this is done again.
+_COMPARED: Final = 128
+_EVERY: Final = 16
+# Lateral acceleration that ordinary driving does not exceed for so long, and the widest track, of a truck.
+_CURVE_MPS2: Final = 4.0
+_TRACK_M: Final = 2.1
+# Results of one wheel come up to so much later than those of the other: live, they wait for the next ones.
+_LATER_NS: Final = 10_000_000_000
+# Changes of the verdict that are remembered.
+_CHANGES: Final = 256
+
+
+class _Turn(NamedTuple):
+    """A revolution of one wheel: end, middle and half of its period, ns, direction of its slip, and rolling speed."""
+
+    end_ns: float
+    middle_ns: float
+    half_ns: float
+    direction: float
+    speed_mps: float
+    speed_std: float
+
+
+class _Both(NamedTuple):
+    """A revolution of either wheel at the same time; the ratio of the speeds is right over left."""
+
+    end_ns: float
+    side: float
+    ratio: float
+    speed_mps: float
+    std: float
+
+
+class _Verdict(NamedTuple):
+    """What is known from a time on: pairs of revolutions that slip apart and together, and the ratio of the speeds.
+
+    The counts are 0 where the slip says nothing, the ratio NaN where the speeds do not.
+    """
+
+    at_ns: float = -math.inf
+    opposite: int = 0
+    same: int = 0
+    ratio: float = math.nan
+    std: float = math.nan
+
+    @property
+    def says(self) -> tuple[bool, bool]:
+        return self.opposite > 0, math.isfinite(self.ratio)
+
+    def reason_of_slip(self, other: str) -> Reason:
+        return Reason(Code.LATERAL_SLIP_APART, other=other, opposite=self.opposite, same=self.same)
+
+    def contradiction(self, other: str, *, is_right: bool) -> Contradiction:
+        """Return the contradiction of the speeds at one of the wheels, were its radius or rate the wrong one."""
+        ratio = 1.0 / self.ratio if is_right else self.ratio
+        reason = Reason(Code.WHEELS_ROLL_APART, other=other, ratio=1.0 / ratio, std=self.std)
+        return Contradiction(Subject.WHEEL_SPEED, reason, {Basis.RADIUS: ratio, Basis.RATE: ratio})
+
+
+_NOTHING: Final = _Verdict()
+_NOT_APART: Final = (math.nan, math.nan)
+
+
+class VehicleWitness(Protocol):
+    """Signals of the vehicle beside the wheels."""
+
+    def joined(self, result: RevolutionResult) -> RevolutionResult:
+        """Return a result with the signals at the middle of its revolution as further estimates."""
+        ...
+
+    def alarms(self) -> Iterator[Alarm]:
+        """Yield an alarm for each contradiction that stands."""
+        ...
+
+
+@dataclass(slots=True)
+class _Pair:
+    """A left and a right wheel.
+
+    Attributes:
+        waiting: the latest revolutions, by side.
+        newest_ns: end of the latest, by side.
+        both: pairs of revolutions that earlier ones may still come between.
+        same: pairs of revolutions with slip to the same side.
+        opposite: pairs with slip to opposite sides.
+        speeds: latest pairs of revolutions without faults.
+        compared: how many there were.
+        apart: ratio of the speeds and its error where they are apart, NaN where they are not.
+        verdicts: each from its time on.
+    """
+
+    waiting: tuple[deque[_Turn], deque[_Turn]] = field(
+        default_factory=lambda: (deque(maxlen=_WAITING), deque(maxlen=_WAITING))
+    )
+    newest_ns: list[float] = field(default_factory=lambda: [-math.inf, -math.inf])
+    both: list[_Both] = field(default_factory=list)
+    same: int = 0
+    opposite: int = 0
+    speeds: deque[_Both] = field(default_factory=lambda: deque(maxlen=_COMPARED))
+    compared: int = 0
+    apart: tuple[float, float] = _NOT_APART
+    verdicts: deque[_Verdict] = field(default_factory=lambda: deque((_NOTHING,), maxlen=_CHANGES))
+
+    def take(self, side: int, turn: _Turn) -> None:
+        """Compare a revolution with those of the other wheel at its time."""
+        others = self.waiting[1 - side]
+        while others and others[0].middle_ns < turn.middle_ns - turn.half_ns:
+            others.popleft()
+        for other in takewhile(lambda other: other.middle_ns < turn.middle_ns + turn.half_ns, others):
+            if abs(other.middle_ns - turn.middle_ns) < min(turn.half_ns, other.half_ns):
+                left, right = (turn, other) if side == 0 else (other, turn)
+                both = _Both(
+                    max(turn.end_ns, other.end_ns),
+                    turn.direction * other.direction,
+                    right.speed_mps / left.speed_mps,
+                    left.speed_mps,
+                    math.hypot(left.speed_std, right.speed_std),
+                )
+                bisect.insort(self.both, both)
+        self.waiting[side].append(turn)
+        self.newest_ns[side] = turn.end_ns
+        until_ns = min(self.newest_ns)
+        while self.both and self.both[0].end_ns <= until_ns:
+            self._judge(self.both.pop(0))
+
+    def _judge(self, both: _Both) -> None:
+        self.same += both.side > 0.0
+        self.opposite += both.side < 0.0
+        if math.isfinite(both.ratio):
+            self.speeds.append(both)
+            self.compared += 1
+            if self.compared % _EVERY == 0:
+                self.apart = self._speeds_apart()
+        count = self.same + self.opposite
+        slips_apart = count >= _LEAST and self.opposite > _OPPOSITE * count
+        last = self.verdicts[-1]
+        opposite, same = (self.opposite, self.same) if slips_apart else (0, 0)
+        verdict = _Verdict(both.end_ns, opposite, same, *self.apart)
+        if verdict.says != last.says:
+            self.verdicts.append(verdict)
+
+    def _speeds_apart(self) -> tuple[float, float]:
+        """Return the ratio of the speeds and its error where neither errors nor a curve explain it.
+
+        Once a ratio is apart, a curve is no explanation of speeds that stay so: a slow stretch allows a tighter curve,
+        and is no evidence that the radius is right.
+        """
+        if len(self.speeds) < _COMPARED:
+            return _NOT_APART
+        ratios = np.array([both.ratio for both in self.speeds])
+        ratio = float(np.median(ratios))
+        slowest = min(both.speed_mps for both in self.speeds)
+        goes_on = (ratio - 1.0) * (self.apart[0] - 1.0) > 0.0
+        curve = 0.0 if goes_on else _CURVE_MPS2 * _TRACK_M / slowest**2
+        std = math.hypot(self.speeds[-1].std, float(ratios.std()) / math.sqrt(len(ratios)))
+        return (ratio, std) if abs(ratio - 1.0) > CONTRADICTION * std + curve else _NOT_APART
+
+    def verdict(self, at_ns: float) -> _Verdict:
+        """Return what is known at a time."""
+        return next((verdict for verdict in reversed(self.verdicts) if verdict.at_ns <= at_ns), _NOTHING)
+
+
+class WheelPairs:
+    """Compares the wheels of one vehicle; in whatever order their revolutions come, the same ones are compared."""
+
+    def __init__(self, join: VehicleWitness | None = None) -> None:
+        """Start without revolutions; `join` adds the vehicle's signals, None for none."""
+        self._join = join
+        self._axis_lags = AxisLags()
+        self._pairs: dict[str, _Pair] = {}
+        self._lefts: dict[str, str] = {}
+        self._names = frozenset(quantity.name for quantity in declared() if quantity.is_of_axle)
+        self._at_ns: dict[str, float] = {}
+
+    def compared(self, results: list[RevolutionResult]) -> Iterator[tuple[RevolutionResult, bool]]:
+        """Yield revolutions with the vehicle's signals and what these and the other wheels contradict.
+
+        The time of the one that is yielded is the present of the alarms of its pair.
+
+        Args:
+            results: of any wheels. One without host time, as of a dump, has no other at its time.
+
+        Yields:
+            The result, and whether alarms of the pair begin or end with it.
+        """
+        if self._join is not None:
+            results = [self._join.joined(result) for result in results]
+        self._compare(results)
+        yield from map(self._take, results)
+
+    def _compare(self, results: Iterable[RevolutionResult]) -> None:
+        for result in results:
+            if not result.host_ns:
+                continue
+            self._axis_lags.compare(result)
+            revolution, conditions = result.revolution, result.conditions
+            direction = next(
+                (e.value for e in result.estimates if e.name in self._names and e.status is not Status.INVALID), 0.0
+            )
+            right = right_of(result.position)
+            if right is not None:
+                self._lefts[right] = result.position
+            half_ns = 0.5e9 * revolution.period_s
+            turn = _Turn(
+                result.host_ns,
+                result.host_ns - half_ns,
+                half_ns,
+                0.0 if math.isnan(direction) else direction,
+                math.nan if revolution.faults else conditions.radius_m * revolution.omega_radps,
+                math.hypot(conditions.radius_std_m / conditions.radius_m, conditions.claims.rate_std),
+            )
+            self._pairs.setdefault(right or result.position, _Pair()).take(int(right is None), turn)
+
+    def _take(self, result: RevolutionResult) -> tuple[RevolutionResult, bool]:
+        if not result.host_ns:
+            return result, False
+        known_ns = result.host_ns - _LATER_NS
+        result, is_changed = self._axis_lags.take(result, known_ns)
+        right = right_of(result.position) or result.position
+        pair, left = self._pairs.get(right), self._lefts.get(right)
+        if pair is None or left is None:
+            return result, is_changed
+        before = pair.verdict(self._at_ns.get(right, -math.inf)).says
+        self._at_ns[right] = max(self._at_ns.get(right, -math.inf), result.host_ns)
+        is_changed |= pair.verdict(self._at_ns[right]).says != before
+        verdict = pair.verdict(known_ns)
+        if not any(verdict.says):
+            return result, is_changed
+        is_right = result.position == right
+        other, estimates = left if is_right else right, result.estimates
+        slips_apart, rolls_apart = verdict.says
+        if slips_apart:
+            estimates = provisional_where(estimates, Basis.SIGN, verdict.reason_of_slip(other))
+        if rolls_apart:
+            evidence = Evidence.of_contradictions((verdict.contradiction(other, is_right=is_right),))
+            estimates = tuple([evidence.qualified(estimate) for estimate in estimates])
+        return replace(result, estimates=estimates), is_changed
+
+    def alarms(self) -> Iterator[Alarm]:
+        """Yield those of the vehicle's signals, of axes, and of pairs that slip to opposite sides or roll apart."""
+        if self._join is not None:
+            yield from self._join.alarms()
+        yield from self._axis_lags.alarms()
+        for right, left in self._lefts.items():
+            verdict = self._pairs[right].verdict(self._at_ns.get(right, -math.inf))
+            slips_apart, rolls_apart = verdict.says
+            for position, other in ((left, right), (right, left)):
+                if slips_apart:
+                    yield Alarm(position, ALARM, verdict.reason_of_slip(other))
+                if rolls_apart:
+                    contradiction = verdict.contradiction(other, is_right=position == right)
+                    yield Alarm(position, str(contradiction.subject), contradiction.reason)

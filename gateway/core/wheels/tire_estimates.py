@@ -1,0 +1,447 @@
+"""Conditions, running average and estimators of one wheel's tire."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from firmware_protocol.messages import Axis, Environment
+from gateway.core.estimates.estimator import AngleAverage, Estimate, Estimator, Status, TireConditions
+from gateway.core.estimates.registry import in_order, make_estimator
+from gateway.core.estimates.results import RevolutionResult, SensorFlag
+from gateway.core.estimates.revolution_block import BlockEstimator, RevolutionArrays, RevolutionBlock, measured_shares
+from gateway.core.estimates.wheel_setup import WheelSetup
+from gateway.core.quantity import Basis
+from gateway.core.quantity_catalogue import rests_on_times_alone
+from gateway.core.reasons import Code, Reason
+from gateway.core.revolutions.coupling_highpass import behind_highpass
+from gateway.core.revolutions.synchronous_average import AverageSteps, RunningAverage
+from gateway.core.trust.lost_revolutions import LossStreak
+from gateway.core.trust.qualification import Qualification, provisional_where
+from gateway.core.trust.self_calibration import SelfCalibrationEstimator
+from gateway.core.trust.sensor_limits import Doubt
+from gateway.core.trust.signal_evidence import Evidence, assess
+from gateway.core.types import ComplexArray, FloatArray
+from gateway.core.wheels.old_pressure import change_since_reading_pa, old_pressure_s
+
+# Environment readings kept for revolutions that are not complete yet.
+_ENVIRONMENT_DEPTH: Final = 64
+# Revolutions worked on together, which bounds the memory.
+_LONGEST_BLOCK: Final = 64
+
+
+class Given(Mapping[str, "Named"]):
+    """Estimates of one revolution so far, by estimator."""
+
+    def __init__(self) -> None:
+        self._named: dict[str, Sequence[Estimate]] = {}
+
+    def add(self, estimator: str, estimates: Sequence[Estimate]) -> None:
+        """Add the estimates of an estimator."""
+        self._named[estimator] = estimates
+
+    def __getitem__(self, estimator: str) -> Named:
+        return Named(self._named[estimator])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._named)
+
+    def __len__(self) -> int:
+        return len(self._named)
+
+
+class Named(Mapping[str, Estimate]):
+    """Estimates by name; there are few, and few are looked up."""
+
+    def __init__(self, estimates: Sequence[Estimate]) -> None:
+        self._estimates = estimates
+
+    def __getitem__(self, name: str) -> Estimate:
+        for estimate in self._estimates:
+            if estimate.name == name:
+                return estimate
+        raise KeyError(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return (estimate.name for estimate in self._estimates)
+
+    def __len__(self) -> int:
+        return len(self._estimates)
+
+
+def _at_rate(conditions: TireConditions, rate_std: float) -> TireConditions:
+    """Return conditions with a relative error of the sampling rate beside what is stated of it."""
+    if not rate_std:
+        return conditions
+    claims = conditions.claims
+    return replace(conditions, claims=replace(claims, rate_std=math.hypot(claims.rate_std, rate_std)))
+
+
+class _PausedSteps:
+    """The running average after each of revolutions of which some have faults and leave it unchanged."""
+
+    def __init__(
+        self,
+        arrays: RevolutionArrays,
+        taken: Sequence[int],
+        steps: AverageSteps | None,
+        before: AverageSteps | None,
+    ) -> None:
+        self._arrays = arrays
+        self._steps, self._before = steps, before
+        # Step after each revolution, -1 before the first.
+        self._step = np.searchsorted(np.array(taken, dtype=np.intp), np.arange(len(arrays)), side="right") - 1
+
+    def _one(self, index: int) -> tuple[AverageSteps, int]:
+        if self._before is not None:
+            return self._before, len(self._before.counts) - 1
+        # Without any average the revolution stands for itself, in spite of its faults.
+        return _average(RunningAverage(), self._arrays, [index]), 0
+
+    @cached_property
+    def _parts(self) -> list[tuple[AverageSteps, int]]:
+        return [
+            (self._steps, int(step)) if self._steps is not None and step >= 0 else self._one(index)
+            for index, step in enumerate(self._step)
+        ]
+
+    @cached_property
+    def edges_rad(self) -> Sequence[tuple[float, float]]:
+        return [steps.edges_rad[step] for steps, step in self._parts]
+
+    @cached_property
+    def counts(self) -> Sequence[int]:
+        return [steps.counts[step] for steps, step in self._parts]
+
+    @cached_property
+    def effective_counts(self) -> Sequence[float]:
+        return [steps.effective_counts[step] for steps, step in self._parts]
+
+    @cached_property
+    def scatters(self) -> Sequence[float]:
+        return [steps.scatters[step] for steps, step in self._parts]
+
+    @cached_property
+    def spectra(self) -> ComplexArray:
+        return np.stack([steps.spectra[step] for steps, step in self._parts])
+
+    def edges_std_rad(self, index: int) -> tuple[float, float]:
+        steps, step = self._parts[index]
+        return steps.edges_std_rad(step)
+
+    def at(self, index: int) -> AngleAverage:
+        steps, step = self._parts[index]
+        return steps.at(step)
+
+
+def _average(average: RunningAverage, arrays: RevolutionArrays, taken: Sequence[int]) -> AverageSteps:
+    """Add some of the revolutions, at least one, to an average; return it after each."""
+    revolutions, radial, orders = arrays.revolutions, arrays.radial_mps2, arrays.orders_mps2
+    # Without a copy where all are taken, as nearly always.
+    if len(taken) < len(arrays):
+        revolutions, radial, orders = [revolutions[index] for index in taken], radial[taken], orders[taken]
+    finite = np.isfinite(radial)
+    if not finite.all():
+        radial = np.where(np.logical_and.reduce(finite, axis=1, keepdims=True), radial, 0.0)
+    return average.update_block(
+        radial,
+        orders,
+        [revolution.omega_radps for revolution in revolutions],
+        edges_rad=[(revolution.leading_edge_rad, revolution.trailing_edge_rad) for revolution in revolutions],
+        edges_std_rad=[
+            (revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad) for revolution in revolutions
+        ],
+        noise_mps2=[revolution.noise_mps2 for revolution in revolutions],
+        measured=measured_shares(revolutions),
+    )
+
+
+class _Series:
+    """Average, self-calibration and estimators of revolutions that may be averaged together."""
+
+    def __init__(self, setup: WheelSetup, estimators: Sequence[str], other: _Series | None = None) -> None:
+        self.average = RunningAverage()
+        # Always on, because what it measures decides how far the other estimates hold.
+        self.calibration = SelfCalibrationEstimator()
+        calibrations = {self.calibration.name: self.calibration}
+        common = {
+            shared.name: shared for shared in (other.estimators if other else ()) if rests_on_times_alone(shared.name)
+        }
+        present: dict[str, Estimator] = {**calibrations, **common}
+        self.estimators: list[Estimator] = [present.get(name) or make_estimator(name) for name in in_order(estimators)]
+        self.loss_streak = LossStreak()
+        self.qualifications = {estimator.name: Qualification(estimator.name, setup) for estimator in self.estimators}
+
+    def reset(self) -> None:
+        """Forget everything, as after a change of tire."""
+        self.average.reset()
+        self.calibration.reset()
+        self.loss_streak.reset()
+        for estimator in self.estimators:
+            estimator.reset()
+            self.qualifications[estimator.name].reset()
+
+
+class TireEstimates:
+    """Turns a wheel's revolutions into results; one instance per wheel.
+
+    Attributes:
+        last: the latest result, None before the first revolution.
+        rejected: revolutions with faults, which stay out of the average.
+        evidence: what the signal says for or against what is stated; None before the first revolution.
+    """
+
+    def __init__(self, setup: WheelSetup, estimators: Sequence[str]) -> None:
+        """Make the estimators; they run in the registry's order."""
+        self._setup = setup
+        self._names = tuple(estimators)
+        self._current = _Series(setup, estimators)
+        # Revolutions with and without known effects subtracted are averaged separately.
+        self._series = {False: self._current}
+        self._environment: deque[tuple[int, Environment, float]] = deque(maxlen=_ENVIRONMENT_DEPTH)
+        # Conditions made from the latest reading that was used.
+        self._stated: tuple[tuple[int, Environment, float] | None, TireConditions | None] = None, None
+        self.last: RevolutionResult | None = None
+        self.rejected = 0
+        self.evidence: Evidence | None = None
+
+    def reset(self) -> None:
+        """Forget everything, as after a change of tire."""
+        for series in self._series.values():
+            series.reset()
+        self.evidence = None
+
+    def forget_environment(self) -> None:
+        """Forget readings: the hub's time has restarted."""
+        self._environment.clear()
+
+    def environment(self, tick_us: int, environment: Environment, pressure_error_pa: float) -> None:
+        """Add a pressure and temperature reading with its hub time and the error that sensor health gives it."""
+        self._environment.append((tick_us, environment, pressure_error_pa))
+
+    def take_block(
+        self,
+        arrays: RevolutionArrays,
+        ends_us: Sequence[float],
+        hosts_ns: Sequence[int],
+        doubts: Sequence[Sequence[Doubt]],
+    ) -> list[RevolutionResult]:
+        """Estimate consecutive revolutions; the size of the blocks does not change the results.
+
+        The running average is known at the end of a block only. Whoever uses it must end blocks at places that do not
+        depend on how the samples arrived. Environment readings up to the last end must have been given.
+
+        Args:
+            arrays: the revolutions, in order.
+            ends_us: hub time of the end of each.
+            hosts_ns: host time of the end of each, ns since the epoch.
+            doubts: about the sensor in each; what rests on it is provisional.
+
+        Returns:
+            One result per revolution.
+        """
+        results: list[RevolutionResult] = []
+        revolutions, first = arrays.revolutions, 0
+        for end in range(1, len(revolutions) + 1):
+            corrected = revolutions[first].uncorrected is None
+            whole = end < len(revolutions) and (revolutions[end].uncorrected is None) is corrected
+            if not whole or end - first == _LONGEST_BLOCK:
+                rows = slice(first, end)
+                results += self._take_alike(arrays.part(rows), ends_us[rows], hosts_ns[rows], doubts[rows])
+                first = end
+        return results
+
+    def _take_alike(
+        self,
+        arrays: RevolutionArrays,
+        ends_us: Sequence[float],
+        hosts_ns: Sequence[int],
+        doubts: Sequence[Sequence[Doubt]],
+    ) -> list[RevolutionResult]:
+        """Estimate revolutions of one series: all with known effects subtracted, or none."""
+        revolutions = arrays.revolutions
+        uncorrected = revolutions[0].uncorrected is not None
+        if uncorrected not in self._series:
+            self._series[uncorrected] = _Series(self._setup, self._names, self._current)
+        self._current = series = self._series[uncorrected]
+        averages = self._take_in(arrays)
+        stated = [
+            _at_rate(self.conditions(end_us), revolution.rate_std)
+            for end_us, revolution in zip(ends_us, revolutions, strict=True)
+        ]
+        measured = series.calibration.measure(RevolutionBlock(revolutions, arrays, averages, stated))
+        earlier = [Given() for _ in revolutions]
+        evidences = [
+            assess(
+                measurement,
+                condition,
+                condition.radius_m * revolution.omega_radps**2,
+                ac_coupled=revolution.ac_coupled,
+                lost=lost,
+            )
+            for (measurement, lost), condition, revolution in zip(measured, stated, revolutions, strict=True)
+        ]
+        self.evidence = evidences[-1]
+        conditions = [
+            evidence.applied_to(condition, by_others)
+            for evidence, condition, by_others in zip(evidences, stated, earlier, strict=True)
+        ]
+        block = RevolutionBlock(revolutions, arrays, averages, conditions)
+        stated_block = RevolutionBlock(revolutions, arrays, averages, stated)
+        streaks = [series.loss_streak.take(revolution) for revolution in revolutions]
+        estimates: list[list[Estimate]] = [[] for _ in revolutions]
+        for estimator in series.estimators:
+            if estimator is series.calibration:
+                raw_estimates = series.calibration.estimates(stated_block, [evidence.unsure for evidence in evidences])
+            elif isinstance(estimator, BlockEstimator):
+                raw_estimates = estimator.update_block(block)
+            else:
+                raw_estimates = [
+                    estimator.update(revolution, averages.at(index), conditions[index])
+                    for index, revolution in enumerate(revolutions)
+                ]
+            qualification = series.qualifications[estimator.name]
+            finals = qualification.of_block(raw_estimates, revolutions, evidences, doubts, streaks)
+            for index, final in enumerate(finals):
+                earlier[index].add(estimator.name, final)
+                estimates[index] += final
+        results = []
+        for index, revolution in enumerate(revolutions):
+            final = self._finished(estimates[index], earlier[index], ends_us[index])
+            measurement, _ = measured[index]
+            lags = (None, None) if measurement is None else measurement.relations.lags
+            results.append(
+                RevolutionResult(
+                    self._setup.position, hosts_ns[index], revolution, conditions[index], final, axis_lags=lags
+                )
+            )
+        self.last = results[-1]
+        return results
+
+    def _finished(self, estimates: list[Estimate], earlier: Given, end_us: float) -> tuple[Estimate, ...]:
+        """Return the estimates of a revolution with distinct names, and with the doubt of an old pressure.
+
+        A name that an earlier estimator has used is prefixed with the estimator's: `ring-paper:Bs`.
+        """
+        if len({estimate.name for estimate in estimates}) < len(estimates):
+            estimates, taken = [], set[str]()
+            for estimator, named in earlier.items():
+                for name, estimate in named.items():
+                    distinct = estimate._replace(name=f"{estimator}:{name}") if name in taken else estimate
+                    estimates.append(distinct)
+                taken.update(named)
+        final = tuple(estimates)
+        old_s = old_pressure_s(self._environment, end_us)
+        if old_s is None:
+            return final
+        return provisional_where(final, Basis.PRESSURE, Reason(Code.PRESSURE_OLD, age_s=old_s))
+
+    def _take_in(self, arrays: RevolutionArrays) -> AverageSteps:
+        """Update the running average with the revolutions that have no faults; return it after each revolution."""
+        taken = [index for index, revolution in enumerate(arrays.revolutions) if not revolution.faults]
+        self.rejected += len(arrays) - len(taken)
+        before = self._current.average.steps
+        steps = _average(self._current.average, arrays, taken) if taken else None
+        if steps is not None and len(taken) == len(arrays):
+            return steps
+        return _PausedSteps(arrays, taken, steps, before)
+
+    def conditions(self, tick_us: float) -> TireConditions:
+        """Return the conditions of the tire at hub time `tick_us`."""
+        # The latest reading before that time.
+        taken = next((entry for entry in reversed(self._environment) if entry[0] <= tick_us), None)
+        reading, conditions = self._stated
+        if conditions is None or reading is not taken:
+            conditions = self._conditions(taken)
+            self._stated = taken, conditions
+        return conditions
+
+    def _conditions(self, taken: tuple[int, Environment, float] | None) -> TireConditions:
+        pressure, temperature = self._setup.pressure_pa, self._setup.temperature_degc
+        pressure_std, change_pa = self._setup.pressure_std_pa, 0.0
+        if taken is not None:
+            tick_us, reading, pressure_error = taken
+            until_then = (entry for entry in reversed(self._environment) if entry[0] <= tick_us)
+            change_pa = change_since_reading_pa(until_then)
+            pressure = reading.pressure_pa if reading.pressure_pa is not None else pressure
+            temperature = reading.temperature_degc if reading.temperature_degc is not None else temperature
+            pressure_std = max(pressure_std, pressure_error)
+        if pressure is not None:
+            pressure_std = max(pressure_std, self._setup.pressure_relative_std * pressure)
+        return TireConditions(
+            radius_m=self._setup.radius_m,
+            load_n=self._setup.load_n,
+            pressure_pa=pressure,
+            temperature_degc=temperature,
+            load_std_n=self._setup.load_std_n,
+            # What is no more than the errors of two readings is no change.
+            pressure_std_pa=max(pressure_std, change_pa),
+            radius_std_m=self._setup.radius_std_m,
+            claims=self._setup.sensor,
+            tire=self._setup.tire,
+            rules=self._setup.rules,
+        )
+
+    def flags(self) -> tuple[SensorFlag, ...]:
+        """Return what the signal contradicts of what is stated."""
+        contradictions = self.evidence.contradictions if self.evidence is not None else ()
+        return tuple(SensorFlag(str(contradiction.subject), contradiction.reason) for contradiction in contradictions)
+
+    @property
+    def average(self) -> AngleAverage | None:
+        """The running average, None before the first revolution without a fault."""
+        return self._current.average.latest
+
+    @property
+    def average_mps2(self) -> FloatArray | None:
+        """Waveform of the running average, (n,), None before the first revolution without a fault."""
+        return self._current.average.waveform_mps2
+
+    @property
+    def scatter_mps2(self) -> FloatArray | None:
+        """Standard deviation of the waveform from revolution to revolution, (n,), None likewise."""
+        return self._current.average.scatter_mps2
+
+    def average_as_measured(self, *, ac_coupled: bool, corner_hz: float = 0.0) -> AngleAverage | None:
+        """Return the running average including known effects, as in the samples in which contacts are searched.
+
+        Args:
+            ac_coupled: whether the sensor passes no steady value.
+            corner_hz: of that coupling.
+        """
+        average, table = self.average, self._setup.correction
+        if average is None:
+            return None
+        radial_mps2 = average.radial_mps2
+        if table is not None and self._current is self._series[False]:
+            added = table.contribution_mps2(average.omega_radps, ac_coupled=ac_coupled)[Axis.RADIAL]
+            radial_mps2 = radial_mps2 + added
+        if corner_hz:
+            radial_mps2 = behind_highpass(radial_mps2, 2.0 * math.pi * corner_hz / average.omega_radps)
+        return average if radial_mps2 is average.radial_mps2 else replace(average, radial_mps2=radial_mps2)
+
+    def contribution(
+        self, omega_radps: float, end_us: float, *, sensor_id: int, ac_coupled: bool
+    ) -> tuple[FloatArray | None, Reason | None]:
+        """Return the contribution of known effects to a revolution, (3, n), or None with the reason if there is one."""
+        table = self._setup.correction
+        if table is None:
+            return None, None
+        conditions = self.conditions(end_us)
+        refusal = table.refusal(omega_radps, conditions.load_n, conditions.pressure_pa)
+        if table.sensor_id is not None and table.sensor_id != sensor_id:
+            refusal = Reason(Code.EFFECTS_OF_OTHER_SENSOR, found_on=f"{table.sensor_id:08x}", sensor=f"{sensor_id:08x}")
+        if refusal is not None:
+            return None, refusal
+        return table.contribution_mps2(omega_radps, ac_coupled=ac_coupled), None
+
+    def latest(self, name: str) -> Estimate | None:
+        """Return the latest estimate of a name, None where it is invalid or no estimator gives it."""
+        estimates = self.last.estimates if self.last is not None else ()
+        return next((e for e in estimates if e.name == name and e.status is not Status.INVALID), None)

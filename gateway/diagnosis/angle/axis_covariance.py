@@ -1,0 +1,376 @@
+"""Covariance of the real coefficients of one axis in all groups of one state of the tire, and its inverse.
+
+A group's coefficients are y_g = sum_p s_pg d_p + e_g: parts d_p of the discrepancy that the groups share, with
+covariances P_p, and the group's own e_g with the scatter S_g and a share of the discrepancy's power.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Final, Protocol
+
+import numpy as np
+from scipy.linalg import blas, lapack
+
+from gateway.core.types import FloatArray, IntArray
+from gateway.diagnosis import criteria
+from gateway.diagnosis.angle.likelihood import REAL
+
+_JITTER: Final = 1e-10
+# Size from which a matrix is factorised in two halves: LAPACK inverts triangles of this size at a third of the speed of
+# its products.
+_LARGE: Final = 300
+
+Rows = Sequence[FloatArray | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Scatter:
+    """Scatter of one group's mean on one axis.
+
+    Attributes:
+        chosen: coefficients that are compared, (m,).
+        factor: (m, REAL), whitens the coefficients.
+        covariance: (m, m) of the chosen ones.
+        log_determinant: of the covariance.
+    """
+
+    chosen: IntArray
+    factor: FloatArray
+    covariance: FloatArray
+    log_determinant: float
+
+    @classmethod
+    def of(cls, factor: FloatArray) -> Scatter:
+        """Return the scatter that a matrix (m, REAL) whitens: a lower triangle in the compared coefficients."""
+        chosen = np.flatnonzero(factor.any(axis=0))
+        triangle = factor[:, chosen]
+        if not len(chosen):
+            return cls(chosen, factor, triangle, 0.0)
+        inverse, info = lapack.dtrtri(triangle, lower=1)
+        if info:
+            raise np.linalg.LinAlgError("the scatter is singular")
+        spread = np.asarray(inverse, dtype=np.float64)
+        log_determinant = -2.0 * float(np.log(np.diagonal(triangle)).sum())
+        return cls(chosen, factor, spread @ spread.T, log_determinant)
+
+    def thinned(self, share: float) -> Scatter:
+        """Return the scatter of a mean over a share of the revolutions."""
+        shift = len(self.chosen) * math.log(share)
+        return Scatter(
+            self.chosen, math.sqrt(share) * self.factor, self.covariance / share, self.log_determinant - shift
+        )
+
+    def placed(self, matrix: FloatArray) -> FloatArray:
+        """Return a matrix (m, m) of the chosen coefficients as one of all, (REAL, REAL)."""
+        if len(self.chosen) == REAL:
+            return matrix
+        result = np.zeros((REAL, REAL))
+        result[np.ix_(self.chosen, self.chosen)] = matrix
+        return result
+
+
+@dataclass(frozen=True, slots=True)
+class AxisGroups:
+    """Groups of one state of the tire, on one axis.
+
+    Attributes:
+        groups: indices.
+        scatters: of each group.
+        scales: (parts, groups) size of each part of the discrepancy in each group.
+        kernels: (kernels, REAL, REAL) of unit amplitude.
+    """
+
+    groups: tuple[int, ...]
+    scatters: tuple[Scatter, ...]
+    scales: FloatArray
+    kernels: FloatArray
+
+    @property
+    def parts(self) -> int:
+        """Number of parts: in proportion to omega^2, and constant."""
+        return len(self.scales)
+
+    def thinned(self, share: float) -> AxisGroups:
+        """Return the same groups for data with a share of the revolutions."""
+        return replace(self, scatters=tuple(scatter.thinned(share) for scatter in self.scatters))
+
+    def combined(self, matrices: FloatArray) -> FloatArray:
+        """Return the sum over kernels of amplitudes (kernels,) or more rows of them, (..., REAL, REAL)."""
+        result: FloatArray = (matrices @ self.kernels.reshape(len(self.kernels), -1)).reshape(
+            *matrices.shape[:-1], REAL, REAL
+        )
+        return result
+
+    def seen(self, weighted: Sequence[FloatArray]) -> FloatArray:
+        """Return rows (k, REAL) of each group as each part sees them, (parts, k, REAL)."""
+        return np.asarray(np.tensordot(self.scales, np.stack(weighted), axes=1), dtype=np.float64)
+
+
+class Inverse(Protocol):
+    """Inverse C^-1 of the covariance of an axis with amplitudes.
+
+    Attributes:
+        log_determinant: of the covariance over that of the scatter.
+        priors: covariance of each part of the discrepancy.
+    """
+
+    log_determinant: float
+    priors: tuple[FloatArray, ...]
+
+    def weighted(self, rows: Rows) -> list[FloatArray]:
+        """Return C^-1 rows' of rows (k, REAL) in each group of the axis, (k, REAL) each; None stands for zeros."""
+        ...
+
+    def products(self, rows: Rows, batches: int) -> FloatArray:
+        """Return rows C^-1 rows' within each of several equal batches of the rows, (batches, q, q)."""
+        ...
+
+    def inside(self, part: int) -> FloatArray:
+        """Return C^-1 as one part of the discrepancy sees it, (REAL, REAL)."""
+        ...
+
+
+def inverse_of(axis_groups: AxisGroups, amplitudes: FloatArray) -> Inverse:
+    """Return the inverse of an axis's covariance, by whichever of two equal ways inverts the smaller matrix.
+
+    Args:
+        axis_groups: scatter, scales and kernels.
+        amplitudes: (parts, kernels) mean squares.
+
+    Raises:
+        LinAlgError: the covariance is singular.
+    """
+    bare = axis_groups.combined(amplitudes[: axis_groups.parts])
+    whole = len(axis_groups.groups) <= axis_groups.parts
+    return _Whole(axis_groups, bare) if whole else _Shared(axis_groups, bare)
+
+
+def _unshared_covariance(axis_groups: AxisGroups, number: int, bare: FloatArray) -> FloatArray:
+    """Return the covariance of what one group does not share, (m, m)."""
+    scatter = axis_groups.scatters[number]
+    if len(axis_groups.groups) == 1:
+        # What is a group's own is no different there from what it shares.
+        return scatter.covariance
+    unshared = np.tensordot(criteria.OWN_SHARE * np.square(axis_groups.scales[:, number]), bare, axes=1)
+    return np.asarray(scatter.covariance + _chosen(unshared, scatter.chosen, scatter.chosen), dtype=np.float64)
+
+
+def _steadied(bare: FloatArray) -> tuple[FloatArray, ...]:
+    """Return the covariances (parts, REAL, REAL) with a diagonal by which their Cholesky factors exist."""
+    steadied = []
+    for matrix in bare:
+        prior = matrix.copy()
+        prior[np.diag_indices(REAL)] += _JITTER * float(np.trace(prior)) / REAL
+        steadied.append(prior)
+    return tuple(steadied)
+
+
+class _Whole:
+    """Inverse of the covariance of all groups' coefficients as one matrix."""
+
+    def __init__(self, axis_groups: AxisGroups, bare: FloatArray) -> None:
+        self._axis_groups = axis_groups
+        self.priors = _steadied(bare)
+        scatters, scales = axis_groups.scatters, axis_groups.scales
+        numbers = range(len(axis_groups.groups))
+        ends = np.cumsum([0, *(len(scatter.chosen) for scatter in scatters)])
+        of = [slice(first, last) for first, last in pairwise(ends.tolist())]
+        covariance = np.empty((ends[-1], ends[-1]))
+        for first in numbers:
+            for second in range(first + 1):
+                # The lower triangle is enough for the factorisation.
+                factors = scales[:, first] * scales[:, second]
+                shared = sum(factor * prior for factor, prior in zip(factors.tolist(), self.priors, strict=True))
+                block = _chosen(np.asarray(shared), scatters[first].chosen, scatters[second].chosen)
+                if first == second:
+                    block = block + _unshared_covariance(axis_groups, first, bare)
+                covariance[of[first], of[second]] = block
+        inverse, log_determinant = _inverse(covariance)
+        self.log_determinant = log_determinant - sum(scatter.log_determinant for scatter in scatters)
+        self._inverse = np.zeros((len(numbers), len(numbers), REAL, REAL))
+        for first in numbers:
+            for second in numbers:
+                block = inverse[of[first], of[second]]
+                self._inverse[first, second][np.ix_(scatters[first].chosen, scatters[second].chosen)] = block
+
+    def weighted(self, rows: Rows) -> list[FloatArray]:
+        size = next(len(row) for row in rows if row is not None)
+        totals = []
+        for blocks in self._inverse.transpose(1, 0, 2, 3):
+            total = np.zeros((size, REAL))
+            for row, block in zip(rows, blocks, strict=True):
+                if row is not None:
+                    total += row @ block
+            totals.append(total)
+        return totals
+
+    def products(self, rows: Rows, batches: int) -> FloatArray:
+        return _products(self.weighted(rows), rows, batches)
+
+    def inside(self, part: int) -> FloatArray:
+        scales = self._axis_groups.scales[part]
+        result: FloatArray = np.einsum("g,h,ghij->ij", scales, scales, self._inverse)
+        return result
+
+
+class _Shared:
+    """Inverse by way of the coefficients that the groups share: C^-1 = G - G s (P^-1 + H)^-1 s' G.
+
+    G is the inverse of the groups' own covariances, s the scales of the parts, and H = s' G s.
+    """
+
+    def __init__(self, axis_groups: AxisGroups, bare: FloatArray) -> None:
+        self._axis_groups = axis_groups
+        self.priors = _steadied(bare)
+        parts = range(axis_groups.parts)
+        self._lower = [_cholesky(prior) for prior in self.priors]
+        self.log_determinant = 0.0
+        self._unshared = []
+        for number, scatter in enumerate(axis_groups.scatters):
+            factor, log_determinant = inverse_factor(_unshared_covariance(axis_groups, number, bare))
+            self._unshared.append(scatter.placed(factor.T @ factor))
+            self.log_determinant += log_determinant - scatter.log_determinant
+        # H and L' H of each pair of parts, with the Cholesky factor L of P.
+        self._information: list[list[FloatArray]] = [[] for _ in parts]
+        stacked = np.stack(self._unshared)
+        for first in parts:
+            for second in range(first + 1):
+                scales = axis_groups.scales[first] * axis_groups.scales[second]
+                self._information[first].append(np.tensordot(scales, stacked, axes=1))
+        self._left = np.empty((axis_groups.parts * REAL, axis_groups.parts * REAL))
+        inner = np.empty_like(self._left)
+        for first in parts:
+            for second in parts:
+                block = self._left_product(first, self._information[max(first, second)][min(first, second)])
+                self._left[_of(first), _of(second)] = block
+                if second <= first:
+                    # The lower triangle is enough for the factorisation.
+                    inner[_of(first), _of(second)] = blas.dtrmm(1.0, self._lower[second], block, side=1, lower=1)
+        inner[np.diag_indices(len(inner))] += 1.0
+        self._factor, log_determinant = inverse_factor(inner)
+        self.log_determinant += log_determinant
+
+    def _left_product(self, part: int, matrix: FloatArray) -> FloatArray:
+        """Return L' times a symmetric matrix."""
+        result: FloatArray = blas.dtrmm(1.0, self._lower[part], matrix.T, lower=1, trans_a=1)
+        return result
+
+    @cached_property
+    def _through(self) -> FloatArray:
+        """Cholesky factor's inverse of I + L' H L, times L' H."""
+        return lower_product(self._factor, self._left)
+
+    def weighted(self, rows: Rows) -> list[FloatArray]:
+        unshared_rows = self._by_unshared(rows)
+        solved = self._solved(unshared_rows) @ self._factor
+        shared = np.stack([solved[:, _of(part)] @ lower.T for part, lower in enumerate(self._lower)])
+        return [
+            group_rows - np.tensordot(scales, shared, axes=1) @ matrix
+            for group_rows, scales, matrix in zip(
+                unshared_rows, self._axis_groups.scales.T, self._unshared, strict=True
+            )
+        ]
+
+    def products(self, rows: Rows, batches: int) -> FloatArray:
+        unshared_rows = self._by_unshared(rows)
+        solved = self._solved(unshared_rows).reshape(batches, -1, len(self._factor))
+        return _products(unshared_rows, rows, batches) - solved @ solved.transpose(0, 2, 1)
+
+    def _by_unshared(self, rows: Rows) -> list[FloatArray]:
+        """Return rows G of each group."""
+        size = next(len(row) for row in rows if row is not None)
+        zeros = np.zeros((size, REAL))
+        return [zeros if row is None else row @ matrix for row, matrix in zip(rows, self._unshared, strict=True)]
+
+    def _solved(self, unshared_rows: Sequence[FloatArray]) -> FloatArray:
+        """Return rows G s L times the inverse of the Cholesky factor of I + L' H L, (k, parts REAL)."""
+        seen = self._axis_groups.seen(unshared_rows)
+        turned = np.concatenate([part @ lower for part, lower in zip(seen, self._lower, strict=True)], axis=1)
+        result: FloatArray = turned @ self._factor.T
+        return result
+
+    def inside(self, part: int) -> FloatArray:
+        through = self._through[:, _of(part)]
+        return self._information[part][part] - through.T @ through
+
+
+def _products(weighted: Sequence[FloatArray], rows: Rows, batches: int) -> FloatArray:
+    """Return the sum over groups of weighted rows (k, REAL) times rows', within batches of them."""
+    size = len(weighted[0]) // batches
+    total = np.zeros((batches, size, size))
+    for weighted_row, row in zip(weighted, rows, strict=True):
+        if row is not None:
+            total += weighted_row.reshape(batches, size, -1) @ row.reshape(batches, size, -1).transpose(0, 2, 1)
+    return total
+
+
+def inverse_factor(matrix: FloatArray) -> tuple[FloatArray, float]:
+    """Return the inverse of a Cholesky factor, a lower triangle, and the logarithm of the matrix's determinant.
+
+    Args:
+        matrix: symmetric and positive definite; its lower triangle is read.
+
+    Raises:
+        LinAlgError: it is not positive definite.
+    """
+    size = len(matrix)
+    if size == 0:
+        return matrix, 0.0
+    if size <= _LARGE:
+        lower = _cholesky(matrix)
+        inverse, _ = lapack.dtrtri(lower, lower=1)
+        return inverse, 2.0 * float(np.log(np.diagonal(lower)).sum())
+    half = size // 2
+    result = np.zeros((size, size))
+    result[:half, :half], first = inverse_factor(matrix[:half, :half])
+    below = matrix[half:, :half] @ result[:half, :half].T
+    result[half:, half:], second = inverse_factor(matrix[half:, half:] - below @ below.T)
+    result[half:, :half] = -result[half:, half:] @ (below @ result[:half, :half])
+    return result, first + second
+
+
+def _inverse(matrix: FloatArray) -> tuple[FloatArray, float]:
+    """Return the inverse of a matrix and the logarithm of its determinant; arguments as for `inverse_factor`."""
+    if len(matrix) > _LARGE:
+        factor, log_determinant = inverse_factor(matrix)
+        return factor.T @ factor, log_determinant
+    if not len(matrix):
+        return matrix, 0.0
+    lower = _cholesky(matrix)
+    log_determinant = 2.0 * float(np.log(np.diagonal(lower)).sum())
+    inverse, _ = lapack.dpotri(lower, lower=1, overwrite_c=True)
+    below = np.tril(inverse)
+    result: FloatArray = below + below.T
+    result[np.diag_indices(len(result))] *= 0.5
+    return result, log_determinant
+
+
+def lower_product(lower: FloatArray, matrix: FloatArray) -> FloatArray:
+    """Return a lower triangle times a matrix."""
+    half = len(lower) // 2
+    if len(lower) <= _LARGE:
+        return lower @ matrix
+    return np.concatenate([lower[:half, :half] @ matrix[:half], lower[half:] @ matrix])
+
+
+def _cholesky(matrix: FloatArray) -> FloatArray:
+    lower, info = lapack.dpotrf(matrix, lower=1)
+    if info:
+        raise np.linalg.LinAlgError("a covariance is not positive definite")
+    result: FloatArray = lower
+    return result
+
+
+def _chosen(matrix: FloatArray, rows: IntArray, columns: IntArray) -> FloatArray:
+    if len(rows) == len(columns) == REAL:
+        return matrix
+    return matrix[np.ix_(rows, columns)]
+
+
+def _of(part: int) -> slice:
+    return slice(part * REAL, (part + 1) * REAL)

@@ -1,0 +1,260 @@
+"""Discrepancy: the part of the waveforms that no effect explains, a Gaussian process over the belt's angle.
+
+For every axis it is a sum of zero-mean processes, near the contact and away from it, of three lengths each, and of the
+orders, bands of orders and places at which it is concentrated. Recordings of one state of the tire share them: a part
+in proportion to omega^2 and, where the speeds differ, one that is the same at all speeds. A share of their power is
+each recording's own, as nature keeps no such law strictly.
+Kennedy and O'Hagan (2001), Bayesian calibration of computer models.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from gateway.core.types import FloatArray
+from gateway.diagnosis import criteria
+from gateway.diagnosis.angle.axis_covariance import AxisGroups, Inverse, Rows, Scatter, inverse_of
+from gateway.diagnosis.angle.discrepancy_kernels import Concentration, kernel, smooth_kernels
+from gateway.diagnosis.angle.likelihood import REAL, Whitened
+from gateway.diagnosis.data.campaign_data import Campaign
+
+_AXES: Final = 3
+
+
+class Discrepancy:
+    """Axes and kernels of the discrepancy of a campaign; amplitudes are kept apart.
+
+    Amplitudes are mean squares, (m/s^2)^2, an array (axes of states, parts, kernels). One without a second part
+    ignores it.
+    """
+
+    def __init__(
+        self,
+        campaign: Campaign,
+        data: Whitened,
+        lengths_rad: Sequence[float] = criteria.LENGTHS_RAD,
+        concentrations: Sequence[Concentration] = (),
+    ) -> None:
+        """Prepare the axes of every state of a campaign.
+
+        Args:
+            campaign: conditions.
+            data: whitened.
+            lengths_rad: correlation lengths.
+            concentrations: orders, bands and places.
+        """
+        self.size = data.size
+        self.concentrations = tuple(concentrations)
+        self.reference_mps2 = float(
+            np.mean([group.conditions.radius_m * group.conditions.omega_radps**2 for group in campaign.groups])
+        )
+        self._axis_groups: list[tuple[int, int, AxisGroups]] = []
+        for state in range(campaign.states):
+            groups = tuple(index for index, group in enumerate(campaign.groups) if group.state == state)
+            if not groups:
+                continue
+            angle = float(np.mean([campaign.groups[index].half_angle_rad for index in groups]))
+            kernels = smooth_kernels(round(angle, 3), tuple(lengths_rad))
+            if concentrations:
+                kernels = np.concatenate([kernels, [kernel(concentration) for concentration in concentrations]])
+            omega = np.array([campaign.groups[index].conditions.omega_radps for index in groups])
+            scales = [np.square(omega) / float(np.square(omega).mean())]
+            if omega.max() > criteria.SPEEDS_APART * omega.min():
+                scales.append(np.ones(len(groups)))
+            for axis in range(_AXES):
+                factors = tuple(data.factors[index][axis] for index in groups)
+                if not any(len(factor) for factor in factors):
+                    continue
+                axis_groups = AxisGroups(groups, tuple(map(Scatter.of, factors)), np.stack(scales), kernels)
+                self._axis_groups.append((state, axis, axis_groups))
+        self.shape = len(self._axis_groups), 2, 2 * len(lengths_rad) + len(concentrations)
+
+    def start(self, residual: Sequence[FloatArray]) -> FloatArray:
+        """Return amplitudes to start from: every axis of a state shares its residual's power beyond the scatter.
+
+        Args:
+            residual: real coefficients of each group, (3, REAL).
+        """
+        amplitudes = np.empty(self.shape)
+        least = (criteria.START_SHARE * self.reference_mps2) ** 2
+        for number, (_, axis, axis_groups) in self.enumerate():
+            powers = [0.0]
+            for index, scatter in zip(axis_groups.groups, axis_groups.scatters, strict=True):
+                whitened = scatter.factor @ residual[index][axis]
+                # Whitened power beyond its expectation, in units of the smallest errors.
+                excess = max(0.0, float(whitened @ whitened) - len(whitened))
+                powers.append(excess / max(float(np.square(scatter.factor).sum()), 1e-300))
+            amplitudes[number] = max(max(powers), least)
+        return amplitudes
+
+    def applied(self, amplitudes: FloatArray) -> Applied:
+        """Return the discrepancy with its amplitudes.
+
+        Raises:
+            LinAlgError: the covariance cannot be inverted.
+        """
+        applied = Applied(self, amplitudes)
+        # What has no inverse fails here.
+        _ = applied.log_determinants
+        return applied
+
+    def thinned(self, share: float) -> Discrepancy:
+        """Return the same discrepancy for data with a share of the revolutions."""
+        thin = copy(self)
+        thin._axis_groups = [
+            (state, axis, axis_groups.thinned(share)) for state, axis, axis_groups in self._axis_groups
+        ]
+        return thin
+
+    def concentrated(self, also: Concentration) -> Discrepancy:
+        """Return the discrepancy with one more concentration, whose amplitudes are the last."""
+        more = copy(self)
+        more.concentrations = (*self.concentrations, also)
+        added = kernel(also)[None]
+        more._axis_groups = [
+            (state, axis, replace(axis_groups, kernels=np.concatenate([axis_groups.kernels, added])))
+            for state, axis, axis_groups in self._axis_groups
+        ]
+        more.shape = self.shape[0], self.shape[1], self.shape[2] + 1
+        return more
+
+    def enumerate(self) -> list[tuple[int, tuple[int, int, AxisGroups]]]:
+        """Return the groups of every axis of a state, with their index, state and axis."""
+        return list(enumerate(self._axis_groups))
+
+
+@dataclass(frozen=True)
+class Applied:
+    """A discrepancy with its amplitudes.
+
+    Attributes:
+        discrepancy: axes of states, and kernels.
+        amplitudes: (axes of states, parts, kernels).
+    """
+
+    discrepancy: Discrepancy
+    amplitudes: FloatArray
+
+    @cached_property
+    def inverses(self) -> tuple[Inverse, ...]:
+        """Of the covariance of each axis of a state, up to ten megabytes each."""
+        return tuple(
+            inverse_of(axis_groups, self.amplitudes[number])
+            for number, (*_, axis_groups) in self.discrepancy.enumerate()
+        )
+
+    def release(self) -> None:
+        """Release the memory of the inverses; they are worked out again where they are needed."""
+        self.__dict__.pop("inverses", None)
+
+    @cached_property
+    def log_determinants(self) -> FloatArray:
+        """Logarithm of the determinant of each axis' covariance over that of the scatter, (3,)."""
+        result = np.zeros(_AXES)
+        for (_, (_, axis, _)), inverse in zip(self.discrepancy.enumerate(), self.inverses, strict=True):
+            result[axis] += inverse.log_determinant
+        return result
+
+    @property
+    def log_determinant(self) -> float:
+        """Their sum over the axes."""
+        return float(self.log_determinants.sum())
+
+    def weighted(self, rows: Rows) -> list[FloatArray]:
+        """Return C^-1 rows' for the data's covariance C, (k, 3, REAL) of each group.
+
+        Args:
+            rows: real coefficients, (k, 3, REAL) of each group; None stands for zeros.
+        """
+        size = next(len(row) for row in rows if row is not None)
+        results = [np.zeros((size, _AXES, REAL)) for _ in rows]
+        for (_, (_, axis, axis_groups)), inverse in zip(self.discrepancy.enumerate(), self.inverses, strict=True):
+            axis_rows = _rows_of(rows, axis_groups, axis)
+            if axis_rows is not None:
+                for index, weighted in zip(axis_groups.groups, inverse.weighted(axis_rows), strict=True):
+                    results[index][:, axis] = weighted
+        return results
+
+    def products(self, rows: Rows, batches: int = 1) -> FloatArray:
+        """Return rows C^-1 rows' within equal batches of rows as for `weighted`, (batches, k, k)."""
+        size = next(len(row) for row in rows if row is not None) // batches
+        total = np.zeros((batches, size, size))
+        for (_, (_, axis, axis_groups)), inverse in zip(self.discrepancy.enumerate(), self.inverses, strict=True):
+            axis_rows = _rows_of(rows, axis_groups, axis)
+            if axis_rows is not None:
+                total += inverse.products(axis_rows, batches)
+        return total
+
+    def mean(self, weighted: Sequence[FloatArray]) -> list[FloatArray]:
+        """Return the posterior mean of the discrepancy in every group, real coefficients (3, REAL) each.
+
+        Args:
+            weighted: C^-1 times the residual, (3, REAL) of each group.
+        """
+        means = [np.zeros((_AXES, REAL)) for _ in weighted]
+        for (_, (_, axis, axis_groups)), inverse in zip(self.discrepancy.enumerate(), self.inverses, strict=True):
+            seen = axis_groups.seen([weighted[index][axis][None] for index in axis_groups.groups])
+            coefficients = np.stack([prior @ part[0] for prior, part in zip(inverse.priors, seen, strict=True)])
+            for index, scales in zip(axis_groups.groups, axis_groups.scales.T, strict=True):
+                means[index][axis] = scales @ coefficients
+        return means
+
+    def improved(self, weighted: Sequence[FloatArray], precision: FloatArray) -> Applied:
+        """Return the discrepancy with better amplitudes: one step of restricted maximum likelihood.
+
+        The step a <- a (alpha' K alpha) / trace ends where the likelihood is stationary (MacKay's fixed point).
+
+        Args:
+            weighted: C^-1 times the derivatives and the residual at the parameters of the fit, (p + 1, 3, REAL) of each
+                group.
+            precision: (p, p) inverse of the parameters' posterior covariance.
+        """
+        amplitudes = self.amplitudes.copy()
+        least = (criteria.LEAST_SHARE * self.discrepancy.reference_mps2) ** 2
+        answers = self.answers(weighted, precision)
+        for (number, (_, _, axis_groups)), parts in zip(self.discrepancy.enumerate(), answers, strict=True):
+            kernels = axis_groups.kernels.reshape(len(axis_groups.kernels), -1)
+            for part, (answer, information) in enumerate(parts):
+                data = kernels @ np.outer(answer, answer).ravel()
+                trace = kernels @ information.ravel()
+                better = np.clip(data / np.where(trace > 0.0, trace, 1.0), 1e-6, 1e6)
+                amplitudes[number, part] *= np.where(trace > 0.0, better, 1.0)
+        return self.discrepancy.applied(np.maximum(amplitudes, least))
+
+    def answers(
+        self, weighted: Sequence[FloatArray], precision: FloatArray
+    ) -> list[list[tuple[FloatArray, FloatArray]]]:
+        """Return C^-1 r and C^-1 as each part of each axis of a state sees them, what is fitted left out.
+
+        Args:
+            weighted: as for `improved`.
+            precision: (p, p) inverse of the parameters' posterior covariance.
+
+        Returns:
+            for every axis of a state and part, (REAL,) and (REAL, REAL).
+        """
+        spread = np.linalg.inv(precision)
+        by_axis = []
+        for number, (_, axis, axis_groups) in self.discrepancy.enumerate():
+            parts = []
+            for part, through in enumerate(
+                axis_groups.seen([weighted[index][:, axis] for index in axis_groups.groups])
+            ):
+                rows, answer = through[:-1], through[-1]
+                parts.append((answer, self.inverses[number].inside(part) - rows.T @ (spread @ rows)))
+            by_axis.append(parts)
+        return by_axis
+
+
+def _rows_of(rows: Rows, axis_groups: AxisGroups, axis: int) -> list[FloatArray | None] | None:
+    """Return the rows (k, REAL) of an axis's groups, None for zeros; None if no group of it has any."""
+    given = [
+        None if (row := rows[index]) is None or not row[:, axis].any() else row[:, axis] for index in axis_groups.groups
+    ]
+    return None if all(row is None for row in given) else given

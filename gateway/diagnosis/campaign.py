@@ -1,0 +1,486 @@
+"""Campaigns: recordings read in parallel, grouped by conditions and put on one time axis for a diagnosis."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Final, TypeVar
+
+import numpy as np
+
+from gateway.core.config.vehicle import VehicleConfig
+from gateway.core.errors import RecordingError, TreadlinkError
+from gateway.core.reasons import Code, Reason
+from gateway.core.recording.inspection import inspect_recording
+from gateway.core.text.wording import notice_text, text
+from gateway.core.types import IntArray
+from gateway.core.worker_pool import Workers
+from gateway.diagnosis.campaign_clock import combined
+from gateway.diagnosis.campaign_recording import ReadOrder, RecordingRead, read_recording
+from gateway.diagnosis.data.campaign_data import Campaign, Group, Remark
+from gateway.diagnosis.data.condition_groups import telling, tire_states
+from gateway.diagnosis.data.group_statistics import FEW, label
+from gateway.diagnosis.data.shared_noise import repeated_recordings
+from gateway.diagnosis.effects.effect import GroupConditions
+
+MIN_REVOLUTIONS: Final = 4
+"""Smaller groups are left out, unless all are smaller."""
+
+MAX_GROUPS: Final = 12
+"""Groups of a campaign, unless there are more recordings: the time of a diagnosis grows with their number."""
+
+_Remark = TypeVar("_Remark", bound=Remark)
+
+SPARE: Final = Reason(Code.BETWEEN_GROUP_SPEEDS, groups=MAX_GROUPS)
+
+# Used where no recording knows any temperature: it is then the same for all, and its value has no effect.
+_PLACEHOLDER_DEGC: Final = 20.0
+# Within this time even a wheel at walking speed turns more than once.
+_ONE_TURN_S: Final = 5.0
+# Blocks of a group whose estimates are compared, unless asked otherwise.
+_FOLDS: Final = 5
+
+
+def read_campaign(
+    paths: Sequence[Path],
+    *,
+    vehicle: VehicleConfig | None = None,
+    wheel: str | None = None,
+    folds: int = _FOLDS,
+    on_bytes: Callable[[int], None] | None = None,
+    workers: Workers | None = None,
+    reverse: Collection[Path] = (),
+    key_file: Path | None = None,
+) -> Campaign:
+    """Read recordings and group one wheel's revolutions by their conditions.
+
+    Except for rounding, the result does not depend on `workers`.
+
+    Args:
+        paths: recordings.
+        vehicle: configuration for all recordings; None to use the one in each recording.
+        wheel: position; None when the recordings contain one wheel only.
+        folds: blocks of a group with enough revolutions, at least 2.
+        on_bytes: called with the number of bytes of the files read, for a progress bar.
+        workers: other processes that share the work.
+        reverse: those of `paths` recorded in the opposite direction, or with the tire turned on the rim.
+        key_file: keys of signed frames, where the configuration asks for them.
+
+    Raises:
+        TreadlinkError: a recording cannot be read, contains nothing usable, repeats another, or contains several wheels
+            and none was chosen.
+        ValueError: fewer than two folds, or no path.
+    """
+    if folds < 2 or not paths:
+        raise ValueError("a campaign needs at least one recording and two folds")
+    orders = _orders(paths, vehicle, wheel, folds, reverse, key_file)
+    by_index: dict[int, RecordingRead] = {}
+    work = (workers or Workers()).work_on(read_recording, orders, on_bytes or (lambda _: None), sizes=_sizes(orders))
+    with closing(work) as done:
+        for index, read in done:
+            by_index[index] = _checked_for_one_wheel(orders[index], read)
+    reads = [by_index[index] for index in range(len(orders))]
+    campaign = _assemble(orders, reads, _chosen_wheel(orders, reads, wheel))
+    for number, first in repeated_recordings(campaign.groups).items():
+        raise RecordingError(
+            f"'{orders[number].path}' holds the same revolutions as '{orders[first].path}'", "Give each recording once."
+        )
+    return campaign
+
+
+@dataclass(frozen=True, slots=True)
+class WheelRecordings:
+    """Recordings of one wheel that were read.
+
+    Attributes:
+        wheel: position.
+        orders: of the recordings.
+        reads: their contents.
+    """
+
+    wheel: str
+    orders: tuple[ReadOrder, ...]
+    reads: tuple[RecordingRead, ...]
+
+    def __len__(self) -> int:
+        """Return the number of recordings."""
+        return len(self.orders)
+
+    def campaign(self) -> Campaign:
+        """Return their revolutions, grouped by conditions; recordings are numbered in their order."""
+        return _assemble(self.orders, self.reads, self.wheel)
+
+    def chosen(self, keep: Collection[int]) -> WheelRecordings:
+        """Return some of the recordings by their numbers, numbered anew."""
+        numbers = sorted(keep)
+        return WheelRecordings(
+            self.wheel,
+            tuple(replace(self.orders[old], index=new) for new, old in enumerate(numbers)),
+            tuple(_renumbered(self.reads[old], new) for new, old in enumerate(numbers)),
+        )
+
+
+def read_usable(
+    paths: Sequence[Path],
+    wheel: str,
+    *,
+    vehicle: VehicleConfig | None = None,
+    key_file: Path | None = None,
+) -> tuple[WheelRecordings, dict[int, Reason]]:
+    """Read those of many recordings that can be used, and return why the others cannot, by their number.
+
+    Args:
+        paths: recordings.
+        wheel: position.
+        vehicle: configuration for all recordings; None to use the one in each recording.
+        key_file: keys of signed frames, where the configuration asks for them.
+
+    Raises:
+        RecordingError: none of them can be used.
+    """
+    orders = _orders(paths, vehicle, wheel, _FOLDS, (), key_file)
+    refused: dict[int, Reason] = {}
+    reads = [RecordingRead(())] * len(orders)
+    work = Workers().work_on(_read_or_refuse, orders, lambda _: None)
+    with closing(work) as done:
+        for index, read in done:
+            why = read if isinstance(read, Reason) else _why_unusable(read, wheel)
+            if why is not None:
+                refused[index] = why
+            if isinstance(read, RecordingRead):
+                reads[index] = read
+    if len(refused) == len(orders):
+        lines = (f"'{order.path}': {text(refused[order.index])}" for order in orders)
+        raise RecordingError(f"no recording of wheel {wheel} can be used:\n" + "\n".join(lines))
+    every = WheelRecordings(wheel, tuple(orders), tuple(reads))
+    groups = [group for number, read in enumerate(reads) if number not in refused for group in read.groups]
+    for number, first in repeated_recordings(groups).items():
+        refused[number] = Reason(Code.RECORDING_REPEATS, other=str(orders[first].path))
+    return every.chosen(range(len(orders)) - refused.keys()), refused
+
+
+def _read_or_refuse(order: ReadOrder, on_position: Callable[[int], None]) -> RecordingRead | Reason:
+    """Read one recording; return why it cannot be read instead of raising."""
+    try:
+        return read_recording(order, on_position)
+    except TreadlinkError as error:
+        return Reason(Code.RECORDING_NOT_USED, message=str(error))
+    except OSError as error:
+        return Reason(Code.RECORDING_NOT_READ, message=error.strerror or str(error))
+
+
+def _why_unusable(read: RecordingRead, wheel: str) -> Reason | None:
+    if wheel not in read.wheels:
+        return Reason(Code.RECORDING_WITHOUT_WHEEL, wheel=wheel)
+    if read.groups:
+        return None
+    rejected = read.rejected or {}
+    if not rejected:
+        return Reason(Code.RECORDING_WITHOUT_DATA)
+    most = max(rejected, key=lambda reason: rejected[reason])
+    return Reason(Code.REVOLUTIONS_LEFT_OUT, revolutions=rejected[most], reason=most)
+
+
+def _renumbered(read: RecordingRead, number: int) -> RecordingRead:
+    return replace(read, groups=tuple(replace(group, recording=number) for group in read.groups))
+
+
+def _orders(
+    paths: Sequence[Path],
+    vehicle: VehicleConfig | None,
+    wheel: str | None,
+    folds: int,
+    reverse: Collection[Path],
+    key_file: Path | None,
+) -> list[ReadOrder]:
+    real_paths, reversed_paths = set(map(os.path.realpath, paths)), set(map(os.path.realpath, reverse))
+    unknown = [path for path in reverse if os.path.realpath(path) not in real_paths]
+    if unknown:
+        raise RecordingError(
+            f"'{unknown[0]}' is given as reverse but is not among the recordings", "Give it as a recording too."
+        )
+    names = [path.name for path in paths]
+    return [
+        ReadOrder(
+            path=path,
+            index=index,
+            name=path.name if names.count(path.name) == 1 else str(path),
+            vehicle=vehicle,
+            wheel=wheel,
+            folds=folds,
+            reverse=os.path.realpath(path) in reversed_paths,
+            key_file=key_file,
+        )
+        for index, path in enumerate(paths)
+    ]
+
+
+def _sizes(orders: Sequence[ReadOrder]) -> list[int]:
+    return [order.path.stat().st_size if order.path.is_file() else 0 for order in orders]
+
+
+def _checked_for_one_wheel(order: ReadOrder, read: RecordingRead) -> RecordingRead:
+    """Raise as soon as a wheel must be chosen, before other recordings are read."""
+    if order.wheel is None and len(read.wheels) > 1:
+        raise RecordingError(
+            f"'{order.path}' contains several wheels: {', '.join(read.wheels)}",
+            f"Choose one: --wheel {read.wheels[0]}.",
+        )
+    return read
+
+
+def _assemble(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead], wheel: str) -> Campaign:
+    rejected = _rejected(reads)
+    groups = _usable_groups(reads, wheel, rejected)
+    begin_s, order_remarks = _begins(orders, reads)
+    degc = _reference_degc(groups)
+    states = _states(groups).tolist()
+    groups = _of_one_depth(groups)
+    sensors = {read.sensor_id for read in reads if read.groups}
+    return Campaign(
+        wheel=wheel,
+        recordings=tuple(str(order.path) for order in orders),
+        groups=tuple(
+            _placed(group, state, begin_s[group.recording], degc, orders[group.recording].name)
+            for group, state in zip(groups, states, strict=True)
+        ),
+        states=max(states) + 1,
+        rejected=rejected,
+        clock_error=combined([read.clock_error for read in reads]),
+        assumed=_merged(orders, [read.assumed for read in reads]),
+        stated=_merged(orders, [read.stated for read in reads]),
+        notes=(
+            *_recording_remarks(orders, reads),
+            *_left_out_remarks(rejected),
+            *_sensor_remarks(sensors),
+            *order_remarks,
+        ),
+        sensor_id=next(iter(sensors)) if len(sensors) == 1 else None,
+        vehicle=_common(read.vehicle for read in reads if read.groups),
+        tire=_common(read.tire for read in reads if read.groups),
+        times_s=tuple((read.first_s, read.last_s) for read in reads),
+    )
+
+
+def _common(names: Iterable[str]) -> str:
+    """Return the name that all recordings have, empty if they differ."""
+    distinct = set(names)
+    return distinct.pop() if len(distinct) == 1 else ""
+
+
+def _rejected(reads: Sequence[RecordingRead]) -> dict[Reason, int]:
+    """Return reason -> revolutions left out, over all recordings."""
+    rejected: dict[Reason, int] = {}
+    for read in reads:
+        for reason, count in (read.rejected or {}).items():
+            rejected[reason] = rejected.get(reason, 0) + count
+    return rejected
+
+
+def _usable_groups(reads: Sequence[RecordingRead], wheel: str, rejected: dict[Reason, int]) -> list[Group]:
+    """Return the groups to use; revolutions of the others are added to `rejected`.
+
+    Raises:
+        RecordingError: there is no group.
+    """
+    groups = [group for read in reads for group in read.groups]
+    if not groups:
+        raise RecordingError(
+            f"none of {sum(rejected.values())} revolutions of wheel {wheel} can be used: "
+            + "; ".join(f"{count} x {text(reason)}" for reason, count in rejected.items()),
+            "At least two revolutions at the same speed are needed; a minute of steady rolling is better.",
+        )
+    large = [group for group in groups if _count(group) >= MIN_REVOLUTIONS]
+    if large and len(large) < len(groups):
+        small = [group for group in groups if _count(group) < MIN_REVOLUTIONS]
+        rejected[FEW] = rejected.get(FEW, 0) + sum(map(_count, small))
+        groups = large
+    groups, spare = _most_informative(groups)
+    if spare:
+        rejected[SPARE] = spare
+    return groups
+
+
+def _reference_degc(groups: Sequence[Group]) -> float:
+    """Return the mean of the known temperatures, weighted by revolutions."""
+    weighted_degc = [
+        (c.temperature_degc, _count(g)) for g in groups if math.isfinite((c := g.conditions).temperature_degc)
+    ]
+    if not weighted_degc:
+        return _PLACEHOLDER_DEGC
+    return sum(value * count for value, count in weighted_degc) / sum(count for _, count in weighted_degc)
+
+
+def _recording_remarks(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead]) -> Iterator[Reason]:
+    """Yield the remarks on single recordings."""
+    for read in reads:
+        if read.damage:
+            yield Reason(Code.RECORDING_DAMAGED, damage=read.damage)
+    for order, read in zip(orders, reads, strict=True):
+        for notice in read.notices:
+            subject = f"{order.name}, {notice.subject}" if notice.subject else order.name
+            yield Reason(Code.ABOUT_RECORDING, recording=subject, reason=notice.reason)
+        for remark in read.remarks:
+            yield Reason(Code.ABOUT_RECORDING, recording=order.name, reason=remark)
+    for order, read in zip(orders, reads, strict=True):
+        if not read.groups and len(orders) > 1:
+            yield Reason(Code.ABOUT_RECORDING, recording=order.name, reason=Reason(Code.RECORDING_WITHOUT_DATA))
+
+
+def _left_out_remarks(rejected: Mapping[Reason, int]) -> Iterator[Reason]:
+    for reason in (SPARE, FEW):
+        if reason in rejected:
+            yield Reason(Code.REVOLUTIONS_LEFT_OUT, revolutions=rejected[reason], reason=reason)
+
+
+def _sensor_remarks(sensors: Collection[int | None]) -> Iterator[Reason]:
+    if len(sensors) > 1:
+        several = any(sensor is None for sensor in sensors)
+        names = sorted(f"{sensor:08x}" for sensor in sensors if sensor is not None)
+        more = (Reason(Code.SEVERAL_SENSORS),) if several else ()
+        yield Reason(Code.DIFFERENT_SENSORS, sensors=(*names, *more))
+
+
+def _states(groups: Sequence[Group]) -> IntArray:
+    return tire_states(
+        np.array([group.conditions.load_n for group in groups]),
+        np.array([group.conditions.pressure_pa for group in groups]),
+        np.array([group.half_angle_rad for group in groups]),
+        np.array([group.load_known for group in groups]),
+    )
+
+
+def _most_informative(groups: list[Group]) -> tuple[list[Group], int]:
+    """Return the groups that inform the diagnosis most, and the number of revolutions in the others."""
+    chosen = telling(
+        np.array([group.recording for group in groups]),
+        _states(groups),
+        np.array([group.conditions.omega_radps for group in groups]),
+        np.array([_count(group) for group in groups], dtype=np.float64),
+        MAX_GROUPS,
+    ).tolist()
+    return [groups[index] for index in chosen], sum(map(_count, groups)) - sum(
+        _count(groups[index]) for index in chosen
+    )
+
+
+def _count(group: Group) -> int:
+    return sum(block.count for block in group.blocks)
+
+
+def _begins(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead]) -> tuple[list[float], list[Reason]]:
+    """Return the time to subtract from each recording's times, so that they count from the first revolution of all.
+
+    Recordings without times of the host, or whose times overlap, are placed one after another in the order given.
+    """
+    used = [(read.first_s, read.last_s) for read in sorted(reads, key=lambda read: read.first_s) if read.groups]
+    apart = all(later[0] >= earlier[1] for earlier, later in pairwise(used))
+    if apart and (len(used) == 1 or all(read.host_times for read in reads)):
+        return [used[0][0]] * len(orders), []
+    begins, elapsed_s = [], 0.0
+    for read in reads:
+        begins.append(read.first_s - elapsed_s)
+        elapsed_s += read.last_s - read.first_s
+    return begins, [Reason(Code.RECORDING_ORDER_UNKNOWN)]
+
+
+def _of_one_depth(groups: Sequence[Group]) -> list[Group]:
+    """Return groups whose measured depths are one: what differs between them is the error of the measurements."""
+    measured = [group.declared_offset_m for group in groups if group.conditions.offset_measured]
+    return [
+        replace(group, declared_offset_m=sum(measured) / len(measured)) if group.conditions.offset_measured else group
+        for group in groups
+    ]
+
+
+def _placed(group: Group, state: int, begin_s: float, degc: float, name: str) -> Group:
+    def placed(conditions: GroupConditions) -> GroupConditions:
+        measured_degc = conditions.temperature_degc
+        return replace(
+            conditions,
+            temperature_degc=measured_degc if math.isfinite(measured_degc) else degc,
+            reference_degc=degc,
+            time_s=conditions.time_s - begin_s,
+        )
+
+    blocks = tuple(replace(block, conditions=placed(block.conditions)) for block in group.blocks)
+    conditions = placed(group.conditions)
+    return replace(group, state=state, blocks=blocks, conditions=conditions, label=label(name, group.conditions))
+
+
+def _merged(orders: Sequence[ReadOrder], remarks: Sequence[tuple[_Remark, ...]]) -> tuple[_Remark | Reason, ...]:
+    """Return the remarks of all recordings, each once, with its recordings unless it holds for all."""
+    recordings: dict[_Remark, list[str]] = {}
+    for order, order_remarks in zip(orders, remarks, strict=True):
+        for remark in dict.fromkeys(order_remarks):
+            recordings.setdefault(remark, []).append(order.name)
+    return tuple(
+        remark if len(names) == len(orders) else Reason(Code.OF_RECORDINGS, statement=remark, recordings=tuple(names))
+        for remark, names in recordings.items()
+    )
+
+
+def _chosen_wheel(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead], wheel: str | None) -> str:
+    """Return the position of the wheel: the chosen one, or the only one.
+
+    Raises:
+        RecordingError: there is no revolution, none of the chosen wheel, or there are several wheels to choose from.
+    """
+    seen = list(dict.fromkeys(name for read in reads for name in read.wheels))
+    if not seen:
+        raise _no_revolution(orders, reads)
+    if wheel is None:
+        if len(seen) > 1:
+            raise RecordingError(
+                f"the recordings are of several wheels: {', '.join(seen)}", f"Choose one: --wheel {seen[0]}."
+            )
+        return seen[0]
+    for order, read in zip(orders, reads, strict=True):
+        if wheel not in read.wheels:
+            raise _wheel_missing(order, read, reads, wheel)
+    return wheel
+
+
+def _wheel_missing(order: ReadOrder, read: RecordingRead, reads: Sequence[RecordingRead], wheel: str) -> RecordingError:
+    shared = [name for name in read.wheels if all(name in other.wheels for other in reads)]
+    choices = [f"Choose another wheel: {' or '.join(f'--wheel {name}' for name in shared)}."] if shared else []
+    if any(wheel in other.wheels for other in reads):
+        choices.append("Or leave this recording out." if choices else "Leave this recording out.")
+    elif not choices:
+        choices.append("Give recordings of one wheel.")
+    contained = f"it contains {', '.join(read.wheels)}" if read.wheels else "it contains no wheel"
+    message = f"'{order.path}' contains no revolution of wheel {wheel}; {contained}"
+    return RecordingError("; ".join((message, *map(notice_text, read.notices))), " ".join(choices))
+
+
+def _no_revolution(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead]) -> RecordingError:
+    durations_s = [_samples_s(order.path) for order in orders]
+    messages = [
+        "; ".join((f"no whole revolution in '{order.path}': {_samples_text(seconds)}", *map(notice_text, read.notices)))
+        for order, read, seconds in zip(orders, reads, durations_s, strict=True)
+    ]
+    if not any(durations_s):
+        remedy = "`treadlink inspect` shows what was recorded."
+    elif max(seconds or 0.0 for seconds in durations_s) < _ONE_TURN_S:
+        remedy = "Record longer: half a minute of rolling at a steady speed is enough."
+    else:
+        remedy = "Did the wheel roll? `treadlink inspect` shows what was recorded."
+    return RecordingError("\n".join(messages), remedy)
+
+
+def _samples_text(seconds: float | None) -> str:
+    if seconds is None:
+        return "samples, but no hello with their rate"
+    return f"{seconds:.1f} s of samples" if seconds else "no sample"
+
+
+def _samples_s(path: Path) -> float | None:
+    """Return the duration of samples of the wheel with the most; None when their rate is unknown."""
+    wheels = [wheel for link in inspect_recording(path).links.values() for wheel in link.wheels.values()]
+    durations_s = [wheel.samples / wheel.hello.rate_hz for wheel in wheels if wheel.samples and wheel.hello is not None]
+    return max(durations_s) if durations_s else None if any(wheel.samples for wheel in wheels) else 0.0

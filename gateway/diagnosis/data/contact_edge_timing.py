@@ -1,0 +1,331 @@
+"""Timing of the contact edges of each revolution, and revolutions with that jitter removed."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates, spline_filter1d
+
+from gateway.core.types import ComplexArray, FloatArray, IntArray
+from gateway.diagnosis.data.campaign_data import EdgeTiming
+from gateway.diagnosis.data.condition_groups import folded
+from gateway.diagnosis.data.revolution_scatter import regress, regressors, robust_variance
+from gateway.diagnosis.effects.angle_orders import ORDERS
+from gateway.diagnosis.effects.contact import CONTACT_EDGE_JITTER, EDGE_REACH_RAD
+
+TERMS: Final = 4
+"""Parameters of one revolution: how early its leading and trailing edges are, and the growth away from the middle."""
+
+_ROUNDS: Final = 4
+# Revolutions, and pairs of neighbours among them, from which jitter can be evident. One outlier in three is no scatter.
+_LEAST: Final = 4
+# Fewer revolutions cannot tell jitter from the edges' dependence on speed, unless the speed changes by less than this
+# share from turn to turn.
+_FEW: Final = 12
+_STEADY: Final = 1e-3
+# The same shapes are fitted away from the contact. This bounds the amplitude that all other causes produce. Causes
+# fixed in space contribute more at some angles than at others.
+_ELSEWHERE_RAD: Final = tuple(math.pi + away for away in (-1.0, -0.5, 0.0, 0.5, 1.0))
+# Decrease of the deviance from which revolutions are corrected.
+_EVIDENT: Final = 25.0
+_POINTS: Final = 512
+_FINER: Final = 2
+_SPLINE: Final = 5
+_AT_A_TIME: Final = 128
+_BENDS: Final = 4
+# Number of periods in the running mean that periods are compared with.
+_OVER: Final = 9
+_THETA: Final[FloatArray] = -math.pi + (2.0 * math.pi / _POINTS) * np.arange(_POINTS, dtype=np.float64)
+_ORDER: Final[FloatArray] = np.arange(ORDERS, dtype=np.float64)
+_SIGNS: Final[FloatArray] = np.where(np.arange(ORDERS) % 2, -1.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Edges:
+    """Timing of the contact edges of each revolution, and its statistics.
+
+    Attributes:
+        early_rad: (n, TERMS) leading edge at the revolution's end, trailing edge at its beginning; shrunk by the share
+            that is noise, 0 where the edges do not jitter.
+        half_angle_rad: contact half angle.
+        timing: jitter statistics of the group.
+    """
+
+    early_rad: FloatArray
+    half_angle_rad: float
+    timing: EdgeTiming
+
+    @property
+    def evident(self) -> bool:
+        """Whether the edges jitter measurably."""
+        return bool(self.early_rad.any())
+
+    def errors_of_mean(self, mean_mps2: ComplexArray, index: IntArray) -> ComplexArray:
+        """Return changes of the mean waveform by errors of its mean edge angles, (m, 3, ORDERS), NaN as given.
+
+        The edges are corrected to their mean over n contacts, which differs from that of all contacts by 1 / sqrt(n) of
+        their scatter. Each row is the change by one standard error, independent of the others.
+
+        Args:
+            mean_mps2: (3, ORDERS) mean of the corrected revolutions.
+            index: (n,) running numbers of the revolutions.
+        """
+        follows = np.flatnonzero(np.diff(index) == 1)
+        if len(follows) < _LEAST or not self.evident:
+            return np.empty((0, *mean_mps2.shape), dtype=np.complex128)
+        # Both edges of one contact: the leading one ends a revolution, the trailing one begins the next.
+        leading, trailing = slice(0, TERMS, 2), slice(1, TERMS, 2)
+        contacts = np.empty((len(follows), TERMS))
+        contacts[:, leading], contacts[:, trailing] = (
+            self.early_rad[follows, leading],
+            self.early_rad[follows + 1, trailing],
+        )
+        values, vectors = np.linalg.eigh(np.cov(contacts.T) / len(self.early_rad))
+        present = np.isfinite(mean_mps2)
+        shapes = _shapes(np.where(present, mean_mps2, 0.0), self.half_angle_rad)
+        result: ComplexArray = np.tensordot((vectors * np.sqrt(np.maximum(values, 0.0))).T, shapes, axes=1)
+        result[:, ~present] = complex(math.nan, math.nan)
+        return result
+
+
+def bent_back(waveforms: FloatArray, theta_rad: FloatArray, early_rad: FloatArray, half_angle_rad: float) -> FloatArray:
+    """Return waveforms with both edges moved to their mean angles.
+
+    Args:
+        waveforms: (n, ..., points) on an even grid of one revolution.
+        theta_rad: (points,) its angles.
+        early_rad: (n, TERMS) how early leading and trailing edge came.
+        half_angle_rad: of the contact.
+    """
+    points = len(theta_rad)
+    near = np.flatnonzero(np.abs(theta_rad) < half_angle_rad + 1.2 * EDGE_REACH_RAD)
+    result = waveforms.copy()
+    for revolution in np.flatnonzero(early_rad.any(axis=1)).tolist():
+        # s(theta) = measured(phi) with phi + early window(phi) = theta.
+        angle_rad = theta_rad[near]
+        for _ in range(_BENDS):
+            angle_rad = theta_rad[near] - early_rad[revolution] @ CONTACT_EDGE_JITTER.windows(angle_rad, half_angle_rad)
+        index = ((angle_rad - theta_rad[0]) * (_FINER * points / (2.0 * math.pi)))[None]
+        fine = np.fft.irfft(_FINER * np.fft.rfft(waveforms[revolution].astype(np.float64)), n=_FINER * points)
+        spline = spline_filter1d(fine.reshape(-1, _FINER * points), order=_SPLINE, mode="grid-wrap")
+        rows = [map_coordinates(row, index, order=_SPLINE, mode="grid-wrap", prefilter=False) for row in spline]
+        result[revolution][..., near] = np.reshape(rows, (*result[revolution].shape[:-1], len(near)))
+    return result
+
+
+def orders_bent_back(orders_mps2: ComplexArray, early_rad: FloatArray, half_angle_rad: float) -> ComplexArray:
+    """Return order coefficients (n, 3, ORDERS) of `bent_back` waveforms; NaN stays."""
+    present = np.isfinite(orders_mps2)
+    result = orders_mps2.astype(np.complex128)
+    for begin in range(0, len(orders_mps2), _AT_A_TIME):
+        part = slice(begin, begin + _AT_A_TIME)
+        bent = bent_back(_field(np.nan_to_num(orders_mps2[part])), _THETA, early_rad[part], half_angle_rad)
+        result[part] = _orders(bent)
+    result[~present] = complex(math.nan, math.nan)
+    return result
+
+
+def compare_edges(
+    orders_mps2: NDArray[np.complexfloating],
+    *,
+    index: IntArray,
+    period_s: FloatArray,
+    omega_radps: FloatArray,
+    omega_dot_radps2: FloatArray,
+    half_angle_rad: float,
+    folds: int,
+) -> Edges:
+    """Return how early each revolution's edges came, on the pipeline's angles, and whether that exceeds noise.
+
+    Let s be the mean waveform. If the edges of a contact come early by b (leading) and a (trailing), the waveform
+    changes by b s'(theta) and a s'(theta) near them. The pipeline puts angle 0 at the contact's centre, between the
+    edges, so only b - a is observable: in the leading edge of one revolution and the trailing edge of the next. The
+    correlation with the periods shows which of the two edges moves.
+
+    Args:
+        orders_mps2: (n, 3, ORDERS) in time order; NaN for absent axes and orders beyond the bandwidth.
+        index: (n,) running numbers of the revolutions.
+        period_s: (n,).
+        omega_radps: (n,).
+        omega_dot_radps2: (n,).
+        half_angle_rad: of the contact.
+        folds: parts into which the revolutions are divided for the held-out gain.
+    """
+    count = len(orders_mps2)
+    timing = EdgeTiming()
+    nothing = Edges(np.zeros((count, TERMS)), half_angle_rad, timing)
+    follows = np.flatnonzero(np.diff(index) == 1)
+    if count < _LEAST or len(follows) < _LEAST or not 0.0 < half_angle_rad < 0.5 * math.pi:
+        return nothing
+    if count < _FEW and np.median(np.abs(np.diff(omega_radps))) > _STEADY * float(omega_radps.mean()):
+        return nothing
+    raw = orders_mps2.astype(np.complex128)
+    present = np.isfinite(raw).all(axis=0)
+    raw[:, ~present] = 0.0
+    rows = regressors(omega_radps, omega_dot_radps2)
+    usual = np.ones(count, dtype=bool)
+    early = np.zeros((count, TERMS))
+    orders = raw
+    noise = np.zeros((len(_ELSEWHERE_RAD), count, TERMS))
+    for number in range(_ROUNDS):
+        fitted, _ = regress(orders, rows, usual)
+        residuals = orders - fitted
+        weight = np.where(present, 1.0 / robust_variance(residuals, usual), 0.0)
+        shapes = _shapes(orders.mean(axis=0), half_angle_rad)
+        early = early + _amplitudes(residuals, shapes, weight)
+        early -= early.mean(axis=0)
+        if number in (0, _ROUNDS - 1):
+            noise = np.stack([_amplitudes(other, shapes, weight) for other in _cut_elsewhere(residuals)])
+            timing = _timing(early, noise, follows, folds, count)
+            if timing.chi2 < _EVIDENT:
+                return replace(nothing, timing=timing)
+        orders = orders_bent_back(raw, early, half_angle_rad)
+    # By chance, some of the jitter goes with the regressors and was taken for a dependence on speed. Within a group the
+    # waveform changes with omega^2 alone by more than that.
+    steady, _ = regress(orders, rows[:, :1], usual)
+    along, _ = regress(_amplitudes(orders - steady, shapes, weight).astype(np.complex128), rows, usual)
+    early = early + along.real - along.real.mean(axis=0)
+    orders = orders_bent_back(raw, early, half_angle_rad)
+    noise_power = np.square(noise).mean(axis=(0, 1))
+    reliability = np.maximum(0.0, 1.0 - noise_power / np.square(early).mean(axis=0))
+    share, share_std = _leading_share(early, noise, follows, period_s * omega_radps.mean())
+    explained, left_over = _explained(raw, orders, rows, half_angle_rad)
+    timing = replace(
+        timing, leading_share=share, leading_share_std=share_std, explained_m2ps4=explained, left_m2ps4=left_over
+    )
+    return Edges(early * reliability, half_angle_rad, timing)
+
+
+def _timing(early: FloatArray, noise: FloatArray, follows: IntArray, folds: int, count: int) -> EdgeTiming:
+    """Return the mean square change of b - a from contact to contact, by fold."""
+    length = early[follows, 0] - early[follows + 1, 1]
+    other = noise[:, follows, 0] - noise[:, follows + 1, 1]
+    # Differences between successive contacts: a slow drift, as of the load, is not jitter.
+    steps = np.flatnonzero(np.diff(follows) == 1)
+    if len(steps) < _LEAST // 2:
+        return EdgeTiming()
+    power = 0.5 * np.square(np.diff(length))[steps]
+    noise_power = 0.5 * np.square(np.diff(other, axis=1))[:, steps]
+    part = np.zeros(count, dtype=np.intp)
+    parts = folded(count, folds)
+    for fold, places in enumerate(parts):
+        part[places] = fold
+    of = part[follows[steps]]
+    number = np.bincount(of, minlength=len(parts)).astype(np.float64)
+    mean = np.divide(np.bincount(of, power, len(parts)), number, out=np.zeros(len(parts)), where=number > 0.0)
+    return EdgeTiming(
+        tuple((_INDEPENDENT * number).tolist()), tuple(mean.tolist()), float(noise_power.mean(axis=1).max())
+    )
+
+
+# Share of independent values among squares of successive differences, since neighbours share a contact.
+_INDEPENDENT: Final = 2.0 / 3.0
+
+
+def _shapes(mean: ComplexArray, half_angle_rad: float) -> ComplexArray:
+    """Return the change of the waveform by an edge that comes 1 rad early, (2, 3, ORDERS)."""
+    slope = _field(1j * _ORDER * mean)
+    return _orders(CONTACT_EDGE_JITTER.windows(_THETA, half_angle_rad)[:, None] * slope)
+
+
+def _amplitudes(residuals: ComplexArray, shapes: ComplexArray, weight: FloatArray) -> FloatArray:
+    """Return the amplitudes of both shapes in each revolution by weighted least squares, (n, 2)."""
+    weighted = np.conj(shapes) * weight
+    matrix = np.einsum("pan,qan->pq", weighted, shapes).real
+    right = np.einsum("pan,kan->kp", weighted, residuals).real
+    result: FloatArray = right @ np.linalg.pinv(matrix, hermitian=True)
+    return result
+
+
+def _cut_elsewhere(residuals: ComplexArray) -> list[ComplexArray]:
+    """Return the residuals of revolutions (n, 3, ORDERS) as if their contacts were elsewhere, (n, 3, ORDERS) each.
+
+    In time, a revolution runs from angle 0 through pi to 0. The last one lacks its end, which is taken from the first.
+    """
+    field = np.concatenate(
+        [_field(residuals[begin : begin + _AT_A_TIME]) for begin in range(0, len(residuals), _AT_A_TIME)]
+    )
+    stream = np.roll(field, -(_POINTS // 2), axis=-1).transpose(1, 0, 2).reshape(3, -1)
+    elsewhere = []
+    for away in _ELSEWHERE_RAD:
+        moved = np.roll(stream, -round(away / (2.0 * math.pi) * _POINTS), axis=-1)
+        cut = np.roll(moved.reshape(3, -1, _POINTS).transpose(1, 0, 2), _POINTS // 2, axis=-1)
+        elsewhere.append(_orders(cut))
+    return elsewhere
+
+
+def _leading_share(
+    early: FloatArray, noise: FloatArray, follows: IntArray, turned_rad: FloatArray
+) -> tuple[float, float]:
+    """Return the leading edge's share of the mean square of b - a, and its standard error.
+
+    The pipeline's centre lies at a + w d with d = b - a. The leading edge therefore shows (1 - w) d and the trailing
+    edge -w d. The period between two contacts is shorter by the amount that the later centre is early.
+    """
+    length = early[follows, 0] - early[follows + 1, 1]
+    other = noise[:, follows, 0] - noise[:, follows + 1, 1]
+    noise_power = float(np.square(other).mean())
+    power = float(np.square(length).mean()) - noise_power
+    if not power > 0.0:
+        return 0.5, 0.5
+    shown = float((early[follows, 0] * length).mean()) - float((noise[:, follows, 0] * other).mean())
+    ahead = 1.0 - shown / power
+    error = math.sqrt(noise_power / power / len(length))
+    # Revolution k lies between contacts k and k + 1. Their d are known if revolutions k - 1 and k + 1 are adjacent.
+    lengths = np.full(len(early) + 1, math.nan)
+    lengths[follows + 1] = length
+    step, away = lengths[1:-1] - lengths[:-2], turned_rad[:-1]
+    used = np.flatnonzero(np.isfinite(step))
+    if len(used) < _LEAST:
+        return 0.5, 0.5
+    step, away = _detrended(step[used]), _detrended(away[used])
+    below = float(step @ step) - 2.0 * noise_power * len(step)
+    if not below > 0.0:
+        return 0.5, 0.5
+    slope = -float(step @ away) / below
+    rest = away + slope * step
+    slope_std = math.sqrt(float(rest @ rest) / len(rest) / below)
+    # For the trailing edge a: Cov(centre, d) = w Var(d) - Var(a).
+    share = 1.0 - (ahead - slope)
+    return min(1.0, max(0.0, share)), math.hypot(error, slope_std)
+
+
+def _detrended(values: FloatArray) -> FloatArray:
+    """Return values minus their running mean."""
+    padded = np.pad(values, _OVER // 2, mode="reflect")
+    result: FloatArray = values - np.convolve(padded, np.full(_OVER, 1.0 / _OVER), mode="valid")
+    return result
+
+
+def _explained(raw: ComplexArray, bent: ComplexArray, rows: FloatArray, half_angle_rad: float) -> tuple[float, float]:
+    """Return the mean square over the revolution that the correction removes, and the mean square that remains."""
+    usual = np.ones(len(raw), dtype=bool)
+    near = np.abs(_THETA) < half_angle_rad + EDGE_REACH_RAD
+    far = np.abs(_THETA) > 2.0 * (half_angle_rad + EDGE_REACH_RAD)
+    powers = []
+    for orders in (raw, bent):
+        fitted, _ = regress(orders, rows, usual)
+        square = np.zeros((3, _POINTS))
+        for begin in range(0, len(orders), _AT_A_TIME):
+            square += np.square(_field((orders - fitted)[begin : begin + _AT_A_TIME])).sum(axis=0)
+        square /= len(orders)
+        powers.append(near.mean() * float((square[:, near].mean(axis=1) - square[:, far].mean(axis=1)).sum()))
+    return powers[0] - powers[1], max(0.0, powers[1])
+
+
+def _field(orders: ComplexArray) -> FloatArray:
+    """Return curves (..., points) of coefficients (..., ORDERS)."""
+    spectrum = np.zeros((*orders.shape[:-1], _POINTS // 2 + 1), dtype=np.complex128)
+    spectrum[..., :ORDERS] = orders * (_SIGNS * (0.5 * _POINTS))
+    spectrum[..., 0] *= 2.0
+    field: FloatArray = np.fft.irfft(spectrum, n=_POINTS, axis=-1)
+    return field
+
+
+def _orders(field: FloatArray) -> ComplexArray:
+    """Return coefficients (..., ORDERS) of curves (..., points)."""
+    orders: ComplexArray = np.fft.rfft(field, axis=-1)[..., :ORDERS] * (_SIGNS * (2.0 / _POINTS))
+    orders[..., 0] *= 0.5
+    return orders

@@ -1,0 +1,86 @@
+"""Effects of an effects file, checked against the catalogue."""
+
+import math
+from typing import Final
+
+import numpy as np
+
+from gateway.core.errors import TreadlinkError
+from gateway.core.revolutions.effect_correction import CorrectionTable, EffectParameter
+from gateway.core.types import FloatArray
+from gateway.diagnosis import criteria
+from gateway.diagnosis.effects.catalogue import candidates
+from gateway.diagnosis.effects.effect import BaselineModel, Parameter
+from gateway.diagnosis.effects.local_effects import LocalChange
+from gateway.diagnosis.laws.library import library
+from gateway.diagnosis.model.baseline_registry import angle_effects
+from gateway.diagnosis.model.closure_model import AngleEffect
+
+_AGAIN: Final = "Create the file again with `treadlink diagnose --save-effects`."
+
+
+def known_effects(
+    table: CorrectionTable, origin: str, model: BaselineModel = BaselineModel.EXACT
+) -> list[tuple[AngleEffect, FloatArray]]:
+    """Return the effects of a table with their parameter vectors, SI.
+
+    Args:
+        table: the effects; their parameters are used, not their contributions.
+        origin: where they come from, for messages.
+        model: baseline model that they are to be added to; a file is made with the exact ring.
+
+    Raises:
+        TreadlinkError: an effect is neither in the catalogue nor a law, or stands twice, or its parameters are not
+            those of the catalogue, in another unit or outside of their ranges.
+    """
+    catalogue: dict[str, AngleEffect] = dict(angle_effects(candidates(model)))
+    if model is BaselineModel.EXACT:
+        # A law is the answer of the exact ring, or was found beside it.
+        catalogue |= library()
+    effects: list[tuple[AngleEffect, FloatArray]] = []
+    for corrected in table.effects:
+        effect = catalogue.get(corrected.name)
+        if effect is None:
+            raise TreadlinkError(
+                f"{origin}: the catalogue has no effect '{corrected.name}' for this baseline model",
+                "Create the file again with `treadlink diagnose --save-effects`, or install the plug-in it came from.",
+            )
+        if any(effect.name == other.name for other, _ in effects):
+            raise TreadlinkError(f"{origin}: effect '{corrected.name}' stands twice", _AGAIN)
+        given = {parameter.name: parameter for parameter in corrected.parameters}
+        names = [parameter.name for parameter in effect.parameters]
+        for name in names:
+            if name not in given:
+                raise TreadlinkError(f"{origin}: effect '{corrected.name}' lacks the parameter '{name}'", _AGAIN)
+        for name in given:
+            if name not in names or sum(parameter.name == name for parameter in corrected.parameters) > 1:
+                raise TreadlinkError(
+                    f"{origin}: effect '{corrected.name}' has no parameter '{name}', or has it twice", _AGAIN
+                )
+        for parameter in effect.parameters:
+            _check_range(effect, parameter, given[parameter.name], origin)
+        used = effect.held() if isinstance(effect, LocalChange) else effect
+        effects.append((used, np.array([given[name].value for name in names])))
+    return effects
+
+
+def _check_range(effect: AngleEffect, parameter: Parameter, given: EffectParameter, origin: str) -> None:
+    """Check a value by the range that a diagnosis allows.
+
+    Raises:
+        TreadlinkError: it is outside by more than its standard error allows, or in another unit.
+    """
+    label = f"{origin}: effect '{effect.name}': parameter '{parameter.name}'"
+    if given.unit != parameter.unit:
+        wanted, given_unit = parameter.unit or "no unit", given.unit or "no unit"
+        raise TreadlinkError(f"{label} is in {given_unit}, not in {wanted}", _AGAIN)
+    slack = criteria.BEYOND_BOUND * given.std if math.isfinite(given.std) else 0.0
+    # A wide error does not make an impossible value possible.
+    slack = min(slack, parameter.high - parameter.low)
+    if not parameter.low - slack <= given.value <= parameter.high + slack:
+        unit = f" {parameter.unit}" if parameter.unit else ""
+        raise TreadlinkError(
+            f"{label} is {given.value:g}{unit}, outside its plausible range of {parameter.low:g} to "
+            f"{parameter.high:g}{unit}",
+            _AGAIN,
+        )

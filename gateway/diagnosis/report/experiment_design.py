@@ -1,0 +1,123 @@
+"""Experiment design: the recording that would separate two explanations."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from gateway.core.reasons import Code, Reason
+from gateway.core.types import FloatArray
+from gateway.diagnosis.angle.fit import Fit, FitFailedError, fit_model
+from gateway.diagnosis.angle.likelihood import whiten
+from gateway.diagnosis.data.campaign_data import Block, Campaign
+from gateway.diagnosis.data.side_information import CLOCK, HOST_CLOCK
+from gateway.diagnosis.effects.effect import GroupConditions
+from gateway.diagnosis.model.baseline import NoShapeError
+from gateway.diagnosis.model.closure_model import AngleEffect, ClosureModel
+from gateway.diagnosis.report.imagined_recording import carried, reference_group, with_recording
+
+# Reduction of the misfit at which two explanations count as distinguished.
+_DISTINGUISHED: Final = 25.0
+# Most steps of a fit of the rival, and the share of the misfit below which a step ends it: the fits need to be as exact
+# as a choice of recordings.
+_STEPS: Final = 4
+_ROUGH: Final = 0.02
+# Effects independent of speed, load, temperature and direction need another kind of recording.
+_AT_REST: Final = {frozenset(("camber", "zero-g offset")): Reason(Code.RECORD_AT_REST)}
+NOTHING: Final = Reason(Code.NO_RECORDING_DECIDES)
+
+_OTHERS: Final[tuple[tuple[Reason, Callable[[GroupConditions], GroupConditions]], ...]] = (
+    (Reason(Code.RECORD_AT_SPEED, speed_ratio=1.5), lambda c: replace(c, omega_radps=1.5 * c.omega_radps)),
+    (Reason(Code.RECORD_AT_SPEED, speed_ratio=0.25), lambda c: replace(c, omega_radps=0.25 * c.omega_radps)),
+    (Reason(Code.RECORD_AT_SPEED, speed_ratio=0.6), lambda c: replace(c, omega_radps=0.6 * c.omega_radps)),
+    (Reason(Code.RECORD_REVERSED), lambda c: replace(c, reverse=not c.reverse)),
+    (Reason(Code.RECORD_WARMER, difference_k=20.0), lambda c: replace(c, temperature_degc=c.temperature_degc + 20.0)),
+    (Reason(Code.RECORD_AT_LOAD, load_ratio=1.4), lambda c: replace(c, load_n=1.4 * c.load_n)),
+    (Reason(Code.RECORD_AT_PRESSURE, pressure_ratio=0.7), lambda c: replace(c, pressure_pa=0.7 * c.pressure_pa)),
+)
+
+
+def deciding_recording(final: Fit, effect: AngleEffect, rival: AngleEffect) -> Reason:
+    """Return the recording that would distinguish an effect from a confounder.
+
+    The final model is taken as true. Its prediction under other conditions is added to the campaign, and the rival in
+    place of the effect is fitted to both.
+    """
+    if CLOCK in (effect.name, rival.name):
+        return _clock_decides(final.model.campaign)
+    at_rest = _AT_REST.get(frozenset((effect.name, rival.name)))
+    if at_rest is not None:
+        return at_rest
+    others = tuple(other for other in final.model.effects if other.name != effect.name)
+    best: tuple[float, Reason] | None = None
+    for recording, change in _OTHERS:
+        gain = _distinction(final, (*others, rival), change)
+        if gain is not None and gain > _DISTINGUISHED and (best is None or gain > best[0]):
+            best = (gain, recording)
+    return NOTHING if best is None else best[1]
+
+
+def _clock_decides(campaign: Campaign) -> Reason:
+    """Return the clock comparison that would separate the explanations."""
+    _, std = campaign.clock_error
+    if not math.isfinite(std):
+        return Reason(Code.RECORD_LIVE)
+    if std > HOST_CLOCK:
+        return Reason(Code.RECORD_LIVE_FOR_LONGER, clock_std=std)
+    return Reason(Code.COMPARE_CLOCK, host_clock=HOST_CLOCK)
+
+
+def _distinction(
+    final: Fit, effects: tuple[AngleEffect, ...], change: Callable[[GroupConditions], GroupConditions]
+) -> float | None:
+    """Return the misfit that the rivals have with another recording beyond that without it; None if a fit fails."""
+    campaign, size = final.model.campaign, len(final.model.campaign.groups)
+    reference = reference_group(campaign)
+    there = change(reference.conditions)
+    # The recording has the same duration, so a lower speed gives fewer revolutions.
+    share = there.omega_radps / reference.conditions.omega_radps
+    count = max(1, round(share * sum(block.count for block in reference.blocks)))
+    larger = with_recording(campaign, there, count)
+    truth = ClosureModel(larger, final.model.core, final.model.effects)
+    vector = carried(final.model, truth, final.vector)
+    try:
+        # Refined here and not in the first fit: the grid's error at the new conditions must be the same in both.
+        truth.refine(vector)
+        imagined = _as_predicted(larger, truth, vector)
+        data = whiten(imagined, truth.core)
+        rivals = ClosureModel(imagined, final.model.core, effects)
+        start = truth.layout.moved(vector, rivals.layout)
+        everything = fit_model(rivals, data, start, most_steps=_STEPS, rough=_ROUGH).misfit
+        alone = replace(imagined, groups=imagined.groups[:size], states=campaign.states)
+        few = ClosureModel(alone, final.model.core, effects)
+        before = _carried_back(rivals, few, start)
+        at_hand = fit_model(few, whiten(alone, truth.core), before, most_steps=_STEPS, rough=_ROUGH).misfit
+    except (FitFailedError, NoShapeError):
+        return None
+    return everything - at_hand
+
+
+def _as_predicted(campaign: Campaign, model: ClosureModel, vector: FloatArray) -> Campaign:
+    """Return a campaign whose waveforms are those of a model, under the scatter of the recorded ones."""
+    groups = []
+    for index, group in enumerate(campaign.groups):
+        predicted = model.predict_mean(vector, index)
+        orders = np.where(np.isfinite(group.blocks[0].orders_mps2), predicted, complex(math.nan, math.nan))
+        count = sum(block.count for block in group.blocks)
+        groups.append(replace(group, blocks=(Block(count, group.conditions, orders),)))
+    return replace(campaign, groups=tuple(groups))
+
+
+def _carried_back(larger: ClosureModel, smaller: ClosureModel, vector: FloatArray) -> FloatArray:
+    """Return the parameters without those of the imagined recording."""
+    result = np.zeros(smaller.layout.size)
+    for state in range(smaller.campaign.states):
+        result[smaller.layout.state(state)] = vector[larger.layout.state(state)]
+    for index in range(len(smaller.campaign.groups)):
+        result[smaller.layout.centre(index)] = vector[larger.layout.centre(index)]
+    result[smaller.layout.sensor] = vector[larger.layout.sensor]
+    for effect in smaller.effects:
+        result[smaller.layout.effect(effect.name)] = vector[larger.layout.effect(effect.name)]
+    return result

@@ -1,0 +1,173 @@
+"""Orders, bands of orders and places at which the data concentrate what a set of effects leaves unexplained."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final, NamedTuple, Self
+
+import numpy as np
+
+from gateway.core.types import FloatArray, IntArray
+from gateway.diagnosis import criteria
+from gateway.diagnosis.angle.discrepancy_kernels import FROM_PLACES, PLACES, Burst, Concentration, concentrations
+from gateway.diagnosis.angle.fit import Fit
+from gateway.diagnosis.angle.likelihood import Whitened
+from gateway.diagnosis.angle.residual import group_residuals, residual_ratio
+
+# Amplitudes that are tried, as powers over the noise: log evidence is flat about its maximum.
+_POWERS: Final = np.logspace(0.0, 8.0, 17)
+
+
+@dataclass(frozen=True, slots=True)
+class Evident:
+    """A concentration that the evidence asks for.
+
+    Attributes:
+        concentration: order, band or place.
+        amplitudes: mean squares to start from, (m/s^2)^2, (axes of states, parts).
+        gain: of log evidence.
+        log_odds: before the data, against no concentration.
+        share: of the residual's power beyond noise and other concentrations that it takes.
+    """
+
+    concentration: Concentration
+    amplitudes: FloatArray
+    gain: float
+    log_odds: float
+    share: float
+
+
+def most_evident(fit: Fit, data: Whitened) -> Evident | None:
+    """Return the concentration of the highest gain of log evidence; None if none is worth its odds.
+
+    For curves L of unit weights, C^-1 r as they see it z and C^-1 as they see it V diag(v) V', an amplitude a gains
+    1/2 sum [a z^2 / (1 + a v) - ln(1 + a v)]. A concentration has the odds of a stand-in, shared among all, and its
+    gain is divided by the temperature, as all evidence is. It must hold `criteria.CONCENTRATED_SHARE` of the residual
+    beyond noise and other concentrations: less is a part like any other, which the smooth kernels describe.
+
+    Args:
+        fit: with a discrepancy, at its optimum.
+        data: whitened.
+    """
+    if fit.applied is None:
+        raise ValueError("a discrepancy is concentrated where a fit has one")
+    power = sum(float(np.square(residual.rms_mps2()).sum()) for residual in group_residuals(fit, data))
+    if not power > 0.0:
+        return None
+    possible = concentrations()
+    present = set(fit.applied.discrepancy.concentrations)
+    answers = fit.applied.answers(fit.weighted, fit.precision)
+    # At PLACES in place of orders, where a burst is narrow.
+    seen = [
+        _Seen.of(answer, information, index, part, float(np.square(scale).sum()))
+        for (index, (_, _, axis_groups)), parts in zip(fit.applied.discrepancy.enumerate(), answers, strict=True)
+        for part, ((answer, information), scale) in enumerate(zip(parts, axis_groups.scales, strict=True))
+    ]
+    for number, concentration in enumerate(reversed(fit.applied.discrepancy.concentrations), 1):
+        for each in seen:
+            weights = fit.applied.amplitudes[each.index, each.part, -number] * (
+                concentration.curves().T @ each.at_places.answer
+            )
+            power -= each.power * float(np.square(concentration.curves() @ weights).mean())
+    log_odds = math.log(criteria.STAND_IN_ODDS / len(possible))
+    shape = fit.applied.amplitudes.shape[:2]
+    every = [
+        _evident(concentration, seen, shape, power, log_odds)
+        for concentration in possible
+        if concentration not in present
+    ]
+    best = max(every, key=lambda evident: evident.gain)
+    worth = best.gain / math.sqrt(residual_ratio(fit, data)) + log_odds > 0.0
+    return best if worth and best.share > criteria.CONCENTRATED_SHARE else None
+
+
+@dataclass(frozen=True, slots=True)
+class _Answer:
+    """C^-1 r (n,) and C^-1 (n, n) in some basis.
+
+    Attributes:
+        answer: C^-1 r.
+        information: C^-1.
+    """
+
+    answer: FloatArray
+    information: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """C^-1 r and C^-1 as one part of one axis of a state sees them.
+
+    Attributes:
+        by_order: in the real coefficients.
+        at_places: at PLACES.
+        index: of the axis of a state.
+        part: index.
+        power: sum over groups of the part's squared size.
+    """
+
+    by_order: _Answer
+    at_places: _Answer
+    index: int
+    part: int
+    power: float
+
+    @classmethod
+    def of(cls, answer: FloatArray, information: FloatArray, index: int, part: int, power: float) -> Self:
+        """Return them from C^-1 r (REAL,) and C^-1 (REAL, REAL) of the real coefficients."""
+        at_places = _Answer(answer @ FROM_PLACES, FROM_PLACES.T @ information @ FROM_PLACES)
+        return cls(_Answer(answer, information), at_places, index, part, power)
+
+
+class _Narrow(NamedTuple):
+    """A concentration in the basis in which few numbers describe it.
+
+    Attributes:
+        in_orders: whether that is the real coefficients: an order has two, a band few orders; a burst has few places.
+        inside: of the numbers, (m,).
+        curves: in them, (m, k).
+        powers: mean products of the curves, (k, k).
+    """
+
+    in_orders: bool
+    inside: IntArray
+    curves: FloatArray
+    powers: FloatArray
+
+
+@lru_cache(maxsize=1024)
+def _narrow(concentration: Concentration) -> _Narrow:
+    curves = concentration.curves()
+    in_orders = not isinstance(concentration, Burst)
+    narrow = FROM_PLACES @ curves if in_orders else curves
+    inside = np.flatnonzero(np.abs(narrow).max(axis=1) > 1e-3)
+    return _Narrow(in_orders, inside, narrow[inside], curves.T @ curves / len(PLACES))
+
+
+def _evident(
+    concentration: Concentration, seen: Sequence[_Seen], shape: tuple[int, ...], power: float, log_odds: float
+) -> Evident:
+    """Return what a concentration gains: on every axis of a state the part of the larger gain."""
+    narrow = _narrow(concentration)
+    amplitudes, gains, powers = np.zeros(shape), np.zeros(shape[0]), np.zeros(shape[0])
+    for each in seen:
+        given = each.by_order if narrow.in_orders else each.at_places
+        information = given.information[narrow.inside[:, None], narrow.inside]
+        values, vectors = np.linalg.eigh(narrow.curves.T @ information @ narrow.curves)
+        values = np.maximum(values, 0.0)
+        if values[-1] <= 0.0:
+            continue
+        along = vectors.T @ (narrow.curves.T @ given.answer[narrow.inside])
+        tried = _POWERS[:, None] / values[-1]
+        gained = 0.5 * (tried * np.square(along) / (1.0 + tried * values) - np.log1p(tried * values)).sum(axis=1)
+        top = int(np.argmax(gained))
+        if gained[top] > gains[each.index]:
+            amplitude = float(tried[top, 0])
+            gains[each.index] = gained[top]
+            amplitudes[each.index] = 0.0
+            amplitudes[each.index, each.part] = amplitude
+            weights = vectors @ (along / (1.0 / amplitude + values))
+            powers[each.index] = each.power * float(weights @ narrow.powers @ weights)
+    share = float(powers.sum()) / power if power > 0.0 else 0.0
+    return Evident(concentration, amplitudes, float(gains.sum()), log_odds, share)

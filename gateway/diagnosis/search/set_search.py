@@ -1,0 +1,681 @@
+"""Search of the sets of effects with the highest evidence.
+
+Proposals come from chains without a discrepancy, which add the effect of the largest gain each time. All sets on the
+chains, and those near them, get their evidence with a discrepancy. From the best set, every effect is removed, added or
+exchanged in turn until no set is better; likewise from its rivals, which lack one of its effects. The discrepancy is
+then concentrated at orders, bands of orders or places while the evidence calls for it, and the best set fitted from
+other shapes of its effects. Sets are visited in an order that depends on evidence and name alone.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gateway.core.worker_pool import Workers
+from gateway.diagnosis import criteria
+from gateway.diagnosis.angle.candidate_trial import Trial, refit, start_of
+from gateway.diagnosis.angle.discrepancy import Applied, Discrepancy
+from gateway.diagnosis.angle.fit import Fit, FitFailedError, fit_model, linearised
+from gateway.diagnosis.angle.likelihood import Whitened
+from gateway.diagnosis.angle.residual import ratios_by_part, residual_ratio
+from gateway.diagnosis.angle.set_evidence import (
+    Evaluated,
+    evaluate,
+    log_evidence,
+    log_odds,
+    log_prior_odds,
+    names_of,
+    settled,
+)
+from gateway.diagnosis.bayes.posterior import Names
+from gateway.diagnosis.data.campaign_data import Campaign
+from gateway.diagnosis.data.condition_groups import far_apart, has_other_conditions, telling
+from gateway.diagnosis.effects.catalogue import corrections
+from gateway.diagnosis.effects.local_effects import LocalChange
+from gateway.diagnosis.model.baseline import Core, NoShapeError
+from gateway.diagnosis.model.closure_model import AngleEffect, ClosureModel
+from gateway.diagnosis.search.candidate_scan import Helpers, Scan
+from gateway.diagnosis.search.discrepancy_concentration import Evident, most_evident
+from gateway.diagnosis.search.other_optima import other_optima
+from gateway.diagnosis.search.profile_scan import ProfileScan, fitted_with
+
+
+@dataclass
+class SetSearch:
+    """Sets of effects evaluated on one campaign.
+
+    Attributes:
+        campaign: conditions.
+        core: baseline model.
+        data: whitened.
+        effects: candidates by name.
+        discrepancy: of the campaign.
+        expired: True when the time that the search may take is over.
+        on_step: called with the number of effects of the set that is being worked on.
+        helpers: processes that share the trials; the result does not depend on their number.
+        found: sets with their evidence.
+        optima: other optima of the best set, by the effect whose shape is another.
+        rejected: sets without an evidence, since a fit failed.
+        complete: False when the search ended because its time was over.
+        promises: for every set of a chain, the gain of log evidence that each effect promised without a discrepancy.
+    """
+
+    campaign: Campaign
+    core: Core
+    data: Whitened
+    effects: Mapping[str, AngleEffect]
+    discrepancy: Discrepancy
+    expired: Callable[[], bool] = lambda: False
+    on_step: Callable[[int], None] = lambda _: None
+    helpers: Helpers = field(default_factory=lambda: Helpers(Workers()))
+    evaluations: dict[Names, Evaluated] = field(default_factory=dict)
+    optima: dict[str, tuple[Evaluated, ...]] = field(default_factory=dict)
+    rejected: set[Names] = field(default_factory=set)
+    complete: bool = True
+    promises: dict[Names, dict[str, float]] = field(default_factory=dict)
+    _scanned: tuple[int, ...] = ()
+    _begun: list[Scan] = field(default_factory=list)
+    _scanned_places: set[Names] = field(default_factory=set)
+    _at_rest: dict[Names, Evaluated] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        # What the equations of the baseline model lack. Each alone is biased and promises little.
+        self._corrections = corrections(self.core.model)
+        self.helpers.begin(self.campaign, self.core, self.data, self.effects, self.discrepancy)
+
+    def run(self, start: Fit) -> Evaluated:
+        """Search from the baseline model's fit; return the best set."""
+        groups = self.campaign.groups
+        self._scanned = tuple(
+            far_apart(
+                telling(
+                    np.array([group.recording for group in groups]),
+                    np.array([group.state for group in groups]),
+                    np.array([group.conditions.omega_radps for group in groups]),
+                    np.array([float(sum(block.count for block in group.blocks)) for group in groups]),
+                    criteria.SCANNED_GROUPS,
+                ),
+                [group.conditions for group in groups],
+                criteria.MOST_SCANNED,
+            ).tolist()
+        )
+        if not self._corrections:
+            self._begin(start, self.effects)
+        self._evaluate(start, None)
+        corrected = self._corrected(start)
+        self._chains(corrected)
+        expected = self._with_expected(corrected) if self._expected_in_question() else None
+        if expected is not None:
+            self._chains(expected)
+        self._climb()
+        while not self._stop() and (self._placed() or self._concentrate() or self._settled() or self._moved()):
+            self._climb()
+        return self.best
+
+    def _rest(self, names: Names) -> None:
+        """Let a set rest where much is left; near the noise all sets do."""
+        evaluated = self.evaluations[names]
+        if self._at_rest.get(names) is evaluated or self._at_noise(evaluated.fit):
+            return
+        at_rest = self._at_rest[names] = self.evaluations[names] = settled(evaluated, self.data)
+        if at_rest is not self.best and at_rest.fit.applied is not None:
+            at_rest.fit.applied.release()
+
+    def _rest_best(self) -> None:
+        """Let the best set rest, and the one that is then the best, until it stays so.
+
+        A set that is taken for the best before it rests leads the search where the rounding of the machine decides.
+        """
+        while not self._stop():
+            best = self.best
+            self._rest(best.names)
+            if self.best.names == best.names:
+                return
+
+    def _settled(self) -> bool:
+        """Let the sets that matter rest; return whether another one is then the best."""
+        best = self.best
+        least = best.log_evidence + math.log(criteria.SUPPORTED)
+        for names in sorted(self.evaluations, key=lambda names: (-self.evaluations[names].log_evidence, sorted(names))):
+            if self._stop():
+                break
+            if self.evaluations[names].log_evidence >= least or not names:
+                self._rest(names)
+        self._rest_best()
+        return self.best.names != best.names
+
+    def _climb(self) -> None:
+        """Evaluate the neighbours of the best set until it is the best of them; likewise of its rivals."""
+        done: list[Evaluated] = []
+        grown: list[Evaluated] = []
+        while not self._stop():
+            self._rest_best()
+            leader = next(
+                (evaluated for evaluated in self._leaders() if not any(evaluated is other for other in done)), None
+            )
+            if leader is not None:
+                worth = self._is_worth_climbing(leader, done)
+                done.append(leader)
+                if worth and not self._restarted(leader):
+                    self._neighbours(leader)
+                continue
+            rival = next(
+                (evaluated for evaluated in self._rivals() if not any(evaluated is other for other in grown)), None
+            )
+            if rival is None:
+                return
+            grown.append(rival)
+            if len(rival.names) < criteria.MOST_EFFECTS:
+                near = self.best.log_evidence - criteria.WITHIN
+                self._add(rival.fit, rival, self._additions(rival.fit, near), near)
+
+    def _is_worth_climbing(self, leader: Evaluated, done: Sequence[Evaluated]) -> bool:
+        """Return whether the neighbours of a set are worth the work after those of others.
+
+        Where much is left, evidence counts little, and sets that differ by `criteria.WORTH_CLIMBING` are as probable.
+        """
+        ratios = ratios_by_part(self.best.fit, self.data)
+        expected = frozenset(effect.name for effect in self._expected)
+        if max(ratios) < criteria.TEMPERED**2 or leader.names & expected not in {
+            evaluated.names & expected for evaluated in done
+        }:
+            return True
+        plane, lateral = map(math.sqrt, ratios)
+        highest = max(evaluated.tempered(plane, lateral).log_evidence for evaluated in done)
+        return leader.tempered(plane, lateral).log_evidence > highest + criteria.WORTH_CLIMBING
+
+    def _rivals(self) -> Iterator[Evaluated]:
+        """Yield the best set without each effect of the best one.
+
+        With one more effect it may explain the same: two effects may do together what a flexible one does alone.
+        """
+        least = self.best.log_evidence - criteria.WORTH_GROWTH
+        for name in sorted(self.best.names):
+            without = [evaluated for names, evaluated in self.evaluations.items() if name not in names]
+            if without and (rival := _best(without)).log_evidence > least:
+                yield rival
+
+    def _leaders(self) -> Iterator[Evaluated]:
+        """Yield the best set, its rivals, and the best ones with and without the effects that are to be expected.
+
+        An effect that takes the place of an expected one and of another beside it would otherwise never be compared
+        with both.
+        """
+        yield self.best
+        least = self.best.log_evidence - criteria.WORTH_WORK
+        yield from (evaluated for evaluated in self._rivals() if evaluated.log_evidence > least)
+        expected = frozenset(effect.name for effect in self._expected)
+        if not expected:
+            return
+        for included in (expected, frozenset[str]()):
+            alike = [evaluated for names, evaluated in self.evaluations.items() if names & expected == included]
+            if alike and (leader := _best(alike)).log_evidence > least:
+                yield leader
+
+    def _concentrate(self) -> bool:
+        """Concentrate the discrepancy at one more place if the best set calls for it, or one that is better with it.
+
+        All sets get their evidence anew: an effect may have stood for what happens there.
+        """
+        call = self.called_for()
+        if call is None:
+            return False
+        caller, evident = call
+        applied = caller.fit.applied
+        assert applied is not None
+        before, smoother = self.evaluations, self.discrepancy
+        concentrated = smoother.concentrated(evident.concentration)
+        try:
+            begin = concentrated.applied(np.concatenate([applied.amplitudes, evident.amplitudes[:, :, None]], axis=2))
+        except np.linalg.LinAlgError:
+            return False
+        self.evaluations, self.discrepancy = {}, concentrated
+        for evaluated in sorted(
+            before.values(), key=lambda evaluated: (-evaluated.log_evidence, sorted(evaluated.names))
+        ):
+            # Even without time left, the best set and the empty one are needed.
+            if not (self.evaluations and evaluated.names and self._stop()):
+                self._evaluate(evaluated.fit, self.best.fit.applied if self.evaluations else begin)
+        if frozenset() not in self.evaluations:
+            self.evaluations, self.discrepancy = before, smoother
+            return False
+        return True
+
+    def _placed(self) -> bool:
+        """Try changes at one place of the wheel beside the best set; return whether a set with one is better.
+
+        A chain would have to try every place of each.
+        """
+        best = self.best
+        changes = [
+            effect
+            for effect in self.effects.values()
+            if isinstance(effect, LocalChange) and not is_taken(effect, best.fit.model.effects)
+        ]
+        applied = best.fit.applied
+        if best.names in self._scanned_places or not changes or applied is None:
+            return False
+        groups = self.campaign.groups
+        testable = any(has_other_conditions(groups, group.recording) for group in groups)
+        # Without recordings of other conditions nothing tells it from what resembles it; a law may be a clue there.
+        if not testable or len(best.names) >= criteria.MOST_EFFECTS:
+            return False
+        self._scanned_places.add(best.names)
+        if residual_ratio(best.fit, self.data) - 1.0 < criteria.WORTH_A_SCAN:
+            return False
+        self.on_step(len(best.names) + 1)
+        try:
+            promises = ProfileScan(best.fit).promises(changes)
+        except (NoShapeError, np.linalg.LinAlgError):
+            return False
+        for promise in promises[: criteria.REFITTED]:
+            least = max(criteria.LOOKED_AT, criteria.PROMISE_SHARE * promises[0].gain)
+            if promise.gain < least or self._stop():
+                break
+            if (fit := fitted_with(promise, best.fit, self.data)) is not None:
+                self._evaluate(fit, self.discrepancy.applied(criteria.SMALLER_DISCREPANCY * applied.amplitudes))
+        return self.best is not best
+
+    def _moved(self) -> bool:
+        """Look for other optima of the best set; return whether one is better, which is then the set's own."""
+        best, self.optima = self.best, {}
+        flat = not self._at_noise(best.fit)
+        for effect in sorted(best.fit.model.effects, key=lambda effect: effect.name):
+            self.on_step(len(best.names))
+            bare = None if self._stop() else self._bare(best, effect)
+            optima = [] if bare is None else other_optima(best, bare, effect, self._scanned, at_rest=flat)
+            if optima and optima[0].log_evidence > best.log_evidence:
+                # Those found so far are of the worse one.
+                self.evaluations[best.names], self.optima = optima[0], {}
+                return True
+            self.optima[effect.name] = tuple(optima)
+        return False
+
+    def called_for(self) -> tuple[Evaluated, Evident] | None:
+        """Return the concentration that the evidence asks for, and the set that asks for it.
+
+        Where much is left, one with which the best set can do without one of its effects comes first. An effect that is
+        there is needed beside it as well.
+        """
+        best = self.best
+        if len(self.discrepancy.concentrations) >= criteria.MOST_CONCENTRATED:
+            return None
+        if not self._at_noise(best.fit):
+            less = [
+                self.evaluations[names] for name in best.names if (names := best.names - {name}) in self.evaluations
+            ]
+            asked = [(evaluated, evident) for evaluated in less if (evident := self._evident(evaluated)) is not None]
+            worth = {
+                evaluated.names: evaluated.log_evidence + evident.gain + evident.log_odds
+                for evaluated, evident in asked
+            }
+            most_urgent = max(asked, key=lambda pair: (worth[pair[0].names], sorted(pair[0].names)), default=None)
+            if most_urgent is not None and worth[most_urgent[0].names] > best.log_evidence:
+                return most_urgent
+        evident = self._evident(best)
+        return None if evident is None else (best, evident)
+
+    def _evident(self, evaluated: Evaluated) -> Evident | None:
+        return None if evaluated.fit.applied is None else most_evident(evaluated.fit, self.data)
+
+    @property
+    def best(self) -> Evaluated:
+        """The set of the highest evidence, impossible ones included; of two alike, the one first by name."""
+        return _best(self.evaluations.values())
+
+    @property
+    def _expected(self) -> tuple[AngleEffect, ...]:
+        conditions = tuple(group.conditions for group in self.campaign.groups)
+        return tuple(effect for effect in self.effects.values() if effect.expected(conditions))
+
+    def _stop(self) -> bool:
+        if self.expired():
+            self.complete = False
+        return not self.complete
+
+    def _at_noise(self, fit: Fit) -> bool:
+        return fit.misfit < criteria.AT_NOISE * self.data.size
+
+    def _evaluate(self, fit: Fit, near: Applied | None) -> Evaluated | None:
+        names = names_of(fit)
+        if names in self.rejected:
+            return None
+        if names not in self.evaluations:
+            self.on_step(len(names))
+            before = self.best if self.evaluations else None
+            try:
+                enough = -math.inf if before is None else before.log_evidence - criteria.WORTH_WORK
+                self.evaluations[names] = evaluate(fit, self.data, self.discrepancy, near, enough)
+            except (FitFailedError, np.linalg.LinAlgError):
+                self.rejected.add(names)
+                return None
+            # Others are seldom needed, and a hundred sets would take gigabytes.
+            for evaluated in (before, self.evaluations[names]):
+                if evaluated is not None and evaluated is not self.best and evaluated.fit.applied is not None:
+                    evaluated.fit.applied.release()
+        return self.evaluations[names]
+
+    def _evaluate_anew(self, fit: Fit, near: Applied | None) -> None:
+        """Evaluate a set, also a known one, and keep the better optimum.
+
+        From a worse one, the effect that the set lacks would get the credit for leading out of it.
+        """
+        names = names_of(fit)
+        previous = self.evaluations.get(names)
+        self.evaluations.pop(names, None)
+        evaluated = self._evaluate(fit, near)
+        if previous is not None and (evaluated is None or evaluated.log_evidence < previous.log_evidence):
+            self.evaluations[names] = previous
+            self.rejected.discard(names)
+
+    def _corrected(self, start: Fit) -> Fit:
+        """Return the fit with all corrections of the baseline model if it is the better one."""
+        effects = tuple(self.effects[name] for name in self._corrections if name in self.effects)
+        if not effects:
+            return start
+        self.on_step(len(effects))
+        model = ClosureModel(self.campaign, self.core, effects)
+        vector, _ = model.priors()
+        for effect in effects:
+            vector[model.layout.effect(effect.name)] = effect.start_values[0]
+        try:
+            fit = fit_model(model, self.data, vector, from_afar=True)
+        except FitFailedError:
+            return start
+        evaluated = self._evaluate(fit, None)
+        return (
+            fit
+            if evaluated is not None and evaluated.log_evidence > self.evaluations[frozenset()].log_evidence
+            else start
+        )
+
+    def _expected_in_question(self) -> bool:
+        """Return whether an effect that is to be expected is missing in the best set, or in one nearly as good."""
+        expected = frozenset(effect.name for effect in self._expected)
+        near = self.best.log_evidence - criteria.WORTH_WORK
+        return any(
+            evaluated.log_evidence > near and not expected <= evaluated.names for evaluated in self.evaluations.values()
+        )
+
+    def _with_expected(self, start: Fit) -> Fit | None:
+        """Return the fit with all effects that are to be expected; None without any."""
+        effects = tuple(effect for effect in self._expected if not is_taken(effect, start.model.effects))
+        if not effects or self._stop():
+            return None
+        conditions = tuple(group.conditions for group in self.campaign.groups)
+        self.on_step(len(effects))
+        model = ClosureModel(self.campaign, self.core, (*start.model.effects, *effects))
+        vector = start.model.layout.moved(start.vector, model.layout)
+        for effect in effects:
+            vector[model.layout.effect(effect.name)] = effect.starts(conditions)[0]
+        try:
+            fit = fit_model(model, self.data, vector, from_afar=True)
+        except FitFailedError:
+            return None
+        self._evaluate(fit, None)
+        return fit
+
+    def _chains(self, start: Fit) -> None:
+        """Add the best effects one after the other, without a discrepancy; from the best first ones."""
+        if self._stop():
+            return
+        begun: set[Names] = set()
+        firsts = self._fitted(start)
+        for first in firsts[: criteria.BRANCHES]:
+            if self._at_noise(self.best.fit):
+                break
+            self._chain(first, begun)
+        for other in firsts:
+            if self._stop():
+                return
+            self._of_chain(other)
+
+    def _chain(self, fit: Fit, begun: set[Names]) -> None:
+        """Add the best effects to a set one after the other until none is left, or no more evidence comes of it.
+
+        Args:
+            fit: of the first set.
+            begun: sets from which a chain went on; those of this one are added.
+        """
+        highest, stalled = -math.inf, 0
+        while not self._stop() and names_of(fit) not in begun:
+            begun.add(names_of(fit))
+            last = len(fit.model.effects) >= criteria.MOST_EFFECTS
+            if not last:
+                self._begin(fit, self.effects)
+            better = self._of_chain(fit)
+            evaluated = self.evaluations.get(names_of(fit))
+            stalled = 0 if evaluated is not None and evaluated.log_evidence > highest else stalled + 1
+            highest = highest if evaluated is None else max(highest, evaluated.log_evidence)
+            if last or stalled >= criteria.STALLED or (self._at_noise(fit) and not better):
+                return
+            nexts = self._fitted(fit)
+            for other in nexts[1:]:
+                self._of_chain(other)
+            if not nexts:
+                return
+            fit = nexts[0]
+
+    def _of_chain(self, fit: Fit) -> bool:
+        """Evaluate a set of a chain; return whether it is better than the one that it extends."""
+        names = names_of(fit)
+        smaller = [candidate for of, candidate in self.evaluations.items() if of < names]
+        parent = max(smaller, key=lambda candidate: (len(candidate.names), sorted(candidate.names)))
+        evaluated = self._evaluate(fit, parent.fit.applied)
+        return evaluated is not None and evaluated.log_evidence > parent.log_evidence
+
+    def _fitted(self, fit: Fit) -> list[Fit]:
+        """Return fits of a set with one more effect, by gain without a discrepancy; none without a gain."""
+        self.on_step(len(fit.model.effects) + 1)
+        trials = self._scan(fit, self.effects)
+        self.promises[names_of(fit)] = {trial.effect.name: trial.promise for trial in trials}
+        beyond = max(0.0, fit.misfit - self.data.size)
+        fits: list[tuple[float, Fit]] = []
+        most = trials[0].promise if trials else 0.0
+        for trial in trials[: criteria.REFITTED]:
+            if trial.promise < criteria.LOOKED_AT or trial.promise < criteria.PROMISE_SHARE * most:
+                break
+            if self._stop():
+                break
+            try:
+                after = refit(trial, self.data)
+            except FitFailedError:
+                continue
+            fall = fit.misfit - after.misfit
+            if fall > criteria.EXPLAINED_SHARE * beyond and fall > 2.0 * criteria.LOOKED_AT:
+                fits.append((after.misfit, after))
+            if self._at_noise(after):
+                break
+        fits.sort(key=lambda entry: entry[0])
+        return [each for _, each in fits]
+
+    def _scan(self, fit: Fit, among: Iterable[str]) -> list[Trial]:
+        """Return trials of all effects that a set can take, by promise."""
+        scan = self._begin(fit, among)
+        self._begun.remove(scan)
+        return scan.trials(self.expired)
+
+    def _begin(self, fit: Fit, among: Iterable[str]) -> Scan:
+        """Begin a scan in other processes, which is then made while this one does something else."""
+        effects = [
+            self.effects[name]
+            for name in sorted(among)
+            if not isinstance(self.effects[name], LocalChange) and not is_taken(self.effects[name], fit.model.effects)
+        ]
+        for scan in self._begun:
+            if scan.is_of(fit, effects):
+                return scan
+        scan = self.helpers.scan(fit, effects, self._scanned)
+        self._begun.append(scan)
+        return scan
+
+    def _neighbours(self, best: Evaluated) -> None:
+        """Evaluate the sets that differ from one by a removal, an addition or an exchange of one effect."""
+        near = self.best.log_evidence - criteria.WITHIN
+        bare = [without for effect in best.fit.model.effects if (without := self._bare(best, effect)) is not None]
+        worths = [best.log_evidence - self._score(without) for without in bare]
+        expected = frozenset(effect.name for effect in self._expected)
+        grows = len(best.names) < criteria.MOST_EFFECTS
+        additions = self._additions(best.fit, near)
+        if grows and not self._stop() and min(worths, default=math.inf) > criteria.LOOKED_AT:
+            self._begin(best.fit, additions)
+        for index in np.argsort(worths, kind="stable").tolist():
+            if self._stop():
+                return
+            self._evaluate_anew(bare[index], best.fit.applied)
+            alike = names_of(bare[index]) & expected == best.names & expected
+            if alike and self._score(bare[index]) > best.log_evidence:
+                # From there on: the other neighbours of a set that can do with less are not worth the work.
+                return
+        for without, worth in zip(bare, worths, strict=True):
+            (effect,) = best.names - names_of(without)
+            self._begin(without, rivals_of(effect, worth, self.effects, list(self.promises.values())))
+        for without, worth in zip(bare, worths, strict=True):
+            if self._stop():
+                return
+            (effect,) = best.names - names_of(without)
+            self._add(without, best, rivals_of(effect, worth, self.effects, list(self.promises.values())), near)
+        if grows and not self._stop():
+            self._add(best.fit, best, additions, near)
+            self._regrow(best)
+
+    def _restarted(self, best: Evaluated) -> bool:
+        """Fit a set anew from the usual shapes of its effects; return whether that is the better optimum.
+
+        A shape far from the usual one may have stood for an effect that the set lacked when it was first fitted.
+        """
+        model = best.fit.model
+        begun = False
+        for effect in model.effects:
+            vector, where = best.fit.vector.copy(), model.layout.effect(effect.name)
+            usual = np.array([parameter.prior_mean for parameter in effect.parameters])
+            width = np.array([parameter.prior_std for parameter in effect.parameters])
+            whole = np.array([parameter.whole for parameter in effect.parameters])
+            far = (usual != 0.0) & ~whole & (np.abs(vector[where] - usual) > width)
+            if not far.any():
+                continue
+            if self._stop():
+                return begun
+            vector[where] = np.where(far, usual, vector[where])
+            try:
+                fit = linearised(model, self.data, vector, applied=best.fit.applied)
+            except (NoShapeError, np.linalg.LinAlgError):
+                continue
+            if _linear_score(fit) > self.evaluations[best.names].log_evidence:
+                self._evaluate_anew(fit, best.fit.applied)
+                begun = True
+        return begun and self.evaluations[best.names] is not best
+
+    def _score(self, fit: Fit) -> float:
+        """Return the log evidence of a set, by its linearisation where it was not worked out."""
+        evaluated = self.evaluations.get(names_of(fit))
+        return _linear_score(fit) if evaluated is None else evaluated.log_evidence
+
+    def _bare(self, best: Evaluated, effect: AngleEffect) -> Fit | None:
+        """Return the fit of a set without one of its effects, the other parameters as they are."""
+        others = tuple(other for other in best.fit.model.effects if other.name != effect.name)
+        model = ClosureModel(self.campaign, self.core, others)
+        try:
+            vector = best.fit.model.layout.moved(best.fit.vector, model.layout)
+            return linearised(model, self.data, vector, applied=best.fit.applied)
+        except (NoShapeError, np.linalg.LinAlgError):
+            return None
+
+    def _add(self, fit: Fit, best: Evaluated, among: Iterable[str], near: float) -> None:
+        """Evaluate a set, a neighbour of `best`, with each effect that promises an evidence of `near` at least."""
+        score = self._score(fit)
+        for trial in self._scan(fit, among)[: criteria.RIVALS]:
+            if self._stop():
+                return
+            names = names_of(fit) | {trial.effect.name}
+            if names in self.evaluations or names in self.rejected or len(names) > criteria.MOST_EFFECTS:
+                continue
+            odds = log_prior_odds(trial.model) - log_prior_odds(fit.model)
+            if score + trial.promise + odds < near:
+                break
+            self._work_out(trial, best)
+
+    def _additions(self, fit: Fit, near: float) -> list[str]:
+        """Return the effects with which a set may have an evidence of `near`.
+
+        At noise, an effect promises no more with a discrepancy than it did without one.
+        """
+        promised = self.promises.get(names_of(fit))
+        if promised is None or not self._at_noise(fit):
+            return list(self.effects)
+        conditions = tuple(group.conditions for group in self.campaign.groups)
+        least = near - criteria.LOOKED_AT - self._score(fit)
+        return [
+            name
+            for name, effect in self.effects.items()
+            if promised.get(name, -math.inf) + log_odds(effect, conditions) > least
+        ]
+
+    def _regrow(self, best: Evaluated) -> None:
+        """Evaluate the best set with each effect that promises much under a smaller discrepancy."""
+        if best.fit.applied is None or self._at_noise(best.fit):
+            return
+        smaller = criteria.SMALLER_DISCREPANCY * best.fit.applied.amplitudes
+        fit = best.fit.under(self.discrepancy.applied(smaller))
+        for trial in self._scan(fit, self.effects)[: criteria.REFITTED]:
+            names = names_of(fit) | {trial.effect.name}
+            if self._stop() or trial.promise < criteria.LOOKED_AT:
+                return
+            if names not in self.evaluations and names not in self.rejected:
+                self._work_out(trial, best)
+
+    def _work_out(self, trial: Trial, best: Evaluated) -> None:
+        """Evaluate the set of a trial, from the discrepancy of the best set."""
+        try:
+            after = linearised(trial.model, self.data, start_of(trial), applied=best.fit.applied)
+        except (NoShapeError, np.linalg.LinAlgError):
+            self.rejected.add(frozenset(effect.name for effect in trial.model.effects))
+            return
+        self._evaluate(after, best.fit.applied)
+
+
+def is_taken(effect: AngleEffect, taken: Sequence[AngleEffect]) -> bool:
+    """Return whether an effect, or another form of it, is among those taken."""
+    if any(effect.name == other.name for other in taken):
+        return True
+    return bool(effect.form_of) and any(other.form_of == effect.form_of for other in taken)
+
+
+def baseline_fit(campaign: Campaign, core: Core, data: Whitened) -> Fit:
+    """Return the fit of the baseline model alone.
+
+    Raises:
+        FitFailedError: it has no equilibrium near its start.
+    """
+    return fit_model(ClosureModel(campaign, core), data, from_afar=True)
+
+
+def rivals_of(effect: str, worth: float, effects: Iterable[str], promises: Sequence[Mapping[str, float]]) -> list[str]:
+    """Return the effects that promised a large part of what another did to some set, or that were never tried.
+
+    Args:
+        effect: that they may take the place of.
+        worth: log evidence that it adds to its set. It may be far less than it promised: others explain some by now.
+        effects: all names.
+        promises: for every set of a chain, the gain of log evidence that each effect promised without a discrepancy.
+    """
+    tried = {name for promised in promises for name in promised}
+    share, slack = criteria.RIVAL_SHARE, criteria.LOOKED_AT
+    # Where it promised next to nothing itself, so did all others.
+    telling = [of for of in promises if share * of.get(effect, 0.0) > slack] or promises
+    return [
+        name
+        for name in effects
+        if name not in tried
+        or any(of.get(name, -math.inf) > share * min(of.get(effect, 0.0), worth) - slack for of in telling)
+    ]
+
+
+def _best(sets: Iterable[Evaluated]) -> Evaluated:
+    return min(sets, key=lambda evaluated: (-evaluated.log_evidence, sorted(evaluated.names)))
+
+
+def _linear_score(fit: Fit) -> float:
+    return log_evidence(fit.moved(fit.step))

@@ -1,0 +1,294 @@
+"""Lines and bands above the fitted density that no effect of the catalogue explains."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d
+
+from gateway.core.constants import AXIS_NAMES
+from gateway.core.types import BoolArray, FloatArray
+from gateway.diagnosis import criteria
+from gateway.diagnosis.remainder.statistics import held_scaling, rare_ratio, scaling_of
+from gateway.diagnosis.result import Unexplained
+from gateway.diagnosis.spectrum.nonsynchronous_density import Site
+
+# Window widths in bins.
+_WIDTHS: Final = (1, 5, 15, 45, 135)
+_ENDS: Final = 2.0
+_SIDEBAND_TURNS: Final = 3.0
+_BESIDE_TURNS: Final = 10.0
+_MOST_PARTS: Final = 16
+_LINE_HZ: Final = 8.0
+# Share of a band's power that a line in it must hold for the band to be that line.
+_MOST: Final = 0.5
+_SAME_HZ: Final = 1.0
+_SAME_ORDER: Final = 0.06
+# A multiple of the wheel's frequency, so near; a band is of multiples where it is this many times as high near them.
+_MULTIPLE_HZ: Final = 0.7
+_NEAR_HZ: Final = 1.2
+_COMB: Final = 2.0
+_SPEEDS_APART: Final = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A line or band above the model on one axis of one group.
+
+    Attributes:
+        group: index of the group.
+        axis: index of the axis.
+        low_hz: lower end.
+        high_hz: upper end.
+        centre_hz: centre of its power.
+        rms_mps2: rms above the model.
+        std_mps2: one standard error.
+        multiple: whether it lies at multiples of the wheel's frequency.
+    """
+
+    group: int
+    axis: int
+    low_hz: float
+    high_hz: float
+    centre_hz: float
+    rms_mps2: float
+    std_mps2: float
+    multiple: bool = False
+
+    @property
+    def line(self) -> bool:
+        """Whether the part is a line rather than a band."""
+        return self.high_hz - self.low_hz <= _LINE_HZ
+
+
+def parts_left(site: Site, density: FloatArray, noise: FloatArray, level: FloatArray) -> list[Part]:
+    """Return the lines and bands above the model of one group.
+
+    Args:
+        site: the group.
+        density: (3, m) density of the fitted model.
+        noise: (3, m) its part that is sensor noise.
+        level: (3,) noise level before any low-pass.
+    """
+    spectra = site.spectra
+    power = spectra.mean_power()
+    explained = np.maximum(density - noise, 0.0)
+    reach = max(1, round(_SIDEBAND_TURNS * spectra.wheel_hz / spectra.step_hz))
+    filtered = np.maximum(level[:, None] - noise, 0.0)
+    allowed = (
+        density
+        + criteria.FILTER_TO * np.minimum(filtered, noise)
+        + criteria.EXPLAINED_TO * explained
+        + criteria.SIDEBANDS * _running_max(explained, reach)
+    )
+    parts: list[Part] = []
+    for axis in np.flatnonzero(spectra.present).tolist():
+        parts += _parts(site, axis, power[axis], density[axis], allowed[axis])
+    return [part for part in parts if not _beside(part, parts, spectra.wheel_hz)]
+
+
+def _beside(part: Part, others: Sequence[Part], wheel_hz: float) -> bool:
+    """Return whether a part is a sideband of a strong line, left by the resampling of each revolution to time."""
+    return any(
+        part.rms_mps2 < criteria.BESIDE_A_LINE * other.rms_mps2
+        and abs(part.centre_hz - other.centre_hz) < _BESIDE_TURNS * wheel_hz
+        for other in others
+    )
+
+
+def several_speeds(sites: Sequence[Site]) -> bool:
+    """Return whether the groups differ in speed."""
+    speeds = [site.spectra.speed_mps for site in sites]
+    return max(speeds) > criteria.SPEEDS_APART * min(speeds)
+
+
+def _running_max(values: FloatArray, half: int) -> FloatArray:
+    return maximum_filter1d(values, 2 * half + 1, axis=1, mode="nearest")
+
+
+def _parts(site: Site, axis: int, power: FloatArray, density: FloatArray, allowed: FloatArray) -> list[Part]:
+    spectra = site.spectra
+    frequency, step = spectra.frequency_hz, spectra.step_hz
+    freedom = float(spectra.freedom.sum())
+    ratio = power / allowed
+    # Neighbouring bins are correlated: a single bin has more degrees of freedom than its share of a wide bin.
+    looks = []
+    for width in _WIDTHS:
+        if width > len(ratio) // 4:
+            break
+        behind = freedom * (1.9 if width == 1 else width)
+        mean = np.convolve(ratio, np.ones(width) / width, mode="same")
+        looks.append((width, mean, rare_ratio(behind, criteria.RARE), rare_ratio(behind, _ENDS)))
+    free = np.ones(len(ratio), dtype=bool)
+    parts: list[Part] = []
+    for _ in range(_MOST_PARTS):
+        best: tuple[float, int, int] | None = None
+        for number, (_, mean, limit, _) in enumerate(looks):
+            inside = np.where(free, (mean - 1.0) / (limit - 1.0), 0.0)
+            peak = int(np.argmax(inside))
+            if inside[peak] > 1.0 and (best is None or inside[peak] > best[0]):
+                best = float(inside[peak]), number, peak
+        if best is None:
+            break
+        _, number, peak = best
+        width, mean, _, end = looks[number]
+        first = last = peak
+        while first > 0 and free[first - 1] and mean[first - 1] > end:
+            first -= 1
+        while last < len(ratio) - 1 and free[last + 1] and mean[last + 1] > end:
+            last += 1
+        # The mean over a window extends half its width beyond the excess; a line has the width of the Hann window.
+        half = width // 2
+        first, last = min(first + half, peak), max(last - half, peak)
+        first, last = max(0, min(first, peak - 1)), min(len(ratio) - 1, max(last, peak + 1))
+        # A band that exceeds the model only as a whole keeps the width of its window.
+        for part in (slice(first, last + 1), _within(free, peak, half)):
+            excess = power[part] - density[part]
+            total = float(excess.sum()) * step
+            error = math.sqrt(float(np.square(power[part]).sum()) / freedom) * step
+            if total > 0.5 * criteria.SIGMAS_LISTED * error:
+                rms = math.sqrt(total)
+                shown = _main_line(frequency[part], excess)
+                weight = np.maximum(excess[shown], 0.0)
+                centre = float(weight @ frequency[part][shown]) / float(weight.sum())
+                low_hz, high_hz = frequency[part][shown][[0, -1]].tolist()
+                multiple = _at_multiples(frequency[part][shown], excess[shown], centre, spectra.wheel_hz)
+                parts.append(Part(site.index, axis, low_hz, high_hz, centre, rms, 0.5 * error / rms, multiple))
+                first, last = min(first, part.start), max(last, part.stop - 1)
+                break
+        free[max(0, first - 2 - half) : last + 3 + half] = False
+    return parts
+
+
+def _main_line(frequency: FloatArray, excess: FloatArray) -> slice:
+    """Return the bins of the line that holds most of a part, all of them where none does.
+
+    A strong line has skirts and sidebands, since each revolution is resampled to time by itself.
+    """
+    half = max(1, round(0.5 * _LINE_HZ / float(frequency[1] - frequency[0])) - 1)
+    peak = int(np.argmax(excess))
+    line = slice(max(0, peak - half), peak + half + 1)
+    return line if float(excess[line].sum()) > _MOST * float(excess.sum()) else slice(None)
+
+
+def _within(free: BoolArray, peak: int, half: int) -> slice:
+    """Return the free bins around a peak, up to `half` on either side."""
+    first = last = peak
+    while first > max(0, peak - half) and free[first - 1]:
+        first -= 1
+    while last < min(len(free) - 1, peak + half) and free[last + 1]:
+        last += 1
+    return slice(first, last + 1)
+
+
+def _at_multiples(frequency: FloatArray, excess: FloatArray, centre_hz: float, wheel_hz: float) -> bool:
+    """Return whether the excess of some bins lies at multiples of the wheel's frequency."""
+    if frequency[-1] - frequency[0] <= min(_LINE_HZ, wheel_hz):
+        order = round(centre_hz / wheel_hz)
+        return order > 0 and abs(centre_hz - order * wheel_hz) <= max(_MULTIPLE_HZ, _SAME_ORDER * wheel_hz)
+    near = np.abs(frequency - np.round(frequency / wheel_hz) * wheel_hz) <= _NEAR_HZ
+    if near.all() or not near.any():
+        return False
+    return float(excess[near].mean()) > _COMB * max(float(excess[~near].mean()), 0.0)
+
+
+def unexplained(sites: Sequence[Site], parts: Sequence[Part]) -> list[Unexplained]:
+    """Merge parts that belong together over groups and axes; return them largest first."""
+    remaining = sorted(parts, key=lambda part: -part.rms_mps2)
+    entries = []
+    while remaining:
+        seed = remaining[0]
+        by_hz = [part for part in remaining if _same_hz(seed, part)]
+        by_order = [part for part in remaining if _same_order(seed, part, sites)]
+        speeds_hz, speeds_order = _speeds(by_hz, sites), _speeds(by_order, sites)
+        locked = len(speeds_order) > len(speeds_hz)
+        together = by_order if locked else by_hz
+        moved = max(len(speeds_order), len(speeds_hz)) > 1
+        entries.append(_entry(sites, together, locked if moved else None))
+        remaining = [part for part in remaining if part not in together]
+    return sorted(entries, key=lambda entry: -entry.rms_mps2)
+
+
+def _same_hz(seed: Part, part: Part) -> bool:
+    if seed.line and part.line:
+        return abs(part.centre_hz - seed.centre_hz) <= _SAME_HZ
+    return part.low_hz <= seed.high_hz and seed.low_hz <= part.high_hz
+
+
+def _same_order(seed: Part, part: Part, sites: Sequence[Site]) -> bool:
+    seed_hz, part_hz = sites[seed.group].spectra.wheel_hz, sites[part.group].spectra.wheel_hz
+    if seed.line and part.line:
+        return abs(part.centre_hz / part_hz - seed.centre_hz / seed_hz) <= max(_SAME_ORDER, 0.7 / min(seed_hz, part_hz))
+    return part.low_hz / part_hz <= seed.high_hz / seed_hz and seed.low_hz / seed_hz <= part.high_hz / part_hz
+
+
+def _speeds(parts: Sequence[Part], sites: Sequence[Site]) -> set[int]:
+    """Return the distinct speeds at which parts were found, to a few percent."""
+    return {round(math.log(sites[part.group].spectra.speed_mps) / _SPEEDS_APART) for part in parts}
+
+
+def _entry(sites: Sequence[Site], parts: Sequence[Part], locked: bool | None) -> Unexplained:
+    """Return one entry; `locked` is None if only one speed shows it."""
+    sizes = {
+        axis: math.sqrt(np.mean([part.rms_mps2**2 for part in parts if part.axis == axis]))
+        for axis in sorted({part.axis for part in parts})
+    }
+    axis = max(sizes, key=lambda each: sizes[each])
+    axis_parts = [part for part in parts if part.axis == axis]
+    groups = sorted({part.group for part in axis_parts})
+    rms, std = [], []
+    for group in groups:
+        group_parts = [part for part in axis_parts if part.group == group]
+        rms.append(math.sqrt(sum(part.rms_mps2**2 for part in group_parts)))
+        std.append(math.sqrt(sum((part.rms_mps2 * part.std_mps2) ** 2 for part in group_parts)) / rms[-1])
+    exponent, unsure = held_scaling([sites[group].spectra.speed_mps for group in groups], rms, std)
+    several = several_speeds(sites)
+    scaling = scaling_of(exponent, unsure, several=several)
+    size = math.sqrt(float(np.mean(np.square(rms))))
+    error = math.sqrt(float(np.square(np.array(rms) * std).sum())) / (len(rms) * size)
+    line = all(part.line for part in axis_parts)
+    low, high = min(part.low_hz for part in axis_parts), max(part.high_hz for part in axis_parts)
+    wheel = [sites[part.group].spectra.wheel_hz for part in axis_parts]
+    # A constant frequency at several speeds is a multiple of the wheel's frequency only by chance.
+    doubtful = locked is not False and all(part.multiple for part in axis_parts)
+    orders: tuple[int, int] | None = None
+    if locked or doubtful:
+        ratios = [part.centre_hz / hz for part, hz in zip(axis_parts, wheel, strict=True)]
+        ends = (
+            [part.low_hz / hz for part, hz in zip(axis_parts, wheel, strict=True)],
+            [part.high_hz / hz for part, hz in zip(axis_parts, wheel, strict=True)],
+        )
+        if doubtful:
+            # Integer orders within the width of the line.
+            orders = max(1, math.ceil(min(ends[0]) - 0.02)), max(1, math.floor(max(ends[1]) + 0.02))
+            if orders[0] > orders[1]:
+                orders = max(1, round(np.mean(ratios))), max(1, round(np.mean(ratios)))
+        else:
+            orders = math.floor(min(ends[0])), math.ceil(max(ends[1]))
+    return Unexplained(
+        AXIS_NAMES[axis],
+        "time",
+        orders,
+        (low, high),
+        None,
+        scaling,
+        size,
+        error,
+        lock_known=not doubtful,
+        narrow=line,
+        centre_order=float(np.mean(ratios)) if locked else math.nan,
+        road_m=float(np.mean([sites[part.group].spectra.speed_mps / part.centre_hz for part in axis_parts]))
+        if locked and not doubtful
+        else math.nan,
+        centre_hz=float(np.mean([part.centre_hz for part in axis_parts])) if line and not locked else math.nan,
+        speeds=_number_of_speeds(sites, parts) if locked is False else None,
+        other_axes=tuple((AXIS_NAMES[each], value) for each, value in sizes.items() if each != axis),
+    )
+
+
+def _number_of_speeds(sites: Sequence[Site], parts: Sequence[Part]) -> tuple[int, int]:
+    """Return the number of speeds at which parts are seen, and that of all speeds."""
+    there = len({round(math.log(site.spectra.speed_mps) / _SPEEDS_APART) for site in sites})
+    return len(_speeds(parts, sites)), there

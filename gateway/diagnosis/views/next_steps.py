@@ -1,0 +1,154 @@
+"""Next steps of a diagnosis: one for everything that it leaves open, and for what it identified."""
+
+import math
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+from gateway.core.reasons import Code, Reason
+from gateway.core.text.text import clean
+from gateway.diagnosis.effects.catalogue import catalogue
+from gateway.diagnosis.result import Diagnosis, Law, ScalingStatus, Unexplained
+from gateway.diagnosis.views.phrases import (
+    effect_title,
+    effects_listed,
+    likely,
+    listed,
+    place_text,
+    reason_text,
+    undecided_sets,
+    undetermined,
+    why_undetermined,
+)
+from gateway.diagnosis.views.quantities import span_text
+
+# Modules of effects that a vehicle file or a better sensor takes away.
+_OF_SENSOR: Final = frozenset({"mounting", "acquisition", "sensor_response"})
+_MOST_RESIDUALS: Final = 4
+# Beyond the contact's edge: the belt's bending layers.
+_NEAR_RAD: Final = 0.3
+_UNSEEN: Final = frozenset({ScalingStatus.ONE_SPEED, ScalingStatus.SEEN_AT_ONE_SPEED, ScalingStatus.SPEED_WITH_LOAD})
+_OF_NOTES: Final = {
+    Code.SENSOR_IN_DOUBT: ("the sensor is in doubt", "check that it is fastened and aligned, and record again"),
+    Code.SEARCH_ENDED_EARLY: ("the search ended at its time limit", "give it more time: a larger --budget, or none"),
+    Code.CONTACTS_CONTRADICT: ("recordings contradict each other", "correct what is stated, or diagnose them apart"),
+    Code.LOADS_CONTRADICT: ("loads contradict each other", "correct the load or pressure that is stated"),
+    Code.NUMBERS_CONTRADICT: ("recordings contradict each other", "correct what is stated, or diagnose them apart"),
+    Code.NOT_A_RING: ("the signal is not that of a ring", "check radius, axes and gain in the vehicle file"),
+    Code.PLUGIN_EFFECTS_LEFT_OUT: (
+        "effects of plug-ins were left out",
+        "remove or mend the plug-in in the note",
+    ),
+    Code.FEW_REVOLUTIONS: ("few revolutions", "record half a minute at a steady speed"),
+    Code.ONE_SPEED: ("one speed", "record at a second speed under the same load and pressure"),
+}
+
+
+class NextStep(NamedTuple):
+    """What is open, or was identified, and what to do about it."""
+
+    about: str
+    step: str
+
+
+def next_steps(diagnosis: Diagnosis) -> list[NextStep]:
+    """Return the steps in the order of the report: effects, laws, what is unexplained, estimates, notes."""
+    return [NextStep(about, step) for about, step in dict.fromkeys(_steps(diagnosis))]
+
+
+def _steps(diagnosis: Diagnosis) -> Iterator[tuple[str, str]]:
+    notes = [note for note in diagnosis.notes if isinstance(note, Reason)]
+    moved = {str(note["effect"]) for note in notes if note.code is Code.LAW_MOVES_EFFECT}
+    for of_sensor in (True, False):
+        effects = [effect.name for effect in diagnosis.named if _is_of_sensor(effect.name) == of_sensor]
+        names = [name for name in effects if name not in moved]
+        if diagnosis.taken_from:
+            break
+        if names and of_sensor:
+            yield effects_listed(names), "correct the vehicle file or the sensor, and diagnose again"
+        elif names:
+            yield effects_listed(names), "save with --save-effects and subtract, or use the estimates after"
+    for finding in undecided_sets(diagnosis):
+        decide = reason_text(finding.decide_with) or "record at another speed, load or pressure"
+        yield effects_listed((finding.name, *finding.rivals), "or"), decide
+    for finding in likely(diagnosis):
+        small = finding.reason is not None and finding.reason.code is Code.SMALLER_THAN_LEFT
+        step = "find the cause of what is left first" if small else "record longer, or at another speed or load"
+        yield effect_title(finding.name), step
+    if moved:
+        yield effects_listed(sorted(moved)), "decide on the law first: a part of the size is the law's"
+    for law in diagnosis.laws:
+        yield f"{'law' if law.certain else 'clue'}: {clean(law.title)}", _of_law(law)
+    explained = {axis for law in diagnosis.laws if law.certain for axis in law.axes}
+    for residual in diagnosis.unexplained[:_MOST_RESIDUALS]:
+        if residual.lock == "angle" and not residual.changes and residual.axis in explained:
+            continue
+        yield f"{clean(residual.axis)}, {place_text(residual)}", _of_residual(residual, _half_angle_rad(diagnosis))
+    if names := undetermined(diagnosis):
+        yield f"not determined: {listed(names)}", why_undetermined(diagnosis, names)
+    for note in notes:
+        if note.code in _OF_NOTES:
+            yield _OF_NOTES[note.code]
+
+
+def _is_of_sensor(name: str) -> bool:
+    effect = catalogue().get(name)
+    return effect is not None and type(effect).__module__.rpartition(".")[2] in _OF_SENSOR
+
+
+def _of_law(law: Law) -> str:
+    """Return what decides on a law, or makes it useful."""
+    if law.certain:
+        return (
+            "look for its cause; to fit all effects and estimates beside it, add it to the catalogue with --law-plugin "
+            "and diagnose again; to subtract it, save with --save-effects"
+        )
+    codes = {reason.code for reason in law.reasons}
+    if codes & {Code.LAW_FAILS_UNSEEN, Code.LAW_SIZES_DIFFER}:
+        return "do not rely on it: it does not hold for all recordings; look for what differs between them"
+    if codes & {Code.LAW_UNTESTED, Code.LAW_HAS_RIVALS}:
+        return "record at another speed and load, and diagnose all recordings together"
+    return "do not rely on it: the cause is another one, or not the only one"
+
+
+def _half_angle_rad(diagnosis: Diagnosis) -> float:
+    half_angle = diagnosis.estimates_after.get("contact_half_angle_rad")
+    return 0.0 if half_angle is None or not math.isfinite(half_angle.value) else half_angle.value
+
+
+def _of_residual(residual: Unexplained, half_angle_rad: float) -> str:
+    """Return what would tell more about a residual, by its own features."""
+    if residual.changes:
+        return "record one state at a time: load, slip angle, camber, pressure and temperature as steady as possible"
+    if residual.lock == "samples" or math.isfinite(residual.timing_s):
+        return "repair or replace sensor, hub or link"
+    if residual.lock == "turns":
+        return "look for what comes every second turn: a belt, a chain or a part that two turns bring back"
+    if residual.lock == "time":
+        return _of_time_locked(residual)
+    if residual.angle_rad is None:
+        step = "turn the tire on its rim and record again: what turns with it is the tire's, the rest the wheel's"
+    elif abs(sum(residual.angle_rad)) / 2.0 < half_angle_rad + _NEAR_RAD:
+        step = "it is at the contact: record at another load; what moves with the edges is tread or road"
+    else:
+        low, high = (math.degrees(angle) for angle in residual.angle_rad)
+        step = (
+            f"look at the tire {span_text((low, high))} deg behind the sensor, which is in the contact then: a splice, "
+            "a nail, a patch, a bent rim; turned on its rim, a tire takes its own along"
+        )
+    return f"{step}; record at a second speed" if residual.scaling.status in _UNSEEN else step
+
+
+def _of_time_locked(residual: Unexplained) -> str:
+    if math.isfinite(residual.centre_order):
+        return (
+            f"look for what turns {residual.centre_order:.2f} times as fast as the wheel: a bearing, a gear, a drum, "
+            "another wheel"
+        )
+    if residual.narrow and math.isfinite(residual.centre_hz):
+        source = f"a source of {residual.centre_hz:.1f} Hz"
+        if residual.scaling.status in _UNSEEN:
+            return f"record at a second speed: {source} keeps its frequency, what turns with the wheel does not"
+        return f"look for {source}: mains, a motor, a fan; switch it off and record again"
+    if residual.speeds is None:
+        return "record at a second speed: a resonance keeps its frequency, what turns does not"
+    return "it keeps its frequency: look for a resonance of suspension, rim, sensor or electronics"

@@ -1,0 +1,212 @@
+"""Change of a series from one recording on: another slope, or a last few values at another level.
+
+A line through all values hides both, and a test for outliers takes the newest state for errors. The place is that of
+the largest F statistic among all candidates (Quandt 1960: The estimation of the parameters of a linear regression
+system obeying two separate regimes. J. Am. Stat. Assoc. 53, 873-880), with Bonferroni's limit for their number. No
+single value decides: the change is significant without each of those that support it most.
+"""
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gateway.core.types import BoolArray, FloatArray, IntArray
+from gateway.fleet.trends.level_steps import LEAST_POINTS, find_steps, with_steps
+from gateway.fleet.trends.regression import LEAST_FREEDOM, correlation_factor
+
+LEAST_AFTER: Final = 3
+"""Values after a change of slope: two and one that confirms them."""
+
+_FALSE_RATE: Final = 0.01
+# Shorter ones may be a single drive; those of LEAST_POINTS and more are steps.
+_LAST_VALUES: Final = range(2, LEAST_POINTS)
+# Values that are left out in turn: those that support a change most.
+_LEFT_OUT: Final = 6
+# A smaller change may be significant in a long series, but moves the newest value by less than one recording's scatter.
+_LEAST_SCATTERS: Final = 1.0
+# Scatters by which an isolated value lies beyond all of its four neighbours: normal ones hardly ever do.
+_ISOLATED: Final = 4.0
+_MAD_TO_STD: Final = 1.4826
+# Places of a change of slope that are tried: the last ones each, and as many over a long series.
+_MOST_KNEES: Final = 100
+# Share of the sum of squares that rounding leaves.
+_ROUNDING: Final = 1e-20
+
+
+class LateChange(NamedTuple):
+    """A change of a series.
+
+    Attributes:
+        begin: index of the first value of the new state.
+        is_slope: whether the slope changes; otherwise the level of the last few values.
+        column: (n,) what is added to the design: the time since the change, or 1 after it.
+    """
+
+    begin: int
+    is_slope: bool
+    column: FloatArray
+
+
+class Shape(NamedTuple):
+    """Steps of a series, and its change.
+
+    Attributes:
+        steps: indices at which a new level begins.
+        change: None where there is none.
+    """
+
+    steps: list[int]
+    change: LateChange | None
+
+
+def find_shape(
+    design: FloatArray,
+    values: FloatArray,
+    *,
+    family: int = 1,
+    least_step: float = 0.0,
+    least_change: float = 0.0,
+    may_be_isolated: bool = True,
+) -> Shape:
+    """Return steps and the change that describe a series best.
+
+    A change of slope looks like a step to a line, and steps like a change of slope. Both orders are tried, and that
+    with the smaller Bayesian information criterion is taken.
+
+    Args:
+        design: (n, p) of the trend; column 0 is the level, 1 the time or distance, increasing.
+        values: (n,) finite.
+        family: number of series that are tested together.
+        least_step: size below which a step is not reported.
+        least_change: size at the last value below which a change is not reported.
+        may_be_isolated: whether isolated values may be errors, which are left out here.
+    """
+    if not np.ptp(values) > 0.0:
+        return Shape([], None)
+    keep = ~_isolated(design, values) if may_be_isolated else np.ones(len(values), dtype=bool)
+
+    def changed(steps: list[int]) -> LateChange | None:
+        return _find_change(with_steps(design, steps), values, keep, family, least_change)
+
+    steps = find_steps(design, values, family=family, least=least_step)
+    options = [Shape(steps, changed(steps))]
+    first = options[0].change if not steps else changed([])
+    if first is not None:
+        # The newest values that have left the trend count as such, also where a step would do.
+        others = find_steps(np.column_stack([design, first.column]), values, family=family, least=least_step)
+        if others or steps:
+            again = changed(others) if others else first
+            # Steps alone that leave no change are not replaced by more parts: a scatter that grows would call for them.
+            if again is not None and (options[0].change is not None or len(others) < len(steps)):
+                options.append(Shape(others, again))
+    best = min(options, key=lambda shape: _criterion(design[keep], values[keep], shape, keep))
+    if best.change is not None and best.change.is_slope and least_step > 0.0:
+        # Steps that are too small to be reported make a change of slope, too.
+        small = Shape(find_steps(design, values, family=family), None)
+        if small.steps and _criterion(design[keep], values[keep], small, keep) <= _criterion(
+            design[keep], values[keep], best, keep
+        ):
+            return Shape(steps, None)
+    return best
+
+
+def _criterion(rows: FloatArray, wanted: FloatArray, shape: Shape, keep: BoolArray) -> float:
+    """Return the Bayesian information criterion; steps and changes have two parameters each, size and place."""
+    count = len(keep)
+    steps = (np.arange(count)[:, None] >= np.array(shape.steps, dtype=int)).astype(np.float64)[keep]
+    columns = [rows, steps, *([shape.change.column[keep, None]] if shape.change is not None else [])]
+    residuals = _residuals(np.column_stack(columns), wanted)
+    squares = max(float(residuals @ residuals), _ROUNDING * float(wanted @ wanted), np.finfo(np.float64).tiny)
+    parameters = 2 * (len(shape.steps) + (shape.change is not None))
+    return len(wanted) * math.log(squares) + parameters * math.log(len(wanted))
+
+
+def _find_change(
+    design: FloatArray, values: FloatArray, keep: BoolArray, family: int, least: float
+) -> LateChange | None:
+    """Return the most significant change; None without one that is significant and large enough."""
+    retained = np.flatnonzero(keep)
+    rows, wanted = design[retained], values[retained]
+    count, columns = rows.shape
+    if count - columns - 1 < LEAST_FREEDOM + 1:
+        return None
+    candidates = _candidates(design[:, 1], retained)
+    if not candidates:
+        return None
+    tried = np.column_stack([candidate.column[retained] for candidate in candidates])
+    basis = np.linalg.qr(rows)[0]
+    residuals = wanted - basis @ (basis.T @ wanted)
+    across = tried - basis @ (basis.T @ tried)
+    squares = np.einsum("ij,ij->j", across, across)
+    usable = squares > 1e-9 * np.einsum("ij,ij->j", tried, tried)
+    gains = np.where(usable, (across.T @ residuals) ** 2 / np.where(usable, squares, 1.0), 0.0)
+    best = int(np.argmax(gains))
+    level = _FALSE_RATE / max(family, 1) / len(candidates)
+    column = tried[:, best]
+    if not gains[best] > 0.0 or not _is_significant(rows, column, wanted, level):
+        return None
+    support = across[:, best] * residuals * np.sign(across[:, best] @ residuals)
+    for omitted in np.argsort(-support)[:_LEFT_OUT]:
+        others = np.arange(count) != omitted
+        if not _is_significant(rows[others], column[others], wanted[others], level):
+            return None
+    size = abs(float(across[:, best] @ residuals) / float(squares[best]) * float(column[-1]))
+    rest = math.sqrt(max(float(residuals @ residuals) - float(gains[best]), 0.0) / (count - columns - 1))
+    return candidates[best] if size >= max(least, _LEAST_SCATTERS * rest) else None
+
+
+def _candidates(time: FloatArray, retained: IntArray) -> list[LateChange]:
+    """Return changes of slope at each value, and of the level of the last few."""
+    count, index = len(retained), np.arange(len(time))
+    knees = range(LEAST_POINTS - 1, count - LEAST_AFTER)
+    apart = -(-len(knees) // _MOST_KNEES) or 1
+    candidates = [
+        LateChange(int(retained[knee + 1]), True, np.maximum(time - time[retained[knee]], 0.0))
+        for number, knee in enumerate(reversed(knees))
+        if (number < _MOST_KNEES or number % apart == 0) and time[retained[knee + 1]] > time[retained[knee]]
+    ]
+    candidates += [
+        LateChange(int(retained[count - last]), False, (index >= retained[count - last]).astype(np.float64))
+        for last in _LAST_VALUES
+        if count - last >= LEAST_POINTS
+    ]
+    return candidates
+
+
+def _is_significant(rows: FloatArray, column: FloatArray, wanted: FloatArray, level: float) -> bool:
+    """Return whether a column reduces the residual by more than chance, for residuals that may follow each other."""
+    from scipy import stats
+
+    basis = np.linalg.qr(rows)[0]
+    across = column - basis @ (basis.T @ column)
+    square = float(across @ across)
+    if not square > 1e-9 * float(column @ column):
+        return False
+    residuals = wanted - basis @ (basis.T @ wanted)
+    gain = float(across @ residuals) ** 2 / square
+    after = residuals - across * (float(across @ residuals) / square)
+    freedom = len(wanted) - rows.shape[1] - 1
+    rest, rounding = float(after @ after), _ROUNDING * float(wanted @ wanted)
+    if gain <= rounding or rest <= rounding:
+        return gain > rounding
+    rest *= correlation_factor(after, rows.shape[1] + 1)
+    return bool(stats.f.sf(gain * freedom / rest, 1, freedom) <= level)
+
+
+def _isolated(design: FloatArray, values: FloatArray) -> BoolArray:
+    """Return (n,) whether a value lies far beyond the two before and the two after it, on the same side of all."""
+    is_isolated = np.zeros(len(values), dtype=bool)
+    if len(values) < 5:
+        return is_isolated
+    residuals = _residuals(design, values)
+    near = np.stack([residuals[:-4], residuals[1:-3], residuals[3:-1], residuals[4:]])
+    middle = residuals[2:-2]
+    beyond = np.maximum(middle - near.max(axis=0), near.min(axis=0) - middle)
+    scale = _MAD_TO_STD * float(np.median(np.abs(np.diff(residuals, 2)))) / math.sqrt(6.0)
+    is_isolated[2:-2] = beyond > _ISOLATED * scale
+    return is_isolated if scale > 0.0 else np.zeros(len(values), dtype=bool)
+
+
+def _residuals(rows: FloatArray, wanted: FloatArray) -> FloatArray:
+    return np.asarray(wanted - rows @ np.linalg.lstsq(rows, wanted, rcond=None)[0])

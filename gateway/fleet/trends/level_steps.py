@@ -1,0 +1,175 @@
+"""Steps of a series: places from which on all values are higher or lower, as after a change of tire or a refill."""
+
+import math
+from typing import Final
+
+import numpy as np
+
+from gateway.core.types import BoolArray, FloatArray
+
+LEAST_POINTS: Final = 4
+"""Points of a level; fewer are outliers."""
+
+_FALSE_RATE: Final = 0.01
+_MOST_STEPS: Final = 12
+# A smaller step is significant in a long series, but of no consequence.
+_LEAST_SCATTERS: Final = 3.0
+_LOOK_AHEAD: Final = 3
+_NEIGHBOURS: Final = 5
+_SPIKE: Final = 6.0
+_MAD_TO_STD: Final = 1.4826
+# Share of the sum of squares that rounding leaves.
+_ROUNDING: Final = 1e-20
+# A rise from one value to the next that deviates by this many times the robust scatter of all is tried as a step.
+_JUMP: Final = 4.0
+_LAD_ROUNDS: Final = 20
+
+
+def find_steps(design: FloatArray, values: FloatArray, *, family: int = 1, least: float = 0.0) -> list[int]:
+    """Return the indices at which a new level begins, in order.
+
+    All jumps from one value to the next are tried together first: of a saw-tooth, such as a leak that is refilled every
+    month, no single step reduces the residual. Further steps are added one at a time where they reduce it most. One
+    that is not significant stays for a while, as several steps may show only together. Those are kept that an F-test
+    finds significant over all places and series in the end, and that are larger than three times the scatter that
+    remains and than `least`.
+
+    Args:
+        design: (n, p) of the trend without steps, in the order of time.
+        values: (n,) finite.
+        family: number of series that are tested together.
+        least: size below which a step is not reported.
+    """
+    # What the temperature makes of the values would hide spikes.
+    keep = np.flatnonzero(~_spikes(values - design @ np.linalg.lstsq(design, values, rcond=None)[0]))
+    rows, wanted = design[keep], values[keep]
+    level = _FALSE_RATE / max(family, 1)
+    jumps = _significant(rows, wanted, _jumps(rows, wanted), level, least)
+    added, significant = list(jumps), len(jumps)
+    while len(added) - len(jumps) < _MOST_STEPS and len(added) - significant < _LOOK_AHEAD:
+        best = _best_step(rows, wanted, added)
+        if best is None:
+            break
+        added.append(best)
+        if _is_step(rows, wanted, added, best, level, least):
+            significant = len(added)
+    return sorted(int(keep[index]) for index in _significant(rows, wanted, added[:significant], level, least))
+
+
+def _significant(rows: FloatArray, wanted: FloatArray, places: list[int], level: float, least: float) -> list[int]:
+    """Return the steps that are significant beside each other; the last ones given are dropped first."""
+    steps = list(places)
+    while True:
+        weak = [step for step in steps if not _is_step(rows, wanted, steps, step, level, least)]
+        if not weak:
+            return steps
+        steps.remove(weak[-1])
+
+
+def _jumps(rows: FloatArray, wanted: FloatArray) -> list[int]:
+    """Return the places of sudden changes between neighbours, the largest first.
+
+    Differences of neighbours follow the trend without its level, and steps are their outliers: a fit of least absolute
+    deviations is not bent by them.
+    """
+    count = len(wanted)
+    if count < 2 * LEAST_POINTS:
+        return []
+    slopes, changes = np.diff(rows, axis=0), np.diff(wanted)
+    slopes = slopes[:, np.abs(slopes).max(axis=0) > 0.0]
+    residuals, scale = changes, 0.0
+    weights = np.ones(count - 1)
+    for _ in range(_LAD_ROUNDS):
+        root = np.sqrt(weights)
+        residuals = changes - slopes @ np.linalg.lstsq(slopes * root[:, None], changes * root, rcond=None)[0]
+        scale = _MAD_TO_STD * float(np.median(np.abs(residuals)))
+        if not scale > 0.0:
+            return []
+        weights = 1.0 / np.maximum(np.abs(residuals), 1e-3 * scale)
+    jumps: list[int] = []
+    for begin in (np.argsort(-np.abs(residuals), kind="stable") + 1).tolist():
+        if abs(residuals[begin - 1]) <= _JUMP * scale:
+            break
+        if LEAST_POINTS <= begin <= count - LEAST_POINTS and all(abs(begin - other) >= LEAST_POINTS for other in jumps):
+            jumps.append(begin)
+    freedom = count - rows.shape[1] - LEAST_POINTS
+    return jumps[: max(freedom, 0)]
+
+
+def _best_step(rows: FloatArray, wanted: FloatArray, present: list[int]) -> int | None:
+    """Return the place where one more step reduces the residual most; None without a place or freedom."""
+    count = len(wanted)
+    places = [
+        begin
+        for begin in range(LEAST_POINTS, count - LEAST_POINTS + 1)
+        if all(abs(begin - other) >= LEAST_POINTS for other in present)
+    ]
+    if not places or count - rows.shape[1] - len(present) - 1 < LEAST_POINTS:
+        return None
+    # The residuals of the values and of all candidate steps after the columns present give each step's gain.
+    basis = np.linalg.qr(with_steps(rows, present))[0]
+    residuals = wanted - basis @ (basis.T @ wanted)
+    steps = (np.arange(count)[:, None] >= np.array(places)).astype(np.float64)
+    steps -= basis @ (basis.T @ steps)
+    squares = np.einsum("ij,ij->j", steps, steps)
+    usable = squares > 1e-9 * count
+    gains = np.where(usable, (steps.T @ residuals) ** 2 / np.where(usable, squares, 1.0), 0.0)
+    best = int(np.argmax(gains))
+    return places[best] if gains[best] > 0.0 else None
+
+
+def _is_step(rows: FloatArray, wanted: FloatArray, steps: list[int], step: int, level: float, least: float) -> bool:
+    """Return whether one of the steps found is significant beside the others, and large enough."""
+    from scipy import stats
+
+    count = len(wanted)
+    columns = with_steps(rows, [step, *(other for other in steps if other != step)])
+    # The step as the last column: its coefficient and gain stand alone in the last row of R.
+    columns = np.column_stack([np.delete(columns, rows.shape[1], axis=1), columns[:, rows.shape[1]]])
+    basis, triangle = np.linalg.qr(columns)
+    along = basis.T @ wanted
+    residuals = wanted - basis @ along
+    freedom = count - columns.shape[1]
+    if freedom < LEAST_POINTS or not abs(triangle[-1, -1]) > 1e-9:
+        return False
+    rest, gain, size = float(residuals @ residuals), float(along[-1]) ** 2, abs(float(along[-1] / triangle[-1, -1]))
+    rounding = _ROUNDING * float(wanted @ wanted)
+    if gain <= rounding or rest <= rounding:
+        return gain > rounding and size >= least
+    chance = float(stats.f.sf(gain * freedom / rest, 1, freedom))
+    return chance * count <= level and size >= max(_LEAST_SCATTERS * math.sqrt(rest / freedom), least)
+
+
+def with_steps(rows: FloatArray, places: list[int]) -> FloatArray:
+    """Return a design (n, p) with a column more for each step, 0 before it and 1 from it on."""
+    steps = (np.arange(len(rows))[:, None] >= np.array(places, dtype=int)).astype(np.float64)
+    return np.column_stack([rows, steps])
+
+
+def _spikes(values: FloatArray) -> BoolArray:
+    """Return (n,) whether a value differs by six times the scatter from the medians of its neighbours on both sides.
+
+    Before the first and after the last values only the other side counts. Of a run of LEAST_POINTS and more, all are a
+    level of their own, and none is a spike.
+    """
+    count = len(values)
+    if count <= 2 * _NEIGHBOURS:
+        return np.zeros(count, dtype=bool)
+    medians = np.median(np.lib.stride_tricks.sliding_window_view(values, _NEIGHBOURS), axis=1)
+    before, after = np.full(count, np.nan), np.full(count, np.nan)
+    before[_NEIGHBOURS:] = medians[:-1]
+    after[: count - _NEIGHBOURS] = medians[1:]
+    off = np.fmin(np.abs(values - before), np.abs(values - after))
+    # The nearer of two medians: its scatter is about half that of the values.
+    scale = 2.0 * _MAD_TO_STD * float(np.median(off))
+    is_spike = np.asarray(off > _SPIKE * scale if scale > 0.0 else np.zeros(count, dtype=bool))
+    for begin, end in runs(is_spike):
+        if end - begin >= LEAST_POINTS:
+            is_spike[begin:end] = False
+    return is_spike
+
+
+def runs(marked: BoolArray) -> list[tuple[int, int]]:
+    """Return begin and end (exclusive) of each run of marked values, in order."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], marked, [False]]).astype(np.int8)))
+    return [(int(begin), int(end)) for begin, end in zip(edges[::2], edges[1::2], strict=True)]

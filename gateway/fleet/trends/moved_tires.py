@@ -1,0 +1,72 @@
+"""Tires that change wheels: a sensor that was at one wheel of a vehicle and then at another."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from gateway.core.reasons import Code, Reason
+from gateway.fleet.trends.tire_history import TireHistory
+
+
+class _Move(NamedTuple):
+    """A sensor's change of wheels, after one recording and before or at the next; times in ns since the epoch."""
+
+    vehicle: str
+    sensor_id: str
+    origin: str
+    target: str
+    after_ns: int
+    until_ns: int
+
+    def exchanges_with(self, other: _Move) -> bool:
+        """Return whether another sensor went the other way at the same time."""
+        return (
+            (self.vehicle, self.origin, self.target) == (other.vehicle, other.target, other.origin)
+            and max(self.after_ns, other.after_ns) < min(self.until_ns, other.until_ns)
+            and self.sensor_id != other.sensor_id
+        )
+
+
+def findings_of_moves(histories: Sequence[TireHistory]) -> dict[tuple[str, str, str], tuple[Reason, ...]]:
+    """Return the finding of each change of wheels, by vehicle, new wheel and sensor; an exchange is one finding."""
+    moves = sorted(_moves(histories), key=lambda move: (move.until_ns, move.target, move.sensor_id))
+    findings: dict[tuple[str, str, str], tuple[Reason, ...]] = defaultdict(tuple)
+    told: set[_Move] = set()
+    for move in moves:
+        if move in told:
+            continue
+        told.add(move)
+        other = next((later for later in moves if later not in told and move.exchanges_with(later)), None)
+        date = str(np.datetime64(move.until_ns, "ns").astype("datetime64[D]"))
+        if other is None:
+            finding = Reason(Code.TREND_TIRE_MOVED, origin=move.origin, target=move.target, date=date)
+        else:
+            told.add(other)
+            finding = Reason(
+                Code.TREND_TIRES_EXCHANGED,
+                origin=move.origin,
+                target=move.target,
+                date=date,
+                sensor=move.sensor_id,
+                other=other.sensor_id,
+            )
+        findings[move.vehicle, move.target, move.sensor_id] += (finding,)
+    return dict(findings)
+
+
+def _moves(histories: Sequence[TireHistory]) -> Iterator[_Move]:
+    recordings: dict[tuple[str, str], list[tuple[int, str]]] = defaultdict(list)
+    for history in histories:
+        if history.sensor_id and history.is_identified:
+            times = ((int(time_ns), history.position) for time_ns in history.time_ns)
+            recordings[history.vehicle, history.sensor_id] += times
+    for (vehicle, sensor_id), seen in recordings.items():
+        seen.sort()
+        for (after_ns, origin), (until_ns, target) in pairwise(seen):
+            if origin != target:
+                yield _Move(vehicle, sensor_id, origin, target, after_ns, until_ns)

@@ -1,0 +1,56 @@
+"""Doubts that recordings state about themselves: provisional values, alarms, rejected revolutions, damage."""
+
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+import numpy as np
+
+from gateway.core.reasons import Code, Reason
+from gateway.core.types import FloatArray
+from gateway.fleet.trends.tire_history import TireHistory
+
+# Share of provisional values from which what is made of them is provisional, and weight of one below it.
+_CONSIDERABLE: Final = 0.2
+_PROVISIONAL_WEIGHT: Final = 0.25
+_LEAST_VALID_SHARE: Final = 0.5
+
+
+def weights_by_doubt(doubts: Sequence[str]) -> FloatArray:
+    """Return (n,) factors of the weights of values: provisional ones count as those of twice the error."""
+    return np.where([bool(doubt) for doubt in doubts], _PROVISIONAL_WEIGHT, 1.0)
+
+
+def doubt_of(doubts: Sequence[str]) -> Reason | None:
+    """Return why what is made of values is provisional, with the commonest reason; None where it is not.
+
+    Args:
+        doubts: (n,) why each value is provisional; empty where it is valid.
+    """
+    stated = Counter(doubt for doubt in doubts if doubt)
+    if not stated or stated.total() < _CONSIDERABLE * len(doubts):
+        return None
+    why = stated.most_common(1)[0][0]
+    return Reason(Code.TREND_PROVISIONAL, count=stated.total(), of=len(doubts), why=why)
+
+
+def findings_of_recordings(history: TireHistory) -> Iterator[Reason]:
+    """Yield a finding for each alarm by its name, for rejected revolutions, and for damaged files."""
+    of = len(history.recordings)
+    counts: Counter[str] = Counter()
+    last: dict[str, str] = {}
+    for alarms in history.alarms:
+        counts.update({name for name, _ in alarms})
+        last |= dict(alarms)
+    for name, count in counts.most_common():
+        yield Reason(Code.TREND_ALARMS, name=name, count=count, of=of, why=last[name])
+    revolutions, valid = history.column("revolutions"), history.column("revolutions_valid")
+    few = np.flatnonzero((revolutions > 0.0) & (valid < _LEAST_VALID_SHARE * revolutions))
+    if few.size and history.faults:
+        whys: dict[str, int] = defaultdict(int)
+        for index in few:
+            whys[history.faults[index]] += 1
+        yield Reason(Code.TREND_FEW_VALID, count=int(few.size), of=of, why=max(whys, key=lambda why: whys[why]))
+    damaged = int(np.nansum(history.column("damaged"))) if "damaged" in history.columns else 0
+    if damaged:
+        yield Reason(Code.TREND_DAMAGED, count=damaged, of=of)

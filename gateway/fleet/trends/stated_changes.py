@@ -1,0 +1,91 @@
+"""Changes of what the configuration states of a tire: they shift the numbers, and are no change of the tire."""
+
+from collections.abc import Callable, Iterable, Mapping
+from itertools import pairwise
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gateway.core.quantity import Statement
+from gateway.core.reasons import Code, Reason
+from gateway.fleet.trends.tire_history import TireHistory
+from gateway.fleet.trends.watched_series import SERIES
+
+# A load that changes more often is stated for each recording, as on a scale; all numbers are then comparable.
+_MOST_LOADS: Final = 3
+_MOST_NAMED: Final = 3
+
+_CODES: Final = {
+    Statement.THICKNESS: Code.TREND_STATED_THICKNESS,
+    Statement.REFERENCE: Code.TREND_STATED_REFERENCE,
+    Statement.CALIBRATION: Code.TREND_STATED_CALIBRATION,
+}
+
+
+class StatedChange(NamedTuple):
+    """A change of a statement.
+
+    Attributes:
+        statement: what is stated.
+        recording_index: of the first recording with the new statement.
+        before: statement before, as text.
+        after: statement from then on.
+    """
+
+    statement: Statement
+    recording_index: int
+    before: str
+    after: str
+
+
+def stated_changes(history: TireHistory) -> list[StatedChange]:
+    """Return the changes of all statements, in the order of time; recordings that state nothing are passed over."""
+    all_changes: list[StatedChange] = []
+    for statement, texts in history.stated.items():
+        stated = [(index, text) for index, text in enumerate(texts) if text]
+        changes = [
+            StatedChange(statement, index, before, after)
+            for (_, before), (index, after) in pairwise(stated)
+            if before != after
+        ]
+        if statement is not Statement.LOAD or len(changes) <= _MOST_LOADS:
+            all_changes += changes
+    return sorted(all_changes, key=lambda change: change.recording_index)
+
+
+def places_of(changes: Iterable[StatedChange], name: str) -> list[int]:
+    """Return the recordings at which the level of a series changes with what is stated, each once."""
+    resting = SERIES[name].watch.shifted_by
+    return sorted({change.recording_index for change in changes if change.statement in resting})
+
+
+def findings_of_changes(history: TireHistory, changes: Iterable[StatedChange]) -> list[Reason]:
+    """Return a finding for each change, the first ones of each statement only."""
+    named: dict[Statement, list[Reason]] = {}
+    for change in changes:
+        date = str(np.datetime64(int(history.time_ns[change.recording_index]), "ns").astype("datetime64[D]"))
+        mine = named.setdefault(change.statement, [])
+        if len(mine) < _MOST_NAMED:
+            mine.append(_FINDINGS[change.statement](change, date))
+    return [finding for findings in named.values() for finding in findings]
+
+
+def _of_load(change: StatedChange, date: str) -> Reason:
+    return Reason(Code.TREND_STATED_LOAD, date=date, before_n=float(change.before), after_n=float(change.after))
+
+
+def _of_radius(change: StatedChange, date: str) -> Reason:
+    return Reason(Code.TREND_STATED_RADIUS, date=date, before_m=float(change.before), after_m=float(change.after))
+
+
+def _plain(change: StatedChange, date: str) -> Reason:
+    return Reason(_CODES[change.statement], date=date)
+
+
+_FINDINGS: Final[Mapping[Statement, Callable[[StatedChange, str], Reason]]] = {
+    Statement.LOAD: _of_load,
+    Statement.RADIUS: _of_radius,
+    Statement.THICKNESS: _plain,
+    Statement.REFERENCE: _plain,
+    Statement.CALIBRATION: _plain,
+}

@@ -1,0 +1,260 @@
+"""Trends as one self-contained HTML page: findings and tables first, then a figure for each tire."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from gateway import __version__
+from gateway.core.estimates.estimator import Status
+from gateway.core.quantity import Trend
+from gateway.core.text.html_template import html_template, report_css
+from gateway.core.text.output_file import check_target, write_whole
+from gateway.core.text.text import clean, counted
+from gateway.core.text.wording import joined, text
+from gateway.diagnosis.views.figures import (
+    AFTER,
+    BEFORE,
+    MEASURED,
+    QUIET,
+    Drawing,
+    drawable,
+    inline_svg,
+    report_style,
+    require_report_packages,
+)
+from gateway.fleet.trends.trend_result import (
+    FleetTrends,
+    Quantity,
+    TireTrend,
+    TrendNumber,
+    TrendSeries,
+    by_temperature,
+    rate_of,
+)
+from gateway.fleet.trends.watched_series import SERIES, followed_by, label_of
+from gateway.fleet.views.trend_tables import (
+    LABELS,
+    day,
+    number_of,
+    plain_number,
+    shown,
+    tire_name,
+    tires_text,
+    unit_in,
+    vehicles_of,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MOST_FIGURES: Final = 60
+"""Tires that are drawn: those with findings or outliers first."""
+
+MOST_OUTLIERS: Final = 500
+_MOST_NOTES: Final = 40
+
+_TEMPLATE: Final = ("gateway.fleet.views", "fleet_trends.html.j2")
+_TABLES: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
+    ("tires", "Wear, pressure and load", tuple(Quantity)),
+    (
+        "stiffness",
+        "Stiffness with age and temperature",
+        tuple(name(quantity.watch) for quantity in followed_by(Trend.STIFFNESS) for name in (rate_of, by_temperature)),
+    ),
+    ("sensors", "Sensors", tuple(rate_of(quantity.watch) for quantity in followed_by(Trend.SENSOR))),
+)
+MOST_POINTS: Final = 300
+"""Points of a series that are drawn; outliers always are."""
+
+_WIDTH_INCH: Final = 10.0
+_COLUMNS: Final = 3
+_ROW_INCH: Final = 2.3
+
+
+def tire_figure(trend: TireTrend) -> Figure | None:
+    """Draw the series of a tire, None when there is none to draw."""
+    from matplotlib.figure import Figure
+
+    series = _chosen(trend.series)
+    if not series:
+        return None
+    rows = -(-len(series) // _COLUMNS)
+    height = _ROW_INCH * rows
+    # The panels are alike: fixed margins are as good as solved ones, and quicker.
+    figure = Figure(figsize=(_WIDTH_INCH, height))
+    panels = figure.subplots(rows, _COLUMNS, squeeze=False).ravel()
+    figure.subplots_adjust(
+        left=0.065, right=0.99, wspace=0.27, top=1.0 - 0.28 / height, bottom=0.48 / height, hspace=0.52
+    )
+    for panel, line in zip(panels, series, strict=False):
+        _draw(panel, line)
+    for panel in panels[len(series) :]:
+        panel.set_visible(False)
+    return figure
+
+
+def _chosen(series: Sequence[TrendSeries]) -> list[TrendSeries]:
+    """Return the series that are drawn, and the contact length where the load is not measured."""
+    instead = () if any(line.name == "estimated_load_n" for line in series) else ("contact_length_m",)
+    return [line for line in series if SERIES[line.name].watch.is_drawn or line.name in instead]
+
+
+def _draw(panel: Axes, series: TrendSeries) -> None:
+    normal = np.flatnonzero(~series.is_outlier)
+    if len(normal) > MOST_POINTS:
+        normal = normal[np.linspace(0, len(normal) - 1, MOST_POINTS).astype(int)]
+    panel.plot(series.abscissa[normal], series.values[normal], "o", color=MEASURED, ms=3.0, mew=0.0, label="recording")
+    outliers = np.flatnonzero(series.is_outlier)
+    if outliers.size:
+        panel.plot(
+            series.abscissa[outliers], series.values[outliers], "x", color=BEFORE, ms=6.0, mew=1.6, label="outlier"
+        )
+    edges = [0, *series.steps, len(series.abscissa)]
+    for begin, end in pairwise(edges):
+        part = np.arange(begin, end)
+        if len(part) > MOST_POINTS:
+            part = part[np.linspace(0, len(part) - 1, MOST_POINTS).astype(int)]
+        panel.plot(
+            series.abscissa[part], series.expected[part], color=AFTER, lw=1.3, label="trend" if begin == 0 else None
+        )
+    for step in series.steps:
+        panel.axvline(0.5 * (series.abscissa[step - 1] + series.abscissa[step]), color=QUIET, lw=0.8, ls=":")
+    panel.set_title(drawable(f"{label_of(series.name)}, {series.unit}"), fontsize=9.5)
+    panel.set_xlabel("km" if series.against == "km" else "months")
+    panel.ticklabel_format(useOffset=False, axis="y")
+
+
+class Cell(NamedTuple):
+    """A number in a table: text, and why it has none or what it rests on."""
+
+    text: str
+    reason: str
+    is_doubtful: bool
+
+
+class Table(NamedTuple):
+    """A table of numbers, one row for each tire."""
+
+    id: str
+    title: str
+    heads: list[tuple[str, str]]
+    rows: list[tuple[str, list[Cell]]]
+    notes: list[tuple[str, str, str]]
+    notes_left: int
+
+
+def write_trends_page(trends: FleetTrends, path: Path, *, force: bool = False) -> None:
+    """Write trends as one self-contained HTML file, whole or not at all.
+
+    Raises:
+        OutputError: matplotlib or jinja2 is missing, the file exists and `force` is not set, or it cannot be written.
+    """
+    check_target(path, force=force)
+    write_whole(path, trends_page(trends), force=force)
+
+
+def trends_page(trends: FleetTrends) -> str:
+    """Return trends as an HTML page without scripts and external resources; deterministic.
+
+    Raises:
+        OutputError: matplotlib or jinja2 is missing.
+    """
+    require_report_packages()
+    drawn = _most_notable(trends)
+    return html_template(*_TEMPLATE).render(
+        version=__version__,
+        style=report_css(),
+        trends=trends,
+        facts=_facts(trends),
+        answer=" ".join(_answer(trends)),
+        tables=[_table(trends.tires, *table) for table in _TABLES],
+        most_outliers=MOST_OUTLIERS,
+        drawings=_drawings(drawn),
+        drawings_left=len(trends.tires) - len(drawn),
+        clean=clean,
+        day=day,
+        label_of=label_of,
+        labels=LABELS,
+        number_text=plain_number,
+        text=text,
+        tire_name=tire_name,
+        with_unit=_with_unit,
+    )
+
+
+def _facts(trends: FleetTrends) -> str:
+    parts = [counted(trends.recordings, "recording"), counted(len(trends.tires), "tire"), vehicles_of(trends)]
+    if trends.tires:
+        first, last = min(tire.first_ns for tire in trends.tires), max(tire.last_ns for tire in trends.tires)
+        parts.append(f"{day(first)} to {day(last)} (UTC)")
+    if trends.failures:
+        parts.append(f"{trends.failures} recordings without results")
+    return " · ".join(parts)
+
+
+def _answer(trends: FleetTrends) -> list[str]:
+    """Return the summary, sentence by sentence."""
+    notable = sum(bool(trend.findings) for trend in trends.tires)
+    recordings = len({outlier.path for outlier in trends.outliers})
+    return [
+        f"{notable} of {len(trends.tires)} tires have a finding." if notable else "No tire has a finding.",
+        f"{recordings} of {trends.recordings} recordings do not fit the trend of their tire."
+        if recordings
+        else "Every recording fits the trend of its tire.",
+    ]
+
+
+def _table(tires: Sequence[TireTrend], key: str, title: str, quantities: Sequence[str]) -> Table:
+    units = {quantity: unit_in(tires, quantity) for quantity in quantities}
+    rows: list[tuple[str, list[Cell]]] = []
+    reasons: dict[tuple[str, str], list[str]] = {}
+    for tire in tires:
+        cells = []
+        for quantity in quantities:
+            number = number_of(tire.numbers, quantity)
+            why = clean(joined(number.reasons))
+            cells.append(Cell(shown(number), why, number.status is not Status.VALID))
+            if why:
+                reasons.setdefault((LABELS[quantity], why), []).append(tire_name(tire))
+        rows.append((tire_name(tire), cells))
+    notes = [(tires_text(names, len(tires)), label, why) for (label, why), names in reasons.items()]
+    heads = [(LABELS[quantity], units[quantity]) for quantity in quantities]
+    return Table(key, title, heads, rows, notes[:_MOST_NOTES], max(len(notes) - _MOST_NOTES, 0))
+
+
+def _with_unit(number: TrendNumber) -> str:
+    if number.status is Status.INVALID:
+        return clean(joined(number.reasons))
+    return f"{shown(number)} {number.unit}"
+
+
+def _most_notable(trends: FleetTrends) -> list[TireTrend]:
+    with_outliers = {(outlier.vehicle, outlier.position, outlier.sensor_id) for outlier in trends.outliers}
+    order = sorted(
+        trends.tires,
+        key=lambda tire: (
+            not tire.findings,
+            (tire.vehicle, tire.position, tire.sensor_id) not in with_outliers,
+        ),
+    )
+    return order[:MOST_FIGURES]
+
+
+def _drawings(tires: Sequence[TireTrend]) -> list[Drawing]:
+    drawings = []
+    with report_style():
+        for number, tire in enumerate(tires):
+            figure = tire_figure(tire)
+            if figure is None:
+                continue
+            name = tire_name(tire)
+            alt = f"Values of the recordings of {name} over distance or months, with the fitted trend."
+            caption = clean(joined(tire.findings)) or "No finding."
+            drawings.append(Drawing(inline_svg(figure, f"t{number}"), alt, f"{name}.", caption))
+    return drawings

@@ -1,0 +1,118 @@
+"""Runs files of calibrations: recordings, or parts of them, during which a slip angle or a side force is known."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+from pydantic import Field
+
+from gateway.core.config.validation import Fault, Section, above, parse_document, read_text, show, within
+from gateway.core.config.vehicle import POSITION_PATTERN
+
+
+class KnownRun(Section):
+    """`[[run]]`: one recording, or a part of it."""
+
+    recording: str = Field(min_length=1, description="path of the recording, relative to the runs file")
+    from_s: float = within(0.0, 0, 1e6, "begin of the run after the first revolution in s")
+    to_s: float | None = above(None, 0, 1e6, "end of the run after the first revolution in s; default: the last one")
+
+
+class KnownRunsFile(Section):
+    """A runs file."""
+
+    wheel: str | None = Field(
+        default=None, pattern=POSITION_PATTERN, description="position of the wheel; default: the only one recorded"
+    )
+
+
+class RunTable(KnownRun):
+    """`[[run]]`: one recording, or a part of it, at a constant and known slip angle."""
+
+    slip_deg: float = Field(
+        ge=-10, le=10, description="known slip angle in degrees; a positive one pulls the tire to the left"
+    )
+    slip_std_deg: float | None = within(None, 0, 5, "standard error of slip_deg in degrees; default: that of the file")
+    direction: Literal["forward", "reverse"] = Field(default="forward", description="direction of rolling")
+
+
+class SlipRunsFile(KnownRunsFile):
+    """A runs file of a slip calibration."""
+
+    slip_std_deg: float = within(0.05, 0, 5, "standard error of each slip_deg by itself in degrees")
+    slip_zero_std_deg: float = within(
+        0.05, 0, 5, "standard error of the zero that all slip_deg are counted from in degrees"
+    )
+    run: tuple[RunTable, ...] = Field(
+        strict=False, min_length=2, max_length=200, description="at least two runs, a [[run]] table each"
+    )
+
+
+class ForceRunTable(KnownRun):
+    """`[[run]]`: one recording, or a part of it, at a constant and known side force."""
+
+    side_force_n: float = Field(
+        ge=-100_000, le=100_000, description="force of the road on the tire in N, positive to the left"
+    )
+    aligning_moment_nm: float | None = within(
+        None, -100_000, 100_000, "moment about the vertical axis in N m, positive turns the tire to the left"
+    )
+    wheel: str | None = Field(
+        default=None, pattern=POSITION_PATTERN, description="position of the wheel; default: the one of the others"
+    )
+
+
+class ForceRunsFile(KnownRunsFile):
+    """A runs file of a side force calibration."""
+
+    side_force_std_n: float = within(20.0, 0, 10_000, "standard error of each force in N")
+    aligning_moment_std_nm: float = within(1.0, 0, 10_000, "standard error of each moment in N m")
+    run: tuple[ForceRunTable, ...] = Field(
+        strict=False, min_length=2, max_length=200, description="at least two runs, a [[run]] table each"
+    )
+
+
+RunsT = TypeVar("RunsT", bound=KnownRunsFile)
+
+
+def load_runs(kind: type[RunsT], path: Path) -> RunsT:
+    """Return a runs file of a kind.
+
+    Raises:
+        ConfigError: it cannot be read, or has faults; the message lists all of them.
+    """
+    return parse_document(kind, read_text(path, "the runs file"), str(path), _faults)
+
+
+def run_recordings(path: Path, runs: Sequence[KnownRun]) -> tuple[Path, ...]:
+    """Return the recordings of a runs file, each once, although several runs may be parts of it."""
+    return tuple(dict.fromkeys(path.parent / run.recording for run in runs))
+
+
+def _faults(data: Mapping[str, Any]) -> Iterator[Fault]:
+    runs = data.get("run")
+    for index, run in enumerate(runs if isinstance(runs, list) else ()):
+        if not isinstance(run, Mapping):
+            continue
+        begin, end = run.get("from_s", 0.0), run.get("to_s")
+        if isinstance(begin, int | float) and isinstance(end, int | float) and not begin < end:
+            yield Fault(f"run[#{index + 1}].to_s", show(end), f"allowed: more than from_s = {show(begin)}")
+        for earlier, other in enumerate(runs[:index] if isinstance(runs, list) else ()):
+            if isinstance(other, Mapping) and _overlap(other, run):
+                yield Fault(
+                    f"run[#{index + 1}].from_s",
+                    show(begin),
+                    f"allowed: a part of {show(run.get('recording'))} that run[#{earlier + 1}] does not have",
+                )
+
+
+def _overlap(run: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    """Return whether two runs have revolutions in common, which would count twice."""
+    if any(run.get(key) != other.get(key) for key in ("recording", "wheel")):
+        return False
+    begin, begin_other = run.get("from_s", 0.0), other.get("from_s", 0.0)
+    end, end_other = run.get("to_s", math.inf), other.get("to_s", math.inf)
+    if not all(isinstance(time, int | float) for time in (begin, begin_other, end, end_other)):
+        return False
+    return bool(max(begin, begin_other) < min(end, end_other))

@@ -1,0 +1,185 @@
+"""Estimator of side force and aligning moment from the displacement of the belt against the wheel.
+
+The lateral axis gives the belt's shift and yaw; they are proportional to side force and aligning
+moment, by factors and zeros that a calibration at known forces gives. The zeros contain ply steer and conicity.
+"""
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+
+from gateway.core.estimates.determination import DETERMINED, SETTLED_REVOLUTIONS
+from gateway.core.estimates.estimator import Estimate, Status, TireConditions
+from gateway.core.reasons import Code, Reason
+from gateway.core.types import FloatArray
+from gateway.forces.lateral_deformation import ORDERS
+from gateway.forces.lateral_shape import LateralEstimator, LateralSteps
+from gateway.forces.side_force_calibration import LinearLaw
+
+NAMES: Final = ("belt_shift_m", "belt_yaw_rad", "side_force_n", "aligning_moment_nm")
+
+# Memory of the forces in revolutions, as that of the longitudinal force.
+HORIZON_REVOLUTIONS: Final = 16.0
+# Largest standard error of a valid force near zero, over the load, and of a moment over load and belt radius: a slip of
+# 0.1 deg makes about 2 % of the load, with a trail of a tenth of the radius.
+_USEFUL_STD: Final = 0.02
+_USEFUL_LEVER: Final = 0.1
+# Load of a wheel whose load is not known, for these two only: a quarter of a small car.
+_USUAL_LOAD_N: Final = 3000.0
+
+
+_Displacement = tuple[float, float, float]
+"""Value, standard error and its scattering part."""
+# T / (ky R^2) and EIz / (ky R^4) of the lateral belt's defaults at Table 3's tension and radius.
+_TENSION: Final = 0.17
+_BENDING: Final = 0.4
+_STEPS: Final = 512
+_STEP_RAD: Final = 2.0 * math.pi / _STEPS
+_ANGLES_RAD: Final[FloatArray] = _STEP_RAD * np.arange(_STEPS, dtype=np.float64)
+# Virtual displacements: sin^4 over the free belt times cosines and sines of 1 to _WAVES of its half periods, so that
+# they and three derivatives vanish at its ends. They see orders up to about _WAVES / 2 + 2; above there is no force.
+_WAVES: Final = 12
+# Distance from the contact edges, which are known to some milliradians only.
+_CLEARANCE_RAD: Final = 0.02
+# Keeps the covariance of nearly equal rows regular.
+_RIDGE: Final = 1e-9
+
+_NUMBERS: Final[FloatArray] = np.asarray(ORDERS, dtype=np.float64)
+_COSINES: Final[FloatArray] = np.cos(np.multiply.outer(_NUMBERS, _ANGLES_RAD))
+_SINES: Final[FloatArray] = np.sin(np.multiply.outer(_NUMBERS, _ANGLES_RAD))
+# y of a unit of each coefficient of y''.
+_SHAPES: Final[FloatArray] = -np.concatenate([_COSINES, _SINES]) / np.tile(_NUMBERS, 2)[:, np.newaxis] ** 2
+
+
+def displacement_rows(half_angle_rad: float) -> FloatArray:
+    """Return the rows that give shift and yaw, times R, from a lateral record about its contact centre, (2, 2 k).
+
+    Yaw is positive where the rear of the belt, at positive theta, is displaced to the left. The variance of either by
+    white noise is the row's square sum.
+    """
+    return _rows(math.ceil((half_angle_rad + _CLEARANCE_RAD) / _STEP_RAD))
+
+
+@lru_cache(maxsize=64)
+def _rows(begin: int) -> FloatArray:
+    span = (_STEPS - 2 * begin) * _STEP_RAD
+    along = np.clip((_ANGLES_RAD - begin * _STEP_RAD) / span, 0.0, 1.0) * math.pi
+    window = np.sin(along) ** 4
+    waves = np.multiply.outer(np.arange(1, _WAVES + 1), along)
+    virtual = window * np.concatenate([np.cos(waves), np.sin(waves)])
+    # The operator is symmetric, so it may act on the virtual displacement.
+    order = np.fft.fftfreq(_STEPS, 1.0 / _STEPS)
+    factor = 1.0 + _TENSION * order**2 + _BENDING * order**4
+    pulled = np.fft.ifft(np.fft.fft(virtual, axis=1) * factor, axis=1).real
+    work = pulled @ _SHAPES.T
+    unknowns = pulled @ np.stack([np.ones(_STEPS), np.cos(_ANGLES_RAD), np.sin(_ANGLES_RAD)], axis=1)
+    first = (_NUMBERS == 1.0).nonzero()[0]
+    ignored = np.concatenate([first, len(_NUMBERS) + first])
+    work[:, ignored] = 0.0
+    covariance = work @ work.T
+    covariance += _RIDGE * np.trace(covariance) / len(covariance) * np.eye(len(covariance))
+    weighted = np.linalg.solve(covariance, unknowns).T
+    weights: FloatArray = -np.linalg.solve(weighted @ unknowns, weighted @ work)
+    rows = weights[[0, 2]]
+    rows.setflags(write=False)
+    return rows
+
+
+class SideForceEstimator(LateralEstimator):
+    """Shift and yaw of the belt, side force and aligning moment; no estimates without a lateral axis.
+
+    Gives belt_shift_m, belt_yaw_rad, side_force_n and aligning_moment_nm.
+
+    Displacement and force are positive to the left, the force being that of the road on the tire; a positive moment
+    turns the tire to the left. All are means over the latest revolutions. Force and moment need a calibration.
+    There are no estimates without a lateral axis.
+    """
+
+    name = "side-force"
+
+    def __init__(self) -> None:
+        super().__init__(HORIZON_REVOLUTIONS)
+
+    def _names(self, conditions: TireConditions) -> Sequence[str]:  # noqa: ARG002 - part of the interface
+        return NAMES
+
+    def _averaged(
+        self, conditions: TireConditions, edges_rad: tuple[float, float], steps: LateralSteps, row: int
+    ) -> tuple[Estimate, ...]:
+        half, centre = 0.5 * (edges_rad[1] - edges_rad[0]), 0.5 * (edges_rad[1] + edges_rad[0])
+        record = steps.records[row]()
+        rows = displacement_rows(half) @ _turned(centre)
+        values = rows @ record.lateral_m
+        covariance = rows @ record.covariance @ rows.T
+        # The tilt that is left reads the radial axis into the lateral one, and the gain scales it.
+        by_roll = rows @ record.radial_m * steps.roll[row].std_rad
+        variance = np.diagonal(covariance) + np.square(by_roll) + np.square(values * conditions.gain_std)
+        lever = np.array([1.0, 1.0 / conditions.radius_m])
+        shift, yaw = (values * lever).tolist()
+        shift_std, yaw_std = (np.sqrt(variance) * lever).tolist()
+        scatters = tuple((np.sqrt(np.maximum(np.diagonal(covariance), 0.0)) * lever).tolist())
+        count = steps.effective_counts[row]
+        doubts: tuple[Reason, ...] = ()
+        if count < SETTLED_REVOLUTIONS * (1.0 - 1e-9):
+            doubts = (Reason(Code.NOT_SETTLED, revolutions=count, needed=SETTLED_REVOLUTIONS),)
+        return (
+            _plain(NAMES[0], shift, shift_std, scatters[0], doubts),
+            _plain(NAMES[1], yaw, yaw_std, scatters[1], doubts),
+            *_forces(conditions, half, ((shift, shift_std, scatters[0]), (yaw, yaw_std, scatters[1])), doubts),
+        )
+
+
+def _forces(
+    conditions: TireConditions,
+    half_angle_rad: float,
+    displacements: tuple[_Displacement, _Displacement],
+    doubts: tuple[Reason, ...],
+) -> tuple[Estimate, Estimate]:
+    calibration = conditions.tire.side_force_calibration
+    if calibration is None:
+        needs = Reason(Code.NEEDS_SIDE_FORCE_CALIBRATION)
+        return Estimate.invalid(NAMES[2], needs), Estimate.invalid(NAMES[3], needs)
+    doubts = (*doubts, *calibration.outside(half_angle_rad, conditions.pressure_pa))
+    by_pressure = calibration.factor_std(conditions.pressure_pa)
+    load = conditions.load_n or _USUAL_LOAD_N
+    unit = _USEFUL_LEVER * load * conditions.radius_m
+    return (
+        _force(NAMES[2], calibration.side, displacements[0], load, by_pressure, doubts),
+        Estimate.invalid(NAMES[3], Reason(Code.NEEDS_SIDE_FORCE_CALIBRATION))
+        if calibration.moment is None
+        else _force(NAMES[3], calibration.moment, displacements[1], unit, by_pressure, doubts),
+    )
+
+
+def _turned(centre_rad: float) -> FloatArray:
+    """Return the matrix that takes the coefficients of a record to those about its contact centre, (2 k, 2 k)."""
+    turn = np.asarray(ORDERS) * centre_rad
+    cosine, sine = np.diag(np.cos(turn)), np.diag(np.sin(turn))
+    result: FloatArray = np.block([[cosine, sine], [-sine, cosine]])
+    return result
+
+
+def _plain(name: str, value: float, std: float, scatter_std: float, doubts: tuple[Reason, ...]) -> Estimate:
+    if not (math.isfinite(value) and math.isfinite(std)):
+        return Estimate.invalid(name, Reason(Code.NOT_FINITE))
+    return Estimate(name, value, std, Status.PROVISIONAL if doubts else Status.VALID, doubts, scatter_std)
+
+
+def _force(
+    name: str,
+    law: LinearLaw,
+    displacement: _Displacement,
+    unit: float,
+    by_pressure: float,
+    doubts: tuple[Reason, ...],
+) -> Estimate:
+    """Return a force, valid where it is known to a share of the load, or to a third of itself."""
+    shift, error, scatter = displacement
+    value, std = law.force(shift, error)
+    std = math.hypot(std, by_pressure * value)
+    if math.isfinite(std) and std > max(_USEFUL_STD * unit, abs(value) / DETERMINED):
+        doubts = (*doubts, Reason(Code.FORCE_NOT_DETERMINED, share=std / unit, limit=_USEFUL_STD))
+    return _plain(name, value, std, abs(law.factor) * scatter, doubts)

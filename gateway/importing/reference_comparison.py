@@ -1,0 +1,164 @@
+"""Comparison of estimated revolutions with a measured speed, rotation or angle."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from gateway.core.estimates.estimator import Revolution
+from gateway.core.types import BoolArray, FloatArray
+
+_BATCHES: Final = 10
+_FEWEST: Final = 3
+# Of the longer of a turn and the averaging interval; further apart, the reference has a gap.
+_LARGEST_STEP: Final = 3.0
+_USUAL_STEP_S: Final = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceComparison:
+    """Difference between estimates and a reference.
+
+    Attributes:
+        position: wheel position.
+        name: name of the reference.
+        quantity: speed, rotation, angle or pulses.
+        revolutions: number of revolutions compared, 0 when there are too few; then the rest is NaN.
+        estimated: mean estimate, m/s for a speed, turns per second otherwise.
+        measured: mean of the reference, in the same unit.
+        difference: estimate minus reference, in the same unit.
+        difference_std: its standard error.
+        scatter: standard deviation of the differences of single revolutions.
+        radius_m: belt radius with which a speed would agree; NaN for others.
+        radius_std_m: its standard error.
+        contact_rad: angle of the reference at the contact centre; NaN where there is none.
+        contact_scatter_rad: standard deviation of that angle.
+    """
+
+    position: str
+    name: str
+    quantity: str
+    revolutions: int
+    estimated: float = math.nan
+    measured: float = math.nan
+    difference: float = math.nan
+    difference_std: float = math.nan
+    scatter: float = math.nan
+    radius_m: float = math.nan
+    radius_std_m: float = math.nan
+    contact_rad: float = math.nan
+    contact_scatter_rad: float = math.nan
+
+
+class TurnLog:
+    """Start and duration of the revolutions of one wheel that may be used."""
+
+    def __init__(self) -> None:
+        """Begin without any."""
+        self._starts_s: list[float] = []
+        self._periods_s: list[float] = []
+
+    def add(self, revolution: Revolution) -> None:
+        """Add a revolution, unless it has a fault."""
+        if not revolution.faults and revolution.period_s > 0.0:
+            self._starts_s.append(revolution.start_s)
+            self._periods_s.append(revolution.period_s)
+
+    def compare(
+        self,
+        position: str,
+        name: str,
+        quantity: str,
+        times_s: Sequence[float],
+        values: Sequence[float],
+        value_std: float,
+        radius_m: float,
+    ) -> ReferenceComparison:
+        """Compare with a reference; fewer than three revolutions that have one give no numbers.
+
+        Args:
+            position: wheel position.
+            name: name of the reference.
+            quantity: speed, rotation, angle or pulses.
+            times_s: (n,) hub times of the reference.
+            values: (n,) m/s, turns per second, or turns so far.
+            value_std: standard error of a value.
+            radius_m: belt radius of the estimate.
+        """
+        times, reference = np.asarray(times_s, dtype=np.float64), np.asarray(values, dtype=np.float64)
+        order = np.argsort(times, kind="stable")
+        times, reference = times[order], reference[order]
+        starts, periods = np.array(self._starts_s), np.array(self._periods_s)
+        covered = _covered(times, starts, periods)
+        starts, periods = starts[covered], periods[covered]
+        if len(starts) < _FEWEST:
+            return ReferenceComparison(position, name, quantity, 0)
+        is_turns = quantity in ("angle", "pulses")
+        # Of a rate the mean over the turn: the difference of its integral.
+        so_far = reference if is_turns else _integral(times, reference)
+        measured = np.abs(np.interp(starts + periods, times, so_far) - np.interp(starts, times, so_far)) / periods
+        estimated = (2.0 * math.pi * radius_m if quantity == "speed" else 1.0) / periods
+        differences = estimated - measured
+        # The error of an angle counts at both ends only, that of a rate everywhere.
+        span_s = float(starts[-1] + periods[-1] - starts[0])
+        common_std = math.sqrt(2.0) * value_std / span_s if is_turns else value_std
+        std = math.hypot(_mean_std(differences), common_std)
+        radius_m = radius_std_m = contact_rad = scatter_rad = math.nan
+        if quantity == "speed":
+            per_turn = float(estimated.mean())
+            circumference = float(np.mean(measured * periods))
+            radius_m, radius_std_m = circumference / (2.0 * math.pi), circumference / (2.0 * math.pi) * std / per_turn
+        if is_turns:
+            contact_rad, scatter_rad = _direction(np.interp(starts, times, reference) * 2.0 * math.pi)
+        return ReferenceComparison(
+            position=position,
+            name=name,
+            quantity=quantity,
+            revolutions=len(starts),
+            estimated=float(estimated.mean()),
+            measured=float(measured.mean()),
+            difference=float(differences.mean()),
+            difference_std=std,
+            scatter=float(differences.std(ddof=1)),
+            radius_m=radius_m,
+            radius_std_m=radius_std_m,
+            contact_rad=contact_rad,
+            contact_scatter_rad=scatter_rad,
+        )
+
+
+def _covered(times_s: FloatArray, starts_s: FloatArray, periods_s: FloatArray) -> BoolArray:
+    """Return which revolutions the reference covers without a gap."""
+    if len(times_s) < 2 or not len(starts_s):
+        return np.zeros(len(starts_s), dtype=np.bool_)
+    first = np.searchsorted(times_s, starts_s, side="right") - 1
+    last = np.searchsorted(times_s, starts_s + periods_s, side="left")
+    inside = (first >= 0) & (last < len(times_s))
+    steps = np.diff(times_s)
+    # The largest step inside a window: the windows are short, and so is the loop over them.
+    for k in np.flatnonzero(inside):
+        largest = float(steps[first[k] : max(last[k], first[k] + 1)].max())
+        inside[k] = largest <= _LARGEST_STEP * max(float(periods_s[k]), _USUAL_STEP_S)
+    return inside
+
+
+def _integral(times_s: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the integral from the first time to each, by the trapezoidal rule."""
+    return np.concatenate(([0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(times_s))))
+
+
+def _mean_std(values: FloatArray) -> float:
+    """Return the standard error of a mean, by the means of consecutive parts: neighbours are not independent."""
+    parts = np.array_split(values, min(_BATCHES, len(values)))
+    means = np.array([part.mean() for part in parts])
+    return float(means.std(ddof=1) / math.sqrt(len(means)))
+
+
+def _direction(angles_rad: FloatArray) -> tuple[float, float]:
+    """Return mean and standard deviation of angles on the circle."""
+    mean = complex(np.exp(1j * angles_rad).mean())
+    centre = math.atan2(mean.imag, mean.real) % (2.0 * math.pi)
+    deviations = (angles_rad - centre + math.pi) % (2.0 * math.pi) - math.pi
+    return centre, float(deviations.std(ddof=1))

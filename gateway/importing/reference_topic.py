@@ -1,0 +1,86 @@
+"""Measured references in recordings: speeds, rotations and angles to compare estimates with."""
+
+import json
+import math
+import re
+from collections.abc import Generator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from gateway.core.links.source import LinkItem
+from gateway.core.recording.mcap_layout import RecordedMessage
+from gateway.core.recording.reader import RecordingReader
+
+_TOPIC: Final = re.compile(r"/wheel/([^/]+)/reference/([^/]+)")
+_QUANTITIES: Final = ("speed", "rotation", "angle", "pulses")
+_MOST_VALUES: Final = 10_000_000
+_MOST_REFERENCES: Final = 256
+
+
+@dataclass(slots=True)
+class RecordedReference:
+    """One reference of one wheel.
+
+    Attributes:
+        position: wheel position.
+        name: name of the reference.
+        quantity: speed, rotation, angle or pulses.
+        value_std: one standard error of a value.
+        times_s: hub times.
+        values: speed in m/s, rotation in turns per second, or turns so far.
+    """
+
+    position: str
+    name: str
+    quantity: str
+    value_std: float = 0.0
+    times_s: list[float] = field(default_factory=list)
+    values: list[float] = field(default_factory=list)
+
+
+def reference_topic(position: str, name: str) -> str:
+    """Return the topic of a reference."""
+    return f"/wheel/{position}/reference/{name}"
+
+
+class ReferenceReader(RecordingReader):
+    """Reader of a recording that collects its references in passing."""
+
+    def __init__(self, path: Path | str) -> None:
+        """Read the recording's description; errors as for `RecordingReader`."""
+        super().__init__(path)
+        self._references: dict[str, RecordedReference] = {}
+        self._count = 0
+
+    def items(self) -> Generator[LinkItem, None, None]:
+        """Yield chunks, frames of buses, link events and marks in file order, once."""
+        for message in self.messages():
+            match = _TOPIC.fullmatch(message.channel.topic)
+            if match is None:
+                yield from self.link_items(message)
+            elif self._count < _MOST_VALUES:
+                self._take(message, match[1], match[2])
+
+    def references(self) -> tuple[RecordedReference, ...]:
+        """Return the references in order of appearance, complete after the last item."""
+        return tuple(self._references.values())
+
+    def _take(self, message: RecordedMessage, position: str, name: str) -> None:
+        topic = message.channel.topic
+        try:
+            content: Any = json.loads(message.data)
+            quantity, std = content["quantity"], content.get("value_std", 0.0)
+            numbers = [float(number) for number in (content["time_s"], content["value"], std)]
+        except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
+            # A damaged message; the others are still worth comparing.
+            return
+        if quantity not in _QUANTITIES or not all(map(math.isfinite, numbers)):
+            return
+        if topic not in self._references:
+            if len(self._references) >= _MOST_REFERENCES:
+                return
+            self._references[topic] = RecordedReference(position, name, quantity, numbers[2])
+        self._count += 1
+        self._references[topic].times_s.append(numbers[0])
+        self._references[topic].values.append(numbers[1])

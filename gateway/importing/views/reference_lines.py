@@ -1,0 +1,42 @@
+"""Lines about the difference between estimates and a measured reference."""
+
+import math
+from collections.abc import Sequence
+
+from gateway.core.text.numbers import round_to_error
+from gateway.importing.reference_comparison import ReferenceComparison
+
+
+def reference_lines(comparisons: Sequence[ReferenceComparison]) -> list[str]:
+    """Return the lines of every comparison."""
+    return [line for comparison in comparisons for line in _lines(comparison)]
+
+
+def _lines(comparison: ReferenceComparison) -> list[str]:
+    head = f"{comparison.position}, reference {comparison.name}"
+    if comparison.revolutions == 0:
+        return [f"{head}: fewer than 3 revolutions have a reference; nothing to compare"]
+    unit, factor = ("km/h", 3.6) if comparison.quantity == "speed" else ("Hz", 1.0)
+    estimated, measured = (_plain(value * factor) for value in (comparison.estimated, comparison.measured))
+    share = 100.0 / comparison.measured if comparison.measured else math.nan
+    percent = _with_error(comparison.difference * share, comparison.difference_std * share)
+    difference = _with_error(comparison.difference * factor, comparison.difference_std * factor)
+    lines = [
+        f"{head}: {comparison.revolutions} revolutions, {estimated} {unit} estimated, {measured} {unit} measured; "
+        f"difference {difference} {unit} ({percent} %)"
+    ]
+    if comparison.quantity == "speed":
+        radius = _with_error(comparison.radius_m * 1e3, comparison.radius_std_m * 1e3)
+        lines.append(f"{head}: the speeds agree with a belt radius of {radius} mm")
+    if math.isfinite(comparison.contact_rad):
+        centre, scatter = math.degrees(comparison.contact_rad), math.degrees(comparison.contact_scatter_rad)
+        lines.append(f"{head}: the contact centre is at {centre:.1f} deg of it, with a scatter of {scatter:.2g} deg")
+    return lines
+
+
+def _with_error(value: float, std: float) -> str:
+    return round_to_error(value, std).joined()
+
+
+def _plain(value: float) -> str:
+    return f"{value:.6g}"

@@ -1,0 +1,114 @@
+"""Diagnosis of bytes in which no frame is intact although frames were meant."""
+
+import re
+import struct
+from collections.abc import Callable, Iterator, Mapping
+from typing import Final
+from zlib import crc32
+
+from firmware_protocol import wire
+from gateway.core.reasons import Code, Reason
+from gateway.core.session.line_content import swapped_syncs
+from gateway.makers.check.clauses import Clause
+from gateway.makers.check.counter_rules import swapped
+
+_MASK: Final = 0xFFFF_FFFF
+_HEADER: Final = re.compile(re.escape(wire.SYNC) + rb"[\x10-\x1f]", re.DOTALL)
+# As many damaged frames are tried at most, and so many must agree.
+_MOST_TRIED: Final = 40
+_LEAST_ALIKE: Final = 3
+
+
+def _reflected(polynomial: int, start: int, data: bytes) -> int:
+    for byte in data:
+        start ^= byte
+        for _ in range(8):
+            start = start >> 1 ^ polynomial if start & 1 else start >> 1
+    return start
+
+
+def _forward(data: bytes) -> int:
+    """Return the CRC with the polynomial's bits not reflected (MPEG-2), as many CRC units compute it."""
+    crc = _MASK
+    for byte in data:
+        crc ^= byte << 24
+        for _ in range(8):
+            crc = (crc << 1 ^ 0x04C11DB7 if crc >> 31 else crc << 1) & _MASK
+    return crc
+
+
+def _words(data: bytes) -> bytes:
+    """Return whole words of 32 bits with their bytes reversed, as an STM32's CRC unit takes them."""
+    return b"".join(data[offset : offset + 4][::-1] for offset in range(0, len(data), 4))
+
+
+_VARIANTS: Final[Mapping[Code, Callable[[bytes], int]]] = {
+    Code.CRC_BIG_ENDIAN: lambda data: swapped(crc32(data)),
+    Code.CRC_NOT_INVERTED: lambda data: crc32(data) ^ _MASK,
+    Code.CRC_FROM_ZERO: lambda data: crc32(data, _MASK),
+    Code.CRC_FROM_ZERO_NOT_INVERTED: lambda data: crc32(data, _MASK) ^ _MASK,
+    Code.CRC_WITHOUT_SYNC: lambda data: crc32(data[2:]),
+    Code.CRC_OF_PAYLOAD: lambda data: crc32(data[wire.HEADER_BYTES :]),
+    Code.CRC_OF_HEADER: lambda data: crc32(data[: wire.HEADER_BYTES]),
+    Code.CRC_MPEG2: _forward,
+    Code.CRC_BZIP2: lambda data: _forward(data) ^ _MASK,
+    Code.CRC_OF_WORDS: lambda data: _forward(_words(data)),
+    Code.CRC_CASTAGNOLI: lambda data: _reflected(0x82F63B78, _MASK, data) ^ _MASK,
+    Code.CRC_ALWAYS_ZERO: lambda _: 0,
+}
+_LENGTHS: Final[Mapping[Code, int]] = {
+    Code.LENGTH_OF_FRAME: wire.OVERHEAD_BYTES,
+    Code.LENGTH_WITH_HEADER: wire.HEADER_BYTES,
+    Code.LENGTH_WITH_CRC: wire.CRC_BYTES,
+}
+
+
+def diagnosis(data: bytes) -> tuple[Clause, Reason, bytes, int] | None:
+    """Return what is wrong with all frames in bytes that hold none: clause, reason, example and its place.
+
+    None where nothing looks like a frame.
+    """
+    first: tuple[int, bytes] | None = None
+    alike: dict[tuple[Clause, Code], int] = {}
+    for tried, (offset, frame) in enumerate(_candidates(data)):
+        if tried == _MOST_TRIED:
+            break
+        if first is None:
+            first = offset, frame
+        for key in (*_length_faults(data, offset), *_crc_faults(frame)):
+            alike[key] = alike.get(key, 0) + 1
+            if alike[key] >= _LEAST_ALIKE:
+                code = Code.FRAME_LENGTH_COUNTS if key[0] is Clause.LENGTH else Code.FRAME_CRC_VARIANT
+                return key[0], Reason(code, how=Reason(key[1])), frame, offset
+    if swapped_syncs(data) >= _LEAST_ALIKE:
+        offset = data.find(wire.SYNC[::-1])
+        return Clause.SYNC, Reason(Code.LINE_SYNC_SWAPPED), data[offset : offset + wire.MAX_FRAME_BYTES], offset
+    if first is not None:
+        return Clause.CRC, Reason(Code.FRAME_CRC_WRONG), first[1], first[0]
+    return None
+
+
+def _candidates(data: bytes) -> Iterator[tuple[int, bytes]]:
+    for match in _HEADER.finditer(data):
+        offset = match.start()
+        if offset + wire.LENGTH_KNOWN_BYTES <= len(data):
+            end = offset + wire.OVERHEAD_BYTES + data[offset + wire.LENGTH_OFFSET]
+            yield offset, data[offset:end]
+
+
+def _length_faults(data: bytes, offset: int) -> Iterator[tuple[Clause, Code]]:
+    for how, more in _LENGTHS.items():
+        length = data[offset + wire.LENGTH_OFFSET] - more
+        end = offset + wire.OVERHEAD_BYTES + length
+        if length >= 0 and end <= len(data) and crc32(data[offset:end]) == wire.CRC_RESIDUE:
+            yield Clause.LENGTH, how
+
+
+def _crc_faults(frame: bytes) -> Iterator[tuple[Clause, Code]]:
+    if len(frame) < wire.OVERHEAD_BYTES or len(frame) != wire.OVERHEAD_BYTES + frame[wire.LENGTH_OFFSET]:
+        return
+    body = frame[: -wire.CRC_BYTES]
+    (stated,) = struct.unpack("<I", frame[-wire.CRC_BYTES :])
+    for how, crc in _VARIANTS.items():
+        if crc(body) == stated:
+            yield Clause.CRC, how

@@ -1,0 +1,241 @@
+"""Rules of single messages and of their schedule."""
+
+import unicodedata
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Final
+
+from firmware_protocol import wire
+from firmware_protocol.codec import CHANNELS
+from firmware_protocol.declaration import SAMPLES
+from firmware_protocol.messages import (
+    HUB_ITSELF,
+    Axis,
+    Environment,
+    Hello,
+    HubStatus,
+    LogLevel,
+    LogText,
+    MessageType,
+    SampleBlock,
+)
+from gateway.core.constants import AXIS_NAMES
+from gateway.core.reasons import Code, Reason
+from gateway.makers.check.clauses import Clause, Ledger
+from gateway.makers.check.counter_rules import CounterRules
+from gateway.makers.check.seen_frame import SeenFrame, SourceKey, signed_step, source_name
+
+_PERIODS: Final = {
+    MessageType.HELLO: (Clause.HELLO_PERIOD, wire.HELLO_PERIOD_S),
+    MessageType.ENVIRONMENT: (Clause.ENVIRONMENT_PERIOD, wire.ENVIRONMENT_PERIOD_S),
+    MessageType.HUB_STATUS: (Clause.STATUS_PERIOD, wire.HUB_STATUS_PERIOD_S),
+    MessageType.TIME_SYNC: (Clause.TIME_PERIOD, wire.TIME_SYNC_PERIOD_S),
+}
+_OF_WHEELS: Final = (MessageType.HELLO, MessageType.ENVIRONMENT)
+# A schedule is judged over this time; so many messages more or fewer than expected are of its ends.
+_LEAST_SPAN_S: Final = 3.0
+_SLACK: Final = 1.5
+_MOST_LOGS_PER_S: Final = 10
+_UPTIME_TOLERANCE_S: Final = 2.0
+_SENT_SHARE: Final = 0.05
+_SENT_SLACK: Final = 20
+_FULL_BLOCKS: Final = 0.8
+# Pressures of tires in kPa; a flat one in Pa is rarely among them, so that this is advice.
+_LIKE_KPA: Final = (80.0, 1000.0)
+
+
+@dataclass(slots=True)
+class _Schedule:
+    """Times of a source's frames, by arrival or, without arrival times, by the hub's clock."""
+
+    counts: dict[int, int] = field(default_factory=dict)
+    first_s: float | None = None
+    last_s: float = 0.0
+    last_tick_us: int = 0
+    hello_seen: bool = False
+    blocks: int = 0
+    samples: int = 0
+    channels: int = 0
+    is_signed: bool = False
+
+
+class MessageRules:
+    """Looks at HELLO, HUB_STATUS, LOG_TEXT and at the times of all messages."""
+
+    def __init__(self, ledger: Ledger, counters: CounterRules) -> None:
+        self._ledger = ledger
+        self._counters = counters
+        self._schedules: dict[SourceKey, _Schedule] = {}
+        self._logs: dict[int, deque[float]] = {}
+        # They rest on clock and counters, which must be right.
+        self._doubts: list[tuple[SeenFrame, Reason]] = []
+        # Frames of a hub so far, and frames_sent with them, at its first status and its last.
+        self._sent: dict[int, tuple[tuple[int, int], SeenFrame]] = {}
+        self._frames: dict[int, int] = {}
+
+    def frame(self, seen: SeenFrame) -> None:
+        """Take a frame."""
+        self._frames[seen.hub] = self._frames.get(seen.hub, 0) + 1
+        schedule = self._schedules.setdefault(seen.source, _Schedule())
+        self._time(schedule, seen)
+        schedule.counts[seen.type] = schedule.counts.get(seen.type, 0) + 1
+        message = seen.message
+        # One that cannot be read is a fault of its own.
+        schedule.hello_seen |= seen.type == MessageType.HELLO
+        if isinstance(message, Hello):
+            self._hello(seen, message)
+        elif isinstance(message, SampleBlock) and seen.wheel != HUB_ITSELF:
+            self._samples(schedule, seen, message)
+        elif isinstance(message, Environment):
+            self._environment(seen, message)
+        elif isinstance(message, HubStatus):
+            self._status(seen, message)
+        elif isinstance(message, LogText):
+            self._log(seen, message)
+
+    def restarted(self, hub: int) -> None:
+        """Forget the counters of a hub before its start."""
+        self._sent.pop(hub, None)
+
+    def _time(self, schedule: _Schedule, seen: SeenFrame) -> None:
+        if seen.host_s is not None:
+            now_s = seen.host_s
+        else:
+            step = signed_step(schedule.last_tick_us, seen.tick_us) if schedule.first_s is not None else 0
+            now_s = schedule.last_s + max(0, step) * 1e-6
+        schedule.last_tick_us = seen.tick_us
+        if schedule.first_s is None:
+            schedule.first_s = now_s
+        schedule.last_s = max(schedule.last_s, now_s)
+
+    def _hello(self, seen: SeenFrame, hello: Hello) -> None:
+        self._ledger.check(Clause.HELLO_VALUES)
+        self._ledger.check(Clause.SCALE_RANGE)
+        self._ledger.check(Clause.HELLO_COUPLING)
+        self._ledger.check(Clause.HELLO_SENSOR)
+        if hello.protocol_major != wire.VERSION_MAJOR:
+            reason = Reason(Code.HELLO_OTHER_MAJOR, major=hello.protocol_major, minor=hello.protocol_minor)
+            self._ledger.fail(Clause.HELLO_VALUES, seen, reason)
+        absent = [axis for axis in Axis if not hello.axes >> axis & 1]
+        if not absent:
+            return
+        self._ledger.check(Clause.HELLO_ABSENT)
+        values = hello.range_mps2, hello.scale_mps2, hello.offset_counts
+        filled = tuple(AXIS_NAMES[axis] for axis in absent if any(value[axis] for value in values))
+        if filled:
+            self._ledger.fail(
+                Clause.HELLO_ABSENT, seen, Reason(Code.HELLO_ABSENT_AXES_FILLED, axes=filled), is_advice=True
+            )
+
+    def _samples(self, schedule: _Schedule, seen: SeenFrame, block: SampleBlock) -> None:
+        if not schedule.blocks and self._counters.started(seen.source):
+            self._ledger.check(Clause.HELLO_FIRST)
+        if not schedule.hello_seen and self._counters.started(seen.source):
+            self._ledger.fail(Clause.HELLO_FIRST, seen, Reason(Code.SAMPLES_BEFORE_HELLO))
+        schedule.blocks += 1
+        schedule.samples += len(block.counts)
+        schedule.channels = CHANNELS[block.axes]
+        schedule.is_signed = bool(seen.tag_bytes)
+
+    def _environment(self, seen: SeenFrame, environment: Environment) -> None:
+        pressure_pa = environment.pressure_pa
+        if pressure_pa is not None and _LIKE_KPA[0] <= pressure_pa <= _LIKE_KPA[1]:
+            reason = Reason(Code.PRESSURE_LIKE_KPA, pressure_pa=pressure_pa)
+            self._ledger.fail(Clause.ENVIRONMENT_VALUES, seen, reason, is_advice=True)
+
+    def _status(self, seen: SeenFrame, status: HubStatus) -> None:
+        self._ledger.check(Clause.STATUS_VALUES)
+        apart_s = signed_step(seen.tick_us, round(status.uptime_s * 1e6) & 0xFFFF_FFFF) * 1e-6
+        if abs(apart_s) > _UPTIME_TOLERANCE_S:
+            reason = Reason(Code.STATUS_UPTIME_WRONG, uptime_s=status.uptime_s, clock_s=seen.tick_us * 1e-6)
+            self._doubts.append((seen, reason))
+        number = self._frames[seen.hub] + self._counters.lost_of_hub(seen.hub)
+        first_status = self._sent.get(seen.hub)
+        if first_status is None:
+            self._sent[seen.hub] = (number, status.frames_sent), seen
+            return
+        (first, sent), _ = first_status
+        arrived, stated = number - first, (status.frames_sent - sent) % 2**32
+        if abs(stated - arrived) > _SENT_SLACK + _SENT_SHARE * arrived:
+            self._doubts.append((seen, Reason(Code.STATUS_FRAMES_SENT_WRONG, stated=stated, arrived=arrived)))
+
+    def _log(self, seen: SeenFrame, log: LogText) -> None:
+        self._ledger.check(Clause.LOG)
+        if log.level > max(LogLevel):
+            self._ledger.fail(Clause.LOG, seen, Reason(Code.LOG_LEVEL_RESERVED, level=log.level))
+        try:
+            shown = seen.payload[1:].decode()
+        except UnicodeDecodeError:
+            self._ledger.fail(Clause.LOG, seen, Reason(Code.LOG_NOT_UTF8))
+        else:
+            if any(unicodedata.category(character).startswith("C") for character in shown):
+                self._ledger.fail(Clause.LOG, seen, Reason(Code.LOG_HAS_CONTROLS), is_advice=True)
+        recent = self._logs.setdefault(seen.hub, deque())
+        # The hub's clock: what waits on the way arrives at once.
+        recent.append(seen.tick_us * 1e-6)
+        while recent[-1] - recent[0] >= 1.0 or recent[-1] < recent[0]:
+            recent.popleft()
+        if len(recent) > _MOST_LOGS_PER_S:
+            self._ledger.fail(Clause.LOG, seen, Reason(Code.LOG_TOO_OFTEN, lines=len(recent)))
+
+    def finish(self, capacity_bytes_per_s: float | None) -> None:
+        """Judge the schedule, and the bytes against what the link carries.
+
+        Args:
+            capacity_bytes_per_s: of the link, None where it is not known.
+        """
+        if not self._ledger.has_failed(Clause.TICK, Clause.TICK_MONOTONIC, Clause.SEQ):
+            for seen, reason in self._doubts:
+                self._ledger.fail(Clause.STATUS_VALUES, seen, reason)
+        for hub in self._frames:
+            of_hub = {source: schedule for source, schedule in self._schedules.items() if source[0] == hub}
+            begins = [schedule.first_s for schedule in of_hub.values() if schedule.first_s is not None]
+            span_s = max(schedule.last_s for schedule in of_hub.values()) - min(begins)
+            self._hub_schedule(hub, of_hub, span_s)
+        self._throughput(capacity_bytes_per_s)
+
+    def _hub_schedule(self, hub: int, of_hub: dict[SourceKey, _Schedule], span_s: float) -> None:
+        if span_s < _LEAST_SPAN_S:
+            for clause, _ in _PERIODS.values():
+                self._ledger.leave(clause, Reason(Code.CHECK_TOO_SHORT, duration_s=span_s, needed_s=_LEAST_SPAN_S))
+            return
+        wheels = [source for source, schedule in of_hub.items() if source[1] != HUB_ITSELF and schedule.blocks]
+        for type_, (clause, period_s) in _PERIODS.items():
+            for source in wheels if type_ in _OF_WHEELS else [(hub, HUB_ITSELF)]:
+                self._ledger.check(clause)
+                count = of_hub[source].counts.get(type_, 0) if source in of_hub else 0
+                missing = self._counters.lost(source)
+                expected = span_s / period_s
+                if count + missing < 0.8 * expected - 1.0 or (count == 0 and expected >= 1.0):
+                    reason = Reason(Code.MESSAGE_TOO_RARE, type=type_.name, count=count, span_s=span_s, due=expected)
+                    self._ledger.fail(clause, source_name(source), reason)
+                elif type_ is not MessageType.HELLO and count > _SLACK * expected + 2.0:
+                    reason = Reason(Code.MESSAGE_TOO_OFTEN, type=type_.name, count=count, span_s=span_s, due=expected)
+                    self._ledger.fail(clause, source_name(source), reason)
+
+    def _throughput(self, capacity_bytes_per_s: float | None) -> None:
+        """Compare blocks with full ones, and the bytes of all wheels with the link."""
+        needed = 0.0
+        for source, schedule in self._schedules.items():
+            if not schedule.blocks or schedule.first_s is None:
+                continue
+            self._ledger.check(Clause.THROUGHPUT)
+            most = wire.MAX_SIGNED_PAYLOAD_BYTES if schedule.is_signed else wire.MAX_PAYLOAD_BYTES
+            full = (most - SAMPLES.size) // (2 * schedule.channels)
+            mean = schedule.samples / schedule.blocks
+            around = wire.OVERHEAD_BYTES + SAMPLES.size + (wire.TAG_BYTES if schedule.is_signed else 0)
+            if mean < _FULL_BLOCKS * full:
+                more = (around / mean + 2 * schedule.channels) / (around / full + 2 * schedule.channels) - 1.0
+                reason = Reason(Code.BLOCKS_NOT_FULL, samples=mean, full=full, more=more)
+                self._ledger.fail(Clause.THROUGHPUT, source_name(source), reason, is_advice=True)
+            span_s = schedule.last_s - schedule.first_s
+            if span_s > 0.0:
+                sent = schedule.blocks + self._counters.lost(source)
+                needed += sent * (around + mean * 2 * schedule.channels) / span_s
+        if capacity_bytes_per_s is None:
+            return
+        self._ledger.check(Clause.THROUGHPUT)
+        share = needed / capacity_bytes_per_s
+        if share > _FULL_BLOCKS:
+            reason = Reason(Code.LINK_NEARLY_FULL, needed=needed, capacity=capacity_bytes_per_s, share=share)
+            self._ledger.fail(Clause.THROUGHPUT, "", reason, is_advice=share <= 1.0)

@@ -1,0 +1,212 @@
+"""Order, sign and scale of the samples against the wheel's rotation, which they show themselves."""
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_protocol.messages import HUB_ITSELF, Axis, Coupling, Hello, SampleBlock
+from gateway.core.constants import AXIS_NAMES, STANDARD_GRAVITY_MPS2
+from gateway.core.contacts.missing_revolutions import rotation_period_s
+from gateway.core.reasons import Code, Reason
+from gateway.core.types import FloatArray
+from gateway.makers.check.clauses import Clause, Ledger
+from gateway.makers.check.seen_frame import SeenFrame, SourceKey, signed_step, source_name
+
+# Length of the stretches without a gap that are looked at: a few revolutions, in which the speed hardly changes.
+_WINDOW_S: Final = 1.5
+# So many of them, and so many of those that roll, must agree.
+_LEAST_WINDOWS: Final = 3
+_AGREEING_SHARE: Final = 0.8
+# No wheel turns faster.
+_LEAST_PERIOD_S: Final = 0.02
+_ROLLING_MPS2: Final = 30.0
+# Ratio of the mean radial value to R Omega^2 that no radius within the usual range of tires explains.
+_LEAST_RATIO: Final = 1.8
+_REST_STD_MPS2: Final = 10.0
+# Steps from sample to sample are so many times smaller when the counts are read as they were meant.
+_SMOOTHER: Final = 4.0
+# Ratio of the steady values of two axes from which the larger one is the radial axis: of a tilt it is 2 and less.
+_LARGER: Final = 3.0
+# Blocks that are compared with a new one: a hub has that many buffers, and a loop of recorded samples is longer.
+# Counts that one must span, so that rest or saturation is no copy.
+_COMPARED_BLOCKS: Final = 8
+_LEAST_SPAN_COUNTS: Final = 32
+
+
+class _Stretch:
+    """Samples of a wheel without a gap."""
+
+    __slots__ = ("hello", "length", "next_sample", "recent", "rows")
+
+    def __init__(self, hello: Hello | None) -> None:
+        self.hello = hello
+        self.next_sample: int | None = None
+        self.rows: list[NDArray[np.int16]] = []
+        self.length = 0
+        # First samples of recent blocks by their bytes.
+        self.recent: dict[bytes, int] = {}
+
+
+class SignalRules:
+    """Compares the steady radial value with R Omega^2, Omega from the time after which the signal repeats."""
+
+    def __init__(self, ledger: Ledger, radius_m: float) -> None:
+        """Take the belt radius that the ratio refers to."""
+        self._ledger = ledger
+        self._radius_m = radius_m
+        self._stretches: dict[SourceKey, _Stretch] = {}
+        # Level and R Omega^2 of every stretch that rolls.
+        self._levels: dict[SourceKey, list[tuple[float, float]]] = {}
+
+    def frame(self, seen: SeenFrame) -> None:
+        """Take a frame."""
+        if seen.wheel == HUB_ITSELF:
+            return
+        stretch = self._stretches.get(seen.source)
+        if isinstance(seen.message, Hello):
+            if stretch is None or stretch.hello != seen.message:
+                self._judge(seen.source)
+                self._stretches[seen.source] = _Stretch(seen.message)
+        elif isinstance(seen.message, SampleBlock) and stretch is not None and stretch.hello is not None:
+            self._samples(seen.source, stretch, stretch.hello, seen.message)
+
+    def finish(self) -> None:
+        """Judge the stretches that are left."""
+        for source in list(self._stretches):
+            self._judge(source)
+        for source, levels in self._levels.items():
+            self._scale(source, np.array(levels))
+
+    def _samples(self, source: SourceKey, stretch: _Stretch, hello: Hello, block: SampleBlock) -> None:
+        if block.axes != hello.axes:
+            return
+        if stretch.next_sample is not None and signed_step(stretch.next_sample, block.first_sample) != 0:
+            self._judge(source)
+            stretch.rows, stretch.length = [], 0
+        stretch.next_sample = block.first_sample + len(block.counts) & 0xFFFF_FFFF
+        self._copied(source, stretch.recent, block)
+        stretch.rows.append(block.counts)
+        stretch.length += len(block.counts)
+        if stretch.length >= _WINDOW_S * hello.rate_hz:
+            self._judge(source)
+            stretch.rows, stretch.length = [], 0
+
+    def _judge(self, source: SourceKey) -> None:
+        stretch = self._stretches.get(source)
+        if stretch is None or stretch.hello is None or stretch.length < 0.9 * _WINDOW_S * stretch.hello.rate_hz:
+            return
+        hello = stretch.hello
+        axes = [axis for axis in Axis if hello.axes >> axis & 1]
+        counts = np.concatenate(stretch.rows).astype(float) - [hello.offset_counts[axis] for axis in axes]
+        values = counts * [hello.scale_mps2[axis] for axis in axes]
+        self._ledger.check(Clause.BYTE_ORDER)
+        if self._ledger.has_failed(Clause.BYTE_ORDER, Clause.COUPLING):
+            return
+        mean = values.mean(axis=0)
+        self._ledger.check(Clause.ROWS)
+        if (misread := _misread(stretch.rows)) is not None:
+            self._ledger.fail(Clause.ROWS, source_name(source), misread)
+            return
+        if Axis.RADIAL not in axes:
+            self._ledger.leave(Clause.SCALE, Reason(Code.CHECK_NO_RADIAL_AXIS))
+            return
+        radial = values[:, axes.index(Axis.RADIAL)]
+        self._axes(source, axes, values, np.ptp(counts, axis=0) == 0.0, hello)
+        period_s = rotation_period_s(radial, hello.rate_hz)
+        if period_s is None or period_s < _LEAST_PERIOD_S or float(radial.std()) < _ROLLING_MPS2:
+            self._at_rest(values, mean)
+            return
+        self._ledger.check(Clause.COUPLING)
+        if hello.coupling == Coupling.AC:
+            self._ledger.leave(Clause.SCALE, Reason(Code.CHECK_AC_HAS_NO_SCALE))
+            return
+        expected = self._radius_m * (2.0 * math.pi / period_s) ** 2
+        self._levels.setdefault(source, []).append((abs(float(radial.mean())), expected))
+
+    def _copied(self, source: SourceKey, recent: dict[bytes, int], block: SampleBlock) -> None:
+        """Compare a block with those before it: noise does not repeat."""
+        if int(block.counts.max()) - int(block.counts.min()) < _LEAST_SPAN_COUNTS:
+            return
+        content = block.counts.tobytes()
+        earlier = recent.pop(content, None)
+        if earlier is not None and earlier != block.first_sample:
+            values = {"samples": len(block.counts), "first": block.first_sample, "earlier": earlier}
+            self._ledger.fail(Clause.ONCE, source_name(source), Reason(Code.BLOCK_COPIED, **values))
+        recent[content] = block.first_sample
+        if len(recent) > _COMPARED_BLOCKS:
+            del recent[next(iter(recent))]
+
+    def _axes(
+        self, source: SourceKey, axes: list[Axis], values: FloatArray, stands: NDArray[np.bool_], hello: Hello
+    ) -> None:
+        """Judge order and sign of the axes of a stretch that rolls, and that none stands."""
+        mean = values.mean(axis=0)
+        highest = int(np.argmax(np.abs(mean)))
+        period_s = rotation_period_s(values[:, highest], hello.rate_hz)
+        if period_s is None or float(values[:, highest].std()) < _ROLLING_MPS2:
+            return
+        subject, radial_mps2 = source_name(source), float(mean[axes.index(Axis.RADIAL)])
+        for axis in (axis for axis, still in zip(axes, stands, strict=True) if still):
+            reason = Reason(Code.AXIS_STANDS, axis=AXIS_NAMES[axis], duration_s=len(values) / hello.rate_hz)
+            self._ledger.fail(Clause.ROWS, subject, reason)
+        # A zero that is wrong moves an axis as much as the rotation does.
+        zero_unknown = self._ledger.has_failed(Clause.HELLO_VALUES)
+        if hello.coupling == Coupling.AC or zero_unknown or abs(mean[highest]) < _ROLLING_MPS2:
+            return
+        if abs(mean[highest]) > _LARGER * abs(radial_mps2):
+            level = {"level_mps2": float(mean[highest]), "radial_mps2": radial_mps2}
+            reason = Reason(Code.AXES_OUT_OF_ORDER, axis=AXIS_NAMES[axes[highest]], **level)
+            self._ledger.fail(Clause.ROWS, subject, reason)
+        elif radial_mps2 < -_ROLLING_MPS2:
+            self._ledger.fail(Clause.ROWS, subject, Reason(Code.RADIAL_OUTWARD, mean_mps2=radial_mps2))
+
+    def _scale(self, source: SourceKey, levels: FloatArray) -> None:
+        """Judge the ratios of all stretches, (k, 2) levels and R Omega^2."""
+        # Levels from before those were found may be among them.
+        if len(levels) < _LEAST_WINDOWS or self._ledger.has_failed(Clause.BYTE_ORDER, Clause.COUPLING):
+            return
+        self._ledger.check(Clause.SCALE, len(levels))
+        ratio = levels[:, 0] / levels[:, 1]
+        middle = int(np.argsort(ratio)[len(ratio) // 2])
+        if 1.0 / _LEAST_RATIO < ratio[middle] < _LEAST_RATIO:
+            return
+        alike = np.abs(np.log2(ratio / ratio[middle])) < 0.5
+        if alike.mean() < _AGREEING_SHARE:
+            return
+        reason = Reason(
+            Code.SCALE_OFF_BY_POWER_OF_TWO,
+            level_mps2=float(levels[middle, 0]),
+            expected_mps2=float(levels[middle, 1]),
+            ratio=float(ratio[middle]),
+            power=round(math.log2(ratio[middle])),
+            radius_m=self._radius_m,
+        )
+        self._ledger.fail(Clause.SCALE, source_name(source), reason)
+
+    def _at_rest(self, values: FloatArray, mean: FloatArray) -> None:
+        if float(values.std(axis=0).max()) < _REST_STD_MPS2 and values.shape[1] == len(Axis):
+            share = float(np.linalg.norm(mean)) / STANDARD_GRAVITY_MPS2
+            self._ledger.leave(Clause.SCALE, Reason(Code.CHECK_AT_REST, share=share))
+        else:
+            self._ledger.leave(Clause.SCALE, Reason(Code.CHECK_DOES_NOT_ROLL))
+        self._ledger.leave(Clause.COUPLING, Reason(Code.CHECK_DOES_NOT_ROLL))
+
+
+def _misread(blocks: list[NDArray[np.int16]]) -> Reason | None:
+    """Return how else the counts of blocks are smooth, None where they are as they are."""
+    as_sent = _roughness(blocks)
+    if _SMOOTHER * _roughness([block ^ np.int16(-0x8000) for block in blocks]) < as_sent:
+        return Reason(Code.COUNTS_OFFSET_BINARY)
+    channels = blocks[0].shape[1]
+    if channels > 1:
+        by_axis = _roughness([block.reshape(channels, -1).T for block in blocks])
+        if _SMOOTHER * by_axis < as_sent:
+            return Reason(Code.ROWS_TRANSPOSED, ratio=as_sent / max(by_axis, 1))
+    return None
+
+
+def _roughness(blocks: list[NDArray[np.int16]]) -> int:
+    """Return the sum of the steps from sample to sample within blocks."""
+    return sum(int(np.abs(np.diff(block.astype(np.int64), axis=0)).sum()) for block in blocks)

@@ -1,1 +1,0 @@
-"""Physical models of the tire: functions of arrays in SI units, each with its source equation."""

@@ -1,0 +1,152 @@
+"""`treadlink plan`: what a sensor will be able to measure on a tire, before it is bought."""
+
+from pathlib import Path
+
+import click
+
+from gateway.core.cli.options import FiniteRange, force_option
+from gateway.core.cli.path_option import path_option
+
+_SPEEDS_KMH = (60.0, 100.0, 150.0)
+
+
+@click.command()
+@click.argument("scenario", default="lab")
+@click.option(
+    "--sensor",
+    "names",
+    multiple=True,
+    metavar="NAME",
+    help="Part of the list, or the first letters of its name; repeat for several.  [default: all]",
+)
+@path_option("--sensors", "sensors_path", help="TOML file of accelerometers instead of the shipped list.")
+@click.option(
+    "--speed",
+    "speeds_kmh",
+    type=FiniteRange(min=5.0, max=400.0),
+    multiple=True,
+    default=_SPEEDS_KMH,
+    show_default=True,
+    metavar="KMH",
+    help="Speed in km/h; repeat for several.",
+)
+@click.option(
+    "--want",
+    "want_texts",
+    multiple=True,
+    metavar="NAME=ERROR",
+    help="Largest error of a quantity, as in wear=0.5mm or Ts=3%; repeat for several. The least sensor is searched "
+    "that reaches them all; --sensor and --sensors are the parts compared with it.",
+)
+@click.option(
+    "--at",
+    "at_text",
+    default="60..120km/h",
+    show_default=True,
+    metavar="SPEEDS",
+    help="With --want, speeds at which the errors have to be reached: both ends and the middle are simulated.",
+)
+@click.option(
+    "--after",
+    type=click.Choice(["1", "10", "100"]),
+    default="100",
+    show_default=True,
+    help="With --want, number of revolutions after which the errors have to be reached.",
+)
+@click.option(
+    "--wheels",
+    type=click.IntRange(min=8, max=1000),
+    default=40,
+    show_default=True,
+    help="Simulated drives; 40 know a scatter within 11 %, 160 within 6 %.",
+)
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the random numbers.")
+@path_option("--json", "json_path", allow_dash=True, help="Write everything to a JSON file.")
+@path_option(
+    "--figure", "figure_path", help="Draw the errors over speed and the usable speeds: .svg or .png. Without --want."
+)
+@force_option
+def plan(
+    scenario: str,
+    names: tuple[str, ...],
+    sensors_path: Path | None,
+    speeds_kmh: tuple[float, ...],
+    want_texts: tuple[str, ...],
+    at_text: str,
+    after: str,
+    wheels: int,
+    seed: int,
+    json_path: Path | None,
+    figure_path: Path | None,
+    force: bool,
+) -> None:
+    """Say what accelerometers will be able to measure on the first tire of SCENARIO.
+
+    For each speed: whether the sensor can be used and why not, its data rate, and the errors of every quantity after
+    1, 10 and 100 revolutions. The errors are measured on simulated drives that go through the estimators: the scatter,
+    which averaging reduces, and what stays. SCENARIO is one of `treadlink simulate` and gives tire, load, pressure and
+    road. The exit status is 1 if no sensor can be used at any speed.
+
+    The other way round, with --want: the least range and the largest noise, at each sampling rate, with which the
+    errors are reached. The exit status is 1 if no rate reaches them.
+    """
+    from gateway.core.cli.summary_output import SummaryOutput
+    from gateway.core.config.validation import read_text
+    from gateway.core.errors import ConfigError
+    from gateway.core.text.figure_file import check_figure
+    from gateway.core.text.output_file import check_outputs, write_whole
+    from gateway.diagnosis.commands.wanted_errors import parse_speeds_mps, parse_want
+    from gateway.planner.accelerometer import parse_accelerometers, shipped_accelerometers
+    from gateway.planner.least_sensor import least_sensors
+    from gateway.planner.planned_errors import plan_sensor, tire_at
+    from gateway.planner.views.plan_figure import write_plan_figure
+    from gateway.planner.views.sensor_plan import least_json, least_line, parts_line, plan_json, plan_lines
+    from gateway.simulator.scenario import load_scenario
+
+    if figure_path is not None:
+        if want_texts:
+            raise click.UsageError("--figure draws the errors of sensors; --want has none.")
+        check_figure(figure_path)
+    check_outputs((json_path, figure_path), (sensors_path, Path(scenario)), force=force)
+    if sensors_path is None:
+        listed = shipped_accelerometers()
+    else:
+        listed = parse_accelerometers(read_text(sensors_path, "the accelerometers"), str(sensors_path))
+    parts = listed.sensor
+    for name in names:
+        if not any(part.name.lower().startswith(name.lower()) for part in parts):
+            raise ConfigError(
+                f"there is no accelerometer '{name}'", f"Known: {', '.join(part.name for part in parts)}."
+            )
+    chosen = [part for part in parts if not names or part.name.lower().startswith(tuple(n.lower() for n in names))]
+    loaded = load_scenario(scenario)
+    say = SummaryOutput([json_path])
+    if want_texts:
+        at_mps = parse_speeds_mps(at_text)
+        truths = tire_at(loaded, at_mps[0]).truths
+        wants = [parse_want(text, truths) for text in want_texts]
+        leasts = []
+        for least in least_sensors(loaded, wants, at_mps, revolutions=int(after), wheels=wheels, seed=seed):
+            leasts.append(least)
+            say(least_line(least))
+            if least.reached:
+                say(parts_line(least, chosen))
+        document, has_result = least_json(leasts), any(least.reached for least in leasts)
+    else:
+        plans = []
+        for part in chosen:
+            for speed_kmh in speeds_kmh:
+                planned = plan_sensor(loaded, part, speed_kmh / 3.6, wheels=wheels, seed=seed)
+                plans.append(planned)
+                for line in plan_lines(planned, listed.power):
+                    say(line)
+        if figure_path is not None:
+            write_plan_figure(figure_path, plans, force=force)
+            say.written(figure_path)
+        document, has_result = plan_json(plans, listed.power), any(planned.usable for planned in plans)
+    if json_path is not None:
+        write_whole(json_path, document, force=force)
+        say.written(json_path)
+    say.finish()
+    if not has_result:
+        raise click.exceptions.Exit(1)

@@ -1,0 +1,112 @@
+"""Plans of sensors as lines and as JSON."""
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.text.numbers import split_name
+from gateway.core.text.plain_values import plain
+from gateway.core.text.text import json_text
+from gateway.core.text.wording import joined
+from gateway.planner.accelerometer import Accelerometer
+from gateway.planner.least_sensor import LeastSensor, WorstError
+from gateway.planner.link_load import LinkLoad, PowerModel, link_load
+from gateway.planner.planned_errors import PlannedError, SensorPlan, sampling_rate_hz
+
+
+def plan_lines(plan: SensorPlan, power: PowerModel | None = None) -> Iterator[str]:
+    """Yield the lines of one sensor at one speed: its state, then scatter and what stays of each quantity."""
+    peak_g = plan.peak_mps2 / STANDARD_GRAVITY_MPS2
+    state = "usable" if plan.usable else "not usable"
+    yield f"{plan.sensor.name} at {3.6 * plan.speed_mps:g} km/h: {state}"
+    known_rate = not math.isnan(plan.rate_hz)
+    rate = "rate unknown"
+    if known_rate:
+        rate = f"{plan.rate_hz:.0f} Hz, {plan.contact_samples:.0f} samples in the contact"
+    yield f"  peak {peak_g:.0f} g of {plan.sensor.range_g:g} g; {rate}"
+    if known_rate:
+        yield f"  {_load_line(link_load(plan.rate_hz, plan.sensor.current_ma, power), power)}"
+    if plan.reasons:
+        yield f"  {joined(plan.reasons)}"
+    if not plan.errors:
+        return
+    counts = sorted({error.revolutions for error in plan.errors})
+    header = "".join(f"{f'after {count}':>12}" for count in counts)
+    yield f"  {'quantity':<18}{'true':>12}{header}{'bound':>12}{'stays':>12}{'stated':>12}"
+    by_name: dict[str, dict[int, PlannedError]] = {}
+    for error in plan.errors:
+        by_name.setdefault(error.quantity, {})[error.revolutions] = error
+    for name, errors in by_name.items():
+        last = errors[max(errors)]
+        scatters = "".join(f"{errors[count].scatter:12.3g}" if count in errors else f"{'-':>12}" for count in counts)
+        bound = f"{last.bound:12.3g}" if math.isfinite(last.bound) else f"{'-':>12}"
+        yield f"  {name:<18}{last.truth:12.4g}{scatters}{bound}{last.stays:12.3g}{last.stated:12.3g}"
+
+
+def _load_line(load: LinkLoad, power: PowerModel | None) -> str:
+    parts = [f"{load.data_kbps:.0f} kbit/s"]
+    if power is not None and load.radio_share > 1.0:
+        parts.append(f"more than the {power.radio_kbps:g} kbit/s of the radio")
+    elif power is not None:
+        parts.append(f"radio on {100.0 * load.radio_share:.0f} % of the time")
+        finite = math.isfinite(load.battery_h)
+        parts.append(
+            f"{load.battery_h:.3g} h from {power.battery_mah:g} mAh"
+            if finite
+            else "battery: the sensor's current is unknown"
+        )
+    return ", ".join(parts)
+
+
+def plan_json(plans: Sequence[SensorPlan], power: PowerModel | None = None) -> str:
+    """Return plans as a JSON document; what is not known is null."""
+    return json_text(plain([_as_json(plan, power) for plan in plans]), indent=2) + "\n"
+
+
+def least_line(least: LeastSensor) -> str:
+    """Return what a sensor needs at one rate as a line."""
+    if not least.reached:
+        return f"{least.rate_hz:6.0f} Hz: not with any noise: {_worst(least.worst)}"
+    return (
+        f"{least.rate_hz:6.0f} Hz: at least {math.ceil(least.range_g)} g, at most {least.noise_mg_rthz:g} mg/sqrt(Hz): "
+        f"{_worst(least.worst)}"
+    )
+
+
+def _worst(worst: WorstError) -> str:
+    label, unit = split_name(worst.quantity)
+    error, wanted = (f"{unit.factor * value:.3g} {unit.symbol}".rstrip() for value in (worst.error, worst.wanted))
+    given = f"{error} of {wanted}" if math.isfinite(worst.error) else "not every drive has an estimate"
+    return f"{label} at {3.6 * worst.speed_mps:g} km/h: {given}"
+
+
+def parts_line(least: LeastSensor, parts: Sequence[Accelerometer]) -> str:
+    """Return which parts have the rate and the range of what is needed, and a noise that is small enough or unknown."""
+    names = [
+        part.name if part.noise_mg_rthz is not None else f"{part.name} (noise unknown)"
+        for part in parts
+        if part.range_g >= least.range_g
+        and sampling_rate_hz(part) >= least.rate_hz
+        and (part.noise_mg_rthz or 0.0) <= least.noise_mg_rthz
+    ]
+    return f"           parts: {', '.join(names) or 'none of the list'}"
+
+
+def least_json(leasts: Sequence[LeastSensor]) -> str:
+    """Return what sensors need as a JSON document; what is not reached is null."""
+    return json_text(plain(leasts), indent=2) + "\n"
+
+
+def _as_json(plan: SensorPlan, power: PowerModel | None) -> dict[str, Any]:
+    return {
+        "sensor": plan.sensor.model_dump(mode="json"),
+        "speed_mps": plan.speed_mps,
+        "rate_hz": plan.rate_hz,
+        "peak_mps2": plan.peak_mps2,
+        "contact_samples": plan.contact_samples,
+        **link_load(plan.rate_hz, plan.sensor.current_ma, power)._asdict(),
+        "usable": plan.usable,
+        "reasons": plan.reasons,
+        "errors": plan.errors,
+    }

@@ -1,1 +1,0 @@
-"""What a sensor will be able to measure on a tire, before it is bought."""

@@ -1,1 +1,0 @@
-"""Simulated Bluetooth LE hubs on a private D-Bus."""

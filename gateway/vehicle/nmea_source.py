@@ -1,0 +1,153 @@
+"""Positioning receivers: on a serial port, behind a TCP server or gpsd, or in a log file."""
+
+import gzip
+import re
+import threading
+from collections.abc import Iterator
+from contextlib import suppress
+from typing import IO, Final
+
+from gateway.core.clock import Clock
+from gateway.core.errors import LinkLostError, SourceError
+from gateway.core.links.nmea_sentences import SentenceReader, can_read_sentences
+from gateway.core.links.reconnect import ReconnectingSource
+from gateway.core.links.serial_link import serial_port, serial_settings
+from gateway.core.links.source import (
+    NMEA_FILE_SUFFIXES,
+    Chunk,
+    LinkItem,
+    Sentences,
+    Source,
+    SourceAddress,
+    WrappedSource,
+    parse_source_uri,
+    silence_option,
+)
+from gateway.core.links.tcp_link import TcpLink, parse_host_port
+from gateway.vehicle.log_file import LogFile
+
+GPSD_PORT: Final = 2947
+"""Port at which gpsd serves its clients."""
+
+# The rate of NMEA 0183; receivers on USB take any.
+_BAUDRATE: Final = "9600"
+_DEVICE: Final = "receiver"
+_WATCH: Final = b'?WATCH={"enable":true,"nmea":true};\n'
+_HOST: Final = re.compile(r"(\[[^\]]+\]|[^:/\\]+):\d{1,5}")
+# What is longer without a line end is no text.
+_LONGEST_LINE: Final = 4096
+
+
+def open_nmea(address: SourceAddress, clock: Clock) -> Source:
+    """Open `nmea:PORT?baudrate=9600`, `nmea:HOST:PORT`, gpsd by `nmea:HOST:2947`, or `nmea:FILE?speed=1|10|max`.
+
+    Raises:
+        SourceError: pynmeagps is missing, or address, file or option cannot be used.
+    """
+    if not can_read_sentences():
+        raise SourceError(
+            "a positioning receiver needs the package 'pynmeagps', which is not installed",
+            "Install it with: pip install 'treadlink[nmea]'",
+        )
+    if address.target.lower().endswith(NMEA_FILE_SUFFIXES):
+        return ReceiverFileSource(address, clock)
+    name = f"nmea:{address.target}"
+    options = dict(address.options)
+    if _HOST.fullmatch(address.target) and not address.target.upper().startswith("COM"):
+        silence_s = silence_option(options)
+        address.check_options(("silence",))
+        host_port = parse_host_port(address)
+        kind = GpsdLink if host_port.port == GPSD_PORT else TcpLink
+        return ReceiverSource(
+            ReconnectingSource(name, lambda: kind(host_port, device=_DEVICE), clock, silence_s=silence_s)
+        )
+    port = parse_source_uri(address.target) if address.target.startswith(("/dev/", "COM")) else address
+    silence_s = silence_option(options, 0.0)
+    options.pop("silence", None)
+    settings = serial_settings({"baudrate": _BAUDRATE, **port.options, **options})
+    return ReceiverSource(
+        ReconnectingSource(name, lambda: serial_port(port.target, settings, _DEVICE), clock, silence_s=silence_s)
+    )
+
+
+class GpsdLink(TcpLink):
+    """A connection to gpsd, which sends the sentences of its receiver when asked to."""
+
+    def open(self) -> None:
+        """Connect, and ask for sentences.
+
+        Raises:
+            SourceError: it cannot be opened now.
+        """
+        super().open()
+        with suppress(LinkLostError):  # the next read says so
+            self.write(_WATCH)
+
+
+class ReceiverSource(WrappedSource):
+    """Sentences of a receiver as they arrive, in whole lines; nothing is sent to it but by its link."""
+
+    def items(self, stop: threading.Event) -> Iterator[LinkItem]:
+        """Yield lines and events of the link until stopped or closed.
+
+        Raises:
+            SourceError: the link could not be opened the first time.
+        """
+        rest = b""
+        for item in self._source.items(stop):
+            if not isinstance(item, Chunk):
+                rest = b""
+                yield item
+                continue
+            lines, end, rest = (rest + item.data).rpartition(b"\n")
+            if len(rest) > _LONGEST_LINE:
+                lines, end, rest = rest, b"", b""
+            if lines or end:
+                yield Sentences(item.link, item.host_ns, lines + end)
+
+
+class ReceiverFileSource(LogFile):
+    """Sentences of a log file, at the times that they state."""
+
+    def items(self, stop: threading.Event) -> Iterator[LinkItem]:
+        """Yield the lines up to each fix at its time, then that the file has ended.
+
+        Raises:
+            SourceError: the file cannot be read, or has no sentence with a time.
+        """
+        last_ns = 0
+        try:
+            with self._opened() as file:
+                for utc_ns, lines in _dated(file):
+                    last_ns = utc_ns + self._offset_ns
+                    if not self.playback.wait_until(last_ns, stop, self._closed):
+                        return
+                    yield Sentences(self.link, last_ns, lines)
+        except (OSError, EOFError) as error:  # EOFError: a compressed file that is cut off
+            reason = getattr(error, "strerror", None) or str(error)
+            if not last_ns:
+                raise SourceError(f"cannot read '{self._path}': {reason}", "Check the file.") from error
+            yield self._cut_off(last_ns, reason)
+        if not last_ns:
+            raise SourceError(
+                f"'{self._path}' has no sentence RMC with a time and date",
+                "Give a log of NMEA 0183, as `gpspipe -r` and most receivers write it.",
+            )
+        yield from self._end(last_ns, stop)
+
+    def _opened(self) -> IO[bytes]:
+        is_packed = self._path.suffix.lower() == ".gz"
+        return gzip.open(self._path) if is_packed else self._path.open("rb")  # type: ignore[return-value]
+
+
+def _dated(file: IO[bytes]) -> Iterator[tuple[int, bytes]]:
+    """Yield the lines up to each sentence with a time, and this time in ns since the epoch; the rest is left out."""
+    reader, lines, size = SentenceReader(), list[bytes](), 0
+    for line in iter(lambda: file.readline(_LONGEST_LINE), b""):
+        lines.append(line)
+        size += len(line)
+        times_ns = [fix.utc_ns for fix in reader.read(line) if fix.utc_ns is not None]
+        if times_ns:
+            yield times_ns[-1], b"".join(lines)
+        if times_ns or size > _LONGEST_LINE * 16:
+            lines, size = [], 0

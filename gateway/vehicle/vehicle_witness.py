@@ -1,0 +1,180 @@
+"""Join of a wheel's revolutions with the vehicle's signals, which are witnesses for sampling rate and belt radius.
+
+Source of the comparison: Omega of the wheel from its contacts is proportional to the stated sampling rate f, and its
+speed R Omega to f and the belt radius R. So the ratio of the car's Omega to the wheel's is that of the true to the
+stated rate, and the ratio of the car's speed to R Omega that of the true to the stated radius, where the rate holds.
+"""
+
+import math
+from collections import deque
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gateway.core.estimates.estimator import Estimate, Status
+from gateway.core.estimates.results import Alarm, RevolutionResult
+from gateway.core.quantity import Basis
+from gateway.core.reasons import Code, Reason
+from gateway.core.trust.signal_evidence import Contradiction, Evidence, Subject
+from gateway.vehicle.vehicle_signals import (
+    GROUND_SPEED_STD_MPS,
+    RECEIVER_SIGNALS,
+    Quantity,
+    Reading,
+    SignalHistory,
+    VehicleSignal,
+)
+
+# Standard errors of both together from which car and wheel contradict each other.
+_CONTRADICTION: Final = 3.0
+# Ratios of the latest revolutions that are averaged, and the fewest that say anything.
+_REVOLUTIONS: Final = 30
+_FEWEST: Final = 8
+# A car's speed says nothing at walking pace: its sensors have a lowest speed.
+_LEAST_RADPS: Final = 3.0
+# A receiver filters its speed and sends it up to this much later: a speed that changes is not that of the revolution.
+_RECEIVER_DELAY_S: Final = 0.3
+_MISSED_CONTACTS: Final = (2.0, 3.0)
+
+
+class _Ratio(NamedTuple):
+    """Value of the car over that of the wheel, and its relative standard error."""
+
+    value: float
+    std: float
+
+
+@dataclass(slots=True)
+class _Wheel:
+    """Latest ratios of one wheel, and what they contradict."""
+
+    ratios: dict[str, deque[float]]
+    contradictions: tuple[Contradiction, ...] = ()
+
+
+class VehicleJoin:
+    """Adds the vehicle's signals to results, and qualifies estimates that they contradict; no state but ratios."""
+
+    def __init__(self, history: SignalHistory) -> None:
+        """Join with a history that someone else fills."""
+        self.history = history
+        self._wheels: dict[str, _Wheel] = {}
+
+    def joined(self, result: RevolutionResult) -> RevolutionResult:
+        """Return a result with the signals at the middle of its revolution as further estimates.
+
+        Each signal gives its value and its age, the time since the last value received before.
+        """
+        revolution = result.revolution
+        at_ns = result.host_ns - round(0.5e9 * revolution.period_s)
+        wheel = self._wheels.setdefault(result.position, _Wheel({}))
+        added: list[Estimate] = []
+        for signal in self.history.of_wheel(result.position):
+            reading = self.history.at(signal.key, at_ns, result.host_ns)
+            age_name = signal.age_name
+            if reading is None:
+                if signal in RECEIVER_SIGNALS and not self.history.has_begun(signal.key, result.host_ns):
+                    continue  # there may be no receiver
+                missing = Reason(Code.SIGNAL_MISSING)
+                added += [Estimate.invalid(signal.name, missing), Estimate.invalid(age_name, missing)]
+                continue
+            added.append(Estimate(signal.name, reading.value, signal.std(reading.value), Status.VALID))
+            added.append(Estimate(age_name, reading.age_s, 0.0, Status.VALID))
+            self._compare(wheel, signal, reading, result)
+        wheel.contradictions = tuple(self._contradictions(wheel, result))
+        estimates = result.estimates
+        if wheel.contradictions:
+            evidence = Evidence.of_contradictions(wheel.contradictions)
+            estimates = tuple(evidence.qualified(estimate) for estimate in estimates)
+        return replace(result, estimates=(*estimates, *added))
+
+    def alarms(self) -> Iterator[Alarm]:
+        """Yield an alarm for each contradiction that stands."""
+        for position, wheel in self._wheels.items():
+            for contradiction in wheel.contradictions:
+                yield Alarm(position, str(contradiction.subject), contradiction.reason)
+
+    @staticmethod
+    def _compare(wheel: _Wheel, signal: VehicleSignal, reading: Reading, result: RevolutionResult) -> None:
+        """Keep the ratio of a speed of the car to that of the wheel."""
+        revolution, value = result.revolution, reading.value
+        if not signal.is_witness or revolution.faults or revolution.omega_radps < _LEAST_RADPS or value <= 0.0:
+            return
+        if signal.quantity is Quantity.GROUND_SPEED and not _is_of_revolution(signal, reading, revolution.period_s):
+            return
+        wheel_speed = revolution.omega_radps
+        if signal.suffix == "mps":
+            wheel_speed *= result.conditions.radius_m
+        wheel.ratios.setdefault(signal.key, deque(maxlen=_REVOLUTIONS)).append(value / wheel_speed)
+
+    def _contradictions(self, wheel: _Wheel, result: RevolutionResult) -> Iterator[Contradiction]:
+        """Yield what the car's speeds contradict: the rate by its rotation, the radius by its speed."""
+        conditions = result.conditions
+        rate_std, radius_std = conditions.claims.rate_std, conditions.radius_std_m / conditions.radius_m
+        rate_holds = False
+        linear: list[tuple[VehicleSignal, _Ratio]] = []
+        witnesses = [signal for signal in self.history.of_wheel(result.position) if signal.is_witness]
+        for signal in witnesses:
+            ratio = _mean_ratio(wheel.ratios.get(signal.key), signal)
+            if ratio is None:
+                continue
+            if signal.suffix == "mps":
+                linear.append((signal, ratio))
+                continue
+            error = math.hypot(ratio.std * ratio.value, rate_std)
+            rate_holds = abs(ratio.value - 1.0) <= _CONTRADICTION * error
+            if not rate_holds:
+                yield _rotation(ratio, error, result.revolution.rate_hz)
+        if any(signal.suffix != "mps" for signal in witnesses) and not rate_holds:
+            return  # without the rate, the speed says nothing of the radius
+        for _, ratio in linear:
+            error = math.hypot(ratio.std * ratio.value, rate_std, radius_std)
+            if abs(ratio.value - 1.0) > _CONTRADICTION * error:
+                yield _speed(ratio, error, result, rate_holds=rate_holds)
+                return
+
+
+def _is_of_revolution(signal: VehicleSignal, reading: Reading, period_s: float) -> bool:
+    """Return whether a ground speed was received in a revolution, and neither too low nor changing for its error.
+
+    A receiver sends once a second: between, a car that brakes has another speed.
+    """
+    error_mps = signal.usual_std * reading.value
+    is_steady = abs(reading.slope_per_s) * _RECEIVER_DELAY_S <= error_mps
+    return reading.nearest_s <= 0.5 * period_s and error_mps >= GROUND_SPEED_STD_MPS and is_steady
+
+
+def _mean_ratio(ratios: deque[float] | None, signal: VehicleSignal) -> _Ratio | None:
+    """Return the mean of the latest ratios; its error has their scatter and the stated error of the signal."""
+    if ratios is None or len(ratios) < _FEWEST:
+        return None
+    values = np.array(ratios)
+    centre = float(np.median(values))
+    scatter = float(values.std(ddof=1)) / math.sqrt(len(values))
+    return _Ratio(centre, math.hypot(signal.usual_std, scatter / centre))
+
+
+def _rotation(ratio: _Ratio, error: float, rate_hz: float) -> Contradiction:
+    """Return the contradiction of the car's rotation to the wheel's."""
+    causes = [Reason(Code.RATE_WOULD_FIT, rate_hz=ratio.value * rate_hz, stated_hz=rate_hz)]
+    missed = next(
+        (every for every in _MISSED_CONTACTS if abs(ratio.value / every - 1.0) <= _CONTRADICTION * error), None
+    )
+    if missed is not None:
+        causes.append(Reason(Code.CONTACTS_MISSED, every=missed))
+    reason = Reason(Code.WHEEL_SPEED_CONTRADICTED, ratio=ratio.value, std=error, causes=tuple(causes))
+    return Contradiction(Subject.WHEEL_SPEED, reason, {Basis.RATE: ratio.value})
+
+
+def _speed(ratio: _Ratio, error: float, result: RevolutionResult, *, rate_holds: bool) -> Contradiction:
+    """Return the contradiction of the car's speed to that of the wheel, the likeliest cause first."""
+    stated_m, rate_hz = result.conditions.radius_m, result.revolution.rate_hz
+    causes = [Reason(Code.RADIUS_WOULD_FIT, radius_m=stated_m * ratio.value, stated_m=stated_m)]
+    ratios: Mapping[Basis, float] = {Basis.RADIUS: ratio.value}
+    if not rate_holds:
+        causes.append(Reason(Code.RATE_WOULD_FIT, rate_hz=ratio.value * rate_hz, stated_hz=rate_hz))
+        ratios = {Basis.RADIUS: ratio.value, Basis.RATE: ratio.value}
+    reason = Reason(Code.VEHICLE_SPEED_CONTRADICTED, ratio=ratio.value, std=error, causes=tuple(causes))
+    return Contradiction(Subject.VEHICLE_SPEED, reason, dict(ratios))

@@ -1,1 +1,0 @@
-"""Order spectra of wheels for people: terminal, tables and figures."""

@@ -1,1 +1,0 @@
-"""Results as tables: CSV, Parquet and JSON lines."""

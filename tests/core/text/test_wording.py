@@ -1,0 +1,87 @@
+"""Reasons are made with the values that their templates need, and only views fill templates."""
+
+import ast
+import math
+import re
+from pathlib import Path
+
+import pytest
+
+import treadlink
+from gateway.core.estimates.registry import ESTIMATORS
+from gateway.core.reasons import Code, Reason
+from gateway.core.text.wording import as_json, fields, joined, text
+
+GATEWAY = Path(__file__).parents[3] / "gateway"
+GOLDEN = Path(__file__).parents[2] / "golden" / "data"
+NO_NUMBER = re.compile(r"\b(nan|inf)\b [a-z]")
+
+
+def test_only_wording_reads_templates() -> None:
+    readers = {
+        str(path.relative_to(GATEWAY))
+        for path in GATEWAY.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        if isinstance(node, ast.Attribute) and node.attr == "text_template" and isinstance(node.ctx, ast.Load)
+    }
+    assert readers == {"views/wording.py"}
+
+
+def test_reasons_have_the_values_of_their_template():
+    wrong = []
+    for path in sorted(GATEWAY.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "Reason"):
+                continue
+            code = node.args[0]
+            named = {keyword.arg for keyword in node.keywords}
+            if isinstance(code, ast.Attribute) and None not in named and named != fields(Code[code.attr]):
+                wrong.append(f"{path.relative_to(GATEWAY)}:{node.lineno} {code.attr}: {named}")
+    assert wrong == []
+
+
+@pytest.mark.parametrize("code", list(Code))
+def test_every_template_prints_its_values(code: Code) -> None:
+    assert text(Reason(code, **dict.fromkeys(fields(code), 1)))
+
+
+def test_non_finite_values_are_null_in_json() -> None:
+    values = as_json(Reason(Code.NOT_DETERMINED, relative_error=math.inf))["values"]
+    assert values == {"relative_error": None}
+
+
+def test_joined_reasons_are_not_repeated():
+    lost = Reason(Code.SAMPLES_LOST)
+    assert joined([lost, lost]) == text(lost)
+    assert as_json(lost) == {"code": "samples_lost", "values": {}, "text": text(lost)}
+
+
+def test_an_unknown_value_is_an_error():
+    with pytest.raises(KeyError):
+        Reason(Code.SAMPLES_LOST)["depth_m"]
+
+
+def test_zero_has_no_sign() -> None:
+    reason = Reason(Code.COUPLING_CONTRADICTED, share=-0.0001, std=0.04)
+    assert "is 0.00 ± 0.04 times" in text(reason)
+
+
+@pytest.mark.parametrize(("error", "shown"), [(3.4, "3.4 times"), (1.1e4, "more than 10 times")])
+def test_large_relative_error_has_no_size(error: float, shown: str) -> None:
+    assert shown in text(Reason(Code.NOT_DETERMINED, relative_error=error))
+
+
+def test_no_reason_of_a_drive_says_that_a_number_is_none() -> None:
+    estimates = treadlink.simulate("slip", duration_s=2.5, faults=["drop:rate=0.05"]).estimates(
+        # The numbers of the slower ones have the same reasons as those of the others.
+        [name for name in ESTIMATORS if name not in ("forward", "ring-modal", "ring-paper")]
+    )
+    texts = {*estimates.reasons.tolist()}
+    assert any(text(Reason(Code.SIGN_WITHOUT_ERROR)) in said for said in texts)
+    assert [said for said in texts if NO_NUMBER.search(said)] == []
+
+
+def test_no_stored_result_says_that_a_number_is_none() -> None:
+    stored = [line for path in GOLDEN.glob("*.json") for line in path.read_text(encoding="utf-8").splitlines()]
+    assert len(stored) > 10_000
+    assert [line for line in stored if "reason" in line and NO_NUMBER.search(line)] == []

@@ -1,0 +1,301 @@
+"""Loss on the link: revolutions kept out of averages, and angles without a sample filled by the shape before."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import treadlink
+from gateway.core.contacts.contact_timing import MOST_UNSEEN
+from gateway.core.estimates.estimator import Estimate, Revolution, Status, not_used
+from gateway.core.estimates.wheel_setup import WheelSetup
+from gateway.core.quantity_catalogue import quantity_of
+from gateway.core.reasons import Code, Reason
+from gateway.core.revolutions.angle_resampling import angle_grid, elapsed_angles, fit_phase
+from gateway.core.trust.lost_revolutions import LossStreak, SteadyStatus
+from gateway.core.wheels.gap_filling import GapFilling, angles_in_gaps
+from tests.testkit.exact_ring import solution
+from tests.testkit.revolution_data import exact_wave, make_revolution
+from tests.testkit.simulated_wheel import restated
+
+STEADY = "[sensor]\nrange_g = 1000\n[motion]\nspeed_kmh = 90"
+SETUP = WheelSetup("FL", 0, 0, 0.32, radius_std_m=0.0032, load_n=5000.0, pressure_pa=210e3)
+CLEAN = make_revolution(exact_wave(solution()))
+LOST = (Reason(Code.SAMPLES_LOST),)
+
+
+def revolution(*faults: Reason) -> Revolution:
+    return replace(CLEAN, faults=faults)
+
+
+class Losses:
+    """One estimator behind one link."""
+
+    def __init__(self, estimator: str) -> None:
+        self._link, self._status = LossStreak(), SteadyStatus(estimator)
+
+    def steadied(self, estimates: tuple[Estimate, ...], taken: Revolution) -> tuple[Estimate, ...]:
+        return self._status.steadied(estimates, self._link.take(taken))
+
+
+def number(status: Status, *reasons: Reason, std: float = 0.01) -> tuple[Estimate, ...]:
+    return (Estimate("Bs", 1.0, std, status, reasons),)
+
+
+def test_average_stays_valid_through_loss_as_long_as_its_memory() -> None:
+    losses = Losses("weak-form")
+    losses.steadied(number(Status.VALID, std=0.02), revolution())
+    statuses = []
+    for _ in range(quantity_of("Bs").memory_revolutions + 1):
+        (estimate,) = losses.steadied(number(Status.PROVISIONAL, not_used(LOST)), revolution(*LOST))
+        statuses.append(estimate.status)
+        assert estimate.reasons == (not_used(LOST),)
+    assert estimate.status is Status.PROVISIONAL
+    assert set(statuses[:-1]) == {Status.VALID}
+
+
+def test_load_of_a_drive_is_held_no_longer_than_edges_of_a_contact() -> None:
+    losses = Losses("load")
+    valid = (Estimate("load_by_width_n", 4000.0, 80.0, Status.VALID),)
+    assert losses.steadied(valid, CLEAN) == valid
+    held = (valid[0]._replace(status=Status.PROVISIONAL, reasons=(not_used(LOST),)),)
+    statuses = [losses.steadied(held, revolution(*LOST))[0].status for _ in range(MOST_UNSEEN + 1)]
+    assert statuses == [Status.VALID] * MOST_UNSEEN + [Status.PROVISIONAL]
+
+
+def test_held_average_has_at_least_the_error_that_it_had() -> None:
+    losses = Losses("weak-form")
+    losses.steadied(number(Status.VALID, std=0.02), revolution())
+    (estimate,) = losses.steadied(number(Status.PROVISIONAL, not_used(LOST)), revolution(*LOST))
+    assert estimate.std == 0.02
+
+
+@pytest.mark.parametrize(
+    ("faults", "reasons"),
+    [
+        ((Reason(Code.RADIAL_SATURATED),), (not_used((Reason(Code.RADIAL_SATURATED),)),)),
+        ((*LOST, Reason(Code.SEVERAL_TURNS, turns=2.0)), (not_used(LOST),)),
+        (LOST, (not_used(LOST), Reason(Code.RADIAL_CLIPPED))),
+    ],
+)
+def test_anything_but_loss_lowers_the_status_at_once(faults: tuple[Reason, ...], reasons: tuple[Reason, ...]) -> None:
+    losses = Losses("weak-form")
+    losses.steadied(number(Status.VALID), revolution())
+    (estimate,) = losses.steadied(number(Status.PROVISIONAL, *reasons), revolution(*faults))
+    assert estimate.status is Status.PROVISIONAL
+    # What was in doubt is not taken up again by the next loss.
+    (estimate,) = losses.steadied(number(Status.PROVISIONAL, not_used(LOST)), revolution(*LOST))
+    assert estimate.status is Status.PROVISIONAL
+
+
+@pytest.fixture(scope="module")
+def tenth_lost() -> tuple[treadlink.Recording, treadlink.Estimates]:
+    """Four wheels in steady driving of which a tenth of the frames was lost."""
+    recording = treadlink.simulate("demo", duration_s=20, faults=["drop:rate=0.1"])
+    return recording, recording.estimates()
+
+
+def changed_revolutions(estimates: treadlink.Estimates, wheel: str, first: int) -> tuple[set[int], int]:
+    """Return revolutions of a wheel in which the status of any estimate changes, and how many there are."""
+    of_wheel = (estimates.wheel == wheel) & (estimates.revolution >= first)
+    changed: set[int] = set()
+    # The drift of wear becomes valid once, with its fourth value.
+    for name in set(estimates.name) - {"wear_drift_mm"}:
+        rows = of_wheel & (estimates.name == name)
+        status = estimates.status[rows]
+        changed |= set(estimates.revolution[rows][1:][status[1:] != status[:-1]].tolist())
+    return changed, len(set(estimates.revolution[of_wheel].tolist()))
+
+
+def test_status_does_not_flicker_at_ten_percent_loss(
+    tenth_lost: tuple[treadlink.Recording, treadlink.Estimates],
+) -> None:
+    recording, estimates = tenth_lost
+    changed, counts = zip(*(changed_revolutions(estimates, wheel, 60) for wheel in recording.truth), strict=True)
+    assert sum(map(len, changed)) < 0.01 * sum(counts)
+
+
+def bursts(share: float, blocks: float, end: int, seed: int) -> frozenset[int]:
+    """Return the indices of blocks, up to `end`, that are lost in bursts of a mean length, a share of all."""
+    rng, index = np.random.default_rng(seed), 40
+    lost: set[int] = set()
+    while index < end:
+        length = rng.geometric(1.0 / blocks)
+        lost |= set(range(index, index + length))
+        index += length + rng.geometric(share / (blocks * (1.0 - share)))
+    return frozenset(lost)
+
+
+@pytest.mark.parametrize(("share", "blocks", "seed"), [(0.3, 8.0, 2), (0.5, 8.0, 5), (0.5, 16.0, 3), (0.5, 16.0, 5)])
+def test_speed_is_right_once_bursts_that_hid_contacts_have_ended(share: float, blocks: float, seed: int) -> None:
+    """Contacts that bursts of half a revolution leave may be two turns apart, or be overshoots of an edge."""
+    results, _ = restated(STEADY, 10.0, SETUP, ("kinematic",), dropped=bursts(share, blocks, 1600, seed))
+    speeds = [result.estimates[0] for result in results]
+    during, after = speeds[:-40], speeds[-40:]
+    assert [speed for speed in during if speed.status is Status.VALID and abs(speed.value - 25.0) > 0.3 * 25.0] == []
+    assert all(speed.status is Status.VALID and abs(speed.value - 25.0) < 3.0 * speed.std for speed in after)
+
+
+def test_streak_is_as_long_as_what_the_average_lacks() -> None:
+    """Where one revolution in four is averaged, an average over sixteen spans sixty-four."""
+    streak = LossStreak()
+    for _ in range(200):
+        lengths = [streak.take(revolution(*LOST)) for _ in range(3)]
+        assert streak.take(CLEAN) == 0.0
+    assert lengths == pytest.approx([0.25, 0.5, 0.75], rel=0.02)
+    assert streak.take(revolution(Reason(Code.RADIAL_SATURATED))) == 0.0
+
+
+@pytest.mark.parametrize(("errors", "status"), [(2.9, Status.VALID), (2.6, Status.VALID), (2.4, Status.PROVISIONAL)])
+def test_value_is_determined_until_it_is_beyond_the_limit_by_more_than_chance(errors: float, status: Status) -> None:
+    why = (Reason(Code.NOT_DETERMINED, relative_error=1.0 / errors), Reason(Code.MODEL_ERROR_SHARE, share=0.5))
+    losses = Losses("weak-form")
+    (before,) = losses.steadied(number(Status.PROVISIONAL, *why), CLEAN)
+    assert before.status is Status.PROVISIONAL  # it was not determined before
+    losses.steadied(number(Status.VALID), CLEAN)
+    for _ in range(3):
+        (estimate,) = losses.steadied(number(Status.PROVISIONAL, *why), CLEAN)
+        assert (estimate.status, estimate.reasons) == (status, () if status is Status.VALID else why)
+
+
+def test_note_on_an_error_does_not_end_what_is_held() -> None:
+    losses = Losses("weak-form")
+    losses.steadied(number(Status.VALID), CLEAN)
+    note = Reason(Code.SCALE_BY_WIDTH, ratio=1.0, std=0.02, error=0.03)
+    (estimate,) = losses.steadied(number(Status.PROVISIONAL, not_used(LOST), note), revolution(*LOST))
+    assert (estimate.status, estimate.reasons) == (Status.VALID, (not_used(LOST), note))
+
+
+@pytest.mark.parametrize("reasons", [(), (Reason(Code.OTHER_OFFSET_STATED, stated_m=0.003),)])
+def test_status_that_an_estimator_lowers_by_the_same_reasons_is_lowered_at_once(reasons: tuple[Reason, ...]) -> None:
+    losses = Losses("weak-form")
+    losses.steadied(number(Status.VALID, *reasons), CLEAN)
+    lowered = number(Status.PROVISIONAL, *reasons)
+    assert losses.steadied(lowered, CLEAN) == lowered
+
+
+def test_speed_is_valid_and_right_at_ten_percent_loss(
+    tenth_lost: tuple[treadlink.Recording, treadlink.Estimates],
+) -> None:
+    recording, estimates = tenth_lost
+    valid, pulls = [], []
+    for wheel, truth in recording.truth.items():
+        bottoms_s = truth.bottom_times_s(0.0, 20.0)
+        rows = (estimates.wheel == wheel) & (estimates.name == "angular_speed_radps")
+        is_valid = estimates.status[rows] == "valid"
+        valid += is_valid.tolist()
+        for start_s, end_s, value, std in zip(
+            *(column[rows][is_valid] for column in (estimates.device_start_s, estimates.device_end_s)),
+            estimates.value[rows][is_valid],
+            estimates.std[rows][is_valid],
+            strict=True,
+        ):
+            first, last = (int(np.argmin(np.abs(bottoms_s - time_s))) for time_s in (start_s, end_s))
+            if last > first:
+                true = 2.0 * math.pi * (last - first) / (bottoms_s[last] - bottoms_s[first])
+                pulls.append((value - true) / std)
+    assert np.mean(valid) > 0.9
+    assert np.max(np.abs(pulls)) < 3.5
+
+
+@pytest.mark.parametrize("faults", [["drop:rate=0.01"], ["drop:rate=0.1"]])
+def test_status_is_steady_and_numbers_are_right_through_loss(faults: list[str]) -> None:
+    recording = treadlink.simulate("lab", duration_s=20, faults=faults)
+    estimates, clean = recording.estimates(), treadlink.simulate("lab", duration_s=20).estimates()
+    late = estimates.revolution >= 60
+    for name in sorted(set(estimates.name) - {"wear_drift_mm"}):
+        rows = late & (estimates.name == name)
+        status = estimates.status[rows]
+        same = clean.name == name
+        if (clean.status[same][-1]) == "valid":
+            assert np.mean(status == "valid") > 0.99, name
+            pulls = (estimates.value[rows] - clean.value[same][-1]) / estimates.std[rows]
+            assert np.abs(pulls).max() < 3.5 or name == "distance_m", name
+    (wheel,) = set(estimates.wheel)
+    changed, count = changed_revolutions(estimates, wheel, 60)
+    assert len(changed) <= 0.01 * count
+
+
+N = 256
+SHAPE = np.stack([np.sin(angle_grid(N)), np.cos(3.0 * angle_grid(N)), 1.0 - np.exp(-((angle_grid(N) / 0.3) ** 2))])
+
+
+def axes(omega_radps: float, constant: float = 0.0, ramp: float = 0.0) -> np.ndarray:
+    turned = elapsed_angles(N)
+    return SHAPE * omega_radps**2 + constant + ramp * turned
+
+
+def gap(first: int, end: int) -> np.ndarray:
+    inside = np.zeros(N, np.bool_)
+    inside[first:end] = True
+    return inside
+
+
+def test_gap_is_filled_at_its_speed_with_the_constant_and_ramp_of_its_revolution() -> None:
+    filling = GapFilling()
+    for omega in (50.0, 51.0, 52.0, 53.0):
+        assert filling.take(axes(omega), omega, None, "state", 0.0)
+    true = axes(60.0, constant=3.0, ramp=0.5)
+    damaged = true.copy()
+    damaged[:, 20:60] = 999.0
+    assert filling.take(damaged, 60.0, gap(20, 60), "state", 0.0)
+    np.testing.assert_allclose(damaged, true, atol=1e-6)
+
+
+def test_absent_axis_stays_absent_and_alone() -> None:
+    filling = GapFilling()
+    for _ in range(4):
+        row = axes(50.0)
+        row[1] = math.nan
+        filling.take(row, 50.0, None, "state", 0.0)
+    damaged = axes(50.0)
+    damaged[1] = math.nan
+    damaged[[0, 2], 20:60] = 999.0
+    assert filling.take(damaged, 50.0, gap(20, 60), "state", 0.0)
+    np.testing.assert_allclose(damaged[[0, 2]], axes(50.0)[[0, 2]], atol=1e-6)
+    assert np.isnan(damaged[1]).all()
+
+
+def test_shape_may_come_from_revolutions_with_other_gaps() -> None:
+    filling = GapFilling()
+    for begin in (0, 40, 80, 120, 160, 200):
+        row = axes(50.0)
+        row[:, begin : begin + 30] = 999.0
+        is_whole = filling.take(row, 50.0, gap(begin, begin + 30), "state", 0.0)
+    # Four revolutions before have samples there.
+    assert is_whole
+    np.testing.assert_allclose(row, axes(50.0), atol=1e-6)
+
+
+@pytest.mark.parametrize("why", ["too few before", "more filled than measured", "another state", "after a pause"])
+def test_gap_without_a_shape_for_it_is_left(why: str) -> None:
+    filling = GapFilling()
+    for _ in range(3 if why == "too few before" else 4):
+        filling.take(axes(50.0), 50.0, None, "state", 0.0)
+    inside = gap(0, 150 if why == "more filled than measured" else 40)
+    damaged = axes(50.0)
+    damaged[:, inside] = 999.0
+    assert not filling.take(
+        damaged, 50.0, inside, "other" if why == "another state" else "state", 11.0 if why == "after a pause" else 0.0
+    )
+    assert (damaged[:, inside] == 999.0).all()
+
+
+def test_gap_between_two_angles_of_the_grid_leaves_the_revolution_whole() -> None:
+    # 40 samples lie between two angles of the grid.
+    inside = angles_in_gaps([(12, 28)], fit_phase(0.0, 40.0 * N), N)
+    assert not inside.any()
+    filling = GapFilling()
+    for _ in range(2):
+        row = axes(50.0)
+        assert filling.take(row, 50.0, inside, "state", 0.0)
+        np.testing.assert_array_equal(row, axes(50.0))
+
+
+def test_angles_in_gaps_are_those_between_the_samples_beside_them() -> None:
+    phase = fit_phase(100.0, 356.0)
+    inside = angles_in_gaps([(150, 160)], phase, N)
+    turned = elapsed_angles(N)[inside] / (2.0 * math.pi) * 256.0 + 100.0
+    assert 145.0 < turned.min() <= 149.0
+    assert 160.0 <= turned.max() < 164.0

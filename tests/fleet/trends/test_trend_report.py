@@ -1,0 +1,123 @@
+"""Trends as a page, tables for scripts, and terminal lines."""
+
+import csv
+import html
+import io
+import json
+import math
+import re
+from dataclasses import replace
+
+import pytest
+
+from gateway.fleet.trends.fleet_analysis import analyse
+from gateway.fleet.trends.trend_result import UNKNOWN_VEHICLE, FleetTrends
+from gateway.fleet.trends.watched_series import SERIES
+from gateway.fleet.views.trend_page import trends_page
+from gateway.fleet.views.trend_tables import LABELS, trend_lines, trends_csv, trends_json
+from tests.testkit.tire_histories import history
+
+HOSTILE = "<script>alert('x')</script>\x1b[2J"
+
+
+@pytest.fixture(scope="module")
+def trends() -> FleetTrends:
+    worn = history(1, 40, vehicle=HOSTILE, leak_pa=4000.0)
+    worn.columns["Bs"][[5, 30]] *= 1.5  # type: ignore[index]
+    return analyse([worn, history(2, 40, vehicle="=car", position="FR")], recordings=80, failures=3)
+
+
+def test_page_is_self_contained_and_escapes_names(trends):
+    page = trends_page(trends)
+    assert (
+        "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\">"
+        in page
+    )
+    assert "<script" not in page
+    assert "\x1b" not in page
+    assert html.escape("<script>alert('x')</script>", quote=True).replace("&#x27;", "&#39;") in page
+    assert not re.findall(r'(?:src|href)="(?!#)', page)
+    assert page.count("<svg") == 2
+    assert "loses" in page
+    assert "3 recordings without results" in page
+    assert "_0005.mcap" in page
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        (("a", "b"), "2 tires of 2 vehicles, 2 recordings, "),
+        (("a", UNKNOWN_VEHICLE), "2 tires of 1 vehicle and unknown ones, 2 recordings, "),
+        ((UNKNOWN_VEHICLE,), "1 tire of unknown vehicles, 1 recording, "),
+    ],
+)
+def test_an_unknown_vehicle_is_not_counted(names, said):
+    result = analyse([history(1, 40, vehicle=name) for name in names], recordings=len(names), failures=0)
+    assert next(trend_lines(result)).startswith(said)
+    assert said.split(" of ")[1].split(",")[0] in trends_page(result)
+
+
+def test_every_quantity_has_a_label(trends):
+    assert {number.quantity for tire in trends.tires for number in tire.numbers} <= set(LABELS)
+    assert {series.name for tire in trends.tires for series in tire.series} <= set(SERIES)
+    assert not [series.label for series in SERIES.values() if "_" in series.label]
+
+
+def test_json_has_values_units_errors_and_codes(trends):
+    document = json.loads(json.dumps(trends_json(trends), allow_nan=False))
+    assert (document["format"], document["recordings"], document["failures"]) == (
+        "treadlink trends",
+        80,
+        3,
+    )
+    numbers = document["tires"][0]["numbers"]
+    assert {number["quantity"] for number in numbers} == {name for name in LABELS if "asymmetry" not in name}
+    for number in numbers:
+        assert number["unit"]
+        if number["status"] == "invalid":
+            assert number["value"] is None
+            assert number["reasons"][0]["code"]
+        else:
+            assert math.isfinite(number["value"])
+            assert number["std"] >= 0.0
+    assert [finding["code"] for finding in document["tires"][0]["findings"]] == ["trend_loses_pressure"]
+    assert {item["name"] for item in document["outliers"]} == {"Bs"}
+
+
+def test_csv_has_one_row_for_each_number(trends):
+    rows = list(csv.DictReader(io.StringIO(trends_csv(trends).decode())))
+    assert len(rows) == sum(len(tire.numbers) for tire in trends.tires)
+    assert rows[-1]["vehicle"] == "'=car"  # not a formula
+    loss = next(row for row in rows if row["quantity"] == "pressure_loss")
+    assert float(loss["value"]) == pytest.approx(4.0, abs=0.3)
+    assert loss["unit"] == "kPa/month"
+
+
+def test_lines_are_clean_and_name_outliers(trends):
+    lines = list(trend_lines(trends))
+    assert all(line.isprintable() for line in lines)
+    assert any("loses" in line for line in lines)
+    assert any("2 of 80 recordings" in line for line in lines)
+    assert any("_0030.mcap: Bs +" in line for line in lines)
+
+
+def test_notes_of_the_page_name_their_tires(trends):
+    page = trends_page(trends)
+    assert "<li>=car FR 0000a000, pressure loss: refills" in page
+    assert re.search(r"<li>all tires, zero-g offset: no recording has a value", page)
+    assert re.search(r"<li>[^<]*0000a000, Bs with age: outliers left out: 2", page)
+
+
+def test_csv_has_the_findings(trends):
+    rows = list(csv.DictReader(io.StringIO(trends_csv(trends).decode())))
+    assert {row["findings"][:5] for row in rows if row["position"] == "FL"} == {"loses"}
+    assert {row["findings"] for row in rows if row["position"] == "FR"} == {""}
+
+
+def test_lines_say_why_numbers_are_marked():
+    doubts = ("contradicted",) * 40
+    tires = [replace(history(1, 40, vehicle=name), doubts={"wear_mm": doubts} if name == "a" else {}) for name in "ab"]
+    lines = list(trend_lines(analyse(tires, recordings=80)))
+    assert lines[lines.index("marked ~:") + 1] == (
+        "  a FL 0000a000, wear: provisional in 40 of 40 recordings: contradicted"
+    )

@@ -1,0 +1,103 @@
+"""The least sensor for the errors wanted: what is asked, the search, and that a plan of its result reaches them."""
+
+import json
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gateway.core.errors import ConfigError
+from gateway.diagnosis.commands.wanted_errors import parse_speeds_mps, parse_want
+from gateway.planner import least_sensor
+from gateway.planner.accelerometer import Accelerometer
+from gateway.planner.least_sensor import NOISES_MG_RTHZ, WorstError, largest_noise, least_sensors
+from gateway.planner.planned_errors import plan_sensor
+from gateway.planner.wants import Want
+from gateway.simulator.scenario import load_scenario
+from tests.testkit.commands import invoked
+
+TRUTHS = {"speed_mps": 20.0, "wear_mm": 0.0, "Ts": 2.5, "Ts/Cw": 12.5, "contact_length_m": 0.15}
+
+
+@pytest.mark.parametrize(
+    ("text", "want"),
+    [
+        ("wear=0.5mm", Want("wear_mm", 0.5)),
+        ("wear_mm=0.5 mm", Want("wear_mm", 0.5)),
+        ("speed=0.36km/h", Want("speed_mps", 0.1)),
+        ("contact_length=1mm", Want("contact_length_m", 1e-3)),
+        ("Ts=4%", Want("Ts", 0.1)),
+        ("Ts/Cw=0.2", Want("Ts/Cw", 0.2)),
+    ],
+)
+def test_want(text, want):
+    parsed = parse_want(text, TRUTHS)
+    assert parsed.quantity == want.quantity
+    assert parsed.error == pytest.approx(want.error)
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("wear", "wear=0.5mm"),
+        ("wera=1mm", "Did you mean wear"),
+        ("wear=1kg", "in mm"),
+        ("wear=1", "has no unit Write wear=1mm"),
+        ("wear=1%", "in mm"),  # its true value is 0
+        ("Ts=0%", "above 0"),
+        ("Ts=-1%", "wear=0.5mm"),
+    ],
+)
+def test_fault_of_a_want_names_the_remedy(text, named):
+    with pytest.raises(ConfigError) as raised:
+        parse_want(text, TRUTHS)
+    assert named in f"{raised.value} {raised.value.remedy}"
+
+
+def test_speeds():
+    assert [3.6 * speed for speed in parse_speeds_mps("60..120km/h")] == pytest.approx([60.0, 90.0, 120.0])
+    assert [3.6 * speed for speed in parse_speeds_mps("80")] == pytest.approx([80.0])
+    for text in ("120..60", "1..60", "60..900km/h", "60-120", "nan", ""):
+        with pytest.raises(ConfigError, match="range of speeds"):
+            parse_speeds_mps(text)
+
+
+@given(st.floats(1e-3, 2000.0))
+def test_search_gives_the_largest_noise_that_reaches_the_error(limit_mg_rthz: float):
+    least = largest_noise(2000.0, lambda _, noise: (noise, WorstError("Ts", 20.0, noise, limit_mg_rthz)))
+    fitting = [noise for noise in NOISES_MG_RTHZ if noise <= limit_mg_rthz]
+    assert least.reached == bool(fitting)
+    if fitting:
+        assert least.noise_mg_rthz == least.range_g == least.worst.error == fitting[-1]
+
+
+def test_sensor_that_is_given_reaches_the_error_and_a_noisier_one_does_not(monkeypatch):
+    monkeypatch.setattr(least_sensor, "RATES_HZ", (4000.0,))
+    monkeypatch.setattr(least_sensor, "NOISES_MG_RTHZ", (1.0, 15.0, 150.0))
+    lab, speed_mps = load_scenario("lab"), 80.0 / 3.6
+    want = Want("Bs", 3e-5)
+    (least,) = least_sensors(lab, [want], [speed_mps], revolutions=10, wheels=3)
+    assert least.reached
+    assert 1.0 < least.noise_mg_rthz < 150.0
+    errors = [error_of(lab, least.range_g, noise, speed_mps) for noise in (least.noise_mg_rthz, 150.0)]
+    assert errors[0] <= want.error < errors[1]
+
+
+def error_of(scenario, range_g: float, noise_mg_rthz: float, speed_mps: float) -> float:
+    sensor = Accelerometer(name="mine", range_g=range_g, rate_hz=4000.0, noise_mg_rthz=noise_mg_rthz)
+    planned = plan_sensor(scenario, sensor, speed_mps, wheels=3)
+    bs = next(error for error in planned.errors if (error.quantity, error.revolutions) == ("Bs", 10))
+    return math.hypot(bs.scatter, bs.stays)
+
+
+def test_command_says_what_is_not_reached(tmp_path, monkeypatch):
+    monkeypatch.setattr(least_sensor, "RATES_HZ", (2000.0,))
+    out = tmp_path / "least.json"
+    line = ["lab", "--want", "Ts=0.01%", "--at", "80", "--after", "1", "--wheels", "8", "--json", str(out)]
+    done = invoked("plan", *line)
+    assert done.exit_code == 1
+    assert "not with any noise: Ts at 80 km/h" in done.output
+    (row,) = json.loads(out.read_text())
+    assert row["noise_mg_rthz"] is None
+    assert row["worst"]["error"] > row["worst"]["wanted"]
