@@ -23,7 +23,7 @@ else:
     except ImportError:  # run without the back end
         BuildHookInterface = object
 
-SOURCE: Final = Path("gateway", "compiled", "core.c")
+SOURCE: Final = Path("gateway", "core", "compiled", "core.c")
 MODULE: Final = SOURCE.with_name("_core.abi3.so")
 # No product and sum in one step, and no reordering: every compiler and processor gives the same bits.
 OPTIONS: Final = (

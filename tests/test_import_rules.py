@@ -34,7 +34,9 @@ CIRCLE_LIMIT = 51
 # Rooms and single modules of the closed loop: each may import those before it.
 CLOSURE_ORDER = (
     "effects", "data", "model", "criteria", "result", "bayes", "angle", "remainder", "search", "checks", "spectrum",
-    "report", "laws", "known_effects", "self_test", "transfer", "closed_loop",
+    "report", "laws", "known_effects", "self_test", "transfer", "closed_loop", "effects_file", "campaign_clock",
+    "provenance", "repeated_samples", "campaign_recording", "campaign", "effects_opening", "next_recording",
+    "campaign_diagnosis", "views", "feature", "commands",
 )  # fmt: skip
 # Standard modules that only some places may import.
 ONLY_IN = {
@@ -73,7 +75,7 @@ def test_tools_import_no_tests():
     results = []
     for path in sorted((ROOT / "tools").rglob("*.py")):
         tests = [other for other in imports(path) if other.split(".")[0] == "tests"]
-        results += [f"{path.relative_to(ROOT)} imports {other}: tools may not import tests" for other in tests]
+        results += [f"{path.relative_to(ROOT)} imports {other}" for other in tests]
     assert results == []
 
 

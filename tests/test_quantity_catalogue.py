@@ -80,6 +80,8 @@ def test_an_old_pressure_reaches_all_that_rests_on_it(name: str) -> None:
     assert Basis.PRESSURE in quantity_of(name).rests_on
 
 
+# Rooms of estimators.
+ESTIMATING = tuple(f"gateway.{room}." for room in ("core.estimates", "core.trust", "forces", "ring", "papers"))
 # Modules that may list quantities by name, each with the reason.
 LISTS = {
     "gateway.diagnosis.angle.number_estimates": "errors of the closed loop's own grid, by parameter of its ring",
@@ -91,7 +93,7 @@ LISTS = {
 
 def is_exempt(module: str) -> bool:
     """Estimators give quantities, and the papers' figures show those of the papers."""
-    return module in LISTS or module.startswith(("gateway.core.estimates.", "gateway.papers."))
+    return module in LISTS or module.startswith(ESTIMATING)
 
 
 def fields_of_a_revolution() -> set[str]:

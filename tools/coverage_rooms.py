@@ -51,10 +51,12 @@ class RoomCoverage(NamedTuple):
 
 
 def rooms(report: Mapping[str, Any]) -> dict[str, RoomCoverage]:
-    """Return the counts of each package below `gateway`, of `gateway` itself and of `firmware_protocol`."""
+    """Return the counts of each room of the core, of each feature and of `firmware_protocol`."""
     counts: defaultdict[str, RoomCoverage] = defaultdict(RoomCoverage)
     for name, file in report["files"].items():
-        counts["/".join(Path(name).parts[:-1][:2])] = counts["/".join(Path(name).parts[:-1][:2])].plus(file["summary"])
+        parts = Path(name).parts[:-1]
+        room = "/".join(parts[: 3 if parts[:2] == ("gateway", "core") else 2])
+        counts[room] = counts[room].plus(file["summary"])
     return dict(sorted(counts.items()))
 
 

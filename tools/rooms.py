@@ -179,8 +179,8 @@ def lines_of(module: str) -> int:
 
 def module_of_command(name: str) -> str:
     """Return the module of a command of the core or of the exports."""
-    places = (f"gateway.core.cli.{name}", f"gateway.core.cli.{name}", f"gateway.exporting.{name}")
-    return next(path for path in places if path in modules())
+    names = (f"gateway.core.cli.{name}", f"gateway.exporting.commands.{name}")
+    return next(place for place in names if place in modules())
 
 
 def main(arguments: Sequence[str]) -> None:

@@ -13,20 +13,24 @@ PATH_DIGITS: Final = 12
 # Packages and modules whose code decides about the rows.
 _ESTIMATING: Final = (
     "firmware_protocol",
+    "gateway.core.contacts",
     "gateway.core.estimates",
-    "gateway.ring",
-    "gateway.core.wheels",
     "gateway.core.recording",
     "gateway.core.revolutions",
-    "gateway:constants.py",
-    "gateway:quantity.py",
-    "gateway:quantity_catalogue.py",
+    "gateway.core.trust",
+    "gateway.core.wheels",
+    "gateway.forces",
+    "gateway.ring",
+    "gateway.vehicle",
+    "gateway.core:constants.py",
+    "gateway.core:quantity.py",
+    "gateway.core:quantity_catalogue.py",
 )
 _ROWS: Final = (
     "gateway.core.session",
     "gateway.fleet:recording_estimation.py",
     "gateway.core.text:wheel_rows.py",
-    "gateway:table_columns.py",
+    "gateway.core:table_columns.py",
 )
 _DIAGNOSING: Final = ("gateway.diagnosis",)
 

@@ -186,11 +186,10 @@ NOTHING = Parts(BENCH, outside=False).case(Order(Kind.NOTHING, 1), {})
 # A version of the gateway that names a gain of 1 % whatever it gets.
 FAKE = {
     "__init__.py": "__version__ = 'fake'",
-    "closure/__init__.py": "",
-    "closure/effects/__init__.py": "",
-    "closure/effects/effect.py": "from enum import StrEnum\nclass BaselineModel(StrEnum):\n    EXACT = 'exact'",
-    "session/__init__.py": "",
-    "session/campaign_diagnosis.py": """
+    "diagnosis/__init__.py": "",
+    "diagnosis/effects/__init__.py": "",
+    "diagnosis/effects/effect.py": "from enum import StrEnum\nclass BaselineModel(StrEnum):\n    EXACT = 'exact'",
+    "diagnosis/campaign_diagnosis.py": """
 from types import SimpleNamespace as S
 def diagnose_recordings(paths, *, model, jobs, reverse):
     assert all(path.is_file() for path in paths) and 'labels' not in str(paths)

@@ -18,9 +18,9 @@ from gateway.core.text.wording import fields
 from gateway.diagnosis.effects.catalogue import catalogue
 from gateway.diagnosis.views.effect_catalogue import effects_markdown
 from gateway.planner.accelerometer import shipped_accelerometers
-from tests.test_import_rules import modules
+from tests.test_import_rules import dotted, modules
 from tools.docs_site.accelerometer_pages import accelerometers_markdown
-from tools.docs_site.api_pages import PACKAGES
+from tools.docs_site.api_pages import NOT_IN_API, PACKAGES
 from tools.docs_site.command_pages import commands_markdown
 from tools.docs_site.configuration_pages import DOCUMENTS, configuration_markdown
 from tools.docs_site.markdown import escaped
@@ -108,7 +108,10 @@ def test_every_reason_is_listed_with_its_values():
         assert all(f"`{name}`" in row for name in fields(reason))
 
 
-def test_every_package_that_is_documented_has_an_api_page():
+def test_every_room_has_an_api_page():
+    packages = {name.rpartition(".")[0] for name in map(dotted, (name for name, _ in modules()))}
+    rooms = {".".join(name.split(".")[: 3 if name.startswith("gateway.core.") else 2]) for name in packages}
+    assert set(PACKAGES) == rooms - NOT_IN_API - {""} | {"firmware_protocol"}
     assert {f"reference/api/{name.replace('.', '-')}.md" for name in PACKAGES} < set(generated_pages())
 
 

@@ -14,7 +14,7 @@ def report(**covered: int) -> dict[str, object]:
 
 
 def test_files_of_a_room_are_added():
-    data = report(io=90)
+    data = report(**{"core/links": 90})
     data["files"]["gateway/core/links/deeper/b.py"] = {
         "summary": {"num_statements": 100, "covered_lines": 70, "num_branches": 0, "covered_branches": 0}
     }
@@ -23,11 +23,11 @@ def test_files_of_a_room_are_added():
 
 def test_a_room_below_is_named(tmp_path, capsys):
     path = tmp_path / "coverage.json"
-    path.write_text(json.dumps(report(io=90, trends=84)))
+    path.write_text(json.dumps(report(console=90, fleet=90, upkeep=84)))
     assert main([str(path)]) == 1
-    assert "gateway/fleet/trends is below 85 %" in capsys.readouterr().out
-    path.write_text(json.dumps(report(io=90, trends=85)))
+    assert "gateway/upkeep is below 85 %" in capsys.readouterr().out
+    path.write_text(json.dumps(report(console=90, upkeep=85)))
     assert main([str(path)]) == 0
-    path.write_text(json.dumps(report(io=90, importing=84)))
+    path.write_text(json.dumps(report(console=90, importing=84)))
     assert main([str(path)]) == 0
     assert "gateway/importing may be below: readers" in capsys.readouterr().out

@@ -53,7 +53,7 @@ def test_commands_run_from_a_copy_which_a_commit_during_the_sweep_does_not_chang
     forked = Forked(tmp_path)
     try:
         assert not (forked.code / ".git").exists()
-        (forked.code / "gateway" / "cli" / "__init__.py").write_text("def main():\n    print('of the copy')\n")
+        (forked.code / "gateway" / "core" / "cli" / "__init__.py").write_text("def main():\n    print('of the copy')\n")
         (tmp_path / "work").mkdir()
         assert forked.run(["--version"], tmp_path / "work") == 0
     finally:

@@ -7,29 +7,41 @@ from typing import Final
 
 from tools.docs_site.markdown import sentence
 
-# Package -> what a reader finds in it. The commands and the views have references of their own.
+# Package -> what a reader finds in it. The commands and the texts have references of their own.
 PACKAGES: Final[dict[str, str]] = {
+    "gateway": "names for programs, loaded on first use",
+    "gateway.api": "recordings, live estimates, simulation and diagnosis for programs",
     "firmware_protocol": "wire protocol: messages, encoder, stream decoder",
-    "gateway": "types, constants, errors, clock and reasons that every layer shares",
-    "gateway.ring": "belt, contact, laminate and tread models",
-    "gateway.core.revolutions": "signal processing: contacts, angle resampling, averages, spectra",
-    "gateway.core.estimates": "estimators, one interface",
-    "gateway.core.wheels": "from samples of one wheel to revolutions and estimates",
-    "gateway.diagnosis": "diagnosis of model error: effects, fits, probabilities",
-    "gateway.core.config": "vehicle configuration and effects files",
+    "gateway.core": "types, constants, errors, clock and reasons that every room shares",
     "gateway.core.links": "byte sources: serial, TCP, Bluetooth LE",
-    "gateway.security": "signed frames and their keys",
-    "gateway.core.recording": "recordings: writer, reader, replay, repair",
+    "gateway.core.recording": "recordings: writer, reader, replay",
+    "gateway.core.wheels": "from frames of a hub to the samples and revolutions of its wheels",
+    "gateway.core.contacts": "contacts of a wheel with the road, and their times",
+    "gateway.core.revolutions": "angle resampling, averages, orders, contact edges",
+    "gateway.core.estimates": "estimators, one interface",
+    "gateway.core.trust": "what speaks against a number",
+    "gateway.core.session": "live sessions and passes over recordings",
+    "gateway.core.config": "vehicle configuration",
+    "gateway.diagnosis": "diagnosis of model error: effects, fits, probabilities",
+    "gateway.forces": "ply steer, slip, side and longitudinal force, road",
+    "gateway.ring": "flexible ring: belt, contact, tread",
+    "gateway.vehicle": "signals of the vehicle: CAN, NMEA",
     "gateway.simulator": "simulated tires, hubs and link faults",
     "gateway.importing": "import of foreign measurements",
     "gateway.exporting": "export of measurements to the files of other programs",
-    "gateway.core.session": "live, batch and campaign sessions",
-    "gateway.api": "recordings, live estimates, simulation and diagnosis for programs",
-    "gateway.planner": "what a sensor will be able to measure, before it is bought",
     "gateway.publishing": "live outputs: JSON lines, MQTT, Foxglove, CAN",
-    "gateway.fleet.trends": "trends of tires: regression, steps, outliers",
-    "gateway.fleet": "campaigns over thousands of recordings and their dataset",
+    "gateway.fleet": "campaigns over thousands of recordings, their dataset and its trends",
+    "gateway.compare": "comparison of recordings",
+    "gateway.security": "signed frames and their keys, commands to hubs",
+    "gateway.makers": "check of a firmware against the protocol",
+    "gateway.bench": "set-up of hubs and sensors",
+    "gateway.upkeep": "repair, compression and merging of recordings",
+    "gateway.planner": "what a sensor will be able to measure, before it is bought",
 }
+NOT_IN_API: Final = frozenset(
+    {"gateway.core.cli", "gateway.core.compiled", "gateway.core.text", "gateway.console", "gateway.papers"}
+)
+"""Packages without a page: commands, texts and what draws."""
 
 _ROOT: Final = Path(__file__).parents[2]
 
@@ -57,8 +69,8 @@ def _page(package: str) -> str:
 
 
 def _modules(package: str) -> list[str]:
-    """Return the public modules of a package, those of its subpackages included, except for the top package's."""
+    """Return the public modules of a package, those of its subpackages included, except for those that hold rooms."""
     folder = _ROOT / package.replace(".", "/")
-    paths = sorted(folder.glob("*.py") if package == "gateway" else folder.rglob("*.py"))
+    paths = sorted(folder.glob("*.py") if package in ("gateway", "gateway.core") else folder.rglob("*.py"))
     modules = [str(path.relative_to(_ROOT).with_suffix("")).replace("/", ".") for path in paths]
     return [name for name in modules if not name.rpartition(".")[2].startswith("_")]

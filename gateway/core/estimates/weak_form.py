@@ -176,8 +176,8 @@ def relative_orders(spectra: ComplexArray, edges_rad: FloatArray) -> FloatArray:
 class WeakFormEstimator(BlockEstimator):
     """Bs, Cw, Rs, Ts and their ratios to Cw from the running average.
 
-    The solution is renewed at the pace of `gateway.core.estimates.pace`; between renewals the numbers follow the average by
-    the solution's own response to its orders.
+    The solution is renewed at the pace of `gateway.core.estimates.pace`; between renewals the numbers follow the
+    average by the solution's own response to its orders.
 
     Gives Bs, Cw, Rs, Ts, then Bs/Cw, Rs/Cw, Ts/Cw.
 

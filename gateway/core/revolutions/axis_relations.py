@@ -1,9 +1,9 @@
 """Relations between the axes of one sensor on a rolling belt: which axis is which, and whether one is late.
 
 A sensor e below the neutral layer, pitched by a small angle, reads -e Omega^2 d(kappa R)/dtheta along the belt, plus
-the radial axis times the tilt, plus gravity (`gateway.core.revolutions.sensor_mounting`). Nothing else has the orders of that
-axis, so an axis that follows the relation at another angle than the radial one is late by it, and one that another axis
-follows far better is not the one along the belt.
+the radial axis times the tilt, plus gravity (`gateway.core.revolutions.sensor_mounting`). Nothing else has the orders
+of that axis, so an axis that follows the relation at another angle than the radial one is late by it, and one that
+another axis follows far better is not the one along the belt.
 
 The lateral deformation changes its slope at the contact edges, where the curvature changes. So the lateral axis is, in
 close approximation, a sum of the slope of the radial one at either edge, of the radial one by the roll, and of order 1.

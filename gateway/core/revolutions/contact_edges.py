@@ -3,8 +3,8 @@
 On a belt that rolls steadily the sensor reads s = V^2 kappa: zero on a flat road, the baseline R Omega^2 in the free
 part, overshoots on either side of the contact. The edge is defined as the place where contact pressure ends. What is
 found is the steepest slope of the smoothed waveform, the feature most robust to noise, which mostly lies inside it. The
-distance from it to the edge is estimated from the shape of the waveform (gateway/core/revolutions/edge_distance.py), and its
-error is part of the standard error. Stronger smoothing finds the edge among waves of the belt.
+distance from it to the edge is estimated from the shape of the waveform (gateway/core/revolutions/edge_distance.py),
+and its error is part of the standard error. Stronger smoothing finds the edge among waves of the belt.
 """
 
 import math

@@ -11,13 +11,13 @@ All parameters are 0 where the effect is absent, except those that only shape it
 
 To add an effect, touch two files:
 
-1. Its module in `gateway/diagnosis/effects`. Choose the module by physics. Write a subclass of one of the four kinds, set
-   every attribute that `Effect` lists without a default, write `contribution` and `derivative` (or `options`, `density`
-   and `density_derivative`), and append an instance to the module's `EFFECTS`. A new module needs nothing else: the
-   catalogue finds every module of the package that has `EFFECTS`.
-2. Its test in `tests/diagnosis`. The contract (zero at zero parameters, analytic derivative, start values in range, known
-   confounders, complete text) is tested for every effect of the catalogue without a further line. Test the equation
-   against something independent of it, such as the simulator.
+1. Its module in `gateway/diagnosis/effects`. Choose the module by physics. Write a subclass of one of the four kinds,
+   set every attribute that `Effect` lists without a default, write `contribution` and `derivative` (or `options`,
+   `density` and `density_derivative`), and append an instance to the module's `EFFECTS`. A new module needs nothing
+   else: the catalogue finds every module of the package that has `EFFECTS`.
+2. Its test in `tests/diagnosis`. The contract (zero at zero parameters, analytic derivative, start values in range,
+   known confounders, complete text) is tested for every effect of the catalogue without a further line. Test the
+   equation against something independent of it, such as the simulator.
 
 `rank` places the effect in the catalogue. Choose a free number beside the effects that it belongs with.
 """

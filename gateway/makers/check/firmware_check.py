@@ -1,7 +1,7 @@
 """Check of the bytes of a link against the specification of the protocol, clause by clause. Sans-io.
 
-The rules that every reader follows are those of `gateway.core.session.statement_watch`; what only the author of a firmware
-wants to know is checked beside it.
+The rules that every reader follows are those of `gateway.core.session.statement_watch`; what only the author of a
+firmware wants to know is checked beside it.
 """
 
 from collections.abc import Mapping

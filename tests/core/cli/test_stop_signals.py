@@ -112,7 +112,7 @@ def test_closed_terminal_finishes_the_recording(plain: bool, tmp_path: Path) -> 
 
     path = tmp_path / "closed.mcap"
     process = subprocess.Popen(
-        [sys.executable, "-m", "gateway.core.cli", "live", "sim:lab", "--record", path, *(["--plain"] if plain else [])],
+        [sys.executable, "-m", "gateway.core.cli", "live", "sim:lab", "--record", path, *["--plain"] * plain],
         stdin=slave, stdout=slave, stderr=slave, preexec_fn=own_terminal, env={**os.environ, "TERM": "xterm-256color"},
     )  # fmt: skip
     os.close(slave)

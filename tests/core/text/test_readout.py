@@ -37,8 +37,8 @@ def test_shift_of_an_edge_is_not_taken_for_the_edge(made):
 
 def test_other_quantities_are_rounded_when_asked_for(made, monkeypatch):
     shown = []
-    for module in ("readout", "console.wheel_panel"):
-        monkeypatch.setattr(f"gateway.core.text.{module}.show", lambda e: shown.append(e.name) or show(e))
+    for module in ("core.text.readout", "console.wheel_panel"):
+        monkeypatch.setattr(f"gateway.{module}.show", lambda e: shown.append(e.name) or show(e))
     wheel = made.wheel("FL")
     reading = read_result(wheel.last)
     assert "contact_length_m" not in shown

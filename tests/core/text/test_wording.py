@@ -24,7 +24,7 @@ def test_only_wording_reads_templates() -> None:
         for node in ast.walk(ast.parse(path.read_text("utf-8")))
         if isinstance(node, ast.Attribute) and node.attr == "text_template" and isinstance(node.ctx, ast.Load)
     }
-    assert readers == {"views/wording.py"}
+    assert readers == {"core/text/wording.py"}
 
 
 def test_reasons_have_the_values_of_their_template():
