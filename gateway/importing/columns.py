@@ -45,6 +45,10 @@ class FileFacts:
         time_column: column of the file's own time base, None where the file has none.
         conditions: by wheel and name, value and source as text, in a file that treadlink has exported.
         rates_hz: sampling rates that the file states beside its columns, by the name of the attribute or number.
+        groups: group that a column belongs to, and its name there, where the file has groups.
+        cut: columns that end early: rows that they have, and rows that they should have.
+        steps_s: time between two values of a column, where columns have steps of their own.
+        warnings: what the package that reads the file has warned of.
     """
 
     names: Sequence[str]
@@ -55,6 +59,10 @@ class FileFacts:
     time_column: str | None = None
     conditions: dict[str, dict[str, Sequence[str]]] = field(default_factory=dict)
     rates_hz: dict[str, float] = field(default_factory=dict)
+    groups: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    cut: Mapping[str, Sequence[int]] = field(default_factory=dict)
+    steps_s: dict[str, float] = field(default_factory=dict)
+    warnings: Sequence[str] = ()
 
 
 class BlockReader(Protocol):

@@ -78,7 +78,14 @@ class CsvColumns:
         unreadable: number of cells in the current pass that are no numbers, where the layout takes them for missing.
     """
 
-    def __init__(self, path: Path, layout: FileLayout, times: IsoTimes | None = None, line_start: str = "") -> None:
+    def __init__(
+        self,
+        path: Path,
+        layout: FileLayout,
+        times: IsoTimes | None = None,
+        line_start: str = "",
+        rows_of: tuple[str, str] | None = None,
+    ) -> None:
         """Read the header.
 
         Args:
@@ -86,9 +93,10 @@ class CsvColumns:
             layout: its layout.
             times: converter of a column of ISO times, None without one.
             line_start: text with which the lines of data begin; others are skipped.
+            rows_of: column and its text in the rows to read, None for all rows.
 
         Raises:
-            ImportDataError: the encoding is wrong or the file is empty.
+            ImportDataError: the encoding is wrong, the file is empty, or it lacks the column of `rows_of`.
             OSError: the file cannot be read.
         """
         self._path = path
@@ -105,6 +113,13 @@ class CsvColumns:
             raise ImportDataError(f"{path} {fault}", "Check the file, and skip_rows in [file] of the map.")
         cells = self._cells(line)
         self._names = column_names(cells) if layout.header else tuple(str(k + 1) for k in range(len(cells)))
+        self._rows_of = None
+        if rows_of is not None:
+            if rows_of[0] not in self._names:
+                raise ImportDataError(
+                    f"{path}: there is no column '{rows_of[0]}'", f"Columns of the file: {', '.join(self._names)}."
+                )
+            self._rows_of = self._names.index(rows_of[0]), rows_of[1]
 
     @property
     def facts(self) -> FileFacts:
@@ -127,11 +142,11 @@ class CsvColumns:
             while lines := list(itertools.islice(source, BLOCK_ROWS)):
                 numbers = list(range(line_number, line_number + len(lines)))
                 line_number += len(lines)
-                if self._line_start or any(not line.strip() for line in lines):
+                if self._line_start or self._rows_of or any(not line.strip() for line in lines):
                     data_lines = [
                         (line, number)
                         for line, number in zip(lines, numbers, strict=True)
-                        if line.strip() and line.startswith(self._line_start)
+                        if line.strip() and line.startswith(self._line_start) and self._is_row(line)
                     ]
                     lines, numbers = [line for line, _ in data_lines], [number for _, number in data_lines]
                 if not lines:
@@ -154,10 +169,11 @@ class CsvColumns:
         with self._open() as file:
             first = self._lines_before_data
             lines = list(itertools.islice(enumerate(self._lines(file), 1), first, first + BLOCK_ROWS))
-        numbers = [number for number, line in lines if line.strip()]
+        rows = [(number, line) for number, line in lines if line.strip() and self._is_row(line)]
+        numbers = [number for number, _ in rows]
         if not numbers:
             return None
-        values, bad = self._by_cell([line for _, line in lines if line.strip()], numbers, [self._names.index(name)])
+        values, bad = self._by_cell([line for _, line in rows], numbers, [self._names.index(name)])
         block = Block(0, values, lambda k: f"line {numbers[k]}", 0.0)
         return TolerantSample(block, len(bad), str(bad[0]) if bad else "")
 
@@ -189,6 +205,14 @@ class CsvColumns:
         if self._layout.delimiter == "space":
             return line.split()
         return next(csv.reader([line], delimiter=self._delimiter))
+
+    def _is_row(self, line: str) -> bool:
+        """Return whether a line is of the sensor whose rows are read."""
+        if self._rows_of is None:
+            return True
+        cells = self._cells(line)
+        column, text = self._rows_of
+        return column < len(cells) and cells[column].strip() == text
 
     def _parsed(self, lines: list[str], numbers: list[int], use: list[int], names: Sequence[str]) -> FloatArray:
         """Return (n, columns) values, ISO times in seconds."""

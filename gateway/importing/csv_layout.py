@@ -1,16 +1,18 @@
 """Layout of a text file with columns, recognised by its first lines."""
 
 import csv
+import itertools
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from gateway.core.errors import ImportDataError
-from gateway.importing.column_names import rate_in_text
+from gateway.importing.column_names import rate_in_text, sensitivity_in_text
 from gateway.importing.csv_columns import column_names
+from gateway.importing.header_conditions import stated_conditions
 from gateway.importing.import_map import DELIMITERS, FileLayout
 
 _READ_BYTES: Final = 1 << 17
@@ -23,6 +25,13 @@ _DATE: Final = re.compile(
 )
 _HALF_OF_DAY: Final = re.compile(r"[ap]\.?m", re.IGNORECASE)
 _DECIMAL_COMMA: Final = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
+_IDENTITY: Final = re.compile(
+    r"(?=.)(?:(?:sensor|node|device|dev|imu|channel|wheel|tire|tyre|rad|position|pos|knoten|source|mac|serial)(?:s|_)?)?"
+    r"[_ .-]?(?:id|no|nr|num(?:ber)?|name|index|addr(?:ess)?)?",
+    re.IGNORECASE,
+)
+_VALUE: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_:-]*")
+_MOST_SENSORS: Final = 16
 _COMMENTS: Final = ("#", "%", "//")
 _LIKE_SCORES: Final = 0.01
 _MAX_HEADER_LINES: Final = 200
@@ -39,6 +48,9 @@ class TextLayout:
         date_order: of year, month and day in them: `ymd`, `dmy`, `mdy`; with `?` where days and months look alike.
         texts: columns of other texts, each with its first.
         rates_hz: sampling rates that the lines above the columns state, by the place of the line.
+        stated: conditions that these lines state: key of an import map, its value in TOML, and the place.
+        identities: column that states the sensor of each row, with its values; None without one.
+        mv_per_g: sensitivity that they state, None where they state none or several.
     """
 
     layout: FileLayout
@@ -47,6 +59,9 @@ class TextLayout:
     date_order: str
     texts: dict[str, str]
     rates_hz: dict[str, float]
+    stated: list[tuple[str, str, str]]
+    mv_per_g: float | None
+    identities: tuple[str, tuple[str, ...]] | None
 
 
 def recognise_layout(path: Path) -> TextLayout:
@@ -66,7 +81,8 @@ def recognise_layout(path: Path) -> TextLayout:
         lines = lines[:-1]
     delimiter = _delimiter(lines)
     rows = [_cells(line, delimiter) for line in lines]
-    start = next((k for k in range(min(len(rows), _MAX_HEADER_LINES)) if _are_data(rows[k : k + 5])), None)
+    starts = (k for k in range(min(len(rows), _MAX_HEADER_LINES)) if any(rows[k]))
+    start = next((k for k in starts if _are_data(rows[k : k + 5])), None)
     if start is None:
         raise ImportDataError(
             f"{path}: no line of the first {len(rows)} consists of numbers{_example(rows)}",
@@ -74,6 +90,8 @@ def recognise_layout(path: Path) -> TextLayout:
         )
     width = len(rows[start])
     above = [k for k in range(start) if len(rows[k]) == width and any(rows[k])]
+    # A blank line may part the header from the data.
+    start = next((k + 1 for k in range(start - 1, -1, -1) if lines[k].strip()), 0)
     # A line of units is directly below that of the names, and has no unit without a name.
     has_units = len(above) >= 2 and above[-1] == start - 1 and above[-2] == start - 2
     if has_units:
@@ -102,7 +120,40 @@ def recognise_layout(path: Path) -> TextLayout:
     units = dict(zip(names, rows[start - 1], strict=True)) if has_units else {}
     order = _date_order([cell for name in dates for cell in columns[name]])
     stated = {f"line {k + 1}": rate_hz for k, line in enumerate(lines[:start]) if (rate_hz := rate_in_text(line))}
-    return TextLayout(layout, units, frozenset(dates), order, texts, stated)
+    sensitivities = {mv_per_g for line in lines[:start] if (mv_per_g := sensitivity_in_text(line)) is not None}
+    return TextLayout(
+        layout,
+        units,
+        frozenset(dates),
+        order,
+        texts,
+        stated,
+        stated_conditions(lines[:start]),
+        sensitivities.pop() if len(sensitivities) == 1 else None,
+        _identities(path, layout, columns),
+    )
+
+
+def _identities(
+    path: Path, layout: FileLayout, columns: Mapping[str, Sequence[str]]
+) -> tuple[str, tuple[str, ...]] | None:
+    """Return the column that states the sensor of each row with its values, None where there is none."""
+    for number, (name, cells) in enumerate(columns.items()):
+        first = set(cells)
+        if not _IDENTITY.fullmatch(name.strip()) or len(first) > _MOST_SENSORS or not all(map(_VALUE.fullmatch, first)):
+            continue
+        values: dict[str, None] = {}
+        # The rows of a sensor may follow those of another.
+        with path.open(encoding=layout.encoding, errors="replace") as file:
+            for line in itertools.islice(file, layout.skip_rows + layout.header, None):
+                row = _cells(line, layout.delimiter)
+                if number < len(row) and row[number]:
+                    values.setdefault(row[number])
+                if len(values) > _MOST_SENSORS:
+                    break
+        if 1 < len(values) <= _MOST_SENSORS and all(map(_VALUE.fullmatch, values)):
+            return name, tuple(values)
+    return None
 
 
 def _is_comment(line: str) -> bool:

@@ -120,13 +120,19 @@ def suffix_format(path: Path) -> FileFormat | None:
     return SUFFIXES.get(path.suffix.lower())
 
 
-def open_columns(path: Path, import_map: ImportMap, processes: ReaderProcesses | None = None) -> ColumnReader:
+def open_columns(
+    path: Path,
+    import_map: ImportMap,
+    processes: ReaderProcesses | None = None,
+    rows_of: tuple[str, str] | None = None,
+) -> ColumnReader:
     """Open a measurement file in the format stated by the map, or else given by the suffix.
 
     Args:
         path: measurement.
         import_map: layout of the file, and its column of ISO times.
         processes: supply of processes for formats that need one; None for a new process.
+        rows_of: column of a text file and the text that it has in the rows to read; None for all rows.
 
     Raises:
         ImportDataError: there is no such file, its format is unknown or needs a missing package, or it cannot be read.
@@ -150,7 +156,12 @@ def open_columns(path: Path, import_map: ImportMap, processes: ReaderProcesses |
             times = (
                 IsoTimes(path, sampling.time_column or "", sampling.time_zone, sampling.date_order) if dated else None
             )
-            return CsvColumns(path, layout, times)
+            return CsvColumns(path, layout, times, rows_of=rows_of)
+        if rows_of is not None:
+            raise ImportDataError(
+                f"{path}: rows can be told apart by sensor_column in text files only",
+                "Write it as CSV, or each sensor in columns of its own.",
+            )
         if file_format is FileFormat.MAT and _is_hdf5(path):
             file_format = FileFormat.HDF5
         return ProcessColumns(path, file_format, processes)

@@ -6,7 +6,6 @@ are never followed.
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,7 @@ import numpy as np
 
 from gateway.core.errors import ImportDataError
 from gateway.core.types import FloatArray
-from gateway.importing.column_names import names_rate
+from gateway.importing.column_names import rate_of
 from gateway.importing.columns import (
     BLOCK_ROWS,
     MAX_MATRIX_COLUMNS,
@@ -209,15 +208,17 @@ class Hdf5Columns:
 
     def _note_rates(self, name: str, holder: h5py.Group | h5py.Dataset) -> None:
         """Note the attributes that state a sampling rate."""
-        for key in [key for key in holder.attrs if names_rate(key)]:
-            with contextlib.suppress(ValueError):  # a text
-                self._rates_hz[f"{name}@{printable(key)}"] = float(_attribute(holder, key).strip("[] "))
+        for key in holder.attrs:
+            rate_hz = rate_of(key, _attribute(holder, key))
+            if rate_hz is not None:
+                self._rates_hz[f"{name}@{printable(key)}"] = rate_hz
 
     def _add_numbers(self, name: str, data: h5py.Dataset) -> None:
         shape = data.shape
         self._note_rates(name, data)
-        if data.size == 1 and names_rate(name):
-            self._rates_hz[name] = float(np.asarray(data).ravel()[0])
+        rate_hz = rate_of(name, np.asarray(data).ravel()[0]) if data.size == 1 else None
+        if rate_hz is not None:
+            self._rates_hz[name] = rate_hz
         unit = _attribute(data, "units") or _attribute(data, "unit") or _attribute(data, "Units")
         added = []
         if len(shape) == 1:

@@ -152,6 +152,9 @@ class FileLayout(Section):
     unreadable: Literal["error", "missing"] = Field(
         default="error", description="what a cell that is no number is: an error, or a missing value (a gap)"
     )
+    sensor_column: str | None = Field(
+        default=None, description="column that states the sensor of each row; `sensor` of a wheel is its text there"
+    )
     header: bool = Field(default=True, description="whether a line names the columns; otherwise they are 1, 2, 3, ...")
     skip_rows_after_header: int = within(
         0, 0, 1000, "number of lines to skip after the header, such as a line of units"
@@ -303,6 +306,7 @@ class ImportedWheel(Section):
     sensor_id: str | None = Field(
         default=None, pattern=r"^[0-9a-fA-F]{1,8}$", description="serial number: 1 to 8 hexadecimal digits"
     )
+    sensor: str | None = Field(default=None, description="text of [file] sensor_column in the rows of this wheel")
     load_n: float | None = within(None, 50, 100_000, "vertical load in N")
     load_std_n: float | None = within(None, 0, 50_000, "standard error of load_n in N")
     radius_mm: float | None = within(None, 100, 1200, "belt radius in mm, if it differs from that of [conditions]")
@@ -551,10 +555,16 @@ def _axis_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
             sign, column = axis.get("sign", 1), axis.get("column")
             if isinstance(sign, int) and not isinstance(sign, bool) and sign not in (1, -1):
                 yield Fault(f"{prefix}axis.{name}.sign", show(sign), "allowed: 1 or -1")
-            if isinstance(column, str):
+            if isinstance(column, str) and not (prefix and "sensor" in section):
                 if column in columns:
                     yield Fault(f"{prefix}axis.{name}.column", show(column), f"{columns[column]} has the same column")
                 columns.setdefault(column, f"{prefix}axis.{name}")
+        if prefix and ("sensor" in section) is not ("sensor_column" in as_table(data.get("file"))):
+            yield Fault(
+                f"{prefix}sensor",
+                show(section["sensor"]) if "sensor" in section else None,
+                "it goes with sensor_column in [file]: state both, or neither",
+            )
         position = section.get("position") if prefix else None
         if isinstance(position, str) and position in positions:
             yield Fault(f"{prefix}position", show(position), "another wheel has the same position")

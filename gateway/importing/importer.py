@@ -24,13 +24,14 @@ from gateway.importing.data_scan import Scan, WheelScan, scan
 from gateway.importing.decimation import ATTENUATION_DB, RIPPLE_DB, Decimation
 from gateway.importing.file_formats import open_columns
 from gateway.importing.frames import FrameStream, Quantiser
-from gateway.importing.import_map import ISO, ImportedWheel, ImportMap
+from gateway.importing.import_map import ISO, TIME_UNITS_S, ImportedWheel, ImportMap
 from gateway.importing.joined_columns import JoinedColumns
 from gateway.importing.missing_rows import GapFilledColumns
 from gateway.importing.reader_process import ReaderProcesses
 from gateway.importing.reference_channels import ReferenceChannel
 from gateway.importing.reference_topic import reference_topic
 from gateway.importing.sample_rows import SampleRows, WheelColumns, kept_rows
+from gateway.importing.sensor_groups import require_one_sensor
 from gateway.importing.unit_check import unlikely_unit
 
 _logger = logging.getLogger(__name__)
@@ -143,16 +144,67 @@ def import_file(
         RecordingError: the recording exists or cannot be written.
     """
     paths = (path,) if isinstance(path, Path) else tuple(path)
+    if import_map.file.sensor_column is not None:
+        return _import_sensors(paths, import_map, out, progress)
     with contextlib.closing(_opened(paths, import_map, processes)) as reader:
         if not out.is_dir():
             refuse_existing(out)  # the writer would too, but only after the first pass
         return _import(paths, GapFilledColumns(paths[0], reader, import_map.sampling), import_map, out, progress)
 
 
+def _import_sensors(
+    paths: Sequence[Path], import_map: ImportMap, out: Path, progress: Callable[[float], None]
+) -> ImportReport:
+    """Import a file whose rows are of the sensors that a column states."""
+    path, time_column = paths[0], import_map.sampling.time_column
+    if len(paths) > 1:
+        raise ImportDataError(f"{path}: several files have a sensor_column", "Join their lines to one file.")
+    with contextlib.ExitStack() as stack:
+        begins: list[float] = []
+        wheels = []
+        for wheel in import_map.wheels():
+            reader = open_columns(path, import_map, rows_of=(import_map.file.sensor_column or "", wheel.sensor or ""))
+            stack.callback(reader.close)
+            references = tuple(
+                reference.model_copy(update={"wheels": (wheel.position,)})
+                for reference in import_map.reference
+                if not reference.wheels or wheel.position in reference.wheels
+            )
+            own = import_map.model_copy(update={"wheel": (wheel,), "reference": references})
+            require_columns(reader, path, own.columns())
+            first = reader.sample([time_column or wheel.radial.column])
+            if first is None:
+                raise ImportDataError(
+                    f"{path}: no row has '{wheel.sensor}' in column '{import_map.file.sensor_column}'",
+                    f"Check the sensor of wheel {wheel.position}.",
+                )
+            begins.append(_first_s(first.values[:, 0], import_map) + _dated_s(reader, import_map))
+            wheels.append((reader, own))
+        begin_s = min(begins)
+        rows = [WheelRows(reader, own, own_s - begin_s) for (reader, own), own_s in zip(wheels, begins, strict=True)]
+        facts = wheels[begins.index(begin_s)][0].facts
+        start_ns, start_is_file_date = _stated_start_ns(path, facts, import_map)
+        return import_wheels(path, rows, import_map, start_ns, out, progress, start_is_file_date=start_is_file_date)
+
+
+def _first_s(times: FloatArray, import_map: ImportMap) -> float:
+    """Return the first time in s, 0 where rows have no times."""
+    finite = times[np.isfinite(times)]
+    if import_map.sampling.time_column is None or not len(finite):
+        return 0.0
+    return float(finite[0]) * TIME_UNITS_S[import_map.sampling.time_unit]
+
+
+def _dated_s(reader: BlockReader, import_map: ImportMap) -> float:
+    """Return the zero of a column of dates in s since 1970: each sensor counts from its own first row."""
+    return (reader.facts.dates.get(import_map.sampling.time_column or "") or 0) * 1e-9
+
+
 def _opened(paths: Sequence[Path], import_map: ImportMap, processes: ReaderProcesses | None) -> BlockReader:
     if len(paths) == 1:
         reader = open_columns(paths[0], import_map, processes)
         require_columns(reader, paths[0], import_map.columns())
+        require_one_sensor(paths[0], reader.facts, import_map.wheels())
         return reader
     supply = processes or ReaderProcesses()
     return JoinedColumns(
@@ -311,8 +363,9 @@ def _import(
     part = _Part(path, reader, import_map, lambda share: progress(0.5 * share))
     start_ns, start_is_file_date = _start_ns(path, reader.facts, import_map, part.scan)
     more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
+    decimated = () if part.scan.decimation is None else (_decimation_text(part.scan.decimation),)
     vehicle = import_map.vehicle(
-        () if part.scan.decimation is None else (_decimation_text(part.scan.decimation),),
+        (*_shortcomings(reader.facts, import_map), *decimated),
         rounding_std=(part.scan.rate_std_hz or 0.0) / part.scan.rate_hz,
     )
     return _recorded([part], vehicle, path, more, start_ns, out, progress, start_is_file_date=start_is_file_date)
@@ -325,6 +378,8 @@ def import_wheels(
     start_ns: int,
     out: Path,
     progress: Callable[[float], None] = lambda _: None,
+    *,
+    start_is_file_date: bool = False,
 ) -> ImportReport:
     """Import wheels that have rows of their own, at times of one clock, into the new recording `out`.
 
@@ -335,6 +390,7 @@ def import_wheels(
         start_ns: start of the recording, ns since 1970.
         out: a new file, or a folder.
         progress: called with the share done, 0 to 1.
+        start_is_file_date: whether the start is the modification time of the file.
 
     Raises:
         ImportDataError: the rows do not fit together.
@@ -354,7 +410,7 @@ def import_wheels(
         )
         for number, rows in enumerate(wheels)
     ]
-    return _recorded(parts, whole.vehicle(), path, "", start_ns, out, progress, start_is_file_date=False)
+    return _recorded(parts, whole.vehicle(), path, "", start_ns, out, progress, start_is_file_date=start_is_file_date)
 
 
 def _recorded(
@@ -413,6 +469,16 @@ def _check_dates(path: Path, reader: BlockReader, import_map: ImportMap) -> None
             f"{path}: column '{name}' contains numbers, no dates",
             'State [sampling] time_unit = "s", "ms", "us" or "ns".',
         )
+
+
+def _shortcomings(facts: FileFacts, import_map: ImportMap) -> tuple[str, ...]:
+    """Return what a file lacks, as texts that are kept with the results."""
+    cut = [
+        f"the file is cut: '{name}' has {rows} of {expected} samples; only rows that all columns have are used"
+        for name, (rows, expected) in facts.cut.items()
+        if name in import_map.columns()
+    ]
+    return (*cut, *(f"warned when the file was read: {warning}" for warning in facts.warnings))
 
 
 def _decimation_text(decimation: Decimation) -> str:
@@ -493,12 +559,20 @@ def _selected(
 
 def _start_ns(path: Path, facts: FileFacts, import_map: ImportMap, file_scan: Scan) -> tuple[int, bool]:
     """Return the time of the first sample, and whether it is the modification time of the file."""
+    start_ns, is_file_date = _stated_start_ns(path, facts, import_map)
+    if is_file_date or import_map.sampling.start_utc is not None:
+        return start_ns, is_file_date
+    source_hz = file_scan.rate_hz * (file_scan.decimation.factor if file_scan.decimation else 1)
+    # The file's own times count from its start.
+    is_own = facts.time_column is not None and import_map.sampling.time_column == facts.time_column
+    own_s = file_scan.first_s if is_own else 0.0
+    return start_ns + round((file_scan.skipped / source_hz + own_s) * 1e9), False
+
+
+def _stated_start_ns(path: Path, facts: FileFacts, import_map: ImportMap) -> tuple[int, bool]:
+    """Return the start that the map or the file states, or its modification time, and whether it is the latter."""
     sampling = import_map.sampling
     if sampling.start_utc is not None:
         return (sampling.start_utc - _EPOCH) // timedelta(microseconds=1) * 1000, False
-    source_hz = file_scan.rate_hz * (file_scan.decimation.factor if file_scan.decimation else 1)
-    after_ns = round(file_scan.skipped / source_hz * 1e9)
     begun_ns = facts.dates.get(sampling.time_column or "", facts.start_ns)
-    if begun_ns is not None:
-        return begun_ns + after_ns, False
-    return path.stat().st_mtime_ns, True
+    return (path.stat().st_mtime_ns, True) if begun_ns is None else (begun_ns, False)

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.importing.column_names import names_rate
+from gateway.importing.column_names import rate_of
 from gateway.importing.columns import (
     BLOCK_ROWS,
     MAX_MATRIX_COLUMNS,
@@ -23,12 +23,15 @@ from gateway.importing.columns import (
 from gateway.importing.matlab_objects import REMEDY, can_read_objects, object_columns, seconds_of
 
 _MAX_DEPTH: Final = 16
+# Elements of an array of structs, or of a cell array.
+_MAX_STRUCTS: Final = 200
 
 
 class MatColumns:
     """MATLAB file that is loaded as a whole.
 
-    Columns are vectors `x`, columns of matrices `data(:,2)`, and both inside structs `run.acc(:,2)`.
+    Columns are vectors `x`, columns of matrices `data(:,2)`, and both inside structs `run.acc(:,2)` and arrays of them
+    `run(2).acc`.
     """
 
     def __init__(self, path: Path) -> None:
@@ -86,8 +89,11 @@ class MatColumns:
         if fields is not None and depth < _MAX_DEPTH:
             for field in fields:
                 self._add(f"{name}.{field}", getattr(value, field, None), depth + 1)
-        elif isinstance(value, int | float) and names_rate(name):
-            self._rates_hz[name] = float(value)
+        elif isinstance(value, int | float) and (rate_hz := rate_of(name, value)) is not None:
+            self._rates_hz[name] = rate_hz
+        elif isinstance(value, np.ndarray) and value.dtype == object and value.size <= _MAX_STRUCTS:
+            for number, element in enumerate(value.ravel(), 1):
+                self._add(f"{name}({number})", element, depth + 1)
         elif isinstance(value, np.ndarray) and value.dtype.kind in "iuf":
             if value.ndim == 1:
                 self._columns[name] = value

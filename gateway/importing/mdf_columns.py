@@ -58,6 +58,7 @@ class MdfColumns:
         self._channels: dict[str, _Channel] = {}
         self._units: dict[str, str] = {}
         self._unusable: dict[str, tuple[str, str]] = {}
+        self._groups: dict[str, tuple[str, str]] = {}
         self._mdf: Any = MDF(path)
         self._list()
         began = self._mdf.header.start_time
@@ -76,6 +77,7 @@ class MdfColumns:
             start_ns=self._start_ns,
             time_column=TIME,
             conditions=self._conditions(),
+            groups=self._groups,
         )
 
     def close(self) -> None:
@@ -112,6 +114,7 @@ class MdfColumns:
             column = name if times[name] == 1 else f"{name} (group {number})"
             channel = self._mdf.groups[number].channels[index]
             self._channels[column] = _Channel(number, index)
+            self._groups[column] = (f"group {number}", name)
             conversion = getattr(channel, "conversion", None)
             unit = getattr(conversion, "unit", "") or getattr(channel, "unit", "")
             if unit:

@@ -11,11 +11,11 @@ from gateway.core.errors import ImportDataError
 from gateway.core.types import FloatArray, IntArray
 from gateway.importing.columns import Block, BlockReader, FileFacts
 from gateway.importing.import_map import TIME_UNITS_S, Sampling
-from gateway.importing.time_column import MAX_SOURCE_HZ, MAX_TIME_S, decimal_grid
+from gateway.importing.time_column import MAX_SOURCE_HZ, MAX_TIME_S, ROUNDING_TOLERANCE, decimal_grid, line_through
 from gateway.importing.time_counter import TimeCounter
 
 # Share of a sample interval by which a step may differ from a whole number of them.
-_TOLERANCE: Final = 0.1
+TOLERANCE: Final = 0.1
 # Share of a sample interval by which a step without a missing row may differ from the median.
 _WHOLE_STEP: Final = 0.5
 # Share of a sample interval; in coarser times a missing sample looks like rounding.
@@ -92,7 +92,7 @@ class GapFilledColumns:
         steps = np.diff(times) / interval
         # A step to or from a row without a time compares as false.
         whole = np.rint(np.where(np.isfinite(steps), steps, 1.0))
-        regular = np.abs(steps - whole) <= _TOLERANCE
+        regular = np.abs(steps - whole) <= TOLERANCE
         longest = _LONGEST_S / (interval * self._unit_s)
         missing: IntArray = np.where(regular & (whole >= 2.0) & (whole <= longest), whole - 1.0, 0.0).astype(np.intp)
         return missing
@@ -137,4 +137,13 @@ def _interval(times: FloatArray) -> float:
     if whole.any():
         interval = float(steps[whole].sum() / rows[whole].sum())
     grid = decimal_grid(times[timed_rows])
-    return 0.0 if grid is not None and grid > _FINEST_GRID * interval else interval
+    is_coarse = grid is not None and grid > _FINEST_GRID * interval and _is_rounded(times[timed_rows], timed_rows, grid)
+    return 0.0 if is_coarse else interval
+
+
+def _is_rounded(times: FloatArray, rows: IntArray, grid: float) -> bool:
+    """Return whether times are even ones, rounded to a grid; else they are exact, and some skip samples."""
+    mantissa = grid / 10.0 ** np.floor(np.log10(grid * (1.0 + 1e-9)))
+    return min(abs(mantissa - each) for each in (1.0, 2.0, 5.0)) < 1e-6 and (
+        line_through(rows.astype(np.float64), times)[1] <= ROUNDING_TOLERANCE * grid
+    )

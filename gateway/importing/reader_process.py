@@ -8,11 +8,12 @@ pipe.
 import contextlib
 import itertools
 import json
+import logging
 import os
 import signal
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from importlib import import_module
 from importlib.util import find_spec
 from multiprocessing import get_all_start_methods, get_context
@@ -65,6 +66,8 @@ _BYTES_PER_FILE_BYTE: Final = 64
 _SPARE_S: Final = 60.0
 _FILE_BYTES_PER_S: Final = 2e6
 _END_S: Final = 5.0
+_MOST_WARNINGS: Final = 4
+_WARNING_LENGTH: Final = 200
 _T = TypeVar("_T")
 
 
@@ -255,8 +258,10 @@ def _serve_file(pipe: Connection, reader_class: type[BlockReader], kind: str, pa
     reader: BlockReader | None = None
     try:
         with _limited_memory(limit_bytes):
-            reader = _opened(reader_class, kind, Path(path))
-            _send(pipe, facts=asdict(reader.facts))
+            with _heard_warnings() as warned:
+                reader = _opened(reader_class, kind, Path(path))
+                facts = reader.facts
+            _send(pipe, facts=asdict(replace(facts, warnings=(*facts.warnings, *warned))))
             while names := (request := json.loads(pipe.recv_bytes())).get("names"):
                 blocks = itertools.islice(reader.blocks(names), request["most"])
                 try:
@@ -280,6 +285,32 @@ def _serve_file(pipe: Connection, reader_class: type[BlockReader], kind: str, pa
         if reader is not None:
             with contextlib.suppress(Exception):  # a damaged file; nothing was written
                 reader.close()
+
+
+@contextlib.contextmanager
+def _heard_warnings() -> Iterator[list[str]]:
+    """Collect what the package of a format warns of: nobody sees its log. The list is complete afterwards."""
+    heard: list[str] = []
+
+    class Collector(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            text = f"{record.name.partition('.')[0]}: {record.getMessage()}"[:_WARNING_LENGTH]
+            if len(heard) < _MOST_WARNINGS and text not in heard:
+                heard.append(text)
+
+    collector = Collector(logging.WARNING)
+    packages = [
+        logger
+        for logger in map(logging.getLogger, (name for name in logging.root.manager.loggerDict if "." not in name))
+        if not logger.name.startswith(("gateway", "asyncio", "concurrent"))
+    ]
+    for logger in packages:
+        logger.addHandler(collector)
+    try:
+        yield heard
+    finally:
+        for logger in packages:
+            logger.removeHandler(collector)
 
 
 def _opened(reader_class: Any, kind: str, path: Path) -> BlockReader:

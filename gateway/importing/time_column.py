@@ -21,7 +21,7 @@ _STEP_TOLERANCE: Final = 0.5
 _RATE_TOLERANCE: Final = 1e-3
 _MIN_ROWS_FOR_RATE: Final = 1000
 # Share of the rounding step; rounding moves a time by half a step, and the fitted line by a little more.
-_ROUNDING_TOLERANCE: Final = 0.6
+ROUNDING_TOLERANCE: Final = 0.6
 # Share of the rounding step; times on the grid itself leave less.
 _EXACT: Final = 1e-3
 # Sample intervals; behind coarser rounding a missing sample is not seen.
@@ -153,8 +153,8 @@ class TimeColumn:
         first = slice(min(len(timed_rows), _LEARNED_ROWS))
         grid = decimal_grid(column[timed_rows[first]])
         if grid is not None:
-            slope_s, residual_s = _line(timed_rows[first].astype(np.float64), times_s[first])
-            if residual_s <= _ROUNDING_TOLERANCE * grid * self._unit_s:
+            slope_s, residual_s = line_through(timed_rows[first].astype(np.float64), times_s[first])
+            if residual_s <= ROUNDING_TOLERANCE * grid * self._unit_s:
                 # The median of rounded steps would be a multiple of the rounding.
                 self.interval_s = slope_s
                 self._grid_s = grid * self._unit_s
@@ -212,11 +212,11 @@ class TimeColumn:
         """Return whether rounding explains all deviations from uniform times."""
         if self._grid_s is None or self._grid_s > _COARSEST * self.interval_s:
             return False
-        return _line(np.arange(len(times_s), dtype=np.float64), times_s)[1] <= _ROUNDING_TOLERANCE * self._grid_s
+        return line_through(np.arange(len(times_s), dtype=np.float64), times_s)[1] <= ROUNDING_TOLERANCE * self._grid_s
 
 
-def _line(rows: FloatArray, times_s: FloatArray) -> tuple[float, float]:
-    """Return slope and largest residual of the line through times."""
+def line_through(rows: FloatArray, times_s: FloatArray) -> tuple[float, float]:
+    """Return slope and largest residual of the line through (n,) times at rows."""
     centred = rows - rows.mean()
     middle_s = float(times_s.mean())
     slope_s = float(centred @ (times_s - middle_s) / max(float(centred @ centred), 1.0))

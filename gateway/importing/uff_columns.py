@@ -1,6 +1,9 @@
 """Reader of time signals in universal files (UFF, dataset 58, text and binary); needs the package pyuff."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import numpy as np
@@ -34,9 +37,10 @@ class UffColumns(WaveformColumns):
         import pyuff
 
         super().__init__(path)
-        file = pyuff.UFF(str(path))
-        numbers = [k for k, kind in enumerate(file.get_set_types()) if int(kind) == _FUNCTIONS]
-        sets = [file.read_sets(k) for k in numbers]
+        with _well_formed(path) as whole:
+            file = pyuff.UFF(str(whole))
+            numbers = [k for k, kind in enumerate(file.get_set_types()) if int(kind) == _FUNCTIONS]
+            sets = [file.read_sets(k) for k in numbers]
         if not sets:
             raise ImportDataError(f"{path} has no dataset 58", "Export the time signals as universal file, dataset 58.")
         for number, dataset in enumerate(sets, 1):
@@ -63,12 +67,42 @@ class UffColumns(WaveformColumns):
         elif not int(dataset.get("abscissa_spacing") or 0):
             self.unusable[name] = ("has times of its own for each value", "Export it with an even spacing.")
         else:
+            stated_rows = int(dataset.get("num_pts") or 0)
             self.waveforms[name] = Waveform(
-                rows=len(values),
+                # Other programs fill the last line with zeros.
+                rows=min(len(values), stated_rows or len(values)),
                 read=lambda first, end: values[first:end].astype(np.float64),
                 step_s=float(dataset.get("abscissa_inc") or 0.0),
                 unit=_unit(dataset),
+                start_s=float(dataset.get("abscissa_min") or 0.0),
+                stated_rows=stated_rows,
             )
+
+
+@contextmanager
+def _well_formed(path: Path) -> Iterator[Path]:
+    """Yield a file that pyuff can read: without blanks behind values, and ended where it is cut off.
+
+    Binary datasets contain any bytes; a file of them is left as it is.
+    """
+    data = path.read_bytes()
+    lines = data.splitlines()
+    if any(line.strip().startswith(b"58b") for line in lines):
+        yield path
+        return
+    is_cut = any(line.strip() for line in lines) and next(filter(bytes.strip, reversed(lines))).strip() != b"-1"
+    text = [line.rstrip() for line in lines]
+    if is_cut:
+        # Of the last value some digits may be missing.
+        text[-1] = text[-1].rpartition(b" ")[0].rstrip()
+        text.append(b"    -1")
+    if not is_cut and text == lines:
+        yield path
+        return
+    with TemporaryDirectory() as folder:
+        whole = Path(folder) / "whole.uff"
+        whole.write_bytes(b"\n".join(text) + b"\n")
+        yield whole
 
 
 def _unit(dataset: dict[str, Any]) -> str:

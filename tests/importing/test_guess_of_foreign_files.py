@@ -33,7 +33,7 @@ def test_rate_by_the_times_is_that_between_gaps(tmp_path: Path) -> None:
     kept = np.ones(len(Z), bool)
     kept[3000:6000] = False
     text, _ = guessed(write_csv(tmp_path / "gap.csv", {"t": WHEEL.times_s[kept], "az": Z[kept]}))
-    assert "# 9600 Hz in its first rows" in line_of(text, "time_column")
+    assert "9600 Hz in its first rows, 3000 samples are missing in 1 gap" in line_of(text, "time_column")
 
 
 def test_short_names_beside_a_named_axis_are_axes(tmp_path: Path) -> None:

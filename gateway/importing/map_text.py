@@ -1,0 +1,273 @@
+"""Text of a first import map."""
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Final
+
+from gateway.core.config.toml_writer import toml_string
+from gateway.core.config.vehicle import ASSUMED_RADIUS_MM
+from gateway.importing.columns import FileFacts
+from gateway.importing.guessed_columns import (
+    MOST_COLUMNS,
+    SCALED_UNITS,
+    VOLTS,
+    Axis,
+    Guess,
+    by_wheel,
+    names_role,
+    ordered_axes,
+    position_of,
+)
+from gateway.importing.import_map import ISO, REFERENCE_UNITS, FileLayout
+
+
+def map_text(path: Path, layout: FileLayout, guess: Guess, facts: FileFacts) -> str:
+    """Return what was recognised in a file as a map in TOML, with doubts as comments marked by `?`."""
+    lines = [
+        f"# First import map for {_comment(path.name)}. Check every line marked with ?, and state what is missing.",
+        "# Meaning of the keys: docs/how-to/import-measurements.md",
+        "",
+    ]
+    sorted_in = [*guess.candidates, *(reference.seen for reference in guess.references)]
+    if guess.identities is not None:
+        layout = layout.model_copy(update={"sensor_column": guess.identities[0]})
+    lines += [
+        f"# ? The file is cut: {_comment(name)} has {rows} of {expected} samples; common rows are used."
+        for name, (rows, expected) in facts.cut.items()
+    ]
+    lines += [f"# ? Warned when it was read: {_comment(warning)}" for warning in facts.warnings]
+    lines += [""] if facts.cut or facts.warnings else []
+    lines += _file_lines(layout, [*filter(None, (column.fault for column in sorted_in))])
+    rate_hz = guess.rate_hz
+    stated = {key: (value, place) for key, value, place in guess.stated}
+    day = stated.pop("date", None)
+    lines += ["[sampling]"]
+    if guess.time is not None:
+        mark = "? " if guess.time_doubt else ""
+        rate = f"{rate_hz:.6g} Hz in its first rows" if rate_hz else ""
+        said = ", ".join(filter(None, (rate, _comment(guess.time_doubt))))
+        seen = f"   # {mark}{said}" if said else ""
+        lines += [f"time_column = {toml_string(guess.time)}{seen}", f"time_unit = {toml_string(guess.time_unit)}"]
+        if guess.time_unit == ISO and guess.is_dated:
+            lines.append('# time_zone = "Europe/Berlin"   # ? needed if the times state no offset')
+        if guess.date_order != "ymd":
+            order = guess.date_order.rstrip("?")
+            other = "mdy" if order == "dmy" else "dmy"
+            lines.append(f'date_order = "{order}"' + (f"   # ? or {other}" if order != guess.date_order else ""))
+    elif guess.stated_rate:
+        beside = f"; {_comment(guess.no_time)}" if guess.no_time is not None else ""
+        lines.append(f"rate_hz = {rate_hz:.9g}   # ? stated in the file: {_comment(guess.stated_rate)}{beside}")
+    elif guess.no_time is not None:
+        lines.append(f"# rate_hz = {rate_hz or 10000.0:.6g}   # ? {_comment(guess.no_time)}")
+    else:
+        lines.append("# rate_hz = 10000.0   # ? not in the file: the sampling rate has to be stated")
+    if guess.since_1970_s is not None and facts.start_ns is None:
+        start = datetime.fromtimestamp(guess.since_1970_s, UTC).isoformat(timespec="milliseconds")
+        lines.append(f"start_utc = {start.replace('+00:00', 'Z')}   # ? if its times count from 1970 in UTC")
+    elif day and facts.start_ns is None and (guess.time_unit != ISO or not guess.is_dated):
+        lines.append(f"# start_utc = {day[0]}T12:00:00Z   # ? date by {day[1]}: state the time of the first row")
+    elif facts.start_ns is None and (guess.time_unit != ISO or not guess.is_dated):
+        why = "not in the file" if guess.is_dated else "the times have no date"
+        lines.append(f"# start_utc = 2024-05-01T12:00:00Z   # ? {why}; else its modification time")
+    lines.append("")
+    wheels = by_wheel(guess.candidates, guess.groups)
+    several = len(wheels) > 1 or guess.identities is not None
+    if guess.identities is not None:
+        columns = next(iter(wheels.values()))
+        sensors = _positions(guess.identities[1])
+        wheels = dict.fromkeys(sensors, columns)
+    used = {column.name for columns in wheels.values() for column in columns}
+    guess.others += [
+        (column.name, "names no wheel, as others do") for column in guess.candidates if column.name not in used
+    ]
+    axes = {position: ordered_axes(columns, rate_hz) for position, columns in wheels.items()}
+    for position, group in axes.items():
+        if several:
+            mark = "" if position_of(position) == position else "   # ? name of the wheel"
+            lines += ["[[wheel]]", f"position = {toml_string(position)}{mark}"]
+            if guess.identities is not None:
+                lines.append(f"sensor = {toml_string(sensors[position])}")
+            lines += ["# load_n = 4000.0   # ? vertical load", '# sensor_id = "0000a001"   # ?']
+        missed = [name for name in guess.missed if not several or position_of(name) == position]
+        lines += _axis_lines("wheel.axis" if several else "axis", group, missed, guess.mv_per_g)
+        lines += [f"# column {toml_string(axis.seen.name)}: more than three axes?" for axis in group[3:]]
+        if several:
+            lines.append("")
+    first = next(iter(axes.values()))[0]
+    lines += _sensor_lines(first)
+    lines += _environment_lines(guess, several=several)
+    lines += _reference_lines(guess)
+    lines += [
+        "# [mounting]         # ? of the sensor, as in the vehicle file",
+        "# offset_mm = 0.0    # ? distance below the belt's neutral layer in mm",
+        "",
+        "[conditions]   # ? leave out what is not known",
+        f"# radius_mm = {ASSUMED_RADIUS_MM:g}   # ? belt radius: rolling circumference / (2 pi); assumed if not stated",
+    ]
+    if not several:
+        position = next(iter(axes))
+        lines += [f"position = {toml_string(position)}" + ("   # ?" if position == "W1" else "")]
+        lines.append(_stated_line(stated, "load_n", "4000.0", "vertical load"))
+    lines.append(_stated_line(stated, "pressure_kpa", "220.0", "gauge pressure"))
+    lines.append(_stated_line(stated, "tire", '"205/55R16"', "size"))
+    if guess.others:
+        lines += ["", "# Columns that are not used:"]
+        lines += [f"#   {_comment(name)}: {_comment(reason)}" for name, reason in guess.others[:MOST_COLUMNS]]
+        if len(guess.others) > MOST_COLUMNS:
+            lines.append(f"#   and {len(guess.others) - MOST_COLUMNS} more")
+    return "\n".join(lines) + "\n"
+
+
+def _positions(identities: Sequence[str]) -> dict[str, str]:
+    """Return names of wheels for the texts by which rows state their sensor."""
+    named = {re.sub(r"[^A-Za-z0-9_.-]+", "_", text).strip("_.-")[:24]: text for text in identities}
+    if len(named) == len(identities) and all(re.match("[A-Za-z]", name) for name in named):
+        return named
+    return {f"W{number}": text for number, text in enumerate(identities, 1)}
+
+
+def _stated_line(stated: Mapping[str, tuple[str, str]], key: str, example: str, what: str) -> str:
+    """Return a condition as the file states it, or else as a comment."""
+    if key in stated:
+        value, place = stated[key]
+        return f"{key} = {value}   # ? stated in the file: {_comment(place)}"
+    return f"# {key} = {example}   # ? {what}"
+
+
+def _file_lines(layout: FileLayout, faults: Sequence[str]) -> list[str]:
+    lines = [f"{key} = {json.dumps(value)}" for key, value in layout.model_dump(exclude_defaults=True).items()]
+    if faults:
+        lines.append(f'# unreadable = "missing"   # ? takes cells that are no numbers for gaps: {_comment(faults[0])}')
+    return ["[file]", *lines, ""] if lines else []
+
+
+def _axis_lines(prefix: str, group: Sequence[Axis], missed: Sequence[str], mv_per_g: float | None) -> list[str]:
+    lines = []
+    ordered = _ordered(group)
+    only_lateral = len(ordered) == 2 and names_role(ordered[1].seen.name, "lateral")
+    for name, axis in zip(("radial", "lateral") if only_lateral else _AXES, ordered, strict=False):
+        lines += [
+            f"[{prefix}.{name}]",
+            f"column = {toml_string(axis.seen.name)}{_reason(name, axis, missed, len(group))}",
+        ]
+        # Only on the radial axis does V²/R say how large a value is.
+        says_unit = axis is group[0] or axis.seen.is_acceleration
+        unit = axis.unit if says_unit else group[0].unit
+        why = axis.why if says_unit and axis.why else "as the radial axis" if unit and not says_unit else _NO_UNIT
+        if axis.seen.unit in SCALED_UNITS:
+            unit, scale = SCALED_UNITS[axis.seen.unit]
+            lines += [f'unit = "{unit}"   # the file says {axis.seen.unit}', f"scale = {scale:g}"]
+        elif axis.seen.unit in VOLTS and mv_per_g is not None:
+            scale = (1.0 if axis.seen.unit == "mV" else 1e3) / mv_per_g
+            lines += ['unit = "g"', f"scale = {scale:.6g}   # the file says {axis.seen.unit} and {mv_per_g:g} mV/g"]
+        elif axis.seen.unit and not axis.seen.is_acceleration:
+            said = _comment(axis.seen.unit)
+            lines.append(f'# unit = "g"   # ? the file says {said}: state scale, in g per {said}')
+        else:
+            lines.append(f"unit = {toml_string(unit or 'g')}   # {why}")
+        if group[0].scale is not None and not (axis.seen.unit in VOLTS and mv_per_g is not None):
+            size = f"# scale = {group[0].scale:.4g}"
+            lines.append(f"{size}   # ? counts or volts? V²/R fits with about this size of 1: state the exact one")
+            offset = axis.steady - (axis.depth if axis is group[0] else 0.0)
+            if abs(offset) > 0.3 * abs(group[0].depth):
+                lines.append(f"# offset = {offset:.3g}   # ? reading at zero acceleration")
+        if name == "radial":
+            # With a reading at zero acceleration, the mean says no direction.
+            by_mean = axis.is_steady and axis.scale is None
+            against = axis.steady < 0.0 if by_mean else axis.depth < 0.0
+            by = "positive toward the wheel centre, by its mean and contact"
+            by = by if axis.is_rolling else "? positive toward the wheel centre, by its mean and largest peaks"
+            lines.append(f"sign = {-1 if against else 1}   # {by}")
+        else:
+            lines.append("# sign = -1   # ? positive " + _DIRECTIONS[name])
+        lines.append("# full_scale = 500.0   # ? end of the sensor's range, in the column's unit")
+    return [*lines, ""]
+
+
+_NO_UNIT: Final = "? neither the file nor the magnitude says it"
+_AXES: Final = ("radial", "circumferential", "lateral")
+_DIRECTIONS: Final = {
+    "circumferential": "in the direction in which the sensor travels",
+    "lateral": "to the left of the vehicle",
+}
+
+
+def _ordered(group: Sequence[Axis]) -> list[Axis]:
+    """Return the radial axis, then the others by their swing: that of the circumferential one is larger."""
+    return [
+        group[0],
+        *sorted(group[1:3], key=lambda axis: (names_role(axis.seen.name, "lateral"), -axis.swing)),
+    ]
+
+
+def _reason(name: str, axis: Axis, missed: Sequence[str], count: int) -> str:
+    """Return the comment that says why a column is an axis, with ? where that is not certain."""
+    doubts = [axis.doubt if name == "radial" else axis.seen.fault]
+    if name == "radial" and missed:
+        doubts.append("not read: " + ", ".join(f"'{column}'" for column in missed))
+    if name == "radial" and count > len(_AXES):
+        doubts.append(f"{count} columns may be axes")
+    if names_role(axis.seen.name, name):
+        why = "by its name"
+    elif name != "radial":
+        why = "by the size of its variation only"
+    elif axis.is_rolling:
+        why = f"mean {axis.steady:.4g}, contact {abs(axis.depth):.4g} deep"
+    else:
+        why = f"the largest mean, {axis.steady:.4g}; no revolutions are seen in the first rows"
+    uncertain = any(doubts) or why.startswith(("by the size", "the largest"))
+    said = "; ".join([why, *filter(None, doubts)])
+    return f"   # {'? ' if uncertain else ''}{_comment(said)}"
+
+
+def _sensor_lines(radial: Axis) -> list[str]:
+    why = "the radial axis has a steady part" if radial.is_steady else "the radial axis has no steady part"
+    mark = "" if radial.is_steady and radial.is_rolling and radial.scale is None else "? "
+    lines = ["[sensor]", f"coupling = {toml_string('DC' if radial.is_steady else 'AC')}   # {mark}{why}"]
+    if not radial.is_steady:
+        lines.append("# highpass_hz = 0.1   # ? corner of the coupling")
+    return [*lines, ""]
+
+
+def _environment_lines(guess: Guess, *, several: bool) -> list[str]:
+    if guess.pressure is None and guess.temperature is None:
+        return []
+    mark = "# " if several else ""
+    lines = [f"{mark}[environment]" if not several else "# Columns for [wheel.environment] of a wheel:"]
+    if guess.pressure is not None:
+        column, unit = guess.pressure
+        lines += [f"{mark}pressure_column = {toml_string(column.name)}"]
+        lines += [f"{mark}pressure_unit = {toml_string(unit or 'kPa')}" + ("" if unit else "   # ?")]
+    if guess.temperature is not None:
+        column, doubt = guess.temperature
+        why = f"? degC, {doubt}" if doubt else "degC"
+        lines += [f"{mark}temperature_column = {toml_string(column.name)}   # {why}"]
+    return [*lines, ""]
+
+
+def _reference_lines(guess: Guess) -> list[str]:
+    lines: list[str] = []
+    for number, reference in enumerate(guess.references, 1):
+        name, doubt = reference.seen.name, "; ".join(filter(None, (reference.doubt, reference.seen.fault)))
+        lines += ["[[reference]]", f"name = {toml_string(_name(name, number))}", f"column = {toml_string(name)}"]
+        lines.append(f"quantity = {toml_string(reference.quantity)}" + (f"   # ? {_comment(doubt)}" if doubt else ""))
+        if reference.quantity == "pulses":
+            lines.append("# pulses_per_turn = 1   # ? of the wheel")
+        else:
+            unit = reference.unit or next(iter(REFERENCE_UNITS[reference.quantity]))
+            lines.append(f"unit = {toml_string(unit)}" + ("" if reference.seen.unit else "   # ?"))
+        lines.append("")
+    return lines
+
+
+def _name(column: str, number: int) -> str:
+    """Return a name for a reference; the number makes it unique."""
+    plain = re.sub(r"[^A-Za-z0-9_.-]+", "_", column).strip("_.-")[:32]
+    return f"{plain or 'reference'}_{number}" if number > 1 or not plain else plain
+
+
+def _comment(text: str) -> str:
+    return "".join(character if character.isprintable() else "?" for character in text)[:240]
