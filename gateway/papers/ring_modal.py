@@ -18,6 +18,7 @@ from typing import Final
 import numpy as np
 
 from gateway.core.estimates.bounded_fit import BoundedFit, fit_nonnegative
+from gateway.core.estimates.contact_pressure import unit_road_orders
 from gateway.core.estimates.determination import (
     NUMBER_UNITS,
     FittedNumbers,
@@ -33,7 +34,6 @@ from gateway.core.estimates.ring_series import stiffness_terms
 from gateway.core.reasons import Code, Reason
 from gateway.core.revolutions.order_spectrum import ORDER_COUNT
 from gateway.core.types import BoolArray, ComplexArray, FloatArray
-from gateway.ring.contact_pressure import unit_road_orders
 
 FIRST_ORDER: Final = 2
 _UNKNOWN_EDGE_STD_RAD: Final = 0.01

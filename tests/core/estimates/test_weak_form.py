@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.core.estimates.belt_shape import MAX_ORDER, curvature_orders, orders_about
+from gateway.core.estimates.contact_pressure import road_orders
 from gateway.core.estimates.estimator import Estimate, Status, TireConditions
 from gateway.core.estimates.order_errors import relative_std, wave_std
 from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
@@ -24,7 +25,6 @@ from gateway.core.revolutions.synchronous_average import RunningAverage
 from gateway.forces.damped_modes import signal_orders
 from gateway.papers.ring_modal import RingModalEstimator, fit_modal
 from gateway.papers.ring_paper import RingPaperEstimator
-from gateway.ring.contact_pressure import road_orders
 from gateway.ring.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.ring.tread_pattern import EdgeWaves
 from tests.testkit.exact_ring import BASE_RING, PRESSURE_PA, RADIUS_M, omega_at, on_grid, solution
