@@ -56,6 +56,11 @@ def _section_faults(where: str, table: Mapping[str, Any], data: Mapping[str, Any
     if _given(overrides["tire"], "drum_radius_mm", "radius_mm") and -radius <= drum <= 0.0:
         allowed = f"allowed: above 0, or below -radius_mm = {-radius:g} for an inner drum"
         yield Fault(f"{where}tire.drum_radius_mm", show(drum), allowed)
+    paths = [name for name in ("yaw_rate_degps", "curvature_pkm") if name in motion]
+    if paths and _given(overrides["motion"], "repeat", *paths) and motion.get("repeat") is True:
+        yield Fault(f"{where}motion.{paths[0]}", show(motion[paths[0]]), "a repeated speed has no path")
+    if len(paths) > 1 and _given(overrides["motion"], *paths):
+        yield Fault(f"{where}motion.curvature_pkm", show(motion["curvature_pkm"]), "state one: this or yaw_rate_degps")
     speed = motion.get("speed_kmh")
     stated = _given(overrides["motion"], "repeat", "speed_kmh") and motion.get("repeat") is True
     if stated and isinstance(speed, list) and len(speed) > 1:

@@ -41,6 +41,23 @@ class Motion(Section):
     )
     repeat: bool = Field(default=False, description="whether the speed repeats after its last point")
     direction: Literal["forward", "reverse"] = Field(default="forward", description="direction of rolling")
+    yaw_rate_degps: Annotated[Series, in_range(-120, 120)] = Field(
+        default=constant(0.0),
+        description="yaw rate of the vehicle in degrees/s, positive to the left: a number or a list of [t_s, value] "
+        "points; in a curve the wheels of the outer side are faster",
+    )
+    curvature_pkm: Annotated[Series, in_range(-500, 500)] = Field(
+        default=constant(0.0),
+        description="curvature of the path in 1/km instead, positive to the left: a number or a list of "
+        "[distance_m, value] points",
+    )
+    track_m: float = within(1.5, 0, 4, "distance between the paths of left and right wheels in m")
+    grade_deg: Annotated[Series, in_range(-30, 30)] = Field(
+        default=constant(0.0), description="slope of the road in degrees, positive uphill: as the yaw rate"
+    )
+    bank_deg: Annotated[Series, in_range(-45, 45)] = Field(
+        default=constant(0.0), description="crossfall of the road in degrees, positive with its left side up: likewise"
+    )
 
 
 class Road(Section):

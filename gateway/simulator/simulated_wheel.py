@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.types import FloatArray
-from gateway.ring.turning_wheel import turning_acceleration
 from gateway.simulator.disturbances import Blows, EdgeJitter, HubMotion, NarrowNoise, RoadNoise
 from gateway.simulator.road_profile import RoadProfile, RoadRide, roughness_m3
 from gateway.simulator.sensor import SensorChain
@@ -88,7 +87,7 @@ class WheelSimulator:
         """Return (n, 3) specific force at the sensor's place along circumferential, lateral, radial, in m/s^2.
 
         A wheel of changing load, pressure or speed is taken as steady at each moment: its waveform fades from that of
-        the block's begin to that of its end. Of camber gravity is felt, and its rate as that of the slip angle.
+        the block's begin to that of its end. Of camber gravity is felt, and its rate as that of turning.
         """
         turning = self._rotation.at(time_s)
         angle = self._jitter.shifted(turning.angle_rad, self._edges_rad)
@@ -111,16 +110,8 @@ class WheelSimulator:
         force[:, 2] = square * shape[:, 0] + gravity * shape[:, 2] + spin * shape[:, 4]
         force[:, 0] = square * shape[:, 1] + gravity * shape[:, 3] + spin * shape[:, 5]
         force[:, 1] = square * shape[:, LATERAL] + STANDARD_GRAVITY_MPS2 * np.sin(camber)
-        slip = self.plan.slip_angle_rad
-        if not (slip.is_constant and self.plan.camber_rad.is_constant):
-            force += turning_acceleration(
-                turning.angle_rad,
-                turning.omega_radps,
-                self.plan.radius_m,
-                steer_rad=np.negative(slip.at_times(time_s)),
-                steer_radps=-slip.rates_at(time_s),
-                camber_radps=self.plan.camber_rad.rates_at(time_s),
-            )
+        if self.plan.path.turns:
+            self.plan.path.add(force, time_s, turning.omega_radps, shape[:, 2:4].astype(np.float64), self.plan.radius_m)
         if self.plan.reverse:
             # theta grows with the rotation, but the orientation of the sensor is fixed.
             np.negative(force[:, 0], out=force[:, 0])

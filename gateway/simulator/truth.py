@@ -132,6 +132,10 @@ class WheelTruth:
         """Return the inclination of the wheel plane."""
         return self.plan.camber_rad.at(time_s)
 
+    def turn_radps(self, time_s: float) -> float:
+        """Return the yaw rate of the vehicle, positive to the left."""
+        return self.plan.path.yaw_radps.at(time_s)
+
     def _slopes(self, time_s: float, slip_angle_rad: float) -> LateralSlopes:
         omega = self.omega_radps(time_s) if self.plan.tire.depends_on_speed else 0.0
         return lateral_slopes(self.plan.tire, self.load_n(time_s), self.pressure_pa(time_s), omega, slip_angle_rad)

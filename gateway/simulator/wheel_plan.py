@@ -9,6 +9,7 @@ from gateway.forces.lateral_belt import LateralBelt
 from gateway.ring.rolling_ring import RingParameters
 from gateway.ring.tread_pattern import EdgeWaves, TreadPitch
 from gateway.simulator.motion import MotionProfile, Ripple, WheelRotation
+from gateway.simulator.path import Path, speed_beside, yaw_over_time
 from gateway.simulator.road_profile import QuarterCar, largest_swing, quarter_car, roughness_m3
 from gateway.simulator.scenario_model import Scenario, Wheel
 from gateway.simulator.scenario_tables import (
@@ -133,6 +134,7 @@ class WheelPlan:
         radius_m: belt radius.
         tire: the ring.
         motion: speed over time.
+        path: turns of its hub over time.
         load_n: over time.
         pressure_pa: over time.
         temperature_degc: over time.
@@ -155,6 +157,7 @@ class WheelPlan:
     radius_m: float
     tire: TireModel
     motion: MotionProfile
+    path: Path
     load_n: Series
     pressure_pa: Series
     temperature_degc: Series
@@ -221,6 +224,7 @@ def wheel_plans(scenario: Scenario) -> tuple[WheelPlan, ...]:
 
 
 def _plan(wheel: Wheel, hub: Hub) -> WheelPlan:
+    speed_kmh, path = _path(wheel)
     return WheelPlan(
         position=wheel.position,
         hub=hub,
@@ -228,7 +232,8 @@ def _plan(wheel: Wheel, hub: Hub) -> WheelPlan:
         sensor_id=int(wheel.sensor_id, 16) if wheel.sensor_id else zlib.crc32(wheel.position.encode()),
         radius_m=wheel.tire.radius_mm * 1e-3,
         tire=tire_model(wheel),
-        motion=MotionProfile(wheel.motion.speed_kmh, wheel.motion.repeat),
+        motion=MotionProfile(speed_kmh, wheel.motion.repeat),
+        path=path,
         load_n=wheel.load_n,
         pressure_pa=wheel.pressure_kpa.scaled(1e3),
         temperature_degc=wheel.temperature_degc,
@@ -247,3 +252,18 @@ def _plan(wheel: Wheel, hub: Hub) -> WheelPlan:
         sensor=wheel.sensor,
         defect=wheel.defect,
     )
+
+
+def _path(wheel: Wheel) -> tuple[Series, Path]:
+    """Return the speed of a wheel in km/h, and the turns of its hub."""
+    motion = wheel.motion
+    degree = math.radians(1.0)
+    yaw = motion.yaw_rate_degps.scaled(degree)
+    if motion.curvature_pkm.low or motion.curvature_pkm.high:
+        yaw = yaw_over_time(motion.speed_kmh, motion.curvature_pkm.scaled(1e-3))
+    reverse, speed_kmh = motion.direction == "reverse", motion.speed_kmh
+    if yaw.low or yaw.high:
+        left_m = 0.5 * motion.track_m * (-1.0 if (wheel.side == "right") != reverse else 1.0)
+        speed_kmh = speed_beside(speed_kmh, yaw, left_m)
+    slip, camber = wheel.slip_angle_deg.scaled(degree), wheel.camber_deg.scaled(degree)
+    return speed_kmh, Path(yaw, slip, camber, motion.grade_deg.scaled(degree), motion.bank_deg.scaled(degree), reverse)
