@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from gateway.core.contacts.free_belt import displacement_rows
 from gateway.core.estimates.estimator import Estimate, Status, TireConditions
 from gateway.core.estimates.tire_data import TireData
 from gateway.core.quantity_catalogue import quantity_of
@@ -14,7 +15,7 @@ from gateway.core.reasons import Code, codes_of
 from gateway.forces.friction_use import FrictionUseEstimator, share_of_trail
 from gateway.forces.lateral_belt import LateralBelt, LateralSolution, solve_lateral_belt
 from gateway.forces.lateral_deformation import ORDERS, lateral_coefficients
-from gateway.forces.side_force import HORIZON_REVOLUTIONS, NAMES, SideForceEstimator, displacement_rows
+from gateway.forces.side_force import HORIZON_REVOLUTIONS, NAMES, SideForceEstimator
 from gateway.forces.side_force_calibration import LinearLaw, SideForceCalibration, fit_linear_law
 from tests.testkit.exact_ring import PRESSURE_PA, RADIUS_M, on_grid, solution
 from tests.testkit.revolution_data import CONDITIONS, OMEGA, exact_wave, make_revolution, settled
