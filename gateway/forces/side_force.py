@@ -10,11 +10,11 @@ from typing import Final
 
 import numpy as np
 
-from gateway.core.contacts.free_belt import displacement_rows
 from gateway.core.estimates.determination import DETERMINED, SETTLED_REVOLUTIONS
 from gateway.core.estimates.estimator import Estimate, Status, TireConditions
 from gateway.core.reasons import Code, Reason
 from gateway.core.types import FloatArray
+from gateway.forces.free_belt import displacement_rows
 from gateway.forces.lateral_deformation import ORDERS
 from gateway.forces.lateral_shape import LateralEstimator, LateralSteps
 from gateway.forces.side_force_calibration import LinearLaw

@@ -7,11 +7,11 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from gateway.core.contacts.free_belt import displacement_rows
 from gateway.core.estimates.estimator import Estimate, Status, TireConditions
 from gateway.core.estimates.tire_data import TireData
 from gateway.core.quantity_catalogue import quantity_of
 from gateway.core.reasons import Code, codes_of
+from gateway.forces.free_belt import displacement_rows
 from gateway.forces.friction_use import FrictionUseEstimator, share_of_trail
 from gateway.forces.lateral_belt import LateralBelt, LateralSolution, solve_lateral_belt
 from gateway.forces.lateral_deformation import ORDERS, lateral_coefficients
