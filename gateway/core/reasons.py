@@ -529,6 +529,10 @@ class Code(Enum):
         "the time of the receiver is {ahead_s:+.1f} s from that of this computer, whose times the recording has: "
         "`treadlink set-clock FILE` makes a copy with those of the receiver"
     )
+    BUS_MESSAGE_TWICE = (
+        "message {message} comes from two buses: {first} and {second}. Only that of {first} is decoded; `channel` of "
+        "the source chooses one, as in can:drive.blf?channel=1"
+    )
     SENTENCES_UNREAD = (
         "its position, speed and time are not read: that needs the package 'pynmeagps' (pip install 'treadlink[nmea]')"
     )

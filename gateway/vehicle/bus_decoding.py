@@ -8,8 +8,9 @@ from contextlib import suppress
 from typing import Any, Final, NamedTuple
 
 from gateway.core.errors import ConfigError
-from gateway.core.links.bus_frames import unpack
+from gateway.core.links.bus_frames import BusFrame, unpack
 from gateway.core.links.source import BusFrames
+from gateway.core.reasons import Code, Reason
 from gateway.vehicle.dbc_file import message_names, only_messages
 from gateway.vehicle.vehicle_signals import (
     POSITION_UNITS,
@@ -94,6 +95,10 @@ class BusDecoder:
         """
         self.dbc_text = dbc_text
         self.frames = self.undecodable = 0
+        # One identifier may mean another thing on another bus: a message counts from the first bus that carries it.
+        self._buses: dict[tuple[int, bool], tuple[str, int | None]] = {}
+        self._told: set[tuple[int, bool]] = set()
+        self._notices: list[tuple[str, Reason]] = []
         database = _database(dbc_text, origin, {setup.message for setup in setups})
         self._extended_mask = _J1939_GROUP if is_j1939 else _WHOLE_ID
         self._messages: dict[tuple[int, bool], tuple[Any, list[_Wanted]]] = {}
@@ -116,6 +121,8 @@ class BusDecoder:
             if mapped is None or frame.is_error or frame.is_remote:
                 continue
             message, wanted = mapped
+            if not self._is_of_one_bus(item.link, frame, message.name):
+                continue
             try:
                 # A multiplexed message carries only some of its signals.
                 values = message.decode(frame.data, decode_choices=False, scaling=False, allow_truncated=True)
@@ -128,6 +135,23 @@ class BusDecoder:
                 value = wanted_signal.value(values.get(wanted_signal.signal.name))
                 if value is not None:
                     yield SignalValue(wanted_signal.key, frame.host_ns, value)
+
+    def take_notices(self) -> list[tuple[str, Reason]]:
+        """Return what is to be said of the buses since the last call, with their links."""
+        notices, self._notices = self._notices, []
+        return notices
+
+    def _is_of_one_bus(self, link: str, frame: BusFrame, message: str) -> bool:
+        """Return whether a frame is of the bus that carried its message first; tell once of another one."""
+        key, bus = self._key(frame.can_id, frame.is_extended), (link, frame.channel)
+        first = self._buses.setdefault(key, bus)
+        if first == bus:
+            return True
+        if key not in self._told:
+            self._told.add(key)
+            reason = Reason(Code.BUS_MESSAGE_TWICE, message=message, first=_bus_name(*first), second=_bus_name(*bus))
+            self._notices.append((link, reason))
+        return False
 
     def _key(self, can_id: int, is_extended: bool) -> tuple[int, bool]:
         return can_id & self._extended_mask if is_extended else can_id, is_extended
@@ -163,6 +187,10 @@ class BusDecoder:
             _Wanted(signal, vehicle_signal.key, unit.factor * setup.factor, _no_values(signal, unit.suffix), low, high)
         )
         return vehicle_signal
+
+
+def _bus_name(link: str, channel: int | None) -> str:
+    return link if channel is None else f"{link}, channel {channel}"
 
 
 def _no_values(signal: Any, suffix: str) -> frozenset[int]:

@@ -25,6 +25,7 @@ from gateway.core.links.source import (
     SourceAddress,
 )
 from gateway.core.reasons import Code, Reason
+from gateway.vehicle.can_log import channel_number, frame_of, logged_frames
 from gateway.vehicle.dbc_file import read_dbc
 from gateway.vehicle.log_file import LogFile
 
@@ -40,7 +41,7 @@ _WAIT_S: Final = 0.1
 
 
 def open_can_source(address: SourceAddress, clock: Clock) -> Source:
-    """Open `can:INTERFACE:CHANNEL?bitrate=500000&dbc=FILE`, or `can:FILE?dbc=FILE&speed=1|10|max&offset_s=0`.
+    """Open `can:INTERFACE:CHANNEL?bitrate=500000&dbc=FILE`, or `can:FILE?dbc=FILE&channel=1&speed=1|10|max&offset_s=0`.
 
     Raises:
         SourceError: python-can is missing, or address, file or option cannot be used.
@@ -191,7 +192,7 @@ class CanBusSource:
 
 
 class CanFileSource(LogFile):
-    """Frames of a log file with its times, in the formats of python-can: BLF, ASC, candump log, CSV, TRC, MF4.
+    """Frames of a log file with its times: BLF, ASC, TRC, MF4 and CSV of python-can, candump, SavvyCAN.
 
     Attributes:
         dbc_text: the DBC file given with the source, None without one.
@@ -203,33 +204,48 @@ class CanFileSource(LogFile):
         Raises:
             SourceError: there is no such file, or an option is not known or not allowed.
         """
-        super().__init__(address, clock, "dbc")
+        super().__init__(address, clock, "dbc", "channel")
         self.dbc_text = dbc_text
+        text = address.options.get("channel")
+        self._channel = None if text is None else channel_number(text)
+        if text is not None and self._channel is None:
+            raise SourceError(f"invalid option channel={text}", "Give the name of a bus in the log: 1, 2, or can0.")
 
     def items(self, stop: threading.Event) -> Iterator[LinkItem]:
         """Yield blocks of frames with the times of the file, then that it has ended.
 
         Raises:
-            SourceError: the file cannot be read.
+            SourceError: the file cannot be read, or has no frame of the channel.
         """
         last_ns = 0
+        channels: set[int | None] = set()
         try:
-            import can
-
-            with can.LogReader(self._path) as reader:
-                frames = (_frame(message, self._offset_ns + round(message.timestamp * 1e9)) for message in reader)
-                for first_ns, block in _grouped(frames):
-                    if not self.playback.wait_until(first_ns, stop, self._closed):
-                        return
-                    last_ns = block[-1].host_ns
-                    yield BusFrames(self.link, first_ns, pack(block, first_ns))
+            frames = self._chosen(logged_frames(self._path, self._offset_ns), channels)
+            for first_ns, block in _grouped(frames):
+                if not self.playback.wait_until(first_ns, stop, self._closed):
+                    return
+                last_ns = block[-1].host_ns
+                yield BusFrames(self.link, first_ns, pack(block, first_ns))
         except Exception as error:  # damaged files raise errors of many kinds
             if not last_ns:
                 raise SourceError(
-                    f"cannot read the CAN log file '{self._path}': {error_text(error)}", "Check its format."
+                    f"cannot read the CAN log file '{self._path}': {error_text(error)}",
+                    "It may be a log of BLF, ASC, TRC or MF4, of candump, of SavvyCAN, or CSV of python-can.",
                 ) from error
             yield self._cut_off(last_ns, error_text(error))
+        if self._channel is not None and channels and self._channel not in channels:
+            shown = ", ".join(sorted(str(channel) for channel in channels if channel is not None)) or "none"
+            raise SourceError(
+                f"the CAN log file '{self._path}' has no channel {self._channel}", f"Its channels are: {shown}."
+            )
         yield from self._end(last_ns, stop)
+
+    def _chosen(self, frames: Iterator[BusFrame], channels: set[int | None]) -> Iterator[BusFrame]:
+        """Yield the frames of the chosen channel; collect all channels."""
+        for frame in frames:
+            channels.add(frame.channel)
+            if self._channel is None or frame.channel == self._channel:
+                yield frame
 
 
 def _grouped(frames: Iterator[BusFrame]) -> Iterator[tuple[int, list[BusFrame]]]:
@@ -247,15 +263,7 @@ def _grouped(frames: Iterator[BusFrame]) -> Iterator[tuple[int, list[BusFrame]]]
 
 
 def _frame(message: can.Message, host_ns: int) -> BusFrame:
-    return BusFrame(
-        host_ns,
-        message.arbitration_id,
-        message.is_extended_id,
-        bytes(message.data),
-        message.is_fd,
-        message.is_remote_frame,
-        message.is_error_frame,
-    )
+    return frame_of(message, host_ns, None)
 
 
 def error_text(error: Exception) -> str:

@@ -80,8 +80,9 @@ class SignalDecoder:
         return latest
 
     def take_notices(self) -> list[tuple[str, Reason]]:
-        """Return what is to be said of receivers since the last call, with their links."""
-        return [(link, reason) for link, decoder in self._receivers.items() for reason in decoder.take_notices()]
+        """Return what is to be said of receivers and buses since the last call, with their links."""
+        of_receivers = [(link, reason) for link, each in self._receivers.items() for reason in each.take_notices()]
+        return [*of_receivers, *(self._bus.take_notices() if self._bus is not None else ())]
 
     def _values(self, item: VehicleData) -> Iterator[SignalValue]:
         if isinstance(item, BusFrames):

@@ -10,13 +10,16 @@ _REMOTE: Final = 1 << 30
 _ERROR: Final = 1 << 29
 _ID_MASK: Final = _ERROR - 1
 _FD: Final = 1
+_CHANNEL_SHIFT: Final = 1
+_MAX_CHANNEL: Final = 126
 _MAX_DATA: Final = 64
 _MAX_AFTER_US: Final = (1 << 32) - 1
 
 LAYOUT: Final = """\
 Frames of a vehicle bus as received; log_time is the arrival of the first. Each frame: uint32 microseconds after
-log_time, uint32 identifier (bit 31 extended, bit 30 remote, bit 29 error), uint8 length, uint8 flags (bit 0 CAN FD),
-data. Little endian. The channel's metadata name the link.
+log_time, uint32 identifier (bit 31 extended, bit 30 remote, bit 29 error), uint8 length, uint8 flags (bit 0 CAN
+FD, bits 1 to 7 the channel of the log plus 1, 0 where it names none), data. Little
+endian. The channel's metadata name the link.
 """
 
 
@@ -31,6 +34,7 @@ class BusFrame(NamedTuple):
         is_fd: a frame of CAN FD.
         is_remote: a request without data.
         is_error: an error of the bus, no frame.
+        channel: number of the bus by the log, 0 to 126; None where it names none.
     """
 
     host_ns: int
@@ -40,6 +44,7 @@ class BusFrame(NamedTuple):
     is_fd: bool = False
     is_remote: bool = False
     is_error: bool = False
+    channel: int | None = None
 
 
 def pack(frames: Iterable[BusFrame], first_ns: int) -> bytes:
@@ -50,7 +55,8 @@ def pack(frames: Iterable[BusFrame], first_ns: int) -> bytes:
         number = frame.can_id & _ID_MASK
         number |= _EXTENDED * frame.is_extended | _REMOTE * frame.is_remote | _ERROR * frame.is_error
         data = frame.data[:_MAX_DATA]
-        parts.append(_HEAD.pack(after_us, number, len(data), _FD * frame.is_fd) + data)
+        channel = 0 if frame.channel is None else min(frame.channel, _MAX_CHANNEL) + 1
+        parts.append(_HEAD.pack(after_us, number, len(data), _FD * frame.is_fd | channel << _CHANNEL_SHIFT) + data)
     return b"".join(parts)
 
 
@@ -75,5 +81,6 @@ def unpack(data: bytes, first_ns: int) -> Iterator[BusFrame]:
             bool(flags & _FD),
             bool(number & _REMOTE),
             bool(number & _ERROR),
+            (flags >> _CHANNEL_SHIFT) - 1 if flags >> _CHANNEL_SHIFT else None,
         )
         offset += length

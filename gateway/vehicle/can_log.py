@@ -1,0 +1,217 @@
+"""Frames in log files of a CAN bus: those that python-can reads, and texts of candump and SavvyCAN."""
+
+from __future__ import annotations
+
+import gzip
+import re
+from collections.abc import Iterator
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from gateway.core.links.bus_frames import BusFrame
+
+if TYPE_CHECKING:
+    import can
+
+_EXTENDED_DIGITS: Final = 3
+_DIGITS: Final = re.compile(r"(\d+)$")
+_FIRST_LINES: Final = 20
+# candump without -l: time of -ta, -tA or none, interface, identifier, length, bytes.
+_CONSOLE: Final = re.compile(
+    r"\s*(?:\((?P<time>[^)]+)\)\s+)?(?P<bus>[A-Za-z][\w.-]*)\s+(?:[RT]X\s+[\w-]+\s+)?(?P<id>[0-9A-Fa-f]{3,8})\s+"
+    r"\[(?P<length>\d+)\](?P<rest>.*)"
+)
+_BYTE: Final = re.compile(r"\s*([0-9A-Fa-f]{2})(?=\s|$)")
+_LISTED: Final = re.compile(r"\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]+#")
+_SAVVY: Final = ("time stamp", "id", "extended")
+_ERROR_ID: Final = 1 << 29
+_ASC_STAMP: Final = re.compile(r"(\s*)(-?\d+\.\d+)(\s.*)", re.DOTALL)
+_ASC_STARTS: Final = re.compile(r"\s*-?\d+\.\d+\s+CANFD\s+Start of measurement", re.IGNORECASE)
+
+
+def channel_number(name: object) -> int | None:
+    """Return the number of a bus by its name in a log: 1 of `1`, `can1` and `vcan1`, None where it has none."""
+    match = _DIGITS.search(str(name).strip())
+    return int(match[1]) if match else None
+
+
+def frame_of(message: can.Message, host_ns: int, channel: int | None) -> BusFrame:
+    """Return a message of python-can as a frame."""
+    return BusFrame(
+        host_ns,
+        message.arbitration_id,
+        message.is_extended_id,
+        bytes(message.data),
+        message.is_fd,
+        message.is_remote_frame,
+        message.is_error_frame,
+        channel,
+    )
+
+
+def logged_frames(path: Path, offset_ns: int) -> Iterator[BusFrame]:
+    """Yield the frames of a log file at its times, in the order of the file.
+
+    Args:
+        path: of the file.
+        offset_ns: added to its times.
+
+    Raises:
+        ValueError: a line of text is none of its format, or the file is cut off.
+        Exception: of python-can, where the file is damaged.
+    """
+    suffix = path.name.lower().removesuffix(".gz").rpartition(".")[2]
+    first = [line for line in _first_lines(path) if line.strip()] if suffix in ("log", "csv") else []
+    if first and suffix == "csv" and first[0].lower().startswith(_SAVVY[0]):
+        yield from _savvy_frames(path, offset_ns)
+    elif first and suffix == "log" and not any(map(_LISTED.match, first)):
+        yield from _console_frames(path, offset_ns)
+    else:
+        yield from _library_frames(path, offset_ns, suffix)
+
+
+def _library_frames(path: Path, offset_ns: int, suffix: str) -> Iterator[BusFrame]:
+    import can
+
+    source: Any = can.LogReader(path) if suffix != "asc" else can.ASCReader(_AscLines(path))  # type: ignore[arg-type]
+    # Vector counts channels from 1, python-can from 0.
+    first_channel = 1 if suffix in ("asc", "blf") else 0
+    before_s = source.file.before_s if suffix == "asc" else 0.0
+    with source as reader:
+        for message in reader:
+            channel = channel_number(message.channel)
+            channel = None if channel is None else channel + first_channel
+            yield frame_of(message, offset_ns + round((message.timestamp - before_s) * 1e9), channel)
+        stated = getattr(reader, "file_size", 0) if suffix == "blf" else 0
+    if stated > path.stat().st_size:
+        raise ValueError(f"the file is cut: it has {path.stat().st_size} of {stated} bytes")
+
+
+class _AscLines:
+    """Lines of an ASC log as python-can reads them: times count from the start and are positive.
+
+    Attributes:
+        before_s: time by which all stamps were shifted: a log may begin before its trigger.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._file = _opened(path)
+        self.before_s = 0.0
+        self._is_relative = self._is_data = False
+        self._time_s = 0.0
+        self._rest = self._lines()
+        first = [match for line in _first_lines(path, 200) if (match := _ASC_STAMP.match(line))]
+        lowest_s = min((float(match[2]) for match in first), default=0.0)
+        if lowest_s < 0.0:
+            self.before_s = -lowest_s
+
+    def __iter__(self) -> Iterator[str]:
+        """Go on where the last loop has ended, as a file does."""
+        return self._rest
+
+    def _lines(self) -> Iterator[str]:
+        for line in self._file:
+            self._is_relative |= re.search(r"timestamps\s+relative", line, re.IGNORECASE) is not None
+            match = _ASC_STAMP.match(line)
+            if match is None:
+                yield line
+                continue
+            if not self._is_data:
+                # python-can takes the line that ends the header away.
+                self._is_data = True
+                yield "// data\n"
+                yield "internal events logged\n"
+            self._time_s = float(match[2]) + (self._time_s if self._is_relative else 0.0)
+            if not _ASC_STARTS.match(line):
+                yield f"{match[1]}{self._time_s + self.before_s:.9f}{match[3]}"
+
+    def read(self) -> str:
+        """Return the rest; python-can asks whether a file can be read."""
+        return "".join(self)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+def _console_frames(path: Path, offset_ns: int) -> Iterator[BusFrame]:
+    """Yield the frames of what candump prints; lines without a time cannot be placed."""
+    with _opened(path) as file:
+        for number, line in enumerate(file, 1):
+            if not line.strip():
+                continue
+            match = _CONSOLE.fullmatch(line.rstrip())
+            if match is None:
+                raise ValueError(f"line {number} is no line of candump: (time) can0 123#11223344 with -l, or "
+                                 f"(time) can0 123 [4] 11 22 33 44")  # fmt: skip
+            if match["time"] is None:
+                raise ValueError(f"line {number} has no time: record with candump -l, or with -ta")
+            number_id, rest = int(match["id"], 16), match["rest"]
+            is_error = "ERRORFRAME" in rest
+            data = bytes(int(byte, 16) for byte in _bytes_of(rest, int(match["length"])))
+            yield BusFrame(
+                offset_ns + _console_ns(match["time"].strip(), number),
+                number_id & (_ERROR_ID - 1) if is_error else number_id,
+                len(match["id"]) > _EXTENDED_DIGITS and not is_error,
+                data,
+                is_remote="remote request" in rest,
+                is_error=is_error,
+                channel=channel_number(match["bus"]),
+            )
+
+
+def _bytes_of(text: str, count: int) -> list[str]:
+    found: list[str] = []
+    place = 0
+    while len(found) < count and (match := _BYTE.match(text, place)):
+        found.append(match[1])
+        place = match.end()
+    return found
+
+
+def _console_ns(text: str, number: int) -> int:
+    """Return a time of candump in ns: seconds since 1970, or a date with a time."""
+    if re.fullmatch(r"\d+\.\d+", text):
+        seconds, _, fraction = text.partition(".")
+        return int(seconds) * 1_000_000_000 + int(fraction[:9].ljust(9, "0"))
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError as error:
+        raise ValueError(f"line {number}: '{text}' is no time of candump -ta or -tA") from error
+    return int(moment.replace(microsecond=0).timestamp()) * 1_000_000_000 + moment.microsecond * 1000
+
+
+def _savvy_frames(path: Path, offset_ns: int) -> Iterator[BusFrame]:
+    """Yield the frames of a CSV file of SavvyCAN (GVRET): times in us, bytes in columns of their own."""
+    with _opened(path) as file:
+        header = [cell.strip().lower() for cell in next(file).split(",")]
+        places = {name: header.index(name) for name in ("time stamp", "id", "extended", "len", "d1")}
+        bus = header.index("bus") if "bus" in header else None
+        for number, line in enumerate(file, 2):
+            cells = [cell.strip() for cell in line.split(",")]
+            if cells == [""]:
+                continue
+            try:
+                length = int(cells[places["len"]])
+                data = bytes(int(cell, 16) for cell in cells[places["d1"] : places["d1"] + length])
+                yield BusFrame(
+                    offset_ns + int(cells[places["time stamp"]]) * 1000,
+                    int(cells[places["id"]], 16),
+                    cells[places["extended"]].lower() in ("true", "1"),
+                    data,
+                    channel=channel_number(cells[bus]) if bus is not None else None,
+                )
+            except (ValueError, IndexError) as error:
+                raise ValueError(f"line {number} is no line of SavvyCAN: {','.join(header[:7])}, ...") from error
+
+
+def _opened(path: Path) -> Any:
+    if path.name.lower().endswith(".gz"):
+        return gzip.open(path, "rt", encoding="utf-8", errors="replace")
+    return path.open(encoding="utf-8", errors="replace")
+
+
+def _first_lines(path: Path, count: int = _FIRST_LINES) -> list[str]:
+    with _opened(path) as file:
+        return [line for _, line in zip(range(count), file, strict=False)]
