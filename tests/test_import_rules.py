@@ -34,7 +34,7 @@ CIRCLE_LIMIT = 51
 # Rooms and single modules of the closed loop: each may import those before it.
 CLOSURE_ORDER = (
     "effects", "data", "model", "criteria", "result", "bayes", "angle", "remainder", "search", "checks", "spectrum",
-    "report", "laws", "known_effects", "self_test", "transfer", "closed_loop", "effects_file", "campaign_clock",
+    "report", "known_effects", "self_test", "transfer", "closed_loop", "effects_file", "campaign_clock",
     "provenance", "repeated_samples", "campaign_recording", "campaign", "effects_opening", "next_recording",
     "campaign_diagnosis", "views", "feature", "commands",
 )  # fmt: skip

@@ -15,7 +15,7 @@ from gateway.core.worker_pool import Workers
 from gateway.diagnosis.campaign_diagnosis import diagnose_recordings
 from gateway.diagnosis.effects.effect import BaselineModel
 from gateway.diagnosis.effects_file import effects_text
-from gateway.diagnosis.result import Diagnosis, Finding, Fitted, Law, Unexplained
+from gateway.diagnosis.result import Diagnosis, Finding, Fitted, Unexplained
 from gateway.diagnosis.views.diagnosis_json import diagnosis_json, write_json
 from gateway.diagnosis.views.html import diagnosis_html, write_html
 from gateway.diagnosis.views.phrases import effect_title, why_unsaved
@@ -124,11 +124,6 @@ class DiagnosisReport:
         return self.result.unexplained
 
     @property
-    def laws(self) -> tuple[Law, ...]:
-        """A law, or a clue to one, for what no effect of the catalogue explains."""
-        return self.result.laws
-
-    @property
     def estimates_before(self) -> dict[str, Fitted]:
         """Estimates of the baseline model, by name."""
         return dict(self.result.estimates_before)
@@ -176,7 +171,7 @@ class DiagnosisReport:
         write_json(self.result, Path(path), force=force)
 
     def save_effects(self, path: PathLike, *, force: bool = False) -> None:
-        """Write the identified effects and laws to a file, for `effects` of `open` and `live`.
+        """Write the identified effects to a file, for `effects` of `open` and `live`.
 
         Raises:
             TreadlinkError: no effect was identified, or the baseline model is not the exact one.

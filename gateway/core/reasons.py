@@ -1248,10 +1248,6 @@ class Code(Enum):
         "{probability:probability}), which makes up most of its error"
     )
     PLUGIN_EFFECTS_LEFT_OUT = "effects of plug-ins ({effects}) are left out: with them the diagnosis failed: {error}"
-    LAW_MOVES_EFFECT = (
-        "{effect}: beside the law ({law}) its {parameter} is {value:.3g}{unit: }, not {without:.3g}{unit: }: decide on "
-        "the law first"
-    )
     NOT_ON_EXACT_RING = (
         "it absorbs errors of this model's equations: on the exact ring {effect} is {errors:.1f} errors from zero"
     )
@@ -1274,14 +1270,14 @@ class Code(Enum):
     BESIDE_SOMETHING_LARGER = (
         "its {own_mps2:.2f m/s²} may be part of something unknown beside it, {larger_mps2:.2f m/s²}"
     )
-    LAW_LEAVES_MUCH = "it explains {share:.0%} of what is left beyond noise"
-    LAW_FAILS_UNSEEN = (
+    FAILS_UNSEEN = (
         "with the size of the other recordings, the {axis} error of {recording} goes from {before_mps2:.3g} to "
         "{after_mps2:.3g m/s²}"
     )
-    LAW_SIZES_DIFFER = "its size in {recording} alone is {ratio:.2f} times that of all"
-    LAW_HAS_RIVALS = "{laws} explain the same as well"
-    LAW_UNTESTED = "no recording of another speed, load or pressure can test it"
+    SIZES_DIFFER = (
+        "it has no one size: fitted to each recording alone, its sizes differ (chi-square {chi2:.3g} of {freedom})"
+    )
+    UNTESTED_ELSEWHERE = "no recording of another speed, load or pressure can test it"
 
     # Diagnosis: deciding recordings
     RECORD_AT_SPEED = "record again at {speed_ratio:g} times the speed"

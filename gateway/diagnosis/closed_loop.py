@@ -25,6 +25,7 @@ from gateway.diagnosis.angle.number_estimates import (
     still_determined,
     widened,
 )
+from gateway.diagnosis.angle.remainder_freedom import beside_remainder
 from gateway.diagnosis.angle.residual import PARTS, PLANE, left_shares, residual_ratio
 from gateway.diagnosis.checks.outvoted_recordings import (
     RecordingsContradictedError,
@@ -42,8 +43,6 @@ from gateway.diagnosis.data.condition_groups import unlike_contacts
 from gateway.diagnosis.effects.catalogue import candidates, plugin_effects
 from gateway.diagnosis.effects.effect import BaselineModel
 from gateway.diagnosis.effects.mounting import MountingOffset
-from gateway.diagnosis.laws.law_search import LawsFound, propose_laws
-from gateway.diagnosis.laws.unseen_recordings import judged_elsewhere
 from gateway.diagnosis.model.baseline_registry import angle_effects, make_core
 from gateway.diagnosis.model.closure_model import AngleEffect
 from gateway.diagnosis.remainder.contact_edge_jitter import edge_findings
@@ -51,9 +50,11 @@ from gateway.diagnosis.remainder.drifts import drifts_of, with_drifts
 from gateway.diagnosis.remainder.non_stationary import beside_changes, changing
 from gateway.diagnosis.remainder.unexplained_orders import unexplained
 from gateway.diagnosis.remainder.unexplained_revolutions import unexplained_revolutions
-from gateway.diagnosis.report.effect_contribution import contribution_table, moved_by_law
+from gateway.diagnosis.report.effect_contribution import contribution_table
 from gateway.diagnosis.report.findings import apart_from, beside_more, confirmed, findings_of
 from gateway.diagnosis.report.hold_out import alignment_note, hold_out
+from gateway.diagnosis.report.one_size import of_one_size
+from gateway.diagnosis.report.other_conditions import judged_elsewhere
 from gateway.diagnosis.report.report_curves import curves_of, effect_curves_of, trends_of
 from gateway.diagnosis.result import Diagnosis, Finding, Fitted, Unexplained, Verdict
 from gateway.diagnosis.search.candidate_scan import Helpers
@@ -180,7 +181,6 @@ def _diagnose(
     time_locked = time_locked_ahead()
     edges = edges_ahead()
     on_progress(_TIME_LOCKED, "preparing figures")
-    explained = propose_laws(best, data, expired) if search.complete and unexplained(best.fit, data) else LawsFound()
     numbers = _numbers(search, posterior, exact)
     residuals: tuple[Unexplained, ...] = (
         *changes,
@@ -228,7 +228,6 @@ def _diagnose(
             *_in_doubt(campaign),
             *_no_ring(campaign, numbers.strange),
             *alignment_note(held_out),
-            *(moved_by_law(explained.fit, findings, explained.laws[0].title) if explained.fit is not None else ()),
             *_notes(campaign, with_mean=core.mean),
             *(_cut_short(search, posterior) or _tempered(posterior)),
             *_open(numbers.considered, numbers.after),
@@ -236,8 +235,7 @@ def _diagnose(
             *time_locked.notes,
         ),
         folds_of=_folds_of(campaign),
-        correction=contribution_table(explained.fit or best.fit, tuple(findings), explained.laws),
-        laws=explained.laws,
+        correction=contribution_table(best.fit, tuple(findings)),
         load_known=all(group.load_known for group in campaign.groups),
         pressure_known=all(group.pressure_known for group in campaign.groups),
         complete=search.complete,
@@ -261,7 +259,8 @@ def _judged(
     if exact is not None:
         findings = confirmed(apart_from(findings, exact.parameters), exact.absent)
     without = {name: posterior.without(name).fit for name in best.names}
-    tested = judged_elsewhere(beside_more(findings, best.fit, data), best.fit, without, data)
+    single = of_one_size(beside_more(findings, best.fit, data), best.fit, data)
+    tested = judged_elsewhere(single, best.fit, without, data)
     return doubted(tested, tuple(effects.values()), campaign, over)
 
 
@@ -310,7 +309,7 @@ def _numbers(search: SetSearch, posterior: Posterior, exact: OnExactRing | None)
         doubted_states = {group.state for group in campaign.groups}
     contradicted = frozenset(doubted_states)
     strange, strange_before = (_not_a_ring(evaluated.fit, data) for evaluated in (posterior.best, posterior.baseline))
-    considered = [(evaluated.fit, weight) for evaluated, weight in posterior.considered]
+    considered = [(beside_remainder(evaluated.fit, data), weight) for evaluated, weight in posterior.considered]
     after, determined = estimates_of(
         considered, better, contradicted | _states_of(campaign, strange), posterior.temperatures.plane
     )
@@ -319,7 +318,7 @@ def _numbers(search: SetSearch, posterior: Posterior, exact: OnExactRing | None)
         determined = dict.fromkeys(determined, False)
     to_before = better if exact is not None else [*better, after]
     before, determined_before = estimates_of(
-        [(posterior.baseline.fit, 1.0)],
+        [(beside_remainder(posterior.baseline.fit, data), 1.0)],
         to_before,
         contradicted | _states_of(campaign, strange_before),
         math.sqrt(residual_ratio(posterior.baseline.fit, data, PLANE)),

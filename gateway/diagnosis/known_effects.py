@@ -12,11 +12,22 @@ from gateway.diagnosis import criteria
 from gateway.diagnosis.effects.catalogue import candidates
 from gateway.diagnosis.effects.effect import BaselineModel, Parameter
 from gateway.diagnosis.effects.local_effects import LocalChange
-from gateway.diagnosis.laws.library import library
 from gateway.diagnosis.model.baseline_registry import angle_effects
 from gateway.diagnosis.model.closure_model import AngleEffect
 
 _AGAIN: Final = "Create the file again with `treadlink diagnose --save-effects`."
+
+# Files of before held laws, by other names.
+_RENAMED: Final = {
+    "law: delay of the circumferential axis": "circumferential delay",
+    "law: delay of the lateral axis": "lateral delay",
+    "law: hysteresis of the circumferential axis": "circumferential hysteresis",
+    "law: hysteresis of the lateral axis": "lateral hysteresis",
+    "law: hysteresis of the radial axis": "radial hysteresis",
+    "law: mean over a length": "sensor length",
+    "law: circumferential in the lateral axis": "yaw tilt",
+    "law: radial in the circumferential axis": "pitch tilt",
+}
 
 
 def known_effects(
@@ -30,16 +41,13 @@ def known_effects(
         model: baseline model that they are to be added to; a file is made with the exact ring.
 
     Raises:
-        TreadlinkError: an effect is neither in the catalogue nor a law, or stands twice, or its parameters are not
+        TreadlinkError: an effect is not in the catalogue, or stands twice, or its parameters are not
             those of the catalogue, in another unit or outside of their ranges.
     """
     catalogue: dict[str, AngleEffect] = dict(angle_effects(candidates(model)))
-    if model is BaselineModel.EXACT:
-        # A law is the answer of the exact ring, or was found beside it.
-        catalogue |= library()
     effects: list[tuple[AngleEffect, FloatArray]] = []
     for corrected in table.effects:
-        effect = catalogue.get(corrected.name)
+        effect = catalogue.get(_RENAMED.get(corrected.name, corrected.name.removeprefix("law: ")))
         if effect is None:
             raise TreadlinkError(
                 f"{origin}: the catalogue has no effect '{corrected.name}' for this baseline model",

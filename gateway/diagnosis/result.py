@@ -88,6 +88,23 @@ class Fitted:
 
 
 @dataclass(frozen=True, slots=True)
+class SingleSize:
+    """Size of an effect in one recording alone, everything free.
+
+    Attributes:
+        recording: index.
+        parameter: of the effect.
+        value: in SI.
+        std: standard error, likewise.
+    """
+
+    recording: int
+    parameter: str
+    value: float
+    std: float
+
+
+@dataclass(frozen=True, slots=True)
 class Finding:
     """One effect of the catalogue for which the data hold evidence.
 
@@ -108,6 +125,7 @@ class Finding:
         lock: "angle", "time", or "contact" for what scatters from one contact to the next.
         probability: that the effect is present.
         log_odds: logarithm of its odds by the best sets with and without it; NaN for an impossible one.
+        single_sizes: its sizes in each recording alone.
     """
 
     name: str
@@ -126,6 +144,7 @@ class Finding:
     lock: str = "angle"
     probability: float = math.nan
     log_odds: float = math.nan
+    single_sizes: tuple[SingleSize, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,25 +222,17 @@ class Unexplained:
     drifts: tuple[Drift, ...] = ()
 
 
-class LawSize(NamedTuple):
-    """Size of a law in one recording alone, SI, and its standard error."""
-
-    recording: int
-    value: float
-    std: float
-
-
 class UnseenError(NamedTuple):
-    """Error of one axis of a recording, rms in m/s^2, that a law has not seen.
+    """Error of one axis of a recording, rms in m/s^2, that an effect has not seen.
 
     Attributes:
         recording: index.
         axis: "circumferential", "lateral" or "radial".
-        before_mps2: without the law.
-        after_mps2: with the law as the other recordings determine it.
+        before_mps2: without the effect.
+        after_mps2: with the effect as the other recordings determine it.
         noise_mps2: that a perfect model would leave.
-        contribution_mps2: of the law, beyond what the tire's own parameters take.
-        fall_std: by which noise alone changes the mean square that the law takes away, (m/s^2)^2.
+        contribution_mps2: of the effect, beyond what the tire's own parameters take.
+        fall_std: by which noise alone changes the mean square that the effect takes away, (m/s^2)^2.
         coefficients: real coefficients compared.
     """
 
@@ -233,23 +244,6 @@ class UnseenError(NamedTuple):
     contribution_mps2: float
     fall_std: float
     coefficients: int
-
-
-@dataclass(frozen=True, slots=True)
-class LawCurves:
-    """What is left of one group of revolutions, and a law, for the figure.
-
-    Attributes:
-        label: recording, speed, load, pressure.
-        theta_rad: (n,).
-        left_mps2: (3, n) mean of all revolutions less the model without the law.
-        law_mps2: (3, n) what the law adds to that model's best fit.
-    """
-
-    label: str
-    theta_rad: FloatArray
-    left_mps2: FloatArray
-    law_mps2: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,51 +263,6 @@ class EffectCurves:
     theta_rad: FloatArray
     added_mps2: FloatArray
     std_mps2: FloatArray
-
-
-@dataclass(frozen=True, slots=True)
-class Law:
-    """A law, or a clue to one, for what no effect of the catalogue explains; never an identified effect.
-
-    Attributes:
-        name: in the library.
-        title: for display.
-        certain: True for a law that passed every condition, False for a clue.
-        reasons: why it is no more than a clue.
-        summary: physical reading.
-        equation: in quantities of the model.
-        scaling: with speed, load and pressure.
-        source: of the equation.
-        axes: that it acts on.
-        parameters: by name.
-        log_odds: tempered ln evidence less the price of the library and of a stand-in.
-        share: of the power left beyond noise that it explains.
-        rms_mps2: size of its contribution, rms over the signal of its axes.
-        sizes: of single recordings, in the unit of the first parameter.
-        unseen: errors of recordings that it has not seen, by axis.
-        rivals: names of laws that explain the same as well.
-        held_out: error without and with it on held-out revolutions; None for a clue.
-        curves: for the figure.
-    """
-
-    name: str
-    title: str
-    certain: bool
-    reasons: tuple[Reason, ...]
-    summary: str
-    equation: str
-    scaling: str
-    source: str
-    axes: tuple[str, ...]
-    parameters: Mapping[str, Fitted]
-    log_odds: float
-    share: float
-    rms_mps2: float
-    sizes: tuple[LawSize, ...] = ()
-    unseen: tuple[UnseenError, ...] = ()
-    rivals: tuple[str, ...] = ()
-    held_out: HeldOut | None = None
-    curves: tuple[LawCurves, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -563,7 +512,6 @@ class Diagnosis:
         complete: False where the search for effects ended because its time was over.
         outvoted: recordings that most others contradict, by index, and why.
         left_out: recordings that were given but not used, each with its reason.
-        laws: for the angle-locked part of `unexplained`, or clues to them; empty where nothing is credible.
         origin: what it was made of; None where that is not known.
         self_test: how simulations of the result are diagnosed; None where none was asked for.
         taken_from: where the effects were found, if nothing was searched for and they are as found there.
@@ -597,7 +545,6 @@ class Diagnosis:
     complete: bool = True
     outvoted: Mapping[int, Reason] = field(default_factory=dict)
     left_out: tuple[Reason, ...] = ()
-    laws: tuple[Law, ...] = ()
     origin: Origin | None = None
     self_test: SelfTest | None = None
     taken_from: str = ""

@@ -18,7 +18,6 @@ from gateway.diagnosis.closed_loop import SEARCHED
 from gateway.diagnosis.data.campaign_data import Campaign
 from gateway.diagnosis.effects.effect import BaselineModel
 from gateway.diagnosis.effects_file import effects_text, load_effects
-from gateway.diagnosis.result import Fitted, Law
 from tests.testkit.campaign_recordings import write_recording
 from tests.testkit.commands import invoked
 from tests.testkit.diagnosis_data import empty, ordinary, undrawn
@@ -103,27 +102,6 @@ def test_result_names_command_and_recordings(closed, recording, tmp_path):
     (single,) = origin["recordings"]
     assert single["sha256"] == hashlib.sha256(Path(recording).read_bytes()).hexdigest()
     assert 0.0 < single["first_s"] < single["last_s"]
-
-
-def test_plug_in_is_refused_before_the_work(closed, recording, tmp_path):
-    asked, _ = closed
-    assert "exists" in refused(recording, "--law-plugin", tmp_path)[0]
-    assert "there is no folder" in refused(recording, "--law-plugin", tmp_path / "none" / "plugin")[0]
-    assert "requires --model exact" in refused(recording, "--model", "paper", "--law-plugin", tmp_path / "p")[0]
-    assert not asked
-
-
-def test_plug_in_is_written_where_another_file_fails(closed, recording, tmp_path):
-    """Its names are ASCII, as those of packages are."""
-    _, answer = closed
-    law = Law(
-        "law: delay of the lateral axis", "delay", True, (), "It is late.", "a(t - tau)", "none", "definition",
-        ("lateral",), {"delay_s": Fitted(4e-5, 1e-6, "s")}, 90.0, 0.9, 20.0,
-    )  # fmt: skip
-    answer[0] = replace(empty(), laws=(law,), correction=None)
-    message, _ = refused(recording, "--save-effects", tmp_path / "e.json", "--law-plugin", tmp_path / "Größe 7")
-    assert "e.json" in message
-    assert (tmp_path / "Größe 7" / "treadlink_gr_e_7" / "__init__.py").is_file()
 
 
 def test_search_ends_with_the_budget(closed, recording):

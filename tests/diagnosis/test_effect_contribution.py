@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 
 from gateway.core.revolutions.effect_correction import CorrectionTable
-from gateway.core.text import wording
 from gateway.diagnosis.data.campaign_data import Block, Campaign, Group
 from gateway.diagnosis.effects.angle_orders import ORDERS
 from gateway.diagnosis.effects.catalogue import catalogue
 from gateway.diagnosis.model.closure_model import ClosureModel
 from gateway.diagnosis.model.exact_baseline import ExactCore
-from gateway.diagnosis.report.effect_contribution import contribution_table, moved_by_law
+from gateway.diagnosis.report.effect_contribution import contribution_table
 from gateway.diagnosis.result import Finding, Fitted, Verdict
 from tests.diagnosis.belt_data import rolling_at
 
@@ -75,22 +74,3 @@ def test_reverse_only_uses_sensor_axes() -> None:
     made = table(group(60.0, 20, reverse=True))
     # As glued, the radial axis leaks into +circumferential whichever way the wheel turns.
     assert leak(made) == pytest.approx(np.sin(PITCH_RAD), rel=0.02)
-
-
-@pytest.mark.parametrize(("certain", "saved_rad"), [(True, PITCH_RAD), (False, 0.03)])
-def test_effect_is_saved_as_it_is_beside_a_law(certain: bool, saved_rad: float) -> None:
-    """What an effect took of the law before that was found would be subtracted twice."""
-    law: Any = SimpleNamespace(name="law: of a test", certain=certain, parameters={})
-    fit, result = pitched(group(60.0, 20), found_rad=0.03)
-    made = contribution_table(fit, (result,), (law,))
-    assert made is not None
-    (effect,) = made.effects
-    assert effect.parameters[0].value == pytest.approx(saved_rad)
-    assert effect.parameters[0].std == pytest.approx(1e-3)
-
-
-def test_effect_that_a_law_moves_is_noted() -> None:
-    fit, result = pitched(group(60.0, 20), found_rad=0.03)
-    (note,) = moved_by_law(fit, (result,), "delay")
-    assert wording.text(note).startswith("pitch tilt: beside the law (delay) its pitch_rad is 1.15 deg, not 1.72 deg")
-    assert not moved_by_law(fit, (pitched(group(60.0, 20), found_rad=PITCH_RAD + 2e-3)[1],), "delay")

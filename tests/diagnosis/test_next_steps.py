@@ -5,16 +5,12 @@ from dataclasses import replace
 import pytest
 
 from gateway.core.reasons import Code, Reason
-from gateway.diagnosis.result import Fitted, Law, Scaling, ScalingStatus, Unexplained, Verdict
+from gateway.diagnosis.result import Fitted, Scaling, ScalingStatus, Unexplained, Verdict
 from gateway.diagnosis.views.next_steps import next_steps
 from tests.testkit.diagnosis_data import WARMER, empty, ordinary
 
 KNOWN = Scaling(ScalingStatus.KNOWN, 2.0)
 ANGLE = Unexplained("radial", "angle", (12, 52), (80.0, 550.0), (0.86, 0.94), KNOWN, 21.0, 0.1)
-LAW = Law(
-    "law: local mass", "local mass", True, (), "A part.", "m", "omega^2", "ring", ("radial",),
-    {"mass_kg": Fitted(0.01, 1e-4, "kg")}, 90.0, 0.9, 20.0,
-)  # fmt: skip
 TIME = Unexplained("lateral", "time", None, (47.0, 53.0), None, KNOWN, 3.0, 0.1)
 
 
@@ -80,38 +76,3 @@ def test_every_open_end_has_a_step() -> None:
     assert "state" in steps["not determined: Ts"]
     assert steps["one speed"] == "record at a second speed under the same load and pressure"
     assert len(steps) == 7
-
-
-def test_a_law_has_a_step_in_place_of_what_it_explains() -> None:
-    first, second, *_ = ordinary().findings
-    moved = Reason(
-        Code.LAW_MOVES_EFFECT, effect="gain", law=LAW.title, parameter="error", value=0.1, without=2.6, unit="%"
-    )
-    diagnosis = replace(
-        empty(),
-        findings=(replace(first, name="gain", verdict=Verdict.NAMED), replace(second, name="camber")),
-        unexplained=(ANGLE, replace(ANGLE, axis="lateral")),
-        laws=(LAW,),
-        notes=(moved,),
-    )
-    steps = dict(next_steps(diagnosis))
-    assert "--law-plugin" in steps["law: local mass"]
-    assert steps["gain"].startswith("decide on the law first")
-    assert not any(about.startswith("radial") for about in steps)
-    assert any(about.startswith("lateral") for about in steps)
-
-
-@pytest.mark.parametrize(
-    ("code", "part"),
-    [
-        (Code.LAW_UNTESTED, "record at another speed and load"),
-        (Code.LAW_HAS_RIVALS, "record at another speed and load"),
-        (Code.LAW_SIZES_DIFFER, "does not hold for all recordings"),
-        (Code.LAW_LEAVES_MUCH, "not the only one"),
-    ],
-)
-def test_a_clue_has_a_step_and_keeps_that_of_the_residual(code: Code, part: str) -> None:
-    clue = replace(LAW, certain=False, reasons=(Reason(code),))
-    steps = dict(next_steps(replace(empty(), laws=(clue,), unexplained=(ANGLE,))))
-    assert part in steps["clue: local mass"]
-    assert any(about.startswith("radial") for about in steps)

@@ -10,10 +10,10 @@ import pytest
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.types import ComplexArray, FloatArray
 from gateway.diagnosis.bayes.parameter_estimates import fitted_parameter
+from gateway.diagnosis.effects.axis_errors import GainBelowZero
 from gateway.diagnosis.effects.belt_geometry import relative_curvature, relative_offset
 from gateway.diagnosis.effects.effect import CIRCUMFERENTIAL, FIELD_SIZE, LATERAL, RADIAL, GroupConditions
 from gateway.diagnosis.effects.lateral_response import Load, Stiffness, unit_response
-from gateway.diagnosis.laws.sensor_errors import GainBelowZero
 from gateway.diagnosis.views.quantities import show_fitted
 from gateway.forces.lateral_belt import LateralBelt, LateralSolution, solve_lateral_belt
 from gateway.ring.rolling_ring.sensor_waveform import sensor_waveform
@@ -256,7 +256,7 @@ def test_depth_that_the_recordings_measured_is_free() -> None:
         )
         for group in made.groups
     )
-    error = GainBelowZero(CIRCUMFERENTIAL)
+    error = GainBelowZero(CIRCUMFERENTIAL, 1)
     fit, _ = fitted(replace(made, groups=measured), error)
     where = fit.model.layout.sensor
     depth_std_m = math.sqrt(float(fit.covariance[where, where][0, 0]))

@@ -261,7 +261,7 @@ CASES: Final[tuple[Case, ...]] = (
     ),
     Case(
         "gain by the radial load",
-        (("gain by another axis",),),
+        (("circumferential gain by the radial axis",),),
         ("mounting offset",),
         depth_m=0.007,
         stated_mm=None,
@@ -269,7 +269,13 @@ CASES: Final[tuple[Case, ...]] = (
     ),
     Case("potting", chain=partial(_stiffer_above, 0.05, 30.0)),
     Case("cardan joint", (), ("torsional ripple",), turn=partial(_cardan, 6.0)),
-    Case("tall sensor", depth_m=0.006, stated_mm=6.0, chain=partial(_rocking, 2e-4)),
+    Case(
+        "tall sensor",
+        also=("circumferential gain by the radial axis",),
+        depth_m=0.006,
+        stated_mm=6.0,
+        chain=partial(_rocking, 2e-4),
+    ),
     Case("slew limit", chain=partial(_slew, 4e5)),
     Case("strained die", chain=partial(_strained, 60.0), depth_m=0.005, stated_mm=5.0),
     Case("sagging supply", (), ("gain",), chain=partial(_sagging, 0.01)),

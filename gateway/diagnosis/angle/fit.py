@@ -92,6 +92,7 @@ class Fit:
     prior_precision: FloatArray
     scale: float = 1.0
     applied: Applied | None = None
+    freedom: FloatArray | None = None
 
     @classmethod
     def of(cls, seen: Linearisation, model: ClosureModel, data: Whitened, applied: Applied | None) -> Self:
@@ -182,7 +183,8 @@ class Fit:
     @cached_property
     def covariance(self) -> FloatArray:
         """Covariance of the parameters, (P, P)."""
-        return np.asarray(np.linalg.inv(self.precision), dtype=np.float64)
+        covariance: FloatArray = np.asarray(np.linalg.inv(self.precision), dtype=np.float64)
+        return covariance if self.freedom is None else covariance + self.freedom
 
     @property
     def step(self) -> FloatArray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import shutil
 import sys
 from collections.abc import Callable, Iterator
@@ -18,7 +17,7 @@ import click
 from gateway.core.cli.options import FiniteRange, KnownName, config_option, force_option, given_command, keys_option
 from gateway.core.cli.path_option import path_option
 from gateway.core.cli.summary_output import SummaryOutput
-from gateway.core.errors import OutputError, TreadlinkError
+from gateway.core.errors import TreadlinkError
 from gateway.core.text.output_file import check_outputs, write_whole
 from gateway.core.text.text import clean, json_text
 from gateway.security.key_file import default_key_file
@@ -79,13 +78,7 @@ def _list_effects(context: click.Context, _: click.Parameter, chosen: str | None
 @path_option(
     "--save-effects",
     "effects_path",
-    help="Write the identified effects and laws to this file, for --effects of live, record, replay and estimate.",
-)
-@path_option(
-    "--law-plugin",
-    "plugin_path",
-    metavar="DIR",
-    help="Write a law that was found, as a plug-in that adds it to the catalogue, to this new directory.",
+    help="Write the identified effects to this file, for --effects of live, record, replay and estimate.",
 )
 @path_option(
     "--effects",
@@ -142,7 +135,6 @@ def diagnose(
     html_path: Path | None,
     empirical: bool,
     effects_path: Path | None,
-    plugin_path: Path | None,
     known_path: Path | None,
     folds: int,
     jobs: int | None,
@@ -177,21 +169,19 @@ def diagnose(
       treadlink diagnose other.mcap --effects fl.effects.json
       treadlink diagnose ahead.mcap back.mcap --reverse back.mcap
     """
-    if known_path is not None and (effects_path or plugin_path or empirical):
-        raise click.UsageError("--effects only compares: leave out --save-effects, --law-plugin and --empirical.")
+    if known_path is not None and (effects_path or empirical):
+        raise click.UsageError("--effects only compares: leave out --save-effects and --empirical.")
     if known_path is not None and (wheel is not None or budget_s is not None or self_tests):
         raise click.UsageError(
             "--effects states the wheel, and nothing is searched for: leave out --wheel, --budget and --self-test."
         )
-    if (effects_path or plugin_path) is not None and model != "exact":
+    if effects_path is not None and model != "exact":
         raise TreadlinkError(
-            f"{'--save-effects' if effects_path is not None else '--law-plugin'} requires --model exact",
+            "--save-effects requires --model exact",
             f"Leave out --model {model}: live and estimate already use the exact ring model.",
         )
-    if plugin_path is not None:
-        _check_new_directory(plugin_path)
     check_outputs(
-        (json_path, html_path, effects_path, plugin_path),
+        (json_path, html_path, effects_path),
         (*recordings, *reverse, config_path, key_file or default_key_file()),
         force=force,
     )
@@ -237,7 +227,6 @@ def diagnose(
         (json_path, partial(write_json, diagnosis, force=force)),
         (html_path, partial(write_html, diagnosis, force=force)),
         (effects_path, partial(_save_effects, diagnosis, force=force)),
-        (plugin_path, partial(write_plugin, diagnosis)),
     )
 
 
@@ -335,40 +324,6 @@ def _write(say: SummaryOutput, *outputs: tuple[Path | None, Callable[[Path], str
     if failed:
         raise failed[0]
     say.finish()
-
-
-def write_plugin(diagnosis: Diagnosis, path: Path) -> str:
-    """Write a law as a package; return how to install it.
-
-    Raises:
-        TreadlinkError: there is no law, or the directory exists or cannot be written.
-    """
-    from gateway.diagnosis.laws.law_plugin import plugin_files
-
-    law = next((candidate for candidate in diagnosis.laws if candidate.certain), None)
-    if law is None:
-        raise TreadlinkError(f"'{path}' is not written: no law was found", "A clue is no law: see its reasons.")
-    _check_new_directory(path)
-    # Names of packages are ASCII.
-    name = re.sub(r"[^a-z0-9]+", "_", path.name.lower()).strip("_")
-    for part, text in plugin_files(law, name or "law").items():
-        target = path / part
-        try:
-            target.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise OutputError(f"'{path}' cannot be written: {error.strerror}", "Choose another directory.") from error
-        write_whole(target, text)
-    return f", a plug-in: pip install {path}"
-
-
-def _check_new_directory(path: Path) -> None:
-    """Refuse a directory that exists.
-
-    Raises:
-        TreadlinkError: it does.
-    """
-    if path.exists():
-        raise TreadlinkError(f"'{path}' exists", "Name a new directory: a plug-in is several files.")
 
 
 def _save_effects(diagnosis: Diagnosis, path: Path, *, force: bool) -> str:

@@ -132,13 +132,13 @@ _SHAPES: Final = (
     ),
 )  # fmt: skip
 _KINK: Final = LocalShape(
-    Change.KINK, "local kink", 0, "kink_rad", "rad", 0.003, 0.1, _DEG, "deg", 0.03, 0.3,
+    Change.KINK, "local kink", 158, "kink_rad", "rad", 0.003, 0.1, _DEG, "deg", 0.03, 0.3,
     "The belt at rest has a kink at one place, beyond its circle.",
     "moment EI (kappa - (1 + A W(phi - phi0)) / R), A the angle of the kink" + _ANSWER,
 )  # fmt: skip
 # A block that is torn off bears nothing over 30 mm: 0.1 rad; chunks and patches of other rubber less.
 _TREAD_STIFFNESS: Final = LocalShape(
-    Change.TREAD_STIFFNESS, "local tread stiffness", 0, "stiffening_rad", "rad", 0.03, 0.6, _DEG, "deg of kt", 0.03,
+    Change.TREAD_STIFFNESS, "local tread stiffness", 157, "stiffening_rad", "rad", 0.03, 0.6, _DEG, "deg of kt", 0.03,
     0.3,
     "The tread is stiffer (or softer) at one place: a torn block, a repair of other rubber.",
     "kt (1 + A W(phi - phi0)), A the share times its width" + _ANSWER,
@@ -455,8 +455,8 @@ def _other_kinds(name: str) -> tuple[Confounder, ...]:
     return (Confounder(others, "the waves beside the contact, two speeds and two loads"),)
 
 
-LOCAL_KINK: Final = LocalChange(_KINK)
-LOCAL_TREAD_STIFFNESS: Final = LocalTreadStiffness(_TREAD_STIFFNESS)
+LOCAL_KINK: Final = LocalChange(_KINK, _other_kinds(_KINK.name))
+LOCAL_TREAD_STIFFNESS: Final = LocalTreadStiffness(_TREAD_STIFFNESS, _other_kinds(_TREAD_STIFFNESS.name))
 LOCAL_CHANGES: Final = tuple(LocalChange(shape, _other_kinds(shape.name)) for shape in _SHAPES)
 RUN_OUT_OF_ORDER_2: Final = WheelOrder(
     "run-out of order 2",
@@ -469,4 +469,14 @@ RUN_OUT_OF_ORDER_2: Final = WheelOrder(
         Confounder(("gain", "rolling radius"), "of the part at the sensor: a second sensor a quarter of a turn away"),
     ),
 )
-EFFECTS: Final = (*LOCAL_CHANGES, RUN_OUT_OF_ORDER_2)
+AXLE_ORDERS: Final = tuple(
+    WheelOrder(
+        f"axle height of order {order}",
+        rank,
+        order,
+        Change.RIM,
+        (Confounder(("torsional ripple",), "the circumferential axis, all around"),),
+    )
+    for order, rank in ((2, 161), (3, 162), (4, 159))
+)
+EFFECTS: Final = (*LOCAL_CHANGES, LOCAL_KINK, LOCAL_TREAD_STIFFNESS, RUN_OUT_OF_ORDER_2, *AXLE_ORDERS)

@@ -1,13 +1,12 @@
 """Contribution of a set of effects to the sensor's axes as a table over speed, for subtraction before estimating."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
-from gateway.core.reasons import Code, Reason
 from gateway.core.revolutions.effect_correction import CorrectedEffect, CorrectionTable, EffectParameter
 from gateway.core.types import ComplexArray
 from gateway.diagnosis.angle.fit import Fit
@@ -15,42 +14,30 @@ from gateway.diagnosis.data.campaign_data import Block, Campaign, Group
 from gateway.diagnosis.effects.effect import CIRCUMFERENTIAL
 from gateway.diagnosis.model.baseline import NoShapeError
 from gateway.diagnosis.model.closure_model import AngleEffect, ClosureModel
-from gateway.diagnosis.result import Finding, Fitted, Law, Verdict
+from gateway.diagnosis.result import Finding, Fitted, Verdict
 
 _SPEEDS: Final = 9
 # Effects found at some speeds, loads and pressures are valid slightly beyond them.
 _SPEED_MARGIN: Final = 0.1
 _LOAD_MARGIN: Final = 0.05
 _PRESSURE_MARGIN: Final = 0.05
-# Standard errors by which a law moves an effect that stood for a part of it.
-_MOVED: Final = 3.0
 # The quantities that the lateral estimators measure stay in the signal.
 MEASURED: Final = frozenset({"ply steer", "conicity", "carcass compliance"})
 
 
-def contribution_table(fit: Fit, findings: tuple[Finding, ...], laws: tuple[Law, ...] = ()) -> CorrectionTable | None:
-    """Return the table of the identified effects and certain laws, for the state with the most revolutions.
+def contribution_table(fit: Fit, findings: tuple[Finding, ...]) -> CorrectionTable | None:
+    """Return the table of the identified effects, for the state with the most revolutions.
 
     What other estimators measure (ply steer, conicity, carcass compliance) is left out. The table holds for that
     state's load and pressure: with another contact the same effects add something else; and for the way that a wheel
     rolls on the car, forward, unless all was recorded in reverse.
 
     Args:
-        fit: of the identified effects, and of the certain law where there is one.
-        findings: the effects, with their parameters without a law.
-        laws: laws and clues.
+        fit: of the identified effects.
+        findings: the effects, with their parameters.
     """
     named = {finding.name: finding.parameters for finding in findings if finding.verdict is Verdict.NAMED}
-    certain = {law.name: law.parameters for law in laws if law.certain}
-    if certain:
-        # What an effect took of the law is not its own: a file that held both would subtract it twice.
-        named |= {
-            effect.name: _beside_law(fit, effect, named[effect.name])
-            for effect in fit.model.effects
-            if effect.name in named
-        }
-    told = named | certain
-    effects = tuple(effect for effect in fit.model.effects if effect.name in told.keys() - MEASURED)
+    effects = tuple(effect for effect in fit.model.effects if effect.name in named.keys() - MEASURED)
     if not effects:
         return None
     campaign = fit.model.campaign
@@ -89,7 +76,7 @@ def contribution_table(fit: Fit, findings: tuple[Finding, ...], laws: tuple[Law,
         position=campaign.wheel,
         omega_radps=omegas,
         orders_mps2=orders,
-        effects=tuple(CorrectedEffect(effect.name, _told(told[effect.name])) for effect in effects),
+        effects=tuple(CorrectedEffect(effect.name, _told(named[effect.name])) for effect in effects),
         radius_m=group.conditions.radius_m,
         omega_range_radps=(low, high),
         load_range_n=_around(load, _LOAD_MARGIN) if group.load_known else None,
@@ -100,37 +87,6 @@ def contribution_table(fit: Fit, findings: tuple[Finding, ...], laws: tuple[Law,
         vehicle=campaign.vehicle,
         tire=campaign.tire,
     )
-
-
-def moved_by_law(fit: Fit, findings: Sequence[Finding], law: str) -> tuple[Reason, ...]:
-    """Return the identified effects whose parameters a law moves by more than their errors: they held a part of it.
-
-    Args:
-        fit: with the law.
-        findings: the effects, with their parameters without it.
-        law: title.
-    """
-    effects = {effect.name: effect for effect in fit.model.effects}
-    reasons = []
-    for finding in findings:
-        if finding.verdict is not Verdict.NAMED or finding.name not in effects:
-            continue
-        beside = _beside_law(fit, effects[finding.name], finding.parameters)
-        for name, without in finding.parameters.items():
-            if abs(beside[name].value - without.value) > _MOVED * beside[name].std:
-                reasons.append(
-                    Reason(
-                        Code.LAW_MOVES_EFFECT,
-                        effect=finding.name,
-                        law=law,
-                        parameter=name,
-                        value=beside[name].value * without.factor,
-                        without=without.value * without.factor,
-                        unit=without.display_unit or without.unit,
-                    )
-                )
-                break
-    return tuple(reasons)
 
 
 def added_by(fit: Fit, effect: AngleEffect) -> list[ComplexArray]:
@@ -178,16 +134,6 @@ def _at_speed(group: Group, omega_radps: float) -> Group:
 
 def _around(value: float, margin: float) -> tuple[float, float]:
     return value * (1.0 - margin), value * (1.0 + margin)
-
-
-def _beside_law(fit: Fit, effect: AngleEffect, without: Mapping[str, Fitted]) -> dict[str, Fitted]:
-    """Return the parameters of an effect as the fit with a law has them, at least as uncertain as without it."""
-    where = fit.model.layout.effect(effect.name)
-    values, stds = fit.vector[where].tolist(), np.sqrt(np.diagonal(fit.covariance)[where]).tolist()
-    return {
-        parameter.name: replace(without[parameter.name], value=value, std=max(std, without[parameter.name].std))
-        for parameter, value, std in zip(effect.parameters, values, stds, strict=True)
-    }
 
 
 def _told(parameters: Mapping[str, Fitted]) -> tuple[EffectParameter, ...]:

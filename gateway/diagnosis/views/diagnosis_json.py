@@ -11,7 +11,7 @@ from gateway.core.text.output_file import write_whole
 from gateway.core.text.plain_values import plain, record
 from gateway.core.text.text import json_text
 from gateway.diagnosis.data.campaign_data import Remark
-from gateway.diagnosis.result import Diagnosis, Finding, Fitted, Law, Origin, Unexplained
+from gateway.diagnosis.result import Diagnosis, Finding, Fitted, Origin, Unexplained
 from gateway.diagnosis.views.next_steps import next_steps
 from gateway.diagnosis.views.phrases import residual_sentence, scaling_text
 from gateway.diagnosis.views.quantities import residuals
@@ -55,7 +55,6 @@ def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "noise_floor_mps2": diagnosis.noise_floor_mps2,
         "effects": [_finding(finding) for finding in diagnosis.findings],
         "unexplained": [_unexplained(residual) for residual in diagnosis.unexplained],
-        "laws": [_law(law) for law in diagnosis.laws],
         "self_test": None if tested is None else {**plain(tested), "pull_rms": tested.pull_rms},
         "next_steps": [{"about": about, "step": step} for about, step in next_steps(diagnosis)],
         "estimates": {
@@ -121,6 +120,7 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "std": {name: fitted.std for name, fitted in finding.parameters.items()},
         "units": {name: fitted.unit for name, fitted in finding.parameters.items()},
         "probability": finding.probability,
+        "single_sizes": [record(size) for size in finding.single_sizes],
         "evidence": {
             "log_odds": finding.log_odds,
             "chi2": finding.chi2,
@@ -171,25 +171,6 @@ def _unexplained(residual: Unexplained) -> dict[str, Any]:
         ],
         "text": residual_sentence(residual),
     }
-
-
-def _law(law: Law) -> dict[str, Any]:
-    return record(
-        law,
-        without=("title", "curves"),
-        parameters={name: _fitted(fitted) for name, fitted in law.parameters.items()},
-        unseen=[
-            {
-                "recording": check.recording,
-                "axis": check.axis,
-                "rms_before_mps2": check.before_mps2,
-                "rms_after_mps2": check.after_mps2,
-                "noise_mps2": check.noise_mps2,
-            }
-            for check in law.unseen
-        ],
-        held_out=None if law.held_out is None else held_out_json(law.held_out),
-    )
 
 
 def _estimates(estimates: Mapping[str, Fitted], determined: Mapping[str, bool]) -> dict[str, Any]:

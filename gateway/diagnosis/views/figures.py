@@ -19,7 +19,7 @@ from gateway.core.constants import AXIS_NAMES
 from gateway.core.optional_packages import require_packages
 from gateway.core.text.numbers import split_name
 from gateway.core.types import FloatArray
-from gateway.diagnosis.result import Curves, EffectCurves, Law, Spectra, Trend, Unexplained
+from gateway.diagnosis.result import Curves, EffectCurves, Spectra, Trend, Unexplained
 from gateway.diagnosis.views.quantities import recorded_axes
 
 if TYPE_CHECKING:
@@ -211,20 +211,6 @@ def effect_figure(curves: EffectCurves) -> Figure:
         label = f"±{NOISE_STDS:.0f} standard errors"
         panel.fill_between(degrees, added - band, added + band, color=NOISE, alpha=0.6, lw=0, label=label)
         panel.plot(degrees, added, color=AFTER, lw=1.2, label="added by the effect")
-        panel.set_ylabel(f"{AXIS_NAMES[axis]}, {_UNIT}")
-    _legend(figure, [panels[0]], "")
-    return figure
-
-
-def law_figure(law: Law) -> Figure:
-    """Draw what is left without a law, and the law, of its axes in the group where it is largest."""
-    curves = max(law.curves, key=lambda group_curves: float(np.square(group_curves.law_mps2).sum()))
-    axes = [axis for axis in range(len(AXIS_NAMES)) if AXIS_NAMES[axis] in law.axes]
-    figure, panels = _angle_panels(len(axes), 2.2)
-    for panel, axis in zip(panels, axes, strict=True):
-        degrees = np.degrees(curves.theta_rad)
-        panel.plot(degrees, curves.left_mps2[axis], color=MEASURED, lw=3.0, label="residual without it")
-        panel.plot(degrees, curves.law_mps2[axis], color=AFTER, label=law.title)
         panel.set_ylabel(f"{AXIS_NAMES[axis]}, {_UNIT}")
     _legend(figure, [panels[0]], "")
     return figure

@@ -22,7 +22,6 @@ from gateway.diagnosis.result import (
     Diagnosis,
     EffectCurves,
     HeldOut,
-    Law,
     Origin,
     SelfTest,
     Spectra,
@@ -35,7 +34,6 @@ from gateway.diagnosis.views.figures import (
     Drawing,
     effect_figure,
     inline_svg,
-    law_figure,
     orders_figure,
     report_style,
     require_report_packages,
@@ -51,7 +49,6 @@ from gateway.diagnosis.views.phrases import (
     VERDICTS,
     effect_title,
     effects_listed,
-    law_text,
     likely,
     listed,
     model_words,
@@ -134,7 +131,6 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
         effect_remarks=effect_remarks,
         fixed=fixed,
         held_out_change=held_out_change,
-        law_text=law_text,
         reason_text=reason_text,
         show_fitted=show_fitted,
         significant=significant,
@@ -262,9 +258,6 @@ def _answer(diagnosis: Diagnosis) -> Iterator[str]:
         size = plain(first.rms_mps2, first.std_mps2)
         doubt = f" ({NON_STATIONARY})" if first.changes else "" if first.lock_known else " (lock not known)"
         yield f"Unexplained: {clean(first.axis)} axis, {place_text(first)}, {size} m/s² rms{doubt}{more}."
-        for law in diagnosis.laws:
-            what = "A law" if law.certain else "A clue, which is not certain,"
-            yield f"{what} explains {law.share:.0%} of what is left beyond noise: {clean(law.title)}."
     else:
         yield f"{no_residual(diagnosis, 'Nothing else')}."
 
@@ -285,13 +278,6 @@ def chapters(diagnosis: Diagnosis) -> list[Chapter]:
 
 def _chapters(diagnosis: Diagnosis) -> Iterator[Chapter]:
     groups = diagnosis.curves
-    yield Chapter(
-        "law-curves",
-        "Law and residual",
-        "Measured mean less the model with effects, and what the law adds to that model.",
-        "figures",
-        [_law(number, law) for number, law in enumerate(diagnosis.laws)],
-    )
     if groups:
         index = reference_group(groups)
         reference = groups[index]
@@ -361,17 +347,6 @@ def _time_locked(diagnosis: Diagnosis) -> Iterator[Chapter]:
         _drawn("Colours and lines as above.", len(others), len(measured) - 1),
         "small-figures",
         [_spectrum(f"s{index}", spectra, diagnosis, small=True) for index, spectra in enumerate(others)],
-    )
-
-
-def _law(number: int, law: Law) -> Drawing:
-    kind = "Law" if law.certain else "Clue"
-    return _drawing(
-        law_figure(law),
-        f"l{number}",
-        f"What is left without the law, and the law, in m/s² over the wheel's angle: {clean(law.title)}.",
-        f"{kind}: {clean(law.title)}.",
-        "Residual without it, and what it adds to the model, at the group where that is largest.",
     )
 
 

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 from gateway.core.reasons import Code, Reason
 from gateway.core.text.text import clean
 from gateway.diagnosis.effects.catalogue import catalogue
-from gateway.diagnosis.result import Diagnosis, Law, ScalingStatus, Unexplained
+from gateway.diagnosis.result import Diagnosis, ScalingStatus, Unexplained
 from gateway.diagnosis.views.phrases import (
     effect_title,
     effects_listed,
@@ -51,16 +51,14 @@ class NextStep(NamedTuple):
 
 
 def next_steps(diagnosis: Diagnosis) -> list[NextStep]:
-    """Return the steps in the order of the report: effects, laws, what is unexplained, estimates, notes."""
+    """Return the steps in the order of the report: effects, what is unexplained, estimates, notes."""
     return [NextStep(about, step) for about, step in dict.fromkeys(_steps(diagnosis))]
 
 
 def _steps(diagnosis: Diagnosis) -> Iterator[tuple[str, str]]:
     notes = [note for note in diagnosis.notes if isinstance(note, Reason)]
-    moved = {str(note["effect"]) for note in notes if note.code is Code.LAW_MOVES_EFFECT}
     for of_sensor in (True, False):
-        effects = [effect.name for effect in diagnosis.named if _is_of_sensor(effect.name) == of_sensor]
-        names = [name for name in effects if name not in moved]
+        names = [effect.name for effect in diagnosis.named if _is_of_sensor(effect.name) == of_sensor]
         if diagnosis.taken_from:
             break
         if names and of_sensor:
@@ -74,14 +72,7 @@ def _steps(diagnosis: Diagnosis) -> Iterator[tuple[str, str]]:
         small = finding.reason is not None and finding.reason.code is Code.SMALLER_THAN_LEFT
         step = "find the cause of what is left first" if small else "record longer, or at another speed or load"
         yield effect_title(finding.name), step
-    if moved:
-        yield effects_listed(sorted(moved)), "decide on the law first: a part of the size is the law's"
-    for law in diagnosis.laws:
-        yield f"{'law' if law.certain else 'clue'}: {clean(law.title)}", _of_law(law)
-    explained = {axis for law in diagnosis.laws if law.certain for axis in law.axes}
     for residual in diagnosis.unexplained[:_MOST_RESIDUALS]:
-        if residual.lock == "angle" and not residual.changes and residual.axis in explained:
-            continue
         yield f"{clean(residual.axis)}, {place_text(residual)}", _of_residual(residual, _half_angle_rad(diagnosis))
     if names := undetermined(diagnosis):
         yield f"not determined: {listed(names)}", why_undetermined(diagnosis, names)
@@ -93,21 +84,6 @@ def _steps(diagnosis: Diagnosis) -> Iterator[tuple[str, str]]:
 def _is_of_sensor(name: str) -> bool:
     effect = catalogue().get(name)
     return effect is not None and type(effect).__module__.rpartition(".")[2] in _OF_SENSOR
-
-
-def _of_law(law: Law) -> str:
-    """Return what decides on a law, or makes it useful."""
-    if law.certain:
-        return (
-            "look for its cause; to fit all effects and estimates beside it, add it to the catalogue with --law-plugin "
-            "and diagnose again; to subtract it, save with --save-effects"
-        )
-    codes = {reason.code for reason in law.reasons}
-    if codes & {Code.LAW_FAILS_UNSEEN, Code.LAW_SIZES_DIFFER}:
-        return "do not rely on it: it does not hold for all recordings; look for what differs between them"
-    if codes & {Code.LAW_UNTESTED, Code.LAW_HAS_RIVALS}:
-        return "record at another speed and load, and diagnose all recordings together"
-    return "do not rely on it: the cause is another one, or not the only one"
 
 
 def _half_angle_rad(diagnosis: Diagnosis) -> float:

@@ -15,7 +15,6 @@ from gateway.diagnosis.report.effect_contribution import MEASURED
 from gateway.diagnosis.result import (
     Diagnosis,
     Finding,
-    Law,
     Scaling,
     ScalingStatus,
     SelfTest,
@@ -92,14 +91,6 @@ def effect_title(name: str) -> str:
 def effects_listed(names: Sequence[str], last: str = "and") -> str:
     """Return the titles of effects as `a`, `a and b`, or `a, b and c`."""
     return listed([effect_title(name) for name in names], last)
-
-
-def law_text(law: Law) -> str:
-    """Return what a law says, and what it explains, or why it is no more than a clue."""
-    explains = f"explains {law.share:.0%} of what is left beyond noise"
-    if law.certain:
-        return f"{clean(law.summary)} It {explains}, on recordings that it has not seen too"
-    return f"{clean(law.summary)} It {explains}, but {listed([reason_text(reason) for reason in law.reasons])}"
 
 
 def self_test_text(tested: SelfTest) -> str:

@@ -9,7 +9,7 @@ from gateway.core.text.numbers import fixed
 from gateway.core.text.probabilities import probability_text
 from gateway.core.text.text import clean, counted, crop, filled, pad, width
 from gateway.diagnosis.data.campaign_data import Remark
-from gateway.diagnosis.result import Diagnosis, Finding, Law
+from gateway.diagnosis.result import Diagnosis, Finding
 from gateway.diagnosis.views.phrases import (
     GROWN,
     NON_STATIONARY,
@@ -18,7 +18,6 @@ from gateway.diagnosis.views.phrases import (
     drift_texts,
     effect_title,
     effects_listed,
-    law_text,
     likely,
     listed,
     model_words,
@@ -49,7 +48,6 @@ _DECISIVE: Final = frozenset(
         Code.CONTACTS_CONTRADICT,
         Code.ERROR_BY_MISSING_EFFECT,
         Code.ERROR_BY_POSSIBLE_EFFECT,
-        Code.LAW_MOVES_EFFECT,
         Code.LOADS_CONTRADICT,
         Code.OTHER_OPTIMUM,
         Code.RECORDING_LEFT_OUT,
@@ -97,7 +95,6 @@ class _Lines:
         yield from self._likely(likely(diagnosis))
         yield from self._rejected(decisively_rejected(diagnosis))
         yield from self._unexplained(diagnosis)
-        yield from self._laws(diagnosis.laws)
         yield from self._estimates(diagnosis)
         if diagnosis.self_test is not None:
             yield from self._rows("self-test", self_test_text(diagnosis.self_test))
@@ -172,15 +169,6 @@ class _Lines:
                 yield from self._rows("", f"{first} (+{len(others)})" if others else first)
             elif residual.changes or not residual.lock_known:
                 yield self._row("", NON_STATIONARY if residual.changes else "time-locked or angle-locked: not known")
-
-    def _laws(self, laws: Sequence[Law]) -> Iterator[str]:
-        for law in laws:
-            numbers = [show_fitted(name, fitted) for name, fitted in law.parameters.items()]
-            cells = [f"{number.label} {number.joined()}".replace(" ± ", "±") for number in numbers]
-            size = f"  {significant(law.rms_mps2)} m/s²"
-            yield self._row("law" if law.certain else "clue", clean(law.title), size)
-            yield from self._rows("", ", ".join(cells))
-            yield from self._rows("", law_text(law))
 
     def _estimates(self, diagnosis: Diagnosis) -> Iterator[str]:
         before, after = diagnosis.estimates_before, diagnosis.estimates_after

@@ -1,7 +1,7 @@
-"""Laws judged on recordings that they have not seen, and by the sizes that single recordings give.
+"""Effects judged on recordings that they have not seen.
 
-Both rest on the linearised fits of the model without and with the law: the tire's own parameters and the contact's
-centre of a recording are always fitted to it anew, the law's are those of the other recordings.
+This rests on the linearised fits of the model without and with the effect: the tire's own parameters and the contact's
+centre of a recording are always fitted to it anew, the effect's are those of the other recordings.
 """
 
 import math
@@ -21,61 +21,32 @@ from gateway.diagnosis.data.condition_groups import has_other_conditions
 from gateway.diagnosis.effects.angle_orders import ORDERS
 from gateway.diagnosis.effects.effect import SignalEffect
 from gateway.diagnosis.report.findings import sizes_of
-from gateway.diagnosis.result import Finding, Fitted, LawSize, UnseenError, Verdict
+from gateway.diagnosis.report.one_size import recordings_of
+from gateway.diagnosis.result import Finding, Fitted, UnseenError, Verdict
 
 RISE: Final = 1.02
-"""Ratio by which the error of an axis may rise on a recording that the law has not seen: what noise alone makes."""
+"""Ratio by which the error of an axis may rise on a recording that the effect has not seen: what noise alone makes."""
 FALL: Final = 0.6
 """Share of the power beyond noise that may be left of such a recording on one axis at least."""
 TESTABLE: Final = 1.3
-"""Power over that of the noise from which an axis of a recording tests a law: noise alone reaches 1.2."""
+"""Power over that of the noise from which an axis of a recording tests an effect: noise alone reaches 1.2."""
 SEEN: Final = 3.0
-"""Power of a law over what noise alone changes of it, from which an axis of a recording tests the law: noise of three
+"""Power of an effect over what noise alone changes of it, from which an axis of a recording tests it: noise of three
 standard deviations would hide it."""
 CHANCE: Final = 2.0
 """Standard deviations of the noise that a share of power is given."""
-SIZES_APART: Final = 0.1
-"""Relative difference of sizes of single recordings, beyond two errors, at which a law is another thing: right ones
-differ by 2 %, wrong ones by 17 % and more."""
-
-# A size whose error is a larger share of it says nothing.
-_KNOWN_SIZE: Final = 0.3
 
 
-def recordings_of(fit: Fit) -> dict[int, list[int]]:
-    """Return the groups of each recording."""
-    groups_of: dict[int, list[int]] = {}
-    for index, group in enumerate(fit.model.campaign.groups):
-        groups_of.setdefault(group.recording, []).append(index)
-    return groups_of
-
-
-def single_sizes(fit: Fit, data: Whitened, law: SignalEffect) -> tuple[LawSize, ...]:
-    """Return the size of a law in each recording alone, its shape kept."""
-    indices = fit.model.layout.effect(law.name).start + np.arange(law.sizes)
-    start = fit.vector[indices]
-    # Along the direction of the law's own vector, so that a cosine and a sine count as one size.
-    unit = start / max(float(np.linalg.norm(start)), 1e-300)
-    sizes = []
-    for recording, groups in recordings_of(fit).items():
-        free = np.concatenate([_own_parameters(fit, groups), indices])
-        change, covariance = _step(fit, data, groups, free)
-        spread = covariance[-len(indices) :, -len(indices) :]
-        size = float(unit @ (start + change[indices]))
-        sizes.append(LawSize(recording, size, math.sqrt(float(unit @ spread @ unit))))
-    return tuple(sizes)
-
-
-def unseen_errors(before: Fit, after: Fit, data: Whitened, law: SignalEffect) -> tuple[UnseenError, ...]:
-    """Return the error of each recording without the law, and with the law that the others determine.
+def unseen_errors(before: Fit, after: Fit, data: Whitened, effect: SignalEffect) -> tuple[UnseenError, ...]:
+    """Return the error of each recording without the effect, and with the effect that the others determine.
 
     Args:
-        before: fit of the model without the law.
+        before: fit of the model without the effect.
         after: with it.
         data: whitened.
-        law: the law.
+        effect: the effect.
     """
-    where = after.model.layout.effect(law.name)
+    where = after.model.layout.effect(effect.name)
     errors = []
     recordings = recordings_of(after)
     for recording, groups in recordings.items():
@@ -86,8 +57,8 @@ def unseen_errors(before: Fit, after: Fit, data: Whitened, law: SignalEffect) ->
         change, _ = _step(after, data, others, free)
         held = np.zeros_like(change)
         held[where] = change[where]
-        with_law = after.moved(held)
-        remaining = [_left(fit, data, groups) for fit in (before, with_law)]
+        with_effect = after.moved(held)
+        remaining = [_left(fit, data, groups) for fit in (before, with_effect)]
         contribution = remaining[0] - remaining[1]
         noise = _noise(data, groups)
         square = [_mean_square(orders) for orders in (*remaining, contribution)]
@@ -191,7 +162,7 @@ def judged_elsewhere(
         effect = next((effect for effect in fit.model.effects if effect.name == finding.name), None)
         if isinstance(effect, SignalEffect) and effect.needs_other_conditions and finding.verdict is Verdict.NAMED:
             unseen = unseen_errors(without[effect.name], fit, data, effect)
-            reasons = reasons_against(fit.model.campaign.recordings, unseen, single_sizes(fit, data, effect))
+            reasons = reasons_against(fit.model.campaign.recordings, unseen)
             finding = (
                 replace(finding, verdict=Verdict.REFUSED, reason=reasons[0])
                 if reasons
@@ -219,32 +190,15 @@ def _beside_residual(
     }
 
 
-def reasons_against(
-    recordings: Sequence[str], unseen: Sequence[UnseenError], sizes: Sequence[LawSize]
-) -> tuple[Reason, ...]:
-    """Return why errors of unseen recordings and sizes of single ones speak against a law, or that none can test it."""
-    return tuple(dict.fromkeys((*_against_unseen(recordings, unseen), *_against_sizes(recordings, sizes))))
-
-
-def widening(sizes: Sequence[LawSize], count: int, values: FloatArray) -> float:
-    """Return the ratio by which sizes of single recordings differ more than their errors, at least 1."""
-    size = float(np.linalg.norm(values[:count]))
-    determined = [law_size for law_size in sizes if law_size.std < _KNOWN_SIZE * abs(law_size.value)]
-    if len(determined) < 2:
-        return 1.0
-    square = sum(((law_size.value - size) / law_size.std) ** 2 for law_size in determined) / (len(determined) - 1)
-    return math.sqrt(max(1.0, square))
-
-
-def _against_unseen(recordings: Sequence[str], unseen: Sequence[UnseenError]) -> list[Reason]:
-    """Return why recordings that the law has not seen speak against it, or that none can test it."""
+def reasons_against(recordings: Sequence[str], unseen: Sequence[UnseenError]) -> list[Reason]:
+    """Return why recordings that the effect has not seen speak against it, or that none can test it."""
     for error in unseen:
         if error.after_mps2 > RISE * max(error.before_mps2, error.noise_mps2):
             return [_unseen_reason(recordings, error)]
     # Where hardly more than noise is left, and less of the law, there is nothing to fall.
     above = [error for error in unseen if _is_above(error) or error.contribution_mps2**2 > SEEN * error.fall_std > 0.0]
     if not above:
-        return [Reason(Code.LAW_UNTESTED)]
+        return [Reason(Code.UNTESTED_ELSEWHERE)]
     for recording in dict.fromkeys(error.recording for error in above):
         of_recording = [error for error in above if error.recording == recording]
         if min(_excess_left(error) for error in of_recording) > FALL:
@@ -253,15 +207,15 @@ def _against_unseen(recordings: Sequence[str], unseen: Sequence[UnseenError]) ->
 
 
 def _is_above(error: UnseenError) -> bool:
-    """Return whether more than noise is left without the law."""
+    """Return whether more than noise is left without the effect."""
     return error.before_mps2**2 > TESTABLE * error.noise_mps2**2
 
 
 def _excess_left(error: UnseenError) -> float:
-    """Return the share that a law leaves of the larger of two powers: that surely beyond noise, and the law's own."""
+    """Return the share that an effect leaves of the larger of two powers: that surely beyond noise, and its own."""
     noise, fall = error.noise_mps2**2, error.before_mps2**2 - error.after_mps2**2
     # The power beyond noise is not known better than the power of the noise, which may hide it where coefficients are
-    # few; half of the least power that tests a law is then the measure.
+    # few; half of the least power that tests an effect is then the measure.
     surely = error.before_mps2**2 - noise - CHANCE * math.sqrt(2.0 / error.coefficients) * noise
     least = 0.5 * (TESTABLE - 1.0) * noise if _is_above(error) else 0.0
     return 1.0 - fall / max(surely, error.contribution_mps2**2, least)
@@ -269,22 +223,9 @@ def _excess_left(error: UnseenError) -> float:
 
 def _unseen_reason(recordings: Sequence[str], error: UnseenError) -> Reason:
     return Reason(
-        Code.LAW_FAILS_UNSEEN,
+        Code.FAILS_UNSEEN,
         recording=recordings[error.recording],
         axis=error.axis,
         before_mps2=error.before_mps2,
         after_mps2=error.after_mps2,
     )
-
-
-def _against_sizes(recordings: Sequence[str], sizes: Sequence[LawSize]) -> list[Reason]:
-    """Return why the sizes of single recordings speak against a law."""
-    determined = [size for size in sizes if size.std < _KNOWN_SIZE * abs(size.value)]
-    if len(determined) < 2:
-        return [Reason(Code.LAW_UNTESTED)]
-    weights = np.array([size.std**-2.0 for size in determined])
-    mean = float(weights @ [size.value for size in determined] / weights.sum())
-    worst = max(determined, key=lambda size: abs(size.value - mean) - 2.0 * size.std)
-    if abs(worst.value - mean) <= SIZES_APART * abs(mean) + 2.0 * worst.std:
-        return []
-    return [Reason(Code.LAW_SIZES_DIFFER, recording=recordings[worst.recording], ratio=worst.value / mean)]

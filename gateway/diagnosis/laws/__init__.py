@@ -1,1 +1,0 @@
-"""Laws: short equations for what is left where no effect of the catalogue explains it."""

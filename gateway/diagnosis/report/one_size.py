@@ -1,0 +1,209 @@
+"""Effects judged by each recording alone, and by what is left where they act.
+
+An effect has one size: fitted to each recording with everything free, its sizes agree within their errors and a few
+percent of model. And it stands out: what is left of a recording, on its axes and in its orders, is not larger than what
+it explains. Whatever stands in for something that the catalogue lacks fails the one or the other.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from scipy.stats import chi2
+
+from gateway.core.reasons import Code, Reason
+from gateway.core.types import FloatArray, IntArray
+from gateway.diagnosis.angle.fit import Fit, FitFailedError, fit_model
+from gateway.diagnosis.angle.likelihood import Whitened, whiten
+from gateway.diagnosis.angle.remainder_freedom import remainder_covariance
+from gateway.diagnosis.angle.residual import POWER_SHARE, group_residuals
+from gateway.diagnosis.effects.effect import RingEffect, SignalEffect
+from gateway.diagnosis.model.closure_model import AngleEffect, ClosureModel
+from gateway.diagnosis.report.effect_contribution import added_by
+from gateway.diagnosis.result import Finding, Fitted, SingleSize, Verdict
+
+_MODEL_SHARE: Final = 0.03
+"""Share of a size by which an equation may err from recording to recording; with a tenth, potting passes."""
+_AGREES: Final = 0.01
+"""Probability of the chi-square of agreement below which sizes are not one: 71 true effects had 0.12 and more."""
+_POWER: Final = 0.98
+"""Share of an effect's power that its orders hold."""
+_STRUCTURED: Final = 3.0
+"""Rms of what is left of a recording over that of the noise from which it is something that the model lacks."""
+_BURIED: Final = 2.0
+"""Ratio of what is left to what an effect explains from which the effect may be a part of what the model lacks."""
+# Steps of a fit to one recording from the sizes of all.
+_STEPS: Final = 20
+
+
+@dataclass(frozen=True)
+class Alone:
+    """A recording with its own fit of a set of effects."""
+
+    recording: int
+    fit: Fit
+
+
+def recordings_of(fit: Fit) -> dict[int, list[int]]:
+    """Return the groups of each recording."""
+    groups_of: dict[int, list[int]] = {}
+    for index, group in enumerate(fit.model.campaign.groups):
+        groups_of.setdefault(group.recording, []).append(index)
+    return groups_of
+
+
+def fitted_alone(fit: Fit) -> tuple[Alone, ...]:
+    """Return the fit of each recording alone with the effects of a set, all parameters free; none of a single one.
+
+    Errors are by scatter, widened by what the fit leaves. A recording that cannot be fitted alone is left out.
+    """
+    model, campaign = fit.model, fit.model.campaign
+    parts = recordings_of(fit)
+    if len(parts) < 2:
+        return ()
+    alone = []
+    for recording, groups in parts.items():
+        states = sorted({campaign.groups[index].state for index in groups})
+        part = replace(
+            campaign,
+            groups=tuple(
+                replace(campaign.groups[index], state=states.index(campaign.groups[index].state)) for index in groups
+            ),
+            states=len(states),
+        )
+        single = ClosureModel(part, model.core, model.effects)
+        start, there = np.zeros(single.layout.size), single.layout
+        for number, state in enumerate(states):
+            start[there.state(number)] = fit.vector[model.layout.state(state)]
+        for number, index in enumerate(groups):
+            start[there.centre(number)] = fit.vector[model.layout.centre(index)]
+        start[there.sensor] = fit.vector[model.layout.sensor]
+        for effect in model.effects:
+            start[there.effect(effect.name)] = fit.vector[model.layout.effect(effect.name)]
+        try:
+            alone.append(Alone(recording, fit_model(single, whiten(part, model.core), start, most_steps=_STEPS)))
+        except (FitFailedError, np.linalg.LinAlgError):
+            continue
+    return tuple(alone)
+
+
+def sizes_alone(alone: Sequence[Alone], effect: AngleEffect) -> tuple[SingleSize, ...]:
+    """Return the sizes of an effect in each recording, with their errors, in the order of its parameters."""
+    places = _sizes_of(effect)
+    sizes = []
+    for single in alone:
+        values, variances = single.fit.parameters_of(effect.name)
+        for place in places.tolist():
+            parameter = effect.parameters[place]
+            sizes.append(
+                SingleSize(single.recording, parameter.name, float(values[place]), math.sqrt(float(variances[place])))
+            )
+    return tuple(sizes)
+
+
+def disagreement(alone: Sequence[Alone], effect: AngleEffect) -> tuple[float, int]:
+    """Return the chi-square of the sizes of single recordings about their mean, and its degrees of freedom."""
+    places = _sizes_of(effect)
+    if not places.size or len(alone) < 2:
+        return 0.0, 0
+    values, covariances = [], []
+    for single in alone:
+        where = np.arange(single.fit.model.layout.size)[single.fit.model.layout.effect(effect.name)][places]
+        values.append(single.fit.vector[where])
+        covariances.append(single.fit.covariance[np.ix_(where, where)])
+    precisions = [np.linalg.inv(covariance) for covariance in covariances]
+    mean = np.linalg.solve(sum(precisions), sum(p @ v for p, v in zip(precisions, values, strict=True)))
+    model = np.diag(np.square(_MODEL_SHARE * mean) + 1e-300)
+    precisions = [np.linalg.inv(covariance + model) for covariance in covariances]
+    mean = np.linalg.solve(sum(precisions), sum(p @ v for p, v in zip(precisions, values, strict=True)))
+    total = sum(float((v - mean) @ p @ (v - mean)) for p, v in zip(precisions, values, strict=True))
+    return total, (len(alone) - 1) * places.size
+
+
+def of_one_size(findings: Sequence[Finding], fit: Fit, data: Whitened) -> list[Finding]:
+    """Return findings with the sizes by recording; those without one size, or buried in what is left, are rejected.
+
+    Args:
+        findings: of effects.
+        fit: of the best set.
+        data: whitened.
+    """
+    effects = {effect.name: effect for effect in fit.model.effects}
+    named = [f.name for f in findings if f.verdict is Verdict.NAMED and f.name in effects]
+    if not named:
+        return list(findings)
+    alone = fitted_alone(fit)
+    freedom = np.diagonal(remainder_covariance(fit, data))
+    judged = []
+    for finding in findings:
+        if finding.name in named:
+            effect = effects[finding.name]
+            finding = replace(
+                finding,
+                single_sizes=sizes_alone(alone, effect),
+                parameters=_beside(finding.parameters, effect, freedom[fit.model.layout.effect(finding.name)]),
+            )
+            reason = _against(alone, effect) or _buried(fit, data, effect)
+            if reason is not None:
+                finding = replace(finding, verdict=Verdict.REFUSED, reason=reason)
+        judged.append(finding)
+    return judged
+
+
+def _beside(parameters: Mapping[str, Fitted], effect: AngleEffect, freedom: FloatArray) -> dict[str, Fitted]:
+    """Return an effect's parameters whose errors contain the variance `freedom` (p,) by what is left."""
+    return {
+        parameter.name: replace(fitted, std=math.hypot(fitted.std, math.sqrt(variance)) if not parameter.whole else 0.0)
+        for parameter, fitted, variance in zip(effect.parameters, parameters.values(), freedom.tolist(), strict=True)
+    }
+
+
+def _against(alone: Sequence[Alone], effect: AngleEffect) -> Reason | None:
+    square, freedom = disagreement(alone, effect)
+    if not freedom or float(chi2.sf(square, freedom)) >= _AGREES:
+        return None
+    return Reason(Code.SIZES_DIFFER, chi2=square, freedom=freedom)
+
+
+def _buried(fit: Fit, data: Whitened, effect: AngleEffect) -> Reason | None:
+    """Return that more is left of a recording than an effect explains there, on its axes and in its orders."""
+    residuals, added = group_residuals(fit, data), added_by(fit, effect)
+    worst: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    for groups in recordings_of(fit).values():
+        power = np.mean([POWER_SHARE * np.abs(np.nan_to_num(added[index])) ** 2 for index in groups], axis=0)
+        chosen = _strongest(power)
+        explained = float(power[chosen].sum())
+        left = float(np.mean([np.maximum(residuals[index].excess()[chosen].sum(), 0.0) for index in groups]))
+        noise = float(np.mean([residuals[index].variance[chosen].sum() for index in groups]))
+        if noise > 0.0 and left > _STRUCTURED**2 * noise and left > worst[0] ** 2 * explained:
+            worst = math.sqrt(left / max(explained, 1e-300)), math.sqrt(explained), math.sqrt(left)
+    ratio, size_mps2, left_mps2 = worst
+    return Reason(Code.SMALLER_THAN_LEFT, size_mps2=size_mps2, left_mps2=left_mps2) if ratio > _BURIED else None
+
+
+def _strongest(power: FloatArray) -> tuple[IntArray, IntArray]:
+    """Return axes and orders of the largest powers (3, ORDERS) that together hold `_POWER` of it."""
+    order = np.argsort(-power, axis=None)
+    total = np.cumsum(power.ravel()[order])
+    count = int(np.searchsorted(total, _POWER * total[-1])) + 1
+    axes, orders = np.unravel_index(order[:count], power.shape)
+    return axes, orders
+
+
+def _sizes_of(effect: AngleEffect) -> IntArray:
+    """Return the places of an effect's sizes among its parameters: those that do not shape it and are one value."""
+    count = len(effect.parameters)
+    if isinstance(effect, SignalEffect) and not effect.linear:
+        count = effect.sizes
+    elif isinstance(effect, RingEffect):
+        count = len(effect.parameters)
+    return np.array(
+        [
+            index
+            for index, parameter in enumerate(effect.parameters[:count])
+            if not parameter.varies and not parameter.whole and not parameter.known
+        ],
+        dtype=np.intp,
+    )

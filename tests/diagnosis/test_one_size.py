@@ -1,0 +1,102 @@
+"""Effects that have no one size, or that are buried in what is left, and errors by what is left."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gateway.core.reasons import Code
+from gateway.core.types import FloatArray
+from gateway.diagnosis.angle.fit import Fit
+from gateway.diagnosis.angle.likelihood import Whitened
+from gateway.diagnosis.angle.remainder_freedom import beside_remainder
+from gateway.diagnosis.data.campaign_data import Campaign
+from gateway.diagnosis.effects.effect import CIRCUMFERENTIAL, RADIAL, GroupConditions
+from gateway.diagnosis.report.one_size import disagreement, fitted_alone, of_one_size
+from gateway.diagnosis.result import Finding, Verdict
+from tests.diagnosis.planted_campaign import Plant, among, campaign_of, conditions, fitted
+from tests.diagnosis.test_sensor_depth import at_depth
+
+SPEEDS = tuple(conditions(speed) for speed in (40.0, 90.0, 65.0))
+DEPTH_M = 6e-3
+
+
+def turned(angle_rad: float, delay_s: float) -> Plant:
+    """Return a sensor below the belts whose circumferential axis reads at another angle and another time."""
+
+    def plant(signal: FloatArray, theta: FloatArray, group_conditions: GroupConditions) -> FloatArray:
+        read = at_depth(DEPTH_M)(signal, theta, group_conditions)
+        order = np.arange(read.shape[1] // 2 + 1)
+        ahead = angle_rad - delay_s * group_conditions.omega_radps
+        spectrum = np.fft.rfft(read[CIRCUMFERENTIAL]) * np.exp(1j * order * ahead)
+        read[CIRCUMFERENTIAL] = np.fft.irfft(spectrum, n=read.shape[1])
+        return read
+
+    return plant
+
+
+def of_depth(campaign: Campaign) -> Campaign:
+    groups = []
+    for number, group in enumerate(campaign.groups):
+        groups.append(replace(group, recording=number, declared_offset_m=DEPTH_M))
+    return replace(campaign, groups=tuple(groups), recordings=("a", "b", "c"))
+
+
+def judged(plant: Plant, name: str) -> tuple[Finding, Fit, Whitened]:
+    fit, data = fitted(of_depth(campaign_of(SPEEDS, plant)), *among(name).values())
+    finding = Finding(name, Verdict.NAMED, _fitted(fit, name), 100.0, 1.0)
+    (result,) = of_one_size([finding], fit, data)
+    return result, fit, data
+
+
+def _fitted(fit: Fit, name: str):  # type: ignore[no-untyped-def]
+    from gateway.diagnosis.bayes.parameter_estimates import fitted_parameter
+
+    (effect,) = (effect for effect in fit.model.effects if effect.name == name)
+    values, variances = fit.parameters_of(name)
+    return {
+        parameter.name: fitted_parameter(parameter, float(value), math.sqrt(float(variance)))
+        for parameter, value, variance in zip(effect.parameters, values, variances, strict=True)
+    }
+
+
+@pytest.mark.parametrize(
+    ("plant", "name"), [(turned(0.0, 120e-6), "circumferential delay"), (turned(0.016, 0.0), "circumferential shift")]
+)
+def test_effect_of_one_size_stays_with_its_sizes(plant: Plant, name: str) -> None:
+    finding, fit, _ = judged(plant, name)
+    assert finding.verdict is Verdict.NAMED
+    assert [size.recording for size in finding.single_sizes] == [0, 1, 2]
+    true = next(iter(finding.parameters.values())).value
+    assert all(abs(size.value - true) < 4.0 * size.std + 0.03 * abs(true) for size in finding.single_sizes)
+    square, freedom = disagreement(fitted_alone(fit), fit.model.effects[0])
+    assert freedom == 2
+    assert square < 9.0
+
+
+@pytest.mark.parametrize(
+    ("plant", "name"), [(turned(0.016, 0.0), "circumferential delay"), (turned(0.0, 120e-6), "circumferential shift")]
+)
+def test_delay_and_shift_have_no_one_size_where_the_other_is_true(plant: Plant, name: str) -> None:
+    finding, _, _ = judged(plant, name)
+    assert finding.verdict is Verdict.REFUSED
+    assert finding.reason is not None
+    assert finding.reason.code in {Code.SIZES_DIFFER, Code.SMALLER_THAN_LEFT}
+    assert disagreement(fitted_alone(judged(plant, name)[1]), among(name)[name])[0] > 50.0
+
+
+def test_errors_grow_by_what_is_left_and_not_by_noise() -> None:
+    def wave(signal: FloatArray, theta: FloatArray, group_conditions: GroupConditions) -> FloatArray:
+        read = at_depth(DEPTH_M)(signal, theta, group_conditions)
+        read[RADIAL] += 0.01 * np.abs(read[RADIAL]).max() * np.cos(7.0 * theta + 0.4)
+        return read
+
+    ratios = []
+    for plant in (at_depth(DEPTH_M), wave):
+        fit, data = fitted(of_depth(campaign_of(SPEEDS, plant)))
+        wide = beside_remainder(fit, data)
+        states = fit.model.layout.states
+        ratios.append(np.sqrt(np.diagonal(wide.covariance)[states] / np.diagonal(fit.covariance)[states]).max())
+    assert ratios[0] < 1.6
+    assert ratios[1] > 1.2 * ratios[0]
