@@ -19,7 +19,7 @@ from gateway.core.constants import AXIS_NAMES
 from gateway.core.errors import ImportDataError
 from gateway.importing.columns import Block, ColumnReader, FileFacts
 from gateway.importing.csv_columns import CsvColumns
-from gateway.importing.file_formats import open_columns, suffix_format
+from gateway.importing.file_formats import open_columns, recognised_format
 from gateway.importing.import_map import (
     Axes,
     AxisColumn,
@@ -56,7 +56,7 @@ def exported_wheels(path: Path, processes: ReaderProcesses | None = None) -> dic
     Raises:
         ImportDataError: an MF4 file cannot be read.
     """
-    kind = suffix_format(path)
+    kind = recognised_format(path)
     if kind is FileFormat.CSV and path.is_file():
         return _csv_conditions(path)[0]
     if kind is FileFormat.MF4 and path.is_file():
@@ -79,7 +79,7 @@ def import_exported(path: Path, out: Path, progress: Callable[[float], None] = l
     processes = ReaderProcesses()
     wheels = exported_wheels(path, processes)
     if not wheels:
-        if suffix_format(path) is None:  # a recording, a configuration: says what to do with it
+        if recognised_format(path) is None:  # a recording, a configuration: says what to do with it
             open_columns(path, _PROBE, processes).close()
         raise ImportDataError(
             f"{path} is no CSV or MF4 file of `treadlink export`, so that its columns need an import map",
@@ -138,7 +138,7 @@ def _wheel_reader(path: Path, position: str, conditions: Conditions, processes: 
         value = _number(conditions, name)
         if value is not None and conditions[name][1] == _BY_SENSOR:
             constants[name] = value
-    if suffix_format(path) is FileFormat.CSV:
+    if recognised_format(path) is FileFormat.CSV:
         layout = FileLayout(skip_rows=_csv_conditions(path)[1])
         return _WheelReader(CsvColumns(path, layout, line_start=f"{position},"), "", "time_s", constants)
     return _WheelReader(open_columns(path, _PROBE, processes), f"{position}.", "time", constants)

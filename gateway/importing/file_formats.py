@@ -1,6 +1,7 @@
 """Choice of the reader of a measurement file, by the map or by the suffix."""
 
 import logging
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -23,26 +24,32 @@ from gateway.importing.reader_process import ProcessColumns, ReaderProcesses
 _KNOWN: Final = ", ".join(SUFFIXES)
 _UNPACK: Final = "Unpack the file first, then import what is in it."
 _TO_CSV: Final = "Export the columns as CSV in the program that wrote the file, and import that."
-_NUMPY: Final = (
-    "Write it as CSV: python -c \"import numpy; numpy.savetxt('run.csv', numpy.load('{name}'), delimiter=',')\", "
-    "and state header = false in [file] of the map."
-)
-_NPZ: Final = (
-    "Write its arrays as a MATLAB file: "
-    "python -c \"import numpy, scipy.io; scipy.io.savemat('run.mat', dict(numpy.load('{name}')))\""
-)
 # Files that are often tried, and the way from each to one that can be imported.
 _REMEDIES: Final[dict[str, str]] = {
-    ".npy": _NUMPY,
-    ".npz": _NPZ,
     **dict.fromkeys((".gz", ".bz2", ".xz", ".zst", ".zip", ".7z", ".tar", ".tgz", ".rar"), _UNPACK),
-    **dict.fromkeys((".xls", ".xlsx", ".ods", ".wav", ".bin"), _TO_CSV),
+    **dict.fromkeys((".xls", ".xlsx", ".ods", ".bin"), _TO_CSV),
     ".mcap": "This is a recording already. Run: treadlink estimate {name}",
     ".toml": "This is a configuration. Give the measurement as FILE and the map with --map.",
 }
 
 PLUGIN_NAMES_TAKEN: Final = tuple(suffix.removeprefix(".") for suffix in SUFFIXES)
 """Suffixes of this package, which plug-ins cannot take."""
+_START_BYTES: Final = 4096
+_MCAP: Final = b"\x89MCAP0\r\n"
+_RECORDING: Final = ("this is a recording already", "Run: treadlink estimate {name}")
+# First bytes of files, whatever their suffix is.
+_FIRST_BYTES: Final = {
+    b"MDF ": FileFormat.MF4,
+    b"UnFinMF ": FileFormat.MF4,
+    b"\x89HDF\r\n\x1a\n": FileFormat.HDF5,
+    b"MATLAB ": FileFormat.MAT,
+    b"TDSm": FileFormat.TDMS,
+    b"PAR1": FileFormat.PARQUET,
+    b"\x1a\x45\xdf\xa3": FileFormat.IDE,
+    b"|CF,2": FileFormat.FAMOS,
+    b"\x93NUMPY": FileFormat.NPZ,
+}
+_UNIVERSAL: Final = re.compile(rb"\s*-1\s*\r?\n\s*(?:15|18|55|58b?|82|151|164|2411|2412)\b")
 _logger = logging.getLogger(__name__)
 
 
@@ -115,9 +122,33 @@ class PluginReader:
         return ImportDataError(f"{self._path} cannot be read: {text}", "Check the file, or update the plug-in.")
 
 
-def suffix_format(path: Path) -> FileFormat | None:
-    """Return the format that a file's suffix stands for, None when it is unknown."""
-    return SUFFIXES.get(path.suffix.lower())
+def recognised_format(path: Path) -> FileFormat | None:
+    """Return the format of a file by its first bytes, or else by its suffix; None when both are unknown.
+
+    Raises:
+        ImportDataError: it is a recording of treadlink.
+        OSError: the system refuses.
+    """
+    by_suffix = SUFFIXES.get(path.suffix.lower())
+    if not path.is_file():
+        return by_suffix
+    with path.open("rb") as file:
+        start = file.read(_START_BYTES)
+    if start.startswith(_MCAP):
+        if b"treadlink" in start:
+            raise ImportDataError(f"{path}: {_RECORDING[0]}", _RECORDING[1].replace("{name}", path.name))
+        return FileFormat.IMU
+    by_content = next((each for magic, each in _FIRST_BYTES.items() if start.startswith(magic)), None)
+    if by_content is None and start[:4] == b"RIFF" and start[8:12] == b"WAVE":
+        by_content = FileFormat.WAV
+    if by_content is None and _UNIVERSAL.match(start):
+        by_content = FileFormat.UFF
+    if by_content is None and b"[column names]" in start.lower() and b"[header]" in start.lower():
+        by_content = FileFormat.VBO
+    # A MATLAB file of version 7.3 is HDF5 behind its own header.
+    if by_content is FileFormat.HDF5 and by_suffix is FileFormat.MAT:
+        return by_suffix
+    return by_content or by_suffix
 
 
 def open_columns(
@@ -142,7 +173,10 @@ def open_columns(
     if not path.exists():
         raise ImportDataError(f"{path} does not exist", missing_path_remedy(path))
     layout, sampling = import_map.file, import_map.sampling
-    file_format = layout.format or suffix_format(path)
+    try:
+        file_format = layout.format or recognised_format(path)
+    except OSError as error:
+        raise ImportDataError(f"{path} cannot be read: {error.strerror or error}", reading_remedy(error)) from error
     added = _plugin_reader(path) if file_format is None else None
     if added is not None:
         return added

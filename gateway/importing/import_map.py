@@ -63,13 +63,18 @@ class FileFormat(StrEnum):
     """Supported file formats."""
 
     CSV = "csv"
+    FAMOS = "famos"
     HDF5 = "hdf5"
     IDE = "ide"
+    IMU = "imu"
     MAT = "mat"
     MF4 = "mf4"
+    NPZ = "npz"
     PARQUET = "parquet"
     TDMS = "tdms"
     UFF = "uff"
+    VBO = "vbo"
+    WAV = "wav"
 
 
 SUFFIXES: Final[dict[str, FileFormat]] = {
@@ -78,17 +83,23 @@ SUFFIXES: Final[dict[str, FileFormat]] = {
     ".tsv": FileFormat.CSV,
     ".dat": FileFormat.CSV,
     ".lvm": FileFormat.CSV,
+    ".raw": FileFormat.FAMOS,
     ".h5": FileFormat.HDF5,
     ".hdf5": FileFormat.HDF5,
+    ".nc4": FileFormat.HDF5,
     ".ide": FileFormat.IDE,
     ".mat": FileFormat.MAT,
     ".mdf": FileFormat.MF4,
     ".mf4": FileFormat.MF4,
+    ".npz": FileFormat.NPZ,
+    ".npy": FileFormat.NPZ,
     ".parquet": FileFormat.PARQUET,
     ".pq": FileFormat.PARQUET,
     ".tdms": FileFormat.TDMS,
     ".uff": FileFormat.UFF,
     ".unv": FileFormat.UFF,
+    ".vbo": FileFormat.VBO,
+    ".wav": FileFormat.WAV,
 }
 
 
@@ -143,7 +154,7 @@ class FileLayout(Section):
     """`[file]`: layout of the file; all keys but `format` concern CSV only."""
 
     format: Annotated[FileFormat | None, BeforeValidator(_file_format)] = Field(
-        default=None, description="file format; default: by the file's suffix"
+        default=None, description="file format; default: by its first bytes, or else its suffix"
     )
     delimiter: Annotated[str, _one_of(DELIMITERS)] = Field(default="comma", description="separator of the columns")
     decimal: Literal[".", ","] = Field(default=".", description="decimal separator")

@@ -3,6 +3,7 @@
 import contextlib
 import heapq
 import logging
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -144,12 +145,32 @@ def import_file(
         RecordingError: the recording exists or cannot be written.
     """
     paths = (path,) if isinstance(path, Path) else tuple(path)
+    paths = parts_of(paths[0]) if len(paths) == 1 else paths
     if import_map.file.sensor_column is not None:
         return _import_sensors(paths, import_map, out, progress)
     with contextlib.closing(_opened(paths, import_map, processes)) as reader:
         if not out.is_dir():
             refuse_existing(out)  # the writer would too, but only after the first pass
         return _import(paths, GapFilledColumns(paths[0], reader, import_map.sampling), import_map, out, progress)
+
+
+def parts_of(path: Path) -> tuple[Path, ...]:
+    """Return the files of a folder in the order of the numbers in their names, or the file itself.
+
+    Raises:
+        ImportDataError: the folder has no files, or files of several kinds.
+    """
+    if not path.is_dir():
+        return (path,)
+    files = [entry for entry in path.iterdir() if entry.is_file() and not entry.name.startswith(".")]
+    kinds = sorted({file.suffix.lower() for file in files})
+    if len(kinds) != 1:
+        shown = ", ".join(kinds) or "nothing"
+        raise ImportDataError(
+            f"{path} is a folder of several kinds of files: {shown}" if kinds else f"{path} is an empty folder",
+            "Give the files of one measurement, in the order of time.",
+        )
+    return tuple(sorted(files, key=lambda file: [int(p) if p.isdigit() else p for p in re.split(r"(\d+)", file.name)]))
 
 
 def _import_sensors(

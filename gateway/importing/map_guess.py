@@ -17,7 +17,7 @@ from gateway.importing.column_names import A_MAGNITUDE, other_quantity, parts_of
 from gateway.importing.columns import Block, ColumnReader, FileFacts
 from gateway.importing.csv_columns import CsvColumns
 from gateway.importing.csv_layout import TextLayout, recognise_layout
-from gateway.importing.file_formats import open_columns, suffix_format
+from gateway.importing.file_formats import open_columns, recognised_format
 from gateway.importing.guessed_columns import (
     ANGLE,
     MOST_COLUMNS,
@@ -49,6 +49,7 @@ from gateway.importing.import_map import (
     Sampling,
     Sensor,
 )
+from gateway.importing.importer import parts_of
 from gateway.importing.map_text import map_text
 from gateway.importing.reader_process import ReaderProcesses
 
@@ -84,6 +85,7 @@ def guess_map(path: Path, progress: Callable[[float], None] = lambda _: None) ->
     Raises:
         ImportDataError: the file cannot be read, or none of its columns can be an acceleration.
     """
+    path = parts_of(path)[0]
     text = _text_layout(path)
     layout = text.layout if text is not None else FileLayout()
     # The columns are known only after the file is open; a map needs one. The zone of dates does not change their steps.
@@ -128,7 +130,7 @@ def guess_map(path: Path, progress: Callable[[float], None] = lambda _: None) ->
 
 
 def _text_layout(path: Path) -> TextLayout | None:
-    if path.is_file() and suffix_format(path) is FileFormat.CSV:
+    if path.is_file() and recognised_format(path) is FileFormat.CSV:
         return recognise_layout(path)
     return None
 

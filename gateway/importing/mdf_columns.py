@@ -61,6 +61,11 @@ class MdfColumns:
         self._groups: dict[str, tuple[str, str]] = {}
         self._mdf: Any = MDF(path)
         self._list()
+        if any(name.startswith("CAN_DataFrame") for name in (*self._channels, *self._unusable)):
+            raise ImportDataError(
+                f"{path} holds frames of a CAN bus",
+                f"Record them as signals of the vehicle: treadlink record SOURCE can:{path.name}?dbc=FILE.",
+            )
         began = self._mdf.header.start_time
         # A file without a date has the start of the epoch; one in local time does not state its zone.
         dated = began.tzinfo is not None and began.year > 1990

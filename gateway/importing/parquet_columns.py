@@ -32,7 +32,10 @@ class ParquetColumns:
     def facts(self) -> FileFacts:
         """Columns of the schema."""
         dates = {name: begin if self._types[name].tz else None for name, begin in self._begins_ns.items()}
-        return FileFacts(tuple(self._types), dates=dates)
+        import pyarrow as pa
+
+        durations = {name: "s" for name, kind in self._types.items() if pa.types.is_duration(kind)}
+        return FileFacts(tuple(self._types), dates=dates, units=durations)
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
         """Yield the named columns; an empty cell is NaN."""
@@ -41,7 +44,7 @@ class ParquetColumns:
         for name in names:
             kind = self._types[name]
             numbers = pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind)
-            if not (numbers or self._is_date(name)):
+            if not (numbers or self._is_date(name) or pa.types.is_duration(kind) or self._is_list(name)):
                 raise ImportDataError(
                     f"{self._path}: column '{name}' contains {kind}, not numbers", "Convert it before importing."
                 )
@@ -49,9 +52,47 @@ class ParquetColumns:
         row = 0
         for batch in self._file.iter_batches(batch_size=BLOCK_ROWS, columns=list(names)):
             # By name: a batch has its columns in the order of the file.
-            values = np.column_stack([self._values(name, batch.column(name)) for name in names])
+            values = self._rows(names, batch)
             yield Block(row, values, row_places(row), min((row + len(values)) / total, 1.0))
             row += len(values)
+
+    def _rows(self, names: Sequence[str], batch: Any) -> FloatArray:
+        """Return the (n, columns) values of a batch; lists are blocks of samples, a number beside them is their first.
+
+        Raises:
+            ImportDataError: the lists of a row differ in length.
+        """
+        lists = {name: batch.column(name) for name in names if self._is_list(name)}
+        if not lists:
+            return np.column_stack([self._values(name, batch.column(name)) for name in names])
+        lengths = {name: np.asarray(column.value_lengths().fill_null(0)) for name, column in lists.items()}
+        first_name, counts = next(iter(lengths.items()))
+        for name, of_column in lengths.items():
+            if not np.array_equal(of_column, counts):
+                row = int(np.flatnonzero(of_column != counts)[0])
+                raise ImportDataError(
+                    f"{self._path}: a list of '{name}' has {of_column[row]} values, of '{first_name}' {counts[row]}",
+                    "Leave one out of the map.",
+                )
+        ends = np.cumsum(counts)
+        columns = []
+        for name in names:
+            if name in lists:
+                columns.append(self._values(name, lists[name].flatten()))
+                continue
+            column = np.full(int(ends[-1]) if len(ends) else 0, np.nan)
+            filled = counts > 0
+            column[(ends - counts)[filled]] = self._values(name, batch.column(name))[filled]
+            columns.append(column)
+        return np.column_stack(columns)
+
+    def _is_list(self, name: str) -> bool:
+        import pyarrow as pa
+
+        kind = self._types[name]
+        is_list = pa.types.is_list(kind) or pa.types.is_large_list(kind) or pa.types.is_fixed_size_list(kind)
+        value = kind.value_type if is_list else None
+        return is_list and bool(pa.types.is_integer(value) or pa.types.is_floating(value))
 
     def close(self) -> None:
         """Close the file."""
@@ -67,6 +108,10 @@ class ParquetColumns:
             # In integers: a double of the seconds since 1970 is 0.2 us coarse.
             seconds[valid] = (times_ns.drop_null().to_numpy(zero_copy_only=False) - self._begins_ns[name]) * 1e-9
             return seconds
+        if pa.types.is_duration(column.type):
+            seconds_ns = column.cast(pa.duration("ns")).cast(pa.int64()).cast(pa.float64(), safe=False)
+            durations: FloatArray = seconds_ns.to_numpy(zero_copy_only=False) * 1e-9
+            return durations
         if pa.types.is_boolean(column.type):
             column = column.cast(pa.int8())
         values: FloatArray = column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)

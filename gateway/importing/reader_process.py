@@ -12,6 +12,7 @@ import logging
 import os
 import signal
 import sys
+import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from importlib import import_module
@@ -53,6 +54,11 @@ class _Parser:
 _PARSERS: Final = {
     FileFormat.MAT: _Parser("gateway.importing.mat_columns", "MatColumns", "MATLAB", "scipy.io"),
     FileFormat.HDF5: _Parser("gateway.importing.hdf5_columns", "Hdf5Columns", "HDF5", "h5py", "h5py", "formats"),
+    FileFormat.FAMOS: _Parser("gateway.importing.famos_columns", "FamosColumns", "FAMOS", "numpy"),
+    FileFormat.IMU: _Parser("gateway.importing.imu_columns", "ImuColumns", "MCAP", "mcap.reader"),
+    FileFormat.NPZ: _Parser("gateway.importing.npz_columns", "NpzColumns", "numpy", "numpy"),
+    FileFormat.VBO: _Parser("gateway.importing.vbo_columns", "VboColumns", "VBO", "numpy"),
+    FileFormat.WAV: _Parser("gateway.importing.wav_columns", "WavColumns", "WAV", "scipy.io.wavfile"),
     FileFormat.IDE: _Parser("gateway.importing.ide_columns", "IdeColumns", "IDE", "idelib", "idelib", "formats"),
     FileFormat.MF4: _Parser("gateway.importing.mdf_columns", "MdfColumns", "MDF", "asammdf", "asammdf", "formats"),
     FileFormat.PARQUET: _Parser(
@@ -307,7 +313,11 @@ def _heard_warnings() -> Iterator[list[str]]:
     for logger in packages:
         logger.addHandler(collector)
     try:
-        yield heard
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("ignore")
+            warnings.simplefilter("always", UserWarning)
+            yield heard
+        heard += [str(warning.message)[:_WARNING_LENGTH] for warning in caught[: _MOST_WARNINGS - len(heard)]]
     finally:
         for logger in packages:
             logger.removeHandler(collector)

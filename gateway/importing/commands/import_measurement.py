@@ -36,7 +36,8 @@ if TYPE_CHECKING:
 def import_(files: tuple[Path, ...], map_path: Path | None, out: Path | None, guess: bool, force: bool) -> None:
     """Convert the measurement FILE to a recording.
 
-    FILE is CSV, MATLAB (MAT), HDF5, MDF (MF4), TDMS, UFF, IDE or Parquet. Several files, in the order of time, are one
+    FILE is CSV, MATLAB, HDF5, MDF, TDMS, UFF, IDE, FAMOS, VBO, WAV, Parquet, of numpy, or MCAP with Imu messages.
+    Several files, in the order of time, or a folder of them are one
     measurement. The import map states the meaning of the columns; --guess writes a first one. A CSV or MF4 file of
     samples that `treadlink export` has written needs none: its wheels come back. A recording is never
     overwritten; --force overwrites a map.

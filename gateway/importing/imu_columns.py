@@ -1,0 +1,99 @@
+"""Reader of `sensor_msgs/Imu` messages of ROS 2 in MCAP files, run by `gateway.importing.reader_process`.
+
+Layout by the public definition of the message in CDR: stamp, frame, then 37 doubles: orientation (4), covariance (9),
+angular velocity (3), covariance (9), linear acceleration (3), covariance (9).
+"""
+
+import struct
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from gateway.core.errors import ImportDataError
+from gateway.core.types import FloatArray
+from gateway.importing.columns import Block, printable
+from gateway.importing.waveform_columns import Waveform, WaveformColumns
+
+_SCHEMAS: Final = ("sensor_msgs/msg/Imu", "sensor_msgs/Imu")
+_DOUBLES: Final = 37
+_COLUMNS: Final = {
+    **{f"linear_acceleration.{axis}": (25 + k, "m/s^2") for k, axis in enumerate("xyz")},
+    **{f"angular_velocity.{axis}": (13 + k, "rad/s") for k, axis in enumerate("xyz")},
+}
+
+
+class ImuColumns(WaveformColumns):
+    """Messages, loaded as a whole. Columns are `topic/linear_acceleration.z`; `topic/time` is that of their stamps."""
+
+    def __init__(self, path: Path) -> None:
+        """Read the messages.
+
+        Raises:
+            ImportDataError: there is no such message.
+            Exception: of mcap, where the file is damaged.
+        """
+        from mcap.reader import make_reader
+
+        super().__init__(path)
+        times_ns: dict[str, list[int]] = {}
+        values: dict[str, list[FloatArray]] = {}
+        others: set[str] = set()
+        with path.open("rb") as file:
+            for schema, channel, message in make_reader(file).iter_messages(log_time_order=False):
+                if schema is None or schema.name not in _SCHEMAS or channel.message_encoding != "cdr":
+                    others.add(schema.name if schema is not None else channel.topic)
+                    continue
+                stamp_ns, numbers = _message(message.data)
+                times_ns.setdefault(channel.topic, []).append(stamp_ns)
+                values.setdefault(channel.topic, []).append(numbers)
+        if not values:
+            shown = ", ".join(sorted(map(printable, others))[:8]) or "none"
+            raise ImportDataError(f"{path} has no messages of {_SCHEMAS[0]}", f"Its messages are: {shown}.")
+        self.start_ns = min(min(stamps) for stamps in times_ns.values())
+        for topic, stamps in times_ns.items():
+            self._add(printable(topic).strip("/"), np.array(stamps), np.array(values[topic]))
+
+    def close(self) -> None:
+        """Release the values."""
+        self.waveforms.clear()
+
+    def blocks(self, names: Sequence[str]) -> Iterator[Block]:
+        """Yield the named columns.
+
+        Raises:
+            ImportDataError: they are of several topics, each with times of its own.
+        """
+        topics = {self.waveforms[name].group for name in names}
+        if len(topics) > 1:
+            raise ImportDataError(
+                f"{self.path}: the columns are of topics with times of their own: {', '.join(sorted(topics))}",
+                "Import one topic after the other, each with a map of its own.",
+            )
+        yield from super().blocks(names)
+
+    def _add(self, topic: str, stamps_ns: FloatArray, numbers: FloatArray) -> None:
+        order = np.argsort(stamps_ns, kind="stable")
+        times_s = (stamps_ns[order] - (self.start_ns or 0)) * 1e-9
+        columns = {name: (numbers[order, place], unit) for name, (place, unit) in _COLUMNS.items()}
+        for name, (column, unit) in {"time": (times_s, "s"), **columns}.items():
+            self.waveforms[f"{topic}/{name}"] = _waveform(column, unit, topic, name)
+
+
+def _waveform(values: FloatArray, unit: str, topic: str, name: str) -> Waveform:
+    return Waveform(len(values), lambda first, end: values[first:end], unit=unit, group=topic, name=name)
+
+
+def _message(data: bytes) -> tuple[int, FloatArray]:
+    """Return the stamp in ns and the (37,) doubles of a message.
+
+    Raises:
+        ValueError: it is too short.
+    """
+    order = "<" if data[1] & 1 else ">"
+    body = data[4:]
+    seconds, nanoseconds, length = struct.unpack_from(f"{order}iII", body, 0)
+    place = 12 + length
+    place += -place % 8
+    return seconds * 1_000_000_000 + nanoseconds, np.frombuffer(body, f"{order}f8", _DOUBLES, place)

@@ -1,0 +1,36 @@
+"""Reader of the channels in WAV files, by scipy, run by `gateway.importing.reader_process`."""
+
+from pathlib import Path
+
+import numpy as np
+
+from gateway.core.types import FloatArray
+from gateway.importing.waveform_columns import Waveform, WaveformColumns
+
+
+class WavColumns(WaveformColumns):
+    """Channels `channel 1`, ...: shares of the full range for whole numbers, else the values themselves."""
+
+    def __init__(self, path: Path) -> None:
+        """Map the samples into memory.
+
+        Raises:
+            Exception: of scipy, where it is no WAV file.
+        """
+        from scipy.io import wavfile
+
+        super().__init__(path)
+        rate_hz, samples = wavfile.read(path)
+        columns = samples.reshape(len(samples), -1)
+        full = float(np.iinfo(samples.dtype).max) + 1.0 if samples.dtype.kind in "iu" else 1.0
+        zero = 128.0 if samples.dtype == np.uint8 else 0.0
+        for k in range(columns.shape[1]):
+            self.waveforms[f"channel {k + 1}"] = _waveform(columns[:, k], full - zero, zero, rate_hz)
+
+    def close(self) -> None:
+        """Release the samples."""
+        self.waveforms.clear()
+
+
+def _waveform(values: FloatArray, full: float, zero: float, rate_hz: float) -> Waveform:
+    return Waveform(len(values), lambda first, end: (values[first:end] - zero) / full, 1.0 / rate_hz)

@@ -1,0 +1,187 @@
+"""Files of loggers and programs, after their public descriptions: channels, units, rates and starts arrive."""
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gateway.core.errors import ImportDataError
+from gateway.importing.import_map import parse_map
+from gateway.importing.importer import ImportReport, import_file
+from gateway.importing.map_guess import guess_map
+from tests.importing.measurements import Decoded, write_csv
+from tests.importing.rolling_wheel import rolling
+
+G = 9.80665
+RATE_HZ = 8000.0
+WHEEL = rolling(RATE_HZ, 0.5, seed=7)
+AXES_G = WHEEL.axes_mps2 / G
+NAMES = ("acc_x", "acc_y", "acc_z")
+
+
+def write_famos(path: Path, *, rows: int | None = None, repeated: bool = False) -> Path:
+    """Write float channels; with `repeated`, all data have the number 1."""
+
+    def key(name: str, content: str) -> bytes:
+        return f"|{name},1,{len(content)},{content};\r\n".encode()
+
+    parts = [b"|CF,2,1,1;|CK,1,3,1,1;\r\n"]
+    for k, name in enumerate(NAMES):
+        number = 1 if repeated else k + 1
+        counts = np.round(AXES_G[:, k] / 0.01).astype("<i2").tobytes()
+        stored = counts if rows is None or k < 2 else counts[: 2 * rows]
+        parts += [
+            key("CG", "1,1,1"), key("CD", f"{1.0 / RATE_HZ!r},1,1,s,0,0,0"), key("NT", "1,5,2024,12,0,0.25"),
+            key("CC", "1,1"), key("CP", "1,2,4,16,0,0,1,0"),
+            key("Cb", f"1,0,1,{number},0,{len(counts)},0,{len(counts)},1,0.0,0.0,"),
+            key("CR", "1,0.01,0.0,1,1,g"), key("CN", f"0,0,0,{len(name)},{name},0,"),
+            f"|CS,1,{len(stored) + 2},{number},".encode() + stored + b";\r\n",
+        ]  # fmt: skip
+    path.write_bytes(b"".join(parts))
+    return path
+
+
+def write_imu(path: Path, topics: tuple[str, ...] = ("/imu",)) -> Path:
+    writer_module = pytest.importorskip("mcap.writer")
+    with path.open("wb") as file:
+        writer = writer_module.Writer(file)
+        writer.start("ros2", "rosbag2")
+        schema = writer.register_schema("sensor_msgs/msg/Imu", "ros2msg", b"")
+        for topic in topics:
+            channel = writer.register_channel(topic, "cdr", schema)
+            for row, axes in enumerate(WHEEL.axes_mps2):
+                stamp_ns = 1_714_640_070_000_000_000 + round(row * 1e9 / RATE_HZ)
+                body = struct.pack("<iII", *divmod(stamp_ns, 10**9), 5) + b"base\0"
+                body += b"\0" * (-len(body) % 8) + struct.pack("<37d", *[0.0] * 25, *axes, *[0.0] * 9)
+                writer.add_message(channel, stamp_ns, b"\0\1\0\0" + body, stamp_ns, row)
+        writer.finish()
+    return path
+
+
+def write_vbo(path: Path) -> Path:
+    heads = ["satellites", "time", "latitude", "longitude", "velocity knots", "heading", "Acc X", "Acc Y", "Acc Z"]
+    rows = [
+        f"004 {72148 + int(t):06d}.{round(t % 1 * 1e6):06d} +3119.4 +00062.6 035.0 356.06 "
+        + " ".join(f"{v:.6E}" for v in a)
+        for t, a in zip(WHEEL.times_s, AXES_G, strict=True)
+    ]
+    path.write_text("\r\n".join([
+        "File created on 15/04/2024 @ 08:21", "", "[header]", *heads, "", "[channel units]", "g", "g", "g", "",
+        "[comments]", "Log Rate (Hz) : 8000", "", "[column names]", "sats time lat long velocity heading ax ay az", "",
+        "[data]", *rows,
+    ]))  # fmt: skip
+    return path
+
+
+def write_parquet_lists(path: Path) -> Path:
+    pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    blocks = AXES_G.reshape(-1, 40, 3)
+    stamps = np.round(WHEEL.times_s[::40] * 1e9).astype("timedelta64[ns]")
+    columns = {"time": pa.array(stamps), **{name: pa.array(list(blocks[:, :, k])) for k, name in enumerate(NAMES)}}
+    pq.write_table(pa.table(columns), path)
+    return path
+
+
+def write_wav(path: Path) -> Path:
+    from scipy.io import wavfile
+
+    wavfile.write(path, int(RATE_HZ), AXES_G.astype(np.float32))
+    return path
+
+
+def write_npz(path: Path) -> Path:
+    np.savez(path, acc=AXES_G, fs=RATE_HZ)
+    return path
+
+
+def write_motec(path: Path) -> Path:
+    head = ['"Format","MoTeC CSV File"', '"Venue","Rig"', '"Sample Rate","8000.000","Hz"', "", ""]
+    names = ['"Time","Acc X","Acc Y","Acc Z"', '"s","G","G","G"', "", ""]
+    rows = [
+        ",".join(f'"{value:.6f}"' for value in (time, *axes)) for time, axes in zip(WHEEL.times_s, AXES_G, strict=True)
+    ]
+    path.write_text("\r\n".join([*head, *names, *rows]) + "\r\n")
+    return path
+
+
+WRITERS = {
+    "famos.raw": write_famos, "famos.dat": write_famos, "imu.mcap": write_imu, "log.vbo": write_vbo,
+    "lists.parquet": write_parquet_lists, "daq.wav": write_wav, "run.npz": write_npz, "motec.csv": write_motec,
+}  # fmt: skip
+
+
+def imported(path: Path) -> ImportReport:
+    return import_file(path, parse_map(guess_map(path), "map"), path.parent / "out.mcap")
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_samples_and_rate_arrive(tmp_path: Path, name: str) -> None:
+    path = WRITERS[name](tmp_path / name)
+    report = imported(path)
+    assert report.rate_hz == pytest.approx(RATE_HZ, rel=1e-4)
+    assert report.samples == len(AXES_G)
+    radial = Decoded(tmp_path / "out.mcap").samples_mps2[:, -1]
+    np.testing.assert_allclose(radial, WHEEL.axes_mps2[:, 2], atol=0.15)
+
+
+@pytest.mark.parametrize(("name", "start"), [("famos.raw", 1714564800.25), ("imu.mcap", 1714640070.0)])
+def test_start_of_the_file_is_that_of_the_recording(tmp_path: Path, name: str, start: float) -> None:
+    report = imported(WRITERS[name](tmp_path / name))
+    assert not report.start_is_file_date
+    assert Decoded(report.recording).items[0].host_ns * 1e-9 == pytest.approx(start, abs=1e-3)
+
+
+def test_channels_with_data_of_one_number_stay_apart(tmp_path: Path) -> None:
+    text = guess_map(write_famos(tmp_path / "a.raw", repeated=True))
+    assert 'column = "acc_z"   # mean' in text
+
+
+def test_cut_channel_of_famos_is_told(tmp_path: Path) -> None:
+    report = imported(write_famos(tmp_path / "cut.raw", rows=3000))
+    assert report.samples == 3000
+    assert any("'acc_z' has 3000 of 4000 samples" in text for text in report.assumed)
+
+
+def test_topics_are_imported_one_by_one(tmp_path: Path) -> None:
+    path = write_imu(tmp_path / "two.mcap", ("/front", "/rear"))
+    with pytest.raises(ImportDataError, match="topics with times of their own"):
+        imported(path)
+
+
+@pytest.mark.parametrize(("name", "alias"), [("famos.raw", "x.bin"), ("run.npz", "x.raw"), ("daq.wav", "x")])
+def test_content_decides_the_format(tmp_path: Path, name: str, alias: str) -> None:
+    path = WRITERS[name](tmp_path / name)
+    if name == "run.npz":
+        np.save(tmp_path / "run.npy", AXES_G)
+        path = tmp_path / "run.npy"
+    renamed = path.rename(tmp_path / alias)
+    assert "[axis.radial]" in guess_map(renamed)
+
+
+def test_bus_frames_of_mdf_are_sent_to_their_source(tmp_path: Path) -> None:
+    can = pytest.importorskip("can")
+    pytest.importorskip("asammdf")
+    path = tmp_path / "bus.mf4"
+    with can.Logger(path) as log:
+        for k in range(10):
+            log.on_message_received(can.Message(timestamp=1.7e9 + k, arbitration_id=0x204, data=[k]))
+    with pytest.raises(ImportDataError, match="frames of a CAN bus") as caught:
+        guess_map(path)
+    assert "can:bus.mf4" in caught.value.remedy
+
+
+def test_folder_of_parts_is_one_measurement(tmp_path: Path) -> None:
+    folder = tmp_path / "parts"
+    folder.mkdir()
+    for number in range(12):
+        rows = slice(number * 300, (number + 1) * 300)
+        columns = {"time_s": WHEEL.times_s[rows], **{name: AXES_G[rows, k] for k, name in enumerate(NAMES)}}
+        write_csv(folder / f"part_{number}.csv", columns)
+    report = imported(folder)
+    assert report.samples == 3600
+    again = import_file([folder], parse_map(guess_map(folder), "map"), tmp_path / "again.mcap")
+    assert again.samples == 3600
+    (folder / "notes.pdf").write_text("no measurement")
+    with pytest.raises(ImportDataError, match="several kinds of files"):
+        imported(folder)
