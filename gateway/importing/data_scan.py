@@ -60,6 +60,7 @@ class Scan:
         first_s: time of the first row by the time column, 0 without one.
         wheels: result for each wheel.
         ranges: (references, 2) smallest and largest value of each reference column, NaN without one.
+        means: (references, 2) mean and standard deviation of each reference column, NaN without a value.
     """
 
     skipped: int
@@ -72,6 +73,7 @@ class Scan:
     first_s: float
     wheels: tuple[WheelScan, ...]
     ranges: FloatArray
+    means: FloatArray
 
 
 def scan(
@@ -100,6 +102,7 @@ def _scan(
     bad = _BadValues(path, names, _limits(import_map))
     reference_columns = [names.index(reference.column) for reference in import_map.reference]
     ranges = np.column_stack((np.full(len(reference_columns), np.inf), np.full(len(reference_columns), -np.inf)))
+    sums = np.zeros((len(reference_columns), 3))
     rows: SampleRows | None = None
     wheels = [_WheelRange(wheel) for wheel in import_map.wheels()]
     samples = 0
@@ -116,6 +119,7 @@ def _scan(
         for k, column in enumerate(reference_columns):
             present = values[:, column][np.isfinite(values[:, column])]
             if len(present):
+                sums[k] += len(present), present.sum(), np.square(present).sum()
                 ranges[k] = min(ranges[k, 0], present.min()), max(ranges[k, 1], present.max())
         samples += _take(wheels, rows, rows.feed(values))
     bad.refuse()
@@ -145,7 +149,15 @@ def _scan(
         first_s=start.clock.first_s if start.clock else 0.0,
         wheels=tuple(wheel.wheel_scan() for wheel in wheels),
         ranges=np.where(np.isfinite(ranges), ranges, np.nan),
+        means=_means(sums),
     )
+
+
+def _means(sums: FloatArray) -> FloatArray:
+    """Return (n, 2) means and standard deviations from (n, 3) numbers, sums and sums of squares."""
+    counts = np.where(sums[:, 0] > 0, sums[:, 0], np.nan)
+    means = sums[:, 1] / counts
+    return np.column_stack((means, np.sqrt(np.maximum(sums[:, 2] / counts - means**2, 0.0))))
 
 
 def _take(wheels: Sequence[_WheelRange], rows: SampleRows, values: FloatArray) -> int:

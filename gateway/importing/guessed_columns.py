@@ -40,6 +40,15 @@ SPEED: Final = re.compile(r"speed|veloc|geschw|(^|[^a-z])v([^a-z]|$)|kmh|km/h", 
 ROTATION: Final = re.compile(r"rpm|drehz|rotat|(^|[^a-z])n([^a-z]|$)|omega", re.IGNORECASE)
 ANGLE: Final = re.compile(r"angle|winkel|encoder|phi|theta", re.IGNORECASE)
 PULSES: Final = re.compile(r"tach|puls|trig|index|hall", re.IGNORECASE)
+# Channels of a rig, by name; their units are those of the quantity.
+RIG: Final = {
+    "load": re.compile(
+        r"(^|[^a-z])f_?z([^a-z]|$)|(wheel|vertical|normal)[ _-]?(load|force)|radlast|^load|kraft", re.IGNORECASE
+    ),
+    "slip_angle": re.compile(r"slip[ _-]?angle|schr(ä|ae)glauf|(^|[^a-z])(alpha|sa)([^a-z]|$)", re.IGNORECASE),
+    "camber": re.compile(r"camber|inclination|sturz|(^|[^a-z])(gamma|ia)([^a-z]|$)", re.IGNORECASE),
+    "torque": re.compile(r"torque|moment|(^|[^a-z])m_?[yz]([^a-z]|$)", re.IGNORECASE),
+}
 PRESSURE: Final = re.compile(r"press|druck|(^|[^a-z])p([^a-z]|$)", re.IGNORECASE)
 TEMPERATURE: Final = re.compile(r"temp|(^|[^a-z])t([^a-z]|$)", re.IGNORECASE)
 TIME: Final = re.compile(r"time|zeit|stamp|elapsed|millis|micros|seconds|sekunden|^t$", re.IGNORECASE)

@@ -54,8 +54,12 @@ REFERENCE_UNITS: Final[dict[str, dict[str, float]]] = {
     "rotation": {"Hz": 1.0, "rpm": 1.0 / 60.0, "rad/s": 0.5 / math.pi, "deg/s": 1.0 / 360.0},
     "angle": {"turns": 1.0, "deg": 1.0 / 360.0, "rad": 0.5 / math.pi},
     "pulses": {},
+    "load": {"N": 1.0, "kN": 1e3},
+    "slip_angle": {"deg": math.pi / 180.0, "rad": 1.0},
+    "camber": {"deg": math.pi / 180.0, "rad": 1.0},
+    "torque": {"N*m": 1.0, "Nm": 1.0, "kN*m": 1e3, "kNm": 1e3},
 }
-"""Units of each quantity of a reference: m/s, turns per second, and turns. A pulse has none."""
+"""Units of each quantity of a reference: m/s, turns per second, turns, N, rad and N*m. A pulse has none."""
 DELIMITERS: Final[dict[str, str]] = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " ", "pipe": "|"}
 
 
@@ -352,7 +356,8 @@ class ReferenceColumn(Section):
     )
     column: str = Field(description="name of the column")
     quantity: Annotated[str, _one_of(REFERENCE_UNITS)] = Field(
-        description="speed, rotation (a rate), angle (of an encoder) or pulses (of a tachometer)"
+        description="speed, rotation (a rate), angle (of an encoder), pulses (of a tachometer), or a channel of the "
+        "rig, which may vary: load, slip_angle, camber, torque"
     )
     unit: str | None = Field(default=None, description="unit of the column; pulses have none")
     std: float = within(0.0, 0, 1e6, "standard error of the column, in its unit")
@@ -366,7 +371,7 @@ class ReferenceColumn(Section):
 
     @property
     def factor(self) -> float:
-        """Factor from the column's unit to m/s, turns per second, or turns; for pulses, turns per pulse."""
+        """Factor from the column's unit to m/s, turns per second, turns, N, rad or N*m; for pulses, turns per pulse."""
         if self.quantity == "pulses":
             return 1.0 / self.pulses_per_turn
         return REFERENCE_UNITS[self.quantity][self.unit or ""]
@@ -435,12 +440,19 @@ class ImportMap(Section):
             assumed = (*assumed, f"error of the stated rate {STATED_RATE_STD_PERCENT:g} % (not stated in the map)")
         return assumed
 
-    def vehicle(self, more_assumed: tuple[str, ...] = (), *, rounding_std: float = 0.0) -> VehicleConfig:
+    def vehicle(
+        self,
+        more_assumed: tuple[str, ...] = (),
+        *,
+        rounding_std: float = 0.0,
+        loads_n: Mapping[str, tuple[float, float]] | None = None,
+    ) -> VehicleConfig:
         """Return the vehicle configuration for the recording.
 
         Args:
             more_assumed: further assumptions.
             rounding_std: relative error of the rate by rounded times.
+            loads_n: measured mean load of a wheel with its error, for wheels whose load is not stated.
         """
         stated = self.conditions
         tire = Tire(
@@ -452,14 +464,15 @@ class ImportMap(Section):
             temperature_degc=stated.temperature_degc,
             ring_thickness_mm=stated.ring_thickness_mm,
         )
+        measured = {} if loads_n is None else loads_n
         wheels = tuple(
             Wheel(
                 position=wheel.position,
                 hub=0,
                 wheel=number,
                 sensor_id=wheel.sensor_id,
-                load_n=wheel.load_n,
-                load_std_n=wheel.load_std_n,
+                load_n=measured[wheel.position][0] if wheel.position in measured else wheel.load_n,
+                load_std_n=measured[wheel.position][1] if wheel.position in measured else wheel.load_std_n,
                 mounting=wheel.mounting,
                 sensor=self.sampling.accuracy(rounding_std),
                 tire=_own_tire(wheel),

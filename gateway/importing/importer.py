@@ -37,6 +37,8 @@ from gateway.importing.unit_check import unlikely_unit
 
 _logger = logging.getLogger(__name__)
 
+# As the vehicle file allows them.
+_LOADS_N: Final = (50.0, 100_000.0)
 _EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
 
@@ -388,6 +390,7 @@ def _import(
     vehicle = import_map.vehicle(
         (*_shortcomings(reader.facts, import_map), *decimated),
         rounding_std=(part.scan.rate_std_hz or 0.0) / part.scan.rate_hz,
+        loads_n=_measured_loads_n(import_map, part.scan),
     )
     return _recorded([part], vehicle, path, more, start_ns, out, progress, start_is_file_date=start_is_file_date)
 
@@ -490,6 +493,20 @@ def _check_dates(path: Path, reader: BlockReader, import_map: ImportMap) -> None
             f"{path}: column '{name}' contains numbers, no dates",
             'State [sampling] time_unit = "s", "ms", "us" or "ns".',
         )
+
+
+def _measured_loads_n(import_map: ImportMap, file_scan: Scan) -> dict[str, tuple[float, float]]:
+    """Return the mean load of wheels by a column of the rig, with its error: that of the column and its variation."""
+    loads = {}
+    for reference, (mean, scatter) in zip(import_map.reference, file_scan.means.tolist(), strict=True):
+        if reference.quantity != "load" or not np.isfinite(mean):
+            continue
+        for wheel in import_map.wheels():
+            is_meant = not reference.wheels or wheel.position in reference.wheels
+            load_n = abs(mean) * reference.factor
+            if is_meant and wheel.load_n is None and _LOADS_N[0] <= load_n <= _LOADS_N[1]:
+                loads[wheel.position] = load_n, float(np.hypot(scatter, reference.std)) * reference.factor
+    return loads
 
 
 def _shortcomings(facts: FileFacts, import_map: ImportMap) -> tuple[str, ...]:

@@ -23,6 +23,7 @@ from gateway.importing.guessed_columns import (
     MOST_COLUMNS,
     PRESSURE,
     PULSES,
+    RIG,
     ROTATION,
     SHORT_ROLES,
     SPEED,
@@ -379,6 +380,9 @@ def _reference(column: Seen, values: FloatArray) -> Reference | None:
             # A frequency may be of anything.
             doubt = "" if stated and unit != "Hz" else "by its unit" if stated else "by its name"
             return Reference(column, quantity, unit, "" if pattern.search(name) and stated else doubt)
+    for quantity, pattern in RIG.items():
+        if unit in REFERENCE_UNITS[quantity] and pattern.search(name):
+            return Reference(column, quantity, unit, "")
     if unit in _VOLTAGES:
         at_ends = float(np.mean(np.minimum(values - low, high - values) < 0.1 * (high - low)))
         if PULSES.search(name) or at_ends > _AT_ENDS:

@@ -10,6 +10,8 @@ import numpy as np
 from gateway.core.estimates.estimator import Revolution
 from gateway.core.types import BoolArray, FloatArray
 
+RIG_CHANNELS: Final = ("load", "slip_angle", "camber", "torque")
+"""Quantities that are kept beside the revolutions, and that no estimate is compared with."""
 _BATCHES: Final = 10
 _FEWEST: Final = 3
 # Of the longer of a turn and the averaging interval; further apart, the reference has a gap.
@@ -24,13 +26,13 @@ class ReferenceComparison:
     Attributes:
         position: wheel position.
         name: name of the reference.
-        quantity: speed, rotation, angle or pulses.
+        quantity: as in an import map. A channel of the rig has no estimate: its mean and scatter alone are told.
         revolutions: number of revolutions compared, 0 when there are too few; then the rest is NaN.
-        estimated: mean estimate, m/s for a speed, turns per second otherwise.
+        estimated: mean estimate, m/s for a speed, turns per second otherwise; NaN for a channel of the rig.
         measured: mean of the reference, in the same unit.
         difference: estimate minus reference, in the same unit.
         difference_std: its standard error.
-        scatter: standard deviation of the differences of single revolutions.
+        scatter: standard deviation of the differences of single revolutions, or of a channel of the rig.
         radius_m: belt radius with which a speed would agree; NaN for others.
         radius_std_m: its standard error.
         contact_rad: angle of the reference at the contact centre; NaN where there is none.
@@ -99,6 +101,13 @@ class TurnLog:
         # Of a rate the mean over the turn: the difference of its integral.
         so_far = reference if is_turns else _integral(times, reference)
         measured = np.abs(np.interp(starts + periods, times, so_far) - np.interp(starts, times, so_far)) / periods
+        if quantity in RIG_CHANNELS:
+            signed = (np.interp(starts + periods, times, so_far) - np.interp(starts, times, so_far)) / periods
+            std = math.hypot(_mean_std(signed), value_std)
+            return ReferenceComparison(
+                position, name, quantity, len(starts),
+                measured=float(signed.mean()), difference_std=std, scatter=float(signed.std(ddof=1)),
+            )  # fmt: skip
         estimated = (2.0 * math.pi * radius_m if quantity == "speed" else 1.0) / periods
         differences = estimated - measured
         # The error of an angle counts at both ends only, that of a rate everywhere.

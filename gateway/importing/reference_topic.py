@@ -1,4 +1,4 @@
-"""Measured references in recordings: speeds, rotations and angles to compare estimates with."""
+"""Measured references in recordings: to compare estimates with, and channels of a rig that vary."""
 
 import json
 import math
@@ -13,7 +13,7 @@ from gateway.core.recording.mcap_layout import RecordedMessage
 from gateway.core.recording.reader import RecordingReader
 
 _TOPIC: Final = re.compile(r"/wheel/([^/]+)/reference/([^/]+)")
-_QUANTITIES: Final = ("speed", "rotation", "angle", "pulses")
+_QUANTITIES: Final = ("speed", "rotation", "angle", "pulses", "load", "slip_angle", "camber", "torque")
 _MOST_VALUES: Final = 10_000_000
 _MOST_REFERENCES: Final = 256
 
@@ -25,10 +25,10 @@ class RecordedReference:
     Attributes:
         position: wheel position.
         name: name of the reference.
-        quantity: speed, rotation, angle or pulses.
+        quantity: as in an import map.
         value_std: one standard error of a value.
         times_s: hub times.
-        values: speed in m/s, rotation in turns per second, or turns so far.
+        values: in m/s, turns per second, turns so far, N, rad or N*m.
     """
 
     position: str

@@ -1,5 +1,6 @@
 """Measured speeds, rotations and angles: kept in the recording and compared with the revolutions."""
 
+import tomllib
 from functools import cache
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from gateway.core.cli.estimate import estimate
 from gateway.core.errors import ConfigError
 from gateway.importing.commands.import_measurement import import_
 from gateway.importing.import_map import ReferenceColumn, parse_map
+from gateway.importing.map_guess import guess_map
 from gateway.importing.reference_channels import ReferenceChannel
 from gateway.importing.reference_comparison import ReferenceComparison
 from gateway.importing.reference_topic import ReferenceReader
@@ -140,3 +142,33 @@ def test_faults_of_references_are_named(keys: str, fault: str) -> None:
 def test_reference_without_revolutions_is_named() -> None:
     (line,) = reference_lines([ReferenceComparison("FL", "drum", "speed", 0)])
     assert line == "FL, reference drum: fewer than 3 revolutions have a reference; nothing to compare"
+
+
+def test_channels_of_a_rig_vary_and_state_the_load(tmp_path: Path) -> None:
+    times_s = wheel().times_s
+    columns = {
+        "time_s": times_s, "az (m/s^2)": wheel().axes_mps2[:, 2], "Fz [kN]": 4.0 + 0.2 * np.sin(0.5 * np.pi * times_s),
+        "slip angle [deg]": 2.0 * np.sin(times_s), "camber [deg]": 0.5 + 0.1 * times_s, "My [Nm]": 30.0 + times_s,
+    }  # fmt: skip
+    path = write_csv(tmp_path / "rig.csv", columns)
+    text = guess_map(path)
+    quantities = [reference["quantity"] for reference in tomllib.loads(text)["reference"]]
+    assert quantities == ["load", "slip_angle", "camber", "torque"]
+    (tmp_path / "rig.map.toml").write_text(text)
+    out = tmp_path / "o.mcap"
+    result = CliRunner().invoke(import_, [str(path), "--map", str(tmp_path / "rig.map.toml"), "--out", str(out)])
+    assert result.exit_code == 0, result.output
+    reader = ReferenceReader(out)
+    assert list(reader.items())
+    load, slip, *_ = reader.references()
+    expected = np.interp(load.times_s, times_s, columns["Fz [kN]"]) * 1e3
+    np.testing.assert_allclose(load.values, expected, atol=10.0)
+    np.testing.assert_allclose(
+        slip.values, np.deg2rad(np.interp(slip.times_s, times_s, columns["slip angle [deg]"])), atol=2e-3
+    )
+    vehicle = tomllib.loads(reader.vehicle_toml or "")["wheel"][0]
+    assert vehicle["load_n"] == pytest.approx(1e3 * columns["Fz [kN]"].mean(), rel=1e-6)
+    assert vehicle["load_std_n"] == pytest.approx(1e3 * columns["Fz [kN]"].std(), rel=1e-6)
+    told = {line.split("reference ")[1].split(":")[0]: line for line in result.output.splitlines() if " mean " in line}
+    assert len(told) == 4
+    assert float(told["camber_deg_3"].split("mean ")[1].split()[0]) == pytest.approx(0.7, abs=0.02)

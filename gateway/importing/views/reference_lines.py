@@ -2,9 +2,17 @@
 
 import math
 from collections.abc import Sequence
+from typing import Final
 
 from gateway.core.text.numbers import round_to_error
 from gateway.importing.reference_comparison import ReferenceComparison
+
+_RIG_UNITS: Final = {
+    "load": ("N", 1.0),
+    "slip_angle": ("deg", 180.0 / math.pi),
+    "camber": ("deg", 180.0 / math.pi),
+    "torque": ("N*m", 1.0),
+}
 
 
 def reference_lines(comparisons: Sequence[ReferenceComparison]) -> list[str]:
@@ -16,6 +24,13 @@ def _lines(comparison: ReferenceComparison) -> list[str]:
     head = f"{comparison.position}, reference {comparison.name}"
     if comparison.revolutions == 0:
         return [f"{head}: fewer than 3 revolutions have a reference; nothing to compare"]
+    if comparison.quantity in _RIG_UNITS:
+        unit, factor = _RIG_UNITS[comparison.quantity]
+        mean = _with_error(comparison.measured * factor, comparison.difference_std * factor)
+        return [
+            f"{head}: {comparison.revolutions} revolutions, mean {mean} {unit}, "
+            f"scatter of single revolutions {comparison.scatter * factor:.2g} {unit}"
+        ]
     unit, factor = ("km/h", 3.6) if comparison.quantity == "speed" else ("Hz", 1.0)
     estimated, measured = (_plain(value * factor) for value in (comparison.estimated, comparison.measured))
     share = 100.0 / comparison.measured if comparison.measured else math.nan
