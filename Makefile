@@ -107,10 +107,11 @@ firmware-packages:
 # The reference collector in the loop, and what it costs.
 firmware: $(STAMP)
 	$(BIN)/python -m pytest tests/makers/firmware
-	$(BIN)/python -m tools.bench_firmware
+	$(BIN)/python -m tests.makers.firmware.bench_firmware
 
 bench: $(STAMP)
 	for bench in tools/bench_*.py; do echo "== $$bench"; $(BIN)/python $$bench || exit 1; done
+	$(BIN)/python -m tests.core.ble.bench_ble
 
 $(DOCS_STAMP): requirements-docs.lock
 	$(PYTHON) -m venv $(DOCS_VENV)

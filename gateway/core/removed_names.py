@@ -12,6 +12,8 @@ REMOVED: Final[Mapping[str, str]] = {
     "treadlink diagnose --plan": _NEXT_STEPS,
     "treadlink diagnose --want": _NEXT_STEPS,
     "treadlink diagnose --at": _NEXT_STEPS,
+    "treadlink simulate --ble": "Use --pty, or a hub: the reference collector runs on this computer with `make hub`.",
+    "treadlink simulate --firmware": "The reference collector runs on this computer with `make hub`.",
     "treadlink protocol kaitai": "Use the Wireshark dissector (`treadlink protocol wireshark`), the C code (`header`, "
     "`encoder`) or the specification with its test vectors (`vectors`).",
 }

@@ -27,9 +27,9 @@ from firmware_protocol.messages import (
 )
 from firmware_protocol.signing import sign
 from gateway.core.errors import SourceError
-from gateway.makers import bench_records
-from gateway.makers.bench_records import HubData, Kind, WheelData, provisioning, record
 from gateway.security.cmac import Key, mac
+from tests.testkit.emulated_firmware import bench_records
+from tests.testkit.emulated_firmware.bench_records import HubData, Kind, WheelData, provisioning, record
 
 HUB_KEY = bytes(range(0xF0, 0x100))
 SENSOR_KEY = bytes(range(16))
@@ -205,7 +205,7 @@ class HostCollector:
     """
 
     def __init__(self, program: Path) -> None:
-        """Take the program of `gateway.makers.firmware_build.build_host`."""
+        """Take the program of `tests.testkit.emulated_firmware.firmware_build.build_host`."""
         self._program = program
 
     def run(self, records: bytes) -> bytes:

@@ -1,4 +1,4 @@
-"""`treadlink simulate`: simulate a scenario to a file, a pseudo-terminal, Bluetooth or emulated firmware."""
+"""`treadlink simulate`: simulate a scenario to a file or a pseudo-terminal."""
 
 from pathlib import Path
 from urllib.parse import quote
@@ -28,12 +28,6 @@ def _print_list(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
 @click.argument("scenario", metavar="SCENARIO")
 @path_option("--out", help="Write to this new file: a recording (.mcap) or the bytes of the link (.bin).")
 @click.option("--pty", is_flag=True, help="Act as a hub on a serial port (pseudo-terminal) until Ctrl-C.")
-@click.option("--ble", is_flag=True, help="Act as Bluetooth LE hubs on a private D-Bus (Linux) until Ctrl-C.")
-@click.option(
-    "--firmware",
-    is_flag=True,
-    help="Feed the samples to the reference firmware, which QEMU emulates; its link is a TCP port until Ctrl-C.",
-)
 @click.option(
     "--fault",
     "faults",
@@ -61,8 +55,6 @@ def simulate(
     scenario: str,
     out: Path | None,
     pty: bool,
-    ble: bool,
-    firmware: bool,
     faults: tuple[str, ...],
     seed: int | None,
     duration_s: float | None,
@@ -75,17 +67,11 @@ def simulate(
     The simulated hubs send the same protocol as real ones. To show live estimates of a simulation, use `treadlink live
     sim:SCENARIO`.
     """
-    if (out is not None) + pty + ble + firmware != 1:
-        raise click.UsageError("Give one of --out FILE, --pty, --ble and --firmware.")
-    if firmware and faults:
-        raise click.UsageError("--fault cannot be combined with --firmware, whose link is that of the emulated board.")
-    if ble and faults:
-        raise click.UsageError("--fault cannot be combined with --ble, which transmits only whole frames.")
-    if ble and key_file is not None:
-        raise click.UsageError("--keys cannot be combined with --ble, whose hub changes frames on command.")
+    if (out is not None) == pty:
+        raise click.UsageError("Give one of --out FILE and --pty.")
     from gateway.core.bounded_input import read_bounded
     from gateway.core.text.output_file import write_whole
-    from gateway.simulator.commands.simulation_outputs import to_ble, to_file, to_firmware, to_pty, truth_lines
+    from gateway.simulator.commands.simulation_outputs import to_file, to_pty, truth_lines
     from gateway.simulator.link_faults import parse_faults
     from gateway.simulator.scenario import load_scenario, vehicle_toml
     from gateway.simulator.simulation import simulate as make_simulation
@@ -107,10 +93,6 @@ def simulate(
         uri = f"sim:{quote(scenario)}?seed={used_seed}"
         size = to_file(source, simulation.duration_s, out, uri, clock)
         click.echo(f"written: {out} ({simulation.duration_s:g} s, {size / 1e6:.2f} MB)")
-    elif firmware:
-        to_firmware(simulation, parse_speed(speed), clock, vehicle, key_file)
-    elif ble:
-        to_ble(SimulatorSource(simulation, link, toml, parse_speed(speed), clock), loaded, vehicle)
     else:
         to_pty(SimulatorSource(simulation, link, toml, parse_speed(speed), clock), vehicle)
     for line in truth_lines(simulation):

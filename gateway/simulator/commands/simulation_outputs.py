@@ -1,8 +1,7 @@
-"""Outputs of a simulation: a file, a pseudo-terminal, Bluetooth or emulated firmware; and its true values."""
+"""Outputs of a simulation: a file or a pseudo-terminal; and its true values."""
 
 import contextlib
 import shlex
-import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -10,14 +9,13 @@ import click
 
 from gateway.core.cli.stop_signals import stop_request
 from gateway.core.clock import Clock
-from gateway.core.errors import OutputError, SourceError
+from gateway.core.errors import OutputError
 from gateway.core.links.source import Chunk, LinkItem
 from gateway.core.recording.writer import RecordingWriter, whole_recording
 from gateway.core.text.output_file import OutputFile
 from gateway.core.text.progress import progress_bar
 from gateway.simulator.link_faults import Fault
 from gateway.simulator.pty_link import PtyPort
-from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulation import Simulation
 from gateway.simulator.simulator_source import SimulatorSource
 
@@ -75,68 +73,6 @@ def to_pty(source: SimulatorSource, vehicle: Path | None) -> None:
             click.echo("")
     lost = f", {port.dropped} lost because the reader is too slow" if port.dropped else ""
     click.echo(f"{port.sent} bytes read, {port.unread} sent without a reader{lost}")
-
-
-def to_firmware(
-    simulation: Simulation, speed: float, clock: Clock, vehicle: Path | None, key_file: Path | None
-) -> None:
-    """Run the reference collector on an emulated board until the scenario ends or Ctrl-C.
-
-    Raises:
-        SourceError: QEMU or the compiler is missing, or the scenario does not fit one collector.
-    """
-    from gateway.makers.emulated_board import EmulatedBoard
-    from gateway.makers.firmware_build import build_board, require_board_tools
-    from gateway.makers.sensor_feed import SensorFeed, play
-    from gateway.security.key_file import KeyFile
-
-    require_board_tools()
-    feed = SensorFeed(simulation, KeyFile(key_file).keys if key_file is not None else {})
-    with tempfile.TemporaryDirectory() as folder, EmulatedBoard(build_board(Path(folder))) as board:
-        board.provision(feed.hub, feed.wheels)
-        options = f" --config {shlex.quote(str(vehicle))}" if vehicle is not None else ""
-        options += f" --keys {shlex.quote(str(key_file))}" if key_file is not None else ""
-        with stop_request() as stop:
-            click.echo("The reference firmware runs on an emulated Cortex-M4. In another terminal run\n")
-            click.echo(f"  treadlink live tcp://{board.address}{options}\n\nCtrl-C stops the board.")
-            played = play(feed, board, speed, clock, stop)
-        if stop.is_set():
-            click.echo("")
-    click.echo(f"{played.samples} samples in {played.time_s:.1f} s, at most {played.late_s:.2f} s late")
-
-
-def to_ble(source: SimulatorSource, scenario: Scenario, vehicle: Path | None) -> None:
-    """Advertise and stream as Bluetooth hubs until the scenario ends or a signal asks to stop.
-
-    Raises:
-        SourceError: this system has no D-Bus daemon, through which programs use Bluetooth on Linux.
-    """
-    try:
-        from gateway.simulator.bluez_thread import BluezStandIn
-        from gateway.simulator.dbus_daemon import PrivateBus
-        from gateway.simulator.hubs import ble_hubs, broadcast
-    except ImportError as error:
-        raise SourceError("simulated Bluetooth requires Linux", "Use --pty or --out.") from error
-
-    hubs = ble_hubs(scenario)
-    with stop_request() as stop, PrivateBus() as bus, BluezStandIn(bus.address) as bluez:
-        for hub in hubs.values():
-            hub.on_listening = _listening_printer(hub.peripheral.name)
-            bluez.add(hub.peripheral)
-        uris = " ".join(f"ble://{hub.peripheral.name}" for hub in hubs.values())
-        config = f" --config {shlex.quote(str(vehicle))}" if vehicle is not None else ""
-        click.echo("Simulated hubs advertise on a private Bluetooth. In another terminal run\n")
-        click.echo(f"  export DBUS_SYSTEM_BUS_ADDRESS={shlex.quote(bus.address)}")
-        click.echo(f"  treadlink scan\n  treadlink live {uris}{config}\n\nCtrl-C stops the hubs.")
-        sent = broadcast(source, hubs, bluez, stop)
-        if stop.is_set():
-            click.echo("")
-        else:
-            click.echo(f"sent {', '.join(f'{sent[n]} notifications of hub {n}' for n in sent)}")
-
-
-def _listening_printer(name: str) -> Callable[[bool], None]:
-    return lambda listening: click.echo(f"{name}: {'subscribed' if listening else 'no longer subscribed'}")
 
 
 def truth_lines(simulation: Simulation) -> Iterator[str]:

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import pytest
 
 from gateway.core.links.ble_source import scan_devices
-from gateway.simulator.bluez_thread import BluezStandIn
-from gateway.simulator.dbus_daemon import PROGRAM, PrivateBus
-from gateway.simulator.peripheral import Peripheral
+from tests.testkit.bluetooth.bluez_thread import BluezStandIn
+from tests.testkit.bluetooth.dbus_daemon import PROGRAM, PrivateBus
+from tests.testkit.bluetooth.peripheral import Peripheral
 
 ADDRESSES = [f"C0:FF:EE:00:00:{number:02X}" for number in range(1, 9)]
 

@@ -3,26 +3,19 @@
 import json
 import os
 import re
-import signal
-import subprocess
-import sys
-import threading
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from gateway.bench.commands.doctor_checks import Level, check_bluetooth, check_source
 from gateway.core.clock import ManualClock
-from gateway.simulator.bluez_thread import BluezStandIn
-from gateway.simulator.dbus_daemon import PrivateBus
-from gateway.simulator.peripheral import Peripheral
-from tests.core.ble.conftest import ADDRESSES, require_dbus_daemon, settle
-from tests.testkit.commands import invoked
-from tests.testkit.hub_ends import TIMEOUT_S
-
-ROOT = Path(__file__).parents[3]
-TREADLINK = [sys.executable, "-m", "gateway.core.cli"]
+from gateway.simulator.scenario import parse_scenario, vehicle_toml
+from tests.core.ble.conftest import ADDRESSES, settle
+from tests.core.ble.test_ble_session import SCENARIO, broadcasting
+from tests.testkit.bluetooth.bluez_thread import BluezStandIn
+from tests.testkit.bluetooth.dbus_daemon import PrivateBus
+from tests.testkit.bluetooth.peripheral import Peripheral
+from tests.testkit.commands import invoked, run
 
 
 @pytest.fixture
@@ -89,65 +82,19 @@ def test_doctor_checks_bluetooth(bluez: BluezStandIn, hub: Peripheral) -> None:
     assert "switched off" in off.text
 
 
-@pytest.fixture
-def demo(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], dict[str, str]]]:
-    require_dbus_daemon()
-    with subprocess.Popen(
-        [*TREADLINK, "simulate", "lab", "--ble", "--duration", "120", "--vehicle", str(tmp_path / "lab.toml")],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        cwd=ROOT,
-        start_new_session=True,
-    ) as process:
-        assert process.stdout is not None
-        impatience = threading.Timer(60, process.kill)
-        impatience.start()
-        printed = ""
-        while "Ctrl-C" not in printed:
-            line = process.stdout.readline()
-            assert line, printed
-            printed += line
-        impatience.cancel()
-        address = re.search(r"export DBUS_SYSTEM_BUS_ADDRESS=(\S+)", printed)
-        assert address is not None
-        assert "treadlink live ble://Treadlink-W1 --config" in printed
-        yield process, {**os.environ, "DBUS_SYSTEM_BUS_ADDRESS": address[1].strip("'")}
-        if process.poll() is None:
-            process.kill()
-
-
-def run(environment: dict[str, str], *arguments: str) -> str:
-    done = subprocess.run(
-        [*TREADLINK, *arguments], capture_output=True, text=True, env=environment, cwd=ROOT, timeout=60, check=False
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
-
-
-def test_simulator_as_a_hub_on_bluetooth(demo: tuple[subprocess.Popen[str], dict[str, str]], tmp_path: Path) -> None:
-    process, environment = demo
-    assert "ble://Treadlink-W1" in run(environment, "scan", "--timeout", "0.5")
-    uri = "ble://Treadlink-W1?scan=0.5"
-    assert "hub 0 executed the command" in run(environment, "command", "time", uri)
-    printed = run(environment, "live", uri, "--config", str(tmp_path / "lab.toml"), "--plain", "--duration", "4")
-    assert "Treadlink-W1 at 00:00:5E:00:53:00 (-58 dBm), MTU 247" in printed
-    assert re.search(r"^W1 +\d+ +[\d.]+ +6[45]\.", printed, re.MULTILINE), printed
-    assert re.search(r"ble:Treadlink-W1: \d+ frames, 0 lost", printed)
-    os.killpg(process.pid, signal.SIGINT)  # as a terminal does
-    assert process.stdout is not None
-    rest = process.stdout.read()
-    assert process.wait(TIMEOUT_S) == 0, rest
-    assert "Traceback" not in rest
-    assert rest.count(": subscribed") == rest.count(": no longer subscribed") == 2
+def test_commands_of_a_user_reach_a_simulated_hub(bluez: BluezStandIn, tmp_path: Path) -> None:
+    vehicle = tmp_path / "two.toml"
+    vehicle.write_text(vehicle_toml(parse_scenario(SCENARIO, "test")))
+    uri = "ble://Treadlink-FL?scan=0.5"
+    with broadcasting(bluez):
+        assert "ble://Treadlink-FL" in run("scan", "--timeout", "0.5")
+        assert "hub 0 executed the command" in run("command", "time", uri)
+        printed = run("live", uri, "--config", vehicle, "--plain", "--duration", "4")
+    assert re.search(r"^FL +\d+ +[\d.]+ +(89|90|91)\.", printed, re.MULTILINE), printed
+    assert re.search(r"ble:Treadlink-FL: \d+ frames, 0 lost", printed)
 
 
 def test_interrupt_does_not_reach_the_bus(bus: PrivateBus) -> None:
     # The daemon would end before the hubs on it, which then fail to leave.
     daemon = bus._process.pid
     assert os.getpgid(daemon) != os.getpgid(0)
-
-
-@pytest.mark.parametrize("arguments", [["--ble", "--pty"], ["--ble", "--fault", "flip:rate=0.01"], []])
-def test_simulate_takes_one_output(arguments: list[str]) -> None:
-    assert invoked("simulate", "lab", *arguments).exit_code == 2

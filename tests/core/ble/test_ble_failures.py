@@ -21,10 +21,10 @@ from gateway.core.links.ble_radio import BLE_ERRORS, explain
 from gateway.core.links.ble_source import scan_devices
 from gateway.core.links.source import LinkEventKind, Source, open_source
 from gateway.core.reasons import Code, Reason
-from gateway.simulator.bluez_thread import BluezStandIn
-from gateway.simulator.dbus_daemon import PrivateBus
-from gateway.simulator.peripheral import Peripheral
 from tests.core.ble.conftest import ADDRESSES, settle
+from tests.testkit.bluetooth.bluez_thread import BluezStandIn
+from tests.testkit.bluetooth.dbus_daemon import PrivateBus
+from tests.testkit.bluetooth.peripheral import Peripheral
 from tests.testkit.hub_ends import Reader
 
 Read = Callable[[Source], Reader]

@@ -37,12 +37,12 @@ from gateway.core.text.session_summary import ResultSummary
 from gateway.core.text.wording import text
 from gateway.security.command_signing import command_frame
 from gateway.security.hub_commands import execute, with_commands
-from gateway.simulator.bluez_thread import BluezStandIn
-from gateway.simulator.hubs import BleHub, ble_hubs, broadcast
-from gateway.simulator.peripheral import Peripheral
 from gateway.simulator.scenario import parse_scenario, vehicle_toml
 from gateway.simulator.simulation import simulate
 from gateway.simulator.simulator_source import SimulatorSource
+from tests.testkit.bluetooth.bluez_thread import BluezStandIn
+from tests.testkit.bluetooth.hubs import BleHub, ble_hubs, broadcast
+from tests.testkit.bluetooth.peripheral import Peripheral
 from tests.testkit.hub_ends import TIMEOUT_S, Reader
 
 Read = Callable[[Source], Reader]

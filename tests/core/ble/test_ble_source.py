@@ -18,9 +18,9 @@ from gateway.core.links.ble_source import BleSource, scan_devices
 from gateway.core.links.source import LinkEventKind, Source, open_source
 from gateway.core.reasons import Code, Reason
 from gateway.core.text.wording import text
-from gateway.simulator.bluez_thread import BluezStandIn
-from gateway.simulator.peripheral import UART_FROM_HUB, UART_TO_HUB, Peripheral
 from tests.core.ble.conftest import ADDRESSES
+from tests.testkit.bluetooth.bluez_thread import BluezStandIn
+from tests.testkit.bluetooth.peripheral import UART_FROM_HUB, UART_TO_HUB, Peripheral
 from tests.testkit.hub_ends import TIMEOUT_S, Reader
 
 Read = Callable[[Source], Reader]

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from gateway.makers.firmware_build import build_board, build_host, missing_packages
 from tests.testkit.collector_bench import HostCollector
+from tests.testkit.emulated_firmware.firmware_build import build_board, build_host, missing_packages
 
 CHECKED = (
     "-O1",

@@ -7,9 +7,15 @@ from pathlib import Path
 import pytest
 
 from gateway.core.errors import SourceError
-from gateway.makers.firmware_build import COLLECTOR, build_host, include_flags, write_protocol
 from tests.makers.firmware.conftest import require
-from tests.testkit.commands import invoked, run
+from tests.testkit.commands import run
+from tests.testkit.emulated_firmware.firmware_build import (
+    COLLECTOR,
+    build_host,
+    include_flags,
+    require_board_tools,
+    write_protocol,
+)
 
 HEAP_AND_SYSTEM = re.compile(r"\b(malloc|calloc|realloc|free|printf|sprintf|alloca|assert)\s*\(")
 
@@ -54,10 +60,9 @@ def test_written_collector_compiles_on_its_own(tmp_path: Path) -> None:
 
 def test_missing_programs_are_named_by_their_packages(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("shutil.which", lambda program: None)
-    done = invoked("simulate", "lab", "--firmware")
-    assert isinstance(done.exception, SourceError)
-    assert str(done.exception) == "the emulated board needs QEMU and a compiler for Arm"
-    assert "apt install qemu-system-arm gcc-arm-none-eabi libnewlib-arm-none-eabi" in done.exception.remedy
+    with pytest.raises(SourceError, match="the emulated board needs QEMU and a compiler for Arm") as refused:
+        require_board_tools()
+    assert "apt install qemu-system-arm gcc-arm-none-eabi libnewlib-arm-none-eabi" in refused.value.remedy
 
 
 def test_library_uses_no_heap_and_no_system() -> None:

@@ -26,8 +26,6 @@ from firmware_protocol.messages import (
 from gateway.core.clock import ManualClock
 from gateway.core.errors import SourceError
 from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind, LinkItem
-from gateway.makers.bench_records import Kind, record
-from gateway.makers.firmware_build import build_host
 from gateway.security.cmac import Key
 from gateway.security.freshness import Ledger
 from gateway.security.guard import ConfiguredWheel, Guard
@@ -56,6 +54,8 @@ from tests.testkit.collector_bench import (
     started,
     tick,
 )
+from tests.testkit.emulated_firmware.bench_records import Kind, record
+from tests.testkit.emulated_firmware.firmware_build import build_host
 
 Run = Callable[..., bytes]
 VECTORS = Path(firmware_protocol.__file__).parent / "vectors"

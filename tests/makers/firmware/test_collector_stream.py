@@ -17,8 +17,6 @@ from firmware_protocol.messages import (
     SetTime,
     TimeSync,
 )
-from gateway.makers import bench_records
-from gateway.makers.bench_records import Kind, record
 from tests.testkit.collector_bench import (
     BLOCK,
     HUB,
@@ -39,6 +37,8 @@ from tests.testkit.collector_bench import (
     started,
     tick,
 )
+from tests.testkit.emulated_firmware import bench_records
+from tests.testkit.emulated_firmware.bench_records import Kind, record
 
 Run = Callable[..., bytes]
 WRAP = 2**32

@@ -20,12 +20,12 @@ from gateway.makers.check.clauses import Clause, Verdict
 from gateway.makers.check.command_trial import CLAUSES
 from gateway.makers.check.firmware_check import FirmwareCheck
 from gateway.makers.commands.protocol_check import check_link
-from gateway.makers.firmware_build import COLLECTOR, WARNINGS
 from gateway.security.cmac import Key
 from gateway.security.hub_commands import execute
 from tests.makers.firmware.conftest import require
 from tests.testkit.collector_bench import command_bytes
 from tests.testkit.commands import run
+from tests.testkit.emulated_firmware.firmware_build import COLLECTOR, WARNINGS
 from tests.testkit.hub_ends import TcpHub
 
 README = (COLLECTOR / "README.md").read_text("utf-8")

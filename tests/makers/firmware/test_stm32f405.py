@@ -15,7 +15,9 @@ import pytest
 
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import CommandResult, Environment, Hello, LogText, Outcome, SampleBlock, SetTime
-from gateway.makers.firmware_build import (
+from tests.makers.firmware.conftest import require
+from tests.testkit.collector_bench import command_bytes
+from tests.testkit.emulated_firmware.firmware_build import (
     COLLECTOR,
     WARNINGS,
     build_stm32f405,
@@ -23,8 +25,6 @@ from gateway.makers.firmware_build import (
     missing_packages,
     write_protocol,
 )
-from tests.makers.firmware.conftest import require
-from tests.testkit.collector_bench import command_bytes
 from tests.testkit.sensor_parts import Adxl372, Ms5803, prom_check
 
 PARTS = COLLECTOR / "ports" / "parts"

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Final
 
 from gateway.core.errors import LinkLostError, SourceError
-from gateway.makers.bench_records import MOST_WHEELS, HubData, WheelData, provisioning
 from gateway.simulator.child_process import HELPER
+from tests.testkit.emulated_firmware.bench_records import MOST_WHEELS, HubData, WheelData, provisioning
 
 _READY: Final = b"R"
 _TIMEOUT_S: Final = 20.0

@@ -1,6 +1,6 @@
 """Size, cost, test coverage and resistance of the reference collector.
 
-Run `python -m tools.bench_firmware`; it takes about half a minute and needs QEMU and a compiler for Arm.
+Run `python -m tests.makers.firmware.bench_firmware`: half a minute, with QEMU and a compiler for Arm.
 """
 
 import os
@@ -10,10 +10,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
 from gateway.core.errors import SourceError
-from gateway.makers.firmware_build import (
+from tests.testkit.emulated_firmware.firmware_build import (
     CORTEX_M4,
     WARNINGS,
     build_board,
@@ -25,7 +23,7 @@ from gateway.makers.firmware_build import (
     write_protocol,
 )
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[3]
 CLOCK_HZ = 64e6
 RATE_HZ = 9600.0
 # Cycles of an instruction on a Cortex-M4: 1 for most, 2 to 3 for loads and taken branches, more with a slow flash.

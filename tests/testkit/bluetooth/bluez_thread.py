@@ -5,8 +5,8 @@ import threading
 from collections.abc import Coroutine
 from typing import Any, Final, Self, TypeVar
 
-from gateway.simulator.bluez_service import BluezService
-from gateway.simulator.peripheral import Peripheral
+from tests.testkit.bluetooth.bluez_service import BluezService
+from tests.testkit.bluetooth.peripheral import Peripheral
 
 _T = TypeVar("_T")
 _TIMEOUT_S: Final = 30.0

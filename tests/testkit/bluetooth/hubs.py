@@ -27,10 +27,10 @@ from firmware_protocol.messages import (
     TimeSync,
 )
 from gateway.core.links.source import Chunk
-from gateway.simulator.bluez_thread import BluezStandIn
-from gateway.simulator.peripheral import Peripheral
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulator_source import SimulatorSource
+from tests.testkit.bluetooth.bluez_thread import BluezStandIn
+from tests.testkit.bluetooth.peripheral import Peripheral
 
 _MASK: Final = 0xFFFF_FFFF
 _RATE_TOLERANCE: Final = 0.01

@@ -14,7 +14,7 @@ from dbus_fast import ErrorType, Message, MessageType, NameFlag, RequestNameRepl
 from dbus_fast.aio import MessageBus
 
 from gateway.core.errors import SourceError
-from gateway.simulator.peripheral import CHARACTERISTIC, DEVICE, Interfaces, Peripheral
+from tests.testkit.bluetooth.peripheral import CHARACTERISTIC, DEVICE, Interfaces, Peripheral
 
 NAME: Final = "org.bluez"
 ADAPTER: Final = "org.bluez.Adapter1"

@@ -12,9 +12,9 @@ from multiprocessing.connection import Connection
 
 from gateway.core.clock import SystemClock
 from gateway.core.links.source import Chunk, open_source
-from gateway.simulator.bluez_thread import BluezStandIn
-from gateway.simulator.dbus_daemon import PrivateBus
-from gateway.simulator.peripheral import Peripheral
+from tests.testkit.bluetooth.bluez_thread import BluezStandIn
+from tests.testkit.bluetooth.dbus_daemon import PrivateBus
+from tests.testkit.bluetooth.peripheral import Peripheral
 
 COUNT = 20_000
 PACED = 3_000

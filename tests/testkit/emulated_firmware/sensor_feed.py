@@ -8,15 +8,15 @@ import numpy as np
 
 from gateway.core.clock import Clock
 from gateway.core.errors import SourceError
-from gateway.makers import bench_records
-from gateway.makers.bench_records import MOST_WHEELS, MOST_WORDS, HubData, WheelData
-from gateway.makers.emulated_board import EmulatedBoard
 from gateway.security.cmac import Key
 from gateway.security.key_file import hub_identity, sensor_identity
 from gateway.simulator.hub import HUB_ID, SENSOR_SUPPLY_V
 from gateway.simulator.sensor import FULL_SCALE_COUNTS
 from gateway.simulator.simulated_wheel import WheelSimulator
 from gateway.simulator.simulation import BLOCK_S, Simulation
+from tests.testkit.emulated_firmware import bench_records
+from tests.testkit.emulated_firmware.bench_records import MOST_WHEELS, MOST_WORDS, HubData, WheelData
+from tests.testkit.emulated_firmware.emulated_board import EmulatedBoard
 
 _ENVIRONMENT_PERIOD_S: Final = 1.0
 

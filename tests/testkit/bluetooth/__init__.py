@@ -1,0 +1,1 @@
+"""Simulated Bluetooth LE hubs on a private D-Bus."""
