@@ -14,11 +14,6 @@ ROOT = Path(__file__).parents[1]
 
 # Imports from the core to a feature that are still to be cut: the list may only become shorter.
 UNCUT: set[str] = {
-    "gateway.core.cli.estimate -> gateway.compare.views.drive_page",
-    "gateway.core.cli.recording_estimates -> gateway.importing.reference_topic",
-    "gateway.core.cli.recording_estimates -> gateway.importing.reference_check",
-    "gateway.core.cli.recording_estimates -> gateway.compare.views.drive",
-    "gateway.core.cli.recording_estimates -> gateway.importing.views.reference_lines",
     "gateway.core.config.vehicle -> gateway.vehicle.bus_signals",
     "gateway.core.config.vehicle -> gateway.forces.tire_tables",
     "gateway.core.estimates.tire_data -> gateway.forces.belt_laminate",
@@ -29,8 +24,8 @@ UNCUT: set[str] = {
     "gateway.core.estimates.wheel_setup -> gateway.forces.slip_calibration",
 }
 # Arrows between rooms, and those of them that are in circles: the numbers may only become smaller.
-ARROW_LIMIT = 106
-CIRCLE_LIMIT = 51
+ARROW_LIMIT = 104
+CIRCLE_LIMIT = 49
 # Rooms and single modules of the closed loop: each may import those before it.
 CLOSURE_ORDER = (
     "effects", "data", "model", "criteria", "result", "bayes", "angle", "remainder", "search", "checks", "spectrum",

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from gateway.core.feature import CommandLine, Feature
+from gateway.core.feature import CommandLine, Feature, Registry
 
 FEATURE: Final = Feature(
     commands={
@@ -13,5 +13,10 @@ FEATURE: Final = Feature(
         "orders": CommandLine(
             "gateway.compare.commands.orders:orders", "Show the order spectra and the average of every wheel."
         ),
+    },
+    adds={
+        Registry.ESTIMATE_OUTPUTS: {
+            "page": "gateway.compare.page_output:PAGE",
+        },
     },
 )

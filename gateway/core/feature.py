@@ -26,6 +26,8 @@ class Registry(StrEnum):
     """Class that follows `gateway.core.estimates.estimator.Estimator`, by the estimator's name."""
     NUMBERS = "treadlink.numbers"
     """Likewise an estimator of the ring's four numbers, which wear and load can rest on."""
+    ESTIMATE_OUTPUTS = "treadlink.estimate-outputs"
+    """`gateway.core.cli.estimate_outputs.AddedOutput` by its name."""
     PARTS = "treadlink.parts"
     """Part of a session by its name in `gateway.core.session.session_parts`, which says what the core asks of it."""
     EFFECTS = "treadlink.effects"

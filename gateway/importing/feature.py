@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from gateway.core.feature import CommandLine, Feature
+from gateway.core.feature import CommandLine, Feature, Registry
 
 FEATURE: Final = Feature(
     commands={
@@ -10,5 +10,10 @@ FEATURE: Final = Feature(
             "gateway.importing.commands.import_measurement:import_",
             "Convert a CSV, MAT, HDF5, MF4, TDMS or IDE file to a recording.",
         ),
+    },
+    adds={
+        Registry.ESTIMATE_OUTPUTS: {
+            "references": "gateway.importing.reference_output:REFERENCES",
+        },
     },
 )

@@ -3,12 +3,9 @@
 import json
 import math
 import re
-from collections.abc import Generator
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Final
 
-from gateway.core.links.source import LinkItem
 from gateway.core.recording.mcap_layout import RecordedMessage
 from gateway.core.recording.reader import RecordingReader
 
@@ -44,27 +41,23 @@ def reference_topic(position: str, name: str) -> str:
     return f"/wheel/{position}/reference/{name}"
 
 
-class ReferenceReader(RecordingReader):
-    """Reader of a recording that collects its references in passing."""
+class RecordedReferences:
+    """References of a recording, collected while its items are read."""
 
-    def __init__(self, path: Path | str) -> None:
-        """Read the recording's description; errors as for `RecordingReader`."""
-        super().__init__(path)
+    def __init__(self, reader: RecordingReader) -> None:
+        """Watch a reader that begins its pass next."""
         self._references: dict[str, RecordedReference] = {}
         self._count = 0
-
-    def items(self) -> Generator[LinkItem, None, None]:
-        """Yield chunks, frames of buses, link events and marks in file order, once."""
-        for message in self.messages():
-            match = _TOPIC.fullmatch(message.channel.topic)
-            if match is None:
-                yield from self.link_items(message)
-            elif self._count < _MOST_VALUES:
-                self._take(message, match[1], match[2])
+        reader.watch(self._watch)
 
     def references(self) -> tuple[RecordedReference, ...]:
         """Return the references in order of appearance, complete after the last item."""
         return tuple(self._references.values())
+
+    def _watch(self, message: RecordedMessage) -> None:
+        match = _TOPIC.fullmatch(message.channel.topic)
+        if match is not None and self._count < _MOST_VALUES:
+            self._take(message, match[1], match[2])
 
     def _take(self, message: RecordedMessage, position: str, name: str) -> None:
         topic = message.channel.topic

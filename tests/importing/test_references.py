@@ -10,12 +10,13 @@ from click.testing import CliRunner
 
 from gateway.core.cli.estimate import estimate
 from gateway.core.errors import ConfigError
+from gateway.core.recording.reader import RecordingReader
 from gateway.importing.commands.import_measurement import import_
 from gateway.importing.import_map import ReferenceColumn, parse_map
 from gateway.importing.map_guess import guess_map
 from gateway.importing.reference_channels import ReferenceChannel
 from gateway.importing.reference_comparison import ReferenceComparison
-from gateway.importing.reference_topic import ReferenceReader
+from gateway.importing.reference_topic import RecordedReferences
 from gateway.importing.views.reference_lines import reference_lines
 from tests.importing.measurements import simple_map, write_csv
 from tests.importing.rolling_wheel import RADIUS_M, RollingWheel, rolling
@@ -78,9 +79,10 @@ def test_recording_keeps_the_values_with_their_errors(tmp_path: Path) -> None:
     path, map_path = measured(tmp_path)
     result = CliRunner().invoke(import_, [str(path), "--map", str(map_path), "--out", str(tmp_path / "o.mcap")])
     assert result.exit_code == 0
-    items = ReferenceReader(tmp_path / "o.mcap")
-    assert list(items.items())
-    results = {reference.name: reference for reference in items.references()}
+    reader = RecordingReader(tmp_path / "o.mcap")
+    references = RecordedReferences(reader)
+    assert list(reader.items())
+    results = {reference.name: reference for reference in references.references()}
     assert set(results) == set(REFERENCES)
     speed = results["speed"]
     assert (speed.position, speed.quantity) == ("W1", "speed")

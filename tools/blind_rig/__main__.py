@@ -66,11 +66,11 @@ def _signal(case: Case, kmh: float, load_n: float, rng: np.random.Generator) -> 
     rate = np.gradient(angle, time_s)
     spin = np.gradient(rate, time_s)
 
-    def read(at: Array) -> Array:
-        wrapped = np.mod(at + math.pi, 2.0 * math.pi) - math.pi
+    def read(angles: Array) -> Array:
+        wrapped = np.mod(angles + math.pi, 2.0 * math.pi) - math.pi
         inward, along = (np.interp(wrapped, grid, curve) for curve in closed[0])
         down, forward = (np.interp(wrapped, grid, curve) for curve in closed[1])
-        f = np.zeros((3, len(at)))
+        f = np.zeros((3, len(angles)))
         f[RADIAL] = rate**2 * inward + down
         f[ALONG] = rate**2 * along + spin * ring.radius_m + forward
         return f

@@ -46,17 +46,18 @@ def compare(
       treadlink compare tire-a.mcap tire-b.mcap --csv differences.csv
     """
     from gateway.compare.mean_comparison import compared_means
+    from gateway.compare.views.drive import Drives
     from gateway.compare.views.drive_comparison import comparison_csv, comparison_lines, means_of, radii_of
     from gateway.core.cli.recording_estimates import estimate_recording
     from gateway.core.cli.summary_output import SummaryOutput
     from gateway.core.errors import RecordingError, TreadlinkError
+    from gateway.core.session.session_parts import default_key_file
     from gateway.core.text.output_file import check_outputs, write_whole
     from gateway.core.text.progress import progress_bar
     from gateway.core.text.wording import text
-    from gateway.security.key_file import default_key_file
 
     check_outputs([csv_path], [first, second, config_path, *effects_paths, key_file or default_key_file()], force=force)
-    drives, damaged = [], []
+    collected, damaged = Drives(), []
     for path in (first, second):
         size = path.stat().st_size if path.is_file() else 0
         with progress_bar(f"estimating {path.name}") as bar:
@@ -67,15 +68,13 @@ def compare(
                 effects_paths=effects_paths,
                 key_file=key_file,
                 estimators=estimators,
-                is_drawn=True,
+                outputs=[collected],
             )
-        assert estimated.drive is not None
-        drives.append(estimated.drive)
         if estimated.damage is not None:
             damaged.append(f"'{path}': {text(estimated.damage)}")
-    before, after = drives
+    before, after = collected.drives
     if not before.wheels.keys() & after.wheels.keys():
-        wheels = " and ".join(f"{', '.join(drive.wheels) or 'no wheel'} in '{drive.name}'" for drive in drives)
+        wheels = " and ".join(f"{', '.join(drive.wheels) or 'no wheel'} in '{drive.name}'" for drive in (before, after))
         raise RecordingError(
             f"no wheel has revolutions in both recordings: {wheels}",
             "Name the wheels alike in the configuration, --config, or look at the recordings with treadlink inspect.",

@@ -3,9 +3,11 @@
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
+from gateway.core.config.vehicle import VehicleConfig
 from gateway.core.estimates.estimator import Status
 from gateway.core.estimates.results import AlarmRecord, RevolutionResult, WheelSnapshot
 from gateway.core.reasons import Notice
+from gateway.core.recording.recorded_file import RecordedFile
 from gateway.core.text.wheel_rows import WheelRow
 
 MOST_POINTS: Final = 240
@@ -83,9 +85,28 @@ class Drive:
             wheel = self.wheels[result.position] = DriveWheel()
         wheel.add(result)
 
-    def finish(self, states: Sequence[WheelSnapshot], alarms: Sequence[AlarmRecord], notices: Sequence[Notice]) -> None:
-        """Take what is complete at the end of a pass: last states of the wheels, alarms and notices."""
+    def finish(
+        self, states: Sequence[WheelSnapshot], alarms: Sequence[AlarmRecord], notices: Sequence[Notice]
+    ) -> tuple[str, ...]:
+        """Take what is complete at the end of a pass: last states of the wheels, alarms and notices; no lines."""
         self.alarms, self.notices = alarms, notices
         for state in states:
             if state.position in self.wheels:
                 self.wheels[state.position].state = state
+        return ()
+
+
+class Drives:
+    """Recordings on their way to a page, in the order in which they were read."""
+
+    def __init__(self) -> None:
+        """Start without a recording."""
+        self.drives: list[Drive] = []
+
+    def begin(self, file: RecordedFile, _vehicle: VehicleConfig | None) -> Drive:
+        """Return a collector for a recording that is read next."""
+        self.drives.append(Drive(file.info.path.name, file.info.described_run().lines()))
+        return self.drives[-1]
+
+    def write(self) -> None:
+        """Write nothing: a page does, or a comparison."""

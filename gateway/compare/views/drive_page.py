@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from gateway import __version__
-from gateway.compare.views.drive import Drive, DriveWheel
+from gateway.compare.views.drive import Drive, Drives, DriveWheel
 from gateway.core.estimates.estimator import Status
 from gateway.core.table_columns import RECORDING_PARTS
 from gateway.core.text.html_template import html_template, report_css
@@ -133,13 +133,27 @@ def check_page(path: Path, *, force: bool = False) -> None:
     check_target(path, force=force)
 
 
-def write_drive_page(drives: Sequence[Drive], path: Path, *, force: bool = False) -> None:
-    """Write recordings as one HTML file, whole or not at all.
+class DrivePages(Drives):
+    """Page of all recordings of a command."""
 
-    Raises:
-        OutputError: as `check_page`.
-    """
-    write_whole(path, drive_page(drives), force=force)
+    def __init__(self, path: Path, *, force: bool = False) -> None:
+        """Fail before the work if the page cannot be made; errors as for `check_page`."""
+        super().__init__()
+        check_page(path, force=force)
+        self._path, self._force = path, force
+
+    def write(self) -> None:
+        """Write the recordings as one HTML file, whole or not at all.
+
+        Raises:
+            OutputError: as `check_page`.
+        """
+        write_whole(self._path, drive_page(self.drives), force=self._force)
+
+
+def open_pages(path: Path | None, *, force: bool) -> DrivePages | None:
+    """Return the page that is asked for, None without a file; errors as for `check_page`."""
+    return None if path is None else DrivePages(path, force=force)
 
 
 def drive_page(drives: Sequence[Drive]) -> str:

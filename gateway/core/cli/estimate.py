@@ -6,6 +6,7 @@ from pathlib import Path
 import click
 
 from gateway.core.cli import exit_status
+from gateway.core.cli.estimate_outputs import open_outputs, with_added_options
 from gateway.core.cli.options import (
     FiniteRange,
     config_option,
@@ -32,11 +33,7 @@ from gateway.core.text.wording import text
     "metadata_path",
     help="Write what the columns mean to this file: units, descriptions, conventions (JSON, csvw).",
 )
-@path_option(
-    "--html",
-    "html_path",
-    help="Write a page with wheels, means and quantities over time to this file; needs treadlink[plot].",
-)
+@with_added_options
 @force_option
 @keys_option
 @estimator_option
@@ -54,12 +51,12 @@ def estimate(
     json_path: Path | None,
     parquet_path: Path | None,
     metadata_path: Path | None,
-    html_path: Path | None,
     force: bool,
     key_file: Path | None,
     estimators: tuple[str, ...],
     effects_paths: tuple[Path, ...],
     coverage: float | None,
+    **added_paths: Path | None,
 ) -> None:
     """Estimate RECORDING... in one pass, with the same results as `treadlink live`.
 
@@ -71,7 +68,6 @@ def estimate(
     A FILE appears when it is complete, or not at all. A FILE of - is standard output; the summary is then printed to
     standard error. The exit status is 1 if a recording has no frames, or a wheel that sent samples has no revolution.
     """
-    from gateway.compare.views.drive_page import check_page, write_drive_page
     from gateway.core.cli.recording_estimates import estimate_recording
     from gateway.core.estimates.weighted_mean import coverage_factor
     from gateway.core.recording.recorded_file import check_exist
@@ -88,16 +84,15 @@ def estimate(
     outputs = {kind: path for kind, path in table_paths.items() if path is not None}
     if coverage is not None and not outputs:
         raise click.UsageError("--coverage adds columns to a table: give --csv, --json or --parquet too.")
-    written = [path for path in (*outputs.values(), html_path) if path is not None]
+    written = [path for path in (*outputs.values(), *added_paths.values()) if path is not None]
     check_outputs(written, (*recordings, config_path, *effects_paths, key_file or default_key_file()), force=force)
-    if html_path is not None:
-        check_page(html_path, force=force)
+    added = open_outputs(added_paths, force=force)
     factor = None if coverage is None else coverage_factor(coverage)
     check_exist(recordings)
     # A table on standard output must not be mixed with other lines.
     say = SummaryOutput(written)
     sizes = [path.stat().st_size if path.is_file() else 0 for path in recordings]
-    missing, damaged, drives = 0, [], []
+    missing, damaged = 0, []
     with contextlib.ExitStack() as stack:
         tables = [
             stack.enter_context(open_table(path, kind, force=force, coverage_factor=factor))
@@ -119,7 +114,7 @@ def estimate(
                 effects_paths=effects_paths,
                 key_file=key_file,
                 estimators=estimators,
-                is_drawn=html_path is not None,
+                outputs=added,
             )
             with view.hidden():
                 for line in estimated.lines:
@@ -127,12 +122,10 @@ def estimate(
             if not written:
                 say.finish()
             missing += estimated.missing
-            if estimated.drive is not None:
-                drives.append(estimated.drive)
             if estimated.damage is not None:
                 damaged.append(text(estimated.damage))
-    if html_path is not None:
-        write_drive_page(drives, html_path, force=force)
+    for output in added:
+        output.write()
     for path in written:
         say.written(path)
     if damaged:

@@ -5,19 +5,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from firmware_protocol.counters import LinkCounters
-from gateway.compare.views.drive import Drive
+from gateway.core.cli.estimate_outputs import EstimateOutput
 from gateway.core.config.vehicle import ASSUMED_RADIUS_MM
 from gateway.core.estimates.registry import DEFAULT_ESTIMATORS
 from gateway.core.reasons import Code, Reason
+from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.recorded_file import RawDump, open_recorded_file
 from gateway.core.session.recording_pass import RecordingPass, open_recording
 from gateway.core.text.result_table import ResultTable
 from gateway.core.text.session_summary import ResultSummary, effects_line, removed_line, summary_lines
 from gateway.core.text.text import clean
 from gateway.core.text.wording import notice_text
-from gateway.importing.reference_check import ReferenceCheck
-from gateway.importing.reference_topic import ReferenceReader
-from gateway.importing.views.reference_lines import reference_lines
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,13 +26,11 @@ class RecordingEstimated:
         lines: summary.
         missing: number of links and wheels without a result.
         damage: unreadable parts, None without any.
-        drive: what a page shows of it, None where none is made.
     """
 
     lines: tuple[str, ...]
     missing: int
     damage: Reason | None
-    drive: Drive | None = None
 
 
 def estimate_recording(
@@ -46,7 +42,7 @@ def estimate_recording(
     effects_paths: Sequence[Path],
     key_file: Path | None,
     estimators: Sequence[str],
-    is_drawn: bool,
+    outputs: Sequence[EstimateOutput],
 ) -> RecordingEstimated:
     """Estimate one recording.
 
@@ -58,7 +54,7 @@ def estimate_recording(
         effects_paths: files of known effects.
         key_file: keys of signed frames, None for the user's.
         estimators: names from the registry, none for the default ones.
-        is_drawn: whether the answer has what a page shows.
+        outputs: of features, which collect what they need of the recording.
 
     Raises:
         TreadlinkError: the recording, its configuration or the keys cannot be read, or a table cannot be written.
@@ -68,16 +64,13 @@ def estimate_recording(
         reader, config_path, effects_paths=effects_paths, key_file=key_file, on_position=on_position
     )
     vehicle = recording.vehicle
-    drive = Drive(path.name, reader.info.described_run().lines()) if is_drawn else None
-    check = ReferenceCheck(reader, vehicle) if isinstance(reader, ReferenceReader) else None
+    collectors = [output.begin(reader, vehicle) for output in outputs]
     summary, name = ResultSummary(), path.name
     estimation = RecordingPass(recording, estimators or DEFAULT_ESTIMATORS, signals=recording.signals())
     for result in estimation:
-        if check is not None:
-            check.add(result)
         summary.add(result)
-        if drive is not None:
-            drive.add(result)
+        for collector in collectors:
+            collector.add(result)
         for table in tables:
             table.write(result, name)
     on_position(reader.info.size_bytes)
@@ -92,30 +85,27 @@ def estimate_recording(
             if wheel_summary.position == corrections.position:
                 lines.append(clean(f"  {effects_line(wheel_summary, effect_names)}"))
                 lines += [clean(f"  {line}") for line in (removed_line(wheel_summary, corrections),) if line]
-    comparisons = check.comparisons() if check is not None else ()
-    alarms = estimation.alarms()
+    alarms, missing = estimation.alarms(), estimation.missing()
     for alarm in alarms:
         for table in tables:
             table.write_alarm(alarm, name)
-    lines += [
-        clean(f"  {line}".rstrip()) for line in (*summary_lines(wheels, alarms=alarms), *reference_lines(comparisons))
-    ]
+    lines += [clean(f"  {line}".rstrip()) for line in summary_lines(wheels, alarms=alarms)]
+    for collector in collectors:
+        collected = collector.finish(estimation.wheels, alarms, (*notices, *missing))
+        lines += [clean(f"  {line}".rstrip()) for line in collected]
     lines += _link_lines(estimation.links)
-    missing = estimation.missing()
     for notice in missing:
         lines.append(f"  {clean(notice_text(notice))}")
         if notice.reason.code is Code.NO_REVOLUTION:
             for table in tables:
                 table.write_missing(notice.subject, notice.reason, name)
-    if drive is not None:
-        drive.finish(estimation.wheels, alarms, (*notices, *missing))
-    return RecordingEstimated(tuple(lines), len(missing), reader.damage, drive)
+    return RecordingEstimated(tuple(lines), len(missing), reader.damage)
 
 
-def _opened(path: Path) -> ReferenceReader | RawDump:
-    """Return the recording, or the dump of a link, which has no references."""
+def _opened(path: Path) -> RecordingReader | RawDump:
+    """Return the recording, or the dump of a link."""
     dump = open_recorded_file(path) if path.suffix.lower() == ".bin" else None
-    return dump if isinstance(dump, RawDump) else ReferenceReader(path)
+    return dump if isinstance(dump, RawDump) else RecordingReader(path)
 
 
 def _link_lines(counters: Mapping[str, LinkCounters]) -> Iterator[str]:

@@ -3,7 +3,7 @@
 import json
 import logging
 import os
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Final
@@ -146,6 +146,7 @@ class RecordingReader:
         self._channels: dict[int, ChannelInfo] = {}
         self._links: set[str] = set()
         self._note_chars = 0
+        self._watchers: list[Callable[[RecordedMessage], None]] = []
         with open_recording_file(self._path) as file:
             size = os.fstat(file.fileno()).st_size
             self.session = self._session_metadata(file, size)
@@ -176,7 +177,13 @@ class RecordingReader:
     def items(self) -> Generator[LinkItem, None, None]:
         """Yield chunks, frames of buses, link events and marks in file order; `damage` is set afterwards."""
         for message in self.messages():
+            for take in self._watchers:
+                take(message)
             yield from self.link_items(message)
+
+    def watch(self, take: Callable[[RecordedMessage], None]) -> None:
+        """Call a function with each message that `items` reads, before its items."""
+        self._watchers.append(take)
 
     def link_items(self, message: RecordedMessage) -> Iterator[LinkItem]:
         """Yield the link items of a message; those of more links than a session can have are damage."""

@@ -76,14 +76,15 @@ def import_(files: tuple[Path, ...], map_path: Path | None, out: Path | None, gu
 
 def _comparison_lines(recording: Path) -> list[str]:
     """Estimate the revolutions of a new recording, and return their differences from its references."""
+    from gateway.core.recording.reader import RecordingReader
     from gateway.core.session.recording_pass import RecordingPass, open_recording
     from gateway.importing.reference_check import ReferenceCheck
-    from gateway.importing.reference_topic import ReferenceReader
+    from gateway.importing.reference_topic import RecordedReferences
     from gateway.importing.views.reference_lines import reference_lines
 
-    reader = ReferenceReader(recording)
+    reader = RecordingReader(recording)
     opened = open_recording(reader, verifies=False)
-    check = ReferenceCheck(reader, opened.vehicle)
+    check = ReferenceCheck(RecordedReferences(reader), opened.vehicle)
     for result in RecordingPass(opened, (), is_watched=False):
         check.add(result)
     return reference_lines(check.comparisons())

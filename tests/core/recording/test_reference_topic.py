@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.writer import RecordingWriter
-from gateway.importing.reference_topic import ReferenceReader, reference_topic
+from gateway.importing.reference_topic import RecordedReferences, reference_topic
 from gateway.upkeep.compact import compact_recording
 from gateway.upkeep.repair import repair_recording
 
@@ -24,9 +25,10 @@ def recording(path: Path) -> Path:
 
 
 def assert_kept(path: Path) -> None:
-    items = ReferenceReader(path)
-    assert list(items.items()) == []
-    (result,) = items.references()
+    reader = RecordingReader(path)
+    references = RecordedReferences(reader)
+    assert list(reader.items()) == []
+    (result,) = references.references()
     assert (result.position, result.name, result.quantity, result.value_std) == ("FL", "drum", "speed", 0.5)
     assert result.values == [20.0 + number for number in range(20)]
     assert result.times_s == pytest.approx([0.1 * number for number in range(20)])
