@@ -160,8 +160,9 @@ def test_channels_of_a_rig_vary_and_state_the_load(tmp_path: Path) -> None:
     out = tmp_path / "o.mcap"
     result = CliRunner().invoke(import_, [str(path), "--map", str(tmp_path / "rig.map.toml"), "--out", str(out)])
     assert result.exit_code == 0, result.output
-    reader = ReferenceReader(out)
-    assert list(reader.items())
+    recording = RecordingReader(out)
+    reader = RecordedReferences(recording)
+    assert list(recording.items())
     load, slip, *_ = reader.references()
     expected = np.interp(load.times_s, times_s, columns["Fz [kN]"]) * 1e3
     np.testing.assert_allclose(load.values, expected, atol=10.0)
