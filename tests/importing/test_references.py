@@ -169,7 +169,7 @@ def test_channels_of_a_rig_vary_and_state_the_load(tmp_path: Path) -> None:
     np.testing.assert_allclose(
         slip.values, np.deg2rad(np.interp(slip.times_s, times_s, columns["slip angle [deg]"])), atol=2e-3
     )
-    vehicle = tomllib.loads(reader.vehicle_toml or "")["wheel"][0]
+    vehicle = tomllib.loads(recording.vehicle_toml or "")["wheel"][0]
     assert vehicle["load_n"] == pytest.approx(1e3 * columns["Fz [kN]"].mean(), rel=1e-6)
     assert vehicle["load_std_n"] == pytest.approx(1e3 * columns["Fz [kN]"].std(), rel=1e-6)
     told = {line.split("reference ")[1].split(":")[0]: line for line in result.output.splitlines() if " mean " in line}
