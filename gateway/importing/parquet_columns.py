@@ -24,7 +24,7 @@ class ParquetColumns:
 
         self._path = path
         # Buffering ahead would hold every row group of the file in memory.
-        self._file = pq.ParquetFile(path, pre_buffer=False)
+        self._file = pq.ParquetFile(path, pre_buffer=False, page_checksum_verification=True)
         self._types = {field.name: field.type for field in self._file.schema_arrow}
         self._begins_ns = {name: self._begin_ns(name) for name in self._types if self._is_date(name)}
 

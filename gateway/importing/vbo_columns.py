@@ -31,7 +31,8 @@ class VboColumns(WaveformColumns):
         super().__init__(path)
         sections: dict[str, list[tuple[int, str]]] = {"": []}
         section = ""
-        for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
+        content = path.read_text(encoding="utf-8", errors="replace")
+        for number, line in enumerate(content.splitlines(), 1):
             match = _SECTION.fullmatch(line.strip())
             if match is not None:
                 section = match[1].strip().lower()
@@ -41,7 +42,11 @@ class VboColumns(WaveformColumns):
         if not sections.get("column names") or not sections.get("data"):
             raise ImportDataError(f"{path} has no [column names] with [data]", "Save it again with VBOX Tools.")
         names = sections["column names"][0][1].split()
-        table = _table(path, sections["data"], len(names))
+        rows = sections["data"]
+        if len(rows) > 1 and (len(rows[-1][1].split()) < len(names) or not content.endswith("\n")):
+            self.warnings.append(f"the file is cut in line {rows[-1][0]}, which is left out")
+            rows = rows[:-1]
+        table = _table(path, rows, len(names))
         titles = [text for _, text in sections.get("header", [])]
         units = [text for _, text in sections.get("channel units", [])]
         # A blank line parts the sections.
@@ -74,10 +79,8 @@ class VboColumns(WaveformColumns):
 
 
 def _table(path: Path, lines: list[tuple[int, str]], width: int) -> FloatArray:
-    """Return (n, width) numbers; a last line may be cut off."""
+    """Return (n, width) numbers."""
     rows = [line.split() for _, line in lines]
-    if len(rows[-1]) < width and len(rows) > 1:
-        rows, lines = rows[:-1], lines[:-1]
     try:
         return np.array([[float(cell) for cell in row[:width]] for row in rows], dtype=np.float64).reshape(-1, width)
     except ValueError as error:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from gateway.core.errors import ImportDataError
 from gateway.core.types import FloatArray
 from gateway.importing.waveform_columns import Waveform, WaveformColumns
 
@@ -15,12 +16,20 @@ class WavColumns(WaveformColumns):
         """Map the samples into memory.
 
         Raises:
+            ImportDataError: it is cut in the middle of a sample.
             Exception: of scipy, where it is no WAV file.
         """
         from scipy.io import wavfile
 
         super().__init__(path)
-        rate_hz, samples = wavfile.read(path)
+        try:
+            rate_hz, samples = wavfile.read(path)
+        except ValueError as error:
+            if "reshape" not in str(error):
+                raise
+            raise ImportDataError(
+                f"{path} is cut in the middle of a sample", "Copy it again, or cut it by whole samples with an editor."
+            ) from error
         columns = samples.reshape(len(samples), -1)
         full = float(np.iinfo(samples.dtype).max) + 1.0 if samples.dtype.kind in "iu" else 1.0
         zero = 128.0 if samples.dtype == np.uint8 else 0.0

@@ -67,6 +67,7 @@ class WaveformColumns:
         unusable: as in the facts of the file.
         start_ns: zero of the times, ns since 1970, None where the file has none.
         rates_hz: as in the facts of the file.
+        warnings: what is to be said of the file beside its channels.
     """
 
     def __init__(self, path: Path) -> None:
@@ -76,6 +77,7 @@ class WaveformColumns:
         self.unusable: dict[str, tuple[str, str]] = {}
         self.start_ns: int | None = None
         self.rates_hz: dict[str, float] = {}
+        self.warnings: list[str] = []
 
     @property
     def facts(self) -> FileFacts:
@@ -92,6 +94,7 @@ class WaveformColumns:
                 name: (waveform.group, waveform.name) for name, waveform in self.waveforms.items() if waveform.group
             },
             cut=self._cut(),
+            warnings=tuple(self.warnings),
             steps_s={name: waveform.step_s for name, waveform in self.waveforms.items() if waveform.step_s > 0.0},
         )
 

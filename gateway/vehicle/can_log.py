@@ -27,6 +27,11 @@ _LISTED: Final = re.compile(r"\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]+#")
 _SAVVY: Final = ("time stamp", "id", "extended")
 _ERROR_ID: Final = 1 << 29
 _ASC_STAMP: Final = re.compile(r"(\s*)(-?\d+\.\d+)(\s.*)", re.DOTALL)
+_ASC_HEADER: Final = re.compile(r"\s*(?://|date|base|(?:no\s+)?internal|begin|end|previous|version)", re.IGNORECASE)
+_ASC_FRAME: Final = re.compile(
+    r"\s+(?:CANFD\s+\d+\s+[RT]x\b|Li\S*\s|\d+\s+[0-9A-Fa-f]+x?\s+[RT]x\s+(?:r|d\s+[0-9A-Fa-f]+(?:\s+[0-9A-Fa-f]{1,3})*(?:\s+\w+\s*=.*)?)\s*)",
+    re.IGNORECASE,
+)
 _ASC_STARTS: Final = re.compile(r"\s*-?\d+\.\d+\s+CANFD\s+Start of measurement", re.IGNORECASE)
 
 
@@ -69,6 +74,17 @@ def logged_frames(path: Path, offset_ns: int) -> Iterator[BusFrame]:
         yield from _console_frames(path, offset_ns)
     else:
         yield from _library_frames(path, offset_ns, suffix)
+    if suffix in ("log", "csv", "asc") and not _ends(path):
+        raise ValueError("its last line has no end: the file may be cut there")
+
+
+def _ends(path: Path) -> bool:
+    """Return whether the last line of a text ends."""
+    last = "\n"
+    with _opened(path) as file:
+        for line in file:
+            last = line
+    return last.endswith("\n")
 
 
 def _library_frames(path: Path, offset_ns: int, suffix: str) -> Iterator[BusFrame]:
@@ -83,6 +99,8 @@ def _library_frames(path: Path, offset_ns: int, suffix: str) -> Iterator[BusFram
             channel = channel_number(message.channel)
             channel = None if channel is None else channel + first_channel
             yield frame_of(message, offset_ns + round((message.timestamp - before_s) * 1e9), channel)
+        if suffix == "asc" and source.file.unread:
+            raise ValueError(f"{source.file.unread} lines are none of an ASC log, the first is {source.file.first}")
         stated = getattr(reader, "file_size", 0) if suffix == "blf" else 0
     if stated > path.stat().st_size:
         raise ValueError(f"the file is cut: it has {path.stat().st_size} of {stated} bytes")
@@ -93,11 +111,14 @@ class _AscLines:
 
     Attributes:
         before_s: time by which all stamps were shifted: a log may begin before its trigger.
+        unread: number of lines that are none of such a log.
+        first: number of the first of them.
     """
 
     def __init__(self, path: Path) -> None:
         self._file = _opened(path)
         self.before_s = 0.0
+        self.unread = self.first = 0
         self._is_relative = self._is_data = False
         self._time_s = 0.0
         self._rest = self._lines()
@@ -111,7 +132,8 @@ class _AscLines:
         return self._rest
 
     def _lines(self) -> Iterator[str]:
-        for line in self._file:
+        for number, line in enumerate(self._file, 1):
+            self._note(number, line)
             self._is_relative |= re.search(r"timestamps\s+relative", line, re.IGNORECASE) is not None
             match = _ASC_STAMP.match(line)
             if match is None:
@@ -125,6 +147,15 @@ class _AscLines:
             self._time_s = float(match[2]) + (self._time_s if self._is_relative else 0.0)
             if not _ASC_STARTS.match(line):
                 yield f"{match[1]}{self._time_s + self.before_s:.9f}{match[3]}"
+
+    def _note(self, number: int, line: str) -> None:
+        """Count a line that is neither of the header nor stamped, or stamped as a frame without being one."""
+        match = _ASC_STAMP.match(line)
+        is_frame = match is not None and _ASC_FRAME.match(match[3]) is not None
+        is_event = match is not None and not re.search(r"\s[RT]x\s", match[3])
+        if not (is_frame or is_event or not line.strip() or _ASC_HEADER.match(line)):
+            self.unread += 1
+            self.first = self.first or number
 
     def read(self) -> str:
         """Return the rest; python-can asks whether a file can be read."""

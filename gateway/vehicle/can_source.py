@@ -208,6 +208,7 @@ class CanFileSource(LogFile):
         self.dbc_text = dbc_text
         text = address.options.get("channel")
         self._channel = None if text is None else channel_number(text)
+        self._back = 0
         if text is not None and self._channel is None:
             raise SourceError(f"invalid option channel={text}", "Give the name of a bus in the log: 1, 2, or can0.")
 
@@ -233,6 +234,11 @@ class CanFileSource(LogFile):
                     "It may be a log of BLF, ASC, TRC or MF4, of candump, of SavvyCAN, or CSV of python-can.",
                 ) from error
             yield self._cut_off(last_ns, error_text(error))
+        if not channels and not last_ns:
+            raise SourceError(f"the CAN log file '{self._path}' has no frames", "Check that it is a log of a CAN bus.")
+        if self._back:
+            text = f"the times of the log step back {self._back} times: lines are out of order, or twice in it"
+            yield LinkEvent(self.link, last_ns, LinkEventKind.LOST, text)
         if self._channel is not None and channels and self._channel not in channels:
             shown = ", ".join(sorted(str(channel) for channel in channels if channel is not None)) or "none"
             raise SourceError(
@@ -241,8 +247,11 @@ class CanFileSource(LogFile):
         yield from self._end(last_ns, stop)
 
     def _chosen(self, frames: Iterator[BusFrame], channels: set[int | None]) -> Iterator[BusFrame]:
-        """Yield the frames of the chosen channel; collect all channels."""
+        """Yield the frames of the chosen channel; collect all channels, and count steps back in time."""
+        latest_ns = 0
         for frame in frames:
+            self._back += frame.host_ns < latest_ns - _BLOCK_NS
+            latest_ns = frame.host_ns
             channels.add(frame.channel)
             if self._channel is None or frame.channel == self._channel:
                 yield frame

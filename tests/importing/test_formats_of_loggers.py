@@ -69,7 +69,7 @@ def write_vbo(path: Path) -> Path:
     path.write_text("\r\n".join([
         "File created on 15/04/2024 @ 08:21", "", "[header]", *heads, "", "[channel units]", "g", "g", "g", "",
         "[comments]", "Log Rate (Hz) : 8000", "", "[column names]", "sats time lat long velocity heading ax ay az", "",
-        "[data]", *rows,
+        "[data]", *rows, "",
     ]))  # fmt: skip
     return path
 

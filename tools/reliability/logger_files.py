@@ -1,0 +1,146 @@
+"""Small good files of loggers and buses, made after the public descriptions of their formats."""
+
+import io
+import struct
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from gateway.core.types import FloatArray
+
+RATE_HZ = 8000.0
+NAMES = ("ax", "ay", "az")
+_ROWS = 1600
+
+
+def axes_g() -> FloatArray:
+    """Return (n, 3) circumferential, lateral and radial acceleration of a rolling wheel in g."""
+    angle = (np.arange(_ROWS) / RATE_HZ * 55.0 + np.pi) % (2.0 * np.pi) - np.pi
+    inside = 0.5 * (1.0 - np.tanh((np.abs(angle) - 0.2) / 0.02))
+    edge = np.exp(-(((angle - 0.25) / 0.05) ** 2)) - np.exp(-(((angle + 0.25) / 0.05) ** 2))
+    noise = np.random.default_rng(3).normal(size=(_ROWS, 3))
+    return np.column_stack((60.0 * edge, 10.0 * edge**2, 100.0 * (1.0 - inside))) + noise
+
+
+def good_files() -> dict[str, bytes]:
+    """Return a good file of each format by its name; formats whose package is missing are left out."""
+    axes = axes_g()
+    return {
+        "run.csv": _csv(axes), "run.raw": _famos(axes), "run.vbo": _vbo(axes), "run.wav": _wav(axes),
+        "run.npz": _npz(axes), "run.mcap": _imu(axes), **_by_packages(axes),
+    }  # fmt: skip
+
+
+def good_logs() -> dict[str, bytes]:
+    """Return a good log of a CAN bus of each format by its name."""
+    stamps = [1_700_000_000 + 0.05 * k for k in range(40)]
+    lines = {
+        "candump.log": [f"({stamp:.6f}) can0 204#6419FF00" for stamp in stamps],
+        "console.log": [f" ({stamp:.6f})  can0  204   [4]  64 19 FF 00" for stamp in stamps],
+        "savvy.csv": ["Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2"]
+        + [f"{k * 50000},00000204,false,Rx,0,2,64,19," for k in range(40)],
+        "vector.asc": ["date Mon Dec 6 11:21:13 am 2021", "base hex  timestamps absolute", "internal events logged"]
+        + [f"   {0.05 * k:.6f} 1  204             Rx   d 4 64 19 FF 00" for k in range(40)],
+    }
+    return {name: ("\n".join(text) + "\n").encode() for name, text in lines.items()} | {"bus.blf": _blf(stamps)}
+
+
+def _csv(axes: FloatArray) -> bytes:
+    rows = [f"{row / RATE_HZ:.6f},{','.join(f'{value:.4f}' for value in values)}" for row, values in enumerate(axes)]
+    return ("\n".join(["time_s,ax (g),ay (g),az (g)", *rows]) + "\n").encode()
+
+
+def _famos(axes: FloatArray) -> bytes:
+    def key(name: str, content: str) -> bytes:
+        return f"|{name},1,{len(content)},{content};".encode()
+
+    parts = [b"|CF,2,1,1;|CK,1,3,1,1;"]
+    for k, name in enumerate(NAMES):
+        data = axes[:, k].astype("<f4").tobytes()
+        parts += [
+            key("CG", "1,1,1"), key("CD", f"{1.0 / RATE_HZ!r},1,1,s,0,0,0"), key("NT", "1,5,2024,12,0,0.0"),
+            key("CC", "1,1"), key("CP", "1,4,7,32,0,0,1,0"),
+            key("Cb", f"1,0,1,{k + 1},0,{len(data)},0,{len(data)},1,0,0,"),
+            key("CR", "0,1.0,0.0,1,1,g"), key("CN", f"0,0,0,{len(name)},{name},0,"),
+            f"|CS,1,{len(data) + 2},{k + 1},".encode() + data + b";",
+        ]  # fmt: skip
+    return b"".join(parts)
+
+
+def _vbo(axes: FloatArray) -> bytes:
+    rows = [
+        f"004 {120000 + row / RATE_HZ:013.6f} 035.0 " + " ".join(f"{value:.5E}" for value in values)
+        for row, values in enumerate(axes)
+    ]
+    return "\r\n".join([
+        "File created on 15/04/2024 @ 08:21", "", "[header]", "satellites", "time", "velocity kmh", *NAMES, "",
+        "[channel units]", "g", "g", "g", "", "[column names]", "sats time velocity ax ay az", "", "[data]", *rows, "",
+    ]).encode()  # fmt: skip
+
+
+def _wav(axes: FloatArray) -> bytes:
+    from scipy.io import wavfile
+
+    file = io.BytesIO()
+    wavfile.write(file, int(RATE_HZ), axes.astype(np.float32))
+    return file.getvalue()
+
+
+def _npz(axes: FloatArray) -> bytes:
+    file = io.BytesIO()
+    np.savez(file, acc=axes, fs=RATE_HZ)
+    return file.getvalue()
+
+
+def _imu(axes: FloatArray) -> bytes:
+    from mcap.writer import Writer
+
+    file = io.BytesIO()
+    writer = Writer(file)
+    writer.start("ros2", "rosbag2")
+    channel = writer.register_channel("/imu", "cdr", writer.register_schema("sensor_msgs/msg/Imu", "ros2msg", b""))
+    for row, values in enumerate(axes):
+        stamp_ns = 1_714_640_070_000_000_000 + round(row * 1e9 / RATE_HZ)
+        head = struct.pack("<iII", *divmod(stamp_ns, 10**9), 4) + b"imu\0"
+        body = head + struct.pack("<37d", *[0.0] * 25, *(9.80665 * values), *[0.0] * 9)
+        writer.add_message(channel, stamp_ns, b"\0\1\0\0" + body, stamp_ns, row)
+    writer.finish()
+    return file.getvalue()
+
+
+def _by_packages(axes: FloatArray) -> dict[str, bytes]:
+    """Return files that packages of extras write."""
+    results = {}
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "run"
+        try:
+            import nptdms
+
+            clock = {"wf_increment": 1.0 / RATE_HZ, "unit_string": "g"}
+            with nptdms.TdmsWriter(str(path)) as writer:
+                writer.write_segment([nptdms.ChannelObject("g", n, axes[:, k], clock) for k, n in enumerate(NAMES)])
+            results["run.tdms"] = path.read_bytes()
+        except ModuleNotFoundError:
+            pass
+        try:
+            import pyarrow as pa
+            import pyarrow.parquet as pq
+
+            columns = {"time_s": np.arange(len(axes)) / RATE_HZ, **{n: axes[:, k] for k, n in enumerate(NAMES)}}
+            pq.write_table(pa.table(columns), path, write_page_checksum=True)
+            results["run.parquet"] = path.read_bytes()
+        except ModuleNotFoundError:
+            pass
+    return results
+
+
+def _blf(stamps: list[float]) -> bytes:
+    import can
+
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "bus.blf"
+        with can.BLFWriter(str(path), compression_level=0, max_container_size=512) as log:
+            for stamp in stamps:
+                log(can.Message(timestamp=stamp, arbitration_id=0x204, data=[0x64, 0x19], is_extended_id=False))
+        return path.read_bytes()
