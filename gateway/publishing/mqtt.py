@@ -9,9 +9,9 @@ from __future__ import annotations
 import os
 import ssl
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 from urllib.parse import quote, unquote, urlsplit
 
 import paho.mqtt.client as paho
@@ -57,6 +57,9 @@ _PORTS: Final = {"mqtt": 1883, "mqtts": 8883}
 _CONNECT_S: Final = 5.0
 _WAIT_S: Final = 0.05
 _KEEPALIVE_S: Final = 10
+# A broker that takes longer confirms nothing on this connection any more, though it may answer pings.
+CONFIRM_S: Final = 15.0
+"""Time within which a broker confirms a message; then the connection is made anew and the message sent again."""
 # What a broker sends: confirmations, and retained states and announcements of earlier sessions.
 _MOST_PACKET_BYTES: Final = 64 << 10
 # Wheels without a configuration and links have been heard by then.
@@ -90,7 +93,7 @@ def open_mqtt(address: SinkAddress, setting: SinkSetting) -> MqttSink:
         keepalive_s=int(text),
         discovery=None if discovery in ("", "off", "no") else discovery,
         tls=_tls_context(address) if is_tls else None,
-        positions=setting.positions,
+        setting=setting,
         environment=os.environ,
     )
 
@@ -127,6 +130,13 @@ class _Client(paho.Client):
         return data
 
 
+class _Unconfirmed(NamedTuple):
+    """A message that the broker has not confirmed: whether it is counted, and when it was sent last."""
+
+    is_counted: bool
+    sent_ns: int
+
+
 class MqttSink:
     """Publishes JSON under a prefix.
 
@@ -155,7 +165,7 @@ class MqttSink:
         keepalive_s: int,
         discovery: str | None,
         tls: ssl.SSLContext | None,
-        positions: Sequence[str],
+        setting: SinkSetting,
         environment: Mapping[str, str],
     ) -> None:
         """Prepare the client.
@@ -167,20 +177,21 @@ class MqttSink:
             keepalive_s: a broker that is silent for up to twice this time is given up.
             discovery: prefix of Home Assistant's discovery topics, None to send none.
             tls: for an encrypted connection.
-            positions: configured wheels, empty without a vehicle.
+            setting: has the configured wheels, and the clock by which confirmations are late.
             environment: holds the credentials.
         """
+        self._clock = setting.clock
         self._host, self._port, self._prefix = host, port, prefix
         self._keepalive_s = keepalive_s
         self._discovery = discovery
         self._announced: set[str] = set()
         # The last state of each topic.
         self._states: dict[str, JsonObject] = {}
-        self._wheels = frozenset(self._topic_of("wheel", position) for position in positions)
+        self._wheels = frozenset(self._topic_of("wheel", position) for position in setting.positions)
         # Retained messages of earlier sessions: the topic of the state that each belongs to.
         self._earlier: dict[str, str] = {}
-        # Messages that the broker has not confirmed yet, by their number: whether each is counted.
-        self._window: dict[int, bool] = {}
+        # Messages that the broker has not confirmed yet, by their number, in the order in which they were sent.
+        self._window: dict[int, _Unconfirmed] = {}
         # Counted messages that the broker took from the client and refused, and why.
         self._refused = 0
         self._refused_for = ""
@@ -231,6 +242,8 @@ class MqttSink:
         self._client.subscribe(f"{self._prefix}/status", _QOS)
         for topics in self._earlier_topics():
             self._client.subscribe(topics, options=SubscribeOptions(_QOS, noLocal=True))
+        # The client has sent them again.
+        self._window = {number: _Unconfirmed(sent.is_counted, self._now_ns()) for number, sent in self._window.items()}
         self._publish(f"{self._prefix}/status", _ONLINE, stop, retain=True)
 
     def send(self, item: Item, stop: threading.Event) -> None:
@@ -269,7 +282,7 @@ class MqttSink:
             self._loop(_WAIT_S)
         if not stop.is_set():
             self._check_refusals()
-        return sum(self._window.values()) + self._refused
+        return sum(sent.is_counted for sent in self._window.values()) + self._refused
 
     def close(self) -> None:
         """Disconnect; what is not confirmed is sent again after `open`."""
@@ -351,12 +364,18 @@ class MqttSink:
             raise SinkDownError("the client takes no message")
         # With any other result the client keeps the message, also where the link broke in that very call. The result
         # says nothing about it later: only the broker's confirmation does.
-        self._window[info.mid] = counted
+        self._window[info.mid] = _Unconfirmed(counted, self._now_ns())
+
+    def _now_ns(self) -> int:
+        return self._clock.now_ns()
 
     def _loop(self, timeout_s: float) -> None:
         result = self._client.loop(timeout_s)
         if result is not paho.MQTT_ERR_SUCCESS or not self._client.is_connected():
             raise SinkDownError(self._refusal or "the connection to the broker is lost")
+        oldest = next(iter(self._window.values()), None)
+        if oldest is not None and self._now_ns() - oldest.sent_ns > CONFIRM_S * 1e9:
+            raise SinkDownError(f"the broker has confirmed nothing for {CONFIRM_S:g} s")
         if self._is_called_offline and len(self._window) < WINDOW:
             self._is_called_offline = False
             self._hand_over(f"{self._prefix}/status", _ONLINE, retain=True)
@@ -375,8 +394,8 @@ class MqttSink:
             self._refusal = f"the broker ended the connection: {str(reason).lower()}"
 
     def _confirmed(self, client: paho.Client, data: Any, number: int, reason: ReasonCode, properties: Any) -> None:
-        is_counted = self._window.pop(number, False)
-        if is_counted and reason.is_failure:
+        sent = self._window.pop(number, None)
+        if sent is not None and sent.is_counted and reason.is_failure:
             self._refused += 1
             self._refused_for = str(reason).lower()
 

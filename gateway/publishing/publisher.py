@@ -124,7 +124,7 @@ def open_outputs(
     uris: Sequence[str], positions: Sequence[str], session: Callable[[], SessionControl | None], clock: Clock
 ) -> Publisher | None:
     """Return the live outputs of a session, None without any; errors as for `open_publisher`."""
-    return open_publisher(uris, SinkSetting(positions, session), clock)
+    return open_publisher(uris, SinkSetting(positions, session, clock), clock)
 
 
 def open_publisher(uris: Sequence[str], setting: SinkSetting, clock: Clock) -> Publisher | None:

@@ -7,11 +7,12 @@ import threading
 import zlib
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Protocol, runtime_checkable
 from urllib.parse import urlsplit
 
+from gateway.core.clock import Clock, SystemClock
 from gateway.core.errors import TreadlinkError
 from gateway.core.estimates.results import AlarmChange, RevolutionResult, SessionSnapshot
 from gateway.core.feature import Registry
@@ -182,10 +183,12 @@ class SinkSetting:
     Attributes:
         positions: configured wheels, in the order of the vehicle file; empty without one.
         session: returns the session, None before it runs.
+        clock: of the session.
     """
 
     positions: Sequence[str] = ()
     session: Callable[[], SessionControl | None] = lambda: None
+    clock: Clock = field(default_factory=SystemClock)
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,7 +40,7 @@ class ScriptedBroker:
         port: the port it listens on.
         messages: what was published, in the order of arrival.
         connects: the bytes of each CONNECT packet, which hold the last will.
-        confirms: cleared by a test that wants messages to stay unconfirmed.
+        swallowed: number of the next messages on this connection that stay unconfirmed; 0 on a new connection.
         refusals: reason codes with which the next revolutions are refused, one each.
         connect_refusals: reason codes with which the next connections are refused, one each.
     """
@@ -49,8 +49,7 @@ class ScriptedBroker:
         """Listen on a free port."""
         self.messages: list[Received] = []
         self.connects: list[bytes] = []
-        self.confirms = threading.Event()
-        self.confirms.set()
+        self.swallowed = 0
         self.refusals: list[int] = []
         self.connect_refusals: list[int] = []
         self._listening = socket.create_server(("127.0.0.1", 0))
@@ -109,9 +108,13 @@ class ScriptedBroker:
     def _answer(self, peer: socket.socket) -> None:
         with peer.makefile("rb") as stream:
             while head := stream.read(1):
-                body = stream.read(_length(stream.read))
+                length = _length(stream.read)
+                body = stream.read(length)
+                if len(body) < length:
+                    return  # a packet that the end of the connection has cut is none
                 kind = head[0] >> 4
                 if kind == _CONNECT:
+                    self.swallowed = 0
                     self.connects.append(body)
                     reason = self.connect_refusals.pop(0) if self.connect_refusals else 0
                     peer.sendall(bytes([0x20, 3, 0, reason, 0]))
@@ -124,7 +127,9 @@ class ScriptedBroker:
                     if self.refusals and self.messages[-1].topic.endswith("/revolution"):
                         self.messages.pop()
                         peer.sendall(b"\x40\x03" + number + bytes([self.refusals.pop(0)]))
-                    elif self.confirms.is_set():
+                    elif self.swallowed > 0:
+                        self.swallowed -= 1
+                    else:
                         peer.sendall(b"\x40\x02" + number)
                 elif kind == _PING:
                     peer.sendall(b"\xd0\x00")

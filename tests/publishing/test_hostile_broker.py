@@ -6,7 +6,7 @@ import threading
 import pytest
 
 from gateway.publishing.mqtt import MqttSink
-from gateway.publishing.sink import SinkDownError
+from gateway.publishing.sink import SinkDownError, SinkSetting
 
 MAXIMUM_PACKET_SIZE = b"\x27\x00\x01\x00\x00"  # property 39: 65536
 CONNACK = b"\x20\x03\x00\x00\x00"
@@ -32,7 +32,9 @@ def test_packet_above_the_maximum_ends_the_connection(before: bytes, length: byt
     thread = threading.Thread(target=broker, daemon=True)
     thread.start()
     port = server.getsockname()[1]
-    sink = MqttSink("127.0.0.1", port, "t", keepalive_s=10, discovery=None, tls=None, positions=(), environment={})
+    sink = MqttSink(
+        "127.0.0.1", port, "t", keepalive_s=10, discovery=None, tls=None, setting=SinkSetting(), environment={}
+    )
     stop = threading.Event()
 
     def use() -> None:
