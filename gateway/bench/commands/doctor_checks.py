@@ -116,8 +116,10 @@ def check_core() -> Iterator[Check]:
 
 def check_plugins() -> Iterator[Check]:
     """Check every plug-in of the installed packages: it is imported, and its interface compared with the registry's."""
+    from gateway.core import cli
+    from gateway.core.cli import estimate_outputs
     from gateway.core.estimates import registry
-    from gateway.core.feature import Registry
+    from gateway.core.feature import Registry, added
     from gateway.core.links import source
     from gateway.core.plugins import statuses
     from gateway.diagnosis.effects import catalogue
@@ -130,6 +132,8 @@ def check_plugins() -> Iterator[Check]:
         (Registry.EFFECTS, (), catalogue.plugin_fault),
         (Registry.IMPORTERS, file_formats.PLUGIN_NAMES_TAKEN, file_formats.plugin_fault),
         (Registry.SINKS, sink.SINKS, sink.plugin_fault),
+        (Registry.COMMANDS, cli.COMMANDS, cli.plugin_fault),
+        (Registry.ESTIMATE_OUTPUTS, added(Registry.ESTIMATE_OUTPUTS), estimate_outputs.plugin_fault),
     ):
         for plugin, refusal in ((status.plugin, status.refusal) for status in statuses(group, tuple(taken), fault)):
             name = f"plug-in {plugin.name}"

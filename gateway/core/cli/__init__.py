@@ -79,7 +79,7 @@ class LazyGroup(CommandGroup):
             and args[0] not in _of_plugins()
             and not replacement(ctx.command_path, args[0])
         ):
-            ctx.fail(f"No such command '{args[0]}'. {did_you_mean(args[0], COMMANDS)}".rstrip())
+            ctx.fail(f"No such command '{args[0]}'. {did_you_mean(args[0], self.list_commands(ctx))}".rstrip())
         return super().resolve_command(ctx, args)
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from gateway.core.feature import Registry, added, object_of
+from gateway.core.plugins import Plugin, load_all, missing_factory
+from gateway.core.reasons import Code, Notice, Reason
 
 if TYPE_CHECKING:
     from gateway.core.config.vehicle import VehicleConfig
     from gateway.core.estimates.results import AlarmRecord, RevolutionResult, WheelSnapshot
-    from gateway.core.reasons import Notice
     from gateway.core.recording.recorded_file import RecordedFile
 
 
@@ -63,9 +65,20 @@ class AddedOutput:
     option: Callable[[Any], Any] | None = None
 
 
+@cache
 def added_outputs() -> tuple[AddedOutput, ...]:
-    """Return the outputs that features add."""
-    return tuple(object_of(target) for target in added(Registry.ESTIMATE_OUTPUTS).values())
+    """Return the outputs that features add, then those of plug-ins that fit."""
+    targets = added(Registry.ESTIMATE_OUTPUTS)
+    of_plugins = load_all(Registry.ESTIMATE_OUTPUTS, targets, plugin_fault).values()
+    outputs = (*map(object_of, targets.values()), *of_plugins)
+    return tuple(output for output in outputs if isinstance(output, AddedOutput))
+
+
+def plugin_fault(_plugin: Plugin, output: object) -> Reason | None:
+    """Return why the object of a plug-in is no output, None when it is one."""
+    if not isinstance(output, AddedOutput):
+        return Reason(Code.PLUGIN_WRONG_TYPE, expected="a gateway.core.cli.estimate_outputs.AddedOutput")
+    return missing_factory(output.factory)
 
 
 def with_added_options(command: Callable[..., None]) -> Callable[..., None]:
