@@ -772,7 +772,7 @@ class Code(Enum):
     RECORDING_WITHOUT_WHEEL = "contains no revolution of wheel {wheel}"
     LEFT_WHEN_ENDED = (
         "the search ended with {residual_ratio:.3g} times the rms of the noise of the means unexplained: no number is "
-        "determined"
+        "determined, and nothing identified"
     )
     NUMBERS_CONTRADICT = (
         "{number} is {low:.3g} in {recording} alone and {high:.3g} in {other}, beyond their errors: tire, load or "
@@ -1227,9 +1227,10 @@ class Code(Enum):
         "limit {limit_s:.3g s}: reading took {reading_s:.2g s}, fit and search {search_s:.2g s}; hold-out and figures "
         "came after it, {after_s:.2g s}"
     )
+    RIVALS_UNTRIED = "the search ended before it had tried {effects} in its place"
     SEARCH_ENDED_EARLY = (
-        "the search for effects ended at its time limit before it was complete (sets tried: {sets}): others may be "
-        "more probable"
+        "the search for effects ended at its time limit before it was complete (sets tried: {sets}; effects never "
+        "tried: {untried}): others may be more probable"
     )
     EVIDENCE_TEMPERED = (
         "what is left unexplained ({axes}) has {residual_ratio:.3g} times the rms of the noise of the means; evidence "

@@ -172,6 +172,7 @@ def _diagnose(
     over = held_out.rms_after_mps2 / noise if noise > 0.0 else math.nan
     exact = on_exact_ring(best.fit)
     findings = _judged(posterior, effects, errors.rms_of, exact, campaign, data, over)
+    findings = _not_overturned(findings, search, posterior)
     on_progress(_HELD_OUT, "diagnosing the time-locked signal")
     changes = changing(best.fit, data)
     if changes:
@@ -545,7 +546,25 @@ def other_optimum_notes(posterior: Posterior) -> Iterator[Reason]:
 
 
 def _ended(search: SetSearch) -> tuple[Reason, ...]:
-    return () if search.complete else (Reason(Code.SEARCH_ENDED_EARLY, sets=len(search.evaluations)),)
+    if search.complete:
+        return ()
+    return (Reason(Code.SEARCH_ENDED_EARLY, sets=len(search.evaluations), untried=len(search.untried)),)
+
+
+def _not_overturned(findings: Sequence[Finding], search: SetSearch, posterior: Posterior) -> list[Finding]:
+    """Reject what a search that its time has ended has identified, where what is missing could take its place."""
+    if search.complete:
+        return list(findings)
+    judged = []
+    for finding in findings:
+        if finding.verdict is Verdict.NAMED:
+            rivals = search.untried_rivals(finding.name)
+            if _is_cut_short(search, posterior):
+                finding = replace(finding, verdict=Verdict.REFUSED, reason=_cut_short(search, posterior)[0])
+            elif rivals:
+                finding = replace(finding, verdict=Verdict.REFUSED, reason=Reason(Code.RIVALS_UNTRIED, effects=rivals))
+        judged.append(finding)
+    return judged
 
 
 def _tempered(posterior: Posterior) -> tuple[Reason, ...]:

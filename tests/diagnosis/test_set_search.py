@@ -412,3 +412,16 @@ def test_effect_whose_rival_leaves_half_of_its_part_is_doubted(monkeypatch: pyte
     assert objected["a"] == ["a"]
     objected, _ = judged(monkeypatch, {"": (0.0, 400.0, 9.0), "a": (90.0, 40.0, 1.05), "b": (50.0, 16.0, 9.0)})
     assert objected["a"] == []
+
+
+def test_search_says_what_could_take_the_place_of_an_effect_and_was_not_tried() -> None:
+    names = ("roll tilt", "ply steer", "zero-g offset", "camber")
+    _, search = searched(campaign_of(TWO_SPEEDS, turned(LATERAL, 0.03), axes=ALL_AXES), among(*names))
+    assert search.best.names == {"roll tilt"}
+    assert search.untried == ()
+    assert search.untried_rivals("roll tilt") == ()
+    # As if its time had ended with the first set.
+    search.promises.clear()
+    search.evaluations = {of: each for of, each in search.evaluations.items() if of <= {"roll tilt"}}
+    assert set(search.untried) == {*names} - {"roll tilt"}
+    assert set(search.untried_rivals("roll tilt")) == {*names} - {"roll tilt"}

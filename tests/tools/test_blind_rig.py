@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from blind_rig.__main__ import judged
 from blind_rig.cases import CASES
-from blind_rig.ring import NODES, Ring, rolled, spliced
+from blind_rig.ring import NODES, Ring, rolled
 
 from gateway.ring.rolling_ring import RingParameters, solve_rolling_ring
 
@@ -23,11 +23,6 @@ def test_ring_agrees_with_the_gateways() -> None:
     assert wave[0].mean() == pytest.approx(expected.radial_m.mean(), rel=1e-3)
     assert np.abs(wave[0] - expected.radial_m).max() < 0.03 * ring.radius_m
     assert np.sqrt(np.mean((wave[0] - expected.radial_m) ** 2)) < 2e-3 * ring.radius_m
-
-
-def test_place_that_is_as_stiff_as_the_rest_adds_nothing() -> None:
-    change = spliced(Ring(), 4500.0, 0.004, lambda angle: np.ones_like(angle), 0.5)
-    assert np.abs(change).max() < 1e-4
 
 
 def test_wrong_and_missing_names_are_counted() -> None:

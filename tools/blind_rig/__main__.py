@@ -10,6 +10,7 @@ import argparse
 import json
 import math
 import os
+import re
 import resource
 import subprocess
 import sys
@@ -21,7 +22,7 @@ from typing import Any, Final
 import numpy as np
 
 from blind_rig.cases import ALONG, CASES, LATERAL, RADIAL, RATE_HZ, Array, Case, Drive
-from blind_rig.ring import NODES, rolled, spliced
+from blind_rig.ring import NODES, rolled
 
 _SECONDS: Final = 8.0
 _RUNS: Final = ((45.0, 4500.0), (95.0, 4500.0), (70.0, 6500.0))
@@ -53,11 +54,8 @@ def _signal(case: Case, kmh: float, load_n: float, rng: np.random.Generator) -> 
     ring = case.ring
     omega = kmh / 3.6 / ring.radius_m
     shape = rolled(ring, load_n, omega, case.depth_m)
-    inertia = shape.inertia_m
-    if case.local:
-        inertia = inertia + spliced(ring, load_n, case.depth_m, *case.local)
     grid = (np.arange(NODES + 1) - NODES // 2) * (2.0 * math.pi / NODES)
-    closed = [np.concatenate([curve, curve[:, :1]], axis=1) for curve in (inertia, shape.gravity_mps2)]
+    closed = [np.concatenate([curve, curve[:, :1]], axis=1) for curve in (shape.inertia_m, shape.gravity_mps2)]
     time_s = np.arange(round(_SECONDS * RATE_HZ)) / RATE_HZ
     drift = 0.003 * float(rng.uniform(-1.0, 1.0))
     axle = omega * time_s * (1.0 - drift + drift * time_s / _SECONDS) + float(rng.uniform(0.0, 6.0))
@@ -99,6 +97,10 @@ def _make(case: Case, folder: Path) -> None:
         )
         (half / f"{index}.toml").write_text(text, encoding="ascii")
     half.rename(folder)
+
+
+def _stem(case: Case) -> str:
+    return re.sub(r"\W+", "-", case.name)
 
 
 def _run(gateway: Path, *arguments: str) -> float:
@@ -161,17 +163,17 @@ def main() -> None:
     lines = [json.loads(line) for line in options.results.read_text().splitlines()] if options.results.is_file() else []
     lines = [line for line in lines if "fault" not in line]
     done = {line["case"] for line in lines}
-    for number, case in enumerate(CASES):
+    for case in CASES:
         if case.name in done or (options.case and case.name not in options.case):
             continue
         if time.monotonic() - begun > options.limit:
             break
-        folder = options.cache / f"{number:02d}"
+        folder = options.cache / _stem(case)
         if not folder.is_dir():
             _make(case, folder)
         try:
             line = _diagnose(
-                case, folder, options.gateway.resolve(), options.results.with_suffix(f".{number:02d}.json")
+                case, folder, options.gateway.resolve(), options.results.with_suffix(f".{_stem(case)}.json")
             )
         except RuntimeError as error:
             line = {"case": case.name, "fault": str(error)}
@@ -185,10 +187,10 @@ def main() -> None:
 def _summary(results: Path, lines: list[dict[str, Any]]) -> None:
     false = named = right = numbers = 0
     pulls: list[float] = []
-    cases = {case.name: (number, case) for number, case in enumerate(CASES)}
+    cases = {case.name: case for case in CASES}
     for line in lines:
-        number, case = cases[line["case"]]
-        path = results.with_suffix(f".{number:02d}.json")
+        case = cases[line["case"]]
+        path = results.with_suffix(f".{_stem(case)}.json")
         if not path.is_file():
             print(f"{case.name}: {line.get('fault')}")
             continue

@@ -53,7 +53,6 @@ class Case:
         ring: the tire.
         depth_m: of the sensor below the neutral layer.
         stated_mm: depth as stated; None where it is left to the import.
-        local: factor of EI by the angle from a place, and the sensor's angle from it.
         turn: motion of the sensor against a steady turn.
         chain: of the sensor.
         size: effect, parameter and true value that is compared.
@@ -65,15 +64,9 @@ class Case:
     ring: Ring = field(default_factory=Ring)
     depth_m: float = 0.004
     stated_mm: float | None = 4.0
-    local: tuple[Callable[[Array], Array], float] | None = None
     turn: Turn | None = None
     chain: Chain | None = None
     size: tuple[str, str, float] | None = None
-
-
-def _patch(share: float, half_deg: float, angle: Array) -> Array:
-    """Return a trapezium: a joint has full height over its middle and ends steeply."""
-    return 1.0 + share * np.clip(1.5 * (1.0 - np.abs(np.degrees(angle)) / half_deg), 0.0, 1.0)
 
 
 def _below_zero(share: float, axis: int, _: Drive, f: Array) -> Array:
@@ -203,11 +196,6 @@ CASES: Final[tuple[Case, ...]] = (
     Case(
         "offset", (("mounting offset",),), depth_m=0.0065, stated_mm=3.0, size=("mounting offset", "offset_m", 3.5e-3)
     ),
-    Case(
-        "splice by the sensor", (("local bending stiffness",),), local=(partial(_patch, 0.55, 2.0), math.radians(-2.2))
-    ),
-    Case("splice under the sensor", (("local bending stiffness",),), local=(partial(_patch, -0.35, 1.6), 0.0)),
-    Case("splice across", (("local bending stiffness",),), local=(partial(_patch, 0.8, 2.5), 1.9)),
     Case(
         "gain below zero, depth measured",
         (("gain below zero",),),

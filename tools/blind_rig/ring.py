@@ -5,7 +5,6 @@ sidewall of springs and dashpots, and a unilateral tread on a flat road or a dru
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -17,11 +16,9 @@ from scipy.sparse.linalg import splu
 Array = NDArray[Any]
 
 NODES: Final = 2880
-LOCAL_NODES: Final = 720
 GRAVITY_MPS2: Final = 9.80665
 _COLOURS: Final = 5
 _ORDERS: Final = 300
-_LOCAL_ORDERS: Final = 150
 
 
 @dataclass(frozen=True)
@@ -71,7 +68,6 @@ class _Chain:
         self.tension = ring.cw * p * r * r
         self.centrifugal = ring.mass_kgpm * r * r * omega_radps**2
         self.omega = omega_radps
-        self.frozen_inertia: Array | None = None
 
     def forces(self, x: Array, height: Any) -> tuple[Array, Array]:
         """Return the force on every node (2, N), and the road's push of each."""
@@ -90,11 +86,8 @@ class _Chain:
         total = inner - np.roll(inner, 1, axis=1)
         chord = 0.5 * (np.roll(x, -1, axis=1) - np.roll(x, 1, axis=1))
         total = total + self.tension / r * np.stack([chord[1], -chord[0]])
-        if self.frozen_inertia is None:
-            second = np.roll(x, -1, axis=1) - 2.0 * x + np.roll(x, 1, axis=1)
-            total = total - self.centrifugal / (r * h) * second
-        else:
-            total = total - self.frozen_inertia
+        second = np.roll(x, -1, axis=1) - 2.0 * x + np.roll(x, 1, axis=1)
+        total = total - self.centrifugal / (r * h) * second
         moved = x - r * self.out
         radial, tangential = (moved * self.out).sum(0), (moved * self.along).sum(0)
         up = r * h * p * np.stack([ring.rs * radial, ring.ts * tangential])
@@ -193,37 +186,3 @@ def rolled(ring: Ring, load_n: float, omega_radps: float, depth_m: float) -> Sha
     """Return what a sensor reads over a revolution, angle -pi first."""
     x, _ = _Chain(ring, load_n, omega_radps, NODES).loaded()
     return _read(x, _derivative(x, 1, _ORDERS), depth_m, _ORDERS)
-
-
-def spliced(ring: Ring, load_n: float, depth_m: float, stiffer: Callable[[Array], Array], sensor_rad: float) -> Array:
-    """Return what a stiffer or softer place of the belt adds to `Shape.inertia_m`, (2, NODES).
-
-    Args:
-        ring: the tire.
-        load_n: its load.
-        depth_m: of the sensor.
-        stiffer: factor of EI by the material angle from the place.
-        sensor_rad: material angle of the sensor from the place.
-
-    The place moves slowly against the belt's vibrations: each position of it is a state of equilibrium.
-    """
-    chain = _Chain(ring, load_n, 0.0, LOCAL_NODES)
-    x, height = chain.loaded()
-    plain_ei, n = chain.ei.copy(), LOCAL_NODES
-    ahead = round(sensor_rad / chain.h)
-    plain, changed, tangents = np.empty((2, n)), np.empty((2, n)), np.empty((2, n))
-    base = x.copy()
-    for step in range(n):
-        # The sensor is at node `step`, the place behind it by its angle.
-        from_place = np.mod((np.arange(n) - step + ahead) * chain.h + math.pi, 2.0 * math.pi) - math.pi
-        chain.ei = plain_ei * stiffer(from_place)
-        x, height = chain.solve(x, height, load_n)
-        changed[:, step], plain[:, step] = x[:, step], base[:, step]
-        # The sensor sits on its own piece of belt.
-        tangents[:, step] = x[:, (step + 1) % n] - x[:, step - 1]
-    with_it = _read(changed, tangents, depth_m, _LOCAL_ORDERS).inertia_m
-    flat = np.roll(base, -1, axis=1) - np.roll(base, 1, axis=1)
-    less = with_it - _read(plain, flat, depth_m, _LOCAL_ORDERS).inertia_m
-    spectrum = np.fft.rfft(less, axis=1) * (NODES / n)
-    result: Array = np.fft.irfft(spectrum, n=NODES, axis=1)
-    return result

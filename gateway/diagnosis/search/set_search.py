@@ -326,6 +326,33 @@ class SetSearch:
         return _best(self.evaluations.values())
 
     @property
+    def untried(self) -> tuple[str, ...]:
+        """Effects that were tried beside no set, or all places of which were not."""
+        tried = {name for promised in self.promises.values() for name in promised}
+        tried |= {name for names in self.evaluations for name in names}
+        placed = bool(self._scanned_places)
+        return tuple(
+            name
+            for name, effect in self.effects.items()
+            if name not in tried and not (placed and isinstance(effect, LocalChange))
+        )
+
+    def untried_rivals(self, name: str) -> tuple[str, ...]:
+        """Return the effects that may take the place of one of the best set and were not tried there."""
+        best = self.best
+        without = [evaluated.log_evidence for names, evaluated in self.evaluations.items() if name not in names]
+        worth = best.log_evidence - max(without, default=-math.inf)
+        rest = best.names - {name}
+        return tuple(
+            rival
+            for rival in rivals_of(name, worth, self.effects, list(self.promises.values()))
+            if rival not in best.names
+            and not isinstance(self.effects[rival], LocalChange)
+            and rest | {rival} not in self.evaluations
+            and rest | {rival} not in self.rejected
+        )
+
+    @property
     def _expected(self) -> tuple[AngleEffect, ...]:
         conditions = tuple(group.conditions for group in self.campaign.groups)
         return tuple(effect for effect in self.effects.values() if effect.expected(conditions))
