@@ -1,5 +1,7 @@
 """Parts of the URIs that name sources and live outputs, `scheme:target?key=value`."""
 
+from contextlib import suppress
+from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import parse_qsl, unquote, urlsplit
 
@@ -31,4 +33,14 @@ def split_uri(uri: str) -> UriParts:
     """
     parts = urlsplit(uri.replace("#", "%23"))
     options = parse_qsl(parts.query.replace("+", "%2B"), keep_blank_values=True)
-    return UriParts(parts.scheme.lower(), parts.netloc, unquote(parts.netloc + parts.path), dict(options))
+    return UriParts(parts.scheme.lower(), parts.netloc, _target(parts.netloc + parts.path), dict(options))
+
+
+def _target(text: str) -> str:
+    """Return a target without its escapes; a file that has them in its name is meant as it is written."""
+    plain, written = unquote(text), text.replace("%23", "#")
+    # pathlib would raise on names that no file can have.
+    with suppress(OSError, ValueError):
+        if plain != written and Path(written).exists() and not Path(plain).exists():
+            return written
+    return plain

@@ -54,6 +54,7 @@ TEMPERATURE: Final = re.compile(r"temp|(^|[^a-z])t([^a-z]|$)", re.IGNORECASE)
 TIME: Final = re.compile(r"time|zeit|stamp|elapsed|millis|micros|seconds|sekunden|^t$", re.IGNORECASE)
 VOLTS: Final = frozenset({"V", "mV"})
 MOST_COLUMNS: Final = 64
+_LARGEST: Final = 1e30
 # A sensor that a number alone or a group of the file names is a wheel by its number.
 _NAMED: Final = re.compile(r"(?!group)[A-Za-z][A-Za-z0-9_.-]*", re.IGNORECASE)
 _LAG_S: Final = 1.0
@@ -76,6 +77,10 @@ class Seen:
     unit: str
     where: Callable[[int], str]
     fault: str = ""
+
+    def __post_init__(self) -> None:
+        """Leave values out that no sensor gives, whose squares would be no numbers."""
+        self.values = np.where(np.abs(self.values) < _LARGEST, self.values, np.nan)
 
     @property
     def is_acceleration(self) -> bool:

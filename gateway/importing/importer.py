@@ -20,12 +20,13 @@ from gateway.core.reasons import Code, Reason
 from gateway.core.recording.container import refuse_existing
 from gateway.core.recording.writer import RecordingWriter, whole_recording
 from gateway.core.types import BoolArray, FloatArray, IntArray
+from gateway.importing.column_names import unit_of
 from gateway.importing.columns import BlockReader, FileFacts, require_columns
 from gateway.importing.data_scan import Scan, WheelScan, scan
 from gateway.importing.decimation import ATTENUATION_DB, RIPPLE_DB, Decimation
 from gateway.importing.file_formats import open_columns
 from gateway.importing.frames import FrameStream, Quantiser
-from gateway.importing.import_map import ISO, TIME_UNITS_S, ImportedWheel, ImportMap
+from gateway.importing.import_map import ACCELERATION_UNITS_MPS2, ISO, TIME_UNITS_S, ImportedWheel, ImportMap
 from gateway.importing.joined_columns import JoinedColumns
 from gateway.importing.missing_rows import GapFilledColumns
 from gateway.importing.reader_process import ReaderProcesses
@@ -516,7 +517,14 @@ def _shortcomings(facts: FileFacts, import_map: ImportMap) -> tuple[str, ...]:
         for name, (rows, expected) in facts.cut.items()
         if name in import_map.columns()
     ]
-    return (*cut, *(f"warned when the file was read: {warning}" for warning in facts.warnings))
+    units = [
+        f"'{column.column}' is in {column.unit}, as the map says; the file says {stated}"
+        for column in import_map.axis_columns()
+        if (stated := unit_of(column.column, facts.units.get(column.column, "")))
+        and column.scale == 1.0
+        and ACCELERATION_UNITS_MPS2.get(stated) != ACCELERATION_UNITS_MPS2[column.unit]
+    ]
+    return (*cut, *units, *(f"warned when the file was read: {warning}" for warning in facts.warnings))
 
 
 def _decimation_text(decimation: Decimation) -> str:

@@ -73,7 +73,6 @@ _UNITS_OF_CONSTANTS: Final = (
 ) - {"Hz"}
 _LOADS_N: Final = {"N": 1.0, "kN": 1e3, "kg": 9.80665}
 _LOAD: Final = re.compile(r"load|last|fz|force|kraft", re.IGNORECASE)
-_LARGEST: Final = 1e30
 _LISTED_REASONS: Final = 40
 
 
@@ -162,9 +161,7 @@ def _columns(
             remedies.append(first_rows.remedy)
         else:
             block, fault = first_rows
-            # No sensor gives larger values, whose squares would be no numbers.
-            values = np.where(np.abs(block.values[:, 0]) < _LARGEST, block.values[:, 0], np.nan)
-            seen.append(Seen(name, values, unit_of(name, stated), block.where, fault))
+            seen.append(Seen(name, block.values[:, 0], unit_of(name, stated), block.where, fault))
     rows = _main_rows(seen)
     main = [column for column in seen if len(column.values) == rows]
     if main:

@@ -287,3 +287,12 @@ def test_slow_acceleration_is_no_axis_of_a_fast_one(tmp_path: Path) -> None:
     stated = simple_map(sampling='time_column = "time"', **{"axis.circumferential": ""}, **axes)
     with pytest.raises(ImportDataError, match="differ in their step"):
         imported(path, stated)
+
+
+def test_unit_of_the_file_against_that_of_the_map_is_told(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "run.csv", {"z (mV)": AXES_G[:, 2]})
+    axes = {"axis.circumferential": "", "axis.lateral": "", "axis.radial": 'column = "z (mV)"\nunit = "g"'}
+    text = simple_map(sampling=f"rate_hz = {RATE_HZ}", **axes)
+    assert "'z (mV)' is in g, as the map says; the file says mV" in imported(path, text).assumed
+    scaled = text.replace('unit = "g"', 'unit = "g"\nscale = 0.1')
+    assert not any("the file says" in each for each in imported(path, scaled, "scaled.mcap").assumed)

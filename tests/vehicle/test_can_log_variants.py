@@ -112,3 +112,26 @@ def test_message_of_two_buses_is_decoded_from_the_first_and_told_once() -> None:
     ((link, reason),) = decoder.take_notices()
     assert (link, reason.code) == ("can:x", Code.BUS_MESSAGE_TWICE)
     assert decoder.take_notices() == []
+
+
+def test_escape_in_the_name_of_a_file_is_part_of_it(tmp_path: Path) -> None:
+    lines = [f"({1795697700 + 0.05 * k:.6f}) can0 204#6419" for k in range(4)]
+    assert len(frames_of(written(tmp_path / "my%20run.log", lines))) == 4
+    written(tmp_path / "other run.log", lines)
+    assert len(frames_of(tmp_path / "other%20run.log")) == 4
+
+
+@pytest.mark.parametrize("suffix", ["log", "asc"])
+def test_log_without_frames_is_refused(tmp_path: Path, suffix: str) -> None:
+    with pytest.raises(SourceError):
+        frames_of(written(tmp_path / f"none.{suffix}", ["// nothing"]))
+
+
+def test_lines_out_of_order_and_cut_are_told(tmp_path: Path) -> None:
+    lines = [f"({1795697700 + 0.05 * (k % 20):.6f}) can0 204#6419" for k in range(40)]
+    path = tmp_path / "twice.log"
+    path.write_text("\n".join(lines))
+    items = list(open_source(f"can:{path}?speed=max", ManualClock()).items(threading.Event()))
+    told = [item.text for item in items if isinstance(item, LinkEvent)]
+    assert any("step back 1 times" in text for text in told)
+    assert any("last line has no end" in text for text in told)

@@ -45,6 +45,7 @@ from gateway.forces.known_runs import SlipRunsFile, load_runs
 from gateway.importing.commands.import_measurement import report_lines
 from gateway.importing.import_map import ImportMap, load_map, parse_map
 from gateway.importing.importer import import_file
+from gateway.importing.map_guess import guess_map
 from gateway.importing.reader_process import ReaderProcesses
 from gateway.planner.accelerometer import SHIPPED, parse_accelerometers
 from gateway.security.cmac import Key
@@ -53,6 +54,7 @@ from gateway.security.key_file import KeyFile, hub_identity, sensor_identity
 from gateway.simulator.scenario import load_scenario
 from gateway.upkeep.compact import compact_recording
 from gateway.upkeep.repair import repair_recording
+from tools.reliability.logger_files import good_files, good_logs
 from tools.reliability.mutations import Change, frame_content, mat_content, mdf_content, recording_content
 
 _START_NS = 1_700_000_000_000_000_000
@@ -291,6 +293,38 @@ def import_mf4(data: bytes) -> bool:
 def import_parquet(data: bytes) -> bool:
     """A Parquet file that is to be imported with a good map."""
     return _imported(data, "t.parquet", _MAP)
+
+
+def import_logger_file(data: bytes) -> bool:
+    """A file of a logger, which is recognised by its first bytes, guessed and imported by its first map."""
+    with _file(data, "t.dat") as path:
+        out = _folder() / "imported.mcap"
+        try:
+            import_file(path, parse_map(guess_map(path), "guessed.map.toml"), out, processes=_PROCESSES)
+        except TreadlinkError as error:
+            _explained(error)
+            return False
+        finally:
+            out.unlink(missing_ok=True)
+    return True
+
+
+def read_bus_log(data: bytes) -> bool:
+    """A log of a CAN bus, as each format that it may be."""
+    suffixes = ("blf",) if data.startswith(b"LOGG") else ("log", "asc", "csv")
+    read = [_bus_log(data, suffix) for suffix in suffixes]
+    return any(read)
+
+
+def _bus_log(data: bytes, suffix: str) -> bool:
+    with _file(data, f"t.{suffix}") as path:
+        try:
+            for item in open_source(f"can:{path}?speed=max", ManualClock()).items(threading.Event()):
+                assert item.host_ns >= 0
+        except TreadlinkError as error:
+            _explained(error)
+            return False
+    return True
 
 
 def import_table(data: bytes) -> bool:
@@ -634,6 +668,8 @@ TARGETS: dict[str, Target] = {
     "hdf5": Target("import of an HDF5 or MATLAB 7.3 file", import_hdf5, _hdf5s),
     "mf4": Target("import of an MDF file", import_mf4, _mdfs, mdf_content),
     "parquet": Target("import of a Parquet file", import_parquet, _parquets),
+    "logger": Target("file of a logger, guessed and imported", import_logger_file, lambda: [*good_files().values()]),
+    "bus-log": Target("log of a CAN bus", read_bus_log, lambda: [*good_logs().values()]),
     "map": Target("import map", import_with_map, lambda: [_MAP.encode()]),
     "vehicle": Target("vehicle configuration", read_vehicle, _vehicle_seeds),
     "recorded-vehicle": Target("vehicle configuration inside a recording", read_recorded_vehicle, _vehicle_seeds),
