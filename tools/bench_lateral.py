@@ -170,7 +170,7 @@ def used(case: Case, fit: SlipFit, slip_deg: float) -> dict[str, Estimate]:
             edges_std_rad=(revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad),
             noise_mps2=revolution.noise_mps2,
         )
-        conditions = replace(result.conditions, tire=TireData(slip_calibration=fit.calibration))
+        conditions = replace(result.conditions, tire=TireData(added=(fit.calibration,)))
         last = {e.name: e for e in estimator.update(revolution, latest, conditions)}
     return last
 

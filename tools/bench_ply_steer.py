@@ -211,7 +211,7 @@ def slip_table() -> None:
         average = average_of(revolutions[:60])
         zero = estimate(revolutions[:59])[0][1]
         estimator = SlipAngleEstimator()
-        conditions = TireConditions(RADIUS_M, tire=TireData(slip_calibration=zero_only(math.radians(zero))))
+        conditions = TireConditions(RADIUS_M, tire=TireData(added=(zero_only(math.radians(zero)),)))
         result = [estimator.update(r, average, conditions) for r in revolutions][62:77]
         apparent = np.degrees([e[0].value for e in result])
         right = np.mean([e[1].value == math.copysign(1.0, slip) for e in result])

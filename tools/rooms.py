@@ -180,7 +180,7 @@ def lines_of(module: str) -> int:
 def module_of_command(name: str) -> str:
     """Return the module of a command of the core or of the exports."""
     names = (f"gateway.core.cli.{name}", f"gateway.exporting.commands.{name}")
-    return next(place for place in names if place in modules())
+    return next(path for path in names if path in modules())
 
 
 def main(arguments: Sequence[str]) -> None:

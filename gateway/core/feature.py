@@ -26,6 +26,8 @@ class Registry(StrEnum):
     """Class that follows `gateway.core.estimates.estimator.Estimator`, by the estimator's name."""
     NUMBERS = "treadlink.numbers"
     """Likewise an estimator of the ring's four numbers, which wear and load can rest on."""
+    VEHICLE_KEYS = "treadlink.vehicle-keys"
+    """`gateway.core.config.validation.AddedKey` by its name, as `tire.laminate`."""
     ESTIMATE_OUTPUTS = "treadlink.estimate-outputs"
     """`gateway.core.cli.estimate_outputs.AddedOutput` by its name."""
     PARTS = "treadlink.parts"

@@ -11,6 +11,11 @@ FEATURE: Final = Feature(
         ),
     },
     adds={
+        Registry.VEHICLE_KEYS: {
+            "tire.slip_calibration": "gateway.forces.tire_tables:SLIP_CALIBRATION",
+            "tire.side_force_calibration": "gateway.forces.tire_tables:SIDE_FORCE_CALIBRATION",
+            "tire.laminate": "gateway.forces.tire_tables:LAMINATE",
+        },
         Registry.ESTIMATORS: {
             "longitudinal-force": "gateway.forces.longitudinal_force:LongitudinalForceEstimator",
             "ply-steer": "gateway.forces.ply_steer:PlySteerEstimator",

@@ -148,7 +148,7 @@ class PlySteerEstimator(BlockEstimator):
     contact. The standard errors cover scatter, roll calibration, a mounting yaw of 1 deg and the contact edges, but
     not the definition of the slope, in which the angles differ.
 
-    Where the plies are stated (`conditions.tire.laminate`), LAMINATE_NAMES follow, with errors from the stated
+    Where the plies are stated (a `BeltLaminate` of the tire), LAMINATE_NAMES follow, with errors from the stated
     tolerances. The angle is provisional where the measured peak differs from it by more than three errors.
 
     The slopes are linear in the average, which they follow in every revolution. Their places in the contact and
@@ -203,8 +203,8 @@ class PlySteerEstimator(BlockEstimator):
                 results[measurement.index] = estimates
         return [
             _headed(
-                (*shape_estimates, *_of_laminate(condition.tire.laminate, condition, shape_estimates[0]))
-                if shape_estimates and condition.tire.laminate is not None
+                (*shape_estimates, *_of_laminate(laminate, condition, shape_estimates[0]))
+                if shape_estimates and (laminate := condition.tire.of(BeltLaminate)) is not None
                 else shape_estimates,
                 condition.tire.ply_steer_definition,
             )

@@ -17,7 +17,7 @@ from gateway.core.types import FloatArray
 from gateway.forces.free_belt import displacement_rows
 from gateway.forces.lateral_deformation import ORDERS
 from gateway.forces.lateral_shape import LateralEstimator, LateralSteps
-from gateway.forces.side_force_calibration import LinearLaw
+from gateway.forces.side_force_calibration import LinearLaw, SideForceCalibration
 
 NAMES: Final = ("belt_shift_m", "belt_yaw_rad", "side_force_n", "aligning_moment_nm")
 
@@ -85,7 +85,7 @@ def _forces(
     displacements: tuple[_Displacement, _Displacement],
     doubts: tuple[Reason, ...],
 ) -> tuple[Estimate, Estimate]:
-    calibration = conditions.tire.side_force_calibration
+    calibration = conditions.tire.of(SideForceCalibration)
     if calibration is None:
         needs = Reason(Code.NEEDS_SIDE_FORCE_CALIBRATION)
         return Estimate.invalid(NAMES[2], needs), Estimate.invalid(NAMES[3], needs)

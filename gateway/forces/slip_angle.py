@@ -75,7 +75,7 @@ class SlipAngleEstimator(LateralEstimator):
 
     Gives slip_apparent_rad, slip_direction, lateral_asymmetry, left_right_asymmetry, then the slip angles.
 
-    Positive slip pulls the tire to the left. Without `conditions.tire.slip_calibration` the zero is learnt: slip
+    Positive slip pulls the tire to the left. Without a `SlipCalibration` of the tire the zero is learnt: slip
     that is constant becomes part of it, so slip_apparent_rad and slip_direction stay provisional, and there are no
     slip angles. With it, slip_angle_rad is that of the revolution and slip_angle_mean_rad that of the mean of the
     latest ones. Outside the calibrated half angles, pressures and slip angles they are provisional.
@@ -101,7 +101,7 @@ class SlipAngleEstimator(LateralEstimator):
         self._sides = {1.0: RunningMoments(3), -1.0: RunningMoments(3)}
 
     def _names(self, conditions: TireConditions) -> Sequence[str]:
-        return NAMES if conditions.tire.slip_calibration is None else (*NAMES, SLIP_NAME, MEAN_NAME)
+        return NAMES if conditions.tire.of(SlipCalibration) is None else (*NAMES, SLIP_NAME, MEAN_NAME)
 
     def _averaged(
         self, conditions: TireConditions, edges_rad: tuple[float, float], steps: LateralSteps, row: int
@@ -115,7 +115,7 @@ class SlipAngleEstimator(LateralEstimator):
         waveform_m = lateral_waveform(own_m, _GRID)
         asymmetry = lateral_asymmetry(waveform_m)
         scatter, asymmetry_scatter, peak_m = self._scatter(np.array([slope, asymmetry, *own_m]))
-        law = conditions.tire.slip_calibration
+        law = conditions.tire.of(SlipCalibration)
         if law is not None:
             zero, std = law.zero_rad, math.hypot(scatter, law.zero_std_rad)
         else:

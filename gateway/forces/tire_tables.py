@@ -6,8 +6,10 @@ from typing import Final
 from pydantic import Field
 
 from gateway.core.config.si_values import si_values
-from gateway.core.config.validation import Section, within
-from gateway.core.estimates.wheel_setup import BeltLaminate, LinearLaw, SideForceCalibration, SlipCalibration, StatedPly
+from gateway.core.config.validation import AddedKey, AddedTable, Section, within
+from gateway.forces.belt_laminate import BeltLaminate, StatedPly
+from gateway.forces.side_force_calibration import LinearLaw, SideForceCalibration
+from gateway.forces.slip_calibration import SlipCalibration
 
 # Relative standard errors where none is stated: the modulus of a twisted cord depends on its lay, that of a compound on
 # temperature and strain.
@@ -15,7 +17,7 @@ CORD_STD: Final = 0.1
 RUBBER_STD: Final = 0.2
 
 
-class SlipCalibrationTable(Section):
+class SlipCalibrationTable(AddedTable):
     """`[tire.slip_calibration]`: slope of the belt over slip angle, as written by `treadlink calibrate slip`."""
 
     belt_share: float = Field(gt=0, le=1, description="slope per slip angle at zero slip, dimensionless")
@@ -43,12 +45,12 @@ class SlipCalibrationTable(Section):
     )
     conicity_std_deg: float = within(0.0, 0, 5, "standard error of conicity_deg in degrees")
 
-    def calibration(self) -> SlipCalibration:
+    def data(self) -> SlipCalibration:
         """Return the calibration in SI."""
         return SlipCalibration(**si_values(self))
 
 
-class SideForceCalibrationTable(Section):
+class SideForceCalibrationTable(AddedTable):
     """`[tire.side_force_calibration]`: force per displacement of the belt, as written by the calibration."""
 
     side_n_per_mm: float = Field(ge=-100_000, le=100_000, description="side force per shift of the belt in N/mm")
@@ -66,7 +68,7 @@ class SideForceCalibrationTable(Section):
     pressure_min_kpa: float | None = within(None, 10, 1500, "lowest calibrated gauge pressure in kPa")
     pressure_max_kpa: float | None = within(None, 10, 1500, "highest calibrated gauge pressure in kPa")
 
-    def calibration(self) -> SideForceCalibration:
+    def data(self) -> SideForceCalibration:
         """Return the calibration in SI."""
         deg = math.radians(1.0)
         low_kpa, high_kpa = self.pressure_min_kpa, self.pressure_max_kpa
@@ -119,7 +121,7 @@ class PlyTable(Section):
         return StatedPly(**values)
 
 
-class LaminateTable(Section):
+class LaminateTable(AddedTable):
     """`[tire.laminate]`: plies of the belt, for the ply steer that follows from them."""
 
     rubber_mpa: float = Field(ge=0.1, le=500, description="modulus of the rubber between the cords in MPa")
@@ -128,7 +130,14 @@ class LaminateTable(Section):
         strict=False, min_length=2, max_length=12, description="plies from the inside out, at least two"
     )
 
-    def laminate(self) -> BeltLaminate:
+    def data(self) -> BeltLaminate:
         """Return the belt in SI."""
         rubber_std_mpa = RUBBER_STD * self.rubber_mpa if self.rubber_std_mpa is None else self.rubber_std_mpa
         return BeltLaminate(tuple(ply.ply() for ply in self.ply), self.rubber_mpa * 1e6, rubber_std_mpa * 1e6)
+
+
+SLIP_CALIBRATION: Final = AddedKey(SlipCalibrationTable, "slope of the streamline over the slip angle")
+SIDE_FORCE_CALIBRATION: Final = AddedKey(
+    SideForceCalibrationTable, "side force and aligning moment over the displacement of the belt"
+)
+LAMINATE: Final = AddedKey(LaminateTable, "plies of the belt with their tolerances")

@@ -1,8 +1,10 @@
 """`[vehicle_signals]` of a vehicle file: signals of the vehicle's bus by their names in a DBC file."""
 
+from typing import Final
+
 from pydantic import Field
 
-from gateway.core.config.validation import Section, above, within
+from gateway.core.config.validation import AddedKey, Section, above, within
 from gateway.vehicle.vehicle_signals import Quantity, SignalSetup
 
 
@@ -56,3 +58,8 @@ class VehicleSignals(Section):
             )
             for signal in self.signal
         )
+
+
+VEHICLE_SIGNALS: Final = AddedKey(
+    VehicleSignals, "signals of the vehicle's bus, beside the wheels", default=VehicleSignals()
+)

@@ -6,6 +6,9 @@ from gateway.core.feature import Feature, Registry
 
 FEATURE: Final = Feature(
     adds={
+        Registry.VEHICLE_KEYS: {
+            "vehicle_signals": "gateway.vehicle.bus_signals:VEHICLE_SIGNALS",
+        },
         Registry.PARTS: {
             "names of vehicle signals": "gateway.vehicle.vehicle_signals:SIGNAL_NAMES",
             "vehicle signals": "gateway.vehicle.signal_decoding:open_decoder",

@@ -11,6 +11,7 @@ from gateway.core.links.nmea_sentences import ReceiverClock, SentenceReader, can
 from gateway.core.links.source import BusFrames, Sentences, VehicleData
 from gateway.core.reasons import Code, Reason
 from gateway.vehicle.bus_decoding import BusDecoder
+from gateway.vehicle.bus_signals import VehicleSignals
 from gateway.vehicle.dbc_file import read_dbc
 from gateway.vehicle.vehicle_signals import RECEIVER_SIGNALS, SignalHistory, SignalValue
 from gateway.vehicle.vehicle_witness import VehicleJoin
@@ -109,7 +110,7 @@ def open_decoder(
     Raises:
         ConfigError: the DBC file cannot be read, or does not fit the configuration.
     """
-    mapping = vehicle.vehicle_signals if vehicle is not None else None
+    mapping = vehicle.added(VehicleSignals) if vehicle is not None else None
     if mapping is None or not mapping.signal:
         return SignalDecoder()
     text, origin = next((text for text in given if text), None), "the DBC file of the source"

@@ -8,19 +8,14 @@ import pytest
 
 from gateway.core.errors import OutputError
 from gateway.core.estimates.registry import CAMPAIGN_ESTIMATORS, ESTIMATORS, make_estimator
-from gateway.core.estimates.wheel_setup import (
-    BeltLaminate,
-    LinearLaw,
-    LoadCalibration,
-    SideForceCalibration,
-    SlipCalibration,
-    StatedPly,
-    TireData,
-)
+from gateway.core.estimates.wheel_setup import LoadCalibration, TireData
 from gateway.fleet.dataset import Description, opened
 from gateway.fleet.history_reading import read_histories
 from gateway.fleet.recording_estimation import estimate_names
 from gateway.fleet.trends.fleet_analysis import analyse
+from gateway.forces.belt_laminate import BeltLaminate, StatedPly
+from gateway.forces.side_force_calibration import LinearLaw, SideForceCalibration
+from gateway.forces.slip_calibration import SlipCalibration
 from tests.core.estimates.test_estimator_contract import CASES
 from tests.fleet.conftest import DAY_NS
 from tests.fleet.test_campaign_run import rows
@@ -29,11 +24,11 @@ from tests.testkit.campaign_recordings import START_NS, write_recording
 COLUMN_PREFIX = "estimated_"
 # The numbers do not matter, only that they are stated.
 EVERYTHING_STATED = TireData(
-    laminate=BeltLaminate((StatedPly(0.4, 1e-3, 1e10, 0.2), StatedPly(-0.4, 1e-3, 1e10, 0.2)), 5e6),
-    slip_calibration=SlipCalibration(0.5, 0.05, 0.0, 0.01, 0.0, 0.1, 0.0, 0.0, (-0.1, 0.1), (0.1, 0.3), (150e3, 300e3)),
     load_calibration=LoadCalibration(4000.0, 0.2, 220e3, 2.0, 0.0, 1.0, 0.02, (0.1, 0.3), (150e3, 300e3)),
-    side_force_calibration=SideForceCalibration(
-        LinearLaw(1e5, 1e3, 0.0, 10.0), LinearLaw(1e4, 1e2, 0.0, 1.0), (0.1, 0.3), (150e3, 300e3)
+    added=(
+        BeltLaminate((StatedPly(0.4, 1e-3, 1e10, 0.2), StatedPly(-0.4, 1e-3, 1e10, 0.2)), 5e6),
+        SlipCalibration(0.5, 0.05, 0.0, 0.01, 0.0, 0.1, 0.0, 0.0, (-0.1, 0.1), (0.1, 0.3), (150e3, 300e3)),
+        SideForceCalibration(LinearLaw(1e5, 1e3, 0.0, 10.0), LinearLaw(1e4, 1e2, 0.0, 1.0), (0.1, 0.3), (150e3, 300e3)),
     ),
 )
 

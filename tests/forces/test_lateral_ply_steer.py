@@ -412,7 +412,7 @@ def laminate_of(angle_deg: float) -> TireData:
         StatedPly(math.radians(angle), 1.2e-3, 200e9, 0.22, math.radians(0.5), 0.03e-3)
         for angle in (angle_deg, -angle_deg)
     )
-    return TireData(laminate=BeltLaminate(plies, 6e6, 1.2e6))
+    return TireData(added=(BeltLaminate(plies, 6e6, 1.2e6),))
 
 
 def with_laminate(revolutions: Sequence[Revolution], angle_deg: float) -> dict[str, Estimate]:

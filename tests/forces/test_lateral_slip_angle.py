@@ -41,7 +41,7 @@ def follow(
     revolutions: tuple[Revolution, ...], estimator: SlipAngleEstimator, law: SlipCalibration | None = None
 ) -> list[dict[str, Estimate]]:
     average = settled(revolutions[0])
-    conditions = TireConditions(RADIUS_M, tire=TireData(slip_calibration=law))
+    conditions = TireConditions(RADIUS_M, tire=TireData(added=(law,)))
     return [{e.name: e for e in estimator.update(revolution, average, conditions)} for revolution in revolutions]
 
 

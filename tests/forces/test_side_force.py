@@ -81,7 +81,7 @@ def test_gravity_of_order_one_does_not_matter() -> None:
 
 @pytest.mark.parametrize("slip_deg", [-4.0, 0.5, 4.0])
 def test_calibrated_force_is_within_errors(slip_deg: float) -> None:
-    conditions = replace(CONDITIONS, tire=TireData(side_force_calibration=calibration()))
+    conditions = replace(CONDITIONS, tire=TireData(added=(calibration(),)))
     result, truth = follow(slip_deg, conditions), belt(slip_deg)
     force, moment = result["side_force_n"], result["aligning_moment_nm"]
     assert force.status is Status.VALID
@@ -92,7 +92,7 @@ def test_calibrated_force_is_within_errors(slip_deg: float) -> None:
 
 def test_scattering_part_is_what_repeated_drives_scatter() -> None:
     """Eight drives: their scatter is known to 27 %."""
-    conditions = replace(CONDITIONS, tire=TireData(side_force_calibration=calibration()))
+    conditions = replace(CONDITIONS, tire=TireData(added=(calibration(),)))
     drives = [follow(1.0, conditions, seed=seed) for seed in range(8)]
     for name in NAMES:
         values, stated = np.array([(drive[name].value, drive[name].scatter_std) for drive in drives]).T
@@ -109,13 +109,13 @@ def test_force_needs_a_calibration() -> None:
 def test_other_contact_length_makes_force_provisional() -> None:
     law = calibration()
     elsewhere = replace(law, half_angle_range_rad=(0.1, 0.12))
-    result = follow(1.0, replace(CONDITIONS, tire=TireData(side_force_calibration=elsewhere)))
+    result = follow(1.0, replace(CONDITIONS, tire=TireData(added=(elsewhere,))))
     assert result["side_force_n"].status is Status.PROVISIONAL
     assert Code.HALF_ANGLE_OUTSIDE_CALIBRATION in codes_of(result["side_force_n"].reasons)
 
 
 def test_force_at_another_pressure_has_the_error_of_the_sidewalls() -> None:
-    tire = TireData(side_force_calibration=calibration())
+    tire = TireData(added=(calibration(),))
     same = follow(4.0, replace(CONDITIONS, tire=tire))["side_force_n"]
     near = follow(4.0, replace(CONDITIONS, tire=tire, pressure_pa=0.93 * PRESSURE_PA))["side_force_n"]
     far = follow(4.0, replace(CONDITIONS, tire=tire, pressure_pa=1.3 * PRESSURE_PA))["side_force_n"]
@@ -129,7 +129,7 @@ def test_force_at_another_pressure_has_the_error_of_the_sidewalls() -> None:
 
 def test_calibration_of_unknown_pressure_makes_force_provisional() -> None:
     unknown = replace(calibration(), pressure_range_pa=None)
-    result = follow(1.0, replace(CONDITIONS, tire=TireData(side_force_calibration=unknown)))
+    result = follow(1.0, replace(CONDITIONS, tire=TireData(added=(unknown,))))
     assert codes_of(result["side_force_n"].reasons) == (Code.SIDE_FORCE_PRESSURE_UNKNOWN,)
     assert result["belt_shift_m"].status is Status.VALID
 

@@ -18,6 +18,7 @@ from pydantic.fields import FieldInfo
 from gateway.core.bounded_input import read_bounded
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.errors import ConfigError, reading_remedy
+from gateway.core.feature import Registry, added, object_of
 from gateway.core.nearest_name import missing_path_remedy, nearest
 from gateway.core.removed_names import replacement
 
@@ -98,10 +99,57 @@ def _line(text: str, offset: int) -> int:
     return text.count("\n", 0, offset) + 1
 
 
+Kind = TypeVar("Kind")
+
+
 class Section(BaseModel):
     """Base of every table of a document: immutable, without unknown keys, silent conversions or NaN."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    def added(self, kind: type[Kind]) -> Kind | None:
+        """Return the value of a key that a feature adds, by its type; None where the document does not have it."""
+        return next((value for _, value in self if isinstance(value, kind)), None)
+
+
+class AddedTable(Section):
+    """Base of a table that a feature adds to a tire."""
+
+    def data(self) -> object:
+        """Return what estimators of the feature take from `TireData.of`, in SI."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, slots=True)
+class AddedKey:
+    """A key of vehicle files that a feature adds.
+
+    Attributes:
+        kind: type of its table.
+        description: for the reference of the configuration.
+        default: where the document has no such key.
+    """
+
+    kind: type[Section]
+    description: str
+    default: Section | None = None
+
+
+def add_keys(section: type[Section], table: str) -> None:
+    """Add the keys that features declare for a table, after those of the core.
+
+    Args:
+        section: the table, whose class is complete.
+        table: its name in the registry, empty for the document itself.
+    """
+    for name, target in added(Registry.VEHICLE_KEYS).items():
+        of_table, _, key = name.rpartition(".")
+        if of_table == table:
+            declared: AddedKey = object_of(target)
+            annotation: Any = declared.kind if declared.default is not None else declared.kind | None
+            field = Field(default=declared.default, description=declared.description)
+            section.__pydantic_fields__[key] = FieldInfo.from_annotated_attribute(annotation, field)
+    section.model_rebuild(force=True)
 
 
 def as_table(value: object) -> Mapping[str, Any]:

@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 from gateway.core.config.cross_checks import cross_faults
 from gateway.core.config.si_values import si_values
 from gateway.core.config.toml_writer import toml_text
-from gateway.core.config.validation import Section, above, parse_document, read_text, within
+from gateway.core.config.validation import AddedTable, Section, above, add_keys, parse_document, read_text, within
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.errors import ConfigError
 from gateway.core.estimates.wheel_setup import (
@@ -37,8 +37,6 @@ from gateway.core.estimates.wheel_setup import (
     WheelSetup,
 )
 from gateway.core.reasons import Code, Notice, Reason
-from gateway.forces.tire_tables import LaminateTable, SideForceCalibrationTable, SlipCalibrationTable
-from gateway.vehicle.bus_signals import VehicleSignals
 
 _logger = logging.getLogger(__name__)
 
@@ -193,13 +191,6 @@ class Tire(Section):
     load_calibration: LoadCalibrationTable | None = Field(
         default=None, description="load from contact half angle and pressure"
     )
-    slip_calibration: SlipCalibrationTable | None = Field(
-        default=None, description="slope of the streamline over the slip angle"
-    )
-    side_force_calibration: SideForceCalibrationTable | None = Field(
-        default=None, description="side force and aligning moment over the displacement of the belt"
-    )
-    laminate: LaminateTable | None = Field(default=None, description="plies of the belt with their tolerances")
 
     def overridden_by(self, other: Tire) -> Tire:
         """Return this tire with the values that `other` states instead of its own."""
@@ -272,12 +263,11 @@ class Tire(Section):
             ply_steer_definition=self.ply_steer or "",
             reference=self.reference.numbers(self.pressure_pa),
             load_calibration=None if self.load_calibration is None else self.load_calibration.calibration(),
-            slip_calibration=None if self.slip_calibration is None else self.slip_calibration.calibration(),
-            side_force_calibration=(
-                None if self.side_force_calibration is None else self.side_force_calibration.calibration()
-            ),
-            laminate=None if self.laminate is None else self.laminate.laminate(),
+            added=tuple(value.data() for _, value in self if isinstance(value, AddedTable)),
         )
+
+
+add_keys(Tire, "tire")
 
 
 class Axle(Section):
@@ -451,9 +441,6 @@ class VehicleConfig(Section):
     )
     thresholds: Thresholds = Field(default=Thresholds(), description="alarm limits")
     security: Security = Field(default=Security(), description="checks of signatures")
-    vehicle_signals: VehicleSignals = Field(
-        default=VehicleSignals(), description="signals of the vehicle's bus, beside the wheels"
-    )
 
     @model_validator(mode="after")
     def _consistent(self) -> VehicleConfig:
@@ -539,6 +526,9 @@ class VehicleConfig(Section):
     def to_toml(self) -> str:
         """Return the configuration as TOML that reads back equal, defaults written out."""
         return toml_text(self.model_dump(mode="json", exclude_none=True))
+
+
+add_keys(VehicleConfig, "")
 
 
 def load_vehicle(path: Path) -> VehicleConfig:

@@ -1,16 +1,13 @@
-"""Data of a tire that a configuration may give: thickness, reference numbers, calibrations and laminate."""
+"""Data of a tire that a configuration may give: thickness, reference numbers, calibration, and what features add."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, TypeVar
 
 from gateway.core.estimates.calibrated_range import outside_calibration
 from gateway.core.reasons import Reason
-from gateway.forces.belt_laminate import BeltLaminate
-from gateway.forces.side_force_calibration import SideForceCalibration
-from gateway.forces.slip_calibration import SlipCalibration
 
 # Relative loss of the ring's bending stiffness per kelvin, and its standard error over compounds, of a tire for which
 # it is not measured: the rubber softens, the cords do not (docs/reference/estimates.md).
@@ -25,6 +22,9 @@ DIFFERENCE_STD_K: Final = 2.0
 RUN_OUT_M: Final = 1e-4
 # Relative error of the power law of the load at a point that it was not fitted to, on the exact ring.
 LOAD_LAW_STD: Final = 0.01
+
+
+_Kind = TypeVar("_Kind")
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,9 +157,7 @@ class TireData:
         ply_steer_definition: of the ply steer angle that is listed first, empty for the usual one.
         reference: numbers of the new tire.
         load_calibration: None when the tire is not calibrated.
-        slip_calibration: None when the tire is not calibrated at known slip angles.
-        side_force_calibration: None when the tire is not calibrated at known side forces.
-        laminate: plies of the belt, None when they are not stated.
+        added: data that features add, one of each type.
     """
 
     ring_thickness_m: float | None = None
@@ -175,6 +173,8 @@ class TireData:
     ply_steer_definition: str = ""
     reference: ReferenceNumbers = field(default_factory=ReferenceNumbers)
     load_calibration: LoadCalibration | None = None
-    slip_calibration: SlipCalibration | None = None
-    side_force_calibration: SideForceCalibration | None = None
-    laminate: BeltLaminate | None = None
+    added: tuple[object, ...] = ()
+
+    def of(self, kind: type[_Kind]) -> _Kind | None:
+        """Return the data of a type that a feature adds, None where they are not stated."""
+        return next((data for data in self.added if isinstance(data, kind)), None)

@@ -22,11 +22,6 @@ from gateway.core.revolutions.effect_correction import CorrectedEffect as Correc
 from gateway.core.revolutions.effect_correction import CorrectedSignal as CorrectedSignal
 from gateway.core.revolutions.effect_correction import CorrectionTable as CorrectionTable
 from gateway.core.revolutions.effect_correction import EffectParameter as EffectParameter
-from gateway.forces.belt_laminate import BeltLaminate as BeltLaminate  # for gateway.core.config, as the next ones
-from gateway.forces.belt_laminate import StatedPly as StatedPly
-from gateway.forces.side_force_calibration import LinearLaw as LinearLaw
-from gateway.forces.side_force_calibration import SideForceCalibration as SideForceCalibration
-from gateway.forces.slip_calibration import SlipCalibration as SlipCalibration
 
 
 @dataclass(frozen=True, slots=True)

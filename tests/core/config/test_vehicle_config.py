@@ -19,6 +19,7 @@ from gateway.core.config.vehicle import (
 )
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.errors import ConfigError
+from gateway.forces.belt_laminate import BeltLaminate
 
 EXAMPLE = """
 [vehicle]
@@ -348,7 +349,7 @@ WHEEL = "[tire]\nradius_mm = 320\n[[wheel]]\nposition = 'FL'\nhub = 0\nwheel = 0
 def test_laminate_has_tolerances_in_si() -> None:
     config = parse_vehicle(WHEEL + LAMINATE, "car.toml")
     assert parse_vehicle(config.to_toml(), "again") == config
-    belt = config.wheel_setups()[0].tire.laminate
+    belt = config.wheel_setups()[0].tire.of(BeltLaminate)
     assert belt is not None
     assert (belt.rubber_pa, belt.rubber_std_pa) == (6e6, pytest.approx(1.2e6))
     inner, outer = belt.plies
