@@ -6,9 +6,10 @@ import threading
 from contextlib import suppress
 from typing import Final
 
+from gateway.core.clock import SystemClock
+from gateway.publishing.admission import HEAD_S, Admission
+
 _MOST_HEAD_BYTES: Final = 16 << 10
-_MOST_CONNECTIONS: Final = 32
-_HEAD_S: Final = 5.0
 _CHUNK_BYTES: Final = 64 << 10
 _HEAD_END: Final = b"\r\n\r\n"
 _REFUSAL: Final = (
@@ -51,7 +52,7 @@ class OriginGate:
         self._listener = socket.create_server((host, port), family=family)
         self._open: set[socket.socket] = set()
         self._lock = threading.Lock()
-        self._places = threading.BoundedSemaphore(_MOST_CONNECTIONS)
+        self._admission = Admission()
         threading.Thread(target=self._accept, name="viewers", daemon=True).start()
 
     @property
@@ -72,15 +73,16 @@ class OriginGate:
     def _accept(self) -> None:
         while True:
             try:
-                viewer, _ = self._listener.accept()
+                viewer, address = self._listener.accept()
             except OSError:
                 return
-            if not self._places.acquire(blocking=False):
+            peer = str(address[0])
+            if not self._admission.admit(peer):
                 viewer.close()
                 continue
-            threading.Thread(target=self._serve, args=(viewer,), name="viewer", daemon=True).start()
+            threading.Thread(target=self._serve, args=(viewer, peer), name="viewer", daemon=True).start()
 
-    def _serve(self, viewer: socket.socket) -> None:
+    def _serve(self, viewer: socket.socket, peer: str) -> None:
         ends = [viewer]
         try:
             with self._lock:
@@ -89,7 +91,7 @@ class OriginGate:
             if not is_admitted(head.partition(_HEAD_END)[0], self._allowed):
                 viewer.sendall(_REFUSAL)
                 return
-            server = socket.create_connection(self._server, _HEAD_S)
+            server = socket.create_connection(self._server, HEAD_S)
             ends.append(server)
             with self._lock:
                 self._open.add(server)
@@ -107,13 +109,15 @@ class OriginGate:
                 self._open.difference_update(ends)
             for end in ends:
                 end.close()
-            self._places.release()
+            self._admission.release(peer)
 
 
 def _head(viewer: socket.socket) -> bytes:
-    viewer.settimeout(_HEAD_S)
+    clock = SystemClock()
+    end_ns = clock.now_ns() + round(HEAD_S * 1e9)
     head = b""
     while _HEAD_END not in head:
+        viewer.settimeout(max(1e-9 * (end_ns - clock.now_ns()), 0.001))
         data = viewer.recv(_MOST_HEAD_BYTES)
         head += data
         if not data or len(head) > _MOST_HEAD_BYTES:

@@ -11,9 +11,11 @@ import math
 import secrets
 import socket
 import threading
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import CancelledError
 from contextlib import suppress
+from functools import partial
 from http import HTTPStatus
 from ipaddress import ip_address
 from typing import Any, Final
@@ -29,6 +31,7 @@ from gateway.core.estimates.results import SessionSnapshot
 from gateway.core.text.session_control import SessionControl
 from gateway.core.text.text import clean
 from gateway.core.text.trend_history import TrendHistory
+from gateway.publishing.admission import HEAD_S, Admission
 from gateway.publishing.payloads import encoded
 from gateway.publishing.sink import (
     Item,
@@ -46,6 +49,9 @@ from gateway.publishing.web_page.page_html import page_file
 from gateway.publishing.web_page.page_state import page_quantities, page_state, page_trend, page_waveform
 
 _logger = logging.getLogger(__name__)
+# Strangers whose requests cannot be read, or who leave in the middle, are no fault of this program.
+_STRANGERS: Final = _logger.getChild("websockets")
+_STRANGERS.setLevel(logging.CRITICAL)
 
 PORT: Final = 8780
 MOST_PAGES: Final = 20
@@ -117,6 +123,8 @@ class PageSink(Sink):
         self._thread: threading.Thread | None = None
         self._closing = asyncio.Event()
         self._pages: set[_Page] = set()
+        self._admission = Admission()
+        self._marks, self._recordings = _Pace(5, 1.0), _Pace(4, 10.0)
         self._number = 0
         # Encoded once for all pages, by what they were made from.
         self._state: tuple[int, bytes] = (0, b"")
@@ -181,11 +189,13 @@ class PageSink(Sink):
             self._page,
             sock=listener,
             process_request=self._answer,
+            create_connection=partial(_BoundedConnection, admission=self._admission),
+            open_timeout=HEAD_S,
             compression=None,
             max_size=_LARGEST_MESSAGE,
             write_limit=_WRITE_BYTES,
             server_header=None,
-            logger=_logger.getChild("websockets"),
+            logger=_STRANGERS,
         )
         self._loop = asyncio.get_running_loop()
         started.set()
@@ -199,10 +209,18 @@ class PageSink(Sink):
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """Return the page or a refusal; None lets a page's WebSocket open."""
-        parts = urlsplit(request.path)
-        host = request.headers.get("Host", "")
+        try:
+            parts = urlsplit(request.path)
+            (host,) = request.headers.get_all("Host")
+            name = urlsplit(f"//{host}").hostname or ""
+        except ValueError:
+            return connection.respond(HTTPStatus.BAD_REQUEST, "The request cannot be read.\n")
+        if getattr(request, "method", "GET") != "GET":
+            refused = connection.respond(HTTPStatus.METHOD_NOT_ALLOWED, "Only GET is allowed.\n")
+            refused.headers["Allow"] = "GET"
+            return refused
         # A name that a foreign site has pointed at this computer is refused, whatever its page asks for.
-        if self._is_local and not _is_loopback(urlsplit(f"//{host}").hostname or ""):
+        if self._is_local and not _is_loopback(name):
             return connection.respond(HTTPStatus.FORBIDDEN, "This page is for this computer only.\n")
         token = parse_qs(parts.query).get("token", [""])[0]
         if self._token and not hmac.compare_digest(token.encode(), self._token.encode()):
@@ -306,9 +324,9 @@ class PageSink(Sink):
             page.trend_since_s = 0
         if isinstance(asked.get("mark"), str):
             text = clean(asked["mark"].strip())[:_LONGEST_MARK] or "mark"
-            await self._control(page, lambda control: control.mark(text), f"mark set: {text}")
+            await self._control(page, lambda control: control.mark(text), f"mark set: {text}", self._marks)
         if asked.get("acknowledge") is True:
-            await self._control(page, lambda control: control.acknowledge(), "alarms acknowledged")
+            await self._control(page, lambda control: control.acknowledge(), "alarms acknowledged", self._marks)
         if isinstance(asked.get("record"), bool):
             is_start, asked_run = asked["record"], asked.get("run")
             fields = asked_run.items() if isinstance(asked_run, dict) else ()
@@ -317,13 +335,16 @@ class PageSink(Sink):
                 page,
                 lambda control: control.start_recording(form) if is_start else control.stop_recording(),
                 "recording started" if is_start else "recording finished",
+                self._recordings,
             )
         page.news.set()
 
-    async def _control(self, page: _Page, call: Callable[[SessionControl], None], done: str) -> None:
+    async def _control(self, page: _Page, call: Callable[[SessionControl], None], done: str, pace: _Pace) -> None:
         """Ask the session for something that may wait for its disk, and say on the page what became of it."""
         control = self._session()
         try:
+            if not pace.admits(asyncio.get_running_loop().time()):
+                raise TreadlinkError(f"more than {pace.most} in {pace.within_s:g} s", "Wait a moment.")
             if control is None:
                 raise TreadlinkError("the session has not begun")
             await asyncio.to_thread(call, control)
@@ -341,6 +362,46 @@ class PageSink(Sink):
             async with asyncio.timeout(_LAST_STATE_S):
                 while any(page.is_sending or page.state != self._number for page in self._pages):
                     await asyncio.sleep(0.01)
+
+
+class _Pace:
+    """How often all pages together may ask for something: so many times within a time."""
+
+    def __init__(self, most: int, within_s: float) -> None:
+        self.most, self.within_s = most, within_s
+        self._times_s: deque[float] = deque(maxlen=most)
+
+    def admits(self, now_s: float) -> bool:
+        """Return whether it may be asked for now, and count it."""
+        if len(self._times_s) == self.most and now_s - self._times_s[0] < self.within_s:
+            return False
+        self._times_s.append(now_s)
+        return True
+
+
+class _BoundedConnection(ServerConnection):
+    """A connection that is ended at once where its listener has too many, or its peer."""
+
+    def __init__(self, *arguments: Any, admission: Admission, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self._admission = admission
+        self._admitted: str | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Begin the handshake, or end the connection."""
+        super().connection_made(transport)
+        peer = str((transport.get_extra_info("peername") or ("",))[0])
+        if self._admission.admit(peer):
+            self._admitted = peer
+        elif isinstance(transport, asyncio.WriteTransport):
+            transport.abort()
+
+    def connection_lost(self, error: Exception | None) -> None:
+        """Count the connection no more."""
+        if self._admitted is not None:
+            self._admission.release(self._admitted)
+            self._admitted = None
+        super().connection_lost(error)
 
 
 class _Page:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import socket
 import threading
 from collections.abc import Iterable, Iterator
+from socketserver import ThreadingMixIn
 from typing import Any, Final
-from wsgiref.simple_server import WSGIServer
+from wsgiref.simple_server import WSGIRequestHandler, WSGIServer, make_server
 
-from prometheus_client import CollectorRegistry, start_http_server
+from prometheus_client import CollectorRegistry, make_wsgi_app
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
 from gateway.core.estimates.estimator import Status
 from gateway.core.estimates.results import WheelSnapshot
+from gateway.publishing.admission import HEAD_S, Admission
 from gateway.publishing.payloads import JsonObject, messages
 from gateway.publishing.sink import (
     Item,
@@ -44,6 +47,43 @@ def open_prometheus(address: SinkAddress, setting: SinkSetting) -> PrometheusEnd
     return PrometheusEndpoint(*host_and_port(address, _PORT))
 
 
+class _Handler(WSGIRequestHandler):
+    """Handler of one request, which has to come within a time."""
+
+    timeout = HEAD_S
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Log nothing: scrapes come every few seconds."""
+
+
+class _Server(ThreadingMixIn, WSGIServer):
+    """Server with a thread for each connection, of which there are so many at once."""
+
+    daemon_threads = True
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        self._admission = Admission()
+        super().__init__(*arguments, **options)
+
+    def verify_request(self, request: Any, client_address: Any) -> bool:
+        """Return whether there is room for a connection."""
+        return self._admission.admit(str(client_address[0]))
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        """Answer, and count the connection no more."""
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._admission.release(str(client_address[0]))
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Print nothing: a client that leaves in the middle is no fault of this program."""
+
+
+class _ServerOfSix(_Server):
+    address_family = socket.AF_INET6
+
+
 class PrometheusEndpoint(Sink):
     """Server of `/metrics`, by the client library of Prometheus."""
 
@@ -63,9 +103,11 @@ class PrometheusEndpoint(Sink):
     def open(self, stop: threading.Event) -> None:
         """Listen."""
         try:
-            self._server, _ = start_http_server(self._port, self._host, self._registry)
+            server_class = _ServerOfSix if ":" in self._host else _Server
+            self._server = make_server(self._host, self._port, make_wsgi_app(self._registry), server_class, _Handler)
         except OSError as error:
             raise SinkDownError(cannot_listen(self._host, self._port, error)) from error
+        threading.Thread(target=self._server.serve_forever, name="metrics", daemon=True).start()
 
     def send(self, item: Item, stop: threading.Event) -> None:
         """Keep the last state, which has the last revolution of each wheel and all alarms."""
