@@ -2,7 +2,7 @@
 
 A recording of the demo car is estimated as `treadlink estimate` does (batch) and chunk by chunk as `treadlink live`
 does (live), with 1 and 4 wheels, at 2 and 9.6 kHz. CPU is user time of one process without its imports. With
-`--against` an older version runs beside this one, alternating in the same run.
+`--against` an older version runs beside this one, alternating in the same run; only the ratios of one round compare.
 
 Run: `python tools/bench_throughput.py`; `--against GIT_REV` compares, `--quick` measures recordings of four
 wheels at 9600 Hz only. The stages of batch and live follow. `--scaling` measures 1 to 64 wheels at 2 to 25.6 kHz on
@@ -19,6 +19,7 @@ import os
 import platform
 import re
 import resource
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -279,6 +280,12 @@ def checked_out(revision: str | None) -> Iterator[dict[str, Path]]:
         yield {revision: Path(folder), "now": this_tree}
 
 
+def commit_of(revision: str) -> str:
+    """Return the short name of a commit of this tree."""
+    order = ["git", "rev-parse", "--short", revision]
+    return subprocess.run(order, cwd=Path(__file__).parent, check=True, capture_output=True, text=True).stdout.strip()
+
+
 def run_child(tree: Path, case: Case, path: Path, *, by_stage: bool) -> dict[str, Any]:
     """Measure one case in a process of its own, with the modules of a tree."""
     order = json.dumps([case.way, case.wheels, case.rate_hz, case.estimators, str(path), by_stage])
@@ -318,6 +325,18 @@ def print_cases(
             each = f"{1e3 * result['cpu_s'] / revolutions:8.3f}" if revolutions else f"{'':8}"
             row += f"{seconds / result['cpu_s']:19.1f}{each}{result['peak_mb']:9.0f}"
         print(f"{row}   {revolutions}", flush=True)
+        if len(trees) > 1:
+            print(f"{'':34}{ratios_line(*runs.values())}", flush=True)
+
+
+def ratios_line(before: list[dict[str, Any]], now: list[dict[str, Any]]) -> str:
+    """Return how many times as fast this version is, and the scatter of that from round to round."""
+    ratios = [float(old["cpu_s"]) / float(new["cpu_s"]) for old, new in zip(before, now, strict=True)]
+    of_best = float(best(before)["cpu_s"]) / float(best(now)["cpu_s"])
+    return (
+        f"{of_best:.3f} times as fast by the best; by round {statistics.median(ratios):.3f} in the median, "
+        f"{min(ratios):.3f} to {max(ratios):.3f}"
+    )
 
 
 def print_scaling(
@@ -358,7 +377,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--against", metavar="GIT_REV", help="measure this older version too, alternating")
     parser.add_argument("--seconds", type=float, help="length of the recordings (default: 60, with --scaling 10)")
-    parser.add_argument("--rounds", type=int, default=3, help="runs of each case; the best counts (default: 3)")
+    parser.add_argument("--rounds", type=int, help="runs of each case; the best counts (default: 3, with --against 5)")
     parser.add_argument("--quick", action="store_true", help="only four wheels at 9600 Hz in batch, and the stages")
     parser.add_argument("--scaling", action="store_true", help="only 1 to 64 wheels at several rates, and lengths")
     parser.add_argument("--hours", action="store_true", help="with --scaling: 2 h as well")
@@ -370,21 +389,25 @@ def main() -> None:
         print(json.dumps(measure(Case(*values), Path(path), StageClock() if by_stage else None)))
         return
     seconds = arguments.seconds or (10.0 if arguments.scaling else 60.0)
+    rounds = arguments.rounds or (5 if arguments.against else 3)
     print(f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}")
-    print(f"demo car, {seconds:g} s, user CPU of one process, best of {arguments.rounds}")
+    print(f"demo car, {seconds:g} s, user CPU of one process, best of {rounds}")
+    if arguments.against:
+        commits = [commit_of(arguments.against), commit_of("HEAD")]
+        print(f"{commits[0]} against now, {commits[1]} with what is not committed")
     with tempfile.TemporaryDirectory() as folder, checked_out(arguments.against) as trees:
         if arguments.scaling:
             lengths_s = (*LENGTHS_S, LONGEST_S) if arguments.hours else LENGTHS_S
-            print_scaling(trees, Path(folder), SCALING, lengths_s, seconds, arguments.rounds)
+            print_scaling(trees, Path(folder), SCALING, lengths_s, seconds, rounds)
             return
         if arguments.calls:
             print_calls(*record(Path(folder), seconds, CASES[:1]).values())
             return
         cases = CASES[:2] if arguments.quick else CASES
         recordings = record(Path(folder), seconds, (*cases, *STAGE_CASES))
-        print_cases(trees, recordings, cases, seconds, arguments.rounds)
+        print_cases(trees, recordings, cases, seconds, rounds)
         for case in STAGE_CASES:
-            print_stages(trees, recordings[case.wheels, case.rate_hz], case, arguments.rounds)
+            print_stages(trees, recordings[case.wheels, case.rate_hz], case, rounds)
 
 
 if __name__ == "__main__":

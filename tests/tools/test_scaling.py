@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tools.bench_throughput import LENGTHS_CASE, Case, print_scaling
+from tools.bench_throughput import LENGTHS_CASE, Case, print_scaling, ratios_line
 
 ROOT = Path(__file__).parents[2]
 
@@ -21,3 +21,8 @@ def test_a_row_for_each_case_and_length(tmp_path: Path, monkeypatch, capsys) -> 
     assert 1 <= int(first[-1]) <= 15
     # Four wheels with some ten revolutions a second each; the first ones are the search for the period.
     assert int(short[-1]) + 20 <= int(last[-1]) <= 111
+
+
+def test_ratios_of_versions_have_their_scatter() -> None:
+    before, now = ([{"cpu_s": spent_s} for spent_s in of_rounds] for of_rounds in ((3.0, 2.2, 4.0), (1.5, 2.0, 2.5)))
+    assert ratios_line(before, now) == ("1.467 times as fast by the best; by round 1.600 in the median, 1.100 to 2.000")
