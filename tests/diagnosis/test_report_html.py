@@ -9,7 +9,7 @@ from gateway.core.reasons import Code, Reason
 from gateway.core.revolutions.order_spectrum import ORDER_COUNT
 from gateway.core.revolutions.order_spectrum import order_coefficients as reference_coefficients
 from gateway.diagnosis.angle import likelihood
-from gateway.diagnosis.result import AxisError, Finding, Fitted, HeldOut, TireState, Verdict
+from gateway.diagnosis.result import AxisError, Finding, Fitted, HeldOut, SingleSize, TireState, Verdict
 from tests.testkit.diagnosis_data import NASTY, WARMER, curves, empty, nasty, ordinary, trends, undrawn
 
 pytest.importorskip("matplotlib", reason="matplotlib (extra 'plot') is not installed")
@@ -27,7 +27,7 @@ from gateway.diagnosis.views.figures import (
 from gateway.diagnosis.views.html import chapters, diagnosis_html
 from gateway.diagnosis.views.phrases import reason_text
 from gateway.diagnosis.views.quantities import reference_group
-from gateway.diagnosis.views.report_tables import by_state, estimate_rows, omissions, unexplained_rows
+from gateway.diagnosis.views.report_tables import by_state, estimate_rows, omissions, sizes_alone, unexplained_rows
 from gateway.diagnosis.views.terminal import closure_summary_lines
 
 VOID = {"meta", "br", "img", "link", "input", "hr"}
@@ -373,3 +373,13 @@ def test_trends_are_in_display_units():
         figure = trend_figure([trends()[1]])
     assert figure.axes[0].get_xlabel() == "load, N"
     assert figure.axes[0].get_title(loc="left") == "circumferential"
+
+
+def test_sizes_of_single_recordings_stand_beside_that_of_all() -> None:
+    finding = Finding(
+        "circumferential delay", Verdict.NAMED, {"delay_s": Fitted(2e-4, 1e-6, "s", 1e6, "us")}, 100.0, 1.0,
+        single_sizes=(SingleSize(1, "delay_s", 1.604e-4, 7e-7), SingleSize(0, "other", 1.0, 1.0)),
+    )  # fmt: skip
+    assert sizes_alone(finding, "delay_s", ("a/first.mcap", "b/second.mcap")) == [
+        ("second.mcap alone", "160.40 ± 0.70 us")
+    ]

@@ -80,6 +80,7 @@ from gateway.diagnosis.views.report_tables import (
     estimate_rows,
     held_out_change,
     omissions,
+    sizes_alone,
     unexplained_rows,
 )
 
@@ -134,6 +135,7 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
         reason_text=reason_text,
         show_fitted=show_fitted,
         significant=significant,
+        sizes_alone=sizes_alone,
         utc=_utc,
         verdicts=VERDICTS,
     )

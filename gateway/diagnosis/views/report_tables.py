@@ -1,8 +1,9 @@
 """Rows of the tables of a diagnosis's page, as text."""
 
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import PurePath
 from typing import Final, Generic, NamedTuple, Protocol, TypeVar
 
 from gateway.core.text.numbers import MISSING, fixed
@@ -213,6 +214,19 @@ def _labelled(name: str, fitted: Fitted | None) -> str:
 def _step_cell(name: str, before: Fitted | None, after: Fitted | None) -> StepCell:
     new = show_fitted(name, after)
     return StepCell(new.text, _percent(show_fitted(name, before), new) if before is not None else "")
+
+
+def sizes_alone(finding: Finding, parameter: str, recordings: Sequence[str]) -> list[tuple[str, str]]:
+    """Return a parameter of an effect as each recording alone gives it, by recording, in the unit of all of them."""
+    fitted = finding.parameters[parameter]
+    return [
+        (
+            f"{clean(PurePath(recordings[size.recording]).name)} alone",
+            show_fitted(parameter, replace(fitted, value=size.value, std=size.std)).joined(),
+        )
+        for size in finding.single_sizes
+        if size.parameter == parameter
+    ]
 
 
 def effect_remarks(finding: Finding) -> list[tuple[str, str]]:
