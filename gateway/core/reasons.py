@@ -740,6 +740,7 @@ class Code(Enum):
     RECORDING_BEGUN = "recording to {path}"
     RECORDING_FINISHED = "recording {path} finished"
     RECORDING_STOPPED = "RECORDING STOPPED: {error}. {remedy}"
+    RECORDING_PART_REFUSED = "{error}. The recording goes on in the present file, and tries again"
     THREAD_STOPPED = "stopped by an internal error: {error}"
     TIMES_REFUSED = (
         "frames are refused and counted, because their time is not between 1970 and 2116: that of the first is "

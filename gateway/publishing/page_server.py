@@ -189,7 +189,7 @@ class PageSink(Sink):
             self._page,
             sock=listener,
             process_request=self._answer,
-            create_connection=partial(_BoundedConnection, admission=self._admission),
+            create_connection=partial(_BoundedConnection, admission=self._admission),  # type: ignore[arg-type]  # a factory
             open_timeout=HEAD_S,
             compression=None,
             max_size=_LARGEST_MESSAGE,

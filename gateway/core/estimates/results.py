@@ -321,10 +321,12 @@ class DiskRoom(NamedTuple):
     Attributes:
         free_bytes: free space.
         left_s: time until it is full at the present pace, None where it does not fill up or is not known yet.
+        refusal: why the recording cannot go on in its next file, empty where it can.
     """
 
     free_bytes: int
     left_s: float | None
+    refusal: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,13 +1,16 @@
 """Recording in several files, one after the other: each can be read alone, and no data is in two of them."""
 
 import logging
+import os
 from collections import deque
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from firmware_protocol import wire
 from firmware_protocol.messages import MessageType
+from gateway.core.errors import RecordingError
 from gateway.core.links.source import Chunk, LinkEvent, LinkItem
 from gateway.core.recording.writer import RecordingWriter
 
@@ -16,6 +19,10 @@ _HANDOVER_NS: Final = 5_000_000_000
 # Those of a hub's wheels follow each other; the first of them is where a file begins.
 _SAME_HELLOS_NS: Final = 500_000_000
 _HELLO_START: Final = wire.SYNC + bytes((wire.VERSION_BYTE, MessageType.HELLO))
+# Time after which a file that could not be opened is tried again.
+_RETRY_NS: Final = 5_000_000_000
+# Descriptors that opening a file needs: the file, its folder, and the lock beside it.
+_RESERVED: Final = 4
 _logger = logging.getLogger(__name__)
 
 
@@ -42,6 +49,7 @@ class SplitWriter:
     Attributes:
         items: number of link items written to all files.
         parts: number of files so far.
+        refusal: why the next file cannot be opened, empty where it can; the present one goes on until then.
     """
 
     def __init__(self, open_part: Callable[[Path, int], RecordingWriter], path: Path, start_ns: int, split: Split):
@@ -72,6 +80,10 @@ class SplitWriter:
         self._hello_ns: dict[str, int] = {}
         self.items = 0
         self.parts = 1
+        self.refusal = ""
+        self._retry_ns = 0
+        self._reserved: list[int] = []
+        self._reserve()
 
     @property
     def path(self) -> Path:
@@ -165,13 +177,24 @@ class SplitWriter:
             self._end_previous()
         finally:
             self._current.close()
+            self._free_reserved()
+
+    def _reserve(self) -> None:
+        """Hold descriptors for the next file: connections and other files may take all that the system gives."""
+        with suppress(OSError):
+            while len(self._reserved) < _RESERVED:
+                self._reserved.append(os.open(os.devnull, os.O_RDONLY))
+
+    def _free_reserved(self) -> None:
+        while self._reserved:
+            os.close(self._reserved.pop())
 
     def _writers(self) -> list[RecordingWriter]:
         return [writer for writer in (self._previous, self._current) if writer is not None]
 
     def _is_due(self, now_ns: int) -> bool:
         size, duration = self._split.size_bytes, self._split.duration_ns
-        if self._previous is not None:
+        if self._previous is not None or (self.refusal and now_ns < self._retry_ns):
             return False
         return (size is not None and self._current.size_bytes >= size) or (
             duration is not None and now_ns - self._begin_ns >= duration
@@ -180,7 +203,17 @@ class SplitWriter:
     def _begin_part(self, now_ns: int) -> None:
         self._remove_old()
         target = self._target if self._target.is_dir() else self._next_name()
-        writer = self._open_part(target, now_ns)
+        self._free_reserved()
+        try:
+            writer = self._open_part(target, now_ns)
+        except RecordingError as error:
+            if not self.refusal:
+                _logger.warning("the recording goes on in '%s': %s", self._current.path, error)
+            self.refusal, self._retry_ns = str(error), now_ns + _RETRY_NS
+            return
+        finally:
+            self._reserve()
+        self.refusal = ""
         self._previous, self._current = self._current, writer
         self._begin_ns = now_ns
         self._waiting = set(self._links)

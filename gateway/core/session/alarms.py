@@ -154,6 +154,9 @@ def disk_alarm(room: DiskRoom | None, standing: Mapping[AlarmKey, Code] = NONE_S
     """Yield the alarm of a disk that will be full soon."""
     if room is None:
         return
+    if room.refusal:
+        yield Alarm(RECORDING, AlarmName.DISK, Reason(Code.RECORDING_PART_REFUSED, error=room.refusal))
+        return
     limit_s = _DISK_ENOUGH_S if (RECORDING, AlarmName.DISK) in standing else _DISK_SHORT_S
     if room.left_s is not None and room.left_s < limit_s:
         yield Alarm(

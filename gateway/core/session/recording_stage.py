@@ -219,7 +219,9 @@ class RecordingStage:
             is_due = self._clock.now_ns() >= sync_due_ns
             if is_due and self._disk is not None:
                 # Before a slow disk holds this thread: a short session may end meanwhile.
-                self.room = self._disk.room(self._clock.now_ns())
+                room = self._disk.room(self._clock.now_ns())
+                refusal = self._writer.refusal if isinstance(self._writer, SplitWriter) else ""
+                self.room = room._replace(refusal=refusal) if room is not None else None
             all_written = self._write_some()
             now_ns = self._clock.now_ns()
             self._writer.tick(now_ns)

@@ -1,6 +1,8 @@
 """A recording in several files: no frame is lost, torn or in two of them, and only the last ones are kept."""
 
+import os
 import threading
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -10,6 +12,7 @@ from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Hello, SampleBlock
 from gateway.core.cli import treadlink
 from gateway.core.clock import ManualClock
+from gateway.core.errors import RecordingError
 from gateway.core.links.source import BusFrames, Chunk, open_source
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.split_writer import Split, SplitWriter
@@ -121,3 +124,49 @@ def test_record_command_splits(tmp_path: Path) -> None:
     for limit in ("5", "0.5s", "10kB", "-1s", "nans"):
         assert invoked(*words[:5], limit).exit_code == 2
     assert invoked(*words[:4], "--keep", "2").exit_code == 2
+
+
+def test_a_next_file_that_cannot_be_opened_is_tried_again_and_nothing_is_lost(tmp_path: Path) -> None:
+    items = odd_pieces(chunks_of("sim:lab?speed=max&duration=14&seed=4"), 1009)
+    refused_until_ns = START_NS + 7 * S
+    refusals = []
+
+    def opened_later(target: Path, start_ns: int) -> RecordingWriter:
+        if START_NS < start_ns < refused_until_ns:
+            raise RecordingError(f"cannot create '{target}': too many open files", "Close some.")
+        return opened(target, start_ns)
+
+    writer = SplitWriter(opened_later, tmp_path, START_NS, Split(duration_ns=2 * S))
+    for item in items:
+        writer.write(item)
+        refusals.append(writer.refusal)
+    writer.close()
+    assert any("too many open files" in refusal for refusal in refusals)
+    assert refusals[-1] == ""
+    assert writer.parts > 2
+    parts = [item for path in sorted(tmp_path.iterdir()) for item in RecordingReader(path).items()]
+    assert b"".join(part.data for part in parts if isinstance(part, Chunk)) == b"".join(item.data for item in items)
+
+
+def test_descriptors_of_the_next_file_are_reserved(tmp_path: Path) -> None:
+    """Whoever takes all descriptors, the recording opens its next file."""
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    items = chunks_of("sim:lab?speed=max&duration=6&seed=4")
+    writer = SplitWriter(opened, tmp_path, START_NS, Split(duration_ns=2 * S))
+    held = []
+    resource.setrlimit(resource.RLIMIT_NOFILE, (min(256, before[0]), before[1]))
+    try:
+        with suppress(OSError):
+            while True:
+                held.append(os.open(os.devnull, os.O_RDONLY))
+        assert held, "no descriptor is left"
+        for item in items:
+            writer.write(item)
+    finally:
+        for descriptor in held:
+            os.close(descriptor)
+        resource.setrlimit(resource.RLIMIT_NOFILE, before)
+    writer.close()
+    assert writer.refusal == ""
+    assert writer.parts >= 2

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 
 from gateway.core.cli import treadlink
 from gateway.core.estimates.results import DiskRoom
-from gateway.core.reasons import Code
+from gateway.core.reasons import Code, Reason
 from gateway.core.recording.split_writer import Split, SplitWriter
 from gateway.core.recording.writer import RecordingWriter
 from gateway.core.session.alarms import AlarmName, disk_alarm
@@ -41,7 +41,7 @@ class Disk:
 
 def test_time_left_follows_the_recording_and_other_programs(monkeypatch: pytest.MonkeyPatch) -> None:
     disk = Disk(monkeypatch, 10**9)
-    assert disk.run(5, 100_000) == (10**9 - 500_000, None), "too early to tell"
+    assert disk.run(5, 100_000) == DiskRoom(10**9 - 500_000, None), "too early to tell"
     room = disk.run(60, 100_000)
     assert room.left_s == pytest.approx(room.free_bytes / 1e5)
     room = disk.run(90, 100_000, 900_000)
@@ -74,6 +74,8 @@ def test_alarm_comes_before_the_disk_is_full_and_stays_until_there_is_room() -> 
     assert not list(disk_alarm(DiskRoom(10**8, 700.0)))
     assert not list(disk_alarm(DiskRoom(10**8, 901.0), standing))
     assert list(disk_alarm(DiskRoom(10**7, None)))
+    (refused,) = disk_alarm(DiskRoom(10**10, None, "cannot create 'b.mcap'"))
+    assert refused.reason == Reason(Code.RECORDING_PART_REFUSED, error="cannot create 'b.mcap'")
     assert not list(disk_alarm(None))
 
 
