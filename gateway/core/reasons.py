@@ -529,6 +529,7 @@ class Code(Enum):
         "the time of the receiver is {ahead_s:+.1f} s from that of this computer, whose times the recording has: "
         "`treadlink set-clock FILE` makes a copy with those of the receiver"
     )
+    LOG_STEPS_BACK = "times that step back in the log: {count:.0f}; its lines are out of order, or twice in it"
     BUS_MESSAGE_TWICE = (
         "message {message} comes from two buses: {first} and {second}. Only that of {first} is decoded; `channel` of "
         "the source chooses one, as in can:drive.blf?channel=1"

@@ -52,9 +52,9 @@ class FamosColumns(WaveformColumns):
                 self.start_ns = _start_ns(fields)
             if name == "CN":
                 channels.append((begin, dict(keys)))
-        for place, channel in channels:
+        for position, channel in channels:
             # Data of one number may occur again behind each channel.
-            later = {number: (begin, end) for number, begin, end in reversed(data) if begin > place}
+            later = {number: (begin, end) for number, begin, end in reversed(data) if begin > position}
             self._add(channel, content, {number: (begin, end) for number, begin, end in data} | later, order)
         if not self.waveforms and not self.unusable:
             raise ImportDataError(f"{path} has no channels", "Export the channels as CSV.")
@@ -101,12 +101,12 @@ def _scaled(values: FloatArray, factor: float, zero: float) -> FloatArray:
 
 
 def _keys(content: bytes) -> Iterator[tuple[str, int, int]]:
-    """Yield name, place and length of the content of each key; a last one may be cut off."""
-    place = 0
-    while match := _KEY.search(content, place):
+    """Yield name, position and length of the content of each key; a last one may be cut off."""
+    position = 0
+    while match := _KEY.search(content, position):
         begin, length = match.end(), int(match[3])
         yield match[1].decode(), begin, min(length, len(content) - begin)
-        place = begin + length
+        position = begin + length
 
 
 def _text(fields: list[str], number: int) -> str:

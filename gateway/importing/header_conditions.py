@@ -25,24 +25,24 @@ _DATE: Final = re.compile(r"\b(\d{4})[-/.](\d{1,2})[-/.](\d{1,2})\b|\b(\d{1,2})\
 
 
 def stated_conditions(lines: Sequence[str]) -> list[tuple[str, str, str]]:
-    """Return tire, load, pressure and date as (key of an import map, its value in TOML, place), the first of each.
+    """Return tire, load, pressure and date as (key of an import map, its value in TOML, index), the first of each.
 
     A load or pressure counts only with its unit.
     """
-    found: dict[str, tuple[str, str, str]] = {}
+    stated: dict[str, tuple[str, str, str]] = {}
     for number, line in enumerate(lines, 1):
-        place = f"line {number}"
+        index = f"line {number}"
         if match := _TIRE.search(line):
-            found.setdefault("tire", ("tire", f'"{match[0]}"', place))
+            stated.setdefault("tire", ("tire", f'"{match[0]}"', index))
         for key, pattern, units in (("load_n", _LOAD, _LOADS_N), ("pressure_kpa", _PRESSURE, _PRESSURES_KPA)):
             if match := pattern.search(line):
                 unit = match["unit"] or (_UNIT.search(match["before"]) or [""])[0]
                 if unit.lower() in units:
                     value = float(match["value"].replace(",", ".")) * units[unit.lower()]
-                    found.setdefault(key, (key, f"{value:.6g}", place))
+                    stated.setdefault(key, (key, f"{value:.6g}", index))
         if (match := _DATE.search(line)) and (day := _day(match)):
-            found.setdefault("date", ("date", day, place))
-    return list(found.values())
+            stated.setdefault("date", ("date", day, index))
+    return list(stated.values())
 
 
 def _day(match: re.Match[str]) -> str | None:

@@ -76,7 +76,7 @@ class ImuColumns(WaveformColumns):
     def _add(self, topic: str, stamps_ns: FloatArray, numbers: FloatArray) -> None:
         order = np.argsort(stamps_ns, kind="stable")
         times_s = (stamps_ns[order] - (self.start_ns or 0)) * 1e-9
-        columns = {name: (numbers[order, place], unit) for name, (place, unit) in _COLUMNS.items()}
+        columns = {name: (numbers[order, index], unit) for name, (index, unit) in _COLUMNS.items()}
         for name, (column, unit) in {"time": (times_s, "s"), **columns}.items():
             self.waveforms[f"{topic}/{name}"] = _waveform(column, unit, topic, name)
 
@@ -94,6 +94,6 @@ def _message(data: bytes) -> tuple[int, FloatArray]:
     order = "<" if data[1] & 1 else ">"
     body = data[4:]
     seconds, nanoseconds, length = struct.unpack_from(f"{order}iII", body, 0)
-    place = 12 + length
-    place += -place % 8
-    return seconds * 1_000_000_000 + nanoseconds, np.frombuffer(body, f"{order}f8", _DOUBLES, place)
+    index = 12 + length
+    index += -index % 8
+    return seconds * 1_000_000_000 + nanoseconds, np.frombuffer(body, f"{order}f8", _DOUBLES, index)

@@ -193,12 +193,12 @@ def _console_frames(path: Path, offset_ns: int) -> Iterator[BusFrame]:
 
 
 def _bytes_of(text: str, count: int) -> list[str]:
-    found: list[str] = []
-    place = 0
-    while len(found) < count and (match := _BYTE.match(text, place)):
-        found.append(match[1])
-        place = match.end()
-    return found
+    pairs: list[str] = []
+    offset = 0
+    while len(pairs) < count and (match := _BYTE.match(text, offset)):
+        pairs.append(match[1])
+        offset = match.end()
+    return pairs
 
 
 def _console_ns(text: str, number: int) -> int:

@@ -7,6 +7,7 @@ import logging
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -236,21 +237,19 @@ class CanFileSource(LogFile):
             yield self._cut_off(last_ns, error_text(error))
         if not channels and not last_ns:
             raise SourceError(f"the CAN log file '{self._path}' has no frames", "Check that it is a log of a CAN bus.")
-        if self._back:
-            text = f"the times of the log step back {self._back} times: lines are out of order, or twice in it"
-            yield LinkEvent(self.link, last_ns, LinkEventKind.LOST, text)
         if self._channel is not None and channels and self._channel not in channels:
             shown = ", ".join(sorted(str(channel) for channel in channels if channel is not None)) or "none"
             raise SourceError(
                 f"the CAN log file '{self._path}' has no channel {self._channel}", f"Its channels are: {shown}."
             )
-        yield from self._end(last_ns, stop)
+        back = (Reason(Code.LOG_STEPS_BACK, count=self._back),) if self._back else ()
+        yield from (replace(event, details=back) for event in self._end(last_ns, stop))
 
     def _chosen(self, frames: Iterator[BusFrame], channels: set[int | None]) -> Iterator[BusFrame]:
         """Yield the frames of the chosen channel; collect all channels, and count steps back in time."""
-        latest_ns = 0
+        latest_ns: int | None = None
         for frame in frames:
-            self._back += frame.host_ns < latest_ns - _BLOCK_NS
+            self._back += latest_ns is not None and frame.host_ns < latest_ns - _BLOCK_NS
             latest_ns = frame.host_ns
             channels.add(frame.channel)
             if self._channel is None or frame.channel == self._channel:

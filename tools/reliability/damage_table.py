@@ -23,6 +23,7 @@ from gateway.core.errors import TreadlinkError
 from gateway.core.links.bus_frames import unpack
 from gateway.core.links.source import BusFrames, Chunk, LinkEvent, open_source
 from gateway.core.recording.reader import RecordingReader
+from gateway.core.text import wording
 from gateway.importing.import_map import parse_map
 from gateway.importing.importer import import_file
 from gateway.importing.map_guess import guess_map
@@ -128,7 +129,9 @@ def _frames(name: str, data: bytes, folder: Path) -> tuple[list[tuple[int, int, 
     path.write_bytes(data)
     items = list(open_source(f"can:{path}?speed=max", ManualClock()).items(threading.Event()))
     frames = [f for item in items if isinstance(item, BusFrames) for f in unpack(item.data, item.host_ns)]
-    said = [item.text for item in items if isinstance(item, LinkEvent) and item.text]
+    events = [item for item in items if isinstance(item, LinkEvent)]
+    said = [event.text for event in events if event.text]
+    said += [wording.text(reason) for event in events for reason in event.details]
     return [(frame.host_ns, frame.can_id, frame.data) for frame in frames], "; ".join(said)
 
 
