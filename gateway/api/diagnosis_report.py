@@ -7,18 +7,18 @@ from html import escape
 from pathlib import Path
 from typing import Any, Literal
 
-from gateway.api.recording_access import Config, PathLike, Recording, chosen_vehicle
+from gateway.api.recording_access import Recording
 from gateway.core.errors import TreadlinkError
 from gateway.core.recording.file_content import check_distinct
-from gateway.core.text.output_file import write_whole
+from gateway.core.session.program_arguments import Config, PathLike, chosen_vehicle
 from gateway.core.worker_pool import Workers
 from gateway.diagnosis.campaign_diagnosis import diagnose_recordings
 from gateway.diagnosis.effects.effect import BaselineModel
-from gateway.diagnosis.effects_file import effects_text
 from gateway.diagnosis.result import Diagnosis, Finding, Fitted, Unexplained
+from gateway.diagnosis.saved_effects import save_effects
 from gateway.diagnosis.views.diagnosis_json import diagnosis_json, write_json
 from gateway.diagnosis.views.html import diagnosis_html, write_html
-from gateway.diagnosis.views.phrases import effect_title, why_unsaved
+from gateway.diagnosis.views.phrases import effect_title
 from gateway.diagnosis.views.terminal import closure_summary_lines
 
 Model = Literal["exact", "series", "paper"]
@@ -177,10 +177,7 @@ class DiagnosisReport:
             TreadlinkError: no effect was identified, or the baseline model is not the exact one.
             OutputError: the file exists, or cannot be written.
         """
-        if self.result.correction is None:
-            reason, remedy = why_unsaved(self.result)
-            raise TreadlinkError(f"'{path}' is not written: {reason}", remedy)
-        write_whole(Path(path), effects_text(self.result.correction), force=force)
+        save_effects(self.result, Path(path), force=force)
 
     def __repr__(self) -> str:
         before, after = self.held_out_rms_mps2

@@ -9,9 +9,9 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from gateway.api.recording_access import Config, PathLike, chosen_vehicle, paths, several_names
 from gateway.core.clock import SystemClock
 from gateway.core.estimates.registry import CAMPAIGN_ESTIMATORS, in_order
+from gateway.core.session.program_arguments import Config, PathLike, chosen_vehicle, paths, several_names
 from gateway.core.text.output_file import write_whole
 from gateway.core.text.text import json_text
 from gateway.core.text.wording import text

@@ -8,11 +8,12 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final, Self
 
-from gateway.api.recording_access import Config, PathLike, chosen_vehicle, path_of, paths, several_names
+from gateway.api.recording_access import path_of
 from gateway.api.revolution_view import Revolution
 from gateway.core.clock import SystemClock
 from gateway.core.errors import RecordingError, SourceError, TreadlinkError
 from gateway.core.estimates.results import SessionSnapshot
+from gateway.core.session.program_arguments import Config, PathLike, chosen_vehicle, paths, several_names
 from gateway.core.session.session_opening import OpenedSession, open_session
 from gateway.core.text.session_summary import summary_lines
 from gateway.core.text.wording import notice_text, text

@@ -4,10 +4,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from gateway.api.document_tables import document_text
-from gateway.api.recording_access import PathLike, Recording, paths
+from gateway.api.recording_access import Recording
 from gateway.api.recording_access import open as open_recording
+from gateway.core.config.document_tables import document_text
 from gateway.core.errors import ImportDataError
+from gateway.core.session.program_arguments import PathLike, paths
 from gateway.importing.exported_file import import_exported
 from gateway.importing.import_map import ImportMap, load_map, parse_map
 from gateway.importing.importer import import_file

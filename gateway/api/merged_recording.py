@@ -4,12 +4,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from gateway.api.document_tables import document_text
-from gateway.api.recording_access import PathLike, Recording, path_of, paths
+from gateway.api.recording_access import Recording, path_of
 from gateway.api.recording_access import open as open_recording
+from gateway.core.config.document_tables import document_text
 from gateway.core.config.validation import read_text
 from gateway.core.config.vehicle import parse_vehicle
 from gateway.core.errors import RecordingError
+from gateway.core.session.program_arguments import PathLike, paths
 from gateway.core.text.output_file import check_outputs
 from gateway.upkeep.merge import merge_recordings
 

@@ -8,9 +8,8 @@ from copy import copy
 from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal, Self
+from typing import TYPE_CHECKING, Final, Literal, Self
 
-from gateway.api.document_tables import document_text
 from gateway.api.estimate_tables import Alarms, EstimateRows, Estimates
 from gateway.api.revolution_view import Revolution
 from gateway.api.signal_tables import (
@@ -21,13 +20,14 @@ from gateway.api.signal_tables import (
     Revolutions,
     Samples,
 )
-from gateway.core.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, choose_vehicle, parse_vehicle
+from gateway.core.config.vehicle import ASSUMED_RADIUS_MM
 from gateway.core.errors import OutputError, RecordingError, TreadlinkError
 from gateway.core.estimates.registry import DEFAULT_ESTIMATORS
 from gateway.core.estimates.results import RevolutionResult
 from gateway.core.nearest_name import nearest
 from gateway.core.recording.recorded_file import RecordedFile, open_recorded_file
 from gateway.core.session.corrections import open_effects
+from gateway.core.session.program_arguments import Config, PathLike, chosen_vehicle, paths, several_names
 from gateway.core.session.recording_pass import OpenedRecording, RecordingPass
 from gateway.core.session.wheel_identity import configured_tire
 from gateway.core.text.wording import notice_text, text
@@ -44,12 +44,9 @@ from gateway.exporting.recorded_signals import (
 if TYPE_CHECKING:
     from gateway.simulator.truth import WheelTruth
 
-PathLike = Path | str
-Config = VehicleConfig | Mapping[str, Any] | Path | str
 Progress = Callable[[float], None]
 Axis = Literal["circumferential", "lateral", "radial", "normalised"]
 
-_CONFIGURATION: Final = "the configuration"
 _AXES: Final = ("circumferential", "lateral", "radial", "normalised")
 # Revolutions that are kept in memory, so that each table of them does not read the file again: about 0.5 GB.
 _KEPT_REVOLUTIONS: Final = 15_000
@@ -176,29 +173,6 @@ def recording_of(
 def path_of(config: Config | None) -> Path | None:
     """Return the file of a configuration, None when it is not given as a file."""
     return Path(config) if isinstance(config, str | Path) else None
-
-
-def paths(one_or_several: PathLike | Sequence[PathLike]) -> list[Path]:
-    """Return one or several paths as a list."""
-    return [Path(path) for path in ([one_or_several] if isinstance(one_or_several, str | Path) else one_or_several)]
-
-
-def several_names(one_or_several: str | Sequence[str]) -> tuple[str, ...]:
-    """Return one or several names of estimators as a tuple."""
-    return (one_or_several,) if isinstance(one_or_several, str) else tuple(one_or_several)
-
-
-def chosen_vehicle(config: Config | None, provided: Sequence[str | None], origin: str) -> VehicleConfig | None:
-    """Return a configuration as given, else the first that sources provide, else None.
-
-    Raises:
-        ConfigError: it cannot be read, or has faults.
-    """
-    if isinstance(config, VehicleConfig):
-        return config
-    if isinstance(config, Mapping):
-        return parse_vehicle(document_text(config, _CONFIGURATION), _CONFIGURATION)
-    return choose_vehicle(None if config is None else Path(config), provided, origin)
 
 
 class Recording(Mapping[str, "Wheel"]):

@@ -8,14 +8,15 @@ from typing import Any
 from urllib.parse import quote
 
 from gateway import __version__
-from gateway.api.document_tables import document_text
-from gateway.api.recording_access import Config, PathLike, Recording, recording_of
+from gateway.api.recording_access import Recording, recording_of
 from gateway.core.clock import Clock, SystemClock
+from gateway.core.config.document_tables import document_text
 from gateway.core.errors import OutputError, SourceError
 from gateway.core.links.source import Chunk, LinkItem
 from gateway.core.reasons import Reason
 from gateway.core.recording.reader import RecordingInfo, RecordingReader
 from gateway.core.recording.writer import RecordingWriter, whole_recording
+from gateway.core.session.program_arguments import Config, PathLike
 from gateway.simulator.link_faults import parse_faults
 from gateway.simulator.scenario import load_scenario, parse_scenario, vehicle_toml
 from gateway.simulator.scenario_model import Scenario

@@ -3,9 +3,9 @@
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from gateway.api.recording_access import Config, PathLike, chosen_vehicle, paths
 from gateway.core.estimates.tire_data import ReferenceNumbers
 from gateway.core.recording.file_content import check_distinct
+from gateway.core.session.program_arguments import Config, PathLike, chosen_vehicle, paths
 from gateway.core.text.output_file import write_whole
 from gateway.forces.calibration_points import (
     ESTIMATOR,

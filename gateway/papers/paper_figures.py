@@ -5,8 +5,8 @@ from functools import partial
 from pathlib import Path
 from typing import Literal
 
-from gateway.api.recording_access import PathLike, paths, several_names
 from gateway.core.errors import TreadlinkError
+from gateway.core.session.program_arguments import PathLike, paths, several_names
 from gateway.core.text.output_file import check_outputs, write_whole
 from gateway.papers.figure_registry import chosen
 from gateway.papers.figure_sheet import draw_figures, make_room

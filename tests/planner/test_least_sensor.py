@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.core.errors import ConfigError
-from gateway.diagnosis.commands.wanted_errors import parse_speeds_mps, parse_want
 from gateway.planner import least_sensor
 from gateway.planner.accelerometer import Accelerometer
+from gateway.planner.commands.wanted_errors import parse_speeds_mps, parse_want
 from gateway.planner.least_sensor import NOISES_MG_RTHZ, WorstError, largest_noise, least_sensors
 from gateway.planner.planned_errors import plan_sensor
 from gateway.planner.wants import Want

@@ -327,10 +327,10 @@ def _write(say: SummaryOutput, *outputs: tuple[Path | None, Callable[[Path], str
 
 
 def _save_effects(diagnosis: Diagnosis, path: Path, *, force: bool) -> str:
-    from gateway.api.diagnosis_report import DiagnosisReport
+    from gateway.diagnosis.saved_effects import save_effects
     from gateway.diagnosis.views.phrases import saved_text
 
-    DiagnosisReport(diagnosis).save_effects(path, force=force)
+    save_effects(diagnosis, path, force=force)
     return f" with {saved_text(diagnosis)}"
 
 

@@ -95,8 +95,8 @@ def plan(
     from gateway.core.errors import ConfigError
     from gateway.core.text.figure_file import check_figure
     from gateway.core.text.output_file import check_outputs, write_whole
-    from gateway.diagnosis.commands.wanted_errors import parse_speeds_mps, parse_want
     from gateway.planner.accelerometer import parse_accelerometers, shipped_accelerometers
+    from gateway.planner.commands.wanted_errors import parse_speeds_mps, parse_want
     from gateway.planner.least_sensor import least_sensors
     from gateway.planner.planned_errors import plan_sensor, tire_at
     from gateway.planner.views.plan_figure import write_plan_figure
