@@ -25,23 +25,23 @@ _DATE: Final = re.compile(r"\b(\d{4})[-/.](\d{1,2})[-/.](\d{1,2})\b|\b(\d{1,2})\
 
 
 def stated_conditions(lines: Sequence[str]) -> list[tuple[str, str, str]]:
-    """Return tire, load, pressure and date as (key of an import map, its value in TOML, index), the first of each.
+    """Return tire, load, pressure and date as (key of an import map, its value in TOML, line), the first of each.
 
     A load or pressure counts only with its unit.
     """
     stated: dict[str, tuple[str, str, str]] = {}
     for number, line in enumerate(lines, 1):
-        index = f"line {number}"
+        line_text = f"line {number}"
         if match := _TIRE.search(line):
-            stated.setdefault("tire", ("tire", f'"{match[0]}"', index))
+            stated.setdefault("tire", ("tire", f'"{match[0]}"', line_text))
         for key, pattern, units in (("load_n", _LOAD, _LOADS_N), ("pressure_kpa", _PRESSURE, _PRESSURES_KPA)):
             if match := pattern.search(line):
                 unit = match["unit"] or (_UNIT.search(match["before"]) or [""])[0]
                 if unit.lower() in units:
                     value = float(match["value"].replace(",", ".")) * units[unit.lower()]
-                    stated.setdefault(key, (key, f"{value:.6g}", index))
+                    stated.setdefault(key, (key, f"{value:.6g}", line_text))
         if (match := _DATE.search(line)) and (day := _day(match)):
-            stated.setdefault("date", ("date", day, index))
+            stated.setdefault("date", ("date", day, line_text))
     return list(stated.values())
 
 
