@@ -9,12 +9,54 @@ from pathlib import Path
 from typing import Final, TextIO
 
 from gateway.core.errors import OutputError
+from gateway.core.text.text import escaped
 
 _FORMAT: Final = "%(asctime)s %(levelname)-7s %(name)s: %(message)s"
 _LEVELS: Final = (logging.WARNING, logging.INFO, logging.DEBUG)
 _PACKAGES: Final = ("gateway", "firmware_protocol")
 _HELD_RECORDS: Final = 1000
+# Different records whose repetitions are counted.
+_MOST_KINDS: Final = 1000
+# A record that comes again after this time is no repetition.
+_APART_S: Final = 10.0
 _HANDLER_NAME: Final = "treadlink"
+
+
+class _Repeats(logging.Filter):
+    """Passes a record that repeats another one soon when it is the first, tenth, hundredth, ..., with its number.
+
+    What repeats has the same place in the code, level and error; a traceback is printed with the first only.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        # Number and time of the last by kind.
+        self._counts: dict[tuple[object, ...], tuple[int, float]] = {}
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        error = record.exc_info[1] if record.exc_info else None
+        if error is None and record.levelno < logging.WARNING:
+            return True
+        key = (record.name, record.lineno, record.levelno, str(record.msg), str(record.args), repr(error)[:200])
+        if len(self._counts) >= _MOST_KINDS and key not in self._counts:
+            self._counts.clear()
+        count, last_s = self._counts.get(key, (0, 0.0))
+        count = count + 1 if record.created - last_s < _APART_S else 1
+        self._counts[key] = count, record.created
+        if count == 1:
+            return True
+        if str(count).strip("0") != "1":
+            return False
+        record.msg, record.args = f"{record.getMessage()} ({count} times)", ()
+        record.exc_info = record.exc_text = None
+        return True
+
+
+class _Formatter(logging.Formatter):
+    """Writes what is unprintable as escapes: errors of others may hold the codes of a terminal."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        return "\n".join(map(escaped, super().format(record).split("\n")))
 
 
 class _StderrHandler(logging.StreamHandler):  # type: ignore[type-arg]  # generic in type stubs only
@@ -56,7 +98,8 @@ def configure_logging(verbosity: int, log_file: Path | None) -> None:
     if log_file is None and verbosity == 0:
         # What the views show is not repeated beside them.
         handler.addFilter(lambda record: not getattr(record, "is_shown", False))
-    handler.setFormatter(logging.Formatter(_FORMAT))
+    handler.addFilter(_Repeats())
+    handler.setFormatter(_Formatter(_FORMAT))
     root = logging.getLogger()
     # A second command in one process, as in tests, replaces the handler of the first.
     for former in [former for former in root.handlers if former.name == _HANDLER_NAME]:

@@ -3,6 +3,7 @@
 import contextlib
 import errno
 import os
+import re
 import select
 import sys
 from collections.abc import Callable, Iterator, Mapping
@@ -256,6 +257,10 @@ def explain_open_error(port: str, error: Exception, present: list[str], device: 
             remedy = f"Ports present: {', '.join(present)}. Is the {device} plugged in?"
         else:
             remedy = f"No serial port is present; plug in the {device}, or try `treadlink live sim:demo`."
+        if os.name == "posix" and re.fullmatch(r"COM\d+", port, re.IGNORECASE):
+            remedy = f"{port} is a name of Windows; here ports are named /dev/... {remedy}"
+        elif os.name == "nt" and port.startswith("/dev/"):
+            remedy = f"{port} is a name of Linux or macOS; here ports are named COM3. {remedy}"
         return SourceError(f"there is no port {port}", remedy, cause=errno.ENOENT)
     if number in (errno.EACCES, errno.EPERM):
         group = _group_of(port)

@@ -364,12 +364,12 @@ def plugin_fault(_plugin: Plugin, loaded: object) -> Reason | None:
 
 
 # Addresses without a scheme, as other programs take them: a port with its baud rate, and host:port.
-_PORT: Final = re.compile(r"(/dev/[^?]+?|COM\d+)(?::(\d{3,}))?(\?.*)?", re.IGNORECASE)
+_PORT: Final = re.compile(r"(?:serial:(?://(?=/))?)?(/dev/[^?]+?|COM\d+)(?::(\d{3,}))?(\?.*)?", re.IGNORECASE)
 _HOST: Final = re.compile(r"(?:localhost|[A-Za-z0-9-]+(?:\.[A-Za-z0-9-]+)+|\[[0-9A-Fa-f:.]+\]):\d{1,5}(?:\?.*)?")
 
 
 def _with_scheme(uri: str) -> str:
-    """Return a source with the scheme that `/dev/ttyUSB0`, `COM3:921600` and `192.168.4.1:5000` leave out."""
+    """Return a source with the scheme that `/dev/ttyUSB0` and `host:5000` leave out, and a baud rate as option."""
     if port := _PORT.fullmatch(uri):
         path, baudrate, options = port.groups(default="")
         mark = "&" if options else "?"

@@ -52,6 +52,24 @@ def test_records_are_held_back_behind_a_screen(monkeypatch: pytest.MonkeyPatch) 
     assert "later" in stream.getvalue()
 
 
+def test_a_record_that_repeats_is_counted_and_its_traceback_printed_once(capsys: pytest.CaptureFixture[str]) -> None:
+    configure_logging(0, None)
+    for number in range(1234):
+        try:
+            raise ValueError("boom \x1b[2J")
+        except ValueError:
+            logger.warning("estimator %s failed", "worn", exc_info=True)
+        logger.warning("another %d", number % 2)
+    printed = capsys.readouterr().err
+    assert printed.count("Traceback") == 1
+    assert "\x1b" not in printed
+    assert "boom \\x1b[2J" in printed
+    assert [line.rpartition("failed")[2] for line in printed.splitlines() if "worn" in line] == [
+        "", " (10 times)", " (100 times)", " (1000 times)",
+    ]  # fmt: skip
+    assert sum("another 0" in line for line in printed.splitlines()) == 3
+
+
 def test_unwritable_log_file_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="cannot write the log"):
         configure_logging(0, tmp_path / "none" / "run.log")
