@@ -37,13 +37,16 @@ class Piece(NamedTuple):
 
 
 def frame_pieces(chunks: Iterable[Chunk]) -> Iterator[tuple[str, int, list[Piece]]]:
-    """Yield (link, time, pieces) per chunk; a frame belongs to the chunk that completes it. No byte is lost."""
+    """Yield (link, time, pieces) per chunk; a frame belongs to the chunk that completes it. No byte is lost.
+
+    Chunks without bytes, of which a fault has taken all, are yielded without pieces.
+    """
     tails: dict[str, bytes] = {}
     times: dict[str, int] = {}
     for chunk in chunks:
         pieces, tails[chunk.link] = cut(tails.get(chunk.link, b"") + chunk.data)
         times[chunk.link] = chunk.host_ns
-        if pieces:
+        if pieces or not chunk.data:
             yield chunk.link, chunk.host_ns, pieces
     for link, tail in tails.items():
         if tail:
@@ -280,8 +283,7 @@ def _per_frame(change: Callable[[Fault, bytes], list[bytes]]) -> Callable[[Fault
                     parts += change(fault, piece.data)
                 else:
                     parts.append(piece.data)
-            if data := b"".join(parts):
-                yield Chunk(link, host_ns, data)
+            yield Chunk(link, host_ns, b"".join(parts))
 
     return transform
 
@@ -309,8 +311,7 @@ def _reorder(fault: Fault, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
             passed += piece.whole
             while held and held[0][0] <= passed:
                 parts.append(held.pop(0)[1].data)
-        if data := b"".join(parts):
-            yield Chunk(link, host_ns, data)
+        yield Chunk(link, host_ns, b"".join(parts))
     if held:
         yield Chunk(link, host_ns, b"".join(piece.data for _, piece in held))
 
@@ -335,7 +336,7 @@ def _delay(fault: Fault, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
     free_ns = -(1 << 63)
     for chunk in chunks:
         host_ns = chunk.host_ns
-        if fault.rng.random() < fault.options["rate"]:
+        if chunk.data and fault.rng.random() < fault.options["rate"]:
             fault.counts.chunks_hit += 1
             host_ns += int(fault.rng.random() * fault.options["ms"] * 1e6)
         free_ns = max(free_ns, host_ns)
@@ -365,8 +366,7 @@ def _silence(fault: Fault, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
                 unmade[source] += 1
             else:
                 parts.append(_renumbered(piece.data, unmade[source]))
-        if data := b"".join(parts):
-            yield Chunk(link, host_ns, data)
+        yield Chunk(link, host_ns, b"".join(parts))
 
 
 def _renumbered(frame: bytes, unmade: int) -> bytes:
@@ -420,8 +420,7 @@ def _reboot(fault: Fault, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
                 parts += _relived(life, frame)
             else:
                 parts.append(piece.data)
-        if data := b"".join(parts):
-            yield Chunk(link, host_ns, data)
+        yield Chunk(link, host_ns, b"".join(parts))
 
 
 _RATE: Final = {"rate": Option(0.01, 0.0, 1.0, "share of the frames")}
@@ -523,12 +522,20 @@ def parse_faults(texts: Iterable[str], seed: int = 1) -> list[Fault]:
     return faults
 
 
-def apply_faults(faults: Iterable[ChunkTransform], chunks: Iterable[Chunk]) -> Iterator[Chunk]:
-    """Return the chunks with every fault applied in turn."""
+def apply_faults(
+    faults: Iterable[ChunkTransform], chunks: Iterable[Chunk], *, tells_time: bool = False
+) -> Iterator[Chunk]:
+    """Return the chunks with every fault applied in turn.
+
+    Args:
+        faults: the faults.
+        chunks: the chunks.
+        tells_time: whether chunks of which faults have left no byte are returned too: time goes on in silence.
+    """
     current = iter(chunks)
     for fault in faults:
         current = fault(current)
-    return current
+    return current if tells_time else (chunk for chunk in current if chunk.data)
 
 
 def describe_faults() -> str:

@@ -47,6 +47,10 @@ class Simulation:
         """Yield the link's bytes, faults included; chunks carry simulated arrival times counted from `start_ns`."""
         return apply_faults(self.faults, self._clean_chunks(link, start_ns))
 
+    def timed_chunks(self, link: str, start_ns: int) -> Iterator[Chunk]:
+        """Yield the same chunks, and those of which faults have left no byte: the time goes on in silence."""
+        return apply_faults(self.faults, self._clean_chunks(link, start_ns), tells_time=True)
+
     def _clean_chunks(self, link: str, start_ns: int) -> Iterator[Chunk]:
         interval_s, jitter_s = self.scenario.link.chunk_ms * 1e-3, self.scenario.link.jitter_ms * 1e-3
         parts: list[bytes] = []

@@ -35,6 +35,8 @@ OPTIONS = (
 
 # The receiver's errors are apart from the wheels', which are the same with and without it.
 _RECEIVER_STREAM: Final = 0x4E4D4541
+# Between chunks that only tell the time.
+_SILENCE_NS: Final = 100_000_000
 _OPTION_NAMES: Final = ("speed", "duration", "seed", "fault", "keys", "receiver")
 
 
@@ -78,8 +80,11 @@ class SimulatorSource:
         return self._toml
 
     def items(self, stop: threading.Event) -> Iterator[LinkItem]:
-        """Yield the connection, the chunks, and the end when the scenario has one. A simulation runs once."""
-        start_ns = last_ns = self._clock.now_ns()
+        """Yield the connection, the chunks, and the end when the scenario has one. A simulation runs once.
+
+        In silence, chunks without bytes tell the time.
+        """
+        start_ns = last_ns = told_ns = self._clock.now_ns()
         yield LinkEvent(self._link, start_ns, LinkEventKind.CONNECTED)
         self._playback.begin(start_ns)
         if self._receiver is not None:
@@ -87,6 +92,9 @@ class SimulatorSource:
         for item in self._in_order(start_ns):
             if not self._playback.wait_until(item.host_ns, stop, self._closed):
                 return
+            if not item.data and item.host_ns - told_ns < _SILENCE_NS:
+                continue
+            told_ns = item.host_ns
             last_ns = self._clock.now_ns() if self._speed == 1.0 else item.host_ns
             yield replace(item, host_ns=last_ns)
         yield LinkEvent(self._link, last_ns, LinkEventKind.ENDED)
@@ -97,7 +105,7 @@ class SimulatorSource:
         """Yield chunks and sentences by time, up to the last chunk."""
         sentences = self._receiver.sentences(start_ns) if self._receiver is not None else iter(())
         waiting = next(sentences, None)
-        for chunk in self.simulation.chunks(self._link, start_ns):
+        for chunk in self.simulation.timed_chunks(self._link, start_ns):
             while waiting is not None and waiting.host_ns <= chunk.host_ns:
                 yield waiting
                 waiting = next(sentences, None)

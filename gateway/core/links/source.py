@@ -31,7 +31,7 @@ class Chunk:
     Attributes:
         link: name of the link, unique in a session, e.g. `serial:/dev/ttyUSB0`.
         host_ns: arrival time, ns since the epoch.
-        data: the bytes, never empty.
+        data: the bytes; none where a simulation only tells that its time has gone on.
     """
 
     link: str

@@ -200,6 +200,8 @@ class SessionCore:
             return []
         self.newest_ns = max(self.newest_ns, item.host_ns)
         self._report(item.link, self._alarms.advance(item.link, item.host_ns), item.host_ns)
+        if not item.data:
+            return []  # it tells the time
         link = self._link(item.link)
         if not link.connected:
             link.connected, link.note = True, Reason(Code.LINK_CONNECTED)

@@ -381,8 +381,13 @@ class LiveSession:
         size = len(item.text) if isinstance(item, LinkEvent) else len(item.data)
         wake = not is_chunk or not self._round_s
         recording = self._recording
-        if recording is not None and not self._hand_over(
-            lambda timeout_s: recording.offer(item, timeout_s=timeout_s), patient or not is_chunk
+        tells_time = is_chunk and not size
+        if (
+            recording is not None
+            and not tells_time
+            and not self._hand_over(
+                lambda timeout_s: recording.offer(item, timeout_s=timeout_s), patient or not is_chunk
+            )
         ):
             dropped[Stage.RECORDING] += 1
         if not self._hand_over(
