@@ -19,6 +19,7 @@ _SHORT_STATE: Final = {
     WheelState.STANDSTILL: "stands",
     WheelState.ROLLING: "rolling",
     WheelState.SILENT: "silent",
+    WheelState.ENDED: "ended",
 }
 _NUMBER_WIDTHS: Final = (8, 6, 5, 5)
 _NUMBER_WIDTHS_WIDE: Final = (16, 13, 11, 11)

@@ -50,7 +50,7 @@ def header(snapshot: SessionSnapshot, paused_at_s: float | None, cells: int) -> 
     left_runs: list[Run] = [
         (" treadlink ", Role.TITLE),
         (f" {duration(snapshot.elapsed_s)} ", Role.BAR),
-        (f" {rolling}/{len(snapshot.wheels)} rolling ", Role.BAR),
+        *([] if snapshot.ended else [(f" {rolling}/{len(snapshot.wheels)} rolling ", Role.BAR)]),
     ]
     silent = sum(wheel.silence is not None for wheel in snapshot.wheels)
     if silent:

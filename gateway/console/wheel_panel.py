@@ -40,6 +40,7 @@ _WAITING: Final = {
     WheelState.STANDSTILL: "standing still, or too slow to measure",
     WheelState.ROLLING: "first revolution under way",
     WheelState.SILENT: "silent",
+    WheelState.ENDED: "ended: no revolution was completed",
 }
 
 

@@ -509,7 +509,7 @@ class Code(Enum):
     LINK_RESTORED = "reconnected"
     LINK_RETRYING = "reconnecting fails"
     MARK = "mark: {text}"
-    MARK_NOT_KEPT = "not kept, nothing is recorded"
+    MARK_NOT_KEPT = "not kept: nothing is recorded"
     MTU = "MTU {mtu}"
     MTU_TOO_SMALL = "MTU {mtu} is less than the {needed} that frames need: expect losses"
     MTU_UNKNOWN = "MTU unknown (frames need {needed})"

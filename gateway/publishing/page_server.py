@@ -28,9 +28,11 @@ from websockets.http11 import Request, Response
 
 from gateway.core.errors import TreadlinkError
 from gateway.core.estimates.results import SessionSnapshot
+from gateway.core.reasons import Code, Reason
 from gateway.core.text.session_control import SessionControl
 from gateway.core.text.text import clean
 from gateway.core.text.trend_history import TrendHistory
+from gateway.core.text.wording import text as reason_text
 from gateway.publishing.admission import HEAD_S, Admission
 from gateway.publishing.payloads import encoded
 from gateway.publishing.sink import (
@@ -324,7 +326,11 @@ class PageSink(Sink):
             page.trend_since_s = 0
         if isinstance(asked.get("mark"), str):
             text = clean(asked["mark"].strip())[:_LONGEST_MARK] or "mark"
-            await self._control(page, lambda control: control.mark(text), f"mark set: {text}", self._marks)
+            mark, not_kept = Reason(Code.MARK, text=text), (Reason(Code.MARK_NOT_KEPT),)
+            unkept = reason_text(Reason(Code.LINK_EVENT, event=mark, details=not_kept))
+            await self._control(
+                page, lambda control: "" if control.mark(text) else unkept, f"mark set: {text}", self._marks
+            )
         if asked.get("acknowledge") is True:
             await self._control(page, lambda control: control.acknowledge(), "alarms acknowledged", self._marks)
         if isinstance(asked.get("record"), bool):
@@ -339,15 +345,23 @@ class PageSink(Sink):
             )
         page.news.set()
 
-    async def _control(self, page: _Page, call: Callable[[SessionControl], None], done: str, pace: _Pace) -> None:
-        """Ask the session for something that may wait for its disk, and say on the page what became of it."""
+    async def _control(self, page: _Page, call: Callable[[SessionControl], str | None], done: str, pace: _Pace) -> None:
+        """Ask the session for something that may wait for its disk, and say on the page what became of it.
+
+        Args:
+            page: who asks.
+            call: does it, and returns what is to be said in place of `done`.
+            done: what is said.
+            pace: how often that is admitted.
+        """
         control = self._session()
         try:
             if not pace.admits(asyncio.get_running_loop().time()):
                 raise TreadlinkError(f"more than {pace.most} in {pace.within_s:g} s", "Wait a moment.")
             if control is None:
                 raise TreadlinkError("the session has not begun")
-            await asyncio.to_thread(call, control)
+            said = await asyncio.to_thread(call, control)
+            done = said or done
         except TreadlinkError as error:
             done = f"{error}. {error.remedy}" if error.remedy else str(error)
         page.replies.append(encoded({"type": "said", "text": clean(done)}))

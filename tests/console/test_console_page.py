@@ -99,9 +99,8 @@ def test_wheel_without_revolution_says_why(made, size, state):
     rows = page(made.snapshot([WheelSnapshot("FL", state=state), "FR"]), size)
     text = "\n".join(rows)
     assert state.value in text
-    assert {"no data": "nothing", "searching": "two passes", "standstill": "still", "rolling": "under way"}[
-        state.value
-    ] in text
+    reasons = {"no data": "nothing", "searching": "two passes", "standstill": "still", "rolling": "under way"}
+    assert {**reasons, "ended": "no revolution"}[state.value] in text
     assert "load not stated" in text
     assert "nan" not in text.lower()
 

@@ -33,9 +33,11 @@ class Session:
         self.may_record = True
         self.asked: list[str] = []
         self.failure: RecordingError | None = None
+        self.is_recording = True
 
-    def mark(self, text: str) -> None:
+    def mark(self, text: str) -> bool:
         self.asked.append(f"mark {text}")
+        return self.is_recording
 
     def acknowledge(self) -> None:
         self.asked.append("acknowledge")
@@ -115,6 +117,21 @@ def test_state_has_the_words_of_the_console(served, items) -> None:
     assert {"Bs", "Cw", "Rs", "Ts", "contact"} <= {number[0] for number in front["numbers"]}
     assert state["links"][0][:2] == [["sim:demo", "label"], ["connected", "good"]]
     assert state["rolling"] == "4/4 rolling"
+
+
+def test_ended_session_rolls_no_more(served, items) -> None:
+    def ended(snapshot):
+        wheels = tuple(dataclasses.replace(wheel, state=WheelState.ENDED) for wheel in snapshot.wheels)
+        return dataclasses.replace(snapshot, ended=True, wheels=wheels)
+
+    show(served, items, ended)
+    with guest(served) as connection:
+        state = next_of(connection, "state")
+    assert state["rolling"] == "ended"
+    for wheel in state["wheels"]:
+        assert (wheel["kind"], wheel["state"]) == ("ended", "ended")
+        assert wheel["speed"][0] == "—"
+        assert wheel["note"][0].startswith("ended: values of revolution")
 
 
 def test_silent_wheel_has_an_age_and_no_number(served, items, drive) -> None:
@@ -202,6 +219,9 @@ def test_mark_and_recording_reach_the_session_and_failures_the_page(served, item
             connection.send(rubbish)
         connection.send(json.dumps({"mark": "x" * 999}))
         assert len(next_of(connection, "said")["text"]) < 250
+        served.session.is_recording = False
+        connection.send(json.dumps({"mark": "kerb"}))
+        assert next_of(connection, "said")["text"] == "mark: kerb: not kept: nothing is recorded"
     assert served.session.asked[:5] == [
         "mark pothole [2J",
         "start {'test': 'a b'}",

@@ -52,13 +52,14 @@ class RevolutionResult:
 
 
 class WheelState(StrEnum):
-    """Motion of a wheel, from its radial axis; silent when its samples have stopped."""
+    """Motion of a wheel, from its radial axis; silent when its samples have stopped, ended when its session has."""
 
     NO_DATA = "no data"
     SEARCHING = "searching"
     STANDSTILL = "standstill"
     ROLLING = "rolling"
     SILENT = "silent"
+    ENDED = "ended"
 
 
 class SilentPart(StrEnum):

@@ -3,7 +3,7 @@
 import logging
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 from firmware_protocol.decoder import FrameDecoder
@@ -20,6 +20,7 @@ from gateway.core.estimates.results import (
     SilentPart,
     SinkSnapshot,
     WheelSnapshot,
+    WheelState,
 )
 from gateway.core.estimates.wheel_setup import CorrectionTable
 from gateway.core.links.source import BusFrames, Chunk, LinkEvent, LinkEventKind, LinkItem, VehicleData
@@ -44,7 +45,8 @@ from gateway.core.wheels.wheels import Pipeline
 
 _logger = logging.getLogger(__name__)
 
-_SHOWN_NOTICES: Final = 20
+SHOWN_NOTICES: Final = 20
+"""Latest notices that a snapshot has."""
 # Notices waiting for `take_notices`; the oldest are dropped.
 _WAITING_NOTICES: Final = 8192
 # A link that is silent for this long brings no samples for which its last revolutions could wait.
@@ -117,7 +119,7 @@ class SessionCore:
         self._watch = GuardWatch(guard)
         self.recording = SessionRecording(recorder, self.notify)
         self._records_items = records_items
-        self._notices: deque[Notice] = deque(maxlen=_SHOWN_NOTICES)
+        self._notices: deque[Notice] = deque(maxlen=SHOWN_NOTICES)
         self._new_notices: deque[Notice] = deque(maxlen=_WAITING_NOTICES)
         self._alarm_changes: deque[AlarmChange] = deque(maxlen=_WAITING_NOTICES)
         self._links: dict[str, _Link] = {}
@@ -396,7 +398,11 @@ class SessionCore:
     def _at_end(self, wheels: tuple[WheelSnapshot, ...]) -> tuple[WheelSnapshot, ...]:
         """Return wheels as they were at the end: a link that has ended as it should has not fallen silent."""
         return tuple(
-            wheel if wheel.silence is not None and wheel.silence.part is not SilentPart.LINK else plain
+            wheel
+            if wheel.silence is not None and wheel.silence.part is not SilentPart.LINK
+            else plain
+            if plain.state is WheelState.NO_DATA
+            else replace(plain, state=WheelState.ENDED)
             for wheel, plain in zip(self._alarms.with_silences(wheels), wheels, strict=True)
         )
 

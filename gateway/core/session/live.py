@@ -22,7 +22,7 @@ from gateway.core.recording.run_description import NO_DESCRIPTION, RunDescriptio
 from gateway.core.session.alarms import AlarmName
 from gateway.core.session.bounded_buffer import Buffer
 from gateway.core.session.computer_watch import ComputerWatch
-from gateway.core.session.core import SessionCore
+from gateway.core.session.core import SHOWN_NOTICES, SessionCore
 from gateway.core.session.core_watch import LOOK_S, CoreWatch
 from gateway.core.session.disk_watch import DiskWatch
 from gateway.core.session.frame_guard import FrameGuard
@@ -184,12 +184,18 @@ class LiveSession:
         """Return the latest snapshot, made ten times a second."""
         return self._snapshot
 
-    def mark(self, text: str) -> None:
-        """Mark an event in the recording, with the present time; without a recording the notice says that."""
-        is_kept = self.core.recording.recorder is not None
+    def mark(self, text: str) -> bool:
+        """Mark an event in the recording, with the present time; return whether one is written, which keeps it."""
+        recording = self._recording
+        is_kept = recording is not None and recording.is_writing
         details = () if is_kept else (Reason(Code.MARK_NOT_KEPT),)
         event = LinkEvent("user", self._clock.now_ns(), LinkEventKind.MARK, text, details=details)
-        self._offer(event, False, self._dropped[self._sources[0].link])
+        if self._done.is_set():  # nobody takes it any more
+            notices = (*self._snapshot.notices, Notice("", event.reason))
+            self._snapshot = replace(self._snapshot, notices=notices[-SHOWN_NOTICES:])
+        else:
+            self._offer(event, False, self._dropped[self._sources[0].link])
+        return is_kept
 
     @property
     def may_record(self) -> bool:

@@ -14,8 +14,8 @@ class SessionControl(Protocol):
         """Whether a recording can be begun."""
         ...
 
-    def mark(self, text: str) -> None:
-        """Mark an event in the recording, with the present time."""
+    def mark(self, text: str) -> bool:
+        """Mark an event in the recording, with the present time; return whether it is kept: something is recorded."""
         ...
 
     def acknowledge(self) -> None:

@@ -46,7 +46,7 @@ def page_state(snapshot: SessionSnapshot, *, run_form: Mapping[str, str] | None)
     return {
         "type": "state",
         "elapsed": duration(snapshot.elapsed_s),
-        "rolling": f"{rolling}/{len(snapshot.wheels)} rolling",
+        "rolling": "ended" if snapshot.ended else f"{rolling}/{len(snapshot.wheels)} rolling",
         "ended": snapshot.ended,
         "recording": clean(snapshot.recording),
         "recorded": file_size(snapshot.recorded_bytes),

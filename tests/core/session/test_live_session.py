@@ -268,12 +268,31 @@ def test_mark_without_a_recording_says_so(demo):
     items, vehicle = demo
     source = Held(items[:10])
     live = session([source], vehicle)
-    live.mark("bump")
+    assert not live.mark("bump")
     source.gate.set()
     assert live.wait(TIMEOUT_S)
     live.close()
     (mark,) = [notice for notice in live.notices() if Code.MARK in {inner.code for inner in notice.reason}]
-    assert notice_text(mark) == "mark: bump: not kept, nothing is recorded"
+    assert notice_text(mark) == "mark: bump: not kept: nothing is recorded"
+    assert not live.mark("late")
+    assert notice_text(live.snapshot().notices[-1]) == "mark: late: not kept: nothing is recorded"
+
+
+def test_mark_after_the_end_of_a_recorded_session_is_not_kept(demo, tmp_path):
+    items, vehicle = demo
+    writer = RecordingWriter(tmp_path / "r.mcap", start_ns=1)
+    source = Held(items[:10])
+    summary = ResultSummary()
+    live = LiveSession([source], vehicle, SystemClock(), patient=[True], summary=summary, recorder=writer)
+    live.start()
+    assert live.mark("bump")
+    source.gate.set()
+    assert live.wait(TIMEOUT_S)
+    assert not live.mark("late")
+    assert notice_text(live.snapshot().notices[-1]) == "mark: late: not kept: nothing is recorded"
+    live.close()
+    events = [item for item in RecordingReader(tmp_path / "r.mcap").items() if isinstance(item, LinkEvent)]
+    assert [event.text for event in events if event.kind is LinkEventKind.MARK] == ["bump"]
 
 
 def started_in(folder, items, may_record=True):

@@ -213,7 +213,9 @@ def test_ended_session_keeps_the_last_numbers(hub) -> None:
     items, vehicle = hub
     core = run([*items, LinkEvent("sim:lab", items[-1].host_ns, LinkEventKind.ENDED)], vehicle)
     core.finish()
-    assert core.snapshot(0.0, ended=True).wheels[0].state is WheelState.ROLLING
+    (wheel,) = core.snapshot(0.0, ended=True).wheels
+    assert (wheel.state, wheel.silence) == (WheelState.ENDED, None)
+    assert wheel.last is not None
     assert core.snapshot(0.0, ended=True).alarm_records == ()
 
 
