@@ -9,10 +9,11 @@ from gateway.core.constants import LONGEST_LATENCY_S
 _LEAST_READ_S: Final = 0.004
 _MOST_READ_S: Final = 0.02
 _MOST_ROUND_S: Final = 0.1
-# Shares of the latency. The rest is for the wheels that are due together, one of which is worked on with each chunk.
+# Shares of the latency. The rest is for the wheels that are due together, one of which is worked on with each chunk of
+# the next round, and for the work.
 _READ_SHARE: Final = 0.12
 _ROUND_SHARE: Final = 0.12
-_HOLD_SHARE: Final = 0.5
+_HOLD_SHARE: Final = 0.62
 # A session that is late by less is in time: a pause of the system's scheduler is shorter.
 _LATE_S: Final = 0.1
 

@@ -29,6 +29,8 @@ _SAMPLE_NUMBERS: Final = 1 << 32
 # Share of the longest wait of revolutions for which samples wait for the next ones, and the most blocks that wait.
 _GATHERED_SHARE: Final = 0.1
 _MOST_BLOCKS: Final = 64
+# Share of the longest wait after which wheels that are due together wait for each other no more.
+_LATE_SHARE: Final = 0.2
 
 
 class _Run:
@@ -188,7 +190,7 @@ class Pipeline:
         ]
 
     def _due(self) -> list[WheelPipeline]:
-        """Return the wheel whose results have been due for longest, and all that have been for another `hold_s`.
+        """Return the wheel whose results have been due for longest, and all that have been for a share of `hold_s`.
 
         One wheel at a time keeps the work on a chunk short.
         """
@@ -197,7 +199,7 @@ class Pipeline:
             return []
         latest_s = max(late_s for _, late_s in overdue)
         first = next(wheel for wheel, late_s in overdue if late_s == latest_s)
-        return [wheel for wheel, late_s in overdue if wheel is first or late_s >= self._hold_s]
+        return [wheel for wheel, late_s in overdue if wheel is first or late_s >= _LATE_SHARE * self._hold_s]
 
     def complete(self, link: str) -> list[RevolutionResult]:
         """Return the revolutions of a link that wait for the next ones, as when it falls silent."""
