@@ -92,17 +92,22 @@ def _speed(wheel: WheelSnapshot, reading: Reading | None) -> str:
 
 
 def surroundings(wheel: WheelSnapshot) -> list[Run]:
-    """Return pressure, temperature and load; of a silent wheel the stated load only, and old values with their age."""
-    if wheel.silence is not None:
-        stated_n = wheel.last.conditions.load_n if wheel.last is not None else wheel.load_n
-        return [(f"{MISSING} kPa", Role.VALUE), (f"{MISSING} °C", Role.VALUE), _load(stated_n)]
+    """Return pressure, temperature and load; of a silent wheel the stated load and what still comes.
+
+    Old values have their age.
+    """
     old = wheel.old_environment
+    load_n = wheel.load_n
+    if wheel.silence is not None:
+        load_n = wheel.last.conditions.load_n if wheel.last is not None else load_n
+        if not wheel.has_current_environment:
+            return [(f"{MISSING} kPa", Role.VALUE), (f"{MISSING} °C", Role.VALUE), _load(load_n)]
     since = f" ({age(old.age_s)} old)" if old is not None else ""
     role = Role.VALUE if old is None else Role.WARNING
     return [
         (f"{kpa(wheel.pressure_pa)} kPa{since}", role),
         (f"{fixed(wheel.temperature_degc, 1)} °C", role),
-        _load(wheel.load_n),
+        _load(load_n),
     ]
 
 

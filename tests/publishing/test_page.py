@@ -155,6 +155,33 @@ def test_silent_wheel_has_an_age_and_no_number(served, items, drive) -> None:
     assert [text for text, _ in front["surroundings"]][:2] == ["— kPa", "— °C"]
 
 
+@pytest.mark.parametrize(
+    ("part", "is_certain", "is_shown"),
+    [
+        (SilentPart.SAMPLES, True, True),
+        (SilentPart.AXIS, True, True),
+        (SilentPart.SAMPLES, False, False),
+        (SilentPart.HUB, True, False),
+    ],
+)
+def test_pressure_that_still_comes_is_shown_of_a_wheel_without_samples(
+    served, items, part: SilentPart, is_certain: bool, is_shown: bool
+) -> None:
+    silence = Silence(part, 7.0, Reason(Code.SAMPLES_SILENT, silence_s=7.0), is_certain)
+
+    def silent(snapshot):
+        first, *others = snapshot.wheels
+        changed = dataclasses.replace(first, state=WheelState.SILENT, silences=(silence,))
+        return dataclasses.replace(snapshot, wheels=(changed, *others))
+
+    show(served, items, silent)
+    with guest(served) as connection:
+        front = next_of(connection, "state")["wheels"][0]
+    assert front["state"] == "silent for 7 s"
+    pressure, temperature, *_ = [text for text, _ in front["surroundings"]]
+    assert (pressure, temperature) != ("— kPa", "— °C") if is_shown else (pressure, temperature) == ("— kPa", "— °C")
+
+
 def test_waveform_of_the_chosen_wheel_over_its_average(served, items, drive) -> None:
     show(served, items)
     with guest(served) as connection:

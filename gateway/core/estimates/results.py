@@ -176,8 +176,13 @@ class WheelSnapshot:
 
     @property
     def has_current_environment(self) -> bool:
-        """Whether pressure and temperature are those of now: the one rule for every view and output."""
-        return self.silence is None and self.old_environment is None
+        """Whether pressure and temperature are those of now: the one rule for every view and output.
+
+        A sensor whose samples, or an axis of them, have stopped may still send them.
+        """
+        silence = self.silence
+        still_comes = silence is None or (silence.part in (SilentPart.SAMPLES, SilentPart.AXIS) and silence.is_certain)
+        return still_comes and self.old_environment is None
 
 
 @dataclass(frozen=True, slots=True)
