@@ -30,7 +30,6 @@ from gateway.core.recording.mcap_records import (
     CHUNK_HEAD,
     MAGIC,
     MESSAGE_HEAD,
-    MESSAGE_HEAD_BYTES,
     RECORD_HEAD,
     ChunkParts,
     MessageParts,
@@ -89,14 +88,6 @@ class TornPlace(NamedTuple):
     end: int
 
 
-class IndexedMessage(NamedTuple):
-    """Message according to the index after its chunk; `max_bytes` is the upper limit of the length of its data."""
-
-    channel: int
-    time_ns: int
-    max_bytes: int
-
-
 class Salvage:
     """Finder of the valid records of a file.
 
@@ -122,21 +113,12 @@ class Salvage:
         self._find_declarations()
         self._find_usual_times()
 
-    def pieces(
-        self, start: int | None = None, times_ns: Mapping[int, int] | None = None
-    ) -> Iterator[CompleteMessage | TornPlace]:
-        """Yield complete messages and torn places in file order.
-
-        Args:
-            start: first position, which must be the start of a record; the start of the file when not given.
-            times_ns: time of the last message of each channel before `start`.
-        """
-        main = start is None
-        position = start if start is not None else len(MAGIC) if bytes(self._data.part(0, len(MAGIC))) == MAGIC else 0
-        base = dict(times_ns or {})
+    def pieces(self) -> Iterator[CompleteMessage | TornPlace]:
+        """Yield complete messages and torn places in file order."""
+        position = len(MAGIC) if bytes(self._data.part(0, len(MAGIC))) == MAGIC else 0
+        base: dict[int, int] = {}
         while position < self.size:
-            if main:
-                self.position = position
+            self.position = position
             opcode, end = self._plausible(position, base)
             body = position + RECORD_HEAD.size
             if opcode in (Opcode.DATA_END, Opcode.FOOTER):
@@ -178,39 +160,6 @@ class Salvage:
         # Missing bytes may let a message end with a later record; then it contains the start of a record.
         begin = body + MESSAGE_HEAD.size
         return opcode != Opcode.MESSAGE or self._next_record(begin, base, end) == end
-
-    def message_before(self, position: int, times_ns: Mapping[int, int]) -> IndexedMessage | None:
-        """Return the message right before `position` in the undamaged file.
-
-        The index after a chunk lists all its messages in order. None when the index is damaged too.
-        """
-        first: tuple[int, int] | None = None
-        entries: list[tuple[int, int, int]] = []
-        record_at = position
-        whole = True
-        while record_at < self.size:
-            opcode, end = self._plausible(record_at, times_ns)
-            if opcode == Opcode.MESSAGE and not entries:
-                whole = True
-                if first is None:
-                    message = parse_message(self._data.part(record_at + RECORD_HEAD.size, end))
-                    first = message.channel, message.log_time_ns
-            elif opcode == Opcode.MESSAGE_INDEX and whole and first is not None:
-                index: MessageIndex = parse_small(opcode, self._data.part(record_at + RECORD_HEAD.size, end))
-                entries += ((offset, index.channel_id, time_ns) for time_ns, offset in index.records)
-            elif not opcode and first is not None and not entries:
-                whole = False  # if an index follows, an earlier one may be missing
-                end = self._next_record(record_at + 1, times_ns)
-            elif not opcode or opcode not in (Opcode.CHANNEL, Opcode.SCHEMA) or entries:
-                whole = whole and bool(opcode)
-                break
-            record_at = end
-        entries.sort()
-        places = [number for number, (_, *channel_and_time) in enumerate(entries) if tuple(channel_and_time) == first]
-        if not whole or len(places) != 1 or not places[0]:
-            return None
-        offset, channel, time_ns = entries[places[0] - 1]
-        return IndexedMessage(channel, time_ns, entries[places[0]][0] - offset - MESSAGE_HEAD_BYTES)
 
     def _whole_chunk(self, body: int, end: int) -> memoryview | None:
         """Return the records of a complete chunk with a correct checksum, else None."""
