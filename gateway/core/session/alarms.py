@@ -174,8 +174,10 @@ def superseded(
     several_links: bool = False,
 ) -> frozenset[AlarmKey]:
     """Return the alarms that a wider silence hides: nothing new is known of them, so they are not over."""
-    of_down_links = (*_hub_alarms(hubs_of_down_links, several_links), *_vehicle_alarms(vehicles_of_down_links))
+    hubs = tuple(hubs_of_down_links)
+    of_down_links = (*_hub_alarms(hubs, several_links), *_vehicle_alarms(vehicles_of_down_links))
     hidden = {(alarm.position, alarm.name) for alarm in of_down_links}
+    hidden |= {(position, name) for hub in hubs for position in hub.positions for name in SILENCES}
     for wheel in wheels:
         silence = wheel.silence
         if silence is None:

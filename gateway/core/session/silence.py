@@ -273,6 +273,7 @@ class _Link:
         begin_ns: time of the first item.
         now_ns: time up to which the link is known.
         down: why the link is down, None while it is open.
+        opened_ns: time at which it was opened last.
         hubs: hubs heard on it.
         vehicle: frames of a vehicle bus, or sentences of a receiver and those with a position.
         due_ns: time before which its state cannot change without a frame.
@@ -282,6 +283,7 @@ class _Link:
     begin_ns: int
     now_ns: int
     down: Reason | None = None
+    opened_ns: int = 0
     hubs: dict[int, _Hub] = field(default_factory=dict)
     vehicle: dict[VehiclePart, _Stream] = field(default_factory=dict)
     due_ns: int = 0
@@ -392,6 +394,7 @@ class SilenceWatch:
         state = self._link(link, host_ns)
         state.down = down
         if down is None:
+            state.opened_ns = host_ns
             state.count_again(host_ns)
 
     def paused(self, link: str, pause_ns: int, now_ns: int) -> None:
@@ -531,11 +534,16 @@ class SilenceWatch:
         return by_position
 
     def silent_hubs(self, *, of_down_links: bool = False) -> Iterator[SilentHub]:
-        """Yield the silent hubs of open links, or those of links that are down; hubs without wheels do not matter."""
+        """Yield the silent hubs of open links, or those of links that are down; hubs without wheels do not matter.
+
+        A link that is open again counts as down for a hub of which no frame has come since: it may be frozen.
+        """
         for name, link in self._links.items():
             for number, hub in link.hubs.items():
-                is_meant = link.down is not None if of_down_links else link.down is None and hub.is_silent(link.now_ns)
-                if is_meant and hub.sensors:
+                if not hub.sensors:
+                    continue
+                is_unheard = link.down is not None or hub.last_ns < link.opened_ns
+                if is_unheard if of_down_links else link.down is None and hub.is_silent(link.now_ns):
                     positions = tuple(self._position_of(name, number, wheel) for wheel in sorted(hub.sensors))
                     yield SilentHub(name, number, (link.now_ns - hub.last_ns) / _S, positions)
 

@@ -24,7 +24,7 @@ from gateway.core.reasons import Code, Level, Reason
 from gateway.core.recording.inspection import inspect_recording
 from gateway.core.recording.writer import RecordingWriter
 from gateway.core.session.alarm_log import AlarmLog
-from gateway.core.session.alarms import AlarmName, alarms, present_values, silent_alarms, superseded
+from gateway.core.session.alarms import SILENCES, AlarmName, alarms, present_values, silent_alarms, superseded
 from gateway.core.session.core import SessionCore
 from gateway.core.session.recent_loss import WINDOW_S, RecentLoss
 from gateway.core.session.recording_pass import OpenedRecording, RecordingPass
@@ -134,7 +134,8 @@ def test_hubs_of_several_links_are_told_apart() -> None:
     (alone,) = silent_alarms([], [silent], [], several_links=False)
     (among,) = silent_alarms([], [silent], [], several_links=True)
     assert (alone.position, among.position) == ("hub 0", "hub 0 on ble:x")
-    assert superseded([], [silent], several_links=True) == {("hub 0 on ble:x", AlarmName.SILENT)}
+    of_wheel = {("FL", name) for name in SILENCES}
+    assert superseded([], [silent], several_links=True) == {("hub 0 on ble:x", AlarmName.SILENT), *of_wheel}
 
 
 def test_unknown_values_and_limits_give_no_alarm() -> None:

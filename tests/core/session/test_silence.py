@@ -287,6 +287,41 @@ def test_live_replay_and_batch_report_the_same_alarms(part: int, tmp_path) -> No
         assert 0 < len(named) < len(results)
 
 
+def test_alarm_of_a_frozen_hub_ends_with_a_frame_and_not_with_a_connection(hub) -> None:
+    items, vehicle = hub
+    core = run(items, vehicle)
+    link, at_ns = items[-1].link, items[-1].host_ns
+
+    def ticked(seconds: int) -> None:
+        nonlocal at_ns
+        for _ in range(10 * seconds):
+            at_ns += S // 10
+            core.tick(at_ns)
+
+    def silences() -> list[tuple[str, int, bool]]:
+        return [
+            (record.position, record.count, record.is_standing)
+            for record in core.snapshot(0.0).alarm_records
+            if record.name == AlarmName.SILENT
+        ]
+
+    ticked(20)
+    before = silences()
+    assert before
+    assert all(is_standing for _, _, is_standing in before)
+    for _ in range(3):
+        core.take(LinkEvent(link, at_ns, LinkEventKind.LOST, ""))
+        ticked(2)
+        core.take(LinkEvent(link, at_ns, LinkEventKind.CONNECTED))
+        ticked(10)
+    assert silences() == before
+    shift_ns = at_ns + S - items[0].host_ns
+    for item in items[: len(items) // 2]:
+        if isinstance(item, Chunk):
+            core.take(Chunk(link, item.host_ns + shift_ns, item.data))
+    assert not any(is_standing for _, _, is_standing in silences())
+
+
 def test_silent_axis_needs_a_hello() -> None:
     items, vehicle = lab(duration_s=4)
     core = run(changed(items, lambda frame, _: [frame] if frame.type != MessageType.HELLO else []), vehicle)
