@@ -13,7 +13,7 @@ import numpy as np
 from gateway.core.types import FloatArray
 from gateway.forces.lateral_deformation import ORDERS
 
-FIRST_ORDER_STD_M: Final = (2.5e-4, 1e-4)
+FIRST_ORDER_STD_M: Final = (2.5e-4, 2e-4)
 """Error of the predicted first order, cosine and sine."""
 FIRST_ORDER_SHARE: Final = 0.35
 """Relative error of its cosine with the side force."""

@@ -28,6 +28,7 @@ from gateway.forces.lateral_deformation import (
     slope_row,
     streamline_slope,
 )
+from gateway.forces.turn_tracker import NO_TURN, Turn, TurnTracker
 
 # Rows of `Revolution.axes_mps2`.
 CIRCUMFERENTIAL, LATERAL, RADIAL = range(3)
@@ -38,6 +39,8 @@ _AHEAD_RAD: Final = 0.8
 _LEAST_CONTACT_RAD: Final = 0.08
 
 _SIZE: Final = 2 * len(ORDERS)
+# Cosine and sine of the first order.
+_FIRST: Final = [0, len(ORDERS)]
 # The grid starts at -pi, so odd orders change sign.
 _SIGNS: Final[FloatArray] = np.where(np.asarray(ORDERS) % 2, -1.0, 1.0)
 _GRID: Final = 512
@@ -99,6 +102,8 @@ class LateralSteps(NamedTuple):
         effective_counts: number of revolutions of equal weight that would have the same variance, after each.
         order_max: highest order that the sampling has carried so far, after each.
         records: the average with its covariance, by place; computed on demand.
+        turns: of each revolution; what they make is removed from all coefficients.
+        turn_std_m: error of the first order of the average, cosine and sine, that turns leave, after each.
     """
 
     own_m: FloatArray
@@ -108,6 +113,8 @@ class LateralSteps(NamedTuple):
     effective_counts: list[float]
     order_max: list[int]
     records: list[Callable[[], LateralRecord]]
+    turns: Sequence[Turn]
+    turn_std_m: list[tuple[float, float]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,10 +171,11 @@ class _Part:
 class LateralAverage:
     """Running average of lateral records, with calibration of the roll tilt."""
 
-    def __init__(self, horizon_revolutions: float, roll: RollCalibration) -> None:
-        """Start empty; `roll` is updated by every revolution."""
+    def __init__(self, horizon_revolutions: float, roll: RollCalibration, tracker: TurnTracker | None = None) -> None:
+        """Start empty; `roll` is updated by every revolution, and what the tracker knows of turns removed from it."""
         self._floor = 1.0 / horizon_revolutions
         self.roll = roll
+        self._tracker = tracker
         self.reset()
 
     def reset(self) -> None:
@@ -180,6 +188,10 @@ class LateralAverage:
         self._weight_square = 1.0
         self._noise = 0.0
         self._order_max = 0
+        if self._tracker is not None:
+            self._tracker.reset()
+        # Mean error of the first order by turns, cosine and sine.
+        self._turn_std_m = (0.0, 0.0)
 
     @property
     def effective_count(self) -> float:
@@ -189,11 +201,13 @@ class LateralAverage:
     def update(self, block: RevolutionBlock, taken: Sequence[int]) -> LateralSteps:
         """Add the revolutions `taken` of a block, at least one; none of them may be `why_unusable`."""
         revolutions = [block.revolutions[index] for index in taken]
-        rolls = []
-        for index, revolution in zip(taken, revolutions, strict=True):
+        raw_m = _coefficients(block.arrays, taken, revolutions)
+        rolls, turns = [], []
+        for row, (index, revolution) in enumerate(zip(taken, revolutions, strict=True)):
+            turns.append(self._turned(block, index, raw_m[row]))
             if not revolution.ac_coupled:
-                means = block.arrays.means_mps2[index]
-                self.roll.update(float(means[LATERAL]), float(means[RADIAL]))
+                _, lateral, radial = block.arrays.means_mps2[index].tolist()
+                self.roll.update(lateral, radial)
             rolls.append(
                 Roll(
                     self.roll.roll_rad,
@@ -204,16 +218,30 @@ class LateralAverage:
                 )
             )
         tilts = np.array([roll.rad for roll in rolls])
-        values = np.concatenate([_coefficients(block.arrays, taken, revolutions, tilts), tilts[:, np.newaxis]], axis=1)
+        values = np.concatenate([_unrolled(raw_m, tilts), tilts[:, np.newaxis]], axis=1)
+        values[:, _FIRST] -= [turn.remove_m for turn in turns]
         carried = [min(revolution.order_max, ORDERS.stop - 1) for revolution in revolutions]
         own_m, own_radial_m = values[:, :_SIZE], values[:, _SIZE : 2 * _SIZE]
-        steps = LateralSteps(own_m, own_radial_m, np.empty((len(taken), _SIZE)), rolls, [], [], [])
+        steps = LateralSteps(own_m, own_radial_m, np.empty((len(taken), _SIZE)), rolls, [], [], [], turns, [])
         first = 0
         for end in range(1, len(taken) + 1):
             if end == len(taken) or carried[end] != carried[first]:
                 self._add(values, revolutions, slice(first, end), carried[first], steps)
                 first = end
         return steps
+
+    def _turned(self, block: RevolutionBlock, index: int, raw_m: FloatArray) -> Turn:
+        """Return the turn of a revolution by its raw coefficients and the roll so far."""
+        if self._tracker is None:
+            return NO_TURN
+        revolution, conditions = block.revolutions[index], block.conditions[index]
+        edges = contact_edges(block.averages.edges_rad[index], conditions)
+        if isinstance(edges, Reason):
+            return NO_TURN
+        _, lateral, radial = block.arrays.means_mps2[index].tolist()
+        means = None if revolution.ac_coupled else (lateral, radial)
+        lateral_m = _unrolled(raw_m[np.newaxis], np.array([self.roll.roll_rad]))[0, :_SIZE]
+        return self._tracker.take(lateral_m, edges, revolution.omega_radps, conditions.radius_m, means, self.roll)
 
     def _add(
         self, values: FloatArray, revolutions: Sequence[Revolution], rows: slice, carried: int, steps: LateralSteps
@@ -233,6 +261,12 @@ class LateralAverage:
             self._weight_square = (1.0 - weight) ** 2 * self._weight_square + weight * weight / share
             self._noise += weight * (_noise_variance(revolution) - self._noise)
             scalars.append((self.count, weight, self._weight_square, self._noise))
+            before, own = self._turn_std_m, steps.turns[len(steps.turn_std_m)].remove_std_m
+            self._turn_std_m = (
+                before[0] + weight * (own[0] - before[0]),
+                before[1] + weight * (own[1] - before[1]),
+            )
+            steps.turn_std_m.append(self._turn_std_m)
         part = _Part(self._mean, self._spread, part_values, [weight for _, weight, *_ in scalars], measured)
         late = np.array([roll.rad for roll in steps.roll[rows]]) - part.means[:, -1]
         steps.mean_m[rows] = part.means[:, :_SIZE] - late[:, np.newaxis] * part.means[:, _SIZE : 2 * _SIZE]
@@ -263,16 +297,15 @@ def lateral_record(revolution: Revolution, roll_rad: float) -> LateralRecord:
 
     The revolution must have a lateral axis (`has_lateral`). Raises nothing.
     """
-    flat = _coefficients(RevolutionArrays([revolution]), [0], [revolution], np.array([roll_rad]))[0]
+    raw_m = _coefficients(RevolutionArrays([revolution]), [0], [revolution])
+    flat = _unrolled(raw_m, np.array([roll_rad]))[0]
     lateral, radial, along = flat.reshape(3, _SIZE)
     order_max = min(revolution.order_max, ORDERS.stop - 1)
     return LateralRecord(lateral, radial, along, _noise_variance(revolution) * np.eye(_SIZE), order_max)
 
 
-def _coefficients(
-    arrays: RevolutionArrays, taken: Sequence[int], revolutions: Sequence[Revolution], tilts_rad: FloatArray
-) -> FloatArray:
-    """Return coefficients of the lateral axis, corrected, and of the radial and circumferential axes, (m, 6 k) m.
+def _coefficients(arrays: RevolutionArrays, taken: Sequence[int], revolutions: Sequence[Revolution]) -> FloatArray:
+    """Return raw coefficients, (m, 8 k) m: lateral, what a roll adds, radial and circumferential axis.
 
     The last two are for errors and small corrections only, for which the change of speed within a revolution does not
     matter.
@@ -281,21 +314,28 @@ def _coefficients(
     whole = len(taken) == len(arrays.axes_mps2)
     axes = arrays.axes_mps2 if whole else arrays.axes_mps2[indices]
     in_plane = arrays.in_plane_mps2 if whole else arrays.in_plane_mps2[indices]
-    lateral = remove_roll(axes[:, LATERAL], axes[:, RADIAL], tilts_rad[:, np.newaxis])
+    both = axes[:, [LATERAL, RADIAL]]
     # Offset and camber do not grow with the speed, so they are removed before the acceleration is corrected.
-    lateral -= lateral.mean(axis=1, keepdims=True)
-    lateral *= _acceleration_gains(revolutions, axes.shape[2])
+    both -= both.mean(axis=2, keepdims=True)
+    both *= _acceleration_gains(revolutions, axes.shape[2])[:, np.newaxis]
     others = in_plane[:, ::-1, ORDERS.start : ORDERS.stop] * _SIGNS
     others[np.isnan(others)] = 0.0
-    result = np.empty((len(taken), 6, len(ORDERS)))
-    result[:, :2] = lateral_coefficients(lateral).reshape(-1, 2, len(ORDERS))
-    result[:, 2::2] = others.real
-    result[:, 3::2] = -others.imag
+    result = np.empty((len(taken), 8, len(ORDERS)))
+    result[:, :4] = lateral_coefficients(both).reshape(-1, 4, len(ORDERS))
+    result[:, 4::2] = others.real
+    result[:, 5::2] = -others.imag
     result /= np.square([revolution.omega_radps for revolution in revolutions])[:, np.newaxis, np.newaxis]
     carried = np.array([revolution.order_max for revolution in revolutions])
     if carried.min() < ORDERS.stop - 1:
         result *= np.asarray(ORDERS) <= carried[:, np.newaxis, np.newaxis]
     return result.reshape(len(taken), -1)
+
+
+def _unrolled(raw_m: FloatArray, tilts_rad: FloatArray) -> FloatArray:
+    """Return coefficients of the lateral axis, roll removed, and of the other axes, (m, 6 k), from the raw ones."""
+    lateral_m, radial_m = raw_m[:, :_SIZE], raw_m[:, _SIZE : 2 * _SIZE]
+    corrected = remove_roll(lateral_m, radial_m, tilts_rad[:, np.newaxis])
+    return np.concatenate([corrected, raw_m[:, 2 * _SIZE :]], axis=1)
 
 
 def _noise_variance(revolution: Revolution) -> float:
@@ -457,8 +497,8 @@ def _zero(angles: FloatArray, slope: FloatArray, before: int) -> float:
 class LateralEstimator(BlockEstimator):
     """Estimator of the lateral axis and its running average; no estimates without the axis."""
 
-    def __init__(self, horizon_revolutions: float) -> None:
-        self._average = LateralAverage(horizon_revolutions, RollCalibration())
+    def __init__(self, horizon_revolutions: float, tracker: TurnTracker | None = None) -> None:
+        self._average = LateralAverage(horizon_revolutions, RollCalibration(), tracker)
         super().__init__()
 
     def reset(self) -> None:

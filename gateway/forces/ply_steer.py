@@ -45,6 +45,7 @@ from gateway.forces.lateral_shape import (
     lateral_rows,
     slopes,
 )
+from gateway.forces.turn_tracker import TurnTracker
 
 NAMES: Final = tuple(f"ply_steer_{definition}_rad" for definition in DEFINITIONS)
 LINE_NAME: Final = "ply_steer_contact_line_rad"
@@ -158,7 +159,7 @@ class PlySteerEstimator(BlockEstimator):
     name = "ply-steer"
 
     def __init__(self) -> None:
-        self._average = LateralAverage(HORIZON_REVOLUTIONS, RollCalibration(OFFSET_STD_MPS2))
+        self._average = LateralAverage(HORIZON_REVOLUTIONS, RollCalibration(OFFSET_STD_MPS2), TurnTracker())
         super().__init__()
 
     def reset(self) -> None:
@@ -190,6 +191,7 @@ class PlySteerEstimator(BlockEstimator):
                     steps.roll[row],
                     steps.order_max[row],
                     steps.records[row],
+                    steps.turn_std_m[row],
                 )
             edges = contact_edges(block.averages.edges_rad[index], block.conditions[index])
             if isinstance(edges, Reason):
@@ -215,6 +217,7 @@ class PlySteerEstimator(BlockEstimator):
         """Return the estimates of revolutions with contact edges, at least one."""
         lateral_m = np.stack([measurement.followed.lateral_m for measurement in measured])
         states = _states(block, measured)
+        turn_std_m = np.array([measurement.followed.turn_std_m for measurement in measured])
         roll_std_rad = np.array(
             [_roll_error(measurement.followed.roll, block.conditions[measurement.index]) for measurement in measured]
         )
@@ -230,7 +233,7 @@ class PlySteerEstimator(BlockEstimator):
             assert self._renewed is not None
             rows = slice(first, first + len(values))
             values_rad[rows] = values[:, : len(_OF_SHAPE)]
-            stds_rad[rows] = self._renewed.stds_rad(roll_std_rad[rows])
+            stds_rad[rows] = self._renewed.stds_rad(roll_std_rad[rows], turn_std_m[rows])
             notes += [self._renewed.notes] * len(values)
             scatters_rad += [self._renewed.scatter_rad.tolist()] * len(values)
         square = np.square(0.5 * (states[:, 1] - states[:, 0]))
@@ -274,6 +277,7 @@ class _Followed:
         roll: latest calibration.
         order_max: highest order that the sampling has carried.
         record: returns all of the average.
+        turn_std_m: error of its first order, cosine and sine, by turns of the wheel.
     """
 
     count: int
@@ -282,6 +286,7 @@ class _Followed:
     roll: Roll
     order_max: int
     record: Callable[[], LateralRecord]
+    turn_std_m: tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -343,9 +348,11 @@ class _Renewed:
     state: FloatArray
     allowed: FloatArray
 
-    def stds_rad(self, roll_std_rad: FloatArray) -> FloatArray:
-        """Return the standard errors of the first six with k errors of the roll, (k, 6)."""
-        result: FloatArray = np.sqrt(self.variance_rad2 + np.square(np.multiply.outer(roll_std_rad, self.by_roll)))
+    def stds_rad(self, roll_std_rad: FloatArray, turn_std_m: FloatArray) -> FloatArray:
+        """Return the standard errors of the first six with k errors of the roll and (k, 2) of the first order."""
+        by_turn = np.square(turn_std_m) @ np.square(self.rows[: len(_OF_SHAPE), [0, len(ORDERS)]]).T
+        by_roll = np.square(np.multiply.outer(roll_std_rad, self.by_roll))
+        result: FloatArray = np.sqrt(self.variance_rad2 + by_roll + by_turn)
         return result
 
     def are_outdated(self, values_rad: FloatArray, states: FloatArray, counts: Sequence[int]) -> BoolArray:

@@ -407,6 +407,14 @@ class RollCalibration:
         """Change the prior standard error of the constant, from the next revolution on."""
         self._offset_std_mps2 = std_mps2
 
+    def expected(self, mean_radial_mps2: float) -> tuple[float, float]:
+        """Return the mean of the lateral axis that a straight revolution has, and its standard error, m/s^2."""
+        aa, ab, bb, *_ = self._sums
+        aa, bb = aa + self._roll_weight, bb + self._offset_std_mps2**-2
+        x = mean_radial_mps2
+        variance = (bb * x * x - 2.0 * ab * x + aa) / (aa * bb - ab * ab)
+        return math.tan(self._roll_rad) * x + self._offset_mps2, math.sqrt(max(variance, 0.0))
+
     def update(self, mean_lateral_mps2: float, mean_radial_mps2: float) -> None:
         """Add the means of one revolution as measured; ignored if the radial mean is not positive (AC coupling)."""
         if not (math.isfinite(mean_lateral_mps2) and mean_radial_mps2 > 0.0):

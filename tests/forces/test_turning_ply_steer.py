@@ -1,0 +1,60 @@
+"""Ply steer of a wheel that turns: corrected after straights, widened where only a steady turn was seen."""
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+
+from gateway.core.estimates.estimator import Estimate, Status
+from gateway.forces.lateral_belt import LateralBelt
+from gateway.forces.ply_steer import AHEAD_NAME, LINE_NAME, NAMES
+from gateway.ring.turning_wheel import HubMotion, turning_acceleration
+from tools.generators.lateral_signals import RADIUS_M, Sensor, lateral, radial, samples, through_pipeline
+
+SPEED_MPS = 65.0 / 3.6
+SENSOR = Sensor(noise_mg=5.0, road_mps2=0.5, seed=3)
+PLY_STEER = (AHEAD_NAME, LINE_NAME, NAMES[0])
+
+
+@cache
+def estimates(turn_radps: float, camber_radps: float, straights: int, slip_deg: float = 0.0) -> dict[str, Estimate]:
+    """Return the estimates after straights and 60 revolutions of a turn."""
+    ring = radial()
+    straight, turned = lateral(ring), lateral(ring, LateralBelt(), math.radians(slip_deg))
+    parts = [(straights, straight), (60, turned)] if straights else [(60, turned)]
+    values = samples(ring, parts, SENSOR)
+    omega = SPEED_MPS / RADIUS_M
+    phase = omega * np.arange(len(values)) / SENSOR.rate_hz - 0.7 * math.pi
+    moves = phase > math.pi * (2.0 * straights - 1.0)
+    motion = HubMotion(turn_radps=turn_radps, camber_radps=camber_radps, left_mps2=SPEED_MPS * turn_radps)
+    values += moves[:, np.newaxis] * turning_acceleration(phase, omega, RADIUS_M, motion)
+    values[:, 1] += moves * SPEED_MPS * turn_radps
+    return {estimate.name: estimate for estimate in through_pipeline(values, SENSOR, ["ply-steer"])[-1].estimates}
+
+
+@pytest.mark.parametrize("name", PLY_STEER)
+@pytest.mark.parametrize("straights", [0, 60])
+@pytest.mark.parametrize(
+    ("turn_radps", "camber_radps"), [(0.1, 0.0), (-0.1, 0.0), (0.3, 0.0), (0.0, 0.05), (0.0, -0.08)]
+)
+def test_turn_is_within_the_errors_of_ply_steer(
+    name: str, straights: int, turn_radps: float, camber_radps: float
+) -> None:
+    straight, turned = estimates(0.0, 0.0, straights)[name], estimates(turn_radps, camber_radps, straights)[name]
+    if turned.status is Status.VALID:
+        assert abs(turned.value - straight.value) < 2.5 * turned.std
+
+
+@pytest.mark.parametrize(("turn_radps", "camber_radps"), [(0.3, 0.0), (0.0, 0.05)])
+def test_turn_after_straights_is_removed(turn_radps: float, camber_radps: float) -> None:
+    straight, turned = estimates(0.0, 0.0, 60), estimates(turn_radps, camber_radps, 60)
+    for name in PLY_STEER:
+        assert turned[name].status is Status.VALID
+        assert math.degrees(turned[name].value - straight[name].value) == pytest.approx(0.0, abs=0.015)
+
+
+def test_turn_of_a_whole_recording_widens_the_errors() -> None:
+    straight, turned = estimates(0.0, 0.0, 0)[AHEAD_NAME], estimates(0.1, 0.0, 0)[AHEAD_NAME]
+    assert straight.std < math.radians(0.015)
+    assert turned.std > 3.0 * straight.std
