@@ -215,7 +215,9 @@ def _link_of(frame: _FrameAt, ticks_us: dict[int, dict[int, int]], head: int | N
     if not ahead_us:
         return head if head is not None else next(iter(ticks_us)) if len(ticks_us) == 1 else None
     link = min(ahead_us, key=lambda link: (abs(ahead_us[link] - _MAX_TICKS_BACK_US), link != head))
-    return link if ahead_us[link] <= _MAX_TICKS_AHEAD_US else None
+    # Where another link has sent nothing yet, the frame may be its first.
+    limit_us = _MAX_TICKS_AHEAD_US if all(ticks_us.values()) else 2 * _MAX_TICKS_BACK_US
+    return link if ahead_us[link] <= limit_us else None
 
 
 def _frames_in(data: bytes) -> Iterator[_FrameAt]:
