@@ -23,7 +23,8 @@ _MOST_PARAMETERS: Final = 8
 _MOST_LINES: Final = 700
 # What makes another path through a function.
 _BRANCHES: Final = (
-    ast.If, ast.For, ast.AsyncFor, ast.While, ast.ExceptHandler, ast.IfExp, ast.comprehension, ast.match_case, ast.Assert,
+    ast.If, ast.For, ast.AsyncFor, ast.While, ast.ExceptHandler, ast.IfExp, ast.comprehension, ast.match_case,
+    ast.Assert,
 )  # fmt: skip
 
 
