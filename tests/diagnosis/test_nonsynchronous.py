@@ -25,7 +25,7 @@ from tests.testkit.agreement import values_of
 
 RATE_HZ = 4000.0
 EFFECTS = [effect for effect in catalogue().values() if isinstance(effect, SpectrumEffect)]
-AT = {
+POSITIONS = {
     "road vibration": (1.3, 400.0, 2.2),
     "hub vibration": (0.7, 11.3, 5.0),
     "cavity resonance": (0.9, 222.0, 6.0, 0.7),
@@ -65,7 +65,7 @@ def values(result: TimeLocked, name: str) -> dict[str, tuple[float, float]]:
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.name)
 class TestEffects:
     def test_derivative(self, effect: SpectrumEffect) -> None:
-        frequency, position = np.arange(2.0, 1600.0), np.array(AT[effect.name])
+        frequency, position = np.arange(2.0, 1600.0), np.array(POSITIONS[effect.name])
         analytic = effect.density_derivative(conditions(), frequency, position)
         for number, parameter in enumerate(effect.parameters):
             step = np.zeros(len(position))
@@ -77,14 +77,14 @@ class TestEffects:
             assert np.abs(numeric - analytic[number]).max() < 1e-5 * np.abs(analytic[number]).max()
 
     def test_density_is_zero_at_zero_and_grows(self, effect: SpectrumEffect) -> None:
-        frequency, position = np.arange(0.05, 2e4, 0.1), np.array(AT[effect.name])
+        frequency, position = np.arange(0.05, 2e4, 0.1), np.array(POSITIONS[effect.name])
         assert not effect.density(conditions(), frequency, np.append(0.0, position[1:])).any()
         power = [effect.density(conditions(kmh), frequency, position).sum() for kmh in (50.0, 100.0)]
         growth = position[3] if effect.name == "cavity resonance" else 1.0
         assert power[1] / power[0] == pytest.approx(4.0**growth, rel=0.02)
 
     def test_power_matches_the_parameter(self, effect: SpectrumEffect) -> None:
-        frequency, position = np.arange(0.05, 2e4, 0.1), np.array(AT[effect.name])
+        frequency, position = np.arange(0.05, 2e4, 0.1), np.array(POSITIONS[effect.name])
         power = effect.density(conditions(65.0), frequency, position).sum(axis=1) * 0.1
         share = 0.5 if effect.name == "hub vibration" else 1.0
         assert power[list(effect.axes)] == pytest.approx(share * position[0] ** 2, rel=0.01)

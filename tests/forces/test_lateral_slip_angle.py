@@ -73,7 +73,7 @@ def first_half(slip_deg: float) -> float:
 
 
 ZIGZAG = ((60, 0.0), (12, 1.0), (12, 0.0), (12, -1.0), (12, 0.0))
-LEFT, RIGHT = slice(63, 70), slice(87, 94)
+LEFT_TURN, RIGHT_TURN = slice(63, 70), slice(87, 94)
 
 
 def mean_of(result: list[dict[str, Estimate]], where: slice, name: str) -> float:
@@ -83,13 +83,13 @@ def mean_of(result: list[dict[str, Estimate]], where: slice, name: str) -> float
 def test_apparent_slip_has_the_belts_share_and_direction() -> None:
     result = follow(drive(ZIGZAG), SlipAngleEstimator())
     straight, remainder, right = (
-        math.degrees(mean_of(result, where, NAMES[0])) for where in (slice(40, 58), LEFT, RIGHT)
+        math.degrees(mean_of(result, where, NAMES[0])) for where in (slice(40, 58), LEFT_TURN, RIGHT_TURN)
     )
     assert abs(straight) < 0.01
     assert 0.17 < remainder < 0.26
     assert -0.26 < right < -0.17
-    assert {e[NAMES[1]].value for e in result[LEFT]} == {1.0}
-    assert {e[NAMES[1]].value for e in result[RIGHT]} == {-1.0}
+    assert {e[NAMES[1]].value for e in result[LEFT_TURN]} == {1.0}
+    assert {e[NAMES[1]].value for e in result[RIGHT_TURN]} == {-1.0}
     assert np.mean([e[NAMES[1]].value == 0.0 for e in result[20:58]]) > 0.9
 
 
@@ -104,11 +104,11 @@ def test_apparent_slip_error_is_the_scatter() -> None:
 
 def test_slip_angle_follows_from_the_belts_share() -> None:
     result = follow(drive(ZIGZAG), SlipAngleEstimator(), calibration())
-    assert math.degrees(mean_of(result, LEFT, SLIP_NAME)) == pytest.approx(1.0, abs=0.12)
-    assert math.degrees(mean_of(result, RIGHT, SLIP_NAME)) == pytest.approx(-1.0, abs=0.12)
-    errors = [(e[SLIP_NAME].value - math.radians(1.0)) / e[SLIP_NAME].std for e in result[LEFT]]
+    assert math.degrees(mean_of(result, LEFT_TURN, SLIP_NAME)) == pytest.approx(1.0, abs=0.12)
+    assert math.degrees(mean_of(result, RIGHT_TURN, SLIP_NAME)) == pytest.approx(-1.0, abs=0.12)
+    errors = [(e[SLIP_NAME].value - math.radians(1.0)) / e[SLIP_NAME].std for e in result[LEFT_TURN]]
     assert np.abs(errors).max() < 3.5
-    assert {e[SLIP_NAME].status for e in result[LEFT]} == {Status.VALID}
+    assert {e[SLIP_NAME].status for e in result[LEFT_TURN]} == {Status.VALID}
     straight = result[57][SLIP_NAME]
     assert straight.scatter_std < straight.std
     assert straight.scatter_std == pytest.approx(np.std([e[SLIP_NAME].value for e in result[10:58]], ddof=1), rel=0.35)
@@ -150,8 +150,8 @@ def test_slip_beyond_the_law_is_invalid() -> None:
 def test_left_right_asymmetry_needs_ply_steer() -> None:
     result = follow(drive(ZIGZAG), SlipAngleEstimator())
     # One extremum at right slip, two at left, as in Fig. 2 of the paper.
-    assert mean_of(result, RIGHT, NAMES[2]) > 0.6
-    assert -0.65 < mean_of(result, LEFT, NAMES[2]) < -0.3
+    assert mean_of(result, RIGHT_TURN, NAMES[2]) > 0.6
+    assert -0.65 < mean_of(result, LEFT_TURN, NAMES[2]) < -0.3
     steered = result[-1][NAMES[3]]
     assert steered.status is Status.VALID
     assert steered.value > 0.15

@@ -30,9 +30,9 @@ def line_of(text: str, start: str) -> str:
 
 
 def test_rate_by_the_times_is_that_between_gaps(tmp_path: Path) -> None:
-    kept = np.ones(len(Z), bool)
-    kept[3000:6000] = False
-    text, _ = guessed(write_csv(tmp_path / "gap.csv", {"t": WHEEL.times_s[kept], "az": Z[kept]}))
+    is_present = np.ones(len(Z), bool)
+    is_present[3000:6000] = False
+    text, _ = guessed(write_csv(tmp_path / "gap.csv", {"t": WHEEL.times_s[is_present], "az": Z[is_present]}))
     assert "9600 Hz in its first rows, 3000 samples are missing in 1 gap" in line_of(text, "time_column")
 
 

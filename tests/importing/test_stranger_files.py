@@ -79,10 +79,12 @@ def test_uneven_stamps_of_blocks_propose_the_rate(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("rate_hz", [8000.0, 10000.0])
 def test_time_column_with_many_gaps_is_kept_with_their_number(tmp_path: Path, rate_hz: float) -> None:
-    kept = np.ones(len(AXES_G), bool)
-    kept[np.random.default_rng(9).permutation(np.arange(10, 7990, 2))[:200]] = False
+    is_present = np.ones(len(AXES_G), bool)
+    is_present[np.random.default_rng(9).permutation(np.arange(10, 7990, 2))[:200]] = False
     times_s = np.round(np.arange(len(AXES_G)) / rate_hz, 9)
-    path = write_csv(tmp_path / "gaps.csv", {"time": times_s[kept], **{n: c[kept] for n, c in COLUMNS.items()}})
+    path = write_csv(
+        tmp_path / "gaps.csv", {"time": times_s[is_present], **{n: c[is_present] for n, c in COLUMNS.items()}}
+    )
     text = guess_map(path)
     assert "200 samples are missing in 200 gaps" in line_of(text, 'time_column = "time"')
     assert imported(path, text).left_out == 200

@@ -41,8 +41,10 @@ class Drive:
     def to_road(self, time_s: np.ndarray, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
         """Return components along the wheel's axes along those of the road at time 0, (3, n)."""
         camber, yaw = self.at(self.camber, time_s), self.at(self.yaw, time_s)
-        left, up = y * np.cos(camber) - z * np.sin(camber), y * np.sin(camber) + z * np.cos(camber)
-        return np.array([x * np.cos(yaw) - left * np.sin(yaw), x * np.sin(yaw) + left * np.cos(yaw), up + 0.0 * x])
+        leftward, up = y * np.cos(camber) - z * np.sin(camber), y * np.sin(camber) + z * np.cos(camber)
+        return np.array(
+            [x * np.cos(yaw) - leftward * np.sin(yaw), x * np.sin(yaw) + leftward * np.cos(yaw), up + 0.0 * x]
+        )
 
     def place(self, time_s: np.ndarray) -> np.ndarray:
         """Return the place of the sensor on a rim, (3, n)."""
@@ -100,17 +102,17 @@ def test_place_within_the_wheel_may_be_of_any_belt() -> None:
     def local(time_s: np.ndarray) -> np.ndarray:
         return streamline(drive.at(drive.spin, time_s))
 
-    def place(time_s: np.ndarray) -> np.ndarray:
+    def path(time_s: np.ndarray) -> np.ndarray:
         hub = np.array([drive.at(row, time_s) for row in drive.path])
         return hub + drive.to_road(time_s, *local(time_s))
 
     for time_s in (0.0, 0.02, 0.09):
         motion = drive.motion(time_s)
-        here = local(np.array([time_s])).T
+        position_m = local(np.array([time_s])).T
         velocity = second_derivative(local, time_s, order=1)[np.newaxis]
         within = second_derivative(local, time_s)
-        read = added_by_motion(motion, here, velocity)[0] + within + motion.force_mps2(gravity_mps2=0.0)
-        positioned = second_derivative(place, time_s)
+        read = added_by_motion(motion, position_m, velocity)[0] + within + motion.force_mps2(gravity_mps2=0.0)
+        positioned = second_derivative(path, time_s)
         axes = [drive.to_road(np.array([time_s]), *row[:, np.newaxis])[:, 0] for row in np.eye(3)]
         np.testing.assert_allclose(read, axes @ positioned, atol=1e-9 * RADIUS_M * OMEGA**2)
 

@@ -102,16 +102,16 @@ def attacked(frames: Sequence[bytes], running: bool, seconds: int) -> Attacker:
 class Withholder(Hub):
     """A hub behind someone who keeps the first command of a gateway, and delivers it in place of the next one."""
 
-    kept: bytes | None = None
+    delayed: bytes | None = None
     delivers = False
 
     def send(self, data: bytes) -> None:
         if not is_signed(data):
             super().send(data)
-        elif self.delivers and self.kept is not None:
-            super().send(self.kept)
+        elif self.delivers and self.delayed is not None:
+            super().send(self.delayed)
         else:
-            self.kept = data
+            self.delayed = data
 
 
 def test_command_kept_back_is_not_taken_for_the_next_one() -> None:

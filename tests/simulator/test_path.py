@@ -40,8 +40,8 @@ def read(plan: WheelPlan, seconds: float = 0.4) -> np.ndarray:
 
 
 def test_outer_wheels_of_a_curve_are_faster_by_yaw_rate_times_track() -> None:
-    left, right = plans("yaw_rate_degps = 12.0\ntrack_m = 1.6")
-    speeds = [float(plan.motion.at(np.array([3.0])).speed_mps[0]) for plan in (left, right)]
+    inner, outer = plans("yaw_rate_degps = 12.0\ntrack_m = 1.6")
+    speeds = [float(plan.motion.at(np.array([3.0])).speed_mps[0]) for plan in (inner, outer)]
     assert speeds[1] - speeds[0] == pytest.approx(math.radians(12.0) * 1.6)
     assert sum(speeds) / 2.0 == pytest.approx(15.0)
     back = plans('yaw_rate_degps = 12.0\ntrack_m = 1.6\ndirection = "reverse"')
@@ -82,8 +82,8 @@ def test_grade_and_bank_turn_gravity() -> None:
     time_s = np.arange(len(added)) / plan.sample_rate_hz
     whole = time_s < 6 * math.tau * plan.radius_m / 15.0
     angle = 15.0 / plan.radius_m * time_s[whole]
-    forward, left = 9.80665 * math.sin(math.radians(10.0)), 9.80665 * math.sin(math.radians(4.0))
-    assert added[whole, 1].mean() == pytest.approx(left, rel=0.03)
+    forward, leftward = 9.80665 * math.sin(math.radians(10.0)), 9.80665 * math.sin(math.radians(4.0))
+    assert added[whole, 1].mean() == pytest.approx(leftward, rel=0.03)
     # Uphill the sensor reads forward; at the contact it travels backward.
     assert 2.0 * (added[whole, 0] * np.cos(angle)).mean() == pytest.approx(-forward, rel=0.1)
     assert 2.0 * (added[whole, 2] * np.sin(angle)).mean() == pytest.approx(forward, rel=0.1)

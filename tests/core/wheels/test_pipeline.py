@@ -118,9 +118,9 @@ def test_revolutions_of_a_file_wait_for_a_silent_wheel_for_two_holds_at_most(fou
     of_wheel = [result for result in came if result.position == "W0"]
     assert len(of_wheel) > 3
     # What is left ends with the samples, in a contact that only the end of the file completes.
-    left = [result for result in pipeline.finish() if result.position == "W0"]
-    assert all(result.revolution.start_s > of_wheel[-1].revolution.start_s for result in left)
-    assert len(left) <= 1
+    last = [result for result in pipeline.finish() if result.position == "W0"]
+    assert all(result.revolution.start_s > of_wheel[-1].revolution.start_s for result in last)
+    assert len(last) <= 1
 
 
 def test_batch_equals_live_on_bad_link(four_wheels):
@@ -446,12 +446,12 @@ def with_hellos(frames):
 @pytest.mark.parametrize("run", [run_live, run_batch])
 def test_sensors_that_share_a_wheel_number_leave_nothing_valid(roll, to_frames, run) -> None:
     signal = roll(65.0, 10.0).radial_mps2
-    own, other = (
+    frames, other = (
         list(with_hellos(to_frames(signal, sensor_id=serial, start_us=start_us)))
         for serial, start_us in ((1, 0), (2, 3_000_000))
     )
-    shared = sorted(own + other, key=lambda frame: frame.tick_us)
-    exchanged = [frame for frame in own if frame.tick_us < 3_000_000] + other
+    shared = sorted(frames + other, key=lambda frame: frame.tick_us)
+    exchanged = [frame for frame in frames if frame.tick_us < 3_000_000] + other
     results, _ = run(stream(shared))
     late = [result for result in results if result.revolution.start_s > 7.0]
     assert late
