@@ -45,7 +45,7 @@ from gateway.core.recording.regular_file import open_recording_file
 from gateway.core.recording.run_description import NO_DESCRIPTION, RunDescription, parse_description, read_notes
 from gateway.core.writing_lock import is_being_written
 
-# Those of `import`, which is a layer above, and the first bytes of its formats that have some.
+# Those of `import`, which is a feature, and the first bytes of its formats that have some.
 MEASUREMENT_SUFFIXES: Final = frozenset(
     {
         ".csv",
@@ -58,6 +58,12 @@ MEASUREMENT_SUFFIXES: Final = frozenset(
         ".hdf5",
         ".mf4",
         ".mdf",
+        ".nc4",
+        ".npy",
+        ".npz",
+        ".raw",
+        ".vbo",
+        ".wav",
         ".parquet",
         ".pq",
         ".tdms",
