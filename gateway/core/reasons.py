@@ -94,7 +94,7 @@ class Code(Enum):
         "no contact with the road is seen: the radial axis has a mean of {mean_mps2:.0f m/s²} and never falls below "
         "{lowest_mps2:.0f m/s²}. A sensor on the rim, or a wheel without load?"
     )
-    NO_FRAME_RECEIVED = "no frame was received, so there is nothing to estimate"
+    NO_FRAME_RECEIVED = "no frame was received that can be used, so there is nothing to estimate"
     NO_REVOLUTION = "no revolution in {duration_s:.1f s} of samples: {why}"
     NO_SAMPLES = "no samples were received"
     RADIAL_AT_RANGE_END = (

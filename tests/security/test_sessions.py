@@ -15,6 +15,7 @@ from firmware_protocol.codec import encode_frame
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Frame, Hello, MessageType, SampleBlock
 from firmware_protocol.signing import is_signed
+from firmware_protocol.wire import TYPE_OFFSET
 from gateway.core.clock import ManualClock
 from gateway.core.config.vehicle import VehicleConfig, parse_vehicle
 from gateway.core.errors import ConfigError, TreadlinkError
@@ -24,6 +25,7 @@ from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.writer import RecordingWriter
 from gateway.core.session.core import SessionCore
 from gateway.core.session.frame_guard import GuardWatch
+from gateway.core.session.missing_results import missing_frames
 from gateway.core.session.recording_pass import RecordingPass, open_recording
 from gateway.core.text.wording import notice_text, text
 from gateway.security.cmac import SecurityError
@@ -32,7 +34,7 @@ from gateway.security.guard import open_guard
 from gateway.security.key_file import KeyFile, counters_file
 from tests.testkit.agreement import values_of
 from tests.testkit.commands import invoked
-from tools.generators.security_attacks import Sender, downgraded, forged, guard, hello
+from tools.generators.security_attacks import Sender, downgraded, forged, guard, hello, with_crc
 
 ROOT = Path(__file__).parents[2]
 NAMES = ("0000a001", "0000a002", "0000a003", "0000a004", "0000b001", "5452454144000000")
@@ -325,6 +327,31 @@ def test_before_and_beside_a_verified_source_warn_lets_unsigned_frames_pass() ->
     assert not gate(downgraded(STREAM[0]))
     assert watching.take_notices()[-1].reason["consequence"] == Reason(Code.FRAMES_IGNORED)
     assert gate(downgraded(unsigned.hello(1)))
+
+
+@pytest.mark.parametrize(
+    ("policy", "consequence", "missing"),
+    [
+        ("warn", Code.FRAMES_USED, Reason(Code.NO_FRAME_RECEIVED)),
+        ("require", Code.FRAMES_IGNORED, Reason(Code.ALL_FRAMES_REFUSED, count=40)),
+    ],
+)
+def test_frames_without_use_are_called_rejected_only_where_they_were(
+    policy: str, consequence: Code, missing: Reason, tmp_path: Path
+) -> None:
+    keys = KeyFile(tmp_path / "keys")
+    keys.make("0000a001")
+    keys.save()
+    config = vehicle(policy)
+    core = SessionCore(config, guard=open_guard(config, tmp_path / "keys", remembers=False))
+    # Unsigned, and of a type that this version does not know.
+    plain = bytearray(downgraded(STREAM[0]))
+    plain[TYPE_OFFSET] = 0x7F
+    core.take(Chunk("link", 1, 40 * with_crc(bytes(plain))))
+    core.finish()
+    said = [notice.reason for notice in core.take_notices() if "consequence" in dict(notice.reason.values)]
+    assert {reason["consequence"] for reason in said} == {Reason(consequence)}
+    assert [notice.reason for notice in missing_frames(core.frame_counts())] == [missing]
 
 
 def vehicle(policy: str) -> VehicleConfig:

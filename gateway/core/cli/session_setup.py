@@ -23,7 +23,7 @@ from gateway.core.reasons import Notice
 from gateway.core.recording.run_description import NO_DESCRIPTION, RunDescription
 from gateway.core.recording.split_writer import Split, SplitWriter
 from gateway.core.session.live import LiveSession
-from gateway.core.session.missing_results import FrameCounts, missing_frames, missing_revolutions
+from gateway.core.session.missing_results import missing_frames, missing_revolutions
 from gateway.core.session.publication import LiveOutputs
 from gateway.core.session.session_opening import OpenedSession, open_session
 from gateway.core.session.session_parts import default_key_file, open_outputs, output_files
@@ -269,7 +269,7 @@ def end_session(session: RunningSession, write: Callable[[str], None]) -> tuple[
         removed = session.opened.remove_empty_recording()
     if failure is not None and not any(link.frames for link in snapshot.links):
         raise failure
-    links = {link.link: FrameCounts(link.frames, sum(link.judged.values())) for link in snapshot.links}
+    links = session.live.core.frame_counts()
     no_frames, no_revolutions = missing_frames(links), missing_revolutions(snapshot.wheels, links)
     if session.publisher is not None and session.publisher.is_output_closed:
         return no_frames, no_revolutions  # its reader wants nothing more

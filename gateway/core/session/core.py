@@ -32,7 +32,7 @@ from gateway.core.session.frame_guard import FrameGuard, GuardWatch
 from gateway.core.session.hub_log import HubLog
 from gateway.core.session.latency import Latency
 from gateway.core.session.link_health import LinkHealth, hub_name
-from gateway.core.session.missing_results import long_missing
+from gateway.core.session.missing_results import FrameCounts, long_missing
 from gateway.core.session.recent_loss import RecentLoss
 from gateway.core.session.recording_stage import Recorder, Stage
 from gateway.core.session.session_parts import VehicleSignals, open_vehicle_signals
@@ -80,6 +80,11 @@ class _Link:
     status: HubStatus | None = None
     connected_rssi_dbm: int | None = None
     queue_dropped: Mapping[Stage, int] = field(default_factory=dict)
+
+    @property
+    def frames(self) -> int:
+        """Frames that were used, of hubs or of the vehicle's bus."""
+        return self.decoder.counters.frames if self.vehicle_frames is None else self.vehicle_frames
 
 
 class SessionCore:
@@ -391,6 +396,10 @@ class SessionCore:
             elapsed_s, wheels, links, alarms, notices, *self.recording.path_and_size, ended, records, sinks, disk
         )
 
+    def frame_counts(self) -> dict[str, FrameCounts]:
+        """Return the frames of each link that were used, and those that its gate has rejected."""
+        return {name: FrameCounts(link.frames, link.decoder.counters.refused) for name, link in self._links.items()}
+
     def false_statements(self) -> list[Notice]:
         """Return what hubs stated against what they sent, with the present counts, for the summary."""
         return self._statements.contradictions()
@@ -418,7 +427,7 @@ class SessionCore:
             connected=link.connected,
             note=link.note,
             bytes_received=link.bytes_received,
-            frames=counters.frames if link.vehicle_frames is None else link.vehicle_frames,
+            frames=link.frames,
             crc_errors=counters.crc_errors,
             noise_bytes=counters.noise_bytes,
             frames_lost=counters.lost,
