@@ -176,6 +176,10 @@ class Code(Enum):
     NOT_SETTLED = "settling: {revolutions:.0f} of {needed:.0f} revolutions"
     REVOLUTION_NOT_USED = "this revolution was not used: {faults}"
     SIGNAL_MISSING = "it was not received lately"
+    SIGNAL_OUTSIDE_RECORDING = (
+        "its values are {away_s:.2f days} {side} the recording's first revolution, as in a log of another date: "
+        "{shift_s:+.0f s}, added to `offset_s` of its source, makes both begin together"
+    )
     SPEED_OR_RADIUS_UNKNOWN = "the angular speed or the belt radius is not known"
     TOO_FEW_ORDERS = "only {orders:.0f} orders, {needed:.0f} are needed: the sampling is too slow for this speed"
     # Of what the signal says against what is stated

@@ -193,6 +193,7 @@ RECEIVER_SIGNALS: Final = tuple(
     for quantity, suffix in _RECEIVED
 )
 """Signals of a positioning receiver."""
+_RECEIVED_KEYS: Final = frozenset(signal.key for signal in RECEIVER_SIGNALS)
 
 
 class SignalValue(NamedTuple):
@@ -281,6 +282,14 @@ class SignalHistory:
         """Return whether a value was received by then."""
         first_ns = self._first_ns.get(key)
         return first_ns is not None and first_ns <= at_ns
+
+    def span_ns(self, key: str) -> tuple[int, int] | None:
+        """Return the first and the last time of what came with a signal, by bus or receiver; None without it."""
+        if key not in self._first_ns:
+            return None
+        is_received = key in _RECEIVED_KEYS
+        beside = [begun for begun in self._first_ns if (begun in _RECEIVED_KEYS) is is_received]
+        return min(map(self._first_ns.__getitem__, beside)), max(self._times_ns[begun][-1] for begun in beside)
 
     def of_wheel(self, position: str) -> Iterator[VehicleSignal]:
         """Yield the signals of the vehicle and of one wheel."""

@@ -36,6 +36,8 @@ _FEWEST: Final = 8
 _LEAST_RADPS: Final = 3.0
 # A receiver filters its speed and sends it up to this much later: a speed that changes is not that of the revolution.
 _RECEIVER_DELAY_S: Final = 0.3
+# A signal whose values all lie farther than this from the revolutions is not late, but of another date.
+_OUTSIDE_NS: Final = 600_000_000_000
 _MISSED_CONTACTS: Final = (2.0, 3.0)
 
 
@@ -61,6 +63,7 @@ class VehicleJoin:
         """Join with a history that someone else fills."""
         self.history = history
         self._wheels: dict[str, _Wheel] = {}
+        self._begin_ns: int | None = None
 
     def joined(self, result: RevolutionResult) -> RevolutionResult:
         """Return a result with the signals at the middle of its revolution as further estimates.
@@ -69,6 +72,8 @@ class VehicleJoin:
         """
         revolution = result.revolution
         at_ns = result.host_ns - round(0.5e9 * revolution.period_s)
+        if self._begin_ns is None:
+            self._begin_ns = at_ns
         wheel = self._wheels.setdefault(result.position, _Wheel({}))
         added: list[Estimate] = []
         for signal in self.history.of_wheel(result.position):
@@ -77,7 +82,7 @@ class VehicleJoin:
             if reading is None:
                 if signal in RECEIVER_SIGNALS and not self.history.has_begun(signal.key, result.host_ns):
                     continue  # there may be no receiver
-                missing = Reason(Code.SIGNAL_MISSING)
+                missing = self._missing(signal.key, at_ns)
                 added += [Estimate.invalid(signal.name, missing), Estimate.invalid(age_name, missing)]
                 continue
             added.append(Estimate(signal.name, reading.value, signal.std(reading.value), Status.VALID))
@@ -89,6 +94,18 @@ class VehicleJoin:
             evidence = Evidence.of_contradictions(wheel.contradictions)
             estimates = tuple(evidence.qualified(estimate) for estimate in estimates)
         return replace(result, estimates=(*estimates, *added))
+
+    def _missing(self, key: str, at_ns: int) -> Reason:
+        """Return why a signal has no value: its log may be of another date than the recording."""
+        span_ns, begin_ns = self.history.span_ns(key), at_ns if self._begin_ns is None else self._begin_ns
+        if span_ns is None:
+            return Reason(Code.SIGNAL_MISSING)
+        first_ns, last_ns = span_ns
+        away_ns, side = max((begin_ns - last_ns, "before"), (first_ns - at_ns, "after"))
+        if away_ns < _OUTSIDE_NS:
+            return Reason(Code.SIGNAL_MISSING)
+        shift_s = round((begin_ns - first_ns) * 1e-9)
+        return Reason(Code.SIGNAL_OUTSIDE_RECORDING, away_s=away_ns * 1e-9, side=side, shift_s=shift_s)
 
     def alarms(self) -> Iterator[Alarm]:
         """Yield an alarm for each contradiction that stands."""

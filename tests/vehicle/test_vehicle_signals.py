@@ -5,6 +5,7 @@ import itertools
 import json
 import math
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import can
@@ -20,6 +21,7 @@ from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.writer import RecordingWriter
 from gateway.core.session.core import SessionCore
 from gateway.core.session.recording_pass import OpenedRecording, RecordingPass
+from gateway.core.text.wording import text
 from gateway.vehicle.bus_decoding import BusDecoder
 from gateway.vehicle.signal_decoding import SignalDecoder, open_decoder
 from gateway.vehicle.vehicle_signals import (
@@ -181,6 +183,28 @@ def test_silent_bus_leaves_its_signals_unknown(wheel) -> None:
     assert values(results[3])["steering_angle_rad"].status == "valid"
     late = values(results[-1])["steering_angle_rad"]
     assert (late.status, late.reasons[0].code) == ("invalid", Code.SIGNAL_MISSING)
+
+
+@pytest.mark.parametrize(
+    ("days", "said"), [(-67, "67.00 days before the recording"), (3, "3.00 days after the recording")]
+)
+def test_log_of_another_date_says_how_far_it_is_and_offers_the_offset(wheel, days: int, said: str) -> None:
+    items, vehicle = drive(wheel)
+    bus = [item for item in items if isinstance(item, BusFrames)]
+    moved = [replace(item, host_ns=item.host_ns + days * 86_400 * 10**9) for item in bus]
+    # As live: the log plays beside the wheel, whatever its times are.
+    beside = dict(zip(map(id, bus), moved, strict=True))
+    results = estimated([beside.get(id(item), item) for item in items], vehicle)
+    signal = values(results[-1])["steering_angle_rad"]
+    (reason,) = signal.reasons
+    assert (signal.status, reason.code) == ("invalid", Code.SIGNAL_OUTSIDE_RECORDING)
+    assert said in text(reason)
+    assert values(results[-1])["brake_pressure_pa"].reasons == (reason,), "one line for the whole log"
+    assert reason["shift_s"] == pytest.approx(-days * 86_400, abs=1)
+    assert f"{reason['shift_s']:+d} s, added to `offset_s`" in text(reason)
+    shifted = [replace(item, host_ns=item.host_ns + reason["shift_s"] * 10**9) for item in moved]
+    again = estimated(merged(wheel[0], shifted), vehicle)
+    assert values(again[3])["steering_angle_rad"].status == "valid"
 
 
 @pytest.fixture
