@@ -6,9 +6,9 @@ import re
 import shutil
 import signal
 import socket
+import struct
 import subprocess
 import sys
-import wave
 from pathlib import Path
 
 import numpy as np
@@ -128,7 +128,7 @@ def test_doctor_lists_plugins(example: Path) -> None:
         "plug-in udp": ("ok", "sources of treadlink-example 0.1.0"),
         "plug-in rotation": ("ok", "estimators of treadlink-example 0.1.0"),
         "plug-in cross-axis": ("ok", "effects of treadlink-example 0.1.0"),
-        "plug-in wav": ("ok", "importers of treadlink-example 0.1.0"),
+        "plug-in acc": ("ok", "importers of treadlink-example 0.1.0"),
         "plug-in graphite": ("ok", "sinks of treadlink-example 0.1.0"),
     }
 
@@ -258,12 +258,10 @@ def test_importer_of_a_plugin_reads_its_files(example: Path, tmp_path: Path) -> 
     rate_hz, turns_per_s = 9600, 9.0
     angle_rad = 2 * np.pi * turns_per_s * np.arange(3 * rate_hz) / rate_hz
     counts = np.round(95_000 * np.minimum(1.0, np.abs((angle_rad % (2 * np.pi)) / np.pi - 1.0) * 8)).astype("<i4")
-    with wave.open(str(tmp_path / "run.wav"), "wb") as file:
-        file.setparams((1, 4, rate_hz, len(counts), "NONE", ""))
-        file.writeframes(counts.tobytes())
+    (tmp_path / "run.acc").write_bytes(struct.pack("<4sII", b"ACC1", rate_hz, 1) + counts.tobytes())
     (tmp_path / "run.toml").write_text(MAP)
     out = tmp_path / "run.mcap"
-    arguments = ("import", str(tmp_path / "run.wav"), "--map", str(tmp_path / "run.toml"), "--out", str(out))
+    arguments = ("import", str(tmp_path / "run.acc"), "--map", str(tmp_path / "run.toml"), "--out", str(out))
     assert treadlink(*arguments, folders=(), check=False).returncode == 1
     done = treadlink(*arguments, folders=(example,))
     assert f"{len(counts)} samples, 3 s at 9600 Hz" in done.stdout

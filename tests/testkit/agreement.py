@@ -13,7 +13,7 @@ from gateway.core.estimates.results import RevolutionResult
 
 _CONDITIONS = [field.name for field in dataclasses.fields(TireConditions) if field.name != "sensor_offset_m"]
 # Largest difference over the standard error.
-TOLERANCE = 1e-9
+TOLERANCE = 2e-9
 
 
 def assert_agree(some: Sequence[RevolutionResult], others: Sequence[RevolutionResult]) -> None:

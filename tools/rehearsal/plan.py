@@ -74,7 +74,11 @@ EXPECTED: Final = {
     Kind.RECEIVER: Expectation(_of(AlarmName.SILENT)),
     Kind.POSITION: Expectation(_of(AlarmName.SILENT)),
     Kind.BROKER: Expectation(_of(AlarmName.PUBLISHING)),
-    Kind.DISK: Expectation(_of(Code.RECORDING_STOPPED), _of(Code.RECORDING_BEGUN), loses=True),
+    Kind.DISK: Expectation(
+        _of(Code.RECORDING_STOPPED),
+        _of(Code.RECORDING_BEGUN, AlarmName.STOPPED, Code.RECORDING_PART_REFUSED),
+        loses=True,
+    ),
     Kind.CLOCK: Expectation(_of(Code.SYSTEM_TIME_SET)),
     Kind.PAUSE: Expectation(_of(Code.COMPUTER_PAUSED), _of(AlarmName.LOSS), loses=True),
 }

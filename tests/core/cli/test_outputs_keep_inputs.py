@@ -140,7 +140,11 @@ def test_existing_files_are_never_overwritten(files: Path, line: str) -> None:
 @pytest.mark.parametrize("command", ["diagnose", "estimate"])
 def test_default_key_file_is_never_overwritten(files: Path, command: str, monkeypatch: pytest.MonkeyPatch) -> None:
     # A command asks for it in its own module or where it runs.
-    for position in ("gateway.diagnosis.commands.diagnose", "gateway.security.key_file"):
+    for position in (
+        "gateway.diagnosis.commands.diagnose",
+        "gateway.security.key_file",
+        "gateway.core.session.session_parts",
+    ):
         monkeypatch.setattr(f"{position}.default_key_file", lambda: Path("keys").resolve())
     result = invoked(f"{command} rec.mcap --json keys --force")
     assert "is an input" in str(result.exception)
