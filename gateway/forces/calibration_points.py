@@ -130,7 +130,7 @@ def fit_lines(points: Sequence[TirePoint], fit: LoadFit, reference: ReferenceNum
         f"{law.pressure_exponent:+.3f} ln(pressure / {1e-3 * law.pressure_pa:.1f} kPa), "
         f"x = ln(half angle / {law.half_angle_rad:.4f} rad)",
         *_exponent_lines(fit),
-        f"standard error {law.relative_std:.1%}"
+        f"standard error {100.0 * law.relative_std:.1f} %"
         + (
             ""
             if fit.is_error_measured
@@ -138,7 +138,8 @@ def fit_lines(points: Sequence[TirePoint], fit: LoadFit, reference: ReferenceNum
         ),
         f"valid for {low:.0f} to {high:.0f} N at {1e-3 * law.pressure_pa:.0f} kPa, "
         f"{1e-3 * law.pressure_range_pa[0]:.0f} to {1e-3 * law.pressure_range_pa[1]:.0f} kPa, at the present wear",
-        f"bending stiffness falls by {reference.softening_per_k:.2%} ± {reference.softening_std_per_k:.2%} per kelvin"
+        f"bending stiffness falls by ({100.0 * reference.softening_per_k:.2f} ± "
+        f"{100.0 * reference.softening_std_per_k:.2f}) % per kelvin"
         + (
             "" if is_softening_measured(reference) else " (assumed; recordings of the same tires 20 K apart measure it)"
         ),

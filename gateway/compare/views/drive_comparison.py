@@ -57,7 +57,7 @@ def comparison_lines(first: Drive, second: Drive, differences: Sequence[MeanDiff
     significant = sum(difference.is_significant for difference in differences)
     yield (
         f"{significant} of {counted(len(differences), 'difference')} marked * are significant: were there none, chance "
-        f"would mark any of them with a probability of {FALSE_ALARM:.0%}"
+        f"would mark any of them with a probability of {100.0 * FALSE_ALARM:.0f} %"
     )
 
 

@@ -172,10 +172,10 @@ def _rings(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, Any]]])
         # A key that a wheel takes over from [tire] is compared there.
         is_compared = bool({"radius_mm", "ring_thickness_mm"} & stated.keys())
         if is_compared and _is_within(radius, _RADIUS_MM) and thickness > _MAX_RING_SHARE * radius:
-            key, problem = "ring_thickness_mm", f"up to {_MAX_RING_SHARE:.0%} of radius_mm = {show(radius)}"
+            key, problem = "ring_thickness_mm", f"up to {100.0 * _MAX_RING_SHARE:.0f} % of radius_mm = {show(radius)}"
             if key not in stated:
                 key = "radius_mm"
-                problem = f"at most {_MAX_RING_SHARE:.0%} of it is ring_thickness_mm = {show(thickness)}"
+                problem = f"at most {100.0 * _MAX_RING_SHARE:.0f} % of it is ring_thickness_mm = {show(thickness)}"
             yield Fault(f"{name}.{key}", show(tire[key]), f"allowed: {problem}")
         if {"wear_mm", "ring_thickness_mm"} & stated.keys() and _is_number(wear) and wear >= thickness:
             key, problem = "wear_mm", f"less than ring_thickness_mm = {show(thickness)}, that of the new ring"

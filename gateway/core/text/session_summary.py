@@ -21,7 +21,7 @@ from gateway.core.estimates.results import (
 from gateway.core.reasons import Code, Reason
 from gateway.core.revolutions.effect_correction import CorrectionTable
 from gateway.core.text.numbers import MISSING, age, duration, fixed, percent, show
-from gateway.core.text.readout import DISTANCE
+from gateway.core.text.readout import DISTANCE, SPEED
 from gateway.core.text.text import counted, filled, pad, width
 from gateway.core.text.wording import joined, text
 
@@ -212,12 +212,21 @@ def alarm_line(alarm: AlarmRecord) -> str:
 
 def _wheel_lines(wheel: WheelSummary) -> list[str]:
     rows: list[_Row] = [("revolutions", str(wheel.revolutions), _revolutions_note(wheel))]
-    span = f"{fixed(wheel.speed_min_mps, 2, 3.6)} to {fixed(wheel.speed_max_mps, 2, 3.6)} km/h"
-    rows.append(("mean speed", f"{fixed(wheel.speed_mean_mps, 3, 3.6)} km/h", span))
+    rows.append(_mean_speed_row(wheel))
     took = f"in {duration(wheel.rolling_s) if wheel.rolling_s >= 60 else fixed(wheel.rolling_s, 2) + ' s'}"
     rolled = next((show(estimate) for estimate in wheel.estimates if estimate.name == DISTANCE), None)
-    if rolled is None or rolled.status is Status.INVALID or DISTANCE in wheel.stale:
+    if rolled is None:
         rows.append(("distance", f"{fixed(wheel.distance_m, 1)} m", took))
+    elif rolled.status is Status.INVALID:
+        rows.append(("distance", MISSING, f"{took}; invalid: {rolled.reason}"))
+    elif (stale := wheel.stale.get(DISTANCE)) is not None:
+        rows.append(
+            (
+                "distance",
+                f"{fixed(wheel.distance_m, 1)} m",
+                f"{took}; invalid since revolution {stale.revolution + 1}: {joined(stale.reasons)}",
+            )
+        )
     else:
         rows.append(("distance", rolled.text(), "; ".join(filter(None, (took, rolled.reason)))))
     rows.append(("samples lost", _share(wheel.lost_fraction), _samples_note(wheel)))
@@ -232,6 +241,19 @@ def _wheel_lines(wheel: WheelSummary) -> list[str]:
     blocks = [_row_lines(row, label_width, value_width, note_width) for row in every]
     lines = [[line for block in part for line in block] for part in (blocks[: len(rows)], blocks[len(rows) :])]
     return [wheel.position, *lines[0], *(["  at the end:"] if last else []), *lines[1]]
+
+
+def _mean_speed_row(wheel: WheelSummary) -> _Row:
+    """Return the mean speed with its span, and with the status of the speed; why is said where the speed stands."""
+    speed = next((estimate for estimate in wheel.estimates if estimate.name == SPEED), None)
+    if speed is not None and speed.status is Status.INVALID:
+        return "mean speed", MISSING, "invalid"
+    note = f"{fixed(wheel.speed_min_mps, 2, 3.6)} to {fixed(wheel.speed_max_mps, 2, 3.6)} km/h"
+    if (stale := wheel.stale.get(SPEED)) is not None:
+        note = f"{note}; invalid since revolution {stale.revolution + 1}"
+    elif speed is not None and speed.status is Status.PROVISIONAL:
+        note = f"{note}; provisional"
+    return "mean speed", f"{fixed(wheel.speed_mean_mps, 3, 3.6)} km/h", note
 
 
 def _row_lines(row: _Row, label_width: int, value_width: int, note_width: int) -> list[str]:

@@ -87,6 +87,8 @@ class _Template(string.Formatter):
         if unit:
             return f"{_unsigned_zero(format(value * _UNITS[unit], number))} {unit}"
         shown = format(value, format_spec)
+        if format_spec.endswith("%"):
+            shown = f"{shown[:-1]} %"
         return _unsigned_zero(shown) if isinstance(value, float) else shown
 
 

@@ -222,6 +222,7 @@ class _Step(NamedTuple):
         floor: gain of an AC-coupled sensor from the contact; None before the first.
         measured: for the evidence; None before the first revolution.
         against: whether the circumferential axis points against the rolling direction.
+        has_along: whether there is a circumferential axis that moves.
     """
 
     refused: Reason | None
@@ -233,6 +234,7 @@ class _Step(NamedTuple):
     floor: Estimate | None
     measured: Measured | None
     against: bool = False
+    has_along: bool = False
 
 
 _START: Final = _Step(None, 0, np.zeros(_SUMS), None, None, 0.0, None, None)
@@ -652,7 +654,9 @@ class SelfCalibrationEstimator(BlockEstimator):
                 roll_by_mean_rad=self._roll_by_mean,
                 tilt=tilt,
             )
-            steps.append(_Step(None, count, sums[row], pitch, offset, warm[row], floor, measured, against))
+            steps.append(
+                _Step(None, count, sums[row], pitch, offset, warm[row], floor, measured, against, self._has_along)
+            )
         self._last = steps[-1]
         return steps
 
@@ -702,7 +706,7 @@ def _mounting(
 
 def _mounting_estimates(conditions: TireConditions, step: _Step, unsure: float) -> tuple[Estimate, Estimate]:
     if step.pitch is None or step.offset is None:
-        reason = step.refused or _why_without(step.measured)
+        reason = step.refused or _why_without(step)
         return Estimate.invalid(NAMES[4], reason), Estimate.invalid(NAMES[5], reason)
     doubt = step.refused or _unsettled(step)
     value, std = step.offset
@@ -718,11 +722,14 @@ def _mounting_estimates(conditions: TireConditions, step: _Step, unsure: float) 
     return _estimate(NAMES[4], step.pitch, doubt), offset
 
 
-def _why_without(measured: Measured | None) -> Reason:
-    """Return why there is no estimate from the circumferential axis."""
-    gravity = None if measured is None else measured.along_gravity
+def _why_without(step: _Step) -> Reason:
+    """Return why there is no estimate from the circumferential axis after a revolution that was used."""
+    gravity = None if step.measured is None else step.measured.along_gravity
     if gravity is not None and gravity.is_absent:
         return gravity_absent(gravity)
+    if step.has_along:
+        # The acceleration is not known in the first revolution, so the axis says nothing of the mounting yet.
+        return Reason(Code.NEEDS_REVOLUTIONS, needed=step.revolutions + 1.0, count=float(step.revolutions))
     return Reason(Code.AXIS_MISSING, axis=_ALONG_NAME)
 
 

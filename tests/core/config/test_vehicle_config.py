@@ -175,11 +175,11 @@ def _wheel(tire: str = "", keys: str = "", wheel_tire: str = "") -> str:
     [
         (
             _wheel("radius_mm = 100\nring_thickness_mm = 80"),
-            "tire.ring_thickness_mm: 80 found, allowed: up to 30% of radius_mm = 100",
+            "tire.ring_thickness_mm: 80 found, allowed: up to 30 % of radius_mm = 100",
         ),
         (
             _wheel("ring_thickness_mm = 80", wheel_tire="radius_mm = 100"),
-            "wheel[FL].tire.radius_mm: 100 found, allowed: at most 30% of it is ring_thickness_mm = 80",
+            "wheel[FL].tire.radius_mm: 100 found, allowed: at most 30 % of it is ring_thickness_mm = 80",
         ),
         (
             _wheel("ring_thickness_mm = 1\nwear_mm = 60"),

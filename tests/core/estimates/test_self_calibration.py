@@ -108,6 +108,13 @@ def test_radial_axis_alone_gives_the_gain() -> None:
     assert result["roll_tilt_rad"].reasons == (Reason(Code.AXIS_MISSING, axis="lateral"),)
 
 
+def test_first_revolution_does_not_deny_an_axis_that_the_sensor_has() -> None:
+    first = last(simulated(FAULTY, 3.0, SETUP, ESTIMATORS)[0][:1])
+    for name in ("pitch_tilt_rad", "sensor_offset_m"):
+        assert first[name].status is Status.INVALID
+        assert first[name].reasons == (Reason(Code.NEEDS_REVOLUTIONS, needed=2.0, count=1.0),)
+
+
 def test_wrong_stated_offset_is_reported() -> None:
     setup = WheelSetup("FL", 0, 0, 0.32, sensor=SensorClaims(offset_m=0.001))
     result = last(simulated(FAULTY, 12.0, setup, ESTIMATORS)[0])

@@ -100,6 +100,31 @@ def test_values_that_are_not_those_of_the_end_say_so() -> None:
     assert not summary.wheels()[0].stale
 
 
+def speed(status: Status, *reasons: Reason) -> Estimate:
+    return Estimate("speed_mps", 10.0, 0.1, status, reasons)
+
+
+def row_of(summary: ResultSummary, label: str) -> str:
+    (line,) = (line for line in summary_lines(summary.wheels()) if line.strip().startswith(label))
+    return " ".join(line.split())
+
+
+def test_mean_of_an_invalid_speed_is_not_shown() -> None:
+    summary = ResultSummary()
+    summary.add(result("FL", 0.1, speed(Status.INVALID, FEW), Estimate.invalid("distance_m", FEW)))
+    assert row_of(summary, "mean speed") == "mean speed — invalid"
+    assert row_of(summary, "distance").startswith("distance — in 0.10 s; invalid: ")
+
+
+def test_mean_speed_carries_the_status_of_the_speed() -> None:
+    summary = ResultSummary()
+    summary.add(result("FL", 0.1, speed(Status.PROVISIONAL, FEW)))
+    assert row_of(summary, "mean speed") == "mean speed 36.000 km/h 36.00 to 36.00 km/h; provisional"
+    for _ in range(8):
+        summary.add(result("FL", 0.1, speed(Status.INVALID, LOST)))
+    assert row_of(summary, "mean speed").endswith("; invalid since revolution 2")
+
+
 def test_lines_of_many_invalid_estimates_are_narrow() -> None:
     names = [f"ply_steer_{part}_rad" for part in ("peak", "first_half", "adhesion_line", "contact_line", "ahead")]
     chance = Reason(Code.SIGN_NOT_DETERMINED, errors=1.2)

@@ -85,3 +85,14 @@ def test_no_stored_result_says_that_a_number_is_none() -> None:
     stored = [line for path in GOLDEN.glob("*.json") for line in path.read_text(encoding="utf-8").splitlines()]
     assert len(stored) > 10_000
     assert [line for line in stored if "reason" in line and NO_NUMBER.search(line)] == []
+
+
+def test_a_share_is_written_as_every_percentage() -> None:
+    reason = Reason(Code.MAY_CHANGE_BY, effect=0.0204, why=Reason(Code.NO_STEADY_VALUE))
+    assert text(reason).startswith("may be wrong by 2.0 %: ")
+
+
+@pytest.mark.parametrize("code", [code for code in Code if re.search(r":[^{}]*%\}", code.text_template)])
+def test_no_template_writes_a_percent_sign_twice(code: Code) -> None:
+    assert "%} %" not in code.text_template
+    assert "%}%" not in code.text_template
