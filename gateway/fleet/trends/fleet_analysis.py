@@ -24,12 +24,19 @@ from gateway.core.types import FloatArray, IntArray
 from gateway.core.wheel_position import right_of
 from gateway.fleet.trends.causes import Change, Finding, with_causes
 from gateway.fleet.trends.late_changes import LEAST_AFTER, LateChange, find_shape
+from gateway.fleet.trends.leak_model import newest_leak
 from gateway.fleet.trends.level_steps import LEAST_POINTS, find_steps, runs, with_steps
 from gateway.fleet.trends.moved_tires import findings_of_moves
 from gateway.fleet.trends.outlier_detection import OutlierSearch, find_outliers
 from gateway.fleet.trends.plausible_readings import PlausibleReadings, plausible_readings
 from gateway.fleet.trends.recording_doubts import doubt_of, findings_of_recordings, weights_by_doubt
-from gateway.fleet.trends.refilled_pressure import LEAST_RECORDINGS, MOST_REFILLS, PressureLoss, pressure_loss
+from gateway.fleet.trends.refilled_pressure import (
+    LEAST_RECORDINGS,
+    MOST_REFILLS,
+    PressureLoss,
+    pressure_loss,
+    scatter_of,
+)
 from gateway.fleet.trends.regression import LEAST_FREEDOM, Fit, weights_of
 from gateway.fleet.trends.regression import fit as fitted
 from gateway.fleet.trends.stated_changes import StatedChange, findings_of_changes, places_of, stated_changes
@@ -68,6 +75,8 @@ _LEAST_1000KM: Final = 0.25
 _OFTEN_MONTHS: Final = 7.0 * _DAY_MONTHS
 # Smaller refills are no steps of the line; they are part of the loss's likelihood.
 _LEAST_REFILL_PA: Final = 3000.0
+# Change of the temperature in a month that a sensor that is stuck does not show.
+_UNSEEN_K: Final = 10.0
 # What is worth a finding, besides being significant; the rest is in `gateway.fleet.trends.watched_series`.
 _NOTABLE_LOSS_PA: Final = 1000.0
 # Within hours, the sensor's temperature is behind that of a gas that a drive warms: 10 K are 11 kPa.
@@ -358,6 +367,8 @@ def _pressure(tire: _Tire) -> None:
         why = _missing(history, "", cold)
     unknown = np.full(len(cold), math.nan)
     steps_from = _LEAST_REFILL_PA * 1e-3
+    if _leak(tire, cold * 1e-3, unknown, steps_from):
+        return
     line = _line(tire, "pressure_at_20_degc", history.months, cold * 1e-3, unknown, steps_from=steps_from)
     refilled = None
     if line is not None:
@@ -391,6 +402,11 @@ def _pressure(tire: _Tire) -> None:
     loss = (
         _with_refills(plain, refilled, line) if plain.status is not Status.INVALID and refilled is not None else plain
     )
+    deviation = _deviation_of_last(line)
+    if loss.status is Status.VALID and deviation is not None and deviation < 0.0:
+        # A leak that began after the last recording but one has no rate yet, and the rate before it is not that of now.
+        last = Reason(Code.TREND_LAST_DEVIATES, deviation=deviation, date=line.dates[-1])
+        loss = replace(loss, status=Status.PROVISIONAL, reasons=(last, *loss.reasons))
     tire.numbers.append(loss)
     tire.numbers.append(_at_end(Quantity.PRESSURE_NOW, "kPa", line))
     if loss.status is Status.INVALID:
@@ -403,6 +419,89 @@ def _pressure(tire: _Tire) -> None:
         loses = Reason(Code.TREND_LOSES_PRESSURE, loss_pa=1e3 * loss.value, std_pa=1e3 * loss.std)
         whole = -loss.value * _span(history.months), loss.std * _span(history.months)
         tire.findings.append(Finding(loses, "pressure_at_20_degc", _relative("pressure_at_20_degc", line, None, whole)))
+
+
+def _leak(tire: _Tire, cold_kpa: FloatArray, unknown: FloatArray, steps_from: float) -> bool:
+    """Add the numbers and the finding of a leak that began at a date; return whether there is one.
+
+    The recordings before it have the line, so that what the leak does is no step, and no trend of theirs.
+    """
+    history, name = tire.history, "pressure_at_20_degc"
+    rows = np.flatnonzero(np.isfinite(cold_kpa))
+    if rows.size < 3:
+        return False
+    months, values = history.months[rows], cold_kpa[rows]
+    degc = tire.readings.temperature_degc[rows]
+    is_stuck = _is_same(degc)
+    # What an unseen change of the temperature makes of the pressure, by the gas law.
+    drift_kpa = (1e-3 * STANDARD_ATMOSPHERE_PA + values[-1]) * _UNSEEN_K / (REFERENCE_DEGC + ZERO_CELSIUS_K)
+    leak = newest_leak(months, values, scatter_of(values), float(drift_kpa) if is_stuck else 0.0)
+    if leak is None:
+        return False
+    tested, drawn = tire.tested, len(tire.series)
+    line = _line(
+        tire,
+        name,
+        history.months,
+        np.where(np.arange(len(cold_kpa)) < rows[leak.begin], cold_kpa, math.nan),
+        unknown,
+        steps_from=steps_from,
+    )
+    if line is None:
+        tire.tested = tested
+        return False
+    series, after = tire.series[drawn], len(rows) - leak.begin
+    tire.series[drawn] = replace(
+        series,
+        abscissa=months,
+        values=values,
+        stds=np.full(len(rows), math.nan),
+        expected=np.concatenate([series.expected, leak.expected_kpa]),
+        is_outlier=np.concatenate([series.is_outlier, np.zeros(after, dtype=bool)]),
+        steps=(*series.steps, leak.begin),
+    )
+    before, before_std = _along(line, _slope_after(line))
+    first, last = int(rows[leak.begin]), int(rows[-1])
+    date, until = _date(int(history.time_ns[first])), _date(int(history.time_ns[last]))
+    since = Reason(Code.TREND_RATE_SINCE, count=after, date=date, before=-before, std=before_std, unit="kPa/month")
+    stuck = Reason(Code.TREND_TEMPERATURE_STUCK, temperature_degc=float(degc[0]), count=len(degc))
+    now = Reason(Code.TREND_NOW_SINCE, count=after, date=date)
+    status = Status.VALID if leak.is_certain else Status.PROVISIONAL
+    for quantity, unit, value, std, state, why in (
+        (
+            Quantity.PRESSURE_LOSS,
+            "kPa/month",
+            leak.rate_kpa,
+            leak.rate_std_kpa,
+            status,
+            since,
+        ),
+        (Quantity.PRESSURE_NOW, "kPa", leak.now_kpa, leak.now_std_kpa, status, now),
+    ):
+        number = TrendNumber(
+            quantity,
+            value,
+            std,
+            unit,
+            state,
+            (why, *((stuck,) if is_stuck else ())),
+            after,
+            max(leak.freedom, 1),
+            value - 2.0 * std,
+            value + 2.0 * std,
+        )
+        tire.numbers.append(_judged(number, line))
+    if line.doubt is None and leak.rate_kpa > _NOTABLE_LOSS_PA * 1e-3:
+        level = float(series.expected[-1])
+        onset = Change(first, math.log(leak.now_kpa / level) if 0.0 < leak.now_kpa < level else None, 0.0)
+        loses = Reason(
+            Code.TREND_LOSS_CHANGED, before_pa=-1e3 * before, before_std_pa=1e3 * before_std,
+            after_pa=1e3 * leak.rate_kpa, after_std_pa=1e3 * leak.rate_std_kpa, date=date, until=until, count=after,
+            first=history.recordings[first], last=history.recordings[last],
+        )  # fmt: skip
+        tire.findings.append(Finding(loses, name, onset))
+        tire.onsets.setdefault(name, []).append(onset)
+    return True
 
 
 def _hidden_by_frequent_refills(line: _Line) -> Reason | None:

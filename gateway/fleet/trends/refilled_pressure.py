@@ -79,7 +79,7 @@ def pressure_loss(months: FloatArray, cold_kpa: FloatArray) -> PressureLoss | No
     """
     if len(months) < LEAST_RECORDINGS or not months[-1] > months[0]:
         return None
-    scatter = max(_scatter(cold_kpa), _LEAST_SCATTER_KPA)
+    scatter = max(scatter_of(cold_kpa), _LEAST_SCATTER_KPA)
     times_months, values, counts = _averaged(months, cold_kpa)
     losses, kinds = _tried(times_months, values, scatter), _kinds(scatter, (1.0,))
     log_likelihood = _log_likelihood(times_months, values, counts, losses, kinds, scatter / _CELLS_A_SCATTER)
@@ -123,7 +123,7 @@ def _kinds(scatter: float, factors: Sequence[float]) -> FloatArray:
     )
 
 
-def _scatter(values: FloatArray) -> float:
+def scatter_of(values: FloatArray) -> float:
     """Return the scatter of single recordings: second differences do not know the trend, and few contain a refill."""
     return _MAD_TO_STD * float(np.median(np.abs(np.diff(values, 2)))) / math.sqrt(6.0)
 

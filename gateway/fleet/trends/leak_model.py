@@ -1,0 +1,281 @@
+"""A leak that begins at a date: the pressure falls as gas flows through an orifice.
+
+Above about twice the ambient pressure the flow is choked and proportional to the absolute pressure, below it falls to
+zero with the difference (Saint-Venant and Wantzel 1839; R. W. Fox, A. T. McDonald: Introduction to Fluid Mechanics,
+compressible flow). With the flow function f(p) a leak is a straight line in u = int dp / f(p), whatever its size, so it
+is fitted there: tight or slowly losing before a date within a gap between two recordings, and a line after it. Every
+gap is tried; the weights of their likelihoods give the date and its error, and the error that the choice of the gap
+adds to the rate. Rises are refills, after which the same line goes on from another level.
+"""
+
+import math
+from functools import cache
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gateway.core.constants import STANDARD_ATMOSPHERE_PA
+from gateway.core.types import FloatArray
+
+LEAST_AFTER: Final = 2
+"""Recordings after the begin of a leak; one shows a fall, and no rate."""
+
+_AMBIENT_KPA: Final = STANDARD_ATMOSPHERE_PA * 1e-3
+# Ratio of specific heats of air.
+_GAMMA: Final = 1.4
+# Share of the choked flow that a flat tire is given: the coordinate in which its leak is straight has an end there.
+_LEAST_FLOW: Final = 0.05
+_LEAST_BEFORE: Final = 5
+# Recordings after the begin: two give a rate, a third and a fourth confirm it.
+_LEAST_CERTAIN: Final = 4
+# A sensor resolves no better; fewer recordings may scatter less by chance.
+_LEAST_SCATTER_KPA: Final = 0.3
+# Rise between two recordings, in scatters of a difference, from which it is a refill.
+_REFILL: Final = 5.0
+# Twice the log likelihood by which a leak explains more than a slow loss, and than a single fall of the pressure.
+_LEAST_GAIN: Final = 30.0
+_LEAST_OVER_FALL: Final = 15.0
+# The scatter is estimated from the recordings too.
+_OF_SCATTER: Final = 1.2
+# Sum of squares over its freedom beyond which a line is not what the recordings after the begin show.
+_MOST_MISFIT: Final = 4.0
+# Faster losses only: slower ones are told by their likelihood over all refills.
+_LEAST_RATE_KPA: Final = 15.0
+
+
+class Leak(NamedTuple):
+    """A leak from a date on.
+
+    Attributes:
+        begin: index of the first recording after it began.
+        date_months: time of the begin.
+        date_std_months: its standard error.
+        rate_kpa: loss a month at the last recording.
+        rate_std_kpa: its standard error.
+        now_kpa: gauge pressure at one temperature at the last recording.
+        now_std_kpa: its standard error.
+        expected_kpa: (n - begin,) fitted pressures from the begin on.
+        freedom: of the errors.
+        is_certain: whether enough recordings show the line, and a single fall or a begin after the last but one do not.
+    """
+
+    begin: int
+    date_months: float
+    date_std_months: float
+    rate_kpa: float
+    rate_std_kpa: float
+    now_kpa: float
+    now_std_kpa: float
+    expected_kpa: FloatArray
+    freedom: int
+    is_certain: bool
+
+
+def flow(gauge_kpa: FloatArray) -> FloatArray:
+    """Return the flow through an orifice by gauge pressure, as an absolute pressure (kPa) that is choked.
+
+    Args:
+        gauge_kpa: (n,) at one temperature.
+    """
+    absolute = np.maximum(np.asarray(gauge_kpa, dtype=np.float64), 0.0) + _AMBIENT_KPA
+    ratio = _AMBIENT_KPA / absolute
+    critical = (2.0 / (_GAMMA + 1.0)) ** (_GAMMA / (_GAMMA - 1.0))
+
+    def psi(share: FloatArray) -> FloatArray:
+        return np.sqrt(np.maximum(share ** (2.0 / _GAMMA) - share ** ((_GAMMA + 1.0) / _GAMMA), 0.0))
+
+    most = float(psi(np.array([critical]))[0])
+    share = np.maximum(np.where(ratio < critical, 1.0, psi(ratio) / most), _LEAST_FLOW)
+    return np.asarray(absolute * share, dtype=np.float64)
+
+
+@cache
+def _straight() -> tuple[FloatArray, FloatArray]:
+    """Return gauge pressures and the coordinate in which a leak is a straight line."""
+    # The flow ends with a root of the difference, which the steps follow.
+    gauge = 1500.0 * np.linspace(0.0, 1.0, 4001) ** 2
+    slopes = 1.0 / np.maximum(flow(0.5 * (gauge[1:] + gauge[:-1])), 1e-3)
+    return gauge, np.concatenate([[0.0], np.cumsum(slopes * np.diff(gauge))])
+
+
+def straightened(gauge_kpa: FloatArray, at_kpa: float) -> FloatArray:
+    """Return pressures in which a leak is a straight line whose slope is that at one pressure.
+
+    Args:
+        gauge_kpa: (n,) at one temperature.
+        at_kpa: pressure near which they are kPa.
+    """
+    gauge, along = _straight()
+    at = float(np.interp(at_kpa, gauge, along))
+    return np.asarray(at_kpa + float(flow(np.array([at_kpa]))[0]) * (np.interp(gauge_kpa, gauge, along) - at))
+
+
+def _bent(along_kpa: FloatArray, at_kpa: float) -> FloatArray:
+    """Return the pressures of straightened ones."""
+    gauge, along = _straight()
+    at = float(np.interp(at_kpa, gauge, along))
+    return np.interp(at + (along_kpa - at_kpa) / float(flow(np.array([at_kpa]))[0]), along, gauge)
+
+
+class _Fit(NamedTuple):
+    """A leak that begins in one gap: in kPa that are straightened at the last pressure."""
+
+    begin: int
+    squares: float
+    rate: float
+    rate_std: float
+    now: float
+    now_std: float
+    expected: FloatArray
+    share: float
+    after_squares: float
+    freedom: int
+
+
+def newest_leak(months: FloatArray, cold_kpa: FloatArray, scatter_kpa: float, drift_kpa: float = 0.0) -> Leak | None:
+    """Return the leak that the newest recordings show; None without one.
+
+    Args:
+        months: (n,) times of the recordings, increasing.
+        cold_kpa: (n,) gauge pressures at one temperature.
+        scatter_kpa: of single recordings.
+        drift_kpa: standard error of the rate, a month, by what is not measured.
+    """
+    count = len(months)
+    if count < _LEAST_BEFORE + LEAST_AFTER:
+        return None
+    scatter = max(scatter_kpa, _LEAST_SCATTER_KPA)
+    at_kpa = float(cold_kpa[-1])
+    values = straightened(cold_kpa, at_kpa)
+    slopes = float(flow(np.array([at_kpa]))[0]) / np.maximum(flow(cold_kpa), 1e-3)
+    stds = scatter * slopes
+    fits = [
+        fit
+        for begin in range(_LEAST_BEFORE, count - LEAST_AFTER + 1)
+        if (fit := _fit(months, values, stds, begin)) is not None
+    ]
+    tight = _whole(months, values, stds)
+    fits = [fit for fit in fits if fit.rate > 0.0]
+    if not fits:
+        return None
+    best = min(fits, key=lambda fit: fit.squares)
+    if tight - best.squares < _LEAST_GAIN or best.rate < max(_LEAST_RATE_KPA, 3.0 * best.rate_std, 3.0 * drift_kpa):
+        return None
+    if _one_fall(months, values, stds) - best.squares < _LEAST_OVER_FALL:
+        return None
+    # Of a leak that began after the last recording but one only a lower limit of the rate is known.
+    last_only = _whole(months[:-1], values[:-1], stds[:-1])
+    weights = np.exp(-0.5 * np.minimum(np.array([fit.squares for fit in fits]) - best.squares, 100.0))
+    weights /= weights.sum()
+    rates, dates, variances = (
+        np.array([fit.rate for fit in fits]),
+        np.array([months[fit.begin - 1] + fit.share * (months[fit.begin] - months[fit.begin - 1]) for fit in fits]),
+        np.array([fit.rate_std**2 for fit in fits]),
+    )
+    rate, date = float(weights @ rates), float(weights @ dates)
+    inflation = max(best.after_squares / max(best.freedom, 1), 1.0) if best.freedom > 0 else 1.0
+    rate_std = _OF_SCATTER * math.sqrt(float(weights @ (inflation * variances + (rates - rate) ** 2)) + drift_kpa**2)
+    gap = float(months[best.begin] - months[best.begin - 1])
+    date_std = math.sqrt(
+        float(weights @ (dates - date) ** 2) + min(gap**2 / 12.0, (scatter * math.sqrt(1.5) / best.rate) ** 2)
+    )
+    return Leak(
+        best.begin,
+        date,
+        date_std,
+        rate,
+        rate_std,
+        float(_bent(np.array([best.now]), at_kpa)[0]),
+        best.now_std,
+        _bent(best.expected, at_kpa),
+        best.freedom,
+        count - best.begin >= _LEAST_CERTAIN
+        and last_only - best.squares >= _LEAST_OVER_FALL
+        and (best.freedom <= 0 or best.after_squares <= _MOST_MISFIT * best.freedom),
+    )
+
+
+def _whole(months: FloatArray, values: FloatArray, stds: FloatArray) -> float:
+    """Return the sum of squares of a line with refills through all recordings."""
+    return _levels_fit(months, values, stds, _refills(values, stds))[2]
+
+
+def _one_fall(months: FloatArray, values: FloatArray, stds: FloatArray) -> float:
+    """Return the least sum of squares of a line with refills and one fall, as of air that is let out."""
+    part = _refills(values, stds)
+    levels = (part[:, None] == np.unique(part)[None, :]).astype(np.float64)
+    rows = np.column_stack([months - months[-1], levels]) / stds[:, None]
+    basis = np.linalg.qr(rows)[0]
+    scaled = values / stds
+    residuals = scaled - basis @ (basis.T @ scaled)
+    falls = (np.arange(len(months))[:, None] >= np.arange(_LEAST_BEFORE, len(months))[None, :]) / stds[:, None]
+    falls = falls - basis @ (basis.T @ falls)
+    lengths = np.maximum(np.einsum("ij,ij->j", falls, falls), 1e-12)
+    along = falls.T @ residuals
+    gains = np.where(along < 0.0, along**2 / lengths, 0.0)
+    return float(residuals @ residuals - gains.max())
+
+
+def _refills(values: FloatArray, stds: FloatArray) -> FloatArray:
+    """Return (n,) the number of refills before each recording."""
+    rises = np.diff(values) > _REFILL * math.sqrt(2.0) * np.maximum(stds[1:], stds[:-1])
+    return np.concatenate([[0.0], np.cumsum(rises)])
+
+
+def _levels_fit(
+    months: FloatArray, values: FloatArray, stds: FloatArray, part: FloatArray
+) -> tuple[FloatArray, FloatArray, float]:
+    """Return coefficients and covariance of a line with a level for each part, slope first, and the sum of squares."""
+    levels = (part[:, None] == np.unique(part)[None, :]).astype(np.float64)
+    rows = np.column_stack([months - months[-1], levels]) / stds[:, None]
+    coefficients = np.asarray(np.linalg.lstsq(rows, values / stds, rcond=None)[0], dtype=np.float64)
+    residuals = values / stds - rows @ coefficients
+    covariance = np.asarray(np.linalg.pinv(rows.T @ rows), dtype=np.float64)
+    return coefficients, covariance, float(residuals @ residuals)
+
+
+def _fit(months: FloatArray, values: FloatArray, stds: FloatArray, begin: int) -> _Fit | None:
+    """Return the fit of a leak that begins before a recording."""
+    before = slice(0, begin)
+    tight = _levels_fit(months[before], values[before], stds[before], _refills(values[before], stds[before]))
+    tight_slope, tight_squares = float(tight[0][0]), tight[2]
+    level = float(tight[0][-1])  # at months[begin - 1]
+    level_std = math.sqrt(max(float(tight[1][-1, -1]), 0.0))
+    after = slice(begin, len(months))
+    times, wanted, errors = months[after], values[after], stds[after]
+    part = _refills(wanted, errors)
+    count = len(times)
+    freedom = count - 1 - len(np.unique(part))
+    if freedom < 0:
+        return None
+    coefficients, covariance, squares = _levels_fit(times, wanted, errors, part)
+    # Where the line of the leak meets the level before it: the begin, within the gap.
+    rate = -float(coefficients[0]) + min(tight_slope, 0.0)
+    first = float(coefficients[1]) + float(coefficients[0]) * (times[0] - times[-1])
+    fall = level + tight_slope * (times[0] - months[begin - 1]) - first
+    gap = float(times[0] - months[begin - 1])
+    row = np.zeros(len(coefficients))
+    row[:2] = times[0] - times[-1], 1.0
+    fall_std = math.hypot(level_std, math.sqrt(max(float(row @ covariance @ row), 0.0)))
+    least, most = 0.0, max(rate, 0.0) * gap
+    outside = max(fall - most, least - fall, 0.0)
+    # The distance by which the line misses the gap, by the error that fall and rate have together.
+    slope_std = math.sqrt(max(float(covariance[0, 0]), 0.0))
+    together = math.hypot(fall_std, gap * slope_std if fall > most else 0.0)
+    missed = (outside / max(together, 1e-9)) ** 2
+    if missed > 25.0:
+        return None
+    share = 1.0 - float(np.clip(fall / max(rate * gap, 1e-9), 0.0, 1.0))
+    design = np.column_stack([times - times[-1], (part[:, None] == np.unique(part)[None, :]).astype(np.float64)])
+    return _Fit(
+        begin,
+        tight_squares + squares + missed,
+        -float(coefficients[0]),
+        slope_std,
+        float(coefficients[-1]),
+        math.sqrt(max(float(covariance[-1, -1]), 0.0)),
+        design @ coefficients,
+        share,
+        squares,
+        freedom,
+    )
