@@ -494,10 +494,13 @@ def _leak(tire: _Tire, cold_kpa: FloatArray, unknown: FloatArray, steps_from: fl
     if line.doubt is None and leak.rate_kpa > _NOTABLE_LOSS_PA * 1e-3:
         level = float(series.expected[-1])
         onset = Change(first, math.log(leak.now_kpa / level) if 0.0 < leak.now_kpa < level else None, 0.0)
+        part: dict[str, Value] = {
+            "date": date, "until": until, "count": after,
+            "first": history.recordings[first], "last": history.recordings[last],
+        }  # fmt: skip
         loses = Reason(
             Code.TREND_LOSS_CHANGED, before_pa=-1e3 * before, before_std_pa=1e3 * before_std,
-            after_pa=1e3 * leak.rate_kpa, after_std_pa=1e3 * leak.rate_std_kpa, date=date, until=until, count=after,
-            first=history.recordings[first], last=history.recordings[last],
+            after_pa=1e3 * leak.rate_kpa, after_std_pa=1e3 * leak.rate_std_kpa, **part,
         )  # fmt: skip
         tire.findings.append(Finding(loses, name, onset))
         tire.onsets.setdefault(name, []).append(onset)
