@@ -3,6 +3,7 @@
 import heapq
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import repeat
 from pathlib import Path
@@ -11,7 +12,8 @@ from typing import Final
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.framing import next_frame
 from firmware_protocol.messages import HUB_ITSELF, Hello
-from gateway.core.errors import RecordingError
+from gateway.core.config.vehicle import parse_vehicle
+from gateway.core.errors import ConfigError, RecordingError
 from gateway.core.links.source import Chunk, LinkEvent, LinkItem, VehicleData
 from gateway.core.recording.reader import REPAIR_REMEDY, RecordingReader
 from gateway.core.recording.run_description import NO_DESCRIPTION, Note, RunDescription
@@ -121,6 +123,13 @@ def merge_recordings(
             "Give that of the whole drive: --config FILE. Where load, pressure or wear have changed, these are several "
             "drives: estimate them apart, or look at treadlink compare.",
         )
+    else:
+        vehicle = parse_vehicle(vehicle_toml, "the vehicle configuration")
+        for reader in readers:
+            # What a recording states of the accuracy of its samples is not in another file.
+            with suppress(ConfigError):
+                vehicle = vehicle.with_sensors_of(parse_vehicle(reader.vehicle_toml or "", str(reader.info.path)))
+        vehicle_toml = vehicle.to_toml()
     dbc_text = _common(
         [reader.info.dbc_text for reader in readers], "DBC files", "Record the bus in all of them with the same file."
     )

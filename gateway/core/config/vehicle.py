@@ -6,9 +6,10 @@ import logging
 import math
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from enum import StrEnum
 from pathlib import Path
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 from pydantic import Field, model_validator
 
@@ -193,10 +194,14 @@ class Tire(Section):
     )
 
     def overridden_by(self, other: Tire) -> Tire:
-        """Return this tire with the values that `other` states instead of its own."""
-        reference = {**self.reference.model_dump(), **other.reference.model_dump(exclude_none=True)}
-        stated = other.model_dump(exclude_none=True, exclude={"reference"})
-        return Tire(**{**self.model_dump(exclude={"reference"}), **stated}, reference=Reference(**reference))
+        """Return this tire with the values that `other` states instead of its own.
+
+        A value is replaced with its error: one that is stated without has the default. The error of a pressure is that
+        of the gauge, stated or measured, and remains.
+        """
+        reference = _replaced(self.reference, other.reference)
+        stated = _replaced(self, other, unlike=("pressure_std_kpa",))
+        return Tire(**{**stated, "reference": Reference(**reference)})
 
     @property
     def radius_m(self) -> float | None:
@@ -265,6 +270,25 @@ class Tire(Section):
             load_calibration=None if self.load_calibration is None else self.load_calibration.calibration(),
             added=tuple(value.data() for _, value in self if isinstance(value, AddedTable)),
         )
+
+
+def _replaced(table: Section, other: Section, unlike: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Return the keys of a table, those that `other` states from there, each with its own error or none.
+
+    Args:
+        table: as it was.
+        other: states what replaces it; keys that it does not set count as not stated.
+        unlike: names of errors that remain where their value is replaced.
+    """
+    stated = other.model_dump(exclude_none=True, exclude_unset=True)
+    kept = {key: value for key, value in table.model_dump(exclude_unset=True).items() if value is not None}
+    lost = {error for key in stated for error in kept if _is_error_of(error, key) and error not in unlike}
+    return {**{key: value for key, value in kept.items() if key not in lost}, **stated}
+
+
+def _is_error_of(error: str, key: str) -> bool:
+    """Return whether a key is the standard error of another: `radius_std_mm` of `radius_mm`, `Bs_std` of `Bs`."""
+    return "_std" in error and error.replace("_std", "", 1) == key
 
 
 add_keys(Tire, "tire")
@@ -519,13 +543,34 @@ class VehicleConfig(Section):
             if unstated := tuple(each.position for each in self.wheel if name not in each.sensor.model_fields_set):
                 yield what, text, unstated
 
+    def with_sensors_of(self, recorded: VehicleConfig) -> VehicleConfig:
+        """Return this configuration with what only that of a recording states of the accuracy of its samples.
+
+        Rate, scale and zero are in the recording, and their errors belong to it: they remain where another vehicle file
+        does not state them.
+        """
+        theirs = {(wheel.hub, wheel.wheel): wheel.sensor for wheel in recorded.wheel}
+        wheels = tuple(
+            wheel.model_copy(update={"sensor": Sensor(**_replaced(theirs[wheel.hub, wheel.wheel], wheel.sensor))})
+            if (wheel.hub, wheel.wheel) in theirs
+            else wheel
+            for wheel in self.wheel
+        )
+        return self.model_copy(update={"wheel": wheels})
+
     def notices(self) -> tuple[Notice, ...]:
         """Return a notice for each assumption."""
         return tuple(Notice("", Reason(Code.ASSUMED_NOT_MEASURED, text=text)) for text in self.vehicle.assumed)
 
     def to_toml(self) -> str:
-        """Return the configuration as TOML that reads back equal, defaults written out."""
-        return toml_text(self.model_dump(mode="json", exclude_none=True))
+        """Return the configuration as TOML that reads back equal, defaults written out.
+
+        What a wheel's tire does not state remains unstated, so that it does not replace what `[tire]` states.
+        """
+        document = self.model_dump(mode="json", exclude_none=True)
+        for table, wheel in zip(document["wheel"], self.wheel, strict=True):
+            table["tire"] = wheel.tire.model_dump(mode="json", exclude_none=True, exclude_unset=True)
+        return toml_text(document)
 
 
 add_keys(VehicleConfig, "")
@@ -565,18 +610,27 @@ def recorded_vehicle(text: str, origin: str) -> VehicleConfig:
         ) from error
 
 
-def choose_vehicle(config_path: Path | None, provided: Sequence[str | None], origin: str) -> VehicleConfig | None:
-    """Return the configuration in a file, else the first of the texts that sources provide, else None.
+def choose_vehicle(
+    config: VehicleConfig | Path | None, provided: Sequence[str | None], origin: str
+) -> VehicleConfig | None:
+    """Return a given configuration, else the first of the texts that sources provide, else None.
+
+    What a recording alone states of the accuracy of its samples remains, whatever configuration is given.
 
     Args:
-        config_path: the file, None without one.
+        config: the configuration or its file, None without one.
         provided: TOML of each source, None for a source without a configuration.
         origin: names the sources in messages.
 
     Raises:
         ConfigError: the configuration cannot be read, or has faults.
     """
-    if config_path is not None:
-        return load_vehicle(config_path)
     texts = [text for text in provided if text]
-    return recorded_vehicle(texts[0], origin) if texts else None
+    if config is None:
+        return recorded_vehicle(texts[0], origin) if texts else None
+    vehicle = load_vehicle(config) if isinstance(config, Path) else config
+    for text in texts:
+        # One with faults is what the given one replaces.
+        with suppress(ConfigError):
+            vehicle = vehicle.with_sensors_of(recorded_vehicle(text, origin))
+    return vehicle

@@ -29,8 +29,8 @@ def chosen_vehicle(config: Config | None, provided: Sequence[str | None], origin
     Raises:
         ConfigError: it cannot be read, or has faults.
     """
-    if isinstance(config, VehicleConfig):
-        return config
     if isinstance(config, Mapping):
-        return parse_vehicle(document_text(config, _CONFIGURATION), _CONFIGURATION)
-    return choose_vehicle(None if config is None else Path(config), provided, origin)
+        config = parse_vehicle(document_text(config, _CONFIGURATION), _CONFIGURATION)
+    elif isinstance(config, str):
+        config = Path(config)
+    return choose_vehicle(config, provided, origin)

@@ -123,9 +123,8 @@ def open_recording(
     Raises:
         ConfigError: the configuration or the effects cannot be read, or do not belong together.
     """
-    vehicle, config_path = (config, None) if isinstance(config, VehicleConfig) else (None, config)
-    if vehicle is None:
-        vehicle = choose_vehicle(config_path, [file.vehicle_toml], str(file.info.path))
+    config_path = config if isinstance(config, Path) else None
+    vehicle = choose_vehicle(config, [file.vehicle_toml], str(file.info.path))
     effects = open_effects(effects_paths, vehicle)
     return OpenedRecording(file, vehicle, effects, key_file, config_path, on_position, verifies)
 

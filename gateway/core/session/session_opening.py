@@ -72,7 +72,7 @@ def with_given_wear(vehicle: VehicleConfig | None, statement: RunDescription) ->
     if vehicle is None or not wear_mm:
         return vehicle
     wheels = tuple(
-        wheel.model_copy(update={"tire": wheel.tire.model_copy(update={"wear_mm": wear_mm[wheel.position]})})
+        wheel.model_copy(update={"tire": wheel.tire.overridden_by(Tire(wear_mm=wear_mm[wheel.position]))})
         if wheel.position in wear_mm
         else wheel
         for wheel in vehicle.wheel
