@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Final
 
+_KEYS: Final = "Use --keys, as the other commands do."
 _NEXT_STEPS: Final = "The report of every diagnosis has next steps, which name the recording that would decide."
 REMOVED: Final[Mapping[str, str]] = {
     "treadlink manifest": "Write SHA256SUMS with `sha256sum *.mcap* > SHA256SUMS` in the folder of the recordings; "
@@ -12,6 +13,10 @@ REMOVED: Final[Mapping[str, str]] = {
     "treadlink diagnose --plan": _NEXT_STEPS,
     "treadlink diagnose --want": _NEXT_STEPS,
     "treadlink diagnose --at": _NEXT_STEPS,
+    "treadlink keys new --file": _KEYS,
+    "treadlink keys import --file": _KEYS,
+    "treadlink keys list --file": _KEYS,
+    "treadlink keys remove --file": _KEYS,
     "treadlink simulate --ble": "Use --pty, or a hub: the reference collector runs on this computer with `make hub`.",
     "treadlink simulate --firmware": "The reference collector runs on this computer with `make hub`.",
     "treadlink protocol kaitai": "Use the Wireshark dissector (`treadlink protocol wireshark`), the C code (`header`, "

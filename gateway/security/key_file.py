@@ -44,7 +44,10 @@ def stored_keys(key_file: Path | None) -> KeyFile:
     if key_file is None:
         return KeyFile(default_key_file())
     if not key_file.exists():
-        raise SecurityError(f"'{key_file}' does not exist", "Give the key file, or make it: treadlink keys new --file.")
+        raise SecurityError(
+            f"'{key_file}' does not exist",
+            f"Give the key file, or make it: treadlink keys new SERIAL --keys '{key_file}'.",
+        )
     return KeyFile(key_file)
 
 
@@ -193,6 +196,6 @@ def open_signer(key_file: Path, identities: Iterable[str]) -> FrameSigner:
     if missing:
         raise SecurityError(
             f"'{key_file}' has no key for {', '.join(missing)}",
-            f"Make them: treadlink keys new {' '.join(missing)} --file '{key_file}'.",
+            f"Make them: treadlink keys new {' '.join(missing)} --keys '{key_file}'.",
         )
     return FrameSigner(keys)

@@ -29,43 +29,43 @@ def run(*arguments: str | Path, text: str | None = None, fails: bool = False) ->
 
 def test_new_list_show_remove(tmp_path: Path) -> None:
     path = tmp_path / "sub" / "keys"
-    made = run("new", "a001", "0123456789ABCDEF", "--file", path)
+    made = run("new", "a001", "0123456789ABCDEF", "--keys", path)
     file = KeyFile(path)
     assert set(file.keys) == {"0000a001", "0123456789abcdef"}
     assert path.stat().st_mode & 0o777 == 0o600
     assert path.parent.stat().st_mode & 0o777 == 0o700
-    listed = run("list", "--file", path)
+    listed = run("list", "--keys", path)
     for key in file.keys.values():
         assert key.secret.hex() not in made + listed
         assert key.check_value() in made
         assert key.check_value() in listed
-    shown = run("new", "b", "--show", "--file", path)
+    shown = run("new", "b", "--show", "--keys", path)
     assert shown.split() == ["0000000b", KeyFile(path).keys["0000000b"].secret.hex()]
-    assert "already" in run("new", "A001", "--file", path, fails=True)
+    assert "already" in run("new", "A001", "--keys", path, fails=True)
     assert KeyFile(path).keys["0000a001"] == file.keys["0000a001"]
-    run("new", "a001", "--replace", "--file", path)
+    run("new", "a001", "--replace", "--keys", path)
     assert KeyFile(path).keys["0000a001"] != file.keys["0000a001"]
-    run("remove", "a001", "--file", path)
+    run("remove", "a001", "--keys", path)
     assert "0000a001" not in KeyFile(path).keys
-    assert "no key" in run("remove", "a001", "--file", path, fails=True)
+    assert "no key" in run("remove", "a001", "--keys", path, fails=True)
     assert path.stat().st_mode & 0o777 == 0o600
 
 
 def test_import(tmp_path: Path) -> None:
     path = tmp_path / "keys"
-    assert "1 key in" in run("import", "-", "--file", path, text=f"# theirs\n A001\t{SECRET.upper()}  # FL\n\n")
+    assert "1 key in" in run("import", "-", "--keys", path, text=f"# theirs\n A001\t{SECRET.upper()}  # FL\n\n")
     assert KeyFile(path).keys["0000a001"].secret.hex() == SECRET
-    run("import", "-", "--file", path, text=f"a001 {SECRET}")
+    run("import", "-", "--keys", path, text=f"a001 {SECRET}")
     other = f"a001 {'0' * 32}"
-    assert "already" in run("import", "-", "--file", path, text=other, fails=True)
-    run("import", "-", "--replace", "--file", path, text=other)
+    assert "already" in run("import", "-", "--keys", path, text=other, fails=True)
+    run("import", "-", "--replace", "--keys", path, text=other)
     assert KeyFile(path).keys["0000a001"].secret == bytes(16)
-    assert "does not exist" in run("import", tmp_path / "none", "--file", path, fails=True)
+    assert "does not exist" in run("import", tmp_path / "none", "--keys", path, fails=True)
 
 
 @pytest.mark.parametrize("line", [f"a001 {SECRET}0", f"a001{SECRET}", f"xyz {SECRET}", SECRET, f"123456789 {SECRET}"])
 def test_wrong_lines_are_refused_without_showing_them(tmp_path: Path, line: str) -> None:
-    printed = run("import", "-", "--file", tmp_path / "keys", text=f"\n{line}\n", fails=True)
+    printed = run("import", "-", "--keys", tmp_path / "keys", text=f"\n{line}\n", fails=True)
     assert SECRET not in printed
     assert not (tmp_path / "keys").exists()
 
@@ -73,10 +73,10 @@ def test_wrong_lines_are_refused_without_showing_them(tmp_path: Path, line: str)
 @pytest.mark.parametrize("mode", [0o644, 0o640, 0o620, 0o604, 0o601])
 def test_readable_key_file_is_refused(tmp_path: Path, mode: int) -> None:
     path = tmp_path / "keys"
-    run("new", "1", "--file", path)
+    run("new", "1", "--keys", path)
     path.chmod(mode)
     for command in (["list"], ["new", "2"], ["remove", "1"]):
-        printed = run(*command, "--file", path, fails=True)
+        printed = run(*command, "--keys", path, fails=True)
         assert f"mode {mode:04o}" in printed
         assert "chmod 600" in printed
     path.chmod(0o600)
@@ -110,12 +110,12 @@ def test_invalid_counters_are_an_error(tmp_path: Path, text: str) -> None:
 
 def test_new_key_has_new_counters(tmp_path: Path) -> None:
     path = tmp_path / "keys"
-    run("new", "a001", "b", "--file", path)
+    run("new", "a001", "b", "--keys", path)
     ledger = Ledger(counters_file(path))
     for identity in ("0000a001", "0000000b"):
         ledger.counter(identity, KeyFile(path).keys[identity].check_value()).take(10**10)
     ledger.save()
-    run("new", "a001", "--replace", "--file", path)
+    run("new", "a001", "--replace", "--keys", path)
     after = Ledger(counters_file(path))
     checks = {name: key.check_value() for name, key in KeyFile(path).keys.items()}
     assert after.counter("0000a001", checks["0000a001"]).highest == -1
@@ -124,14 +124,14 @@ def test_new_key_has_new_counters(tmp_path: Path) -> None:
 
 def test_failed_write_keeps_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "keys"
-    run("new", "1", "--file", path)
+    run("new", "1", "--keys", path)
     before = path.read_bytes()
 
     def full(_: int) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full)
-    assert "No space left" in run("new", "2", "--file", path, fails=True)
+    assert "No space left" in run("new", "2", "--keys", path, fails=True)
     assert path.read_bytes() == before
     assert [result.name for result in tmp_path.iterdir()] == ["keys"]
 
@@ -140,7 +140,7 @@ _MAKER = """
 import sys
 from gateway.security.commands.keys import keys
 for number in range(6):
-    keys.main(["new", f"{sys.argv[1]}{number}", "--file", sys.argv[2]], standalone_mode=False)
+    keys.main(["new", f"{sys.argv[1]}{number}", "--keys", sys.argv[2]], standalone_mode=False)
 """
 
 
@@ -154,11 +154,11 @@ def test_eight_processes_keep_every_key(tmp_path: Path) -> None:
 
 def test_lock_held_for_long_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "keys"
-    run("new", "1", "--file", path)
+    run("new", "1", "--keys", path)
     before = path.read_bytes()
     monkeypatch.setattr(private_file, "_LOCK_WAIT_NS", 0)
     with locked(path):
-        printed = run("new", "2", "--file", path, fails=True)
+        printed = run("new", "2", "--keys", path, fails=True)
     assert "another process" in printed
     assert "keys.lock" in printed
     assert path.read_bytes() == before
@@ -168,9 +168,9 @@ def test_symbolic_link_stays_and_its_target_changes(tmp_path: Path) -> None:
     target, link = tmp_path / "vault" / "real", tmp_path / "keys"
     target.parent.mkdir()
     link.symlink_to(Path("vault") / "real")
-    run("new", "1", "--file", link)
-    run("new", "2", "--file", target)
-    run("new", "3", "--file", link)
+    run("new", "1", "--keys", link)
+    run("new", "2", "--keys", target)
+    run("new", "3", "--keys", link)
     assert link.is_symlink()
     assert not target.is_symlink()
     assert set(KeyFile(target).keys) == {"00000001", "00000002", "00000003"}
@@ -181,25 +181,25 @@ def test_symbolic_link_stays_and_its_target_changes(tmp_path: Path) -> None:
 @pytest.mark.parametrize("mode", [0o400, 0o600, 0o700])
 def test_change_keeps_the_mode(tmp_path: Path, mode: int) -> None:
     path = tmp_path / "keys"
-    run("new", "1", "--file", path)
+    run("new", "1", "--keys", path)
     path.chmod(mode)
-    run("new", "2", "--file", path)
+    run("new", "2", "--keys", path)
     assert path.stat().st_mode & 0o777 == mode
     assert len(KeyFile(path).keys) == 2
 
 
 def test_running_session_does_not_age_a_new_key(tmp_path: Path) -> None:
     path = tmp_path / "keys"
-    run("new", "a001", "--file", path)
+    run("new", "a001", "--keys", path)
     old = KeyFile(path).keys["0000a001"].check_value()
     session = Ledger(counters_file(path))
     session.counter("0000a001", old).take(41 << 32)
     session.save()
-    assert "last boot count 41" in run("list", "--file", path)
-    run("new", "a001", "--replace", "--file", path)
+    assert "last boot count 41" in run("list", "--keys", path)
+    run("new", "a001", "--replace", "--keys", path)
     session.counter("0000a001", old).take(42 << 32)
     session.save()
-    assert "not heard yet" in run("list", "--file", path)
+    assert "not heard yet" in run("list", "--keys", path)
     assert Ledger(counters_file(path)).counter("0000a001", old).boot_count == 42
 
 

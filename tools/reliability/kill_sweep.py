@@ -149,7 +149,7 @@ CASES: Final = (
     ),
     Case("figures", "figures ring-fig-7 --out out"),
     Case("plan", "plan --sensor ADXL372 --speed 60 --wheels 8 --json out.json"),
-    Case("keys new", "keys new 0000b009 --file keys.toml", setup=("keys new 0000b001 --file keys.toml",)),
+    Case("keys new", "keys new 0000b009 --keys keys.toml", setup=("keys new 0000b001 --keys keys.toml",)),
     Case("protocol vectors", "protocol vectors --out out"),
     Case("protocol collector", "protocol collector --out out"),
     Case("protocol dbc", "protocol dbc --out ."),

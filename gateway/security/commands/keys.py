@@ -21,7 +21,7 @@ from gateway.security.key_file import (
 from gateway.security.private_file import read_private
 
 _MAX_INPUT_BYTES: Final = 16 << 20
-_FILE = path_option("--file", "path", help="Key file.  [default: the user's key file, for all vehicles]")
+_KEYS = path_option("--keys", "path", help="Key file.  [default: the user's key file, for all vehicles]")
 _REPLACE = click.option("--replace", is_flag=True, help="Replace existing keys, which are lost.")
 
 
@@ -36,7 +36,7 @@ def keys() -> None:
 
 @keys.command()
 @click.argument("identities", nargs=-1, required=True, metavar="SERIAL...")
-@_FILE
+@_KEYS
 @_REPLACE
 @click.option(
     "--show", is_flag=True, help="Print the keys for programming the sensors. Anyone who sees a key can sign with it."
@@ -56,7 +56,7 @@ def new(identities: tuple[str, ...], path: Path | None, replace: bool, show: boo
 
 @keys.command("import")
 @click.argument("origin", metavar="FILE")
-@_FILE
+@_KEYS
 @_REPLACE
 def import_(origin: str, path: Path | None, replace: bool) -> None:
     """Import the keys in FILE, or from standard input if FILE is -.
@@ -78,7 +78,7 @@ def import_(origin: str, path: Path | None, replace: bool) -> None:
 
 
 @keys.command("list")
-@_FILE
+@_KEYS
 def list_(path: Path | None) -> None:
     """List the sensors and hubs with keys.
 
@@ -98,7 +98,7 @@ def list_(path: Path | None) -> None:
 
 @keys.command()
 @click.argument("identities", nargs=-1, required=True, metavar="SERIAL...")
-@_FILE
+@_KEYS
 def remove(identities: tuple[str, ...], path: Path | None) -> None:
     """Remove the keys of sensors or hubs."""
     names = list(dict.fromkeys(map(parse_identity, identities)))

@@ -113,7 +113,7 @@ def run(folder: Path, line: str) -> tuple[int, str]:
         ("simulate lab", 2, "--out"),
         ("protocol header", 0, "#"),
         ("figures --list", 0, "ring-fig"),
-        ("keys list --file keys", 0, "no keys"),
+        ("keys list --keys keys", 0, "no keys"),
         ("command start tcp://127.0.0.1:1", 1, "cannot connect"),
         ("doctor --config nosuch.toml", 1, "nosuch.toml"),
         ("doctor --config estimator.toml", 1, "'nosuch' is not an estimator"),
