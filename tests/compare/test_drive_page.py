@@ -4,6 +4,7 @@ import math
 import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from gateway.compare.views.drive import MOST_POINTS, Drive, DriveWheel
@@ -72,6 +73,41 @@ def test_lines_have_gaps_where_an_estimate_is_invalid(made):
     (line,) = lines_of(drive, "Cw", begin_ns(drive))
     assert [math.isnan(value) for value in line.value] == [False, False, True, False]
     assert line.is_valid.tolist() == [True, True, False, True]
+
+
+def with_silence(made, revolutions: int, silent_after: int, *, reason: Reason | None = None) -> Drive:
+    """Return a drive at 0.1 s a revolution with a silence of 35 s after one of them."""
+    drive = Drive("a.mcap")
+    for index in range(revolutions):
+        status = Status.VALID if reason is None or index <= silent_after else Status.PROVISIONAL
+        doubts = () if status is Status.VALID else (reason,)
+        estimates = (Estimate("Cw", 0.2, 0.01, Status.VALID), Estimate("distance_m", 2.0 * index, 12.0, status, doubts))
+        result = made.result(index=index, estimates=estimates)
+        start_s = 0.1 * index + 35.0 * (index > silent_after)
+        revolution = replace(
+            result.revolution, start_s=start_s, period_s=0.1, follows=index not in (0, silent_after + 1)
+        )
+        drive.add(replace(result, revolution=revolution, host_ns=10**18 + round((start_s + 0.1) * 1e9)))
+    return drive
+
+
+@pytest.mark.parametrize("revolutions", [40, MOST_POINTS + 1, 3 * MOST_POINTS + 5])
+@pytest.mark.parametrize("silent_after", [0, 17, 18, 19, 20, 31])
+def test_no_line_is_drawn_through_a_silence(made, revolutions, silent_after):
+    drive = with_silence(made, revolutions, silent_after)
+    (line,) = lines_of(drive, "Cw", begin_ns(drive))
+    (gap,) = np.flatnonzero(np.isnan(line.value))
+    assert line.time_s[gap + 1] - line.time_s[gap - 1] > 35.0
+    assert np.diff(np.delete(line.time_s, gap)).min() > 0.0
+    assert not line.is_valid[gap]
+
+
+def test_page_and_terminal_say_the_same_of_a_distance_that_was_bridged(made):
+    bridged = Reason(Code.DISTANCE_BRIDGED, duration_s=35.0, distance_m=833.0, std_m=180.0)
+    page = drive_page([with_silence(made, 50, 20, reason=bridged)])
+    assert re.search(r">distance</th><td class=\"n\">98 ± 12 m ~<", page)
+    assert "FL, distance: 35.0 s without revolutions bridged at the mean speed: 833.0 m ± 180.0 m" in page
+    assert '>distance</th><td class="n">98 ± 12 m<' in drive_page([with_silence(made, 50, 20)])
 
 
 @pytest.mark.parametrize("revolutions", [MOST_POINTS, MOST_POINTS + 1, 5 * MOST_POINTS + 7])

@@ -4,14 +4,19 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from gateway.core.config.vehicle import VehicleConfig
-from gateway.core.estimates.estimator import Status
+from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.estimates.results import AlarmRecord, RevolutionResult, WheelSnapshot
 from gateway.core.reasons import Notice
 from gateway.core.recording.recorded_file import RecordedFile
+from gateway.core.text.numbers import show
+from gateway.core.text.readout import DISTANCE
+from gateway.core.text.table_sinks import Cell
 from gateway.core.text.wheel_rows import WheelRow
 
 MOST_POINTS: Final = 240
 """Revolutions of a wheel that are drawn."""
+# Time without revolutions from which they are drawn apart.
+_GAP_S: Final = 2.0
 
 
 class Point(NamedTuple):
@@ -20,10 +25,12 @@ class Point(NamedTuple):
     Attributes:
         time_ns: its end by the computer's clock, or by the hub's where the recording has no other.
         values: value, standard error and whether it is valid, by quantity; without what is invalid.
+        is_after_gap: whether there were no revolutions for a time since the point before.
     """
 
     time_ns: int
     values: dict[str, tuple[float, float, bool]]
+    is_after_gap: bool = False
 
 
 class DriveWheel:
@@ -34,6 +41,7 @@ class DriveWheel:
         points: estimates of evenly chosen revolutions, at most MOST_POINTS.
         stride: `points` has every stride-th revolution.
         state: last state, None when it is not known.
+        rolled: last estimate of the distance that is not invalid, None without one.
     """
 
     def __init__(self) -> None:
@@ -41,24 +49,40 @@ class DriveWheel:
         self.points: list[Point] = []
         self.stride = 1
         self.state: WheelSnapshot | None = None
+        self.rolled: Estimate | None = None
         self._revolutions = 0
+        self._span_s: tuple[float, float] | None = None
+        self._is_after_gap = False
 
     def add(self, result: RevolutionResult) -> None:
         """Take one revolution."""
         self.row.add(result)
+        revolution = result.revolution
+        begin_s, end_s = revolution.start_s, revolution.start_s + revolution.period_s
+        if not revolution.follows and self._span_s is not None:
+            # The hub's time goes back where it has started again.
+            self._is_after_gap |= begin_s < self._span_s[0] or begin_s - self._span_s[1] >= _GAP_S
+        self._span_s = begin_s, end_s
+        usable = [estimate for estimate in result.estimates if estimate.status is not Status.INVALID]
+        self.rolled = next((estimate for estimate in usable if estimate.name == DISTANCE), self.rolled)
         if self._revolutions % self.stride == 0:
-            usable = {
-                estimate.name: (estimate.value, estimate.std, estimate.status is Status.VALID)
-                for estimate in result.estimates
-                if estimate.status is not Status.INVALID
+            values = {
+                estimate.name: (estimate.value, estimate.std, estimate.status is Status.VALID) for estimate in usable
             }
-            revolution = result.revolution
-            device_ns = round((revolution.start_s + revolution.period_s) * 1e9)
-            self.points.append(Point(result.host_ns or device_ns, usable))
+            self.points.append(Point(result.host_ns or round(end_s * 1e9), values, self._is_after_gap))
+            self._is_after_gap = False
             if len(self.points) > MOST_POINTS:
-                self.points = self.points[::2]
+                self.points = [
+                    point._replace(is_after_gap=point.is_after_gap or left_out.is_after_gap)
+                    for left_out, point in zip((self.points[0], *self.points[1::2]), self.points[::2], strict=False)
+                ]
                 self.stride *= 2
         self._revolutions += 1
+
+    def cells(self) -> dict[str, Cell]:
+        """Return its means and counts, and the distance with its error and status where an estimator gives it."""
+        distance = {"distance": show(self.rolled).text()} if self.rolled is not None else {}
+        return {**self.row.cells(self.state, ()), **distance}
 
 
 class Drive:

@@ -41,7 +41,7 @@ def radii_of(drive: Drive) -> dict[str, Radius]:
 def comparison_lines(first: Drive, second: Drive, differences: Sequence[MeanDifference]) -> Iterator[str]:
     """Yield the lines of a comparison, wheel by wheel."""
     for wheel in [position for position in first.wheels if position in second.wheels]:
-        cells = [drive.wheels[wheel].row.cells(drive.wheels[wheel].state, ()) for drive in (first, second)]
+        cells = [drive.wheels[wheel].cells() for drive in (first, second)]
         rows: list[tuple[str, ...]] = [(wheel, clean(first.name), clean(second.name), "difference", "significance")]
         rows += [(label, *(shown(values) for values in cells), "", "") for label, shown in GLANCE]
         rows += [_row(difference) for difference in differences if difference.wheel == wheel]

@@ -21,7 +21,7 @@ from gateway.core.text.session_summary import alarm_line
 from gateway.core.text.table_sinks import Cell
 from gateway.core.text.text import clean, counted
 from gateway.core.text.wheel_glance import GLANCE, number
-from gateway.core.text.wording import notice_text
+from gateway.core.text.wording import joined, notice_text
 from gateway.core.types import BoolArray, FloatArray
 from gateway.diagnosis.views.figures import (
     AFTER,
@@ -54,7 +54,7 @@ class Line(NamedTuple):
         position: wheel.
         style: index of its colour and dashes.
         time_s: (n,) since the first revolution of any wheel.
-        value: (n,) NaN where it is invalid.
+        value: (n,) NaN where it is invalid, and within a time without revolutions.
         std: (n,) NaN where it is not known.
         is_valid: (n,) False where it is provisional or invalid.
     """
@@ -87,8 +87,13 @@ def lines_of(drive: Drive, name: str, start_ns: int) -> list[Line]:
     for style, (position, wheel) in enumerate(drive.wheels.items()):
         if not any(name in point.values for point in wheel.points):
             continue
-        value, std, is_valid = np.array([point.values.get(name, absent) for point in wheel.points], np.float64).T
-        time_s = np.array([point.time_ns - start_ns for point in wheel.points], np.float64) * 1e-9
+        rows: list[tuple[int, tuple[float, float, bool]]] = []
+        for point in wheel.points:
+            if point.is_after_gap:
+                rows.append(((rows[-1][0] + point.time_ns) // 2, absent))
+            rows.append((point.time_ns, point.values.get(name, absent)))
+        value, std, is_valid = np.array([values for _, values in rows], np.float64).T
+        time_s = np.array([time_ns - start_ns for time_ns, _ in rows], np.float64) * 1e-9
         lines.append(Line(position, style, time_s, factor * value, factor * std, is_valid > 0.0))
     return lines
 
@@ -172,7 +177,7 @@ def drive_page(drives: Sequence[Drive]) -> str:
 def _section(identity: str, drive: Drive) -> dict[str, object]:
     """Return what the page shows of one recording; the template escapes all text except drawings."""
     wheels = list(drive.wheels)
-    rows = {position: wheel.row.cells(wheel.state, ()) for position, wheel in drive.wheels.items()}
+    rows = {position: wheel.cells() for position, wheel in drive.wheels.items()}
     means, notes = _means(drive)
     return {
         "id": identity,
@@ -211,9 +216,11 @@ def _means(drive: Drive) -> tuple[list[tuple[str, str, list[_Value]]], list[tupl
     rows: dict[str, dict[str, _Value]] = {}
     reasons: dict[str, dict[str, list[str]]] = {}
     for position, wheel in drive.wheels.items():
+        if wheel.rolled is not None and wheel.rolled.reasons:
+            reasons.setdefault(joined(wheel.rolled.reasons), {}).setdefault(position, []).append("distance")
         for name, values in wheel.row.quantities():
             if name == DISTANCE:
-                continue
+                continue  # it only grows
             label, unit = split_name(name)
             cells: dict[str, Cell] = dict(zip(RECORDING_PARTS, values, strict=True))
             status, reason = Status(str(cells["_status"])), str(cells["_reason"])

@@ -47,7 +47,7 @@ _TEMPERATURES: Final = ("temperature_degc", "temperature_min_degc", "temperature
 
 GLANCE: Final[tuple[tuple[str, Callable[[Cells], str]], ...]] = (
     ("revolutions", _revolutions),
-    ("distance", lambda cells: f"{fixed(number(cells, 'distance_m'), 1)} m"),
+    ("distance", lambda cells: str(cells.get("distance") or f"{fixed(number(cells, 'distance_m'), 1)} m")),
     ("speed, mean and span", lambda cells: _spread(cells, _SPEEDS)),
     ("load, stated", lambda cells: _stated(cells, "load_n")),
     ("pressure", lambda cells: _stated(cells, "pressure_pa")),
