@@ -367,7 +367,8 @@ class Recording(Mapping[str, "Wheel"]):
 
         if path is not None:
             check_page(Path(path), force=force)
-        recording, drive = self._opened(), Drive(self.name, self._file.info.described_run().lines())
+        recording = self._opened()
+        drive = Drive.of(recording.file)
         estimation = RecordingPass(recording, self._settings.estimators, signals=recording.signals())
         for result in estimation:
             drive.add(result)

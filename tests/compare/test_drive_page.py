@@ -1,5 +1,6 @@
 """The page of a drive: self-contained, escaped, and with what each wheel did."""
 
+import json
 import math
 import re
 from dataclasses import replace
@@ -7,13 +8,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.compare.views.drive import MOST_POINTS, Drive, DriveWheel
-from gateway.compare.views.drive_page import begin_ns, drawn_quantities, drive_page, lines_of
+from gateway.compare.views.drive import MAX_POINTS, MAX_WAVEFORMS, Drive, DriveWheel
+from gateway.compare.views.drive_page import drive_page
+from gateway.compare.views.drive_pictures import begin_ns, drawn_quantities, lines_of, pictures_json
+from gateway.compare.views.drive_verdict import verdict
 from gateway.core.estimates.estimator import Estimate, Status
+from gateway.core.estimates.results import AlarmRecord
 from gateway.core.reasons import Code, Notice, Reason
+from gateway.core.recording.mcap_layout import JSON_ENCODING, MARKS_TOPIC, ChannelInfo, RecordedMessage
 
 HOSTILE = "<script>alert('x')</script>\x1b[2J"
 DOUBT = Reason(Code.NEEDS_LOAD)
+
+
+def data_of(page: str) -> dict:
+    """Return what the script of a page with one recording draws."""
+    return json.loads(re.search(r'id="r0-data">(.*?)</script>', page)[1])
 
 
 @pytest.fixture
@@ -37,20 +47,23 @@ def test_page_is_self_contained_and_escapes_names(make_drive):
     drive = make_drive(5, name=HOSTILE, position=HOSTILE)
     drive.finish((), (), (Notice(HOSTILE, DOUBT),))
     page = drive_page([drive])
-    assert "<script" not in page
+    assert "<script>alert" not in page
+    assert page.count("<script") == page.count("</script>") == 4
     assert "\x1b" not in page
     assert not re.findall(r'(?:src|href)="(?!#)', page)
-    assert page.count("<svg") == 2
+    assert set(data_of(page)) == {"begin_ms", "wheels", "quantities", "first", "events", "waveforms"}
+    assert data_of(page)["wheels"][0]["name"] == HOSTILE
     assert "2001-09-09 01:46:40 UTC" in page
 
 
 def test_page_shows_means_what_varies_and_why_a_value_is_missing(make_drive):
     page = drive_page([make_drive(21)])
     assert "0.1953 ± 0.0012" in page
-    assert "FL, speed: varies within the recording by far more" in page
+    assert re.search(r"<td class=\"n\">36.0 to 108.0<small>varies<", page), "of what varies the span"
+    assert "varies within the recording by far more" not in page
     assert re.search(r">Rs</th><td class=\"n none\">—<", page)
     assert "FL, Rs: " in page
-    assert "is drawn" not in page
+    assert "revolutions is drawn" not in page
 
 
 def test_page_says_what_is_stated_of_the_run():
@@ -69,14 +82,16 @@ def test_lines_have_gaps_where_an_estimate_is_invalid(made):
     for index in range(4):
         estimate = Estimate.invalid("Cw", DOUBT) if index == 2 else Estimate("Cw", 0.2, 0.01, Status.VALID)
         drive.add(made.result(index=index, estimates=(estimate,)))
-    assert drawn_quantities(drive) == ["Cw"]
+    assert drawn_quantities(drive) == ["pressure_pa", "temperature_degc", "Cw"]
     (line,) = lines_of(drive, "Cw", begin_ns(drive))
     assert [math.isnan(value) for value in line.value] == [False, False, True, False]
     assert line.is_valid.tolist() == [True, True, False, True]
 
 
-def with_silence(made, revolutions: int, silent_after: int, *, reason: Reason | None = None) -> Drive:
-    """Return a drive at 0.1 s a revolution with a silence of 35 s after one of them."""
+def with_silence(
+    made, revolutions: int, silent_after: int, *, reason: Reason | None = None, silent_s: float = 0.0
+) -> Drive:
+    """Return a drive at 0.1 s a revolution with 35 s without revolutions after one of them."""
     drive = Drive("a.mcap")
     for index in range(revolutions):
         status = Status.VALID if reason is None or index <= silent_after else Status.PROVISIONAL
@@ -87,11 +102,13 @@ def with_silence(made, revolutions: int, silent_after: int, *, reason: Reason | 
         revolution = replace(
             result.revolution, start_s=start_s, period_s=0.1, follows=index not in (0, silent_after + 1)
         )
-        drive.add(replace(result, revolution=revolution, host_ns=10**18 + round((start_s + 0.1) * 1e9)))
+        host_ns = 10**18 + round((start_s + 0.1) * 1e9)
+        before_s = silent_s if index == silent_after + 1 else 0.0
+        drive.add(replace(result, revolution=revolution, host_ns=host_ns, silent_before_s=before_s))
     return drive
 
 
-@pytest.mark.parametrize("revolutions", [40, MOST_POINTS + 1, 3 * MOST_POINTS + 5])
+@pytest.mark.parametrize("revolutions", [40, MAX_POINTS + 1, 3 * MAX_POINTS + 5])
 @pytest.mark.parametrize("silent_after", [0, 17, 18, 19, 20, 31])
 def test_no_line_is_drawn_through_a_silence(made, revolutions, silent_after):
     drive = with_silence(made, revolutions, silent_after)
@@ -110,11 +127,104 @@ def test_page_and_terminal_say_the_same_of_a_distance_that_was_bridged(made):
     assert '>distance</th><td class="n">98 ± 12 m<' in drive_page([with_silence(made, 50, 20)])
 
 
-@pytest.mark.parametrize("revolutions", [MOST_POINTS, MOST_POINTS + 1, 5 * MOST_POINTS + 7])
+@pytest.mark.parametrize("revolutions", [MAX_POINTS, MAX_POINTS + 1, 5 * MAX_POINTS + 7])
 def test_points_are_few_evenly_spaced_and_from_the_first_revolution(made, revolutions):
     wheel, result = DriveWheel(), made.result()
     for index in range(revolutions):
         wheel.add(replace(result, host_ns=1 + index))
     numbers = [point.time_ns - 1 for point in wheel.points]
     assert numbers == list(range(0, revolutions, wheel.stride))
-    assert MOST_POINTS // 2 <= len(numbers) <= MOST_POINTS
+    assert MAX_POINTS // 2 <= len(numbers) <= MAX_POINTS
+
+
+def said_of(drive: Drive):
+    """Return the verdict of a drive."""
+    return verdict(drive, begin_ns(drive), max(wheel.points[-1].time_ns for wheel in drive.wheels.values()))
+
+
+def test_a_drive_without_trouble_has_nothing_to_act_on(make_drive):
+    said = said_of(make_drive(21))
+    assert said.summary == "1 wheel in 2 s. Nothing to act on."
+    assert not said.actions
+    assert not said.events
+
+
+def test_what_stands_at_the_end_is_acted_on_and_what_has_ended_is_told(make_drive):
+    drive = make_drive(21)
+    reason = Reason(Code.QUOTED_TEXT, text="171.0 kPa is below 180.0 kPa")
+    ended = AlarmRecord("FL", "pressure", reason, 2, 0.7, 0.4, 1.5, is_standing=False)
+    standing = AlarmRecord("FL", "silent", reason, 1, 0.5, 1.0, 2.0, is_standing=True)
+    drive.finish((), (ended, standing), (Notice("FL", DOUBT),))
+    said = said_of(drive)
+    assert said.summary == "1 wheel in 2 s. 1 alarm came and went. 1 alarm stood at the end."
+    assert said.actions[0] == "FL silent: 171.0 kPa is below 180.0 kPa"
+    assert len(said.actions) == 2
+    assert [(event.kind, event.times()) for event in said.events] == [
+        ("alarm", "0:00:00 to 0:00:01"),
+        ("alarm", "0:00:01 to the end"),
+    ]
+
+
+@pytest.mark.parametrize(("silent_s", "kind"), [(35.0, "silence"), (0.0, "standstill")])
+def test_a_silence_is_named_and_a_standstill_is_none(made, silent_s, kind):
+    drive = with_silence(made, 40, 20, silent_s=silent_s)
+    said = said_of(drive)
+    assert [event.kind for event in said.events] == [kind]
+    assert ("FL was silent for 35 s." in said.summary) == (kind == "silence")
+    assert said.events[0].begin_s == pytest.approx(2.0)
+    assert said.events[0].end_s == pytest.approx(37.0)
+
+
+def test_marks_are_shown_and_keep_the_waveform_of_their_moment(make_drive, made):
+    drive = make_drive(3)
+    for index, words in ((2, HOSTILE), (5, "kerb")):
+        data = json.dumps({"link": "", "kind": "mark", "text": words}).encode()
+        drive.take_mark(RecordedMessage(ChannelInfo(MARKS_TOPIC, JSON_ENCODING), 0, 10**18 + index * 10**8, data))
+    drive.take_mark(RecordedMessage(ChannelInfo("/alarms", JSON_ENCODING), 0, 10**18, b"{}"))
+    for index in range(3, 8):
+        drive.add(replace(made.result(index=index), host_ns=10**18 + index * 10**8))
+    page = drive_page([drive])
+    assert "\x1b" not in page
+    assert [(event.kind, event.begin_s) for event in said_of(drive).events] == [("mark", 0.2), ("mark", 0.5)]
+    causes = [(one["cause"], one["t"]) for one in data_of(page)["waveforms"] if one["cause"]]
+    assert causes == [(HOSTILE, 0.3), ("kerb", 0.5)]
+
+
+def test_waveforms_of_a_long_drive_are_bounded_and_cover_it(made):
+    wheel, result = DriveWheel(), made.result()
+    times_s = range(0, 60 * 5 * MAX_WAVEFORMS, 20)
+    for second in times_s:
+        wheel.add(replace(result, host_ns=10**18 + second * 10**9))
+    kept_s = [(one.time_ns - 10**18) / 1e9 for one in wheel.waveforms]
+    assert MAX_WAVEFORMS // 2 <= len(kept_s) <= MAX_WAVEFORMS
+    assert kept_s[0] == 0.0
+    assert kept_s[-1] > times_s[-1] - max(np.diff(kept_s))
+    assert max(np.diff(kept_s)) <= 2 * min(np.diff(kept_s))
+
+
+def test_pictures_have_numbers_to_a_tenth_of_their_error(made):
+    drive = Drive("a.mcap")
+    for index in range(5):
+        estimate = Estimate("Cw", 0.195312345 + 0.01 * index, 0.0012, Status.VALID)
+        drive.add(made.result(index=index, estimates=(estimate,)))
+    (cw,) = [one for one in pictures_json(drive, (), 0)["quantities"] if one["name"] == "Cw"]
+    assert cw["wheels"][0]["v"][0] == pytest.approx(0.1953123, abs=0.0012 / 10)
+    assert len(str(cw["wheels"][0]["v"][0])) <= len("0.19531")
+
+
+def test_a_browser_draws_the_pictures_zooms_them_together_and_shows_a_waveform(browser, made, tmp_path):
+    drive = with_silence(made, 200, 80, silent_s=35.0)
+    page = tmp_path / "drive.html"
+    page.write_text(drive_page([drive]), "utf-8")
+    tab = browser.tab()
+    tab.show(page, 1280)
+    assert tab.value("document.querySelectorAll('.pictures canvas').length") == 3, "pressure, temperature, waveform"
+    tab.value("document.querySelector('.events button').click()")
+    assert "FL at" in tab.value("document.querySelector('.grid').innerText")
+    tab.value(
+        "{ const s = document.querySelector('.tools select'); s.value = 'Cw'; s.dispatchEvent(new Event('change')); }"
+    )
+    assert "Cw" in tab.value("[...document.querySelectorAll('.picture-title')].map(t => t.innerText).join()")
+    tab.show(page, 390)
+    assert tab.value("document.documentElement.scrollWidth") <= 390
+    assert not tab.errors

@@ -1,123 +1,35 @@
-"""A drive as one self-contained HTML page."""
+"""A drive as one self-contained HTML page: verdict, pictures, tables."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
-
-import numpy as np
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from gateway import __version__
 from gateway.compare.views.drive import Drive, Drives, DriveWheel
+from gateway.compare.views.drive_pictures import FIRST_DATE_NS, begin_ns, pictures_json
+from gateway.compare.views.drive_verdict import verdict
 from gateway.core.estimates.estimator import Status
+from gateway.core.optional_packages import require_packages
+from gateway.core.reasons import Code
 from gateway.core.table_columns import RECORDING_PARTS
 from gateway.core.text.html_template import html_template, report_css
-from gateway.core.text.numbers import MISSING, STATUS_MARKS, duration, round_to_error, split_name
+from gateway.core.text.numbers import MISSING, STATUS_MARKS, fixed, round_to_error, split_name
 from gateway.core.text.output_file import check_target, write_whole
+from gateway.core.text.page_parts import page_part, plot_licence, script_policy
 from gateway.core.text.readout import DISTANCE
 from gateway.core.text.result_table import iso_utc
-from gateway.core.text.session_summary import alarm_line
 from gateway.core.text.table_sinks import Cell
-from gateway.core.text.text import clean, counted
+from gateway.core.text.text import clean, counted, json_text
 from gateway.core.text.wheel_glance import GLANCE, number
-from gateway.core.text.wording import joined, notice_text
-from gateway.core.types import BoolArray, FloatArray
-from gateway.diagnosis.views.figures import (
-    AFTER,
-    BEFORE,
-    GOOD,
-    INK,
-    drawable,
-    inline_svg,
-    new_figure,
-    report_style,
-    require_report_packages,
-)
+from gateway.core.text.wording import joined
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from markupsafe import Markup
 
-_TEMPLATE: Final = ("gateway.compare.views", "drive_page.html.j2")
-# Times before it are no dates: the clock of a hub counts from its start.
-_FIRST_DATE_NS: Final = 10**17
-_SIZE_INCH: Final = (5.0, 2.7)
-# Colour and dashes by wheel: they differ in print and to colour-blind readers too.
-_STYLES: Final = ((AFTER, "-"), (BEFORE, "--"), (GOOD, "-."), (INK, ":"))
-_MINUTES_FROM_S: Final = 300.0
-
-
-class Line(NamedTuple):
-    """A quantity of one wheel over time.
-
-    Attributes:
-        position: wheel.
-        style: index of its colour and dashes.
-        time_s: (n,) since the first revolution of any wheel.
-        value: (n,) NaN where it is invalid, and within a time without revolutions.
-        std: (n,) NaN where it is not known.
-        is_valid: (n,) False where it is provisional or invalid.
-    """
-
-    position: str
-    style: int
-    time_s: FloatArray
-    value: FloatArray
-    std: FloatArray
-    is_valid: BoolArray
-
-
-def begin_ns(drive: Drive) -> int:
-    """Return the end of the first revolution of any wheel, ns; 0 without one."""
-    return min((wheel.points[0].time_ns for wheel in drive.wheels.values()), default=0)
-
-
-def drawn_quantities(drive: Drive) -> list[str]:
-    """Return the quantities that have a value, without the distance, which only grows."""
-    names = {
-        name: None for wheel in drive.wheels.values() for point in wheel.points for name in point.values
-    }  # a dict keeps their order
-    return [name for name in names if name != DISTANCE]
-
-
-def lines_of(drive: Drive, name: str, start_ns: int) -> list[Line]:
-    """Return the lines of a quantity, in the unit that it is shown in."""
-    factor, absent = split_name(name)[1].factor, (np.nan, np.nan, False)
-    lines = []
-    for style, (position, wheel) in enumerate(drive.wheels.items()):
-        if not any(name in point.values for point in wheel.points):
-            continue
-        rows: list[tuple[int, tuple[float, float, bool]]] = []
-        for point in wheel.points:
-            if point.is_after_gap:
-                rows.append(((rows[-1][0] + point.time_ns) // 2, absent))
-            rows.append((point.time_ns, point.values.get(name, absent)))
-        value, std, is_valid = np.array([values for _, values in rows], np.float64).T
-        time_s = np.array([time_ns - start_ns for time_ns, _ in rows], np.float64) * 1e-9
-        lines.append(Line(position, style, time_s, factor * value, factor * std, is_valid > 0.0))
-    return lines
-
-
-def quantity_figure(name: str, lines: list[Line]) -> Figure:
-    """Draw a quantity: lines where it is valid, hollow points where it is provisional, gaps where it is invalid."""
-    label, unit = split_name(name)
-    figure = new_figure(*_SIZE_INCH)
-    panel = figure.subplots()
-    in_minutes = max(line.time_s[-1] for line in lines) > _MINUTES_FROM_S
-    for line in lines:
-        colour, dashes = _STYLES[line.style % len(_STYLES)]
-        time = line.time_s / 60.0 if in_minutes else line.time_s
-        valid = np.where(line.is_valid, line.value, np.nan)
-        doubtful = ~line.is_valid & np.isfinite(line.value)
-        panel.fill_between(time, line.value - line.std, line.value + line.std, color=colour, alpha=0.14, lw=0)
-        panel.plot(time, valid, dashes, color=colour, lw=1.3, label=drawable(line.position))
-        panel.plot(time[doubtful], line.value[doubtful], "o", color=colour, mfc="none", ms=2.2, mew=0.5)
-    panel.set_title(drawable(f"{label}, {unit.symbol}" if unit.symbol else label))
-    panel.set_xlabel("min" if in_minutes else "s")
-    panel.ticklabel_format(useOffset=False, axis="y")
-    if len(lines) > 1:
-        figure.legend(loc="outside lower center", ncols=len(lines), handlelength=2.2, fontsize=9.0)
-    return figure
+_VIEWS: Final = "gateway.compare.views"
+_TEMPLATE: Final = (_VIEWS, "drive_page.html.j2")
 
 
 class _Value(NamedTuple):
@@ -132,9 +44,9 @@ def check_page(path: Path, *, force: bool = False) -> None:
     """Fail before the work if a page cannot be made.
 
     Raises:
-        OutputError: matplotlib or jinja2 is missing, the file exists and `force` is not set, or it cannot be written.
+        OutputError: jinja2 is missing, the file exists and `force` is not set, or it cannot be written.
     """
-    require_report_packages()
+    require_packages("the page of a drive", "plot", "jinja2")
     check_target(path, force=force)
 
 
@@ -162,29 +74,42 @@ def open_pages(path: Path | None, *, force: bool) -> DrivePages | None:
 
 
 def drive_page(drives: Sequence[Drive]) -> str:
-    """Return recordings as an HTML page without scripts and external resources; deterministic.
+    """Return recordings as an HTML page without external resources; deterministic.
 
     Raises:
-        OutputError: matplotlib or jinja2 is missing.
+        OutputError: jinja2 is missing.
     """
-    require_report_packages()
-    with report_style():
-        sections = [_section(f"r{index}", drive) for index, drive in enumerate(drives)]
-    title = drives[0].name if len(drives) == 1 else counted(len(drives), "recording")
-    return html_template(*_TEMPLATE).render(version=__version__, style=report_css(), title=title, sections=sections)
+    require_packages("the page of a drive", "plot", "jinja2")
+    from markupsafe import Markup
+
+    scripts = [page_part("uPlot.iife.min.js"), page_part("pictures.js"), page_part("drive_page.js", _VIEWS)]
+    sections = [_section(f"r{index}", drive) for index, drive in enumerate(drives)]
+    return html_template(*_TEMPLATE).render(
+        version=__version__,
+        policy=script_policy(scripts),
+        style=Markup(page_part("uPlot.min.css").text) + report_css(),
+        scripts=Markup("\n".join(script.html() for script in scripts)),
+        licence=Markup(plot_licence()),
+        title=drives[0].name if len(drives) == 1 else counted(len(drives), "recording"),
+        sections=sections,
+    )
 
 
 def _section(identity: str, drive: Drive) -> dict[str, object]:
-    """Return what the page shows of one recording; the template escapes all text except drawings."""
+    """Return what the page shows of one recording; the template escapes all text except data for the script."""
     wheels = list(drive.wheels)
     rows = {position: wheel.cells() for position, wheel in drive.wheels.items()}
     means, notes = _means(drive)
+    start_ns = begin_ns(drive)
+    end_ns = max((wheel.points[-1].time_ns for wheel in drive.wheels.values()), default=start_ns)
+    first = verdict(drive, start_ns, end_ns)
     return {
         "id": identity,
         "title": drive.name,
-        "facts": _facts(drive),
+        "facts": iso_utc(start_ns)[:19].replace("T", " ") + " UTC" if start_ns > FIRST_DATE_NS else "",
         "run": [clean(line) for line in drive.run],
         "wheels": wheels,
+        "verdict": first,
         "glance": [
             (label, [text(rows[position]) for position in wheels])
             for label, text in GLANCE
@@ -192,23 +117,17 @@ def _section(identity: str, drive: Drive) -> dict[str, object]:
         ],
         "means": means,
         "notes": notes,
-        "messages": [
-            *(clean(notice_text(notice)) for notice in drive.notices),
-            *(clean(alarm_line(alarm).strip()) for alarm in drive.alarms),
-        ],
-        "drawings": list(_drawings(identity, drive)),
+        "data": _script_data(pictures_json(drive, first.events, start_ns)) if wheels else "",
         "drawn": _drawn(drive.wheels.values()),
     }
 
 
-def _facts(drive: Drive) -> str:
-    parts = [counted(len(drive.wheels), "wheel")]
-    if drive.wheels:
-        first_ns, last_ns = begin_ns(drive), max(wheel.points[-1].time_ns for wheel in drive.wheels.values())
-        if first_ns > _FIRST_DATE_NS:
-            parts.append(f"{iso_utc(first_ns)[:19].replace('T', ' ')} UTC")
-        parts.append(duration((last_ns - first_ns) * 1e-9))
-    return " · ".join(parts)
+def _script_data(document: object) -> Markup:
+    """Return JSON as the content of a script element: nothing in it can end the element."""
+    from markupsafe import Markup
+
+    safe = json_text(document, compact=True).replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+    return Markup(safe)
 
 
 def _means(drive: Drive) -> tuple[list[tuple[str, str, list[_Value]]], list[tuple[str, str, str]]]:
@@ -226,6 +145,10 @@ def _means(drive: Drive) -> tuple[list[tuple[str, str, list[_Value]]], list[tupl
             status, reason = Status(str(cells["_status"])), str(cells["_reason"])
             value, std, scatter = (number(cells, part) * unit.factor for part in ("", "_std", "_scatter"))
             rows.setdefault(name, {})[position] = _value(value, std, scatter, status)
+            span = wheel.spans.get(name)
+            if span is not None and any(reason.code is Code.ROW_SCATTERS for reason in wheel.row.means()[name].reasons):
+                rows.setdefault(name, {})[position] = _span(span, unit.factor)
+                continue
             if reason:
                 reasons.setdefault(reason, {}).setdefault(position, []).append(label)
     absent = _Value(MISSING, "", False)
@@ -234,6 +157,16 @@ def _means(drive: Drive) -> tuple[list[tuple[str, str, list[_Value]]], list[tupl
         for name, row in rows.items()
     ]
     return table, list(_notes(reasons))
+
+
+def _span(span: tuple[float, float], factor: float) -> _Value:
+    """Return the span of a quantity that varies by far more than its errors: a mean would say nothing."""
+    low, high = sorted((span[0] * factor, span[1] * factor))
+    size = round_to_error(high, (high - low) / 10.0)
+    decimals = len(size.value.partition(".")[2]) if not size.power else None
+    if decimals is None:
+        return _Value(f"{low:.3g} to {high:.3g}", "varies", False)
+    return _Value(f"{fixed(low, decimals)} to {fixed(high, decimals)}", "varies", False)
 
 
 def _value(value: float, std: float, scatter: float, status: Status) -> _Value:
@@ -254,14 +187,6 @@ def _notes(reasons: dict[str, dict[str, list[str]]]) -> Iterator[tuple[str, str,
             alike.setdefault(tuple(labels), []).append(position)
         for shared, wheels in alike.items():
             yield clean(", ".join(wheels)), ", ".join(shared), clean(reason)
-
-
-def _drawings(identity: str, drive: Drive) -> Iterator[tuple[Any, str]]:
-    start_ns = begin_ns(drive)
-    for index, name in enumerate(drawn_quantities(drive)):
-        lines: list[Line] = lines_of(drive, name, start_ns)
-        svg = inline_svg(quantity_figure(name, lines), f"{identity}-{index}")
-        yield svg, f"{split_name(name)[0]} over time of {', '.join(line.position for line in lines)}"
 
 
 def _drawn(wheels: Iterable[DriveWheel]) -> str:

@@ -188,8 +188,8 @@ class RecordingReader:
             yield from self.link_items(message)
 
     def watch(self, take: Callable[[RecordedMessage], None]) -> None:
-        """Call a function with each message that `items` reads, before its items."""
-        self._watchers.append(take)
+        """Call a function with each message that `items` reads, before its items; not those of copies made before."""
+        self._watchers = [*self._watchers, take]
 
     def link_items(self, message: RecordedMessage) -> Iterator[LinkItem]:
         """Yield the link items of a message; those of more links than a session can have are damage."""

@@ -1,7 +1,7 @@
 "use strict";
 (() => {
   const byId = (id) => document.getElementById(id);
-  const STALE_MS = 3000, FIRST_RETRY_MS = 500, LAST_RETRY_MS = 5000, GAP_S = 3, COLOURS = 8, SPAN_S = 600;
+  const STALE_MS = 3000, FIRST_RETRY_MS = 500, LAST_RETRY_MS = 5000, GAP_S = 3, SPAN_S = 600;
   let socket = null, retryMs = FIRST_RETRY_MS, heardMs = 0, state = null;
   let wheel = "", quantity = "speed_mps", quantities = [], points = new Map(), waveform = null;
   const plots = {};
@@ -28,8 +28,7 @@
       setRuns(target.children[i], typeof row === "string" ? [[row, ""]] : row);
     });
   };
-  const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-  const colourOf = (i) => css(`--w${i % COLOURS}`);
+  const { css, faint } = pictures;
 
   // The connection: it is made again whenever it is lost.
 
@@ -158,13 +157,11 @@
     const known = plots[id];
     if (known && known.key === key && known.width === width) { known.uplot.setData(data); return; }
     if (known) known.uplot.destroy();
-    const axis = { stroke: css("--ink"), grid: { stroke: css("--line"), width: 1 }, ticks: { stroke: css("--line") } };
-    const options = makeOptions(axis);
+    const options = makeOptions(pictures.axis());
     plots[id] = { key, width, uplot: new uPlot({ width, height, legend: { show: false }, ...options }, data, box) };
   };
   const clearPlot = (id) => { if (plots[id]) { plots[id].uplot.destroy(); delete plots[id]; } };
   const themeKey = () => document.documentElement.dataset.theme;
-  const faint = (colour) => `${colour}33`;
 
   const showWaveform = () => {
     if (!waveform) {
@@ -234,7 +231,7 @@
   const showTrend = () => {
     const shown = quantities.find((one) => one.name === quantity) || { label: "Trend", unit: "" };
     // A wheel keeps its colour, whichever quantities it has.
-    const wheels = [...points.keys()].sort(), colourAt = (position) => colourOf(wheels.indexOf(position));
+    const wheels = [...points.keys()].sort(), styleOf = (position) => wheels.indexOf(position);
     const positions = wheels.filter((position) => points.get(position).length);
     const every = positions.flatMap((position) => points.get(position).map(([at]) => at));
     setText(byId("trend-note"), every.length
@@ -257,19 +254,14 @@
           heard = at;
         }
         const [, value, error, isProvisional] = point || [at, null, null, 0];
-        columns[0].push(value !== null && !isProvisional ? value : null);
-        columns[1].push(value !== null && isProvisional ? value : null);
-        columns[2].push(value !== null && error !== null ? value + error : null);
-        columns[3].push(value !== null && error !== null ? value - error : null);
+        pictures.cellsOf(value, error, isProvisional).forEach((cell, i) => columns[i].push(cell));
       }
       data.push(...columns);
       const [, value, error, isProvisional] = points.get(position).at(-1);
-      const item = element("li"), line = element("span", `key ${isProvisional ? "dashed" : ""}`);
-      line.style.borderTopColor = colourAt(position);
-      const digits = error ? Math.max(0, Math.min(6, 1 - Math.floor(Math.log10(error)))) : 3;
-      const isOld = end - points.get(position).at(-1)[0] > GAP_S;
-      const number = `${value.toFixed(digits)}${error ? ` ± ${error.toFixed(digits)}` : ""} ${shown.unit}${isProvisional ? " ~" : ""}`;
-      item.append(line, `${position}: ${isOld ? `none for ${end - points.get(position).at(-1)[0]} s` : number}`);
+      const item = element("li"), isOld = end - points.get(position).at(-1)[0] > GAP_S;
+      const number = pictures.written(value, error, shown.unit, isProvisional);
+      const text = `${position}: ${isOld ? `none for ${end - points.get(position).at(-1)[0]} s` : number}`;
+      item.append(pictures.key(styleOf(position), isProvisional ? [5, 4] : []), text);
       legend.push(item);
     });
     byId("trend-legend").replaceChildren(...legend);
@@ -279,13 +271,8 @@
         { ...axis, space: 80, values: (_, ticks) => ticks.map((at) => new Date(1000 * at).toLocaleTimeString([], { hour12: false })) },
         { ...axis, size: 62, label: shown.unit || shown.label, labelSize: 18 },
       ],
-      series: [{}, ...positions.flatMap((position) => [
-        { stroke: colourAt(position), width: 2, points: { show: false } },
-        { stroke: colourAt(position), width: 2, dash: [5, 4], points: { show: false } },
-        { stroke: "transparent", points: { show: false } },
-        { stroke: "transparent", points: { show: false } },
-      ])],
-      bands: positions.map((position, i) => ({ series: [4 * i + 3, 4 * i + 4], fill: faint(colourAt(position)) })),
+      series: [{}, ...positions.flatMap((position) => pictures.seriesOf(styleOf(position)))],
+      bands: pictures.bandsOf(positions.map(styleOf)),
     }));
   };
 

@@ -1,0 +1,137 @@
+"""Numbers of a drive for the pictures of its page: quantities over time, events and waveforms, as JSON."""
+
+import math
+from collections.abc import Sequence
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from gateway.compare.views.drive import Drive, DriveWheel
+from gateway.compare.views.drive_verdict import Event
+from gateway.core.text.numbers import split_name
+from gateway.core.text.readout import DISTANCE, SPEED, WEAR
+from gateway.core.types import BoolArray, FloatArray
+
+_FIRST: Final = (SPEED, "pressure_pa", "temperature_degc", WEAR, "load_by_width_n", "contact_length_m")
+"""Quantities whose pictures are open at first."""
+# Digits of a number below its standard error: more than an eye can see of a picture.
+_DIGITS_BELOW_ERROR: Final = 1
+_DIGITS: Final = 6
+# Times before it are no dates: the clock of a hub counts from its start.
+FIRST_DATE_NS: Final = 10**17
+
+
+class Line(NamedTuple):
+    """A quantity of waveform wheel over time.
+
+    Attributes:
+        position: wheel.
+        style: index of its colour and dashes.
+        time_s: (n,) since the first revolution of any wheel.
+        value: (n,) NaN where it is invalid, and within a time without revolutions.
+        std: (n,) NaN where it is not known.
+        is_valid: (n,) False where it is provisional or invalid.
+    """
+
+    position: str
+    style: int
+    time_s: FloatArray
+    value: FloatArray
+    std: FloatArray
+    is_valid: BoolArray
+
+
+def begin_ns(drive: Drive) -> int:
+    """Return the end of the first revolution of any wheel, ns; 0 without waveform."""
+    return min((wheel.points[0].time_ns for wheel in drive.wheels.values()), default=0)
+
+
+def drawn_quantities(drive: Drive) -> list[str]:
+    """Return the quantities that have a value, without the distance, which only grows."""
+    names = {
+        name: None for wheel in drive.wheels.values() for point in wheel.points for name in point.values
+    }  # a dict keeps their order
+    return [name for name in names if name != DISTANCE]
+
+
+def lines_of(drive: Drive, name: str, start_ns: int) -> list[Line]:
+    """Return the lines of a quantity, in the unit that it is shown in."""
+    factor, absent = split_name(name)[1].factor, (np.nan, np.nan, False)
+    lines = []
+    for style, (position, wheel) in enumerate(drive.wheels.items()):
+        if not any(name in point.values for point in wheel.points):
+            continue
+        rows: list[tuple[int, tuple[float, float, bool]]] = []
+        for point in wheel.points:
+            if point.is_after_gap:
+                rows.append(((rows[-1][0] + point.time_ns) // 2, absent))
+            rows.append((point.time_ns, point.values.get(name, absent)))
+        value, std, is_valid = np.array([values for _, values in rows], np.float64).T
+        time_s = np.array([time_ns - start_ns for time_ns, _ in rows], np.float64) * 1e-9
+        lines.append(Line(position, style, time_s, factor * value, factor * std, is_valid > 0.0))
+    return lines
+
+
+def pictures_json(drive: Drive, events: Sequence[Event], start_ns: int) -> dict[str, Any]:
+    """Return what the script of the page draws of waveform drive."""
+    names = drawn_quantities(drive)
+    times: list[list[float]] = [[] for _ in drive.wheels]
+    quantities = []
+    for name in names:
+        label, unit = split_name(name)
+        wheels: list[dict[str, Any] | None] = [None] * len(drive.wheels)
+        for line in lines_of(drive, name, start_ns):
+            times[line.style] = np.round(line.time_s, 3).tolist()
+            wheels[line.style] = _columns(line)
+        quantities.append({"name": name, "label": label, "unit": unit.symbol, "wheels": wheels})
+    return {
+        "begin_ms": start_ns // 1_000_000 if start_ns > FIRST_DATE_NS else None,
+        "wheels": [{"name": position, "t": times[index]} for index, position in enumerate(drive.wheels)],
+        "quantities": quantities,
+        "first": [name for name in _FIRST if name in names] or names[:1],
+        "events": [
+            {
+                "kind": event.kind,
+                "wheel": event.wheel,
+                "begin": round(event.begin_s, 2),
+                "end": round(event.end_s, 2) if math.isfinite(event.end_s) else None,
+                "text": event.text,
+            }
+            for event in events
+        ],
+        "waveforms": [
+            waveform
+            for index, wheel in enumerate(drive.wheels.values())
+            for waveform in _waveforms(index, wheel, start_ns)
+        ],
+    }
+
+
+def _columns(line: Line) -> dict[str, Any]:
+    known = line.std[np.isfinite(line.std) & (line.std > 0.0)]
+    digits = _DIGITS
+    if known.size:
+        digits = _DIGITS_BELOW_ERROR + 1 - math.floor(math.log10(float(np.median(known))))
+    return {
+        "v": _numbers(line.value, digits),
+        "e": _numbers(line.std, digits + 1) if known.size else None,
+        "provisional": np.flatnonzero(~line.is_valid & np.isfinite(line.value)).tolist(),
+    }
+
+
+def _numbers(values: FloatArray, digits: int) -> list[float | None]:
+    """Return numbers as JSON takes them: None where they are not finite."""
+    return [value if math.isfinite(value) else None for value in np.round(values, digits).tolist()]
+
+
+def _waveforms(index: int, wheel: DriveWheel, start_ns: int) -> list[dict[str, Any]]:
+    return [
+        {
+            "wheel": index,
+            "t": round((waveform.time_ns - start_ns) * 1e-9, 3),
+            "cause": waveform.cause,
+            "angle": np.round(np.degrees(waveform.angle_rad), 1).tolist(),
+            "radial": _numbers(waveform.radial_mps2, 1),
+        }
+        for waveform in (*wheel.waveforms, *wheel.marked_waveforms)
+    ]

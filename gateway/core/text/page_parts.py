@@ -1,0 +1,46 @@
+"""Parts of self-contained pages: scripts, styles, and the policy that allows those scripts alone."""
+
+from base64 import b64encode
+from collections.abc import Iterable
+from hashlib import sha256
+from importlib import resources
+from typing import Final, NamedTuple
+
+_PICTURES: Final = "gateway.core.text.pictures"
+
+
+class Part(NamedTuple):
+    """A file of a page.
+
+    Attributes:
+        element: `script` or `style`.
+        text: its content.
+    """
+
+    element: str
+    text: str
+
+    def html(self) -> str:
+        """Return it as an element."""
+        return f"<{self.element}>{self.text}</{self.element}>"
+
+
+def page_part(name: str, package: str = _PICTURES) -> Part:
+    """Return a script or a style sheet of a package, by default of those that pages share."""
+    text = resources.files(package).joinpath(name).read_text(encoding="utf-8")
+    return Part("script" if name.endswith(".js") else "style", text)
+
+
+def plot_licence() -> str:
+    """Return the licence of uPlot, which a page that contains it must contain too."""
+    return resources.files(_PICTURES).joinpath("uPlot.LICENSE").read_text(encoding="utf-8")
+
+
+def script_policy(parts: Iterable[Part]) -> str:
+    """Return the content policy of a page: no resource but its styles and these scripts."""
+    hashes = [
+        f"'sha256-{b64encode(sha256(part.text.encode()).digest()).decode()}'"
+        for part in parts
+        if part.element == "script"
+    ]
+    return f"default-src 'none'; script-src {' '.join(hashes)}; style-src 'unsafe-inline'; img-src data:"
