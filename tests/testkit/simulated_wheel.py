@@ -57,6 +57,7 @@ def restated(
     lost: tuple[tuple[int, int], ...] = (),
     repeated: tuple[tuple[int, int], ...] = (),
     dropped: frozenset[int] = frozenset(),
+    gaps: tuple[tuple[int, int], ...] = (),
     channels: tuple[int, int, int] = (0, 1, 2),
     late: tuple[int, int, int] = (0, 0, 0),
     seed: int = 4,
@@ -64,8 +65,8 @@ def restated(
     """Return the results of the same samples with another sampling rate and unit stated, as an import may state them.
 
     The time stamps follow the stated rate. Ranges of samples (first, end) of the result may be lost or repeated without
-    a mark, the last one first; blocks of samples, by their index, are dropped with one. Each axis is taken from one of
-    the `channels`, and is late by so many samples.
+    a mark, the last one first; blocks of samples, by their index, or ranges of them in order are dropped with one. Each
+    axis is taken from one of the `channels`, and is late by so many samples.
     """
     decoder = FrameDecoder()
     hello, blocks = None, []
@@ -97,5 +98,13 @@ def restated(
     for _, run in groupby(enumerate(received), key=lambda numbered: numbered[1] - numbered[0]):
         stretch = [index for _, index in run]
         first, end = stretch[0], stretch[-1] + 1
-        results += wheel.samples(first * size, ticks[first:end], stated.axes, samples[first * size : end * size], host)
+        if not gaps:
+            results += wheel.samples(
+                first * size, ticks[first:end], stated.axes, samples[first * size : end * size], host
+            )
+            continue
+        bounds = [first * size, *(bound for gap in gaps for bound in gap), end * size]
+        for begin, until in zip(bounds[::2], bounds[1::2], strict=True):
+            tick = round(begin * 1e6 / stated.rate_hz)
+            results += wheel.samples(begin, [tick], stated.axes, samples[begin:until], host)
     return tuple(results + wheel.finish(host)), wheel.snapshot()

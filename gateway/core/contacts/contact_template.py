@@ -17,6 +17,7 @@ from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gateway.core.compiled import core
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
@@ -25,6 +26,7 @@ from gateway.core.revolutions.angle_resampling import (
     BASIS,
     Phase,
     angle_grid,
+    beside_gap,
     read_spline,
     spline_lines,
 )
@@ -41,6 +43,10 @@ MIN_BEYOND_RAD: Final = 0.12
 # Samples at either end of the data that are affected by the end condition of the interpolation.
 _END_SAMPLES: Final = 4
 _MIN_POINTS: Final = 16
+# Error of either shift by white noise, over that with all samples, up to which samples around a gap show both edges;
+# and the deviation from an exact solution that rounding makes.
+_MAX_NOISE_RATIO: Final = 2.0
+_DETERMINED_WITHIN: Final = 1e-6
 # A contact that deviates from the average by more than these is rejected as damaged or not a contact: range of the
 # gain, largest shift over the contact's width, largest rms residual over the template's span.
 _GAIN_RANGE: Final = (0.6, 1.6)
@@ -55,7 +61,7 @@ _UNKNOWN: Final = np.full((2, 2, 2), math.nan)
 
 @dataclass(frozen=True, slots=True)
 class _Region:
-    """Consecutive points of a template, and the least-squares solution over them.
+    """Points of a template, and the least-squares solution over them.
 
     Attributes:
         angles_rad: (m,) angles of the points.
@@ -101,18 +107,28 @@ class ContactTemplate:
     middle_rad: float
     span: float
 
-    def part(self, begin: int, end: int) -> _Region:
-        """Return the region of the points `begin` to `end` (exclusive)."""
-        if end - begin == len(self.whole.values):
-            return self.whole
-        whole, points = self.whole, slice(begin, end)
-        return _region(
-            self.first + begin,
+    def part(self, measured: BoolArray) -> _Region | None:
+        """Return the region of the points that are measured, (m,); None where they do not show both edges."""
+        whole = self.whole
+        if measured.all():
+            return whole
+        low, high = self.edges.leading_rad - MIN_BEYOND_RAD, self.edges.trailing_rad + MIN_BEYOND_RAD
+        points = np.flatnonzero(measured)
+        angles = whole.angles_rad[points]
+        if len(points) < _MIN_POINTS or angles[0] > low or angles[-1] < high:
+            return None
+        part = _region(
+            self.first + points,
             self.size,
-            (whole.angles_rad[points], whole.values[points], whole.model[points], whole.gravity_mps2[points]),
+            (angles, whole.values[points], whole.model[points], whole.gravity_mps2[points]),
             self.weights[points],
             self.variance,
         )
+        # Without the samples of an edge, its shift follows from the shape beside it, or from nothing.
+        noise2 = np.square(part.rows[:2]).sum(axis=1)
+        is_determined = np.allclose(part.rows @ part.model, np.eye(part.model.shape[1]), atol=_DETERMINED_WITHIN)
+        shows_edges = (noise2 <= _MAX_NOISE_RATIO**2 * np.square(whole.rows[:2]).sum(axis=1)).all()
+        return part if is_determined and shows_edges else None
 
 
 class ContactMatches(NamedTuple):
@@ -190,7 +206,7 @@ def contact_template(
     return ContactTemplate(
         first=first,
         size=n,
-        whole=_region(first, n, (angles, values, model, gravity), weights, variance),
+        whole=_region(np.arange(first, last + 1), n, (angles, values, model, gravity), weights, variance),
         weights=weights,
         variance=variance,
         edges=edges,
@@ -203,7 +219,11 @@ class ContactSamples:
     """Samples around contacts, prepared for matching with a template."""
 
     def __init__(
-        self, template: ContactTemplate, samples_mps2: Sequence[FloatArray], passages: Sequence[Phase]
+        self,
+        template: ContactTemplate,
+        samples_mps2: Sequence[FloatArray],
+        passages: Sequence[Phase],
+        gaps: Sequence[Sequence[tuple[int, int]]],
     ) -> None:
         """Interpolate the samples.
 
@@ -212,26 +232,40 @@ class ContactSamples:
             samples_mps2: for each contact (m,) radial axis around it, positive inward, uniform in time.
             passages: for each contact angle against sample position, 0 at the approximate centre; in positions of its
                 samples.
+            gaps: for each contact first and last (exclusive) position of those of its samples that were lost.
         """
         self._template = template
         self._coefficients = spline_lines(samples_mps2)
-        self._last = np.array([len(samples) - 1.0 for samples in samples_mps2])
-        edges, angles, arrays = template.edges, template.whole.angles_rad, _arrays(passages)
+        self._gaps = gaps
+        last = np.array([len(samples) - 1.0 for samples in samples_mps2])
+        self._last = last
+        angles, values = template.whole.angles_rad, np.array(passages)
         # Positions grow with the angle.
-        ends_at = _places(angles[[0, -1]], *arrays)
-        if (ends_at[:, 0] >= _END_SAMPLES).all() and (ends_at[:, 1] < self._last - _END_SAMPLES).all():
-            begins, ends = [0] * len(passages), [len(angles)] * len(passages)
-        else:
-            where = _places(angles, *arrays)
-            begins = (where < _END_SAMPLES).sum(axis=1).tolist()
-            ends = (where < self._last[:, np.newaxis] - _END_SAMPLES).sum(axis=1).tolist()
-        low, high = edges.leading_rad - MIN_BEYOND_RAD, edges.trailing_rad + MIN_BEYOND_RAD
-        # Contacts by the points of the template that their samples cover; nearly always all of them.
-        covered: dict[tuple[int, int], list[int]] = {}
-        for index, (begin, end) in enumerate(zip(begins, ends, strict=True)):
-            if end - begin >= _MIN_POINTS and angles[begin] <= low and angles[end - 1] >= high:
-                covered.setdefault((begin, end), []).append(index)
-        self._groups = [(template.part(*points), np.array(places)) for points, places in covered.items()]
+        ends_at = _places(angles[[0, -1]], values)
+        is_whole = (ends_at[:, 0] >= _END_SAMPLES).all() and (ends_at[:, 1] < last - _END_SAMPLES).all()
+        # Points of the template that the samples cover, gaps among them; None for all of them, as nearly always.
+        self._covered: BoolArray | None = None
+        if not is_whole or any(gaps):
+            where = _places(angles, values)
+            self._covered = (where >= _END_SAMPLES) & (where < last[:, np.newaxis] - _END_SAMPLES)
+
+    def _groups(self, passages: FloatArray) -> list[tuple[_Region, NDArray[np.intp]]]:
+        """Return the contacts by the points of the template that their samples show."""
+        template = self._template
+        if self._covered is None:
+            return [(template.whole, np.arange(len(passages)))]
+        shown = self._covered
+        if any(self._gaps):
+            shown = shown.copy()
+            where = _places(template.whole.angles_rad, passages)
+            for row, places, gaps in zip(shown, where, self._gaps, strict=True):
+                for first, end in gaps:
+                    row &= ~beside_gap(places, first, end)
+        alike: dict[bytes, list[int]] = {}
+        for index, row in enumerate(shown):
+            alike.setdefault(row.tobytes(), []).append(index)
+        parts = ((template.part(shown[places[0]]), np.array(places)) for places in alike.values())
+        return [(part, places) for part, places in parts if part is not None]
 
     def match(self, passages: Sequence[Phase], rates_hz: Sequence[float]) -> ContactMatches:
         """Time the contacts.
@@ -247,7 +281,7 @@ class ContactSamples:
         result.fill(math.nan)
         fits = np.zeros(count, np.bool_)
         covariances = [_UNKNOWN] * count
-        for region, places in self._groups:
+        for region, places in self._groups(values):
             of_group = slice(None) if len(places) == count else places
             lines, last = self._coefficients[of_group], self._last[of_group]
             result[of_group, :5] = matched(lines, last, values[of_group], rates[of_group], region)
@@ -279,8 +313,8 @@ def _matched_by_numpy(
         rates_hz: (k,) sampling rates.
         region: of the template.
     """
-    angles, start, rate, acceleration = region.angles_rad, passages[:, :1], passages[:, 2:3], passages[:, 3:]
-    where = _places(angles, start, rate, acceleration)
+    angles, rate, acceleration = region.angles_rad, passages[:, 2:3], passages[:, 3:]
+    where = _places(angles, passages)
     np.minimum(np.maximum(where, 0.0, out=where), last[:, np.newaxis], out=where)
     change = read_spline(lines[:, np.newaxis], where, 5)[:, 0]
     change -= region.gravity_mps2
@@ -310,14 +344,9 @@ def _matched_by_core(
 matched = _matched_by_numpy if core is None else _matched_by_core
 
 
-def _arrays(passages: Sequence[Phase]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return start, rate and acceleration of the passages, (k, 1) each."""
-    values = np.array(passages)
-    return values[:, :1], values[:, 2:3], values[:, 3:]
-
-
-def _places(angles_rad: FloatArray, start: FloatArray, rate: FloatArray, acceleration: FloatArray) -> FloatArray:
-    """Return the sample positions of angles, (k, m)."""
+def _places(angles_rad: FloatArray, passages: FloatArray) -> FloatArray:
+    """Return the sample positions of angles on passages (k, 4), (k, m)."""
+    start, rate, acceleration = passages[:, :1], passages[:, 2:3], passages[:, 3:]
     speed2 = rate * rate + (2.0 * acceleration) * angles_rad
     places: FloatArray = start + 2.0 * angles_rad / (rate + np.sqrt(np.maximum(speed2, 0.0)))
     return places
@@ -339,17 +368,17 @@ def template_shift(template: ContactTemplate, radial_mps2: FloatArray, omega_rad
 
 
 def _region(
-    first: int,
+    on_grid: NDArray[np.intp],
     n: int,
     points: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
     weights: FloatArray,
     variance: FloatArray,
 ) -> _Region:
-    """Solve the normal equations for consecutive points, starting at index `first` of the angle grid."""
+    """Solve the normal equations for points of the angle grid, (m,)."""
     angles, values, model, gravity = points
     rows: FloatArray = np.linalg.lstsq(weights.T @ model, weights.T, rcond=None)[0].astype(np.float64)
     padded = np.zeros((2, 2, n))
-    padded[:, :, first : first + len(angles)] = np.stack([angles < 0.0, angles >= 0.0])[:, np.newaxis] * rows[:2]
+    padded[:, :, on_grid] = np.stack([angles < 0.0, angles >= 0.0])[:, np.newaxis] * rows[:2]
     spectrum = np.fft.rfft(padded, axis=-1)
     # Cross spectra of the two shifts' rows in each half.
     power = (spectrum[:, :, np.newaxis] * spectrum[:, np.newaxis].conj()).real

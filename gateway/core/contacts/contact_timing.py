@@ -21,21 +21,20 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gateway.core.contacts.contact_template import (
-    HALF_LEVEL_SHARE,
-    MIN_BEYOND_RAD,
     ContactSamples,
     ContactTemplate,
     contact_template,
     template_shift,
 )
+from gateway.core.contacts.contact_tracking import is_bridged, lost_crossings
 from gateway.core.contacts.segmentation import Contact
 from gateway.core.contacts.segmenter import ContactPair
 from gateway.core.revolutions.angle_resampling import MARGIN_SAMPLES, Phase, fit_phase
 from gateway.core.revolutions.synchronous_average import AngleAverage
 from gateway.core.types import FloatArray
 
-# measured(place, first, end) -> stretch of the samples first to end (exclusive) around a place in which none was lost
-MeasuredAround = Callable[[float, int, int], tuple[int, int]]
+# gaps(first, end) -> first and last (exclusive) sample of the gaps that reach into the samples first to end (exclusive)
+Gaps = Callable[[int, int], list[tuple[int, int]]]
 
 # The timed point moves to the template's centre in steps of at most this many standard errors of the time. A sudden
 # correction would appear as a step of the speed.
@@ -82,8 +81,8 @@ class TimedContact(NamedTuple):
         trailing_rad: trailing edge.
         leading_std_rad: standard error, including the uncertainty of the edge's definition.
         trailing_std_rad: likewise.
-        is_seen: False where samples of the contact were lost; its edges are those of an earlier one, with the error of
-            their change since then, or NaN.
+        is_seen: False where the samples that were lost show one of its edges; its edges are those of an earlier one,
+            with the error of their change since then, or NaN.
     """
 
     segmented: float
@@ -237,7 +236,7 @@ class ContactTimer:
         pairs: Sequence[ContactPair],
         rates_hz: Sequence[float],
         read: Callable[[int, int], FloatArray],
-        measured: MeasuredAround,
+        gaps: Gaps,
     ) -> list[TimedPair]:
         """Refine the contacts of consecutive revolutions.
 
@@ -245,20 +244,18 @@ class ContactTimer:
             pairs: contacts as segmented, at most `until_renewal`.
             rates_hz: sampling rate at each.
             read: returns the radial axis, positive inward, of samples first to end (exclusive).
-            measured: returns the stretch of these samples around a place in which none was lost.
+            gaps: returns those of these samples that were lost.
         """
         self._until_renewal -= len(pairs)
-        matches, damaged = self._matches(pairs, rates_hz, read, measured)
-        return [self._timed_pair(*each, measured) for each in zip(pairs, matches, damaged, strict=True)]
+        matches, damaged = self._matches(pairs, rates_hz, read, gaps)
+        return [self._timed_pair(*each, gaps) for each in zip(pairs, matches, damaged, strict=True)]
 
-    def _timed_pair(
-        self, pair: ContactPair, match: _Match | None, damaged: bool, measured: MeasuredAround
-    ) -> TimedPair:
+    def _timed_pair(self, pair: ContactPair, match: _Match | None, damaged: bool, gaps: Gaps) -> TimedPair:
         start, previous = self._last, self._previous_period
         if start is None or start.segmented != pair.start.centre:
             self._times = ()
             start = TimedContact(pair.start.centre, pair.start.centre, pair.start.centre_std)
-            if _lacks_samples(pair.start, pair, measured):
+            if _lacks_an_edge(pair.start, gaps):
                 start = self._with_earlier_edges(start, pair)
             previous = pair.previous_period
         if match is None:
@@ -293,18 +290,17 @@ class ContactTimer:
         pairs: Sequence[ContactPair],
         rates_hz: Sequence[float],
         read: Callable[[int, int], FloatArray],
-        measured: MeasuredAround,
+        gaps: Gaps,
     ) -> tuple[list[_Match | None], list[bool]]:
         """Match the later contacts of the revolutions with the template, twice; return also which lack samples."""
         matches: list[_Match | None] = [None] * len(pairs)
         template = self._template
-        damaged = [
-            pair.end.predicted or (template is None and _lacks_samples(pair.end, pair, measured)) for pair in pairs
-        ]
+        damaged = [pair.end.predicted or (template is None and _lacks_an_edge(pair.end, gaps)) for pair in pairs]
         passages: list[Phase] = []
         places: list[int] = []
         samples: list[FloatArray] = []
         firsts: list[int] = []
+        gaps_of: list[list[tuple[int, int]]] = []
         begins_rad, ends_rad = template.whole.angles_rad[[0, -1]].tolist() if template is not None else (0.0, 0.0)
         for index, pair in enumerate(pairs):
             if template is None or pair.end.predicted:
@@ -313,19 +309,19 @@ class ContactTimer:
             passage = _passage(start, guess, pair.previous_period)
             first = max(math.floor(guess + begins_rad / passage.rate) - MARGIN_SAMPLES, math.ceil(start))
             last = min(math.ceil(guess + ends_rad / passage.rate) + MARGIN_SAMPLES, pair.decided_at)
-            whole = first, last
-            first, last = measured(guess, first, last)
-            damaged[index] = (first, last) != whole
+            lost = gaps(first, last)
+            damaged[index] = bool(lost)
             if last - first >= _LEAST_SAMPLES:
                 places.append(index)
                 firsts.append(first)
+                gaps_of.append([(low - first, end - first) for low, end in lost])
                 passages.append(_moved(passage, -first))
                 samples.append(read(first, last))
         times = [pair.end.centre for pair in pairs]
         if template is None or not places:
             self._follow(pairs, times)
             return matches, damaged
-        around = ContactSamples(template, samples, passages)
+        around = ContactSamples(template, samples, passages, gaps_of)
         own_hz = [rates_hz[index] for index in places]
         first_match = around.match(passages, own_hz)
         share, apart, *points = self._weights
@@ -444,7 +440,7 @@ class ContactTimer:
         )
 
     def _see(self, contact: TimedContact) -> None:
-        """Take a contact of which no sample was lost; its edges are NaN where it was not refined."""
+        """Take a contact that was seen; its edges are NaN where it was not refined."""
         last = self._seen
         self._seen = contact if math.isfinite(contact.leading_rad) else None
         if last is not None and self._seen is not None and not self._unseen:
@@ -453,7 +449,7 @@ class ContactTimer:
         self._unseen = 0
 
     def _with_earlier_edges(self, contact: TimedContact, pair: ContactPair) -> TimedContact:
-        """Return a contact of which samples were lost, with the edges of the latest that was seen.
+        """Return a contact that was not seen, with the edges of the latest that was seen.
 
         They may have moved since then, and are off by the error of the centre that they are counted from.
         """
@@ -543,12 +539,14 @@ class ContactTimer:
             )
 
 
-def _lacks_samples(contact: Contact, pair: ContactPair, measured: MeasuredAround) -> bool:
-    """Return whether samples of a contact, as segmented, were lost."""
-    reach = 0.5 * contact.duration / HALF_LEVEL_SHARE
-    reach += MIN_BEYOND_RAD / (2.0 * math.pi) * (pair.end.centre - pair.start.centre)
-    around = math.floor(contact.centre - reach), math.ceil(contact.centre + reach)
-    return contact.predicted or measured(contact.centre, *around) != around
+def _lacks_an_edge(contact: Contact, gaps: Gaps) -> bool:
+    """Return whether a level crossing by which a contact was segmented was lost."""
+
+    def missing(first: int, end: int) -> int:
+        return sum(min(end, high) - max(first, low) for low, high in gaps(first, end))
+
+    lost = lost_crossings(contact, missing)
+    return contact.predicted or not all(is_bridged(count, contact.duration) for count in lost)
 
 
 def _is_next(before: float, period: float) -> bool:

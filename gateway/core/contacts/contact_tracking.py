@@ -72,6 +72,10 @@ _JITTER_WEIGHT: Final = 0.1
 # A dip whose size deviates by a larger ratio, or that is shallower, is rejected.
 _SIZE_RATIO: Final = 1.6
 _MIN_DEPTH_MPS2: Final = 6.0
+# Share of the samples beside a level crossing that may be lost, one at least: a line between the others then places it
+# within this many of the steps that it spans.
+_BRIDGED_SHARE: Final = 0.25
+_BRIDGED_STD: Final = 0.2
 # Number of recent contacts kept for comparison with a search.
 _RECENT: Final = 6
 # The properties of a wheel are used after this many contacts of at least this depth (20 km/h or more).
@@ -181,6 +185,34 @@ def skips_contact(last: Contact, contact: Contact, rate_hz: float, read: Read, s
     return inside is not None and _ratio(size(inside), size(last)) < _RUN_SIZE_RATIO
 
 
+def lost_crossings(contact: Contact, missing: Missing, expected: float = 0.0) -> tuple[int, int]:
+    """Return the samples that were lost at the leading and at the trailing level crossing of a contact.
+
+    Args:
+        contact: in running sample numbers.
+        missing: returns the number of lost samples.
+        expected: duration in samples; 0 for that of the contact.
+    """
+    half, reach = 0.5 * contact.duration, _crossing_reach(expected or contact.duration)
+    if not missing(math.floor(contact.centre - half - reach), math.ceil(contact.centre + half + reach) + 1):
+        return 0, 0
+    leading, trailing = (
+        missing(math.floor(crossing - reach), math.ceil(crossing + reach) + 1)
+        for crossing in (contact.centre - half, contact.centre + half)
+    )
+    return leading, trailing
+
+
+def _crossing_reach(duration: float) -> float:
+    """Return how many samples on either side place a level crossing of a contact of a duration in samples."""
+    return max(2.0, 0.1 * duration)
+
+
+def is_bridged(lost: int, duration: float) -> bool:
+    """Return whether so few samples were lost at a level crossing that a line through their gap places it."""
+    return lost <= max(1.0, _BRIDGED_SHARE * _crossing_reach(duration))
+
+
 def restore_lost_edge(contact: Contact, expected: float, missing: Missing) -> Contact | None:
     """Reconstruct a contact with one lost edge from the other edge; None when both edges were lost on the link.
 
@@ -189,20 +221,17 @@ def restore_lost_edge(contact: Contact, expected: float, missing: Missing) -> Co
         expected: expected duration in samples.
         missing: returns the number of lost samples.
     """
-    half = 0.5 * contact.duration
-    reach = max(2.0, 0.1 * expected)
-    if not missing(math.floor(contact.centre - half - reach), math.ceil(contact.centre + half + reach) + 1):
-        return contact
-    lost = [
-        missing(math.floor(edge - reach), math.ceil(edge + reach) + 1) > 0
-        for edge in (contact.centre - half, contact.centre + half)
-    ]
+    lost = lost_crossings(contact, missing, expected)
     if not any(lost):
         return contact
-    if all(lost):
+    leading, trailing = (is_bridged(count, expected) for count in lost)
+    if leading and trailing:
+        stds = (_BRIDGED_STD * (count + 1) for count in lost if count)
+        return contact._replace(centre_std=math.hypot(contact.centre_std, *(0.5 * std for std in stds)))
+    if not (leading or trailing):
         return None
-    edge = contact.centre + (half if lost[0] else -half)
-    centre = edge - (0.5 if lost[0] else -0.5) * expected
+    edge = contact.centre + (0.5 if trailing else -0.5) * contact.duration
+    centre = edge - (0.5 if trailing else -0.5) * expected
     return contact._replace(centre=centre, duration=expected, centre_std=max(contact.centre_std, 0.05 * expected))
 
 

@@ -22,7 +22,7 @@ from scipy.linalg.lapack import dpttrf, dpttrs
 from scipy.sparse import csr_array
 
 from gateway.core.compiled import core
-from gateway.core.types import FloatArray
+from gateway.core.types import BoolArray, FloatArray
 
 GRID_SIZE: Final = 1024
 
@@ -31,6 +31,9 @@ _CUBIC_FROM_SAMPLES: Final = 640.0
 
 # Samples on either side that keep the spline's end condition (it decays by 0.43 per sample) out of the revolution.
 MARGIN_SAMPLES: Final = 16
+
+# Samples on either side of a gap that the interpolation draws towards it: an error decays by 0.43 a sample.
+_BESIDE_SAMPLES: Final = 3
 
 # Neighbouring periods with a larger ratio indicate a stop, a missed contact or a gap, not an acceleration.
 _MAX_PERIOD_RATIO: Final = 3.0
@@ -140,6 +143,19 @@ def _are_neighbours(before: float, after: float) -> bool:
 def _acceleration(before: float, after: float) -> float:
     """Return the constant angular acceleration through (-before, -2 pi), (0, 0), (after, 2 pi)."""
     return 4.0 * math.pi * (1.0 / after - 1.0 / before) / (before + after)
+
+
+def beside_gap(positions: FloatArray, first: float, end: float) -> BoolArray:
+    """Return at which sample positions, of any shape, an interpolation rests on a gap.
+
+    Args:
+        positions: in samples.
+        first: first lost sample, in the same positions.
+        end: the last (exclusive).
+    """
+    # Between the last sample before the gap and the first behind it.
+    inside: BoolArray = (positions > first - 1.0 - _BESIDE_SAMPLES) & (positions < end + _BESIDE_SAMPLES)
+    return inside
 
 
 def resample_revolutions(

@@ -13,15 +13,13 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gateway.core.estimates.revolution_block import LEAST_MEASURED
-from gateway.core.revolutions.angle_resampling import Phase, elapsed_angles
+from gateway.core.revolutions.angle_resampling import Phase, beside_gap, elapsed_angles
 from gateway.core.types import BoolArray, FloatArray
 
 # Revolutions before whose mean is the shape, about a second of driving, and how many of them must have samples where
 # this one has none: the mean of four has half the noise of one.
 _MOST: Final = 8
 _LEAST: Final = 4
-# Samples on either side of a gap that the interpolation draws towards it: an error decays by 0.43 a sample.
-_BESIDE_SAMPLES: Final = 3
 # A wheel that stands, or a sensor that is silent, for longer may roll on under another load.
 _LONGEST_PAUSE_S: Final = 10.0
 
@@ -37,8 +35,7 @@ def angles_in_gaps(gaps: Iterable[tuple[float, float]], phase: Phase, n: int) ->
     positions = phase.positions(elapsed_angles(n))
     inside = np.zeros(n, np.bool_)
     for first, end in gaps:
-        # Between the last sample before the gap and the first behind it.
-        inside |= (positions > first - 1.0 - _BESIDE_SAMPLES) & (positions < end + _BESIDE_SAMPLES)
+        inside |= beside_gap(positions, first, end)
     return inside
 
 

@@ -135,20 +135,6 @@ class SampleBuffer:
         begins, ends = [first, *(hi for _, hi in gaps)], [*(lo for lo, _ in gaps), end]
         return max(after - before for before, after in zip(begins, ends, strict=True))
 
-    def measured_around(self, place: float, first: int, end: int) -> tuple[int, int]:
-        """Return the longest stretch within `first` to `end` (exclusive) around a place in which no sample was lost.
-
-        It is empty where the place itself lies in a gap.
-        """
-        for lo, hi in self._gaps:
-            if lo - 1 < place < hi:
-                return first, first
-            if hi <= place:
-                first = max(first, hi)
-            else:
-                end = min(end, lo)
-        return first, end
-
     def _count_overwritten(self, new_tail: int, unread_from: int | None) -> None:
         if unread_from is not None and new_tail > unread_from:
             self.overwritten += new_tail - max(unread_from, self.tail)

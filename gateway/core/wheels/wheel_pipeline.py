@@ -435,7 +435,7 @@ class WheelPipeline:
             pairs,
             rates_hz,
             lambda first, end: sign * reading.radial_mps2(buffer.view(first, end)),
-            buffer.measured_around,
+            buffer.gaps_between,
         )
         revolutions: list[TimedRevolution] = []
         ends_us: list[float] = []

@@ -48,12 +48,12 @@ def samples_around(
     return signal, Phase(float(half), half + 2.0 * math.pi / step, step, 0.0)
 
 
-def match(template, signal, passage, rate_hz=RATE_HZ):
+def match(template, signal, passage, rate_hz=RATE_HZ, gaps=()):
     """Return positions of leading and trailing edge and the sum of their covariances in samples; None without match.
 
     As in the pipeline, a second match starts from the place of the first.
     """
-    around = ContactSamples(template, [signal], [passage])
+    around = ContactSamples(template, [signal], [passage], [gaps])
     first = around.match([passage], [rate_hz])
     if not first.fits[0]:
         return None
@@ -111,6 +111,50 @@ def test_stated_error_matches_scatter(rate_hz: float) -> None:
     assert middle @ scatter @ middle == pytest.approx(middle @ expected @ middle, rel=0.35)
     # The Cramer-Rao bound of the centre at this noise is 1.0 us.
     assert 1.0e-6 < math.sqrt(middle @ scatter @ middle) / rate_hz < 1.6e-6
+
+
+def bridged(signal, gaps):
+    """Return samples of which some were lost and bridged by a line, as `SampleBuffer` does."""
+    signal = signal.copy()
+    for first, end in gaps:
+        steps = np.arange(1, end - first + 1) / (end - first + 1)
+        signal[first:end] = signal[first - 1] + steps * (signal[end] - signal[first - 1])
+    return signal
+
+
+EDGE = round(0.24 / STEP)
+
+
+@pytest.mark.parametrize("length", [1, 5, 36])
+@pytest.mark.parametrize("place", [-1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5])
+def test_match_around_a_gap_is_right_within_its_error_or_none(length: int, place: float) -> None:
+    """Places are in half angles of the contact."""
+    density = 5e-3 * STANDARD_GRAVITY_MPS2
+    template = contact_template(WAVE, OMEGA, 1069.0, np.full(61, density**2 * OMEGA / (2.0 * math.pi)))
+    pulls, larger = [], []
+    for seed in range(40):
+        signal, passage = samples_around(noise=density * math.sqrt(0.5 * RATE_HZ), seed=seed)
+        first = round(passage.start + place * EDGE) - length // 2
+        gaps = [(first, first + length)]
+        around = match(template, bridged(signal, gaps), passage, gaps=gaps)
+        if around is None:
+            continue
+        places, covariance = around
+        pulls += ((places - passage.start - 0.31) / np.sqrt(np.diag(covariance))).tolist()
+        larger.append(np.sqrt(np.diag(covariance) / np.diag(match(template, signal, passage)[1])))
+    if pulls:
+        assert 0.6 < np.std(pulls) < 1.4
+        assert np.min(larger) > 0.99
+        assert np.max(larger) < 3.0
+    # A gap as wide as half of the edge's slope leaves nothing of it.
+    assert bool(pulls) is not (length == 36 and abs(place) == 1.0)
+
+
+def test_lost_edge_is_not_matched_by_the_shape_beside_it() -> None:
+    template = contact_template(WAVE, OMEGA, 1069.0, WHITE)
+    signal, passage = samples_around()
+    gaps = [(round(passage.start) + EDGE - 30, round(passage.start) + EDGE + 31)]
+    assert match(template, bridged(signal, gaps), passage, gaps=gaps) is None
 
 
 def test_match_rejects_other_signals() -> None:

@@ -17,7 +17,7 @@ from gateway.core.trust.lost_revolutions import LossStreak, SteadyStatus
 from gateway.core.wheels.gap_filling import GapFilling, angles_in_gaps
 from tests.testkit.exact_ring import solution
 from tests.testkit.revolution_data import exact_wave, make_revolution
-from tests.testkit.simulated_wheel import restated
+from tests.testkit.simulated_wheel import last, restated
 
 STEADY = "[sensor]\nrange_g = 1000\n[motion]\nspeed_kmh = 90"
 SETUP = WheelSetup("FL", 0, 0, 0.32, radius_std_m=0.0032, load_n=5000.0, pressure_pa=210e3)
@@ -299,3 +299,42 @@ def test_angles_in_gaps_are_those_between_the_samples_beside_them() -> None:
     turned = elapsed_angles(N)[inside] / (2.0 * math.pi) * 256.0 + 100.0
     assert 145.0 < turned.min() <= 149.0
     assert 160.0 <= turned.max() < 164.0
+
+
+def scattered(longest: int, gaps: int, end: int, seed: int) -> tuple[tuple[int, int], ...]:
+    """Return gaps of up to so many samples at random places up to `end`, in order and apart."""
+    rng = np.random.default_rng(seed)
+    places = np.unique(rng.integers(1000, end, gaps))
+    places = places[np.diff(places, append=end + 1000) > longest + 1]
+    return tuple((first, first + int(rng.integers(1, longest + 1))) for first in places.tolist())
+
+
+@pytest.mark.parametrize(("longest", "gaps"), [(1, 240), (5, 120), (1, 700)])
+def test_gaps_of_a_few_samples_are_bridged_with_their_error(longest: int, gaps: int) -> None:
+    """72,000 samples, 900 in a revolution; the truth is the ring's."""
+    estimators = ("kinematic", "weak-form", "ply-steer")
+    clean, _ = restated(STEADY, 7.5, SETUP, estimators)
+    results, snapshot = restated(STEADY, 7.5, SETUP, estimators, gaps=scattered(longest, gaps, 71_000, 3))
+    assert 0.9 * gaps < snapshot.counters.samples_lost < 4.0 * gaps
+    assert len(results) == len(clean)
+    usable = [not result.revolution.faults for result in results]
+    # Only the first ones, before which no revolution shows what stands in their gaps.
+    assert all(usable[10:])
+    expected = last(clean)
+    for name, estimate in last(results).items():
+        assert estimate.status is expected[name].status, name
+        if estimate.status is Status.VALID:
+            assert abs(estimate.value - expected[name].value) < 1.5 * estimate.std, name
+    for result in results[10:]:
+        speed = result.estimates[0]
+        assert speed.name == "speed_mps"
+        assert abs(speed.value - 25.0) < 3.0 * speed.std
+        # The error of the contact's place is that of its samples, not that of a place between two others.
+        assert result.revolution.period_std_s < 1.5 * clean[-1].revolution.period_std_s
+
+
+def test_gaps_in_every_contact_from_the_first_on_leave_an_average() -> None:
+    """What fits into a step of the contact's edge at a level crossing does not hide the contact."""
+    results, _ = restated(STEADY, 7.5, SETUP, ("kinematic",), gaps=tuple((i, i + 1) for i in range(100, 71_000, 50)))
+    faults = [fault.code for result in results[12:] for fault in result.revolution.faults]
+    assert faults == []

@@ -69,19 +69,15 @@ def test_view_outside_the_buffer_raises():
             buffer.view(first, end)
 
 
-def test_measured_stretch_around_a_place_ends_at_the_gaps_beside_it():
+def test_gaps_are_those_that_reach_into_a_range():
     buffer = SampleBuffer(100, 1)
     buffer.append(ramp(0, 10))
     buffer.bridge(5, np.array([15], np.int16))
     buffer.append(ramp(15, 20))
     buffer.bridge(5, np.array([40], np.int16))
     buffer.append(ramp(40, 20))
-    assert buffer.measured_around(20.0, 0, 60) == (15, 35)
-    assert buffer.measured_around(20.0, 18, 30) == (18, 30)
-    assert buffer.measured_around(50.0, 0, 60) == (40, 60)
-    first, end = buffer.measured_around(12.5, 0, 60)
-    assert first == end
     assert buffer.gaps_between(0, 60) == [(10, 15), (35, 40)]
+    assert buffer.gaps_between(14, 36) == [(10, 15), (35, 40)]
     assert buffer.gaps_between(15, 35) == []
 
 
