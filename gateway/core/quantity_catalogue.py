@@ -8,7 +8,6 @@ from the estimators, since recordings, tables and `--help` need it without the n
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from math import inf
 from typing import Final
 
 from gateway.core.constants import STANDARD_GRAVITY_MPS2, TIRE_DEGC
@@ -24,7 +23,15 @@ _SIGNED: Final = _LOCKED | {Basis.SIGN}
 _SHAPE: Final = _LOCKED | {Basis.OFFSET, Basis.ZERO, Basis.HUB}
 _FORCE: Final = _LOCKED | {Basis.HUB}
 _BY_PRESSURE: Final = _LOCKED | {Basis.PRESSURE}
-_POSITIVE: Final = (0.0, inf)
+# What no tire, sensor, wheel or road has, from karts to earthmovers and aircraft, on a hard road.
+_SHARE: Final = (0.0, 1.0)
+_LOADS_N: Final = (0.0, 5e5)
+_FORCES_N: Final = (-5e5, 5e5)
+_MOMENTS_NM: Final = (-3e5, 3e5)
+_LOSSES: Final = (0.0, 0.2)
+_SLOPES: Final = (-0.6, 0.6)
+_ACCELERATIONS: Final = (0.0, 1e5)
+_AUDIBLE_HZ: Final = (0.0, 1e5)
 # Memories of the running averages of the radial and of the lateral axis.
 _AVERAGE: Final = 50
 _LATERAL_AVERAGE: Final = 100
@@ -58,14 +65,16 @@ NEW_TIRE_MM: Final = 0.3
 """Wear by which a new tire has less than the one before, at least."""
 
 
-def _ring_number(name: str, description: str, bus: OnBus, *, is_over_pressure: bool = True) -> Quantity:
+def _ring_number(
+    name: str, description: str, possible: tuple[float, float], bus: OnBus, *, is_over_pressure: bool = True
+) -> Quantity:
     return Quantity(
         name,
         description,
         "balance of the rolling ring, scaled by Q / (p0 R^2)",
         powers={Basis.RADIUS: -2.0, Basis.LOAD: 1.0, Basis.PRESSURE: -1.0},
         rests_on=_SHAPE | {Basis.PRESSURE},
-        possible=_POSITIVE,
+        possible=possible,
         is_steady=True,
         memory_revolutions=_AVERAGE,
         bus=bus,
@@ -86,10 +95,14 @@ def _ring_number(name: str, description: str, bus: OnBus, *, is_over_pressure: b
 
 
 _NUMBERS: Final = (
-    _ring_number("Bs", "bending stiffness number EI / (R^4 p0)", OnBus(_BELT_FRAME, "Bs", 1e-6, 1e-5)),
-    _ring_number("Cw", "contact width number b / R", OnBus(_BELT_FRAME, "Cw", 1e-5, 1e-4), is_over_pressure=False),
-    _ring_number("Rs", "radial sidewall stiffness number kw / p0", OnBus(_RING_FRAME, "Rs", 1e-3, 1e-2)),
-    _ring_number("Ts", "tangential sidewall stiffness number kv / p0", OnBus(_RING_FRAME, "Ts", 1e-3, 1e-2)),
+    _ring_number("Bs", "bending stiffness number EI / (R^4 p0)", (0.0, 0.1), OnBus(_BELT_FRAME, "Bs", 1e-6, 1e-5)),
+    _ring_number(
+        "Cw", "contact width number b / R", (0.05, 0.45), OnBus(_BELT_FRAME, "Cw", 1e-5, 1e-4), is_over_pressure=False
+    ),
+    _ring_number("Rs", "radial sidewall stiffness number kw / p0", (0.2, 30.0), OnBus(_RING_FRAME, "Rs", 1e-3, 1e-2)),
+    _ring_number(
+        "Ts", "tangential sidewall stiffness number kv / p0", (0.05, 30.0), OnBus(_RING_FRAME, "Ts", 1e-3, 1e-2)
+    ),
 )
 RING_NUMBERS: Final = tuple(quantity.name for quantity in _NUMBERS)
 """Dimensionless numbers of the ring: bending stiffness, contact width, radial and tangential stiffness."""
@@ -99,12 +112,13 @@ _RATIOS: Final = tuple(
         "ratio of the numbers, which needs neither load nor pressure",
         "balance of the rolling ring",
         rests_on=_SHAPE,
-        possible=_POSITIVE,
+        possible=possible,
         is_steady=True,
         memory_revolutions=_AVERAGE,
     )
-    for name in RING_NUMBERS
-    if name != "Cw"
+    for name, possible in zip(
+        (name for name in RING_NUMBERS if name != "Cw"), ((0.0, 0.5), (1.0, 200.0), (0.5, 200.0)), strict=True
+    )
 )
 RING_RATIOS: Final = tuple(quantity.name for quantity in _RATIOS)
 """Their ratios to Cw, which neither load nor pressure is needed for."""
@@ -128,6 +142,7 @@ def _slope(
         sign,
         powers=_SLOPE,
         rests_on=rests_on,
+        possible=_SLOPES,
         memory_revolutions=memory,
         scatter_memory_revolutions=scatter_memory,
         compared=compared,
@@ -153,7 +168,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "rolling speed",
             "R Omega",
             powers={Basis.RADIUS: 1.0, Basis.RATE: 1.0},
-            possible=_POSITIVE,
+            possible=(0.0, 150.0),
             is_in_state=True,
             entity="speed",
             bus=OnBus(MOTION_FRAME, "Speed", 0.01, 0.01),
@@ -163,7 +178,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "angular speed",
             "2 pi over the time between two contact centres",
             powers={Basis.RATE: 1.0},
-            possible=_POSITIVE,
+            possible=(0.0, 700.0),
             live_label="",
         ),
         Quantity(
@@ -171,7 +186,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "revolutions per minute",
             "60 s over the time between two contact centres",
             powers={Basis.RATE: 1.0},
-            possible=_POSITIVE,
+            possible=(0.0, 7000.0),
             is_in_state=True,
         ),
         Quantity(
@@ -180,6 +195,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "end of contact pressure, from the steepest slope of the radial axis",
             "behind the contact centre",
             rests_on=_SIGNAL,
+            possible=(-1.4, 0.0),
             bus=OnBus(_CONTACT_FRAME, "LeadingEdge", 1e-4, is_signed=True),
         ),
         Quantity(
@@ -188,6 +204,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "end of contact pressure, from the steepest slope of the radial axis",
             "behind the contact centre",
             rests_on=_SIGNAL,
+            possible=(0.0, 1.4),
             bus=OnBus(_CONTACT_FRAME, "TrailingEdge", 1e-4, is_signed=True),
         ),
         Quantity(
@@ -196,7 +213,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "R (trailing - leading edge), along the belt",
             powers={Basis.RADIUS: 1.0},
             rests_on=_SIGNAL,
-            possible=_POSITIVE,
+            possible=(0.0, 1.5),
             label="contact length",
             bus=OnBus(_CONTACT_FRAME, "ContactLength", 1e-5),
             # Where no load is calibrated, it shows a load that is not as stated.
@@ -217,7 +234,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "fraction of the circumference in contact",
             "(trailing - leading edge) / (2 pi)",
             rests_on=_SIGNAL,
-            possible=(0.0, 1.0),
+            possible=(0.0, 0.4),
             label="contact fraction",
             is_in_state=True,
             entity="contact fraction",
@@ -232,7 +249,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "distance rolled since the first revolution",
             "2 pi R a turn",
             powers={Basis.RADIUS: 1.0},
-            possible=_POSITIVE,
+            possible=(0.0, 1e9),
             shown_unit=("m", 1.0),
             is_in_state=True,
         ),
@@ -285,6 +302,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "G' of mean(s) = (G + G' dT) R Omega^2 + z, where the temperature changes",
             "gain grows with warmth",
             rests_on=_LOCKED,
+            possible=(-0.02, 0.02),
             label="gain with temperature",
         ),
         Quantity(
@@ -314,6 +332,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "toward the wheel centre",
             powers={Basis.GAIN: -1.0, Basis.RATE: -2.0, Basis.ALONG: 1.0},
             rests_on=_LOCKED,
+            possible=(-0.02, 0.08),
             is_steady=True,
         ),
     ),
@@ -327,21 +346,21 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "contact half angle of the fitted ring",
             "exact rolling ring, fitted to the average",
             rests_on=_SHAPE,
-            possible=_POSITIVE,
+            possible=(0.0, 1.4),
         ),
         Quantity(
             "edge_wave_before",
             "amplitude of the wave packet before the contact over R Omega^2",
             "hypot(a, b) of (a cos(n d) + b sin(n d)) exp(-d / decay)",
             rests_on=_LOCKED,
-            possible=_POSITIVE,
+            possible=_SHARE,
         ),
         Quantity(
             "edge_wave_after",
             "amplitude of the wave packet after the contact over R Omega^2",
             "hypot(a, b) of (a cos(n d) + b sin(n d)) exp(-d / decay)",
             rests_on=_LOCKED,
-            possible=_POSITIVE,
+            possible=_SHARE,
         ),
     ),
     "wear": (
@@ -351,7 +370,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "loss of ring thickness since the reference",
             "h0 (1 - (Bs p0 / (Bs_new p0_new))^(1/3))",
             rests_on=_BY_PRESSURE,
-            possible=_POSITIVE,
+            possible=(0.0, 60.0),
             is_steady=True,
             label="wear",
             is_in_state=True,
@@ -373,7 +392,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "wear over R",
             "wear / R (ring paper, Eq. 30)",
             rests_on=_BY_PRESSURE,
-            possible=_POSITIVE,
+            possible=(0.0, 0.2),
             is_steady=True,
             scatter_memory_revolutions=_AVERAGE,
             live_label="",
@@ -384,6 +403,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "line through independent values",
             "loss of thickness",
             rests_on=_BY_PRESSURE,
+            possible=(-60.0, 60.0),
             live_label="",
         ),
     ),
@@ -395,7 +415,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "the one with the better status, then the smaller error",
             powers={Basis.RADIUS: 2.0},
             rests_on=_BY_PRESSURE,
-            possible=_POSITIVE,
+            possible=_LOADS_N,
             label="load",
             is_stated_too=True,
             is_in_state=True,
@@ -419,7 +439,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "vertical load from contact angle and pressure",
             "Q0 (theta / theta0)^a (p / p0)^b (EI / EI0)^beta, calibrated",
             rests_on=_BY_PRESSURE,
-            possible=_POSITIVE,
+            possible=_LOADS_N,
         ),
         Quantity(
             "load_by_width_n",
@@ -427,7 +447,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "Q0 Cw_new / Cw, any assumed Q0",
             powers={Basis.RADIUS: 2.0, Basis.PRESSURE: 1.0},
             rests_on=_BY_PRESSURE,
-            possible=_POSITIVE,
+            possible=_LOADS_N,
             scatter_memory_revolutions=_AVERAGE,
         ),
         Quantity(
@@ -436,7 +456,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "ring paper, Eq. 33",
             powers={Basis.RADIUS: -2.0, Basis.LOAD: 1.0, Basis.PRESSURE: -1.0},
             rests_on=_BY_PRESSURE,
-            possible=_POSITIVE,
+            possible=(0.05, 1.2),
         ),
     ),
     "longitudinal-force": (
@@ -446,6 +466,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "F of the asymmetric balance of the free belt",
             "forward",
             rests_on=_FORCE,
+            possible=_FORCES_N,
             scatter_memory_revolutions=_FORCE_AVERAGE,
         ),
         Quantity(
@@ -454,6 +475,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "M of the asymmetric balance of the free belt",
             "drives the vehicle forward",
             rests_on=_FORCE,
+            possible=_MOMENTS_NM,
             scatter_memory_revolutions=_FORCE_AVERAGE,
         ),
         Quantity(
@@ -470,7 +492,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "coefficient of rolling resistance",
             "(M / R - F) / Q",
             rests_on=_FORCE,
-            possible=_POSITIVE,
+            possible=_LOSSES,
             scatter_memory_revolutions=_LONG_AVERAGE,
         ),
         Quantity(
@@ -479,6 +501,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "work of the dampings in a turn / (2 pi R Q)",
             "energy lost",
             rests_on=_FORCE,
+            possible=_LOSSES,
             scatter_memory_revolutions=_LONG_AVERAGE,
         ),
     ),
@@ -548,9 +571,12 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "B16 / (A66 R), ply steer paper, Eq. 18",
             _TO_THE_LEFT,
             powers={Basis.RADIUS: -1.0},
+            possible=_SLOPES,
         ),
-        Quantity("laminate_b16_n", "B16 of the stated plies", "ply steer paper, Eq. 10", "as ply steer"),
-        Quantity("laminate_a66_npm", "A66 of the stated plies", "ply steer paper, Eq. 10", possible=_POSITIVE),
+        Quantity(
+            "laminate_b16_n", "B16 of the stated plies", "ply steer paper, Eq. 10", "as ply steer", possible=(-1e7, 1e7)
+        ),
+        Quantity("laminate_a66_npm", "A66 of the stated plies", "ply steer paper, Eq. 10", possible=(0.0, 1e10)),
     ),
     "slip-angle": (
         _slope(
@@ -565,6 +591,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "pulls the tire to the left",
             powers=_SLOPE,
             rests_on=_SIGNED,
+            possible=(-1.0, 1.0),
             is_of_axle=True,
         ),
         Quantity(
@@ -574,6 +601,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             _TO_THE_LEFT,
             powers={Basis.AXES: 1.0},
             rests_on=_SIGNED,
+            possible=(-1.0, 1.0),
         ),
         Quantity(
             "left_right_asymmetry",
@@ -582,6 +610,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             _TO_THE_LEFT,
             powers={Basis.AXES: 1.0},
             rests_on=_SIGNED,
+            possible=(-2.0, 2.0),
         ),
         _slope(
             "slip_angle_rad",
@@ -608,6 +637,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             _TO_THE_LEFT,
             powers=_LATERAL_SHIFT,
             rests_on=_SIGNED,
+            possible=(-0.1, 0.1),
             scatter_memory_revolutions=_FORCE_AVERAGE,
         ),
         Quantity(
@@ -617,6 +647,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "rear of the belt to the left",
             powers=_SLOPE,
             rests_on=_SIGNED,
+            possible=_SLOPES,
             scatter_memory_revolutions=_FORCE_AVERAGE,
         ),
         Quantity(
@@ -626,6 +657,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             _TO_THE_LEFT,
             powers=_LATERAL_SHIFT,
             rests_on=_BY_PRESSURE,
+            possible=_FORCES_N,
             scatter_memory_revolutions=_FORCE_AVERAGE,
         ),
         Quantity(
@@ -635,6 +667,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "about z, turns the tire to the left",
             powers=_LATERAL_SHIFT,
             rests_on=_BY_PRESSURE,
+            possible=_MOMENTS_NM,
             scatter_memory_revolutions=_FORCE_AVERAGE,
         ),
     ),
@@ -661,7 +694,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "root of the spectrum's integral",
             powers={Basis.GAIN: -1.0},
             rests_on=_SIGNAL,
-            possible=_POSITIVE,
+            possible=_ACCELERATIONS,
         ),
         Quantity(
             "asynchronous_line_hz",
@@ -669,7 +702,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "peak of the spectrum above its background",
             powers={Basis.RATE: 1.0},
             rests_on=_SIGNAL,
-            possible=_POSITIVE,
+            possible=_AUDIBLE_HZ,
         ),
         Quantity(
             "asynchronous_line_rms_mps2",
@@ -677,7 +710,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "root of the line's integral",
             powers={Basis.GAIN: -1.0},
             rests_on=_SIGNAL,
-            possible=_POSITIVE,
+            possible=_ACCELERATIONS,
         ),
     ),
     "cavity": (
@@ -687,7 +720,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "c / L",
             powers={Basis.RATE: 1.0},
             rests_on=_SIGNAL,
-            possible=_POSITIVE,
+            possible=(20.0, 1000.0),
         ),
         # The square of the speed of sound is proportional to the absolute temperature, and to gamma / M.
         Quantity(
@@ -706,7 +739,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "(f L)^2 / (R T) over gamma / M of air",
             powers={Basis.RATE: 2.0},
             rests_on=_SIGNAL,
-            possible=_POSITIVE,
+            possible=(0.1, 20.0),
         ),
     ),
     "road": (
@@ -716,6 +749,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "1 + log4(G(n0) / 16e-6 m^3)",
             "rougher than the middle of the class before A",
             rests_on=_BAND,
+            possible=(-1.0, 9.0),
         ),
         Quantity(
             "road_roughness_m3",
@@ -723,7 +757,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "G(n0) from the variance of ln(contact width), ISO 8608:2016",
             powers={Basis.RADIUS: 2.0},
             rests_on=_BAND,
-            possible=_POSITIVE,
+            possible=(0.0, 0.1),
         ),
     ),
 }

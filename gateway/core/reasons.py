@@ -203,8 +203,8 @@ class Code(Enum):
     )
     GRAVITY_CONTRADICTED = "gravity in the radial axis gives a gain of {gain:.2f} ± {std:.2f} of the stated one"
     MAY_CHANGE_BY = "may be wrong by {effect:.1%}: {why}"
-    NOT_POSSIBLE = "{errors:.1f} standard errors beyond what is possible"
-    NOT_POSSIBLE_AT_ALL = "beyond what is possible"
+    NOT_POSSIBLE = "{quantity} is {errors:.1f} standard errors beyond what is possible"
+    NOT_POSSIBLE_AT_ALL = "{quantity} is beyond what is possible"
     NO_SINGLE_CAUSE = "no single cause fits"
     NOTHING_FOLLOWS = "not determined: {why}"
     HUB_MOVES = (

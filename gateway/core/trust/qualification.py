@@ -14,10 +14,14 @@ from gateway.core.quantity_catalogue import quantities_of, quantity_of
 from gateway.core.reasons import Code, Reason
 from gateway.core.trust.lost_revolutions import SteadyStatus
 from gateway.core.trust.sensor_limits import Doubt
-from gateway.core.trust.signal_evidence import Evidence
+from gateway.core.trust.signal_evidence import Contradiction, Evidence, Subject
 
-# Standard errors beyond what is possible from which a value is not one of its quantity: one in 160 by chance.
-_BEYOND: Final = 2.5
+# Standard errors beyond what is possible from which a value is not one of its quantity. Many a true value is zero, and
+# one in 160 is so far below it by chance. None is at another limit.
+_BEYOND_ZERO: Final = 2.5
+_BEYOND: Final = 1.0
+# Statements that scale all numbers of the ring, and that no signal contradicts.
+_UNSEEN: Final = (Basis.LOAD, Basis.PRESSURE)
 # Lag of an average over its change within its memory. A mean of all is behind by half of a steady drift, an exponential
 # one by all of it.
 _LAG: Final = 0.7
@@ -130,7 +134,7 @@ def qualified(
         least, greatest = _range_of(name)
         # Hardly ever; not a number is not beyond them.
         if value < least or value > greatest:
-            return tuple(map(_possible, estimates))
+            return _possible(estimates)
     return estimates
 
 
@@ -170,17 +174,45 @@ def _range_of(name: str) -> tuple[float, float]:
     return quantity_of(name).possible
 
 
-def _possible(estimate: Estimate) -> Estimate:
-    """Return an estimate, provisional at best where no tire, sensor or road can have its value."""
+def _possible(estimates: tuple[Estimate, ...]) -> tuple[Estimate, ...]:
+    """Return estimates, provisional at best where no tire, sensor or road can have their values.
+
+    Load or pressure that are wrong explain numbers that no tire has, and change all that they scale.
+    """
+    causes: list[Contradiction] = []
+    marked = []
+    for estimate in estimates:
+        why = _beyond(estimate)
+        marked.append(estimate if why is None else provisional(estimate, why))
+        powers = quantity_of(estimate.name).powers
+        if why is not None and any(cause in powers for cause in _UNSEEN):
+            least, greatest = _range_of(estimate.name)
+            limit = min(max(estimate.value, least), greatest)
+            needed = limit / estimate.value if estimate.value else 0.0
+            ratios = {cause: needed ** (1.0 / powers[cause]) for cause in _UNSEEN if needed > 0.0 and cause in powers}
+            causes.append(Contradiction(Subject.CONDITIONS, why, ratios))
+    if not causes:
+        return tuple(marked)
+    evidence = Evidence.of_contradictions(tuple(causes))
+    return tuple(
+        estimate if estimate.reasons and _beyond(estimate) else evidence.qualified(estimate) for estimate in marked
+    )
+
+
+def _beyond(estimate: Estimate) -> Reason | None:
+    """Return that no tire, sensor or road can have the value of an estimate; None where one can."""
     if estimate.status is Status.INVALID:
-        return estimate
-    least, greatest = quantity_of(estimate.name).possible
-    beyond = max(least - estimate.value, estimate.value - greatest)
-    if not beyond > 0.0 or beyond <= _BEYOND * estimate.std:
-        return estimate
+        return None
+    least, greatest = _range_of(estimate.name)
+    below = estimate.value < least
+    beyond, limit = (least - estimate.value, least) if below else (estimate.value - greatest, greatest)
+    if not beyond > 0.0 or beyond <= (_BEYOND if limit else _BEYOND_ZERO) * estimate.std:
+        return None
+    quantity = quantity_of(estimate.name)
+    name = quantity.label or quantity.name
     if not estimate.std > 0.0:
-        return provisional(estimate, Reason(Code.NOT_POSSIBLE_AT_ALL))
-    return provisional(estimate, Reason(Code.NOT_POSSIBLE, errors=beyond / estimate.std))
+        return Reason(Code.NOT_POSSIBLE_AT_ALL, quantity=name)
+    return Reason(Code.NOT_POSSIBLE, quantity=name, errors=beyond / estimate.std)
 
 
 def provisional(estimate: Estimate, why: Reason, share: float = 0.0) -> Estimate:

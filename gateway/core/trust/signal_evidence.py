@@ -48,9 +48,8 @@ _INVALID_FROM: Final = 0.2
 _UNBOUNDED: Final = 3.01
 # Share of an estimate's standard error below which a change of it does not matter.
 _NEGLIGIBLE: Final = 0.3
-# A belt radius or gain that is wrong by more, relative, is not a likely cause.
-_LIKELY_RADIUS: Final = 0.25
-_LIKELY_GAIN: Final = 0.5
+# Belts from karts to earthmovers: no tire has another radius.
+_RADII_M: Final = (0.1, 1.2)
 # Ratios of sampling rates that are mistaken for each other, such as the rate before decimation.
 _RATE_RATIOS: Final = (0.1, 0.2, 0.25, 1.0 / 3.0, 0.5, 2.0 / 3.0, 0.75, 4.0 / 3.0, 1.5, 2.0, 3.0, 4.0, 5.0, 10.0)
 # Implausibility, in standard errors, of a rate that is mistaken by such a ratio, or by any other; of a wrong unit.
@@ -77,6 +76,8 @@ _SHARE_OF_RATE: Final = 0.5 * math.sqrt(1.0 / 3.0)
 # Root mean square share of a difference within the errors of what is stated that one of three causes of it has: half of
 # such differences are these errors alone, the others one of the causes, each as likely.
 _SHARE_OF_ONE: Final = math.sqrt(0.5 / 3.0)
+# Standard error of the gain by gravity over the stated one, up to which their disagreement says something.
+_GRAVITY_TELLS: Final = 2.0
 # Share of its stated error below which the zero-g offset counts as measured.
 _ZERO_MEASURED: Final = 0.3
 
@@ -94,6 +95,7 @@ class Subject(StrEnum):
     """What a contradiction is about, one or two words."""
 
     AXES = "axes"
+    CONDITIONS = "load or pressure"
     COUPLING = "coupling"
     GRAVITY = "gravity"
     OFFSET = "sensor offset"
@@ -330,6 +332,8 @@ def assess(
             unsure = disagreement_std(ratio.value - 1.0, tolerance)
             if slower is not None:
                 unsure = max(unsure, disagreement_std(slower.value - 1.0, slower.std))
+            if gravity_gain is not None:
+                unsure = max(unsure, _hidden(gravity_gain, measured, claims.gain_std))
             # Of a radius, a gain or a rate that is not as stated.
             share = _SHARE_OF_ONE * (ratio.value - 1.0)
             radius = _Value(radius.value, math.hypot(radius.std, max(unsure, abs(share)) * radius.value))
@@ -572,6 +576,18 @@ def _by_gravity(
     return _Value(ratio.value / gain.value, error)
 
 
+def _hidden(gravity: _Value, measured: Measured, gain_std: float) -> float:
+    """Return the error of gain, radius or rate where gravity disagrees with the stated gain.
+
+    The steady value agrees. So it is a vibration, or two statements are wrong and hide each other.
+    """
+    std = math.hypot(gravity.std, measured.hub_mps2 / STANDARD_GRAVITY_MPS2)
+    difference, both = gravity.value - 1.0, math.hypot(std, gain_std)
+    if std > _GRAVITY_TELLS * gain_std and abs(difference) <= CONTRADICTION * both:
+        return 0.0
+    return disagreement_std(difference, both)
+
+
 def _gravity_contradiction(gain: _Value | None, gain_std: float) -> Contradiction | None:
     """Return the contradiction of the gain by gravity to the stated one where the steady value is as expected."""
     if gain is None:
@@ -624,13 +640,16 @@ def _causes(
 
     value = ratio.value
     if gravity_allows(value):
-        for factor, code in (
-            (STANDARD_GRAVITY_MPS2, Code.UNIT_IS_MPS2),
-            (1.0 / STANDARD_GRAVITY_MPS2, Code.UNIT_IS_G),
-        ):
-            if abs(value - factor) <= tolerance:
-                yield _Possible(_UNIT_ERRORS, Basis.GAIN, factor, Reason(code))
-        if value > 0.0 and abs(value - 1.0) <= _LIKELY_GAIN:
+        units = [
+            _Possible(_UNIT_ERRORS, Basis.GAIN, factor, Reason(code))
+            for factor, code in (
+                (STANDARD_GRAVITY_MPS2, Code.UNIT_IS_MPS2),
+                (1.0 / STANDARD_GRAVITY_MPS2, Code.UNIT_IS_G),
+            )
+            if abs(value - factor) <= tolerance
+        ]
+        yield from units
+        if value > 0.0 and not units:
             errors = abs(math.log(value)) / max(claims.gain_std, 1e-6)
             yield _Possible(errors, Basis.GAIN, value, Reason(Code.GAIN_WOULD_FIT, gain=value))
     if not gravity_allows(1.0):
@@ -650,9 +669,10 @@ def _causes(
         if is_near and near in _MISSED_CONTACTS:
             missed = Reason(Code.CONTACTS_MISSED, every=near)
             yield _Possible(_MISSED_ERRORS, Basis.RATE, rate, missed)
-        if abs(value - 1.0) <= _LIKELY_RADIUS:
-            errors = abs(value - 1.0) / max(conditions.radius_std_m / conditions.radius_m, 1e-6)
-            fits = Reason(Code.RADIUS_WOULD_FIT, radius_m=conditions.radius_m * value, stated_m=conditions.radius_m)
+        radius_m = conditions.radius_m * value
+        if _RADII_M[0] <= radius_m <= _RADII_M[1]:
+            errors = abs(math.log(value)) / max(conditions.radius_std_m / conditions.radius_m, 1e-6)
+            fits = Reason(Code.RADIUS_WOULD_FIT, radius_m=radius_m, stated_m=conditions.radius_m)
             yield _Possible(errors, Basis.RADIUS, value, fits)
     zero_mps2 = (value - 1.0) * measured.steady_mps2
     if not measured.ac_coupled and abs(zero_mps2) <= LARGEST_ZERO_MPS2:

@@ -66,6 +66,29 @@ def test_wrong_radius_makes_speed_provisional() -> None:
     assert result["leading_edge_rad"].status is Status.VALID
 
 
+@pytest.mark.parametrize("factor", [2.0, 1.6, 1.0 / 1.7])
+def test_a_radius_wrong_by_far_leaves_nothing_valid_that_rests_on_it(factor: float) -> None:
+    """A diameter for the radius, or the rim for the belt: the rate would explain it too, and nothing decides."""
+    setup = replace(SETUP, radius_m=factor * 0.32, radius_std_m=factor * 0.0032)
+    result = last(simulated(PLAIN, 4.0, setup, (*DEFAULT, "distance"))[0])
+    for name in ("speed_mps", "distance_m", "contact_length_m", *RING_NUMBERS):
+        assert result[name].status is not Status.VALID, result[name]
+    assert result["leading_edge_rad"].status is Status.VALID
+
+
+@pytest.mark.parametrize(("radius", "gain"), [(0.05, 8.0), (-0.05, -7.0)])
+def test_radius_and_gain_that_hide_each_other_widen_what_rests_on_them(radius: float, gain: float) -> None:
+    tables = PLAIN + f"\ngain_error_percent = [{gain}, {gain}, {gain}]\n[motion]\nspeed_kmh = 50"
+    stated_m = 0.32 * (1.0 + radius)
+    setup = replace(SETUP, radius_m=stated_m, radius_std_m=0.01 * stated_m, load_std_n=50.0, pressure_std_pa=1e3)
+    results, truth = simulated(tables, 8.0, setup, DEFAULT)
+    result, numbers = last(results), truth.numbers(7.0)
+    true = {"speed_mps": 50.0 / 3.6, **{name: getattr(numbers, name) for name in RING_NUMBERS}}
+    for name, value in true.items():
+        estimate = result[name]
+        assert estimate.status is not Status.VALID or abs(estimate.value - value) < 2.5 * estimate.std, estimate
+
+
 def test_all_stated_well_contradicts_nothing() -> None:
     results, truth = simulated(PLAIN, 4.0, SETUP, DEFAULT)
     result = last(results)

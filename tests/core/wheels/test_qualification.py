@@ -44,6 +44,10 @@ def judged(name: str, value: float, std: float) -> Estimate:
         ("sensor_roll_rad", -0.52, 0.003),
         ("cavity_temperature_degc", 240.0, 10.0),
         ("longitudinal_ratio", 3.0, 0.1),
+        ("rolling_resistance", 1.4, 0.31),
+        ("Cw", 0.51, 0.051),
+        ("Rs", 0.11, 0.01),
+        ("speed_mps", 400.0, 3.0),
         ("wear_mm", -0.1, 0.0),
     ],
 )
@@ -53,7 +57,7 @@ def test_what_is_not_possible_is_not_valid(name: str, value: float, std: float) 
     (reason,) = estimate.reasons
     if std:
         assert reason.code is Code.NOT_POSSIBLE
-        assert reason["errors"] > 2.5
+        assert reason["errors"] > 1.0
     else:
         assert reason.code is Code.NOT_POSSIBLE_AT_ALL
     assert estimate.value == value
@@ -77,12 +81,28 @@ def test_no_valid_value_is_beyond_its_limits(name: str, value: float, std: float
 
 @pytest.mark.parametrize("name", NAMES)
 def test_doubts_reach_what_rests_on_the_samples_and_the_waveform(name: str) -> None:
-    estimate = Estimate(name, 1.0, 0.1, Status.VALID)
+    estimate = Estimate(name, 0.5 * sum(quantity_of(name).possible), 0.1, Status.VALID)
     (doubted,) = qualified((estimate,), NOTHING, (Doubt(Basis.SAMPLES, DOUBT),), None)
     assert (doubted.status is Status.PROVISIONAL) == (Basis.SAMPLES in quantity_of(name).rests_on)
     (uncorrected,) = qualified((estimate,), NOTHING, (), DOUBT)
     is_affected = Basis.WAVEFORM in quantity_of(name).rests_on
     assert (Code.EFFECTS_NOT_SUBTRACTED in codes_of(uncorrected.reasons)) == is_affected
+
+
+def test_every_quantity_has_limits() -> None:
+    assert [name for name in NAMES if not all(map(math.isfinite, quantity_of(name).possible))] == []
+
+
+@pytest.mark.parametrize(("name", "value"), [("Cw", 0.9), ("Rs", 55.0), ("Cw", 0.02)])
+def test_numbers_of_no_tire_leave_nothing_valid_that_their_causes_scale(name: str, value: float) -> None:
+    """A load in kg, that of the axle, or half the pressure scales all four numbers."""
+    numbers = {"Bs": 3e-3, "Cw": 0.2, "Rs": 3.0, "Ts": 2.5, "Bs/Cw": 0.015} | {name: value}
+    estimates = tuple(Estimate(each, size, 0.01 * size, Status.VALID) for each, size in numbers.items())
+    judged_ones = {each.name: each for each in qualified(estimates, NOTHING, (), None)}
+    assert {each for each, estimate in judged_ones.items() if estimate.status is Status.VALID} == {"Bs/Cw"}
+    for each in {"Bs", "Cw", "Rs", "Ts"} - {name}:
+        if judged_ones[each].reasons:
+            assert Code.NOT_POSSIBLE in codes_of(judged_ones[each].reasons)
 
 
 def test_a_reason_is_given_once() -> None:
