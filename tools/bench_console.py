@@ -20,7 +20,9 @@ import numpy as np
 
 from gateway.core.estimates.estimator import Estimate, Revolution, Status, TireConditions
 from gateway.core.estimates.results import LinkSnapshot, RevolutionResult, SessionSnapshot, WheelSnapshot, WheelState
-from gateway.core.reasons import Code, Notice, Reason
+from gateway.core.links.reasons import LinkCode
+from gateway.core.reasons import Notice, Reason
+from gateway.papers.reasons import PaperCode
 
 RADIUS_M = 0.32
 SAMPLES = 1024
@@ -71,7 +73,7 @@ def make_result(position: str, index: int, rng: np.random.Generator) -> Revoluti
         ("Ts/Cw", 12.95, 0.6),
     )
     estimates = tuple(
-        Estimate(name, value + std * rng.standard_normal(), std, Status.VALID, (Reason(Code.LINEAR_RING),))
+        Estimate(name, value + std * rng.standard_normal(), std, Status.VALID, (Reason(PaperCode.LINEAR_RING),))
         for name, value, std in values
     )
     return RevolutionResult(position, 0, revolution, TireConditions(RADIUS_M, 5000.0, 210e3, 31.5), estimates)
@@ -82,7 +84,7 @@ class FakeSession:
 
     def __init__(self) -> None:
         rng = np.random.default_rng(7)
-        connected = Reason(Code.LINK_CONNECTED)
+        connected = Reason(LinkCode.LINK_CONNECTED)
         notice = Notice("sim:demo", connected)
         link = LinkSnapshot("sim:demo", True, connected, 0, 1, 2, 0, 3, 0, 0, 0, 0.012, {"ring": 0}, 87, -61, 0.43)
         self.snapshots = []

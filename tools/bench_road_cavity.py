@@ -19,8 +19,9 @@ from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.estimates.results import RevolutionResult
 from gateway.core.estimates.tire_data import ReferenceNumbers
 from gateway.core.estimates.wheel_setup import TireData, WheelSetup
-from gateway.core.reasons import Code, codes_of
+from gateway.core.reasons import codes_of
 from gateway.core.wheels.wheels import Pipeline
+from gateway.forces.reasons import ForceCode
 from gateway.forces.tire_fit import TirePoint, fit_load_calibration, reference_numbers
 from gateway.simulator.road_profile import CLASSES, quarter_car
 from gateway.simulator.scenario_model import Scenario
@@ -207,7 +208,7 @@ def cavity(seed: int, index: int) -> Iterator[Pull]:
         results, _ = run(world, table, ("kinematic", "cavity"), 1000 * seed + index, tire=tire, wheel=wheel)
         name, truth = ("cavity_temperature_degc", gas_degc) if std < 0.005 else ("cavity_gas_ratio", ratio)
         result = last(results, name)
-        flagged = result is not None and Code.CAVITY_CONTRADICTED in codes_of(result.reasons)
+        flagged = result is not None and ForceCode.CAVITY_CONTRADICTED in codes_of(result.reasons)
         is_estimated = result is not None and result.status is not Status.INVALID
         yield Pull(group, result, truth, flagged is not is_air if is_estimated else None)
 

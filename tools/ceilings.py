@@ -16,6 +16,7 @@ from typing import Final, NamedTuple
 import click
 
 from tools import rooms
+from tools.reason_codes import all_codes
 
 ROOT: Final = Path(__file__).parents[1]
 _MOST_COMPLEXITY: Final = 20
@@ -37,12 +38,12 @@ class Ceiling(NamedTuple):
 
 CEILINGS: Final[dict[str, Ceiling]] = {
     "lines of the core": Ceiling(32_000, 41_400),
-    "lines of gateway": Ceiling(95_000, 119_500),
+    "lines of gateway": Ceiling(95_000, 120_300),
     "lines of tests": Ceiling(58_000, 70_500),
     "lines of tools": Ceiling(17_000, 21_900),
     "words of docs": Ceiling(60_000, 66_500),
     "options": Ceiling(120, 92),
-    "reason codes": Ceiling(430, 665),
+    "reason codes": Ceiling(430, 660),
     "functions over complexity 20": Ceiling(0, 36),
     "functions of more than eight parameters, commands aside": Ceiling(0, 10),
     "modules over 700 lines": Ceiling(0, 6),
@@ -111,8 +112,6 @@ def _options() -> int:
 
 def counts() -> dict[str, int]:
     """Return the count of each of `CEILINGS`."""
-    from gateway.core.reasons import Code
-
     in_functions = sum(
         made.is_in_function and not _is_of_command(rooms.modules()[made.module]) for made in rooms.imports()
     )
@@ -125,7 +124,7 @@ def counts() -> dict[str, int]:
         "lines of tools": _lines((ROOT / "tools").rglob("*.py")),
         "words of docs": sum(len(re.findall(r"\S+", page.read_text("utf-8"))) for page in pages),
         "options": _options(),
-        "reason codes": len(Code),
+        "reason codes": len(all_codes()),
         "functions over complexity 20": sum(_complexity(function) > _MOST_COMPLEXITY for _, function in _functions()),
         "functions of more than eight parameters, commands aside": sum(
             _parameters(function) > _MOST_PARAMETERS and not _is_of_command(path) for path, function in _functions()

@@ -13,7 +13,8 @@ from gateway.core.estimates.results import (
     WheelSnapshot,
     WheelState,
 )
-from gateway.core.reasons import Code, Notice
+from gateway.core.links.reasons import LinkCode
+from gateway.core.reasons import Notice
 from gateway.core.text.numbers import MISSING, age, duration, fixed, percent
 from gateway.core.text.text import clean, crop_middle, file_size, pad
 from gateway.core.text.wording import notice_text
@@ -143,7 +144,7 @@ def link_row(link: LinkSnapshot, name_width: int, cells: int) -> Row:
     state: Run = ("connected" if is_wide else "up", Role.GOOD)
     if not link.connected:
         # A link that has ended as it should stays so.
-        silent_s = link.silent_s if link.note.code is not Code.LINK_ENDED else None
+        silent_s = link.silent_s if link.note.code is not LinkCode.LINK_ENDED else None
         state = (f" DOWN {age(silent_s)} " if silent_s is not None else " DOWN ", Role.ALARM)
     elif link.silent_s is not None:
         state = (f" SILENT {age(link.silent_s)} ", Role.ALARM)
@@ -151,7 +152,7 @@ def link_row(link: LinkSnapshot, name_width: int, cells: int) -> Row:
     note = clean(reason_text(link.note))
     if not link.connected:
         fields.insert(0, (note, Role.WARNING))
-    elif link.note.code is not Code.LINK_CONNECTED:
+    elif link.note.code is not LinkCode.LINK_CONNECTED:
         fields.append((note, Role.LABEL))
     return fill_while_fitting(((f"{name} ", Role.LABEL), state), fields, cells, "  " if is_wide else " ")
 

@@ -11,7 +11,7 @@ from typing import Final
 
 from gateway.core.errors import PluginError
 from gateway.core.feature import Registry
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import CoreCode, Reason
 
 _logger = logging.getLogger(__name__)
 
@@ -116,7 +116,7 @@ def imported(plugin: Plugin) -> object | None:
 def missing_members(loaded: object, members: Collection[str]) -> Reason | None:
     """Return the reason that an object lacks callable members, None when it has them all."""
     missing = [member for member in members if not callable(getattr(loaded, member, None))]
-    return Reason(Code.PLUGIN_LACKS_MEMBERS, members=", ".join(missing)) if missing else None
+    return Reason(CoreCode.PLUGIN_LACKS_MEMBERS, members=", ".join(missing)) if missing else None
 
 
 def missing_factory(factory: str) -> Reason | None:
@@ -124,7 +124,7 @@ def missing_factory(factory: str) -> Reason | None:
     module_name, _, name = factory.partition(":")
     if callable(getattr(importlib.import_module(module_name), name, None)):
         return None
-    return Reason(Code.PLUGIN_LACKS_MEMBERS, members=factory)
+    return Reason(CoreCode.PLUGIN_LACKS_MEMBERS, members=factory)
 
 
 def short_text(text: str) -> str:
@@ -161,9 +161,9 @@ def is_from_user(error: BaseException) -> bool:
 
 def _name_refusal(plugin: Plugin, taken: Collection[str]) -> Reason | None:
     if plugin.name in taken:
-        return Reason(Code.PLUGIN_NAME_TAKEN, by="treadlink")
+        return Reason(CoreCode.PLUGIN_NAME_TAKEN, by="treadlink")
     others = [other.package for other in installed(plugin.group) if other.name == plugin.name and other != plugin]
-    return Reason(Code.PLUGIN_NAME_TAKEN, by=", ".join(others)) if others else None
+    return Reason(CoreCode.PLUGIN_NAME_TAKEN, by=", ".join(others)) if others else None
 
 
 @cache
@@ -175,7 +175,7 @@ def _loaded(plugin: Plugin) -> tuple[object, Reason | None]:
         if is_from_user(error):
             raise
         _logger.debug("plug-in %s of %s cannot be imported", plugin.name, plugin.package, exc_info=True)
-        return None, Reason(Code.PLUGIN_NOT_IMPORTED, error=error_text(error))
+        return None, Reason(CoreCode.PLUGIN_NOT_IMPORTED, error=error_text(error))
 
 
 def _examined(plugin: Plugin, check: Check) -> tuple[object, Reason | None]:
@@ -187,4 +187,4 @@ def _examined(plugin: Plugin, check: Check) -> tuple[object, Reason | None]:
     except BaseException as error:  # likewise
         if is_from_user(error):
             raise
-        return None, Reason(Code.PLUGIN_NOT_IMPORTED, error=error_text(error))
+        return None, Reason(CoreCode.PLUGIN_NOT_IMPORTED, error=error_text(error))

@@ -6,7 +6,7 @@ from enum import StrEnum
 from math import inf
 from typing import NamedTuple
 
-from gateway.core.reasons import Code
+from gateway.core.reasons import Code, CoreCode
 
 
 class Basis(StrEnum):
@@ -112,7 +112,7 @@ class Watch:
     shifted_by: frozenset[Statement] = frozenset()
     follows: frozenset[Basis] = frozenset({Basis.PRESSURE, Basis.LOAD})
     explains: frozenset[Basis] = frozenset()
-    level: Code = Code.TREND_LEVEL_CHANGED
+    level: Code = CoreCode.TREND_LEVEL_CHANGED
     drift: tuple[Code, str] | None = None
 
 

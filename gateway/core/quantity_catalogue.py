@@ -12,7 +12,7 @@ from typing import Final
 
 from gateway.core.constants import STANDARD_GRAVITY_MPS2, TIRE_DEGC
 from gateway.core.quantity import Basis, BusFrame, OnBus, Quantity, Statement, Trend, Watch
-from gateway.core.reasons import Code
+from gateway.core.reasons import CoreCode
 
 # Times of contacts need nothing else; a high-pass passes contact edges and what is not locked to the wheel.
 _SIGNAL: Final = frozenset({Basis.SAMPLES})
@@ -224,7 +224,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
                 notable=5.0,
                 shifted_by=_BY_RADIUS,
                 explains=frozenset({Basis.LOAD}),
-                level=Code.TREND_CONTACT_CHANGED,
+                level=CoreCode.TREND_CONTACT_CHANGED,
             ),
             live_label="contact",
         ),
@@ -272,7 +272,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
                 trend=Trend.SENSOR,
                 shifted_by=_BY_RADIUS,
                 explains=_SCALE,
-                drift=(Code.TREND_SENSOR_GAIN, "share"),
+                drift=(CoreCode.TREND_SENSOR_GAIN, "share"),
             ),
         ),
         Quantity(
@@ -293,7 +293,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
                 trend=Trend.SENSOR,
                 shifted_by=_BY_RADIUS,
                 explains=_SCALE,
-                drift=(Code.TREND_SENSOR_ZERO, "change_mps2"),
+                drift=(CoreCode.TREND_SENSOR_ZERO, "change_mps2"),
             ),
         ),
         Quantity(

@@ -15,7 +15,7 @@ import numpy as np
 
 from gateway.core.config.vehicle import VehicleConfig
 from gateway.core.errors import RecordingError, TreadlinkError
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.recording.inspection import inspect_recording
 from gateway.core.text.wording import notice_text, text
 from gateway.core.types import IntArray
@@ -27,6 +27,7 @@ from gateway.diagnosis.data.condition_groups import telling, tire_states
 from gateway.diagnosis.data.group_statistics import FEW, label
 from gateway.diagnosis.data.shared_noise import repeated_recordings
 from gateway.diagnosis.effects.effect import GroupConditions
+from gateway.diagnosis.reasons import DiagnosisCode
 
 MIN_REVOLUTIONS: Final = 4
 """Smaller groups are left out, unless all are smaller."""
@@ -36,7 +37,7 @@ MAX_GROUPS: Final = 12
 
 _Remark = TypeVar("_Remark", bound=Remark)
 
-SPARE: Final = Reason(Code.BETWEEN_GROUP_SPEEDS, groups=MAX_GROUPS)
+SPARE: Final = Reason(DiagnosisCode.BETWEEN_GROUP_SPEEDS, groups=MAX_GROUPS)
 
 # Used where no recording knows any temperature: it is then the same for all, and its value has no effect.
 _PLACEHOLDER_DEGC: Final = 20.0
@@ -160,7 +161,7 @@ def read_usable(
     every = WheelRecordings(wheel, tuple(orders), tuple(reads))
     groups = [group for number, read in enumerate(reads) if number not in refused for group in read.groups]
     for number, first in repeated_recordings(groups).items():
-        refused[number] = Reason(Code.RECORDING_REPEATS, other=str(orders[first].path))
+        refused[number] = Reason(DiagnosisCode.RECORDING_REPEATS, other=str(orders[first].path))
     return every.chosen(range(len(orders)) - refused.keys()), refused
 
 
@@ -169,21 +170,21 @@ def _read_or_refuse(order: ReadOrder, on_position: Callable[[int], None]) -> Rec
     try:
         return read_recording(order, on_position)
     except TreadlinkError as error:
-        return Reason(Code.RECORDING_NOT_USED, message=str(error))
+        return Reason(DiagnosisCode.RECORDING_NOT_USED, message=str(error))
     except OSError as error:
-        return Reason(Code.RECORDING_NOT_READ, message=error.strerror or str(error))
+        return Reason(DiagnosisCode.RECORDING_NOT_READ, message=error.strerror or str(error))
 
 
 def _why_unusable(read: RecordingRead, wheel: str) -> Reason | None:
     if wheel not in read.wheels:
-        return Reason(Code.RECORDING_WITHOUT_WHEEL, wheel=wheel)
+        return Reason(DiagnosisCode.RECORDING_WITHOUT_WHEEL, wheel=wheel)
     if read.groups:
         return None
     rejected = read.rejected or {}
     if not rejected:
-        return Reason(Code.RECORDING_WITHOUT_DATA)
+        return Reason(DiagnosisCode.RECORDING_WITHOUT_DATA)
     most = max(rejected, key=lambda reason: rejected[reason])
-    return Reason(Code.REVOLUTIONS_LEFT_OUT, revolutions=rejected[most], reason=most)
+    return Reason(DiagnosisCode.REVOLUTIONS_LEFT_OUT, revolutions=rejected[most], reason=most)
 
 
 def _renumbered(read: RecordingRead, number: int) -> RecordingRead:
@@ -320,30 +321,32 @@ def _recording_remarks(orders: Sequence[ReadOrder], reads: Sequence[RecordingRea
     """Yield the remarks on single recordings."""
     for read in reads:
         if read.damage:
-            yield Reason(Code.RECORDING_DAMAGED, damage=read.damage)
+            yield Reason(DiagnosisCode.RECORDING_DAMAGED, damage=read.damage)
     for order, read in zip(orders, reads, strict=True):
         for notice in read.notices:
             subject = f"{order.name}, {notice.subject}" if notice.subject else order.name
-            yield Reason(Code.ABOUT_RECORDING, recording=subject, reason=notice.reason)
+            yield Reason(DiagnosisCode.ABOUT_RECORDING, recording=subject, reason=notice.reason)
         for remark in read.remarks:
-            yield Reason(Code.ABOUT_RECORDING, recording=order.name, reason=remark)
+            yield Reason(DiagnosisCode.ABOUT_RECORDING, recording=order.name, reason=remark)
     for order, read in zip(orders, reads, strict=True):
         if not read.groups and len(orders) > 1:
-            yield Reason(Code.ABOUT_RECORDING, recording=order.name, reason=Reason(Code.RECORDING_WITHOUT_DATA))
+            yield Reason(
+                DiagnosisCode.ABOUT_RECORDING, recording=order.name, reason=Reason(DiagnosisCode.RECORDING_WITHOUT_DATA)
+            )
 
 
 def _left_out_remarks(rejected: Mapping[Reason, int]) -> Iterator[Reason]:
     for reason in (SPARE, FEW):
         if reason in rejected:
-            yield Reason(Code.REVOLUTIONS_LEFT_OUT, revolutions=rejected[reason], reason=reason)
+            yield Reason(DiagnosisCode.REVOLUTIONS_LEFT_OUT, revolutions=rejected[reason], reason=reason)
 
 
 def _sensor_remarks(sensors: Collection[int | None]) -> Iterator[Reason]:
     if len(sensors) > 1:
         several = any(sensor is None for sensor in sensors)
         names = sorted(f"{sensor:08x}" for sensor in sensors if sensor is not None)
-        more = (Reason(Code.SEVERAL_SENSORS),) if several else ()
-        yield Reason(Code.DIFFERENT_SENSORS, sensors=(*names, *more))
+        more = (Reason(DiagnosisCode.SEVERAL_SENSORS),) if several else ()
+        yield Reason(DiagnosisCode.DIFFERENT_SENSORS, sensors=(*names, *more))
 
 
 def _states(groups: Sequence[Group]) -> IntArray:
@@ -386,7 +389,7 @@ def _begins(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead]) -> tupl
     for read in reads:
         begins.append(read.first_s - elapsed_s)
         elapsed_s += read.last_s - read.first_s
-    return begins, [Reason(Code.RECORDING_ORDER_UNKNOWN)]
+    return begins, [Reason(DiagnosisCode.RECORDING_ORDER_UNKNOWN)]
 
 
 def _of_one_depth(groups: Sequence[Group]) -> list[Group]:
@@ -420,7 +423,9 @@ def _merged(orders: Sequence[ReadOrder], remarks: Sequence[tuple[_Remark, ...]])
         for remark in dict.fromkeys(order_remarks):
             recordings.setdefault(remark, []).append(order.name)
     return tuple(
-        remark if len(names) == len(orders) else Reason(Code.OF_RECORDINGS, statement=remark, recordings=tuple(names))
+        remark
+        if len(names) == len(orders)
+        else Reason(DiagnosisCode.OF_RECORDINGS, statement=remark, recordings=tuple(names))
         for remark, names in recordings.items()
     )
 

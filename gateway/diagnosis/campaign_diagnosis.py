@@ -8,7 +8,7 @@ from typing import Final
 
 from gateway.core.clock import Clock, SystemClock
 from gateway.core.config.vehicle import VehicleConfig
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.revision import commit
 from gateway.core.revolutions.effect_correction import CorrectionTable
 from gateway.core.worker_pool import Workers
@@ -17,6 +17,7 @@ from gateway.diagnosis.checks.outvoted_recordings import RecordingsContradictedE
 from gateway.diagnosis.closed_loop import SEARCHED, BaselineUnfittedError, baseline_fits, diagnose
 from gateway.diagnosis.data.campaign_data import Campaign
 from gateway.diagnosis.effects.effect import BaselineModel
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.result import Diagnosis, Origin, RecordingOrigin
 from gateway.diagnosis.transfer import Transfer, transfer
 
@@ -107,7 +108,7 @@ def diagnose_recordings(
     if budget_s is not None and not diagnosis.complete:
         end_ns = clock.now_ns()
         spent = Reason(
-            Code.TIME_LIMIT_SPENT,
+            DiagnosisCode.TIME_LIMIT_SPENT,
             limit_s=budget_s,
             reading_s=1e-9 * (read_ns - begin_ns),
             search_s=1e-9 * ((searched_ns or end_ns) - read_ns),
@@ -179,10 +180,10 @@ def diagnose_agreeing(
                 alone = [number for number in range(len(used)) if not baseline_fits(used.chosen([number]).campaign())]
                 if len(alone) in (0, len(used)):
                     raise
-                contradicted = dict.fromkeys(alone, Reason(Code.BASELINE_UNFITTED))
+                contradicted = dict.fromkeys(alone, Reason(DiagnosisCode.BASELINE_UNFITTED))
         if diagnosis is not None and not contradicted:
             reasons = tuple(
-                Reason(Code.RECORDING_LEFT_OUT, recording=str(path), reason=left_out[str(path)])
+                Reason(DiagnosisCode.RECORDING_LEFT_OUT, recording=str(path), reason=left_out[str(path)])
                 for path in paths
                 if str(path) in left_out
             )
@@ -199,8 +200,8 @@ def _notes(diagnosis: Diagnosis, campaign: Campaign) -> tuple[Reason, ...]:
 
 
 def _is_alarm(note: Reason) -> bool:
-    reason = note["reason"] if note.code is Code.ABOUT_RECORDING else note
-    return isinstance(reason, Reason) and reason.code in (Code.SENSOR_ALARM, Code.SENSOR_IN_DOUBT)
+    reason = note["reason"] if note.code is DiagnosisCode.ABOUT_RECORDING else note
+    return isinstance(reason, Reason) and reason.code in (DiagnosisCode.SENSOR_ALARM, DiagnosisCode.SENSOR_IN_DOUBT)
 
 
 def transfer_effects(

@@ -14,13 +14,15 @@ from gateway.core.config.vehicle import ASSUMED_RADIUS_MM, Mounting, Tire, Vehic
 from gateway.core.constants import AXIS_NAMES
 from gateway.core.errors import ConfigError
 from gateway.core.estimates.results import AlarmRecord, RevolutionResult
-from gateway.core.reasons import Code, Notice, Reason
+from gateway.core.reasons import CoreCode, Notice, Reason
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.revolutions.bridged_gaps import BridgedGaps
 from gateway.core.session.alarms import SILENCES, THRESHOLDS, AlarmName
+from gateway.core.session.reasons import SessionCode
 from gateway.core.session.recording_pass import OpenedRecording, RecordingPass, open_recording
 from gateway.core.session.wheel_identity import SensorsHeard, configured, configured_tire, wheel_address
 from gateway.core.text.wording import notice_text
+from gateway.core.trust.reasons import TrustCode
 from gateway.core.types import FloatArray
 from gateway.core.wheels.revolution import SensorReading
 from gateway.diagnosis.campaign_clock import UNKNOWN, HubClockError
@@ -28,6 +30,7 @@ from gateway.diagnosis.data.campaign_data import Group, Remark, Repeats
 from gateway.diagnosis.data.group_statistics import Declared, make_groups
 from gateway.diagnosis.data.revolution_orders import RevolutionStore
 from gateway.diagnosis.provenance import Quantity, is_assumed, provenance_of
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.repeated_samples import RepeatedSamples
 
 # With several wheels and none chosen, revolutions read on to learn the names of all wheels.
@@ -37,16 +40,16 @@ _OFFSET_KNOWN_M: Final = 5e-4
 # Faults of a sensor that are listed whenever they stood.
 _SENSOR_FAULTS: Final = frozenset(
     {
-        Code.SENSOR_DEAD,
-        Code.SENSOR_FLIPPED,
-        Code.SENSOR_LOOSE,
-        Code.SENSOR_STUCK,
-        Code.SENSOR_TILTED,
-        Code.PRESSURE_FROZEN,
+        TrustCode.SENSOR_DEAD,
+        TrustCode.SENSOR_FLIPPED,
+        TrustCode.SENSOR_LOOSE,
+        TrustCode.SENSOR_STUCK,
+        TrustCode.SENSOR_TILTED,
+        TrustCode.PRESSURE_FROZEN,
     }
 )
 # Alarms that make every shape doubtful. What is stuck or dead does not turn, or is left out by axis.
-_DOUBTS: Final = frozenset({Code.SENSOR_LOOSE, Code.SENSOR_TILTED})
+_DOUBTS: Final = frozenset({TrustCode.SENSOR_LOOSE, TrustCode.SENSOR_TILTED})
 _NOT_RADIAL: Final = (Axis.CIRCUMFERENTIAL, Axis.LATERAL)
 _NOT_OF_SENSORS: Final = frozenset({*SILENCES, *THRESHOLDS, AlarmName.LINK})
 # Links whose arrival times are derived from the times of the samples.
@@ -153,7 +156,9 @@ class _SensorSamples:
         bridging = self._bridged.result()
         if bridging is None:
             return None
-        return Reason(Code.SAMPLES_BRIDGED, samples=bridging.samples, share=bridging.share, lines=len(bridging.lines))
+        return Reason(
+            DiagnosisCode.SAMPLES_BRIDGED, samples=bridging.samples, share=bridging.share, lines=len(bridging.lines)
+        )
 
     def _by_axis_mps2(self, counts: FloatArray) -> tuple[float, float, float]:
         by_axis = np.zeros(3)
@@ -265,7 +270,7 @@ def _reduced(
     wheel, tire = configured(vehicle, position), configured_tire(vehicle, position)
     store = collected.store
     # Where one axis is another, so may be the third; the steady value proves the radial one.
-    misplaced = any(fault.code is Code.GRAVITY_ABSENT for fault in faults)
+    misplaced = any(fault.code is TrustCode.GRAVITY_ABSENT for fault in faults)
     if misplaced:
         store.leave_out(_NOT_RADIAL)
     table = store.table()
@@ -275,13 +280,13 @@ def _reduced(
     address = wheel_address(vehicle, position)
     samples = collected.samples(address)
     repeats, bridges = (samples.repeats(), samples.bridges()) if samples is not None else (None, None)
-    remarks = [*(Reason(Code.SENSOR_ALARM, reason=fault) for fault in faults), *store.notes()]
+    remarks = [*(Reason(DiagnosisCode.SENSOR_ALARM, reason=fault) for fault in faults), *store.notes()]
     if misplaced:
-        remarks.append(Reason(Code.AXES_LEFT_OUT, axes=tuple(AXIS_NAMES[axis] for axis in _NOT_RADIAL)))
+        remarks.append(Reason(DiagnosisCode.AXES_LEFT_OUT, axes=tuple(AXIS_NAMES[axis] for axis in _NOT_RADIAL)))
     if (clipped := int(table["cut_off"].sum())) > 0:
-        remarks.append(Reason(Code.REVOLUTIONS_CLIPPED, count=clipped, total=len(table)))
+        remarks.append(Reason(DiagnosisCode.REVOLUTIONS_CLIPPED, count=clipped, total=len(table)))
     elif saturated := sum(state.counters.samples_saturated for state in reading.wheels if state.position == position):
-        remarks.append(Reason(Code.SENSOR_RANGE_REACHED, count=saturated))
+        remarks.append(Reason(SessionCode.SENSOR_RANGE_REACHED, count=saturated))
     if _is_doubted(faults, wheel):
         groups = [replace(group, sensor_doubted=True) for group in groups]
     if samples is not None:
@@ -290,11 +295,11 @@ def _reduced(
     if repeats is not None:
         groups = [replace(group, repeats=repeats) for group in groups]
         share = repeats.samples / repeats.total
-        remarks.append(Reason(Code.SAMPLES_STUCK, runs=repeats.runs, samples=repeats.samples, share=share))
+        remarks.append(Reason(DiagnosisCode.SAMPLES_STUCK, runs=repeats.runs, samples=repeats.samples, share=share))
     if bridges is not None:
         remarks.append(bridges)
     sensors, measures_pressure = reading.sensors.at(position), reading.sensors.measures_pressure(position)
-    source = Code.FROM_RECORDING if order.vehicle is None else Code.FROM_CONFIGURATION
+    source = CoreCode.FROM_RECORDING if order.vehicle is None else CoreCode.FROM_CONFIGURATION
     stated, assumed = provenance_of(vehicle, wheel, groups, source, pressure_measured=measures_pressure)
     return RecordingRead(
         wheels=tuple(collected.wheels),
@@ -330,7 +335,7 @@ def _is_doubted(faults: Iterable[Reason], wheel: Wheel | None) -> bool:
     """Return whether a fault makes every shape doubtful; a tilt that is stated is corrected."""
     codes = {fault.code for fault in faults} & _DOUBTS
     if wheel is not None and (wheel.mounting.roll_deg or wheel.mounting.pitch_deg):
-        codes -= {Code.SENSOR_TILTED}
+        codes -= {TrustCode.SENSOR_TILTED}
     return bool(codes)
 
 

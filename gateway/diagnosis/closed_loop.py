@@ -12,7 +12,7 @@ import numpy as np
 from gateway.core.constants import AXIS_NAMES
 from gateway.core.errors import TreadlinkError
 from gateway.core.plugins import error_text, is_from_user
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.worker_pool import Workers
 from gateway.diagnosis import criteria
 from gateway.diagnosis.angle.discrepancy import Discrepancy
@@ -45,6 +45,7 @@ from gateway.diagnosis.effects.effect import BaselineModel
 from gateway.diagnosis.effects.mounting import MountingOffset
 from gateway.diagnosis.model.baseline_registry import angle_effects, make_core
 from gateway.diagnosis.model.closure_model import AngleEffect
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.remainder.contact_edge_jitter import edge_findings
 from gateway.diagnosis.remainder.drifts import drifts_of, with_drifts
 from gateway.diagnosis.remainder.non_stationary import beside_changes, changing
@@ -122,7 +123,7 @@ def diagnose(
         if not others or isinstance(error, TreadlinkError | BrokenProcessPool) or is_from_user(error):
             raise
         text = error_text(error)
-        left_out = (Reason(Code.PLUGIN_EFFECTS_LEFT_OUT, effects=", ".join(sorted(others)), error=text),)
+        left_out = (Reason(DiagnosisCode.PLUGIN_EFFECTS_LEFT_OUT, effects=", ".join(sorted(others)), error=text),)
         run = partial(run, omitted=others)
         diagnosis, fit = run(campaign, model, empirical, part)
     diagnosis = replace(diagnosis, notes=(*left_out, *diagnosis.notes))
@@ -219,7 +220,7 @@ def _diagnose(
         notes=(
             *_ended(search),
             *(
-                Reason(Code.ABOUT_RECORDING, recording=campaign.recordings[number], reason=reason)
+                Reason(DiagnosisCode.ABOUT_RECORDING, recording=campaign.recordings[number], reason=reason)
                 for number, reason in sorted(numbers.outvoted.items())
             ),
             *_opposite(campaign),
@@ -418,7 +419,7 @@ def _check_directions(campaign: Campaign, wrong: list[int]) -> None:
         + ", ".join(f"'{campaign.recordings[number]}'" for number in wrong),
         f"If the tire rolled in the opposite direction, {' and '.join(remedies)}; otherwise the sensor's axis points "
         "backwards: record or import it with the sign reversed.",
-        dict.fromkeys(wrong, Reason(Code.CIRCUMFERENTIAL_REVERSED)),
+        dict.fromkeys(wrong, Reason(DiagnosisCode.CIRCUMFERENTIAL_REVERSED)),
     )
 
 
@@ -435,7 +436,9 @@ def _in_doubt(campaign: Campaign) -> tuple[Reason, ...]:
     places = sorted({group.recording for group in campaign.groups if group.sensor_doubted})
     if not places:
         return ()
-    return (Reason(Code.SENSOR_IN_DOUBT, recordings=tuple(campaign.recordings[recording] for recording in places)),)
+    return (
+        Reason(DiagnosisCode.SENSOR_IN_DOUBT, recordings=tuple(campaign.recordings[recording] for recording in places)),
+    )
 
 
 def _not_a_ring(fit: Fit, data: Whitened) -> dict[int, float]:
@@ -453,7 +456,7 @@ def _no_ring(campaign: Campaign, strange: Mapping[int, float]) -> tuple[Reason, 
         return ()
     places = sorted({campaign.groups[index].recording for index in strange})
     names = tuple(campaign.recordings[recording] for recording in places)
-    return (Reason(Code.NOT_A_RING, recordings=names, share=max(strange.values())),)
+    return (Reason(DiagnosisCode.NOT_A_RING, recordings=names, share=max(strange.values())),)
 
 
 def _contradictions(campaign: Campaign, pairs: Sequence[tuple[int, int]]) -> tuple[Reason, ...]:
@@ -465,7 +468,7 @@ def _contradictions(campaign: Campaign, pairs: Sequence[tuple[int, int]]) -> tup
         first, second = (group.label if same else campaign.recordings[group.recording] for group in (short, long))
         notes.append(
             Reason(
-                Code.CONTACTS_CONTRADICT,
+                DiagnosisCode.CONTACTS_CONTRADICT,
                 short=first,
                 short_rad=short.half_angle_rad,
                 long=second,
@@ -479,7 +482,9 @@ def _apart(widths: tuple[Fitted, Fitted] | None) -> tuple[Reason, ...]:
     if widths is None:
         return ()
     low, high = widths
-    return (Reason(Code.LOADS_CONTRADICT, low=low.value, high=high.value, share=math.log(high.value / low.value)),)
+    return (
+        Reason(DiagnosisCode.LOADS_CONTRADICT, low=low.value, high=high.value, share=math.log(high.value / low.value)),
+    )
 
 
 def _is_cut_short(search: SetSearch, posterior: Posterior) -> bool:
@@ -490,14 +495,14 @@ def _is_cut_short(search: SetSearch, posterior: Posterior) -> bool:
 def _cut_short(search: SetSearch, posterior: Posterior) -> tuple[Reason, ...]:
     if not _is_cut_short(search, posterior):
         return ()
-    return (Reason(Code.LEFT_WHEN_ENDED, residual_ratio=max(posterior.temperatures)),)
+    return (Reason(DiagnosisCode.LEFT_WHEN_ENDED, residual_ratio=max(posterior.temperatures)),)
 
 
 def _differing(campaign: Campaign, pairs: Sequence[Apart]) -> Iterator[Reason]:
     """Yield the note on recordings of one state whose numbers contradict each other."""
     for pair in pairs:
         yield Reason(
-            Code.NUMBERS_CONTRADICT,
+            DiagnosisCode.NUMBERS_CONTRADICT,
             number=pair.low.quantity,
             low=pair.low.value,
             recording=campaign.recordings[pair.low_recording],
@@ -509,7 +514,11 @@ def _differing(campaign: Campaign, pairs: Sequence[Apart]) -> Iterator[Reason]:
 def _open(considered: Sequence[tuple[Fit, float]], after: Mapping[str, Fitted]) -> Iterator[Reason]:
     """Yield a note on each effect whose presence is open and makes up most of the error of numbers."""
     for open_effect in open_effects(considered, after):
-        code = Code.ERROR_BY_MISSING_EFFECT if open_effect.probability > 0.5 else Code.ERROR_BY_POSSIBLE_EFFECT
+        code = (
+            DiagnosisCode.ERROR_BY_MISSING_EFFECT
+            if open_effect.probability > 0.5
+            else DiagnosisCode.ERROR_BY_POSSIBLE_EFFECT
+        )
         yield Reason(
             code,
             effect=open_effect.name,
@@ -535,7 +544,7 @@ def other_optimum_notes(posterior: Posterior) -> Iterator[Reason]:
             index = int(np.argmax(widened_to >= criteria.OPEN_RATIO))
             parameter = effect.parameters[index]
             yield Reason(
-                Code.OTHER_OPTIMUM,
+                DiagnosisCode.OTHER_OPTIMUM,
                 effect=name,
                 parameter=parameter.name,
                 value=float(evaluated.fit.vector[where][index]) * parameter.factor,
@@ -548,7 +557,7 @@ def other_optimum_notes(posterior: Posterior) -> Iterator[Reason]:
 def _ended(search: SetSearch) -> tuple[Reason, ...]:
     if search.complete:
         return ()
-    return (Reason(Code.SEARCH_ENDED_EARLY, sets=len(search.evaluations), untried=len(search.untried)),)
+    return (Reason(DiagnosisCode.SEARCH_ENDED_EARLY, sets=len(search.evaluations), untried=len(search.untried)),)
 
 
 def _not_overturned(findings: Sequence[Finding], search: SetSearch, posterior: Posterior) -> list[Finding]:
@@ -562,14 +571,16 @@ def _not_overturned(findings: Sequence[Finding], search: SetSearch, posterior: P
             if _is_cut_short(search, posterior):
                 finding = replace(finding, verdict=Verdict.REFUSED, reason=_cut_short(search, posterior)[0])
             elif rivals:
-                finding = replace(finding, verdict=Verdict.REFUSED, reason=Reason(Code.RIVALS_UNTRIED, effects=rivals))
+                finding = replace(
+                    finding, verdict=Verdict.REFUSED, reason=Reason(DiagnosisCode.RIVALS_UNTRIED, effects=rivals)
+                )
         judged.append(finding)
     return judged
 
 
 def _tempered(posterior: Posterior) -> tuple[Reason, ...]:
     return tuple(
-        Reason(Code.EVIDENCE_TEMPERED, axes=tuple(AXIS_NAMES[axis] for axis in axes), residual_ratio=ratio)
+        Reason(DiagnosisCode.EVIDENCE_TEMPERED, axes=tuple(AXIS_NAMES[axis] for axis in axes), residual_ratio=ratio)
         for axes, ratio in zip(PARTS, posterior.temperatures, strict=True)
         if ratio >= criteria.TEMPERED
     )
@@ -589,18 +600,18 @@ def _opposite(campaign: Campaign) -> tuple[Reason, ...]:
     if pair is None:
         return ()
     first, second = (campaign.recordings[number] for number in pair)
-    return (Reason(Code.LATERAL_OPPOSITE, recording=first, other=second),)
+    return (Reason(DiagnosisCode.LATERAL_OPPOSITE, recording=first, other=second),)
 
 
 def _notes(campaign: Campaign, *, with_mean: bool) -> tuple[Reason, ...]:
-    notes = [] if with_mean else [Reason(Code.MEANS_NOT_COMPARED)]
+    notes = [] if with_mean else [Reason(DiagnosisCode.MEANS_NOT_COMPARED)]
     notes += [
-        Reason(Code.REVOLUTIONS_LEFT_OUT, revolutions=count, reason=reason)
+        Reason(DiagnosisCode.REVOLUTIONS_LEFT_OUT, revolutions=count, reason=reason)
         for reason, count in campaign.rejected.items()
     ]
     total = sum(block.count for group in campaign.groups for block in group.blocks)
     if total < _FEW_REVOLUTIONS:
-        notes.append(Reason(Code.FEW_REVOLUTIONS, revolutions=total))
+        notes.append(Reason(DiagnosisCode.FEW_REVOLUTIONS, revolutions=total))
     if is_one_speed(campaign):
-        notes.append(Reason(Code.ONE_SPEED))
+        notes.append(Reason(DiagnosisCode.ONE_SPEED))
     return tuple(notes)

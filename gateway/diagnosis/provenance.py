@@ -6,9 +6,10 @@ from collections.abc import Iterator, Sequence
 from enum import StrEnum
 
 from gateway.core.config.vehicle import ASSUMED_RADIUS_MM, Mounting, VehicleConfig, Wheel
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Code, CoreCode, Reason
 from gateway.diagnosis.data.campaign_data import Group, Remark
 from gateway.diagnosis.data.group_statistics import ASSUMED_LOAD_N, ASSUMED_PRESSURE_PA
+from gateway.diagnosis.reasons import DiagnosisCode
 
 
 class Quantity(StrEnum):
@@ -62,56 +63,62 @@ def _stated(
     if vehicle is not None and wheel is not None:
         radius_m = vehicle.tire_of(wheel).radius_m
         if radius_m is not None:
-            yield Quantity.RADIUS, Reason(Code.STATED_RADIUS, radius_m=radius_m, source=source)
+            yield Quantity.RADIUS, Reason(DiagnosisCode.STATED_RADIUS, radius_m=radius_m, source=source)
         loads_n = [group.conditions.load_n for group in groups if group.load_known]
         if loads_n:
             yield Quantity.LOAD, _stated_load(loads_n, source)
     pressures_pa = [group.conditions.pressure_pa for group in groups if group.pressure_known]
     if pressures_pa:
-        by = Reason(Code.FROM_SENSOR) if pressure_measured else source
+        by = Reason(CoreCode.FROM_SENSOR) if pressure_measured else source
         yield Quantity.PRESSURE, _stated_pressure(pressures_pa, by)
     mounting = wheel.mounting if wheel is not None else Mounting()
     if mounting.offset_m is not None:
-        yield Quantity.OFFSET, Reason(Code.STATED_OFFSET, offset_m=mounting.offset_m, source=source)
+        yield Quantity.OFFSET, Reason(DiagnosisCode.STATED_OFFSET, offset_m=mounting.offset_m, source=source)
     elif measured_m := [group.declared_offset_m for group in groups if group.conditions.offset_known]:
-        by = Reason(Code.FROM_SENSOR)
-        yield Quantity.OFFSET, Reason(Code.STATED_OFFSET, offset_m=sum(measured_m) / len(measured_m), source=by)
+        by = Reason(CoreCode.FROM_SENSOR)
+        yield (
+            Quantity.OFFSET,
+            Reason(DiagnosisCode.STATED_OFFSET, offset_m=sum(measured_m) / len(measured_m), source=by),
+        )
     if mounting.roll_deg:
-        yield Quantity.ROLL, Reason(Code.STATED_ROLL, roll_rad=math.radians(mounting.roll_deg), source=source)
+        yield Quantity.ROLL, Reason(DiagnosisCode.STATED_ROLL, roll_rad=math.radians(mounting.roll_deg), source=source)
     if mounting.pitch_deg:
-        yield Quantity.PITCH, Reason(Code.STATED_PITCH, pitch_rad=math.radians(mounting.pitch_deg), source=source)
+        yield (
+            Quantity.PITCH,
+            Reason(DiagnosisCode.STATED_PITCH, pitch_rad=math.radians(mounting.pitch_deg), source=source),
+        )
 
 
 def _stated_load(loads_n: Sequence[float], source: Reason) -> Reason:
     """Return the stated load to 1 N, so that recordings of one load agree whatever the rounding of their means."""
     low_n, high_n = float(round(min(loads_n))), float(round(max(loads_n)))
     if low_n == high_n:
-        return Reason(Code.STATED_LOAD, load_n=low_n, source=source)
-    return Reason(Code.STATED_LOAD_RANGE, low_n=low_n, high_n=high_n, source=source)
+        return Reason(DiagnosisCode.STATED_LOAD, load_n=low_n, source=source)
+    return Reason(DiagnosisCode.STATED_LOAD_RANGE, low_n=low_n, high_n=high_n, source=source)
 
 
 def _stated_pressure(pressures_pa: Sequence[float], source: Reason) -> Reason:
     """Return the pressure to 1 kPa, for the same reason."""
     low_pa, high_pa = round(min(pressures_pa) * 1e-3) * 1e3, round(max(pressures_pa) * 1e-3) * 1e3
     if low_pa == high_pa:
-        return Reason(Code.STATED_PRESSURE, pressure_pa=low_pa, source=source)
-    return Reason(Code.STATED_PRESSURE_RANGE, low_pa=low_pa, high_pa=high_pa, source=source)
+        return Reason(DiagnosisCode.STATED_PRESSURE, pressure_pa=low_pa, source=source)
+    return Reason(DiagnosisCode.STATED_PRESSURE_RANGE, low_pa=low_pa, high_pa=high_pa, source=source)
 
 
 def _assumed(vehicle: VehicleConfig | None, wheel: Wheel | None, groups: Sequence[Group]) -> Iterator[Remark]:
     """Yield what is assumed of the recording: the list of its configuration, and values that nothing states."""
     yield from vehicle.vehicle.assumed if vehicle is not None else ()
     if wheel is None:
-        yield Reason(Code.ASSUMED_RADIUS, radius_m=ASSUMED_RADIUS_MM * 1e-3)
+        yield Reason(CoreCode.ASSUMED_RADIUS, radius_m=ASSUMED_RADIUS_MM * 1e-3)
     if any(not group.load_known for group in groups):
-        yield Reason(Code.ASSUMED_LOAD, load_n=ASSUMED_LOAD_N)
+        yield Reason(DiagnosisCode.ASSUMED_LOAD, load_n=ASSUMED_LOAD_N)
     if any(not group.pressure_known for group in groups):
-        yield Reason(Code.ASSUMED_PRESSURE, pressure_pa=ASSUMED_PRESSURE_PA)
+        yield Reason(DiagnosisCode.ASSUMED_PRESSURE, pressure_pa=ASSUMED_PRESSURE_PA)
     # An offset that the configuration lists as assumed is in that list already.
     if any(not group.conditions.offset_known for group in groups) and not is_assumed(vehicle, Quantity.OFFSET):
-        yield Reason(Code.ASSUMED_OFFSET)
+        yield Reason(DiagnosisCode.ASSUMED_OFFSET)
     if groups and not any(math.isfinite(group.conditions.temperature_degc) for group in groups):
-        yield Reason(Code.ASSUMED_TEMPERATURE)
+        yield Reason(DiagnosisCode.ASSUMED_TEMPERATURE)
 
 
 def _quantity(text: str) -> Quantity | None:

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from gateway.core.errors import TreadlinkError
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.revolutions.effect_correction import CorrectedEffect, CorrectedSignal, CorrectionTable
 from gateway.core.types import FloatArray
 from gateway.diagnosis.angle.discrepancy import Discrepancy
@@ -24,6 +24,7 @@ from gateway.diagnosis.known_effects import known_effects
 from gateway.diagnosis.model.baseline import Core
 from gateway.diagnosis.model.baseline_registry import make_core
 from gateway.diagnosis.model.closure_model import AngleEffect, ClosureModel
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.remainder.unexplained_orders import unexplained
 from gateway.diagnosis.report.findings import sizes_of
 from gateway.diagnosis.report.hold_out import alignment_note, hold_out
@@ -177,7 +178,7 @@ def _enlarged(held_out: HeldOut) -> tuple[Reason, ...]:
     before, after = held_out.rms_before_mps2, held_out.rms_after_mps2
     if not after > _LARGER * before:
         return ()
-    return (Reason(Code.EFFECTS_ENLARGE_ERROR, before_mps2=before, after_mps2=after),)
+    return (Reason(DiagnosisCode.EFFECTS_ENLARGE_ERROR, before_mps2=before, after_mps2=after),)
 
 
 def _signal_of(campaign: Campaign) -> CorrectedSignal:

@@ -13,7 +13,7 @@ from gateway.core.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig
 from gateway.core.constants import AXIS_NAMES
 from gateway.core.errors import OutputError
 from gateway.core.estimates.wheel_setup import WheelSetup
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import CoreCode, Reason
 from gateway.core.recording.reader import REPAIR_REMEDY
 from gateway.core.recording.recorded_file import RawDump, RecordedFile
 from gateway.core.recording.run_description import RunDescription, TireIdentity
@@ -180,8 +180,8 @@ def conditions(wheel: MeasuredWheel, seen: FirstPass, recording: OpenedRecording
 
 def _conditions(wheel: MeasuredWheel, seen: FirstPass, recording: OpenedRecording) -> Iterator[Condition]:
     vehicle, info = recording.vehicle, recording.file.info
-    by_sensor = text(Reason(Code.FROM_SENSOR))
-    stated = text(Reason(Code.FROM_RECORDING if recording.config_path is None else Code.FROM_CONFIGURATION))
+    by_sensor = text(Reason(CoreCode.FROM_SENSOR))
+    stated = text(Reason(CoreCode.FROM_RECORDING if recording.config_path is None else CoreCode.FROM_CONFIGURATION))
     setups = {setup.position: setup for setup in (vehicle.wheel_setups() if vehicle is not None else ())}
     setup = setups.get(wheel.position)
     yield Condition("exported_by", f"treadlink {__version__}")
@@ -226,10 +226,10 @@ def _run(run: RunDescription, position: str) -> Iterator[Condition]:
         ("tire_dot", tire.dot),
     ):
         if value:
-            yield Condition(name, value, "", text(Reason(Code.FROM_RECORDING)))
+            yield Condition(name, value, "", text(Reason(CoreCode.FROM_RECORDING)))
     for name, length_m in (("tire_wear_m", tire.wear_m), ("tire_run_in_m", tire.run_in_m)):
         if length_m is not None:
-            yield Condition(name, length_m, "m", text(Reason(Code.FROM_RECORDING)))
+            yield Condition(name, length_m, "m", text(Reason(CoreCode.FROM_RECORDING)))
 
 
 def _tire(
@@ -237,7 +237,7 @@ def _tire(
 ) -> Iterator[Condition]:
     if setup is None or vehicle is None:
         radius_m = ASSUMED_RADIUS_MM * 1e-3
-        source = text(Reason(Code.ASSUMED_RADIUS, radius_m=radius_m))
+        source = text(Reason(CoreCode.ASSUMED_RADIUS, radius_m=radius_m))
         yield Condition("radius_m", radius_m, "m", source)
         return
     yield Condition("radius_m", setup.radius_m, "m", stated)

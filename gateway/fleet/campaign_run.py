@@ -12,13 +12,16 @@ from typing import Final, NamedTuple
 from gateway.core.clock import Clock
 from gateway.core.errors import OutputError, RecordingError, TreadlinkError
 from gateway.core.nearest_name import missing_path_remedy
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.recording.file_content import FileContent, read_content
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.run_description import EVERY_RUN, KEYS, RunFilter
 from gateway.core.text.wording import text
+from gateway.core.wheels.reasons import WheelCode
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.fleet.content_keys import estimators_version, path_key
 from gateway.fleet.dataset import Dataset
+from gateway.fleet.reasons import FleetCode
 from gateway.fleet.recording_estimation import (
     Estimated,
     EstimationOrder,
@@ -175,7 +178,7 @@ class CampaignRun:
         path, content = hashed.path, hashed.content
         if content is None:
             assert hashed.error is not None
-            reason = Reason(Code.RECORDING_NOT_READ, message=str(hashed.error))
+            reason = Reason(DiagnosisCode.RECORDING_NOT_READ, message=str(hashed.error))
             failure = Failure(reason, hashed.error.remedy, is_final=False)
             self.dataset.fail(path, None, key, failure, self.clock.now_ns())
             self._count_failure(path, failure)
@@ -236,7 +239,7 @@ class CampaignRun:
         if wheels is None:
             return False
         if not wheels:
-            self.progress.standing.append((content.path, "", text(Reason(Code.NO_SAMPLES))))
+            self.progress.standing.append((content.path, "", text(Reason(WheelCode.NO_SAMPLES))))
         self.progress.standing += [(content.path, wheel.position, wheel.missing) for wheel in wheels if wheel.missing]
         names = {name for wheel in wheels for name in wheel.alarms}
         self.progress.alarms.update(names)
@@ -299,7 +302,7 @@ def run_order(work: Callable[..., Estimated], order: EstimationOrder, on_bytes: 
 
 
 def _remedy(reason: Reason) -> str:
-    if reason.code in (Code.WORKER_MEMORY_ABOVE_LIMIT, Code.WORKER_MEMORY_FULL):
+    if reason.code in (FleetCode.WORKER_MEMORY_ABOVE_LIMIT, FleetCode.WORKER_MEMORY_FULL):
         return "Give the workers more memory with --memory, and fewer workers if there is not enough."
     return "Run it alone with `treadlink estimate` to see why."
 

@@ -31,12 +31,13 @@ from gateway import __version__
 from gateway.core.bounded_input import read_bounded
 from gateway.core.errors import OutputError
 from gateway.core.nearest_name import missing_path_remedy
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.recording.file_content import FileContent
 from gateway.core.table_columns import FAILURE_COLUMNS
 from gateway.core.text.output_file import write_whole
 from gateway.core.text.text import storable
 from gateway.core.text.wording import as_json, text
+from gateway.core.trust.reasons import TrustCode
 from gateway.fleet.content_keys import path_key
 from gateway.fleet.parquet_parts import FORMAT, PartFile, read_rows
 from gateway.fleet.recording_estimation import RECORDINGS, REVOLUTIONS, Failure
@@ -352,7 +353,7 @@ def _is_readable(path: Path) -> bool:
 def _recorded_wheel(row: Mapping[str, Any]) -> RecordedWheel:
     missing = ""
     if not row["revolutions"]:
-        missing = json.loads(row["missing"])["text"] if row["missing"] else text(Reason(Code.NO_REVOLUTION_YET))
+        missing = json.loads(row["missing"])["text"] if row["missing"] else text(Reason(TrustCode.NO_REVOLUTION_YET))
     alarms = json.loads(row["alarms"] or "[]")
     names = tuple(str(alarm["name"]) for alarm in alarms)
     return RecordedWheel(str(row["position"]), missing, names, bool(row["damage"]))

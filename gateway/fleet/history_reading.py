@@ -22,11 +22,12 @@ from gateway.core.errors import OutputError, RecordingError
 from gateway.core.estimates.estimator import Status
 from gateway.core.quantity import Statement
 from gateway.core.quantity_catalogue import declared
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.recording.run_description import EVERY_RUN, RunDescription, RunFilter, TireIdentity, read_notes
 from gateway.core.types import FloatArray
 from gateway.fleet.dataset import FAILURES, Key, is_identified, partition_name, read_description
 from gateway.fleet.parquet_parts import read_rows
+from gateway.fleet.reasons import FleetCode
 from gateway.fleet.recording_estimation import RECORDINGS
 from gateway.fleet.trends.tire_history import TireHistory
 
@@ -157,11 +158,11 @@ def read_histories(
     for path in files:
         key = Key.of_name(path.name)
         if key is None or key.recording_id in read:
-            notes.append(Reason(Code.TREND_FOREIGN_FILE, path=str(path)))
+            notes.append(Reason(FleetCode.TREND_FOREIGN_FILE, path=str(path)))
             continue
         file_rows = read_rows(path, names, _NEEDED)
         if file_rows is None:
-            notes.append(Reason(Code.TREND_UNREADABLE_FILE, path=str(path)))
+            notes.append(Reason(FleetCode.TREND_UNREADABLE_FILE, path=str(path)))
             continue
         described += len(file_rows)
         file_rows = [row for row in file_rows if not where.conditions or where.matches(_run(row), _POSITION)]
@@ -171,7 +172,7 @@ def read_histories(
         read.add(key.recording_id)
         if file_rows and not _EARLIEST_NS <= file_rows[0]["start_utc"] <= latest_ns:
             date = str(np.datetime64(file_rows[0]["start_utc"], "ns").astype("datetime64[D]"))
-            notes.append(Reason(Code.TREND_CLOCK_WRONG, path=str(file_rows[0]["path"]), date=date))
+            notes.append(Reason(FleetCode.TREND_CLOCK_WRONG, path=str(file_rows[0]["path"]), date=date))
             of_wrong_clock += 1
             continue
         for row in file_rows:
@@ -202,14 +203,14 @@ def read_histories(
     if odometer is not None:
         odometer = {partition_name(name): readings for name, readings in odometer.items()}
         notes += [
-            Reason(Code.TREND_VEHICLE_WITHOUT_ODOMETER, vehicle=vehicle_name)
+            Reason(FleetCode.TREND_VEHICLE_WITHOUT_ODOMETER, vehicle=vehicle_name)
             for vehicle_name in vehicles
             if vehicle_name not in odometer
         ]
     unknown = [tire_rows for (vehicle, _, sensor), tire_rows in rows.items() if not is_identified(vehicle, sensor)]
     if unknown:
         recordings = len({row["path"] for tire_rows in unknown for row in tire_rows})
-        notes.append(Reason(Code.TREND_TIRES_UNIDENTIFIED, recordings=recordings))
+        notes.append(Reason(FleetCode.TREND_TIRES_UNIDENTIFIED, recordings=recordings))
     repeated: dict[str, Reason] = {}
     distinct: set[str] = set()
     for tire, tire_rows in rows.items():
@@ -217,12 +218,12 @@ def read_histories(
             distinct_rows, repeats = without_repeats(tire_rows)
             rows[tire] = distinct_rows
             for repeat, other in repeats:
-                pair = Reason(Code.TREND_REPEATS, path=str(repeat["path"]), other=str(other["path"]))
+                pair = Reason(FleetCode.TREND_REPEATS, path=str(repeat["path"]), other=str(other["path"]))
                 repeated.setdefault(str(repeat["recording_id"]), pair)
         distinct |= {str(row["recording_id"]) for row in rows[tire]}
     if repeated:
         pairs = tuple(repeated.values())[:_NAMED_REPEATS]
-        notes.append(Reason(Code.TREND_REPEATED, count=len(repeated), pairs=pairs))
+        notes.append(Reason(FleetCode.TREND_REPEATED, count=len(repeated), pairs=pairs))
     tires = [_history(key, rows[key], estimates, odometer) for key in sorted(rows)]
     tires.sort(key=lambda tire: (tire.vehicle, tire.position, int(tire.time_ns[0])))
     failures = sum(1 for _ in (root / FAILURES).glob("*.parquet"))

@@ -9,8 +9,9 @@ from types import TracebackType
 from typing import Any, Final, Self
 
 from gateway.core.errors import TreadlinkError
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.worker_pool import Workers
+from gateway.fleet.reasons import FleetCode
 from gateway.fleet.worker_tasks import RunningTask, TaskResult, WorkerTasks
 
 DEFAULT_MEMORY_BYTES: Final = 2_000_000_000
@@ -101,8 +102,8 @@ class LocalTasks(WorkerTasks):
             if begun is not None and begun.exception() is not None:
                 raise _not_started(error) from error
             if above_limit:
-                return Reason(Code.WORKER_MEMORY_ABOVE_LIMIT, limit_bytes=self._memory_bytes)
-            return Reason(Code.WORKER_ENDED)
+                return Reason(FleetCode.WORKER_MEMORY_ABOVE_LIMIT, limit_bytes=self._memory_bytes)
+            return Reason(FleetCode.WORKER_ENDED)
         finally:
             self._tasks[index] = None
         return outcome

@@ -22,6 +22,7 @@ from gateway.core.recording.file_content import FileContent
 from gateway.core.recording.reader import REPAIR_REMEDY, RecordingReader
 from gateway.core.recording.run_description import RunDescription, TireIdentity
 from gateway.core.session.corrections import check_effects
+from gateway.core.session.reasons import SessionCode
 from gateway.core.session.recording_pass import OpenedRecording, RecordingPass, open_recording
 from gateway.core.session.wheel_identity import configured, configured_tire
 from gateway.core.table_columns import (
@@ -38,9 +39,12 @@ from gateway.core.text.table_sinks import Cell
 from gateway.core.text.text import storable
 from gateway.core.text.wheel_rows import WheelRow, json_cell
 from gateway.core.text.wording import as_json
+from gateway.core.wheels.reasons import WheelCode
 from gateway.diagnosis.provenance import Quantity, is_assumed
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.fleet.content_keys import settings_key
 from gateway.fleet.parquet_parts import PartFile
+from gateway.fleet.reasons import FleetCode
 
 REVOLUTIONS: Final = "revolutions"
 RECORDINGS: Final = "recordings"
@@ -195,13 +199,13 @@ def estimate_recording(order: EstimationOrder, on_bytes: Callable[[int], None] |
     except (OutputError, MemoryError):
         raise
     except RecordingError as error:
-        return _failed(Code.RECORDING_NOT_READ, str(error), error.remedy, final=order.content.is_unchanged())
+        return _failed(DiagnosisCode.RECORDING_NOT_READ, str(error), error.remedy, final=order.content.is_unchanged())
     except TreadlinkError as error:
-        return _failed(Code.RECORDING_NOT_USED, str(error), error.remedy, final=isinstance(error, ConfigError))
+        return _failed(DiagnosisCode.RECORDING_NOT_USED, str(error), error.remedy, final=isinstance(error, ConfigError))
     except OSError as error:
-        return _failed(Code.RECORDING_NOT_READ, error.strerror or str(error), final=False)
+        return _failed(DiagnosisCode.RECORDING_NOT_READ, error.strerror or str(error), final=False)
     except Exception as error:  # a fault of treadlink in one recording must not stop the others
-        reason = Reason(Code.ESTIMATION_FAILED, kind=type(error).__name__, message=str(error)[:500])
+        reason = Reason(FleetCode.ESTIMATION_FAILED, kind=type(error).__name__, message=str(error)[:500])
         return Estimated(failure=Failure(reason), peak_bytes=_peak_bytes())
 
 
@@ -280,21 +284,21 @@ def _estimate(order: EstimationOrder, on_bytes: Callable[[int], None]) -> Estima
         collected.discard()
         raise
     if not order.content.is_unchanged():
-        return Estimated(failure=Failure(Reason(Code.RECORDING_CHANGED), is_final=False), peak_bytes=_peak_bytes())
+        return Estimated(failure=Failure(Reason(FleetCode.RECORDING_CHANGED), is_final=False), peak_bytes=_peak_bytes())
     if not any(counted.frames for counted in estimation.links.values()):
         notice = estimation.missing()[0]
         if reader.damage is not None:
             return _nothing_readable(reader.damage, notice.reason)
-        final = notice.reason.code is Code.NO_FRAME_RECEIVED
+        final = notice.reason.code is SessionCode.NO_FRAME_RECEIVED
         return Estimated(failure=Failure(notice.reason, is_final=final), peak_bytes=_peak_bytes())
     if reader.damage is not None and not _heard(collected, estimation):
-        return _nothing_readable(reader.damage, Reason(Code.NO_SAMPLES))
+        return _nothing_readable(reader.damage, Reason(WheelCode.NO_SAMPLES))
     return _recording_rows(order, recording, collected, estimation)
 
 
 def _nothing_readable(damage: Reason, why: Reason) -> Estimated:
     """Return the failure of a damaged recording whose readable part gives no row."""
-    reason = Reason(Code.RECORDING_NOTHING_READABLE, damage=damage, why=why)
+    reason = Reason(FleetCode.RECORDING_NOTHING_READABLE, damage=damage, why=why)
     return Estimated(failure=Failure(reason, REPAIR_REMEDY), damage=damage, peak_bytes=_peak_bytes())
 
 

@@ -13,8 +13,9 @@ from typing import Any, Final
 
 from gateway.core.clock import SystemClock
 from gateway.core.errors import OutputError, TreadlinkError
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.fleet.content_keys import diagnosis_version, estimators_version
+from gateway.fleet.reasons import FleetCode
 from gateway.fleet.worker_tasks import RunningTask, Work, WorkerTasks
 
 _CONNECT_S: Final = 10.0
@@ -169,7 +170,7 @@ class SchedulerTasks(WorkerTasks):
         try:
             return task.future.result()
         except KilledWorker:
-            return Reason(Code.WORKER_ENDED)
+            return Reason(FleetCode.WORKER_ENDED)
         except (MemoryError, TreadlinkError):
             raise
         except CancelledError as error:  # this side cancels no task that it waits for

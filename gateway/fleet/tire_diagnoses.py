@@ -12,14 +12,16 @@ from urllib.parse import unquote
 from gateway import __version__
 from gateway.core.config.vehicle import VehicleConfig
 from gateway.core.errors import OutputError, TreadlinkError
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.table_columns import DIAGNOSIS_COLUMNS
 from gateway.core.text.plain_values import plain
 from gateway.core.text.text import storable
 from gateway.core.text.wording import as_json, joined, text
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.fleet.content_keys import diagnosis_version, settings_key
 from gateway.fleet.dataset import DIAGNOSES, Dataset, Key, is_identified
 from gateway.fleet.parquet_parts import PartFile, read_rows
+from gateway.fleet.reasons import FleetCode
 from gateway.fleet.recording_estimation import RECORDINGS
 from gateway.fleet.worker_tasks import WorkerTasks
 
@@ -125,7 +127,7 @@ def diagnose_tires(
     for tire, rows in _tires(dataset.root, given).items():
         vehicle, _, sensor_id = tire
         if len(rows) > 1 and not is_identified(vehicle, sensor_id):
-            counts.add(tire, TireOutcome(text(Reason(Code.TIRE_UNIDENTIFIED, recordings=len(rows)))))
+            counts.add(tire, TireOutcome(text(Reason(FleetCode.TIRE_UNIDENTIFIED, recordings=len(rows)))))
             continue
         chosen = _chosen(rows)
         tire_key = settings_key(list(tire))
@@ -162,7 +164,7 @@ def diagnose_tires(
         order, old = orders[event.token]
         outcome = event.outcome
         if outcome is None:
-            outcome = _write_failure(order, event.ended or Reason(Code.WORKER_ENDED))
+            outcome = _write_failure(order, event.ended or Reason(FleetCode.WORKER_ENDED))
         dataset.replace_files(DIAGNOSES, [(order.part, order.vehicle, order.start_ns, f"{event.token}.parquet")], old)
         counts.made += not outcome.failure
         counts.add((order.vehicle, order.position, order.sensor_id), outcome)
@@ -186,9 +188,9 @@ def diagnose_tire(order: DiagnosisOrder, _: Callable[[int], None] = lambda _: No
     except OutputError:
         raise
     except TreadlinkError as error:
-        return _write_failure(order, Reason(Code.RECORDING_NOT_USED, message=str(error)))
+        return _write_failure(order, Reason(DiagnosisCode.RECORDING_NOT_USED, message=str(error)))
     except Exception as error:  # a fault of treadlink at one tire must not stop the others
-        failed = Reason(Code.ESTIMATION_FAILED, kind=type(error).__name__, message=str(error)[:500])
+        failed = Reason(FleetCode.ESTIMATION_FAILED, kind=type(error).__name__, message=str(error)[:500])
         return _write_failure(order, failed)
     whole = json.dumps(diagnosis_json(diagnosis), ensure_ascii=False, allow_nan=False)
     common = {

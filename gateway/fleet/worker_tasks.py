@@ -6,7 +6,8 @@ from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
 from gateway.core.errors import TreadlinkError
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
+from gateway.fleet.reasons import FleetCode
 
 ATTEMPTS: Final = 2
 """Times that a task is tried when its worker ends."""
@@ -94,7 +95,7 @@ class WorkerTasks(ABC):
         try:
             outcome = self._outcome(task)
         except MemoryError:
-            outcome = Reason(Code.WORKER_MEMORY_FULL)
+            outcome = Reason(FleetCode.WORKER_MEMORY_FULL)
         if not isinstance(outcome, Reason):
             if not isinstance(outcome, task.returns):
                 raise TreadlinkError(

@@ -13,9 +13,10 @@ from typing import Final
 from gateway.core.constants import ZERO_CELSIUS_K
 from gateway.core.estimates.determination import DETERMINED
 from gateway.core.estimates.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.forces.nonsynchronous import wheel_order
 from gateway.forces.nonsynchronous_spectrum import spectral_lines
+from gateway.forces.reasons import ForceCode
 from gateway.forces.rolling_spectrum import SPECTRUM_S, RollingSpectrum
 
 NAMES: Final = ("cavity_hz", "cavity_temperature_degc", "cavity_gas_ratio")
@@ -61,7 +62,7 @@ class CavityEstimator:
         if is_new:
             self._latest = self._estimates(revolution.omega_radps / (2.0 * math.pi), conditions)
         if not self._latest:
-            waiting = reason or Reason(Code.NEEDS_UNINTERRUPTED_ROLLING, duration_s=SPECTRUM_S)
+            waiting = reason or Reason(ForceCode.NEEDS_UNINTERRUPTED_ROLLING, duration_s=SPECTRUM_S)
             return tuple(Estimate.invalid(name, waiting) for name in NAMES)
         return self._latest
 
@@ -77,7 +78,7 @@ class CavityEstimator:
             high = _sound_mps(_WARMEST_K) / length * (1.0 + share)
         lines = spectral_lines(spectrum, low, min(high, self._spectrum.highest_hz))
         if not lines:
-            return tuple(Estimate.invalid(name, Reason(Code.NO_LINE)) for name in NAMES)
+            return tuple(Estimate.invalid(name, Reason(ForceCode.NO_LINE)) for name in NAMES)
         line = lines[0]
         doubts = wheel_order(line.frequency_hz, wheel_hz, spectrum.step_hz)
         # Which of the two is louder is not known: the one that is seen lies anywhere between them.
@@ -86,21 +87,21 @@ class CavityEstimator:
         status = Status.PROVISIONAL if doubts else Status.VALID
         frequency = Estimate(NAMES[0], line.frequency_hz, std, status, doubts)
         if length is None:
-            missing = Reason(Code.NEEDS_CAVITY_LENGTH)
+            missing = Reason(ForceCode.NEEDS_CAVITY_LENGTH)
             return (frequency, *(Estimate.invalid(name, missing) for name in NAMES[1:]))
         relative = 2.0 * math.hypot(std / line.frequency_hz, length_std / length)
         kelvin = (line.frequency_hz * length) ** 2 / (_GAMMA * _AIR_JPKGK)
         measured = conditions.temperature_degc
         if measured is None:
             warm = Estimate(NAMES[1], kelvin - ZERO_CELSIUS_K, relative * kelvin, status, doubts)
-            return (frequency, warm, Estimate.invalid(NAMES[2], Reason(Code.NEEDS_TEMPERATURE)))
+            return (frequency, warm, Estimate.invalid(NAMES[2], Reason(ForceCode.NEEDS_TEMPERATURE)))
         at_k = measured + ZERO_CELSIUS_K
         ratio = kelvin / at_k
         ratio_std = ratio * math.hypot(relative, _LINER_TO_GAS_STD_K / at_k)
         if abs(ratio - 1.0) > DETERMINED * ratio_std:
             status = Status.PROVISIONAL
             against = Reason(
-                Code.CAVITY_CONTRADICTED, measured_degc=measured, found_degc=kelvin - ZERO_CELSIUS_K, ratio=ratio
+                ForceCode.CAVITY_CONTRADICTED, measured_degc=measured, found_degc=kelvin - ZERO_CELSIUS_K, ratio=ratio
             )
             # Another gas, or the line of something else: a motor, a road surface.
             doubts = (against, *doubts)

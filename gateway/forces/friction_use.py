@@ -21,9 +21,11 @@ from gateway.core.estimates.estimator import (
     TireConditions,
     sign_not_determined,
 )
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.revolution_block import RevolutionBlock, RevolutionEstimator
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.types import FloatArray
+from gateway.forces.reasons import ForceCode
 
 NAMES: Final = ("friction_used", "sliding_share")
 
@@ -55,7 +57,7 @@ class FrictionUseEstimator(RevolutionEstimator):
 def _used(conditions: TireConditions, edges_rad: tuple[float, float]) -> tuple[Estimate, ...]:
     along = conditions.given.get("longitudinal-force")
     if along is None:
-        needs = Reason(Code.NEEDS_ESTIMATOR, estimator="longitudinal-force")
+        needs = Reason(EstimateCode.NEEDS_ESTIMATOR, estimator="longitudinal-force")
         return tuple(Estimate.invalid(name, needs) for name in NAMES)
     pull = along["longitudinal_ratio"]
     side = _side_ratio(conditions)
@@ -76,7 +78,7 @@ def _friction(pull: Estimate, side: Estimate | None) -> Estimate:
     if pull.status is Status.INVALID:
         return Estimate.invalid(NAMES[0], *pull.reasons)
     if side is None:
-        only = Reason(Code.FRICTION_OF_LONGITUDINAL_ONLY)
+        only = Reason(ForceCode.FRICTION_OF_LONGITUDINAL_ONLY)
         return Estimate(NAMES[0], abs(pull.value), pull.std, Status.PROVISIONAL, (only, *pull.reasons))
     used = math.hypot(pull.value, side.value)
     # Near zero the size of a vector has the error of its parts.
@@ -91,7 +93,7 @@ def _sliding(conditions: TireConditions, pull: Estimate, side: Estimate | None, 
     side_estimates: Mapping[str, Estimate] = conditions.given.get("side-force", {})
     moment = side_estimates.get("aligning_moment_nm")
     if side is None or moment is None:
-        return Estimate.invalid(NAMES[1], Reason(Code.NEEDS_SIDE_FORCE_CALIBRATION))
+        return Estimate.invalid(NAMES[1], Reason(ForceCode.NEEDS_SIDE_FORCE_CALIBRATION))
     if moment.status is Status.INVALID:
         return Estimate.invalid(NAMES[1], *moment.reasons)
     assert conditions.load_n is not None
@@ -99,7 +101,7 @@ def _sliding(conditions: TireConditions, pull: Estimate, side: Estimate | None, 
     if not abs(force) > DETERMINED * force_std:
         return Estimate.invalid(NAMES[1], sign_not_determined(force, force_std))
     if pull.status is not Status.INVALID and abs(pull.value) > _LATERAL_SLIP * abs(side.value) + DETERMINED * pull.std:
-        return Estimate.invalid(NAMES[1], Reason(Code.SLIP_NOT_LATERAL, ratio=abs(pull.value / side.value)))
+        return Estimate.invalid(NAMES[1], Reason(ForceCode.SLIP_NOT_LATERAL, ratio=abs(pull.value / side.value)))
     # A moment that turns the tire against its side force.
     trail = -moment.value / force
     trail_std = math.hypot(moment.std / force, trail * force_std / force)
@@ -111,7 +113,7 @@ def _sliding(conditions: TireConditions, pull: Estimate, side: Estimate | None, 
     by_trail = 0.25 * (sum(shares[2]) - sum(shares[0]))
     std = math.hypot(by_shape, by_trail, _EDGE_STD)
     worst = sorted(share for pair in shares for share in pair)
-    doubt = Reason(Code.SLIP_LIMIT_NOT_DETERMINED, trail_m=trail, std_m=trail_std, low=worst[0], high=worst[-1])
+    doubt = Reason(ForceCode.SLIP_LIMIT_NOT_DETERMINED, trail_m=trail, std_m=trail_std, low=worst[0], high=worst[-1])
     doubts: tuple[Reason, ...] = (doubt,) if std > _USEFUL_STD else ()
     if side.status is not Status.VALID or moment.status is not Status.VALID:
         doubts = (*doubts, *side.reasons, *moment.reasons)

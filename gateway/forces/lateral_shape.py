@@ -13,9 +13,11 @@ import numpy as np
 
 from gateway.core.constants import AXIS_NAMES
 from gateway.core.estimates.estimator import Estimate, Revolution, TireConditions, not_used
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.revolution_block import BlockEstimator, RevolutionArrays, RevolutionBlock, measured_shares
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.revolutions.angle_resampling import angle_grid, elapsed_angles
+from gateway.core.revolutions.reasons import RevolutionCode
 from gateway.core.revolutions.sensor_mounting import RollCalibration
 from gateway.core.revolutions.synchronous_average import running_shares
 from gateway.core.types import FloatArray
@@ -28,6 +30,7 @@ from gateway.forces.lateral_deformation import (
     slope_row,
     streamline_slope,
 )
+from gateway.forces.reasons import ForceCode
 from gateway.forces.turn_tracker import NO_TURN, Turn, TurnTracker
 
 # Rows of `Revolution.axes_mps2`.
@@ -361,9 +364,9 @@ def why_unusable(block: RevolutionBlock, index: int) -> Reason | None:
     for axis in (LATERAL, RADIAL):
         # The mean is finite only if all samples are.
         if not math.isfinite(block.arrays.means_mps2[index, axis]):
-            return not_used((Reason(Code.AXIS_NOT_FINITE, axis=AXIS_NAMES[axis]),))
+            return not_used((Reason(RevolutionCode.AXIS_NOT_FINITE, axis=AXIS_NAMES[axis]),))
     if not (revolution.omega_radps > 0.0 and revolution.order_max >= 1):
-        return not_used((Reason(Code.SPEED_UNUSABLE),))
+        return not_used((Reason(ForceCode.SPEED_UNUSABLE),))
     return None
 
 
@@ -378,8 +381,8 @@ def contact_edges(edges_rad: tuple[float, float], conditions: TireConditions) ->
     """Return the contact edges that slopes are taken between, or why there are none."""
     leading, trailing = edges_rad
     if not (-math.pi < leading < trailing < math.pi and trailing - leading > _LEAST_CONTACT_RAD):
-        return Reason(Code.NO_CONTACT_EDGES)
-    return (leading, trailing) if conditions.radius_m > 0.0 else Reason(Code.SPEED_OR_RADIUS_UNKNOWN)
+        return Reason(EstimateCode.NO_CONTACT_EDGES)
+    return (leading, trailing) if conditions.radius_m > 0.0 else Reason(EstimateCode.SPEED_OR_RADIUS_UNKNOWN)
 
 
 def slopes(record: LateralRecord, edges_rad: tuple[float, float], radius_m: float) -> Slopes:

@@ -17,11 +17,13 @@ from gateway.core.estimates.disagreement import CONTRADICTION
 from gateway.core.estimates.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
 from gateway.core.estimates.order_errors import relative_std, wave_std
 from gateway.core.estimates.pace import LONGEST, is_due
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.revolution_block import RevolutionBlock, RevolutionEstimator
 from gateway.core.estimates.sensor_claims import CORNER_TOLERANCE, Tilt
 from gateway.core.quantity_catalogue import quantity_of
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.revolutions.sensor_mounting import HUB_ORDER
+from gateway.core.trust.reasons import TrustCode
 from gateway.core.types import FloatArray
 from gateway.forces.asymmetric_belt import curvature_from_signal
 from gateway.forces.asymmetric_rows import Force, U
@@ -33,6 +35,7 @@ from gateway.forces.asymmetric_solve import (
     solve_asymmetric,
 )
 from gateway.forces.lateral_shape import CIRCUMFERENTIAL, LATERAL
+from gateway.forces.reasons import ForceCode
 
 NAMES: Final = ("longitudinal_force_n", "axle_torque_nm", "longitudinal_ratio", "rolling_resistance", "damping_loss")
 
@@ -203,14 +206,14 @@ class LongitudinalForceEstimator(RevolutionEstimator):
         average = block.averages.at(index)
         reason = unusable(average, conditions)
         if reason is None and not positive(revolution.omega_radps):
-            reason = Reason(Code.SPEED_OR_RADIUS_UNKNOWN)
+            reason = Reason(EstimateCode.SPEED_OR_RADIUS_UNKNOWN)
         if reason:
             return _all_invalid(reason)
         edges = average.leading_edge_rad, average.trailing_edge_rad
         max_order = min(MAX_ORDER, revolution.order_max)
         signal = orders_about(revolution.radial_mps2, 0.5 * (edges[0] + edges[1]), max_order)
         if not (np.isfinite(signal).all() and signal[0].real > 0.0):
-            return _all_invalid(Reason(Code.NO_STEADY_VALUE))
+            return _all_invalid(Reason(EstimateCode.NO_STEADY_VALUE))
         curvature = curvature_from_signal(signal, conditions.sensor_offset_m / conditions.radius_m)
         tilted = _tilted(revolution, edges, max_order, float(signal[0].real), conditions.tilt)
         self._now.update(curvature, tilted)
@@ -220,9 +223,9 @@ class LongitudinalForceEstimator(RevolutionEstimator):
         try:
             self._solve(average, revolution, float(signal[0].real), edges, max_order, conditions.hub_mps2)
         except np.linalg.LinAlgError:
-            return _all_invalid(Reason(Code.NO_BELT_SHAPE))
+            return _all_invalid(Reason(EstimateCode.NO_BELT_SHAPE))
         if self._now.solution is None or self._tire.solution is None:
-            return _all_invalid(Reason(Code.NO_BELT_SHAPE))
+            return _all_invalid(Reason(EstimateCode.NO_BELT_SHAPE))
         return self._after_solution(revolution, conditions)
 
     def _solve(
@@ -273,7 +276,7 @@ class LongitudinalForceEstimator(RevolutionEstimator):
         """Return the estimates."""
         doubts = doubt_about(revolution, self._now.effective_count)
         if revolution.ac_coupled and not revolution.corner:
-            doubts = (*doubts, Reason(Code.AC_CORNER_NOT_STATED))
+            doubts = (*doubts, Reason(ForceCode.AC_CORNER_NOT_STATED))
         assert self._now.solution is not None
         assert self._tire.solution is not None
         forces, covariance = self._now.forces, self._now.covariance
@@ -293,7 +296,7 @@ class LongitudinalForceEstimator(RevolutionEstimator):
         losses = self._losses(doubts)
         load = conditions.load_n
         if load is None or not positive(load):
-            needs = Reason(Code.NEEDS_LOAD)
+            needs = Reason(EstimateCode.NEEDS_LOAD)
             return (Estimate.invalid(NAMES[0], needs), Estimate.invalid(NAMES[1], needs), ratio, *losses)
         relative = conditions.load_std_n / load
         lever = load * conditions.radius_m
@@ -329,7 +332,7 @@ class LongitudinalForceEstimator(RevolutionEstimator):
         resistance, std = _resistance(forces, covariance, tilt)
         scatter = self._tire.scatter
         rolling = _positive(NAMES[3], resistance, std, _root(float(_RESISTANCE @ scatter @ _RESISTANCE)), doubts)
-        undetermined = next((reason for reason in rolling.reasons if reason.code is Code.NOT_DETERMINED), None)
+        undetermined = next((reason for reason in rolling.reasons if reason.code is EstimateCode.NOT_DETERMINED), None)
         return (
             # A difference of numbers some hundred times as large: below three errors it may be the road's direction.
             rolling if undetermined is None else Estimate.invalid(NAMES[3], undetermined),
@@ -378,12 +381,12 @@ def _impossible(forces: FloatArray, covariance: FloatArray, tilt_rad: float) -> 
     pull, torque, loss = (float(forces[force]) for force in (Force.LONGITUDINAL, Force.TORQUE, Force.LOSS))
     reasons = []
     if max(abs(pull), abs(torque)) > quantity_of(NAMES[2]).possible[1]:
-        reasons.append(Reason(Code.BEYOND_FRICTION, force=pull, torque=torque))
+        reasons.append(Reason(ForceCode.BEYOND_FRICTION, force=pull, torque=torque))
     loss_std = math.hypot(_root(float(covariance[Force.LOSS, Force.LOSS])), _EXTENSION_LOSS_STD * pull)
     lost = (_resistance(forces, covariance, tilt_rad), (loss, loss_std))
     value, std = min(lost, key=lambda pair: pair[0] + CONTRADICTION * pair[1])
     if value < -CONTRADICTION * std:
-        reasons.append(Reason(Code.TIRE_GIVES_ENERGY, share=-value, std=std))
+        reasons.append(Reason(ForceCode.TIRE_GIVES_ENERGY, share=-value, std=std))
     return tuple(reasons)
 
 
@@ -402,20 +405,20 @@ def _signed(
 ) -> Estimate:
     """Return a force, valid where known to a share of the load, or to a third of itself by a balance that holds."""
     if not (math.isfinite(value) and math.isfinite(std)):
-        return Estimate.invalid(name, Reason(Code.NOT_FINITE))
+        return Estimate.invalid(name, Reason(TrustCode.NOT_FINITE))
     if std > max(_USEFUL_STD * unit, abs(value) / DETERMINED):
-        doubts = (*doubts, Reason(Code.FORCE_NOT_DETERMINED, share=std / unit, limit=_USEFUL_STD))
+        doubts = (*doubts, Reason(TrustCode.FORCE_NOT_DETERMINED, share=std / unit, limit=_USEFUL_STD))
     elif std > _USEFUL_STD * unit and unbalanced > _LARGEST_UNBALANCED:
-        doubts = (*doubts, Reason(Code.ASYMMETRY_NOT_BALANCED, share=unbalanced, limit=_LARGEST_UNBALANCED))
+        doubts = (*doubts, Reason(ForceCode.ASYMMETRY_NOT_BALANCED, share=unbalanced, limit=_LARGEST_UNBALANCED))
     return Estimate(name, value, std, Status.PROVISIONAL if doubts else Status.VALID, doubts, scatter_std)
 
 
 def _positive(name: str, value: float, std: float, scatter_std: float, doubts: tuple[Reason, ...]) -> Estimate:
     """Return a loss, valid where it is known to a third of itself."""
     if not (math.isfinite(value) and math.isfinite(std)):
-        return Estimate.invalid(name, Reason(Code.NOT_FINITE))
+        return Estimate.invalid(name, Reason(TrustCode.NOT_FINITE))
     if not value > DETERMINED * std:
-        doubts = (*doubts, Reason(Code.NOT_DETERMINED, relative_error=abs(std / value) if value else math.inf))
+        doubts = (*doubts, Reason(EstimateCode.NOT_DETERMINED, relative_error=abs(std / value) if value else math.inf))
     return Estimate(name, value, std, Status.PROVISIONAL if doubts else Status.VALID, doubts, scatter_std)
 
 

@@ -4,8 +4,9 @@ import math
 from typing import Final
 
 from gateway.core.estimates.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.forces.nonsynchronous_spectrum import Spectrum, spectral_lines
+from gateway.forces.reasons import ForceCode
 from gateway.forces.rolling_spectrum import BAND_HZ, SPECTRUM_S, RollingSpectrum
 
 NAMES: Final = ("asynchronous_rms_mps2", "asynchronous_line_hz", "asynchronous_line_rms_mps2")
@@ -45,7 +46,7 @@ class NonsynchronousEstimator:
                 self._spectrum.latest, self._spectrum.highest_hz, revolution.omega_radps / (2.0 * math.pi)
             )
         if not self._latest:
-            waiting = reason or Reason(Code.NEEDS_UNINTERRUPTED_ROLLING, duration_s=SPECTRUM_S)
+            waiting = reason or Reason(ForceCode.NEEDS_UNINTERRUPTED_ROLLING, duration_s=SPECTRUM_S)
             return tuple(Estimate.invalid(name, waiting) for name in NAMES)
         return self._latest
 
@@ -54,10 +55,10 @@ def _estimates(spectrum: Spectrum, high_hz: float, wheel_hz: float) -> tuple[Est
     """Return the estimates from a new spectrum."""
     rms, rms_std = spectrum.rms_mps2(BAND_HZ[0], high_hz)
     lines = spectral_lines(spectrum, BAND_HZ[0], high_hz)
-    band = Reason(Code.IN_BAND, low_hz=BAND_HZ[0], high_hz=float(high_hz))
+    band = Reason(ForceCode.IN_BAND, low_hz=BAND_HZ[0], high_hz=float(high_hz))
     overall = Estimate(NAMES[0], rms, rms_std, Status.VALID, (band,))
     if not lines:
-        return (overall, *(Estimate.invalid(name, Reason(Code.NO_LINE)) for name in NAMES[1:]))
+        return (overall, *(Estimate.invalid(name, Reason(ForceCode.NO_LINE)) for name in NAMES[1:]))
     line = lines[0]
     doubts = wheel_order(line.frequency_hz, wheel_hz, spectrum.step_hz)
     status = Status.PROVISIONAL if doubts else Status.VALID
@@ -72,5 +73,5 @@ def wheel_order(frequency_hz: float, wheel_hz: float, step_hz: float) -> tuple[R
     """Return the order of the wheel that a line may be locked to; nothing when it is at none."""
     order = frequency_hz / wheel_hz
     if abs(order - round(order)) * wheel_hz < LOCKED_WITHIN_STEPS * step_hz:
-        return (Reason(Code.AT_WHEEL_ORDER, order=round(order)),)
+        return (Reason(ForceCode.AT_WHEEL_ORDER, order=round(order)),)
     return ()

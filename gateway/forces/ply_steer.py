@@ -27,10 +27,12 @@ from gateway.core.estimates.estimator import (
     sign_not_determined,
 )
 from gateway.core.estimates.pace import LONGEST, SHARE_OF_STD, differ, is_due
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.revolution_block import BlockEstimator, RevolutionBlock
 from gateway.core.estimates.sensor_claims import SensorClaims
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.revolutions.sensor_mounting import MOUNTING_STD_RAD, OFFSET_STD_MPS2, RollCalibration
+from gateway.core.trust.reasons import TrustCode
 from gateway.core.types import BoolArray, FloatArray
 from gateway.forces.belt_laminate import BeltLaminate, coupling_law
 from gateway.forces.lateral_deformation import ORDERS, slope_row
@@ -45,6 +47,7 @@ from gateway.forces.lateral_shape import (
     lateral_rows,
     slopes,
 )
+from gateway.forces.reasons import ForceCode
 from gateway.forces.turn_tracker import TurnTracker
 
 NAMES: Final = tuple(f"ply_steer_{definition}_rad" for definition in DEFINITIONS)
@@ -98,8 +101,8 @@ _NEGLIGIBLE_RADIUS: Final = 1e-3
 _SPEED_CHANGE: Final = 0.5
 # Relative changes of highest order, radius, gain error and speed from which the maps are renewed.
 _STATE_SHARES: Final[FloatArray] = np.array([0.0, _NEGLIGIBLE_RADIUS, SHARE_OF_STD, _SPEED_CHANGE])
-_NOT_SEPARATED: Final = Reason(Code.CONICITY_NOT_SEPARATED)
-_FROM_MEANS: Final = (Reason(Code.FROM_AXIS_MEANS),)
+_NOT_SEPARATED: Final = Reason(ForceCode.CONICITY_NOT_SEPARATED)
+_FROM_MEANS: Final = (Reason(ForceCode.FROM_AXIS_MEANS),)
 
 
 class Separated(NamedTuple):
@@ -197,7 +200,7 @@ class PlySteerEstimator(BlockEstimator):
             if isinstance(edges, Reason):
                 results[index] = _all_invalid(unusable[index] or edges)
             elif self._followed is None:
-                results[index] = _all_invalid(unusable[index] or Reason(Code.NO_REVOLUTION_YET))
+                results[index] = _all_invalid(unusable[index] or Reason(TrustCode.NO_REVOLUTION_YET))
             else:
                 measured.append(_Measured(index, self._followed, edges, unusable[index]))
         if measured:
@@ -389,8 +392,8 @@ def _renew(measured: _Measured, block: RevolutionBlock, state: FloatArray) -> _R
     )
     edges_std = block.averages.edges_std_rad(index)
     variance[:-1] += np.square(edge_errors(record, measured_slopes, edges, edges_std, conditions.radius_m))
-    orders = Reason(Code.ORDERS_USED, first=ORDERS.start, last=record.order_max)
-    conical = Reason(Code.INCLUDES_CONICITY), orders
+    orders = Reason(ForceCode.ORDERS_USED, first=ORDERS.start, last=record.order_max)
+    conical = Reason(ForceCode.INCLUDES_CONICITY), orders
     by_roll = rows @ record.radial_m
     stds = np.sqrt(variance + np.square(by_roll * _roll_error(followed.roll, conditions)))
     # Where the line ends at an edge of the contact, the slope there does not matter.
@@ -420,11 +423,11 @@ def _doubt(followed: _Followed, claims: SensorClaims) -> Reason | None:
     """Return why the angle is provisional; None when it is not."""
     roll = followed.roll
     if followed.effective_count < SETTLED_REVOLUTIONS:
-        return Reason(Code.NOT_SETTLED, revolutions=followed.effective_count, needed=SETTLED_REVOLUTIONS)
+        return Reason(EstimateCode.NOT_SETTLED, revolutions=followed.effective_count, needed=SETTLED_REVOLUTIONS)
     if followed.order_max < ENOUGH_ORDERS:
-        return Reason(Code.TOO_FEW_ORDERS, orders=followed.order_max, needed=ENOUGH_ORDERS)
+        return Reason(EstimateCode.TOO_FEW_ORDERS, orders=followed.order_max, needed=ENOUGH_ORDERS)
     if not roll.count:
-        return Reason(Code.ROLL_NOT_CALIBRATED, assumed_rad=MOUNTING_STD_RAD)
+        return Reason(ForceCode.ROLL_NOT_CALIBRATED, assumed_rad=MOUNTING_STD_RAD)
     if not _zero_is_measured(roll, claims):
         # At one speed a zero of the lateral axis looks like a roll, and a roll like conicity.
         return _unlikely_roll(roll, claims)
@@ -436,7 +439,9 @@ def _unlikely_roll(roll: Roll, claims: SensorClaims) -> Reason | None:
     expected = claims.roll_rad or 0.0
     if not _differs_from_roll(roll, claims, expected):
         return None
-    return Reason(Code.ROLL_UNLIKELY, roll_rad=roll.rad, expected_rad=expected, expected_std_rad=claims.roll_std_rad)
+    return Reason(
+        ForceCode.ROLL_UNLIKELY, roll_rad=roll.rad, expected_rad=expected, expected_std_rad=claims.roll_std_rad
+    )
 
 
 def _differs_from_roll(roll: Roll, claims: SensorClaims, expected_rad: float) -> bool:
@@ -510,11 +515,11 @@ def _estimates(
 def _doubted(name: str, value: float, std: float, notes: tuple[Reason, ...], doubt: Reason | None) -> Estimate:
     """Return an estimate that is not known, not significant, or in doubt for another reason."""
     if not (math.isfinite(value) and math.isfinite(std)):
-        return Estimate.invalid(name, Reason(Code.NOT_FINITE))
+        return Estimate.invalid(name, Reason(TrustCode.NOT_FINITE))
     if doubt is None and name == CONICITY_NAME:
         doubt = _NOT_SEPARATED
     elif doubt is None:
-        doubt = Reason(Code.NOT_DETERMINED, relative_error=std / abs(value) if value else math.inf)
+        doubt = Reason(EstimateCode.NOT_DETERMINED, relative_error=std / abs(value) if value else math.inf)
     return Estimate(name, value, std, Status.PROVISIONAL, (*notes, doubt))
 
 
@@ -558,18 +563,18 @@ def _conicity(
 def _roll_estimate(roll: Roll, conditions: TireConditions, unusable: Reason | None) -> Estimate:
     """Return the measured roll, against the stated one, or against what gluing by hand makes likely."""
     if not roll.count:
-        return Estimate.invalid(ROLL_NAME, Reason(Code.AC_COUPLED))
+        return Estimate.invalid(ROLL_NAME, Reason(TrustCode.AC_COUPLED))
     claims, stated = conditions.claims, conditions.claims.roll_rad
     by_gains = math.sqrt(2.0) * conditions.gain_std * roll.rad
     std = math.hypot(_roll_error(roll, conditions), by_gains, conditions.tilt.mixed)
     doubt = unusable
     if doubt is None and roll.count < SETTLED_REVOLUTIONS:
         # A zero that is not as stated, or another axis, takes as many to show.
-        doubt = Reason(Code.NOT_SETTLED, revolutions=roll.count, needed=SETTLED_REVOLUTIONS)
+        doubt = Reason(EstimateCode.NOT_SETTLED, revolutions=roll.count, needed=SETTLED_REVOLUTIONS)
     elif doubt is None and stated is None and not _zero_is_measured(roll, claims):
         doubt = _unlikely_roll(roll, claims)
     elif doubt is None and stated is not None and _differs_from_roll(roll, claims, stated):
-        doubt = Reason(Code.ROLL_CONTRADICTED, stated_rad=stated, stated_std_rad=claims.roll_std_rad)
+        doubt = Reason(ForceCode.ROLL_CONTRADICTED, stated_rad=stated, stated_std_rad=claims.roll_std_rad)
     if doubt is not None:
         return Estimate(ROLL_NAME, roll.rad, std, Status.PROVISIONAL, (*_FROM_MEANS, doubt))
     return Estimate(ROLL_NAME, roll.rad, std, Status.VALID, _FROM_MEANS)
@@ -578,15 +583,15 @@ def _roll_estimate(roll: Roll, conditions: TireConditions, unusable: Reason | No
 def _offset_estimate(roll: Roll, claims: SensorClaims, unusable: Reason | None) -> Estimate:
     """Return the constant in the mean of the lateral axis, zero-g offset and camber, against the stated zero."""
     if not roll.count:
-        return Estimate.invalid(OFFSET_NAME, Reason(Code.AC_COUPLED))
+        return Estimate.invalid(OFFSET_NAME, Reason(TrustCode.AC_COUPLED))
     value, std = roll.offset_mps2, roll.offset_std_mps2
     expected = max(claims.zero_g_std_mps2, OFFSET_STD_MPS2)
     if unusable is not None:
         return Estimate(OFFSET_NAME, value, std, Status.PROVISIONAL, (unusable,))
     if not _zero_is_measured(roll, claims):
-        return Estimate(OFFSET_NAME, value, std, Status.PROVISIONAL, (Reason(Code.LATERAL_ZERO_NOT_SEPARATED),))
+        return Estimate(OFFSET_NAME, value, std, Status.PROVISIONAL, (Reason(ForceCode.LATERAL_ZERO_NOT_SEPARATED),))
     if abs(value) > _SIGNIFICANT * math.hypot(std, expected):
-        reason = Reason(Code.LATERAL_ZERO_CONTRADICTED, stated_std_mps2=claims.zero_g_std_mps2)
+        reason = Reason(ForceCode.LATERAL_ZERO_CONTRADICTED, stated_std_mps2=claims.zero_g_std_mps2)
         return Estimate(OFFSET_NAME, value, std, Status.PROVISIONAL, (reason,))
     return Estimate(OFFSET_NAME, value, std, Status.VALID)
 
@@ -600,10 +605,10 @@ def _of_laminate(belt: BeltLaminate, conditions: TireConditions, peak: Estimate)
     """Return the angle that the stated plies give, compared with the measured peak, and B16 and A66."""
     law = coupling_law(belt)
     angle = law.slope(conditions.radius_m, conditions.radius_std_m)
-    reasons = [Reason(Code.FROM_LAMINATE, length_m=law.length_m.value, length_std_m=law.length_m.std)]
+    reasons = [Reason(ForceCode.FROM_LAMINATE, length_m=law.length_m.value, length_std_m=law.length_m.std)]
     status = Status.VALID
     if abs(law.imbalance) > _UNBALANCED:
-        reasons.append(Reason(Code.LAMINATE_NOT_BALANCED, share=law.imbalance))
+        reasons.append(Reason(ForceCode.LAMINATE_NOT_BALANCED, share=law.imbalance))
         status = Status.PROVISIONAL
     if peak.status is Status.VALID:
         expected = PEAK_OVER_LAMINATE * angle.value
@@ -611,7 +616,7 @@ def _of_laminate(belt: BeltLaminate, conditions: TireConditions, peak: Estimate)
         errors = abs(peak.value - expected) / std
         if errors > _SIGNIFICANT:
             reasons.append(
-                Reason(Code.LAMINATE_DIFFERS, measured_rad=peak.value, measured_std_rad=peak.std, errors=errors)
+                Reason(ForceCode.LAMINATE_DIFFERS, measured_rad=peak.value, measured_std_rad=peak.std, errors=errors)
             )
             status = Status.PROVISIONAL
     values = (angle, law.b16_n, law.a66_npm)

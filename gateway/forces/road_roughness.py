@@ -27,9 +27,12 @@ import numpy as np
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.estimates.determination import DETERMINED, SETTLED_REVOLUTIONS
 from gateway.core.estimates.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
-from gateway.core.reasons import Code, Reason
+from gateway.core.estimates.reasons import EstimateCode
+from gateway.core.reasons import Reason
 from gateway.core.revolutions.angle_resampling import angle_grid
+from gateway.core.trust.reasons import TrustCode
 from gateway.core.types import ComplexArray, FloatArray
+from gateway.forces.reasons import ForceCode
 
 NAMES: Final = ("road_class", "road_roughness_m3")
 
@@ -128,7 +131,7 @@ class RoadRoughnessEstimator:
                 if len(self._contacts) == _WINDOW:
                     self._take(half, revolution.omega_radps, conditions.radius_m)
         if self._count < _LEAST:
-            waiting = unusable or Reason(Code.NEEDS_REVOLUTIONS, needed=float(_LEAST), count=float(self._count))
+            waiting = unusable or Reason(TrustCode.NEEDS_REVOLUTIONS, needed=float(_LEAST), count=float(self._count))
             return tuple(Estimate.invalid(name, waiting) for name in NAMES)
         return self._estimates()
 
@@ -162,7 +165,7 @@ class RoadRoughnessEstimator:
         statistical = math.hypot(self._total_m3 * math.sqrt(2.0 / effective), _JITTER_STD * self._jitter_m3)
         if not roughness > DETERMINED * statistical:
             limit = max(roughness, 0.0) + DETERMINED * statistical * math.exp(self._model_std)
-            below = Reason(Code.ROAD_BELOW_NOISE, letter=class_letter(_class_of(limit)))
+            below = Reason(ForceCode.ROAD_BELOW_NOISE, letter=class_letter(_class_of(limit)))
             return tuple(Estimate.invalid(name, below) for name in NAMES)
         relative = math.hypot(statistical / roughness, self._model_std, 2.0 * _RING_STD)
         value, std = _class_of(roughness), relative / math.log(4.0)
@@ -173,8 +176,8 @@ class RoadRoughnessEstimator:
         low = -math.inf if letter == CLASSES[0] else (middle - 0.5 - value) / std
         probability = 0.5 * (math.erf(high / math.sqrt(2.0)) - math.erf(low / math.sqrt(2.0)))
         notes = (
-            Reason(Code.ROAD_CLASS, letter=letter, probability=probability),
-            Reason(Code.ROAD_WAVES, short_m=1.0 / self._band_per_m[1], long_m=1.0 / self._band_per_m[0]),
+            Reason(ForceCode.ROAD_CLASS, letter=letter, probability=probability),
+            Reason(ForceCode.ROAD_WAVES, short_m=1.0 / self._band_per_m[1], long_m=1.0 / self._band_per_m[0]),
         )
         return (
             Estimate(NAMES[0], value, std, Status.VALID, notes),
@@ -203,11 +206,11 @@ def _crossings(
     if revolution.faults:
         return None, not_used(revolution.faults)
     if not 0.0 < speed_mps < math.inf:
-        return None, Reason(Code.SPEED_OR_RADIUS_UNKNOWN)
+        return None, Reason(EstimateCode.SPEED_OR_RADIUS_UNKNOWN)
     if speed_mps < _SLOWEST_MPS:
-        return None, Reason(Code.TOO_SLOW_FOR_ROAD, limit_mps=_SLOWEST_MPS)
+        return None, Reason(ForceCode.TOO_SLOW_FOR_ROAD, limit_mps=_SLOWEST_MPS)
     if average.effective_count < SETTLED_REVOLUTIONS:
-        return None, Reason(Code.NOT_SETTLED, revolutions=average.effective_count, needed=SETTLED_REVOLUTIONS)
+        return None, Reason(EstimateCode.NOT_SETTLED, revolutions=average.effective_count, needed=SETTLED_REVOLUTIONS)
     n = len(average.radial_mps2)
     angles = angle_grid(n)
     inside = (angles > _PLATEAU_SHARE * average.leading_edge_rad) & (
@@ -215,7 +218,7 @@ def _crossings(
     )
     radial = revolution.radial_mps2
     if not (inside.any() and np.isfinite(radial).all()):
-        return None, Reason(Code.NO_CONTACT_EDGES)
+        return None, Reason(EstimateCode.NO_CONTACT_EDGES)
     # The level is the average's: that of a single revolution would follow the hub's acceleration.
     plateau = float(average.radial_mps2[inside].mean())
     level = 0.5 * (plateau + float(np.median(average.radial_mps2[np.abs(angles) > _FREE_RAD])))
@@ -223,7 +226,7 @@ def _crossings(
     middle = n // 2
     trailing, leading = int(np.argmax(above[middle:])) + middle, middle - int(np.argmax(above[middle::-1]))
     if above[middle] or not (above[trailing] and above[leading]):
-        return None, Reason(Code.NO_CONTACT_EDGES)
+        return None, Reason(EstimateCode.NO_CONTACT_EDGES)
     spacing = 2.0 * math.pi / n
     crossings = []
     for outer, step in ((leading, -1), (trailing, 1)):

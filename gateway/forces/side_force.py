@@ -12,11 +12,14 @@ import numpy as np
 
 from gateway.core.estimates.determination import DETERMINED, SETTLED_REVOLUTIONS
 from gateway.core.estimates.estimator import Estimate, Status, TireConditions
-from gateway.core.reasons import Code, Reason
+from gateway.core.estimates.reasons import EstimateCode
+from gateway.core.reasons import Reason
+from gateway.core.trust.reasons import TrustCode
 from gateway.core.types import FloatArray
 from gateway.forces.free_belt import displacement_rows
 from gateway.forces.lateral_deformation import ORDERS
 from gateway.forces.lateral_shape import LateralEstimator, LateralSteps
+from gateway.forces.reasons import ForceCode
 from gateway.forces.side_force_calibration import LinearLaw, SideForceCalibration
 
 NAMES: Final = ("belt_shift_m", "belt_yaw_rad", "side_force_n", "aligning_moment_nm")
@@ -71,7 +74,7 @@ class SideForceEstimator(LateralEstimator):
         count = steps.effective_counts[row]
         doubts: tuple[Reason, ...] = ()
         if count < SETTLED_REVOLUTIONS * (1.0 - 1e-9):
-            doubts = (Reason(Code.NOT_SETTLED, revolutions=count, needed=SETTLED_REVOLUTIONS),)
+            doubts = (Reason(EstimateCode.NOT_SETTLED, revolutions=count, needed=SETTLED_REVOLUTIONS),)
         return (
             _plain(NAMES[0], shift, shift_std, scatters[0], doubts),
             _plain(NAMES[1], yaw, yaw_std, scatters[1], doubts),
@@ -87,7 +90,7 @@ def _forces(
 ) -> tuple[Estimate, Estimate]:
     calibration = conditions.tire.of(SideForceCalibration)
     if calibration is None:
-        needs = Reason(Code.NEEDS_SIDE_FORCE_CALIBRATION)
+        needs = Reason(ForceCode.NEEDS_SIDE_FORCE_CALIBRATION)
         return Estimate.invalid(NAMES[2], needs), Estimate.invalid(NAMES[3], needs)
     doubts = (*doubts, *calibration.outside(half_angle_rad, conditions.pressure_pa))
     by_pressure = calibration.factor_std(conditions.pressure_pa)
@@ -95,7 +98,7 @@ def _forces(
     unit = _USEFUL_LEVER * load * conditions.radius_m
     return (
         _force(NAMES[2], calibration.side, displacements[0], load, by_pressure, doubts),
-        Estimate.invalid(NAMES[3], Reason(Code.NEEDS_SIDE_FORCE_CALIBRATION))
+        Estimate.invalid(NAMES[3], Reason(ForceCode.NEEDS_SIDE_FORCE_CALIBRATION))
         if calibration.moment is None
         else _force(NAMES[3], calibration.moment, displacements[1], unit, by_pressure, doubts),
     )
@@ -111,7 +114,7 @@ def _turned(centre_rad: float) -> FloatArray:
 
 def _plain(name: str, value: float, std: float, scatter_std: float, doubts: tuple[Reason, ...]) -> Estimate:
     if not (math.isfinite(value) and math.isfinite(std)):
-        return Estimate.invalid(name, Reason(Code.NOT_FINITE))
+        return Estimate.invalid(name, Reason(TrustCode.NOT_FINITE))
     return Estimate(name, value, std, Status.PROVISIONAL if doubts else Status.VALID, doubts, scatter_std)
 
 
@@ -128,5 +131,5 @@ def _force(
     value, std = law.force(shift, error)
     std = math.hypot(std, by_pressure * value)
     if math.isfinite(std) and std > max(_USEFUL_STD * unit, abs(value) / DETERMINED):
-        doubts = (*doubts, Reason(Code.FORCE_NOT_DETERMINED, share=std / unit, limit=_USEFUL_STD))
+        doubts = (*doubts, Reason(TrustCode.FORCE_NOT_DETERMINED, share=std / unit, limit=_USEFUL_STD))
     return _plain(name, value, std, abs(law.factor) * scatter, doubts)

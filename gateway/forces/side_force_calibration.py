@@ -8,8 +8,9 @@ from typing import Final
 import numpy as np
 
 from gateway.core.estimates.calibrated_range import outside_calibration
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.types import FloatArray
+from gateway.forces.reasons import ForceCode
 
 # Error of the linear law at another distribution of the contact's forces than the calibration's, over models of belts
 # with and without twist (docs/explanation/forces.md).
@@ -61,7 +62,7 @@ class SideForceCalibration:
         """Return what lies outside the calibrated ranges, or is not known of them."""
         reasons = outside_calibration(half_angle_rad, self.half_angle_range_rad, pressure_pa, self.pressure_range_pa)
         if pressure_pa is None or self.pressure_range_pa is None:
-            reasons.append(Reason(Code.SIDE_FORCE_PRESSURE_UNKNOWN))
+            reasons.append(Reason(ForceCode.SIDE_FORCE_PRESSURE_UNKNOWN))
         return tuple(reasons)
 
     def factor_std(self, pressure_pa: float | None) -> float:

@@ -19,7 +19,7 @@ from gateway.core.estimates.estimator import (
     TireConditions,
     sign_not_determined,
 )
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.revolutions.synchronous_average import RunningMoments
 from gateway.core.types import FloatArray
 from gateway.forces.lateral_deformation import ORDERS, chord_row, lateral_waveform
@@ -27,6 +27,7 @@ from gateway.forces.lateral_shape import (
     LateralEstimator,
     LateralSteps,
 )
+from gateway.forces.reasons import ForceCode
 from gateway.forces.slip_calibration import SlipCalibration
 
 NAMES: Final = ("slip_apparent_rad", "slip_direction", "lateral_asymmetry", "left_right_asymmetry")
@@ -176,7 +177,7 @@ class SlipAngleEstimator(LateralEstimator):
     def _left_right(self) -> Estimate:
         left_side, right_side = self._sides[1.0], self._sides[-1.0]
         if min(left_side.count, right_side.count) < _LEAST_OF_SIDE:
-            return Estimate.invalid(NAMES[3], Reason(Code.NEEDS_BOTH_SLIPS, needed=_LEAST_OF_SIDE))
+            return Estimate.invalid(NAMES[3], Reason(ForceCode.NEEDS_BOTH_SLIPS, needed=_LEAST_OF_SIDE))
         value, by_roll, by_noise = (left_side.mean + right_side.mean).tolist()
         variance = sum(float(side.variance()[0] * np.asarray(side.weight_square)) for side in (left_side, right_side))
         return Estimate(NAMES[3], value, math.hypot(math.sqrt(variance), by_roll, by_noise), Status.VALID)
@@ -187,24 +188,24 @@ def _status(
 ) -> tuple[Status, tuple[Reason, ...]]:
     """Return the status of what is relative to zero slip."""
     if not math.isfinite(scatter_rad):
-        return Status.PROVISIONAL, (Reason(Code.SCATTER_UNKNOWN, needed=_LEAST_STEPS + 1),)
+        return Status.PROVISIONAL, (Reason(ForceCode.SCATTER_UNKNOWN, needed=_LEAST_STEPS + 1),)
     if law is not None:
-        return Status.PROVISIONAL if outside else Status.VALID, (Reason(Code.ZERO_SLIP_GIVEN), *outside)
+        return Status.PROVISIONAL if outside else Status.VALID, (Reason(ForceCode.ZERO_SLIP_GIVEN), *outside)
     if count < REFERENCE_SETTLED:
-        reason = Reason(Code.ZERO_SLIP_NOT_SETTLED, revolutions=count, needed=REFERENCE_SETTLED)
+        reason = Reason(ForceCode.ZERO_SLIP_NOT_SETTLED, revolutions=count, needed=REFERENCE_SETTLED)
         return Status.PROVISIONAL, (reason,)
-    return Status.PROVISIONAL, (Reason(Code.ZERO_SLIP_IS_MEAN),)
+    return Status.PROVISIONAL, (Reason(ForceCode.ZERO_SLIP_IS_MEAN),)
 
 
 def _slip(name: str, law: SlipCalibration, slope_rad: tuple[float, float], outside: tuple[Reason, ...]) -> Estimate:
     """Return a slip angle from a slope and its standard error."""
     value, std = law.slip_at(*slope_rad)
     if not math.isfinite(value):
-        return Estimate.invalid(name, Reason(Code.SLIP_BEYOND_LAW))
+        return Estimate.invalid(name, Reason(ForceCode.SLIP_BEYOND_LAW))
     if not math.isfinite(std):
-        unknown = Reason(Code.SCATTER_UNKNOWN, needed=_LEAST_STEPS + 1)
+        unknown = Reason(ForceCode.SCATTER_UNKNOWN, needed=_LEAST_STEPS + 1)
         return Estimate(name, value, std, Status.PROVISIONAL, (unknown,))
     constant_std = law.slip_at(slope_rad[0], 0.0)[1]
     scatter_std = math.sqrt(max(std * std - constant_std * constant_std, 0.0))
     status = Status.PROVISIONAL if outside else Status.VALID
-    return Estimate(name, value, std, status, (Reason(Code.ZERO_SLIP_GIVEN), *outside), scatter_std)
+    return Estimate(name, value, std, status, (Reason(ForceCode.ZERO_SLIP_GIVEN), *outside), scatter_std)

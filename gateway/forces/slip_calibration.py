@@ -7,8 +7,9 @@ from typing import Final
 import numpy as np
 
 from gateway.core.estimates.calibrated_range import MARGIN, outside_calibration
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.types import FloatArray
+from gateway.forces.reasons import ForceCode
 
 LAW_STD: Final = 0.025
 """Error of the law relative to the change of the slope by slip, on the belts of tools/bench_lateral.py up to 2 deg:
@@ -94,5 +95,5 @@ class SlipCalibration:
         low, high = self.slip_range_rad
         span = MARGIN * (high - low)
         if not low - span <= slip_rad <= high + span:
-            reasons.append(Reason(Code.SLIP_OUTSIDE_CALIBRATION, slip_rad=slip_rad, low_rad=low, high_rad=high))
+            reasons.append(Reason(ForceCode.SLIP_OUTSIDE_CALIBRATION, slip_rad=slip_rad, low_rad=low, high_rad=high))
         return tuple(reasons)

@@ -14,7 +14,7 @@ from gateway.core.errors import ImportDataError, reading_remedy
 from gateway.core.feature import Registry
 from gateway.core.nearest_name import missing_path_remedy
 from gateway.core.plugins import Plugin, load, missing_members
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import CoreCode, Reason
 from gateway.importing.columns import Block, ColumnReader, FileFacts
 from gateway.importing.csv_columns import CsvColumns
 from gateway.importing.import_map import ISO, SUFFIXES, FileFormat, ImportMap
@@ -207,7 +207,7 @@ def open_columns(
 def plugin_fault(_plugin: Plugin, loaded: object) -> Reason | None:
     """Return why the object of a plug-in is no reader of files, None when it is one."""
     if not callable(loaded):
-        return Reason(Code.PLUGIN_WRONG_TYPE, expected="a class of column readers")
+        return Reason(CoreCode.PLUGIN_WRONG_TYPE, expected="a class of column readers")
     return missing_members(loaded, ("blocks", "sample", "close"))
 
 

@@ -16,7 +16,7 @@ from firmware_protocol.messages import Axis, Coupling
 from gateway.core.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig
 from gateway.core.errors import ImportDataError
 from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.recording.container import refuse_existing
 from gateway.core.recording.writer import RecordingWriter, whole_recording
 from gateway.core.types import BoolArray, FloatArray, IntArray
@@ -30,6 +30,7 @@ from gateway.importing.import_map import ACCELERATION_UNITS_MPS2, ISO, TIME_UNIT
 from gateway.importing.joined_columns import JoinedColumns
 from gateway.importing.missing_rows import GapFilledColumns
 from gateway.importing.reader_process import ReaderProcesses
+from gateway.importing.reasons import ImportCode
 from gateway.importing.reference_channels import ReferenceChannel
 from gateway.importing.reference_topic import reference_topic
 from gateway.importing.sample_rows import SampleRows, WheelColumns, kept_rows
@@ -577,7 +578,7 @@ def _bridges(wheel_scan: WheelScan) -> tuple[IntArray, tuple[Reason, ...]]:
         return np.empty((0, 2), dtype=np.int64), ()
     if bridging.is_everywhere:
         # Without its lines nothing would remain.
-        return np.empty((0, 2), dtype=np.int64), (Reason(Code.SIGNAL_INTERPOLATED, share=bridging.share),)
+        return np.empty((0, 2), dtype=np.int64), (Reason(ImportCode.SIGNAL_INTERPOLATED, share=bridging.share),)
     return bridging.lines, ()
 
 

@@ -5,9 +5,10 @@ from typing import Final
 
 import numpy as np
 
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.types import FloatArray
 from gateway.importing.import_map import ACCELERATION_UNITS_MPS2
+from gateway.importing.reasons import ImportCode
 
 _FASTEST_MPS: Final = 110.0
 _SLOWEST_MPS: Final = 2.0
@@ -48,7 +49,7 @@ def unlikely_unit(radial_mps2: FloatArray, rate_hz: float, radius_m: float, stat
     for name, factor_mps2 in units.items():
         if fits(found_mps2 * factor_mps2 / ACCELERATION_UNITS_MPS2[stated], expected_mps2):
             return Reason(
-                Code.UNIT_UNLIKELY,
+                ImportCode.UNIT_UNLIKELY,
                 found_mps2=found_mps2,
                 expected_mps2=expected_mps2,
                 ratio=found_mps2 / expected_mps2,
@@ -59,7 +60,7 @@ def unlikely_unit(radial_mps2: FloatArray, rate_hz: float, radius_m: float, stat
             )
     ratio = found_mps2 / expected_mps2
     if no_unit_fits(ratio):
-        return Reason(Code.SCALE_UNLIKELY, found_mps2=found_mps2, expected_mps2=expected_mps2, ratio=ratio)
+        return Reason(ImportCode.SCALE_UNLIKELY, found_mps2=found_mps2, expected_mps2=expected_mps2, ratio=ratio)
     return None
 
 

@@ -30,16 +30,19 @@ from gateway.core.estimates.determination import (
 )
 from gateway.core.estimates.estimator import AngleAverage, Estimate, Revolution, TireConditions
 from gateway.core.estimates.order_errors import band_mean, relative_std
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.ring_series import stiffness_terms
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.revolutions.order_spectrum import ORDER_COUNT
 from gateway.core.types import BoolArray, ComplexArray, FloatArray
+from gateway.papers.reasons import PaperCode
+from gateway.ring.reasons import RingCode
 
 FIRST_ORDER: Final = 2
 _UNKNOWN_EDGE_STD_RAD: Final = 0.01
 # Residual, as a share of the signal, above which the ring is rejected.
 MAX_RESIDUAL_SHARE: Final = 0.5
-_MODEL_NOTE: Final = Reason(Code.LINEAR_RING_TENSION)
+_MODEL_NOTE: Final = Reason(PaperCode.LINEAR_RING_TENSION)
 
 # Legendre coefficients of the contact pressure, degrees 1 to 4: prior means and standard errors. On the exact ring
 # degree 2 is -1.0 to -0.2 and degree 4 is 0.0 to -0.6 over loads; 1 and 3 come from damping and are at most 0.2.
@@ -84,7 +87,7 @@ class RingModalEstimator:
             return self._cold(reason)
         mean = float(average.orders_mps2[0].real)
         if not mean > 0.0:
-            return self._cold(Reason(Code.NO_STEADY_VALUE))
+            return self._cold(Reason(EstimateCode.NO_STEADY_VALUE))
         carried = int(np.flatnonzero(np.isfinite(average.orders_mps2))[-1])
         relative = average.orders_mps2 / mean
         std = relative_std(average.orders_std_mps2, mean, np.abs(np.nan_to_num(relative)), carried)
@@ -99,9 +102,9 @@ class RingModalEstimator:
             start=self._warm,
         )
         if fit is None:
-            return self._cold(Reason(Code.ORDERS_UNUSABLE))
+            return self._cold(Reason(RingCode.ORDERS_UNUSABLE))
         if fit.residual_share > MAX_RESIDUAL_SHARE:
-            return self._cold(Reason(Code.RING_DOES_NOT_FIT, residual=fit.residual_share, limit=MAX_RESIDUAL_SHARE))
+            return self._cold(Reason(RingCode.RING_DOES_NOT_FIT, residual=fit.residual_share, limit=MAX_RESIDUAL_SHARE))
         self._warm = fit.parameters
         number = load_number(conditions)
         fitted = FittedNumbers(

@@ -24,14 +24,16 @@ from gateway.core.estimates.determination import (
 from gateway.core.estimates.estimator import AngleAverage, Estimate, Revolution, TireConditions
 from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
 from gateway.core.estimates.ring_series import stiffness_terms
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.types import BoolArray, FloatArray
+from gateway.papers.reasons import PaperCode
+from gateway.ring.reasons import RingCode
 
 # Residual, as a share of the signal, above which the ring is rejected: 0.06 on the exact ring, 0.24 on the measured
 # tire.
 MAX_RESIDUAL_SHARE: Final = 0.5
 
-_MODEL_NOTE: Final = Reason(Code.LINEAR_RING)
+_MODEL_NOTE: Final = Reason(PaperCode.LINEAR_RING)
 # Error of the model on the exact ring, over the fitted value: rms over random tires (docs/evidence/validity.md). It is
 # a bias, which repeats.
 MODEL_ERRORS: Final = np.array([0.35, 0.65, 0.3, 0.7])
@@ -93,10 +95,12 @@ class RingPaperEstimator:
         fit = fit_ring_numbers(n, coefficients, stds, force_m=force, half_angle_rad=half_angle, warm=self._start(force))
         if fit is None:
             self._warm = None
-            return all_invalid(Reason(Code.ORDERS_UNUSABLE))
+            return all_invalid(Reason(RingCode.ORDERS_UNUSABLE))
         if fit.residual_share > MAX_RESIDUAL_SHARE:
             self._warm = None
-            return all_invalid(Reason(Code.RING_DOES_NOT_FIT, residual=fit.residual_share, limit=MAX_RESIDUAL_SHARE))
+            return all_invalid(
+                Reason(RingCode.RING_DOES_NOT_FIT, residual=fit.residual_share, limit=MAX_RESIDUAL_SHARE)
+            )
         self._warm, self._warm_force_m = fit.numbers, force
 
         covariance = fit.covariance + np.outer(fit.angle_derivative, fit.angle_derivative) * _square(angle_std)

@@ -27,6 +27,7 @@ from gateway.core.wheels.wheel_pipeline import WheelPipeline
 from gateway.planner.accelerometer import Accelerometer
 from gateway.planner.cramer_rao import cramer_rao, order_variance, relative_bounds, waveform_sensitivity
 from gateway.planner.link_load import BLOCK_SAMPLES
+from gateway.planner.reasons import PlannerCode
 from gateway.simulator.disturbances import REFERENCE_MPS
 from gateway.simulator.hub import hello_of
 from gateway.simulator.scenario import vehicle_toml
@@ -180,7 +181,7 @@ def plan_sensor(
         drives = _drives(plan, _setup(planned, sensor), omega_radps, wheels, seed)
         complete = [drive for drive in drives if len(drive) >= AFTER[-1]]
         if len(complete) < wheels:
-            doubts += (Reason(Code.PLAN_FEW_REVOLUTIONS, share=100.0 * (1.0 - len(complete) / wheels)),)
+            doubts += (Reason(PlannerCode.PLAN_FEW_REVOLUTIONS, share=100.0 * (1.0 - len(complete) / wheels)),)
         if len(complete) > 1:
             named = set(codes_of(doubts))
             doubts += tuple(_contested(complete, tire.truths, named))
@@ -236,19 +237,19 @@ def _refusals(sensor: Accelerometer, rate_hz: float, peak_mps2: float) -> Iterat
     """Yield why no revolution can be used."""
     peak_g = peak_mps2 / STANDARD_GRAVITY_MPS2
     if peak_g > sensor.range_g:
-        yield Reason(Code.PLAN_RANGE, peak_g=peak_g, range_g=sensor.range_g)
+        yield Reason(PlannerCode.PLAN_RANGE, peak_g=peak_g, range_g=sensor.range_g)
     if sensor.survival_g is not None and peak_g > sensor.survival_g:
-        yield Reason(Code.PLAN_SURVIVAL, peak_g=peak_g, survival_g=sensor.survival_g)
+        yield Reason(PlannerCode.PLAN_SURVIVAL, peak_g=peak_g, survival_g=sensor.survival_g)
     if math.isnan(rate_hz):
-        yield Reason(Code.PLAN_RATE_UNKNOWN)
+        yield Reason(PlannerCode.PLAN_RATE_UNKNOWN)
     elif rate_hz < MIN_RATE_HZ:
-        yield Reason(Code.PLAN_RATE, rate_hz=rate_hz, least_hz=MIN_RATE_HZ)
+        yield Reason(PlannerCode.PLAN_RATE, rate_hz=rate_hz, least_hz=MIN_RATE_HZ)
 
 
 def _doubts(sensor: Accelerometer, rate_hz: float, omega_radps: float) -> Iterator[Reason]:
     """Yield what biases the numbers, or what the errors do not count."""
     wheel_hz = omega_radps / (2.0 * math.pi)
-    noise = Reason(Code.PLAN_NOISE_UNKNOWN) if sensor.noise_mg_rthz is None else None
+    noise = Reason(PlannerCode.PLAN_NOISE_UNKNOWN) if sensor.noise_mg_rthz is None else None
     if sensor.noise_mg_rthz is not None and sensor.resolution_mg is not None:
         band_hz = min(sensor.bandwidth_hz or math.inf, 0.5 * rate_hz)
         unit = 1e-3 * STANDARD_GRAVITY_MPS2

@@ -28,7 +28,8 @@ from websockets.http11 import Request, Response
 
 from gateway.core.errors import TreadlinkError
 from gateway.core.estimates.results import SessionSnapshot
-from gateway.core.reasons import Code, Reason
+from gateway.core.links.reasons import LinkCode
+from gateway.core.reasons import Reason
 from gateway.core.text.session_control import SessionControl
 from gateway.core.text.text import clean
 from gateway.core.text.trend_history import TrendHistory
@@ -326,8 +327,8 @@ class PageSink(Sink):
             page.trend_since_s = 0
         if isinstance(asked.get("mark"), str):
             text = clean(asked["mark"].strip())[:_LONGEST_MARK] or "mark"
-            mark, not_kept = Reason(Code.MARK, text=text), (Reason(Code.MARK_NOT_KEPT),)
-            unkept = reason_text(Reason(Code.LINK_EVENT, event=mark, details=not_kept))
+            mark, not_kept = Reason(LinkCode.MARK, text=text), (Reason(LinkCode.MARK_NOT_KEPT),)
+            unkept = reason_text(Reason(LinkCode.LINK_EVENT, event=mark, details=not_kept))
             await self._control(
                 page, lambda control: "" if control.mark(text) else unkept, f"mark set: {text}", self._marks
             )

@@ -6,8 +6,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 from gateway.core.estimates.results import Alarm, LinkSnapshot, SessionSnapshot, WheelSnapshot, WheelState
+from gateway.core.links.reasons import LinkCode
 from gateway.core.quantity_catalogue import in_state
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.text.recording_topics import finite, revolution_payload
 from gateway.core.text.text import json_text
 from gateway.core.text.wording import as_json, text
@@ -143,7 +144,7 @@ def at_end(payload: JsonObject) -> JsonObject:
     """Return a state as it is to be kept after the session: nothing in it is of the present."""
     lasting = {name: value for name, value in payload.items() if name not in _PRESENT.union(in_state())}
     # A link that was open to the end has not sent that it ended.
-    note = {"note": text(Reason(Code.LINK_ENDED))} if payload.get("connected") else {}
+    note = {"note": text(Reason(LinkCode.LINK_ENDED))} if payload.get("connected") else {}
     return {**lasting, **note, **_AT_END[payload["type"]]}
 
 

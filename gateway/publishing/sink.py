@@ -18,7 +18,7 @@ from gateway.core.estimates.results import AlarmChange, RevolutionResult, Sessio
 from gateway.core.feature import Registry
 from gateway.core.nearest_name import did_you_mean
 from gateway.core.plugins import Plugin, load, missing_factory, names
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import CoreCode, Reason
 from gateway.core.text.session_control import SessionControl
 from gateway.core.uri_parts import split_uri
 
@@ -239,7 +239,7 @@ def sink_kind(scheme: str) -> SinkKind | None:
 def plugin_fault(_plugin: Plugin, sink: object) -> Reason | None:
     """Return why the object of a plug-in is no live output, None when it is one."""
     if not isinstance(sink, SinkKind):
-        return Reason(Code.PLUGIN_WRONG_TYPE, expected="a gateway.publishing.sink.SinkKind")
+        return Reason(CoreCode.PLUGIN_WRONG_TYPE, expected="a gateway.publishing.sink.SinkKind")
     return missing_factory(sink.factory)
 
 

@@ -8,9 +8,10 @@ from typing import Final
 from gateway.core.clock import Clock
 from gateway.core.estimates.results import SinkSnapshot, SinkState
 from gateway.core.links.reconnect import Backoff, BriefConnections
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import CoreCode, Reason
 from gateway.core.session.bounded_buffer import Buffer
 from gateway.core.text.wording import text
+from gateway.publishing.reasons import PublishingCode
 from gateway.publishing.sink import (
     Item,
     PublishedAlarm,
@@ -76,7 +77,7 @@ class SinkWorker:
         self._stop = threading.Event()
         self._lock = threading.Lock()
         self._phase = SinkState.CONNECTING
-        self._note = Reason(Code.SINK_CONNECTING)
+        self._note = Reason(PublishingCode.SINK_CONNECTING)
         self._since_ns = clock.now_ns()
         self._sending_since_ns: int | None = None
         self._blocked_since_ns: int | None = None
@@ -85,7 +86,7 @@ class SinkWorker:
         self._refusal: Reason | None = None
         self._seen_dropped = self._seen_full = 0
         self._dropped_at_ns: int | None = None
-        self._drop_note = Reason(Code.SINK_FULL)
+        self._drop_note = Reason(PublishingCode.SINK_FULL)
         self._held: Item | None = None
         self._failures = 0
         self._brief = BriefConnections(BACKOFF)
@@ -127,10 +128,10 @@ class SinkWorker:
         full = self._buffer.dropped
         dropped = lost + full
         if phase is SinkState.UP and sending_ns is not None and now_ns - sending_ns >= _STALL_NS:
-            phase, note, since_ns = SinkState.STALLED, Reason(Code.SINK_STALLED), sending_ns
+            phase, note, since_ns = SinkState.STALLED, Reason(PublishingCode.SINK_STALLED), sending_ns
         if dropped > self._seen_dropped:
             is_full = full > self._seen_full
-            self._drop_note = Reason(Code.SINK_FULL) if is_full or refusal is None else refusal
+            self._drop_note = Reason(PublishingCode.SINK_FULL) if is_full or refusal is None else refusal
             self._seen_dropped, self._seen_full, self._dropped_at_ns = dropped, full, now_ns
         is_dropping = (
             phase is not SinkState.ENDED
@@ -151,7 +152,7 @@ class SinkWorker:
     @property
     def is_left(self) -> bool:
         """Whether the output ended while its receiver was away or took nothing, or its receiver refused items."""
-        return self._note.code not in (Code.SINK_CLOSED, Code.SINK_ENDED)
+        return self._note.code not in (CoreCode.SINK_CLOSED, PublishingCode.SINK_ENDED)
 
     # Life cycle
 
@@ -194,9 +195,9 @@ class SinkWorker:
                 except SinkDownError as error:
                     if self._phase is SinkState.UP:
                         self._failures = self._brief.lost(self._clock.now_ns())
-                    self._away(Reason(Code.SINK_LOST, error=str(error), interval_s=BACKOFF.cap_ns * 1e-9))
+                    self._away(Reason(PublishingCode.SINK_LOST, error=str(error), interval_s=BACKOFF.cap_ns * 1e-9))
                 except SinkEndedError:
-                    self._enter(SinkState.ENDED, Reason(Code.SINK_ENDED))
+                    self._enter(SinkState.ENDED, Reason(PublishingCode.SINK_ENDED))
                     _logger.info("%s: the reader has closed its end", self.name)
                     break
                 except Exception as error:
@@ -205,7 +206,7 @@ class SinkWorker:
                     with self._lock:
                         self._lost += _counts(self._held)
                         self._held = None
-                    self._away(Reason(Code.SINK_FAULT, error=repr(error)))
+                    self._away(Reason(PublishingCode.SINK_FAULT, error=repr(error)))
         finally:
             self._settle()
 
@@ -222,11 +223,11 @@ class SinkWorker:
 
     def _connect(self) -> None:
         if self._phase is not SinkState.DOWN:
-            self._enter(SinkState.CONNECTING, Reason(Code.SINK_CONNECTING))
+            self._enter(SinkState.CONNECTING, Reason(PublishingCode.SINK_CONNECTING))
         self._sink.open(self._stop)
         self._failures = 0
         self._brief.opened(self._clock.now_ns())
-        self._enter(SinkState.UP, Reason(Code.SINK_CONNECTED))
+        self._enter(SinkState.UP, Reason(PublishingCode.SINK_CONNECTED))
         _logger.info("%s: publishing", self.name)
 
     def _serve(self) -> None:
@@ -247,7 +248,7 @@ class SinkWorker:
             self._send(item)
         elif self._ending.is_set() and self._state is None:
             self._sink.flush(self._stop)
-            self._enter(SinkState.UP, self._refusal or Reason(Code.SINK_CLOSED))
+            self._enter(SinkState.UP, self._refusal or Reason(CoreCode.SINK_CLOSED))
             return True
         else:
             self._sink.poll()
@@ -258,7 +259,7 @@ class SinkWorker:
         if self._refusal is None:
             _logger.info("%s: %s", self.name, error)
         with self._lock:
-            self._refusal = Reason(Code.SINK_REFUSED, error=str(error))
+            self._refusal = Reason(PublishingCode.SINK_REFUSED, error=str(error))
             self._published -= error.count
             self._lost += error.count
 

@@ -21,9 +21,11 @@ from gateway.core.estimates.determination import (
     unusable,
 )
 from gateway.core.estimates.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
-from gateway.core.reasons import Code, Reason
+from gateway.core.estimates.reasons import EstimateCode
+from gateway.core.reasons import Reason
 from gateway.ring.forward_fit import ForwardFit, fit_forward
 from gateway.ring.forward_model import ForwardModel, P
+from gateway.ring.reasons import RingCode
 
 SHAPE: Final = ("half_angle_rad", "edge_wave_before", "edge_wave_after")
 
@@ -49,7 +51,7 @@ class ForwardEstimator:
         """Forget the last fit."""
         self._updates = 0
         self._fit: ForwardFit | None = None
-        self._failure = Reason(Code.NO_RING_EQUILIBRIUM)
+        self._failure = Reason(RingCode.NO_RING_EQUILIBRIUM)
 
     def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
         """Return Bs, Cw, Rs, Ts, then Bs/Cw, Rs/Cw, Ts/Cw, then `SHAPE`.
@@ -69,7 +71,7 @@ class ForwardEstimator:
             return _invalid(self._failure)
         doubts = doubt_about(revolution, average.effective_count)
         if not fit.converged:
-            doubts = doubts or (Reason(Code.FIT_NOT_CONVERGED),)
+            doubts = doubts or (Reason(RingCode.FIT_NOT_CONVERGED),)
         number = load_number(conditions)
         values = fit.numbers(number)
         scale = np.outer(values, values)
@@ -101,7 +103,7 @@ class ForwardEstimator:
             steady_std=conditions.steady_std_mps2 / steady,
         )
         if not np.isfinite(orders).all():
-            self._fit, self._failure = None, Reason(Code.ORDERS_UNUSABLE)
+            self._fit, self._failure = None, Reason(RingCode.ORDERS_UNUSABLE)
             return
         use_mean = not revolution.ac_coupled
         start = None if self._fit is None else self._fit.parameters
@@ -109,10 +111,10 @@ class ForwardEstimator:
         if start is not None and (fit is None or fit.residual_share > MAX_RESIDUAL_SHARE):
             fit = fit_forward(orders, order_std, half_angle, model, use_mean=use_mean)
         if fit is None:
-            self._fit, self._failure = None, Reason(Code.NO_RING_EQUILIBRIUM)
+            self._fit, self._failure = None, Reason(RingCode.NO_RING_EQUILIBRIUM)
         elif fit.residual_share > MAX_RESIDUAL_SHARE:
             self._fit = None
-            self._failure = Reason(Code.RING_DOES_NOT_FIT, residual=fit.residual_share, limit=MAX_RESIDUAL_SHARE)
+            self._failure = Reason(RingCode.RING_DOES_NOT_FIT, residual=fit.residual_share, limit=MAX_RESIDUAL_SHARE)
         else:
             self._fit = fit
 
@@ -123,9 +125,11 @@ def _with_shear_doubt(estimate: Estimate, fit: ForwardFit) -> Estimate:
         return estimate
     covariance = fit.noise + fit.model
     correlation = covariance[P.BS, P.SHEAR] / math.sqrt(covariance[P.BS, P.BS] * covariance[P.SHEAR, P.SHEAR])
-    if abs(correlation) < _INSEPARABLE or not any(reason.code is Code.NOT_DETERMINED for reason in estimate.reasons):
+    if abs(correlation) < _INSEPARABLE or not any(
+        reason.code is EstimateCode.NOT_DETERMINED for reason in estimate.reasons
+    ):
         return estimate
-    alike = Reason(Code.BENDING_LIKE_SHEAR, correlation=float(correlation))
+    alike = Reason(RingCode.BENDING_LIKE_SHEAR, correlation=float(correlation))
     return estimate._replace(reasons=(*estimate.reasons, alike))
 
 

@@ -20,10 +20,11 @@ from typing import Final, NamedTuple
 from gateway.core.clock import Clock
 from gateway.core.errors import LinkLostError, TreadlinkError
 from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source, TwoWaySource, WrappedSource
-from gateway.core.reasons import Code, Level, Notice, Reason
+from gateway.core.reasons import Level, Notice, Reason
 from gateway.core.session.frame_guard import FrameGuard
 from gateway.security.hub_commands import with_commands
 from gateway.security.key_file import command_keys
+from gateway.security.reasons import SecurityCode
 
 _logger = logging.getLogger(__name__)
 
@@ -355,4 +356,4 @@ class CommandedLinks:
             other = session_of(link.link)
             if other is not None:
                 other.connection.close()
-                yield Notice(link.link, Reason(Code.LINK_IN_USE, process=other.process), Level.WARNING)
+                yield Notice(link.link, Reason(SecurityCode.LINK_IN_USE, process=other.process), Level.WARNING)

@@ -12,7 +12,7 @@ from firmware_protocol.declaration import PAYLOADS
 from firmware_protocol.messages import COMMANDS, HUB_ITSELF, MessageType
 from firmware_protocol.signing import is_of_hub, is_signed
 from gateway.core.config.vehicle import Policy, VehicleConfig
-from gateway.core.reasons import Code, Level, Notice, Reason
+from gateway.core.reasons import Level, Notice, Reason
 from gateway.core.session.frame_guard import Verdict
 from gateway.security.cmac import Key, SecurityError, Verifier, begin_mac
 from gateway.security.freshness import Counter, Freshness, Ledger
@@ -23,6 +23,7 @@ from gateway.security.key_file import (
     sensor_identity,
     stored_keys,
 )
+from gateway.security.reasons import SecurityCode
 
 _HELLO_IDS: Final = PAYLOADS[MessageType.HELLO].reader("hub_id", "sensor_id", "boot_count")
 _HELLO_BYTES: Final = PAYLOADS[MessageType.HELLO].size + wire.TAG_BYTES
@@ -36,11 +37,11 @@ _EARLY_FRAMES: Final = 1000
 
 
 _CODES: Final = {
-    Verdict.UNSIGNED: Code.FRAME_UNSIGNED,
-    Verdict.FORGED: Code.FRAME_WRONG_TAG,
-    Verdict.REPLAYED: Code.FRAME_REPLAYED,
-    Verdict.TOO_LATE: Code.FRAME_LATE,
-    Verdict.EARLY: Code.FRAME_BEFORE_HELLO,
+    Verdict.UNSIGNED: SecurityCode.FRAME_UNSIGNED,
+    Verdict.FORGED: SecurityCode.FRAME_WRONG_TAG,
+    Verdict.REPLAYED: SecurityCode.FRAME_REPLAYED,
+    Verdict.TOO_LATE: SecurityCode.FRAME_LATE,
+    Verdict.EARLY: SecurityCode.FRAME_BEFORE_HELLO,
 }
 
 
@@ -150,7 +151,7 @@ class Guard:
         self._check_values = {identity: key.check_value() for identity, key in keys.items()}
         self._notices: list[Notice] = []
         self._gates: dict[str, LinkGate] = {}
-        missing = Code.KEY_MISSING_FRAMES_IGNORED if requires else Code.KEY_MISSING_FRAMES_NOT_VERIFIED
+        missing = SecurityCode.KEY_MISSING_FRAMES_IGNORED if requires else SecurityCode.KEY_MISSING_FRAMES_NOT_VERIFIED
         for configured in wheels.values():
             if configured.sensor is not None and configured.sensor not in keys:
                 self.report(Notice(configured.position, Reason(missing, sensor=configured.sensor), Level.WARNING))
@@ -355,7 +356,7 @@ class _RefusalReports:
         subject = (
             configured.position if configured else f"hub {hub}" + ("" if wheel == HUB_ITSELF else f" wheel {wheel}")
         )
-        consequence = Reason(Code.FRAMES_USED if passes else Code.FRAMES_IGNORED)
+        consequence = Reason(SecurityCode.FRAMES_USED if passes else SecurityCode.FRAMES_IGNORED)
         reason = self._reason(configured, verdict, claimed, number, earlier, consequence)
         self._guard.report(Notice(f"{self._link}, {subject}", reason, Level.SECURITY))
 
@@ -370,9 +371,9 @@ class _RefusalReports:
     ) -> Reason:
         if verdict is Verdict.EARLIER_START and earlier is not None:
             signer = _signer(earlier.identity)
-            origin = Reason(Code.SIGNER_AT_HUB, signer=signer, hub=earlier.hub) if earlier.hub else signer
+            origin = Reason(SecurityCode.SIGNER_AT_HUB, signer=signer, hub=earlier.hub) if earlier.hub else signer
             return Reason(
-                Code.FRAME_EARLIER_START,
+                SecurityCode.FRAME_EARLIER_START,
                 signer=origin,
                 start=earlier.start,
                 latest=earlier.latest,
@@ -381,26 +382,38 @@ class _RefusalReports:
                 consequence=consequence,
             )
         if verdict is Verdict.NO_KEY:
-            return Reason(Code.FRAME_NO_KEY, signer=_signer(claimed), count=count, consequence=consequence)
+            return Reason(SecurityCode.FRAME_NO_KEY, signer=_signer(claimed), count=count, consequence=consequence)
         if verdict is not Verdict.NOT_ADMITTED:
             return Reason(_CODES[verdict], count=count, consequence=consequence)
         sensor = claimed or ""
         owner = self._guard.owners.get(sensor)
         if owner is not None:
             return Reason(
-                Code.SENSOR_NOT_ADMITTED_SWAPPED, sensor=sensor, owner=owner, count=count, consequence=consequence
+                SecurityCode.SENSOR_NOT_ADMITTED_SWAPPED,
+                sensor=sensor,
+                owner=owner,
+                count=count,
+                consequence=consequence,
             )
         if configured is None or configured.sensor is None:
-            return Reason(Code.SENSOR_NOT_ADMITTED_UNCONFIGURED, sensor=sensor, count=count, consequence=consequence)
+            return Reason(
+                SecurityCode.SENSOR_NOT_ADMITTED_UNCONFIGURED, sensor=sensor, count=count, consequence=consequence
+            )
         return Reason(
-            Code.SENSOR_NOT_ADMITTED, sensor=sensor, expected=configured.sensor, count=count, consequence=consequence
+            SecurityCode.SENSOR_NOT_ADMITTED,
+            sensor=sensor,
+            expected=configured.sensor,
+            count=count,
+            consequence=consequence,
         )
 
 
 def _signer(identity: str | None) -> Reason:
     if identity is None:
-        return Reason(Code.SIGNER_UNKNOWN)
-    return Reason(Code.SIGNER_HUB if len(identity) == HUB_DIGITS else Code.SIGNER_SENSOR, identity=identity)
+        return Reason(SecurityCode.SIGNER_UNKNOWN)
+    return Reason(
+        SecurityCode.SIGNER_HUB if len(identity) == HUB_DIGITS else SecurityCode.SIGNER_SENSOR, identity=identity
+    )
 
 
 def open_guard(vehicle: VehicleConfig | None, key_file: Path | None, *, remembers: bool) -> Guard | None:
@@ -438,5 +451,5 @@ def open_guard(vehicle: VehicleConfig | None, key_file: Path | None, *, remember
     ledger = Ledger(counters_file(path) if remembers else None)
     guard = Guard(wheels, keys, ledger, requires=vehicle.security.policy is Policy.REQUIRE)
     if not keys:
-        guard.report(Notice("", Reason(Code.NO_KEYS, file=str(path)), Level.WARNING))
+        guard.report(Notice("", Reason(SecurityCode.NO_KEYS, file=str(path)), Level.WARNING))
     return guard

@@ -10,8 +10,9 @@ from typing import Any, Final, NamedTuple
 from gateway.core.errors import ConfigError
 from gateway.core.links.bus_frames import BusFrame, unpack
 from gateway.core.links.source import BusFrames
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.vehicle.dbc_file import message_names, only_messages
+from gateway.vehicle.reasons import VehicleCode
 from gateway.vehicle.vehicle_signals import (
     POSITION_UNITS,
     SUFFIXES,
@@ -149,7 +150,9 @@ class BusDecoder:
             return True
         if key not in self._told:
             self._told.add(key)
-            reason = Reason(Code.BUS_MESSAGE_TWICE, message=message, first=_bus_name(*first), second=_bus_name(*bus))
+            reason = Reason(
+                VehicleCode.BUS_MESSAGE_TWICE, message=message, first=_bus_name(*first), second=_bus_name(*bus)
+            )
             self._notices.append((link, reason))
         return False
 

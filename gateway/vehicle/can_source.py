@@ -15,6 +15,7 @@ from gateway.core.bounded_input import MAX_DBC_BYTES
 from gateway.core.clock import Clock, wait_until
 from gateway.core.errors import SourceError
 from gateway.core.links.bus_frames import BusFrame, pack
+from gateway.core.links.reasons import LinkCode
 from gateway.core.links.reconnect import Backoff, BriefConnections
 from gateway.core.links.source import (
     CAN_FILE_SUFFIXES,
@@ -25,10 +26,11 @@ from gateway.core.links.source import (
     Source,
     SourceAddress,
 )
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.vehicle.can_log import channel_number, frame_of, logged_frames
 from gateway.vehicle.dbc_file import read_dbc
 from gateway.vehicle.log_file import LogFile
+from gateway.vehicle.reasons import VehicleCode
 
 if TYPE_CHECKING:
     import can
@@ -159,11 +161,11 @@ class CanBusSource:
                 except Exception as error:  # likewise
                     if error_text(error) != reported:
                         reported = error_text(error)
-                        interval = Reason(Code.RETRY_INTERVAL, interval_s=self._backoff.cap_ns * 1e-9)
+                        interval = Reason(LinkCode.RETRY_INTERVAL, interval_s=self._backoff.cap_ns * 1e-9)
                         yield self._event(LinkEventKind.RETRYING, reported, (interval,))
             brief.opened(self._clock.now_ns())
             away_s = (self._clock.now_ns() - lost_ns) * 1e-9
-            yield self._event(LinkEventKind.RESTORED, details=(Reason(Code.LINK_AWAY, away_s=away_s),))
+            yield self._event(LinkEventKind.RESTORED, details=(Reason(LinkCode.LINK_AWAY, away_s=away_s),))
 
     def close(self) -> None:
         """End `items`; the bus is released by the thread that reads it."""
@@ -242,7 +244,7 @@ class CanFileSource(LogFile):
             raise SourceError(
                 f"the CAN log file '{self._path}' has no channel {self._channel}", f"Its channels are: {shown}."
             )
-        back = (Reason(Code.LOG_STEPS_BACK, count=self._back),) if self._back else ()
+        back = (Reason(VehicleCode.LOG_STEPS_BACK, count=self._back),) if self._back else ()
         yield from (replace(event, details=back) for event in self._end(last_ns, stop))
 
     def _chosen(self, frames: Iterator[BusFrame], channels: set[int | None]) -> Iterator[BusFrame]:

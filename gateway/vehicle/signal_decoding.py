@@ -9,7 +9,7 @@ from gateway.core.config.vehicle import VehicleConfig
 from gateway.core.errors import ConfigError
 from gateway.core.links.nmea_sentences import ReceiverClock, SentenceReader, can_read_sentences
 from gateway.core.links.source import BusFrames, Sentences, VehicleData
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import CoreCode, Reason
 from gateway.vehicle.bus_decoding import BusDecoder
 from gateway.vehicle.bus_signals import VehicleSignals
 from gateway.vehicle.dbc_file import read_dbc
@@ -40,11 +40,11 @@ class ReceiverDecoder:
         """Yield what is to be said of the receiver, each once."""
         if not self._is_missing_told and self._reader.sentences and not can_read_sentences():
             self._is_missing_told = True
-            yield Reason(Code.SENTENCES_UNREAD)
+            yield Reason(CoreCode.SENTENCES_UNREAD)
         ahead_s = self._clock.ahead_s
         if not self._is_clock_told and ahead_s is not None:
             self._is_clock_told = True
-            yield Reason(Code.RECEIVER_TIME, ahead_s=ahead_s)
+            yield Reason(CoreCode.RECEIVER_TIME, ahead_s=ahead_s)
 
 
 class SignalDecoder:

@@ -16,8 +16,10 @@ import numpy as np
 from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.estimates.results import Alarm, RevolutionResult
 from gateway.core.quantity import Basis
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
+from gateway.core.trust.reasons import TrustCode
 from gateway.core.trust.signal_evidence import Contradiction, Evidence, Subject
+from gateway.vehicle.reasons import VehicleCode
 from gateway.vehicle.vehicle_signals import (
     GROUND_SPEED_STD_MPS,
     RECEIVER_SIGNALS,
@@ -99,13 +101,13 @@ class VehicleJoin:
         """Return why a signal has no value: its log may be of another date than the recording."""
         span_ns, begin_ns = self.history.span_ns(key), at_ns if self._begin_ns is None else self._begin_ns
         if span_ns is None:
-            return Reason(Code.SIGNAL_MISSING)
+            return Reason(VehicleCode.SIGNAL_MISSING)
         first_ns, last_ns = span_ns
         away_ns, side = max((begin_ns - last_ns, "before"), (first_ns - at_ns, "after"))
         if away_ns < _OUTSIDE_NS:
-            return Reason(Code.SIGNAL_MISSING)
+            return Reason(VehicleCode.SIGNAL_MISSING)
         shift_s = round((begin_ns - first_ns) * 1e-9)
-        return Reason(Code.SIGNAL_OUTSIDE_RECORDING, away_s=away_ns * 1e-9, side=side, shift_s=shift_s)
+        return Reason(VehicleCode.SIGNAL_OUTSIDE_RECORDING, away_s=away_ns * 1e-9, side=side, shift_s=shift_s)
 
     def alarms(self) -> Iterator[Alarm]:
         """Yield an alarm for each contradiction that stands."""
@@ -175,23 +177,23 @@ def _mean_ratio(ratios: deque[float] | None, signal: VehicleSignal) -> _Ratio | 
 
 def _rotation(ratio: _Ratio, error: float, rate_hz: float) -> Contradiction:
     """Return the contradiction of the car's rotation to the wheel's."""
-    causes = [Reason(Code.RATE_WOULD_FIT, rate_hz=ratio.value * rate_hz, stated_hz=rate_hz)]
+    causes = [Reason(TrustCode.RATE_WOULD_FIT, rate_hz=ratio.value * rate_hz, stated_hz=rate_hz)]
     missed = next(
         (every for every in _MISSED_CONTACTS if abs(ratio.value / every - 1.0) <= _CONTRADICTION * error), None
     )
     if missed is not None:
-        causes.append(Reason(Code.CONTACTS_MISSED, every=missed))
-    reason = Reason(Code.WHEEL_SPEED_CONTRADICTED, ratio=ratio.value, std=error, causes=tuple(causes))
+        causes.append(Reason(TrustCode.CONTACTS_MISSED, every=missed))
+    reason = Reason(VehicleCode.WHEEL_SPEED_CONTRADICTED, ratio=ratio.value, std=error, causes=tuple(causes))
     return Contradiction(Subject.WHEEL_SPEED, reason, {Basis.RATE: ratio.value})
 
 
 def _speed(ratio: _Ratio, error: float, result: RevolutionResult, *, rate_holds: bool) -> Contradiction:
     """Return the contradiction of the car's speed to that of the wheel, the likeliest cause first."""
     stated_m, rate_hz = result.conditions.radius_m, result.revolution.rate_hz
-    causes = [Reason(Code.RADIUS_WOULD_FIT, radius_m=stated_m * ratio.value, stated_m=stated_m)]
+    causes = [Reason(TrustCode.RADIUS_WOULD_FIT, radius_m=stated_m * ratio.value, stated_m=stated_m)]
     ratios: Mapping[Basis, float] = {Basis.RADIUS: ratio.value}
     if not rate_holds:
-        causes.append(Reason(Code.RATE_WOULD_FIT, rate_hz=ratio.value * rate_hz, stated_hz=rate_hz))
+        causes.append(Reason(TrustCode.RATE_WOULD_FIT, rate_hz=ratio.value * rate_hz, stated_hz=rate_hz))
         ratios = {Basis.RADIUS: ratio.value, Basis.RATE: ratio.value}
-    reason = Reason(Code.VEHICLE_SPEED_CONTRADICTED, ratio=ratio.value, std=error, causes=tuple(causes))
+    reason = Reason(VehicleCode.VEHICLE_SPEED_CONTRADICTED, ratio=ratio.value, std=error, causes=tuple(causes))
     return Contradiction(Subject.VEHICLE_SPEED, reason, dict(ratios))

@@ -14,7 +14,8 @@ from gateway.api.column_table import METADATA_KEY, unit_of
 from gateway.api.estimate_tables import Alarms, EstimateRows
 from gateway.api.signal_tables import AngleWaveforms, AverageWaveform, Environment, OrderSpectra, Revolutions, Samples
 from gateway.core.estimates.results import AlarmRecord
-from gateway.core.reasons import Code, Reason
+from gateway.core.links.reasons import LinkCode
+from gateway.core.reasons import Reason
 
 TABLES = ("samples", "environment", "revolutions", "angle", "average", "orders")
 
@@ -153,7 +154,7 @@ def test_average_of_nothing_is_none():
 
 
 def test_alarms_have_words_and_times():
-    reason = Reason(Code.LINK_DISCONNECTED)
+    reason = Reason(LinkCode.LINK_DISCONNECTED)
     record = AlarmRecord("<b>FL", "link", reason, count=2, total_s=3.5, first_s=1.0, last_s=6.0, is_standing=True)
     table = Alarms.of([record], recording="drive.mcap")
     assert table.total_s.tolist() == [3.5]

@@ -13,12 +13,14 @@ from gateway.compare.views.drive_page import drive_page
 from gateway.compare.views.drive_pictures import begin_ns, drawn_quantities, lines_of, pictures_json
 from gateway.compare.views.drive_verdict import verdict
 from gateway.core.estimates.estimator import Estimate, Status
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.results import AlarmRecord
-from gateway.core.reasons import Code, Notice, Reason
+from gateway.core.links.reasons import LinkCode
+from gateway.core.reasons import Notice, Reason
 from gateway.core.recording.mcap_layout import JSON_ENCODING, MARKS_TOPIC, ChannelInfo, RecordedMessage
 
 HOSTILE = "<script>alert('x')</script>\x1b[2J"
-DOUBT = Reason(Code.NEEDS_LOAD)
+DOUBT = Reason(EstimateCode.NEEDS_LOAD)
 
 
 def data_of(page: str) -> dict:
@@ -120,7 +122,7 @@ def test_no_line_is_drawn_through_a_silence(made, revolutions, silent_after):
 
 
 def test_page_and_terminal_say_the_same_of_a_distance_that_was_bridged(made):
-    bridged = Reason(Code.DISTANCE_BRIDGED, duration_s=35.0, distance_m=833.0, std_m=180.0)
+    bridged = Reason(EstimateCode.DISTANCE_BRIDGED, duration_s=35.0, distance_m=833.0, std_m=180.0)
     page = drive_page([with_silence(made, 50, 20, reason=bridged)])
     assert re.search(r">distance</th><td class=\"n\">98 ± 12 m ~<", page)
     assert "FL, distance: 35.0 s without revolutions bridged at the mean speed: 833.0 m ± 180.0 m" in page
@@ -151,7 +153,7 @@ def test_a_drive_without_trouble_has_nothing_to_act_on(make_drive):
 
 def test_what_stands_at_the_end_is_acted_on_and_what_has_ended_is_told(make_drive):
     drive = make_drive(21)
-    reason = Reason(Code.QUOTED_TEXT, text="171.0 kPa is below 180.0 kPa")
+    reason = Reason(LinkCode.QUOTED_TEXT, text="171.0 kPa is below 180.0 kPa")
     ended = AlarmRecord("FL", "pressure", reason, 2, 0.7, 0.4, 1.5, is_standing=False)
     standing = AlarmRecord("FL", "silent", reason, 1, 0.5, 1.0, 2.0, is_standing=True)
     drive.finish((), (ended, standing), (Notice("FL", DOUBT),))

@@ -10,9 +10,10 @@ import pytest
 from gateway.console.screen import ConsoleApp
 from gateway.core.errors import RecordingError
 from gateway.core.estimates.results import Alarm, AlarmRecord
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
+from gateway.core.session.reasons import SessionCode
 
-LOAD = Reason(Code.LOAD_ABOVE_LIMIT, load_n=6000.0, limit_n=5000.0)
+LOAD = Reason(SessionCode.LOAD_ABOVE_LIMIT, load_n=6000.0, limit_n=5000.0)
 
 SIZES = [(80, 24), (120, 40), (200, 60)]
 
@@ -338,7 +339,7 @@ SCRIPT = textwrap.dedent(
     from gateway.core.reasons import Code, Notice, Reason
     from gateway.console.screen import run_console
 
-    LOAD = Reason(Code.LOAD_ABOVE_LIMIT, load_n=6000.0, limit_n=5000.0)
+    LOAD = Reason(SessionCode.LOAD_ABOVE_LIMIT, load_n=6000.0, limit_n=5000.0)
 
     class Session:
         calls = 0

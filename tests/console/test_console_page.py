@@ -8,14 +8,17 @@ from gateway.console.styled_rows import Role, row_width
 from gateway.console.waveform import Zoom
 from gateway.console.wheel_panel import _grid
 from gateway.core.estimates.estimator import Estimate, Status
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.results import Silence, SilentPart, WheelCounters, WheelSnapshot, WheelState
-from gateway.core.reasons import Code, Notice, Reason
+from gateway.core.links.reasons import LinkCode
+from gateway.core.reasons import Notice, Reason
+from gateway.core.session.reasons import SessionCode
 
 SIZES = [(80, 24), (120, 40), (200, 60)]
 
 
 def quoted(text):
-    return Reason(Code.QUOTED_TEXT, text=text)
+    return Reason(LinkCode.QUOTED_TEXT, text=text)
 
 
 def page(snapshot, size=(80, 24), view=None, live=None):
@@ -115,7 +118,7 @@ def test_standstill_shows_values_with_their_age(made, size):
 
 
 def silent(made, position="FL", age_s=20.0, part=SilentPart.HUB, **changes):
-    code = {SilentPart.HUB: Code.HUB_OF_WHEEL_SILENT, SilentPart.SAMPLES: Code.SAMPLES_SILENT}[part]
+    code = {SilentPart.HUB: SessionCode.HUB_OF_WHEEL_SILENT, SilentPart.SAMPLES: SessionCode.SAMPLES_SILENT}[part]
     silence = Silence(part, age_s, Reason(code, silence_s=age_s))
     return made.wheel(position, state=WheelState.SILENT, silences=(silence,), **changes)
 
@@ -146,7 +149,7 @@ def test_dead_wheel_is_told_from_its_living_neighbours(made, size):
 
 @pytest.mark.parametrize("size", SIZES)
 def test_old_pressure_is_shown_with_its_age(made, size):
-    old = Silence(SilentPart.ENVIRONMENT, 12.0, Reason(Code.ENVIRONMENT_SILENT, silence_s=12.0))
+    old = Silence(SilentPart.ENVIRONMENT, 12.0, Reason(SessionCode.ENVIRONMENT_SILENT, silence_s=12.0))
     text = "\n".join(page(made.snapshot([made.wheel("FL", silences=(old,))]), size))
     assert "1/1 rolling" in text
     assert "210.0 kPa (12 s old)" in text
@@ -155,7 +158,7 @@ def test_old_pressure_is_shown_with_its_age(made, size):
 
 
 def test_sensor_never_heard_says_for_how_long(made):
-    never = Silence(SilentPart.SENSOR, 12.0, Reason(Code.SENSOR_NEVER_HEARD, silence_s=12.0))
+    never = Silence(SilentPart.SENSOR, 12.0, Reason(SessionCode.SENSOR_NEVER_HEARD, silence_s=12.0))
     text = "\n".join(page(made.snapshot([WheelSnapshot("FL", silences=(never,)), "FR"])))
     assert "nothing received from its sensor in 12 s" in text
 
@@ -192,7 +195,7 @@ def test_ratios_stand_under_their_numerators_in_the_overview(made):
 @pytest.mark.parametrize(("status", "mark"), [(Status.PROVISIONAL, "~"), (Status.INVALID, "x")])
 def test_status_is_a_mark_with_a_reason(made, size, status, mark):
     wheel = made.wheel(
-        "FL", result={"status": status, "reasons": (Reason(Code.NOT_SETTLED, revolutions=3.0, needed=8.0),)}
+        "FL", result={"status": status, "reasons": (Reason(EstimateCode.NOT_SETTLED, revolutions=3.0, needed=8.0),)}
     )
     rows = page(made.snapshot([wheel]), size)
     assert row_with(rows, f"{mark} settling: 3 of 8")
@@ -221,7 +224,7 @@ def test_failed_link_is_listed_first_with_reason(made, size):
 def test_link_that_is_down_has_an_age_unless_it_has_ended(made, size):
     link = dataclasses.replace(made.link("sim:far"), connected=False, silent_s=12.0, note=quoted("unplugged"))
     assert "DOWN 12 s" in row_with(page(made.snapshot(links=(link,)), size), "sim:far")
-    ended = dataclasses.replace(link, note=Reason(Code.LINK_ENDED))
+    ended = dataclasses.replace(link, note=Reason(LinkCode.LINK_ENDED))
     assert "DOWN 12 s" not in row_with(page(made.snapshot(links=(ended,)), size), "sim:far")
 
 

@@ -12,7 +12,8 @@ import gateway
 from gateway.core.config.vehicle import parse_vehicle
 from gateway.core.constants import AXIS_NAMES, STANDARD_GRAVITY_MPS2
 from gateway.core.errors import RecordingError
-from gateway.core.reasons import Code, Reason
+from gateway.core.estimates.reasons import EstimateCode
+from gateway.core.reasons import CoreCode, Reason
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.writer import RecordingWriter
 from gateway.core.session.recording_pass import RecordingPass, open_recording
@@ -20,13 +21,14 @@ from gateway.core.text.wording import text
 from gateway.core.worker_pool import Workers
 from gateway.diagnosis.campaign import MAX_GROUPS, SPARE, read_campaign, read_usable
 from gateway.diagnosis.data.group_statistics import CUT_OFF, FEW
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.importing.import_map import load_map, parse_map
 from gateway.importing.importer import import_file
 from tests.testkit.campaign_recordings import START_NS, write_recording
 
 MEASURED = Path(__file__).parents[2] / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
 MAP = Path(__file__).parents[2] / "examples" / "innerliner_drum_80kmh.map.toml"
-LOST = Reason(Code.SAMPLES_LOST)
+LOST = Reason(EstimateCode.SAMPLES_LOST)
 AT_60 = "[motion]\nspeed_kmh = 60.0"
 AT_90 = "[motion]\nspeed_kmh = 90.0"
 LIGHT = "load_n = 3500.0\npressure_kpa = 240.0\ntemperature_degc = 40.0"
@@ -163,7 +165,7 @@ class TestSeveral:
     def test_overlapping_recordings_are_sequenced(self, slow, folder):
         again = write_recording(folder / "again.mcap", AT_60, seed=5)
         campaign = read_campaign([slow, again])
-        assert campaign.notes[0] == Reason(Code.RECORDING_ORDER_UNKNOWN)
+        assert campaign.notes[0] == Reason(DiagnosisCode.RECORDING_ORDER_UNKNOWN)
         assert campaign.states == 1
         assert campaign.groups[1].conditions.time_s > campaign.groups[0].blocks[-1].conditions.time_s
 
@@ -195,8 +197,8 @@ class TestWheels:
         path = write_recording(folder / "bare.mcap", AT_60, configured=False, duration_s=16.0)
         campaign = read_campaign([path])
         assert campaign.wheel == "hub0.wheel0"
-        assert Reason(Code.ASSUMED_RADIUS, radius_m=0.32) in campaign.assumed
-        assert Reason(Code.ASSUMED_LOAD, load_n=4000.0) in campaign.assumed
+        assert Reason(CoreCode.ASSUMED_RADIUS, radius_m=0.32) in campaign.assumed
+        assert Reason(DiagnosisCode.ASSUMED_LOAD, load_n=4000.0) in campaign.assumed
         assert not campaign.groups[0].load_known
         assert campaign.groups[0].pressure_known  # the sensor tells it
         assert math.isfinite(campaign.clock_error[0])
@@ -216,7 +218,9 @@ class TestConditions:
         assert min(counts) >= 4
         assert len(counts) > 5
         assert campaign.rejected.get(FEW, 0) > 0
-        assert Reason(Code.REVOLUTIONS_LEFT_OUT, revolutions=campaign.rejected[FEW], reason=FEW) in campaign.notes
+        assert (
+            Reason(DiagnosisCode.REVOLUTIONS_LEFT_OUT, revolutions=campaign.rejected[FEW], reason=FEW) in campaign.notes
+        )
         for group in campaign.groups:
             speeds = [block.conditions.omega_radps for block in group.blocks]
             assert max(speeds) / min(speeds) < 1.031
@@ -229,7 +233,10 @@ class TestConditions:
         campaign = read_campaign([write_recording(folder / "drive.mcap", tables, duration_s=28.0)])
         assert len(campaign.groups) == MAX_GROUPS
         assert campaign.rejected[SPARE] > 20
-        assert Reason(Code.REVOLUTIONS_LEFT_OUT, revolutions=campaign.rejected[SPARE], reason=SPARE) in campaign.notes
+        assert (
+            Reason(DiagnosisCode.REVOLUTIONS_LEFT_OUT, revolutions=campaign.rejected[SPARE], reason=SPARE)
+            in campaign.notes
+        )
         speeds = [3.6 * 0.32 * group.conditions.omega_radps for group in campaign.groups]
         assert min(speeds) < 45
         assert max(speeds) > 88
@@ -295,7 +302,7 @@ class TestRepetition:
         used, refused = read_usable([slow, copy], "W0")
         assert len(used) == 1
         assert {number: (why.code, why["other"]) for number, why in refused.items()} == {
-            1: (Code.RECORDING_REPEATS, str(slow))
+            1: (DiagnosisCode.RECORDING_REPEATS, str(slow))
         }
 
     def test_another_drive_at_the_same_speed_is_no_repetition(self, folder, slow):
@@ -330,7 +337,8 @@ class TestSensors:
         assert np.isnan(campaign.groups[0].blocks[0].orders_mps2[1]).all()
         assert np.isfinite(campaign.groups[0].blocks[0].orders_mps2[[0, 2]]).all()
         assert any(
-            note["recording"] == "dead.mcap" and note["reason"].code is Code.AXIS_CONSTANT for note in campaign.notes
+            note["recording"] == "dead.mcap" and note["reason"].code is DiagnosisCode.AXIS_CONSTANT
+            for note in campaign.notes
         )
 
     def test_only_the_radial_axis_is_kept_where_gravity_is_elsewhere(self, folder):
@@ -340,9 +348,9 @@ class TestSensors:
         assert np.isnan(group.blocks[0].orders_mps2[:2]).all()
         assert np.isfinite(group.blocks[0].orders_mps2[2]).all()
         assert not group.sensor_doubted
-        codes = [note["reason"].code for note in campaign.notes if note.code is Code.ABOUT_RECORDING]
-        assert Code.AXES_LEFT_OUT in codes
-        assert Code.SENSOR_ALARM in codes
+        codes = [note["reason"].code for note in campaign.notes if note.code is DiagnosisCode.ABOUT_RECORDING]
+        assert DiagnosisCode.AXES_LEFT_OUT in codes
+        assert DiagnosisCode.SENSOR_ALARM in codes
 
     def test_clipped_revolutions_are_used_if_all_are(self, folder):
         """Up to 140 g at 60 km/h are cut at 95 g."""
@@ -362,7 +370,7 @@ class TestSensors:
         campaign = read_campaign([path])
         assert 0 < campaign.rejected[CUT_OFF] < 0.3 * len(peaks)
         assert CUT_OFF not in loud.rejected
-        assert all(text(Reason(Code.RADIAL_SATURATED)) not in reason for reason in campaign.rejected)
+        assert all(text(Reason(EstimateCode.RADIAL_SATURATED)) not in reason for reason in campaign.rejected)
 
 
 def measurement(folder: Path, name: str, bridged: bool) -> Path:
@@ -393,7 +401,7 @@ def measurement(folder: Path, name: str, bridged: bool) -> Path:
 
 
 def remarks(campaign):
-    return [note["reason"] for note in campaign.notes if note.code is Code.ABOUT_RECORDING]
+    return [note["reason"] for note in campaign.notes if note.code is DiagnosisCode.ABOUT_RECORDING]
 
 
 def test_revolutions_with_bridged_gaps_are_left_out_as_those_with_gaps(tmp_path):
@@ -401,14 +409,14 @@ def test_revolutions_with_bridged_gaps_are_left_out_as_those_with_gaps(tmp_path)
     bridged = read_campaign([measurement(tmp_path, "bridged", bridged=True)])
     assert lost.rejected[LOST] > 20
     assert bridged.rejected == lost.rejected
-    assert Code.SAMPLES_BRIDGED not in [reason.code for reason in remarks(bridged)]
+    assert DiagnosisCode.SAMPLES_BRIDGED not in [reason.code for reason in remarks(bridged)]
 
 
 def test_bridged_gaps_in_a_recording_are_reported(tmp_path, monkeypatch):
     monkeypatch.setattr("gateway.importing.importer._bridges", lambda _: (np.empty((0, 2), dtype=int), ()))
     campaign = read_campaign([measurement(tmp_path, "bridged", bridged=True)])
     (note,) = remarks(campaign)
-    assert note.code is Code.SAMPLES_BRIDGED
+    assert note.code is DiagnosisCode.SAMPLES_BRIDGED
     assert note["lines"] > 25
     assert note["samples"] == pytest.approx(40 * note["lines"], rel=0.05)
 

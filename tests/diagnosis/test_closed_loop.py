@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from gateway.core.errors import TreadlinkError
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import CoreCode, Reason
 from gateway.core.revolutions.effect_correction import CorrectedEffect, CorrectionTable, EffectParameter
+from gateway.core.revolutions.reasons import RevolutionCode
 from gateway.core.types import FloatArray
 from gateway.diagnosis import closed_loop
 from gateway.diagnosis.closed_loop import diagnose
@@ -22,6 +23,7 @@ from gateway.diagnosis.effects.catalogue import catalogue
 from gateway.diagnosis.effects.effect import CIRCUMFERENTIAL, LATERAL, GroupConditions
 from gateway.diagnosis.effects.sensor_response import Gain
 from gateway.diagnosis.model.exact_baseline import ExactCore
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.result import Diagnosis, Verdict
 from gateway.diagnosis.self_test import self_test, simulated
 from gateway.diagnosis.transfer import Transfer, transfer
@@ -68,7 +70,7 @@ def test_plug_in_effect_that_fails_is_left_out(
     monkeypatch.setattr(closed_loop, "plugin_effects", lambda: frozenset({"failing"}))
     diagnosis = diagnose(campaign_of(ONE_SPEED, nothing))
     assert calls
-    assert diagnosis.notes[0].code is Code.PLUGIN_EFFECTS_LEFT_OUT
+    assert diagnosis.notes[0].code is DiagnosisCode.PLUGIN_EFFECTS_LEFT_OUT
     assert diagnosis.notes[0]["effects"] == "failing"
     assert type(error).__name__ in str(diagnosis.notes[0]["error"])
     assert "failing" not in {finding.name for finding in diagnosis.findings}
@@ -172,7 +174,7 @@ def test_undecided_effects_widen_the_estimates() -> None:
     diagnosis = diagnose(campaign_of(ONE_SPEED, larger_belt))
     open_ = [finding for finding in diagnosis.findings if finding.verdict is Verdict.INDISTINGUISHABLE]
     assert {finding.name for finding in open_} == {"rolling radius", "sample clock error"}
-    assert all(finding.decide_with == Reason(Code.RECORD_LIVE) for finding in open_)
+    assert all(finding.decide_with == Reason(DiagnosisCode.RECORD_LIVE) for finding in open_)
     cw = diagnosis.estimates_after["Cw"]
     assert cw.value == pytest.approx(0.21, abs=2.0 * cw.std)
 
@@ -192,14 +194,14 @@ def test_estimates_before_are_judged_by_themselves() -> None:
 def test_expired_budget_reports_what_is_known() -> None:
     diagnosis = diagnose(campaign_of(ONE_SPEED, turned(LATERAL, 0.03), axes=ALL_AXES), expired=lambda: True)
     assert not diagnosis.complete
-    (note,) = [note for note in diagnosis.notes if note.code is Code.SEARCH_ENDED_EARLY]
+    (note,) = [note for note in diagnosis.notes if note.code is DiagnosisCode.SEARCH_ENDED_EARLY]
     assert int(str(note["sets"])) >= 1
     assert int(str(note["untried"])) > 0
     assert not diagnosis.named
     assert diagnosis.estimates_after["Cw"].std > 0.0
     assert diagnosis.held_out.folds == 5
     # A tilt of 1.7 deg is left unexplained: what moves the lateral axis may move the numbers.
-    assert Code.LEFT_WHEN_ENDED in [note.code for note in diagnosis.notes]
+    assert DiagnosisCode.LEFT_WHEN_ENDED in [note.code for note in diagnosis.notes]
     assert not any(diagnosis.determined.values())
     assert not any(diagnosis.determined_before.values())
 
@@ -332,11 +334,11 @@ def test_value_within_its_error_of_the_range_is_taken() -> None:
 def test_effects_of_another_tire_are_said_to_enlarge_the_error() -> None:
     wrong = with_roll(-ROLL_RAD)
     assert wrong.held_out.rms_after_mps2 > 1.5 * wrong.held_out.rms_before_mps2
-    assert wrong.notes[0].code is Code.EFFECTS_ENLARGE_ERROR
+    assert wrong.notes[0].code is DiagnosisCode.EFFECTS_ENLARGE_ERROR
     line = next(line for line in transfer_lines(wrong, "fl.json") if line.startswith("  note"))
     before, after = wrong.held_out.rms_before_mps2, wrong.held_out.rms_after_mps2
     assert f"the effects make the error larger ({before:.3g} -> {after:.3g} m/s²)" in line
-    assert Code.EFFECTS_ENLARGE_ERROR not in [note.code for note in with_roll(ROLL_RAD).notes]
+    assert DiagnosisCode.EFFECTS_ENLARGE_ERROR not in [note.code for note in with_roll(ROLL_RAD).notes]
 
 
 def test_what_differs_is_noted() -> None:
@@ -352,11 +354,11 @@ def test_what_differs_is_noted() -> None:
     )
     noted = transfer(stated, other)
     assert [note.code for note in noted.notes[:5]] == [
-        Code.EFFECTS_OF_OTHER_SENSOR,
-        Code.EFFECTS_OF_OTHER_VEHICLE,
-        Code.EFFECTS_OF_OTHER_TIRE,
-        Code.EFFECTS_OF_OTHER_RADIUS,
-        Code.EFFECTS_OF_OTHER_OFFSET,
+        CoreCode.EFFECTS_OF_OTHER_SENSOR,
+        RevolutionCode.EFFECTS_OF_OTHER_VEHICLE,
+        RevolutionCode.EFFECTS_OF_OTHER_TIRE,
+        CoreCode.EFFECTS_OF_OTHER_RADIUS,
+        CoreCode.EFFECTS_OF_OTHER_OFFSET,
     ]
     lines = [line for line in transfer_lines(noted, "fl.json") if line.startswith("  note")]
     assert "found on sensor 0000b002, but this is sensor 0000b001" in lines[0]

@@ -22,6 +22,7 @@ from gateway.diagnosis.effects.angle_orders import ORDERS
 from gateway.diagnosis.effects.catalogue import candidates, catalogue
 from gateway.diagnosis.effects.effect import BaselineModel, ScatterEffect
 from gateway.diagnosis.model.baseline_registry import angle_effects
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.remainder.contact_edge_jitter import edge_findings
 from gateway.diagnosis.result import Verdict
 from tests.diagnosis.belt_data import CONDITIONS, OMEGA, RADIUS_M, THETA, block_of
@@ -235,7 +236,7 @@ def test_weak_jitter_has_a_probability_but_no_name() -> None:
     assert result.verdict is Verdict.REFUSED
     assert criteria.LISTED < result.probability < criteria.NAMED
     assert result.reason is not None
-    assert result.reason.code is Code.PROBABILITY_TOO_LOW
+    assert result.reason.code is DiagnosisCode.PROBABILITY_TOO_LOW
 
 
 def test_no_finding_without_evidence() -> None:
@@ -254,9 +255,9 @@ def test_one_unsteady_stretch_is_no_jitter() -> None:
 @pytest.mark.parametrize(
     ("groups", "why"),
     [
-        ([group(timing(0.5)), group(timing(0.0)), group(timing(0.5))], Code.SIZE_DIFFERS_BETWEEN_RECORDINGS),
-        ([group(timing(0.5, left=60.0))], Code.LEAVES_RESIDUAL_AT_EDGES),
-        ([group(timing(40.0))], Code.IMPLAUSIBLE_PARAMETER),
+        ([group(timing(0.5)), group(timing(0.0)), group(timing(0.5))], DiagnosisCode.SIZE_DIFFERS_BETWEEN_RECORDINGS),
+        ([group(timing(0.5, left=60.0))], DiagnosisCode.LEAVES_RESIDUAL_AT_EDGES),
+        ([group(timing(40.0))], DiagnosisCode.IMPLAUSIBLE_PARAMETER),
     ],
 )
 def test_failed_acceptance_test_is_refused(groups: list[Group], why: Code) -> None:

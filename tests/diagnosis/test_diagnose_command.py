@@ -10,7 +10,7 @@ import pytest
 
 from gateway.core.clock import ManualClock
 from gateway.core.errors import OutputError, TreadlinkError
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.recording.file_content import check_distinct
 from gateway.core.revolutions.effect_correction import CorrectedEffect, CorrectionTable, EffectParameter
 from gateway.diagnosis import campaign_diagnosis
@@ -18,6 +18,7 @@ from gateway.diagnosis.closed_loop import SEARCHED
 from gateway.diagnosis.data.campaign_data import Campaign
 from gateway.diagnosis.effects.effect import BaselineModel
 from gateway.diagnosis.effects_file import effects_text, load_effects
+from gateway.diagnosis.reasons import DiagnosisCode
 from tests.testkit.campaign_recordings import write_recording
 from tests.testkit.commands import invoked
 from tests.testkit.diagnosis_data import empty, ordinary, undrawn
@@ -127,15 +128,15 @@ def test_budget_counts_reading_and_says_how_long_each_part_took(monkeypatch, rec
         expired.append(options["expired"]())
         options["on_progress"](SEARCHED, "computing held-out errors")
         clock.advance_ns(10**9)
-        return replace(undrawn(), complete=False, notes=(Reason(Code.SEARCH_ENDED_EARLY, sets=2, untried=30),))
+        return replace(undrawn(), complete=False, notes=(Reason(DiagnosisCode.SEARCH_ENDED_EARLY, sets=2, untried=30),))
 
     monkeypatch.setattr(campaign_diagnosis, "read_campaign", read)
     monkeypatch.setattr(campaign_diagnosis, "diagnose", diagnose)
     result = campaign_diagnosis.diagnose_recordings([recording], budget_s=5.0, clock=clock)
     assert expired == [False, True]
     early, spent, *_ = result.notes
-    assert early.code is Code.SEARCH_ENDED_EARLY
-    assert (spent.code, spent["limit_s"]) == (Code.TIME_LIMIT_SPENT, 5.0)
+    assert early.code is DiagnosisCode.SEARCH_ENDED_EARLY
+    assert (spent.code, spent["limit_s"]) == (DiagnosisCode.TIME_LIMIT_SPENT, 5.0)
     assert (spent["reading_s"], spent["search_s"], spent["after_s"]) == pytest.approx((3.0, 2.0, 1.0))
     assert campaign_diagnosis.diagnose_recordings([recording], clock=clock).notes == (early,)
 

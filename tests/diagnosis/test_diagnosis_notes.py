@@ -2,10 +2,11 @@
 
 import pytest
 
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.diagnosis.closed_loop import _notes
 from gateway.diagnosis.effects.effect import BaselineModel
 from gateway.diagnosis.model.baseline_registry import make_core
+from gateway.diagnosis.reasons import DiagnosisCode
 from tests.diagnosis.planted_campaign import TWO_SPEEDS, campaign_of
 
 
@@ -13,6 +14,6 @@ from tests.diagnosis.planted_campaign import TWO_SPEEDS, campaign_of
 def test_model_without_mean_is_noted(model):
     notes = _notes(campaign_of(TWO_SPEEDS), with_mean=make_core(model).mean)
     if model is BaselineModel.PAPER:
-        assert notes == (Reason(Code.MEANS_NOT_COMPARED),)
+        assert notes == (Reason(DiagnosisCode.MEANS_NOT_COMPARED),)
     else:
         assert notes == ()

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from gateway.core.config.vehicle import parse_vehicle
 from gateway.core.errors import ConfigError
 from gateway.core.estimates.wheel_setup import CorrectedEffect, CorrectionTable, EffectParameter
-from gateway.core.reasons import Code
+from gateway.core.revolutions.reasons import RevolutionCode
 from gateway.core.session.corrections import check_effects, effects_doubts, effects_notices
 from gateway.diagnosis.effects_file import effects_text, load_effects
 
@@ -196,8 +196,8 @@ class TestBelonging:
         check_effects((TABLE,), other)
         doubts = effects_doubts((TABLE,), other)
         assert [doubt.reason.code for doubt in doubts] == [
-            Code.EFFECTS_OF_OTHER_VEHICLE,
-            Code.EFFECTS_OF_OTHER_TIRE,
+            RevolutionCode.EFFECTS_OF_OTHER_VEHICLE,
+            RevolutionCode.EFFECTS_OF_OTHER_TIRE,
         ]
         assert {doubt.subject for doubt in doubts} == {"FL"}
         assert effects_notices((TABLE,), other)[1:] == doubts

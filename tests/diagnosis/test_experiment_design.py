@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.types import FloatArray
 from gateway.diagnosis.angle.fit import Fit
 from gateway.diagnosis.effects.effect import (
@@ -17,6 +17,7 @@ from gateway.diagnosis.effects.effect import (
     GroupConditions,
     ModelledBlock,
 )
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.report.experiment_design import NOTHING, deciding_recording
 from tests.diagnosis.planted_campaign import (
     ALL_AXES,
@@ -46,23 +47,23 @@ from tests.diagnosis.planted_campaign import (
 OMEGA = conditions().omega_radps
 NOISY = 7.0
 SPEED_SQUARED: Callable[[GroupConditions], float] = lambda group_conditions: (group_conditions.omega_radps / OMEGA) ** 2  # noqa: E731
-SLOWER = Reason(Code.RECORD_AT_SPEED, speed_ratio=0.25)
-FASTER = Reason(Code.RECORD_AT_SPEED, speed_ratio=1.5)
-REVERSED = Reason(Code.RECORD_REVERSED)
-WARMER = Reason(Code.RECORD_WARMER, difference_k=20.0)
+SLOWER = Reason(DiagnosisCode.RECORD_AT_SPEED, speed_ratio=0.25)
+FASTER = Reason(DiagnosisCode.RECORD_AT_SPEED, speed_ratio=1.5)
+REVERSED = Reason(DiagnosisCode.RECORD_REVERSED)
+WARMER = Reason(DiagnosisCode.RECORD_WARMER, difference_k=20.0)
 CASES: list[tuple[Callable[[GroupConditions], float], Reason]] = [
     # At a quarter of the speed it vanishes; a true effect is largest at the highest speed.
     (SPEED_SQUARED, SLOWER),
     (
         lambda group_conditions: 1.0 if group_conditions.omega_radps != 0.6 * OMEGA else -3.0,
-        Reason(Code.RECORD_AT_SPEED, speed_ratio=0.6),
+        Reason(DiagnosisCode.RECORD_AT_SPEED, speed_ratio=0.6),
     ),
     (lambda group_conditions: -1.0 if group_conditions.reverse else 1.0, REVERSED),
     (lambda group_conditions: (group_conditions.temperature_degc - 5.0) / 20.0, WARMER),
-    (lambda group_conditions: group_conditions.load_n / LOAD_N, Reason(Code.RECORD_AT_LOAD, load_ratio=1.4)),
+    (lambda group_conditions: group_conditions.load_n / LOAD_N, Reason(DiagnosisCode.RECORD_AT_LOAD, load_ratio=1.4)),
     (
         lambda group_conditions: group_conditions.pressure_pa / PRESSURE_PA,
-        Reason(Code.RECORD_AT_PRESSURE, pressure_ratio=0.7),
+        Reason(DiagnosisCode.RECORD_AT_PRESSURE, pressure_ratio=0.7),
     ),
 ]
 
@@ -131,7 +132,7 @@ def test_clock_error_needs_another_clock(plant: Plant, name: str, rival: str) ->
     effects = among(name, rival)
     fit, _ = fitted(campaign_of(ONE_SPEED, plant), effects[name])
     result = deciding_recording(fit, effects[name], effects[rival])
-    assert result == Reason(Code.RECORD_LIVE)
+    assert result == Reason(DiagnosisCode.RECORD_LIVE)
 
 
 @pytest.mark.parametrize(

@@ -6,25 +6,26 @@ from typing import Any, cast
 
 import pytest
 
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.diagnosis.effects.catalogue import catalogue
 from gateway.diagnosis.model.closure_model import AngleEffect
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.report import findings
 from gateway.diagnosis.report.experiment_design import deciding_recording
 
-AGAIN = Reason(Code.RECORD_AT_SPEED, speed_ratio=1.5)
+AGAIN = Reason(DiagnosisCode.RECORD_AT_SPEED, speed_ratio=1.5)
 
 
 def against(confounder: str) -> Reason:
-    return Reason(Code.DECIDES_AGAINST, effect=confounder, recording=AGAIN)
+    return Reason(DiagnosisCode.DECIDES_AGAINST, effect=confounder, recording=AGAIN)
 
 
 @pytest.mark.parametrize(
     ("std", "recording"),
     [
-        (math.nan, Reason(Code.RECORD_LIVE)),
-        (9e-5, Reason(Code.RECORD_LIVE_FOR_LONGER, clock_std=9e-5)),
-        (2e-6, Reason(Code.COMPARE_CLOCK, host_clock=5e-5)),
+        (math.nan, Reason(DiagnosisCode.RECORD_LIVE)),
+        (9e-5, Reason(DiagnosisCode.RECORD_LIVE_FOR_LONGER, clock_std=9e-5)),
+        (2e-6, Reason(DiagnosisCode.COMPARE_CLOCK, host_clock=5e-5)),
     ],
 )
 @pytest.mark.parametrize("names", [("rolling radius", "sample clock error"), ("sample clock error", "gain")])

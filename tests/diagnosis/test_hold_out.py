@@ -7,7 +7,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gateway.core.reasons import Code
 from gateway.core.types import FloatArray
 from gateway.diagnosis.angle.fit import Fit
 from gateway.diagnosis.angle.residual import group_residuals
@@ -15,6 +14,7 @@ from gateway.diagnosis.data.campaign_data import Campaign
 from gateway.diagnosis.data.revolution_orders import waveform_orders
 from gateway.diagnosis.effects.angle_orders import ORDERS
 from gateway.diagnosis.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL, GroupConditions
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.report.hold_out import HeldOutErrors, alignment_note, hold_out, jackknife
 from gateway.diagnosis.search.set_search import baseline_fit
 from tests.diagnosis.planted_campaign import (
@@ -221,7 +221,7 @@ def test_error_is_given_without_alignment_too() -> None:
     assert recorded.rms_before_mps2 == recorded.rms_after_mps2
     assert (recorded.revolutions, recorded.parameters) == (BLOCKS * REVOLUTIONS, 4 * BLOCKS * REVOLUTIONS)
     (note,) = alignment_note(summary)
-    assert (note.code, note["after_mps2"]) == (Code.EDGES_ALIGNED, recorded.rms_after_mps2)
+    assert (note.code, note["after_mps2"]) == (DiagnosisCode.EDGES_ALIGNED, recorded.rms_after_mps2)
 
 
 def test_every_block_has_its_error() -> None:

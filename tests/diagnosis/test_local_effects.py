@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from gateway.core.errors import TreadlinkError
-from gateway.core.reasons import Code
 from gateway.core.types import ComplexArray, FloatArray
 from gateway.diagnosis.closed_loop import diagnose
 from gateway.diagnosis.effects.axis_errors import CrossAxis
@@ -27,6 +26,7 @@ from gateway.diagnosis.effects.ring_options import RingOptions
 from gateway.diagnosis.known_effects import known_effects
 from gateway.diagnosis.model.baseline_registry import make_core
 from gateway.diagnosis.model.sensor_signal import base_signal
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.report.findings import findings_of
 from gateway.diagnosis.report.other_conditions import _beside_residual, judged_elsewhere, reasons_against
 from gateway.diagnosis.result import Fitted, UnseenError, Verdict
@@ -126,9 +126,9 @@ def test_effect_that_the_noise_of_a_recording_does_not_hide_is_tested_there() ->
     recordings = ("first", "second")
     assert reasons_against(recordings, (right,)) == []
     hidden = right._replace(fall_std=0.1)
-    assert [reason.code for reason in reasons_against(recordings, (hidden,))] == [Code.UNTESTED_ELSEWHERE]
+    assert [reason.code for reason in reasons_against(recordings, (hidden,))] == [DiagnosisCode.UNTESTED_ELSEWHERE]
     too_large = right._replace(after_mps2=math.sqrt(1.15))
-    assert [reason.code for reason in reasons_against(recordings, (too_large,))] == [Code.FAILS_UNSEEN]
+    assert [reason.code for reason in reasons_against(recordings, (too_large,))] == [DiagnosisCode.FAILS_UNSEEN]
 
 
 @pytest.mark.parametrize("coefficients", [20, 40, 89, 221])
@@ -137,7 +137,7 @@ def test_effect_that_does_nothing_where_much_is_left_fails_however_few_the_coeff
         for contribution in (0.0, 1e-4):
             after = before - contribution
             error = UnseenError(1, "lateral", before, after, 1.0, contribution, contribution, coefficients)
-            assert [reason.code for reason in reasons_against(("a", "b"), (error,))] == [Code.FAILS_UNSEEN]
+            assert [reason.code for reason in reasons_against(("a", "b"), (error,))] == [DiagnosisCode.FAILS_UNSEEN]
 
 
 def test_law_of_a_file_of_before_is_judged_as_an_effect() -> None:

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.result import Fitted, Scaling, ScalingStatus, Unexplained, Verdict
 from gateway.diagnosis.views.next_steps import next_steps
 from tests.testkit.diagnosis_data import WARMER, empty, ordinary
@@ -63,7 +64,7 @@ def test_every_open_end_has_a_step() -> None:
             replace(second, name="camber", verdict=Verdict.REFUSED, probability=0.8, reason=None),
         ),
         unexplained=(ANGLE,),
-        notes=(Reason(Code.ONE_SPEED), "a user's text"),
+        notes=(Reason(DiagnosisCode.ONE_SPEED), "a user's text"),
         determined={"Ts": False},
         load_known=False,
     )

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.diagnosis import criteria
 from gateway.diagnosis.data.campaign_data import Block, Group
 from gateway.diagnosis.effects.angle_orders import ORDERS
 from gateway.diagnosis.effects.catalogue import catalogue
 from gateway.diagnosis.effects.effect import GroupConditions, SpectrumEffect
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.remainder.contact_edge_jitter import edge_findings
 from gateway.diagnosis.result import Finding, Scaling, ScalingStatus, Verdict
 from gateway.diagnosis.spectrum.nonsynchronous_density import Site
@@ -108,7 +109,7 @@ class TestEmpty:
     def test_short_groups_are_noted(self) -> None:
         rng = np.random.default_rng(1)
         assert diagnose_time_locked([noisy_group(60.0, rng, seconds=3.0)]).notes == (
-            Reason(Code.GROUPS_TOO_SHORT, groups=1, of=1),
+            Reason(DiagnosisCode.GROUPS_TOO_SHORT, groups=1, of=1),
         )
         assert diagnose_time_locked([]) == TimeLocked()
 
@@ -193,7 +194,7 @@ class TestNotNamed:
         assert not named(result)
         reason = next(finding.reason for finding in result.findings if finding.name == "cavity resonance")
         assert reason is not None
-        assert reason.code is Code.IMPLAUSIBLE_PARAMETER
+        assert reason.code is DiagnosisCode.IMPLAUSIBLE_PARAMETER
         assert dict(reason.values)["parameter"] == "growth"
         assert values_of(result.unexplained[0].scaling) == CONSTANT
 
@@ -227,7 +228,7 @@ class TestNotNamed:
         two = diagnose_time_locked(simulated_groups("[sensor]\nbandwidth_hz = 700"))
         assert not two.findings
         assert not two.unexplained
-        assert any(note.code is Code.NOISE_ROLLS_OFF for note in two.notes)
+        assert any(note.code is DiagnosisCode.NOISE_ROLLS_OFF for note in two.notes)
         single = diagnose_time_locked(simulated_groups("[sensor]\nbandwidth_hz = 700", (80.0,)))
         assert not named(single)
         assert not single.unexplained
@@ -378,11 +379,11 @@ def test_effect_beside_something_larger_is_undecided() -> None:
     doubted, remaining = beside_larger((cavity, road), larger, several=False)
     assert doubted.verdict is Verdict.INDISTINGUISHABLE
     assert doubted.rivals == (UNKNOWN,)
-    assert doubted.reason == Reason(Code.BESIDE_SOMETHING_LARGER, own_mps2=0.3, larger_mps2=2.2)
-    assert doubted.decide_with == Reason(Code.RECORD_ROAD_AT_ANOTHER_SPEED)
+    assert doubted.reason == Reason(DiagnosisCode.BESIDE_SOMETHING_LARGER, own_mps2=0.3, larger_mps2=2.2)
+    assert doubted.decide_with == Reason(DiagnosisCode.RECORD_ROAD_AT_ANOTHER_SPEED)
     assert remaining == road
     (doubted,) = beside_larger((cavity,), larger, several=True)
-    assert doubted.decide_with == Reason(Code.RECORD_ON_ANOTHER_ROAD)
+    assert doubted.decide_with == Reason(DiagnosisCode.RECORD_ON_ANOTHER_ROAD)
     assert beside_larger((cavity, road), dict.fromkeys(larger, 0.0), several=True) == [cavity, road]
 
 
@@ -393,6 +394,6 @@ def test_undecided_effects_beside_something_larger_are_open_with_it() -> None:
     larger = {"cavity resonance": 2.2, "hub vibration": 2.2, "road vibration": 2.2}
     result = beside_larger((cavity, hub, refused), larger, several=True)
     assert [item.rivals for item in result] == [("hub vibration", UNKNOWN), ("cavity resonance", UNKNOWN), ()]
-    assert result[0].reason == Reason(Code.BESIDE_SOMETHING_LARGER, own_mps2=0.3, larger_mps2=2.2)
+    assert result[0].reason == Reason(DiagnosisCode.BESIDE_SOMETHING_LARGER, own_mps2=0.3, larger_mps2=2.2)
     assert result[1].reason is None
     assert result[2] == refused

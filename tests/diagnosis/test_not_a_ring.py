@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from gateway.core.reasons import Code
 from gateway.core.types import FloatArray
 from gateway.diagnosis.angle.residual import left_shares
 from gateway.diagnosis.closed_loop import diagnose
 from gateway.diagnosis.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL, GroupConditions
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.views.phrases import why_undetermined
 from tests.diagnosis.planted_campaign import ALL_AXES, ONE_SPEED, RADIUS_M, Plant, campaign_of, fitted, nothing, turned
 
@@ -31,7 +31,7 @@ def test_ring_leaves_little(plant: Plant) -> None:
 
 def test_nothing_is_determined_by_another_signal() -> None:
     diagnosis = diagnose(campaign_of(ONE_SPEED, dip, noise_mps2=0.5), expired=lambda: True)
-    (note,) = [note for note in diagnosis.notes if note.code is Code.NOT_A_RING]
+    (note,) = [note for note in diagnosis.notes if note.code is DiagnosisCode.NOT_A_RING]
     assert note["recordings"] == ("run 1",)
     assert not any(diagnosis.determined.values())
     assert not any(diagnosis.determined_before.values())

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.core.reasons import Code
 from gateway.core.types import ComplexArray, FloatArray
 from gateway.diagnosis.angle.fit import Fit, fit_model
 from gateway.diagnosis.angle.likelihood import whiten
@@ -27,6 +26,7 @@ from gateway.diagnosis.model.baseline_registry import angle_effects, make_core
 from gateway.diagnosis.model.closure_model import ClosureModel
 from gateway.diagnosis.model.exact_baseline import ExactCore
 from gateway.diagnosis.model.sensor_signal import base_signal
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.report.findings import apart_from, confirmed
 from gateway.diagnosis.result import Finding, Fitted, Verdict
 from gateway.ring.rolling_ring import RingParameters, solve_rolling_ring
@@ -349,5 +349,5 @@ def test_exact_ring_does_not_confirm_what_absorbs_errors_of_a_series() -> None:
         exact.absent,
     )
     assert [item.verdict for item in result] == [Verdict.NAMED, Verdict.REFUSED, Verdict.REFUSED]
-    assert [item.reason.code for item in result[1:] if item.reason is not None] == [Code.NOT_ON_EXACT_RING] * 2
+    assert [item.reason.code for item in result[1:] if item.reason is not None] == [DiagnosisCode.NOT_ON_EXACT_RING] * 2
     assert result[1].rivals == ()

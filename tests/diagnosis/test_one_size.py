@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.core.reasons import Code
 from gateway.core.types import FloatArray
 from gateway.diagnosis.angle.fit import Fit
 from gateway.diagnosis.angle.likelihood import Whitened
 from gateway.diagnosis.angle.remainder_freedom import beside_remainder
 from gateway.diagnosis.data.campaign_data import Campaign
 from gateway.diagnosis.effects.effect import CIRCUMFERENTIAL, RADIAL, GroupConditions
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.report.one_size import disagreement, fitted_alone, of_one_size
 from gateway.diagnosis.result import Finding, Verdict
 from tests.diagnosis.planted_campaign import Plant, among, campaign_of, conditions, fitted
@@ -82,7 +82,7 @@ def test_delay_and_shift_have_no_one_size_where_the_other_is_true(plant: Plant, 
     finding, _, _ = judged(plant, name)
     assert finding.verdict is Verdict.REFUSED
     assert finding.reason is not None
-    assert finding.reason.code in {Code.SIZES_DIFFER, Code.SMALLER_THAN_LEFT}
+    assert finding.reason.code in {DiagnosisCode.SIZES_DIFFER, DiagnosisCode.SMALLER_THAN_LEFT}
     assert disagreement(fitted_alone(judged(plant, name)[1]), among(name)[name])[0] > 50.0
 
 

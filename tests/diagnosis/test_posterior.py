@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.types import FloatArray
 from gateway.diagnosis import criteria
 from gateway.diagnosis.angle.number_estimates import estimates_of
@@ -20,6 +20,7 @@ from gateway.diagnosis.effects.catalogue import candidates
 from gateway.diagnosis.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL, BaselineModel, GroupConditions, Parameter
 from gateway.diagnosis.model.baseline_registry import angle_effects
 from gateway.diagnosis.model.closure_model import AngleEffect
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.report.findings import beside_more, findings_of
 from gateway.diagnosis.result import Finding, Verdict
 from gateway.diagnosis.search.set_search import SetSearch
@@ -116,7 +117,7 @@ def test_indistinguishable_effects_are_reported_together() -> None:
         assert {finding.name, rival} == {"one", "other"}
         assert finding.probability == pytest.approx(0.5, abs=0.05)
         # They are the same under all conditions.
-        assert finding.decide_with == Reason(Code.NO_RECORDING_DECIDES)
+        assert finding.decide_with == Reason(DiagnosisCode.NO_RECORDING_DECIDES)
 
 
 def test_groups_of_causes_do_not_count_what_is_no_cause() -> None:
@@ -143,12 +144,12 @@ def test_impossible_set_has_no_weight() -> None:
     (finding,) = findings_of(posterior, effects, {})
     assert (finding.verdict, finding.probability) == (Verdict.REFUSED, 0.0)
     assert finding.reason is not None
-    assert finding.reason.code is Code.IMPLAUSIBLE_PARAMETER
+    assert finding.reason.code is DiagnosisCode.IMPLAUSIBLE_PARAMETER
 
 
 def test_no_name_rests_on_impossible_sets() -> None:
     """An impossible filter, and waves that mend what it leaves."""
-    objection = (("filter", Reason(Code.IMPLAUSIBLE_PARAMETER)),)
+    objection = (("filter", Reason(DiagnosisCode.IMPLAUSIBLE_PARAMETER)),)
     sets = [
         SimpleNamespace(names=frozenset(names), log_evidence=log_evidence, objections=objections)
         for names, log_evidence, objections in (
@@ -207,7 +208,7 @@ def test_effect_smaller_than_what_is_left_is_not_identified(size_mps2: float, na
     (result,) = beside_more([Finding("small", Verdict.NAMED, {}, 100.0, size_mps2)], evaluation.fit, data)
     assert (result.verdict is Verdict.NAMED) == named
     if result.reason is not None:
-        assert result.reason.code is Code.SMALLER_THAN_LEFT
+        assert result.reason.code is DiagnosisCode.SMALLER_THAN_LEFT
         assert result.reason["left_mps2"] == pytest.approx(6.0 / math.sqrt(2.0), rel=0.02)
         assert result.reason["size_mps2"] == pytest.approx(size_mps2, rel=0.1)
 
@@ -226,7 +227,7 @@ def test_weak_effect_is_refused_with_its_probability() -> None:
     assert criteria.LISTED < probability < criteria.NAMED
     (finding,) = findings_of(posterior, effects, {})
     assert finding.verdict is Verdict.REFUSED
-    assert finding.reason == Reason(Code.PROBABILITY_TOO_LOW, probability=probability, needed=criteria.NAMED)
+    assert finding.reason == Reason(DiagnosisCode.PROBABILITY_TOO_LOW, probability=probability, needed=criteria.NAMED)
     assert finding.parameters["size_mps2"].value == pytest.approx(0.5, abs=3.0 * finding.parameters["size_mps2"].std)
 
 
@@ -289,7 +290,7 @@ def test_undisturbed_ring_lacks_only_model_terms(model: BaselineModel, lacking: 
 
 @pytest.mark.parametrize(("log_evidence", "doubted"), [(20.0, True), (2.0, False)])
 def test_most_probable_impossible_set_casts_doubt_on_numbers(log_evidence: float, doubted: bool) -> None:
-    reason = Reason(Code.LEAVES_MORE_THAN_WITHOUT, with_it=1.0, without=1.0)
+    reason = Reason(DiagnosisCode.LEAVES_MORE_THAN_WITHOUT, with_it=1.0, without=1.0)
     none = Evaluated(frozenset(), cast(Any, None), 0.0)
     beyond = Evaluated(frozenset("a"), cast(Any, None), log_evidence, (("a", reason),))
     posterior = over({item.names: item for item in (none, beyond)})
@@ -375,7 +376,7 @@ def test_evidence_of_several_prior_widths_is_their_mean(size_mps2: float) -> Non
 def test_value_beyond_its_range_is_impossible(high: float, possible: bool) -> None:
     evaluation, _ = evaluated(campaign_of(ONE_SPEED, sideways(2.0), axes=ALL_AXES), Sideways("constant", high=high))
     results = [(name, reason.code) for name, reason in evaluation.objections]
-    assert results == ([] if possible else [("constant", Code.IMPLAUSIBLE_PARAMETER)])
+    assert results == ([] if possible else [("constant", DiagnosisCode.IMPLAUSIBLE_PARAMETER)])
 
 
 def test_range_is_reported_in_display_units() -> None:

@@ -11,9 +11,10 @@ from pathlib import Path
 import pytest
 
 from gateway.core.config.vehicle import parse_vehicle
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Code, CoreCode, Reason
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.text.wording import text
+from gateway.core.trust.reasons import TrustCode
 from gateway.diagnosis import criteria
 from gateway.diagnosis.angle.set_evidence import log_prior_odds
 from gateway.diagnosis.campaign import read_campaign
@@ -23,6 +24,7 @@ from gateway.diagnosis.effects.effect import RADIAL, BaselineModel, GroupConditi
 from gateway.diagnosis.model.baseline_registry import make_core
 from gateway.diagnosis.model.closure_model import ClosureModel
 from gateway.diagnosis.provenance import provenance_of
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.views.diagnosis_json import diagnosis_json
 from gateway.diagnosis.views.html import diagnosis_html
 from gateway.diagnosis.views.phrases import why_undetermined
@@ -71,7 +73,11 @@ def test_given_configuration_is_stated(recording: Path) -> None:
 def test_unmeasured_pressure_is_the_stated_one(recording: Path) -> None:
     vehicle = parse_vehicle(RecordingReader(recording).vehicle_toml or "", "test")
     stated, _ = provenance_of(
-        vehicle, vehicle.wheel[0], read_campaign([recording]).groups, Code.FROM_CONFIGURATION, pressure_measured=False
+        vehicle,
+        vehicle.wheel[0],
+        read_campaign([recording]).groups,
+        CoreCode.FROM_CONFIGURATION,
+        pressure_measured=False,
     )
     assert "pressure 210 kPa (--config)" in words(stated)
 
@@ -126,25 +132,25 @@ def failing_recording(folder: Path, keys: str = "") -> Path:
 
 def about(path: Path) -> list[Reason]:
     """Return the notes on the recording, without its name."""
-    results = [note["reason"] for note in read_campaign([path]).notes if note.code is Code.ABOUT_RECORDING]
+    results = [note["reason"] for note in read_campaign([path]).notes if note.code is DiagnosisCode.ABOUT_RECORDING]
     return [reason for reason in results if isinstance(reason, Reason)]
 
 
 @pytest.mark.parametrize(
     ("keys", "code", "is_doubted"),
     [
-        ("[wheel.sensor]\nroll_deg = 60.0", Code.SENSOR_TILTED, True),
+        ("[wheel.sensor]\nroll_deg = 60.0", TrustCode.SENSOR_TILTED, True),
         # Up to 45 deg a tilt is stated, and corrected.
-        ("[wheel.sensor]\nroll_deg = 30.0", Code.SENSOR_TILTED, False),
-        ("[wheel.sensor]\nradial_sign = -1\nsign_declared = false", Code.SENSOR_FLIPPED, False),
-        ("[wheel.sensor]\noffset_mm = 6.0\n[wheel.stated]\noffset_mm = 0.0", Code.OFFSET_CONTRADICTED, False),
+        ("[wheel.sensor]\nroll_deg = 30.0", TrustCode.SENSOR_TILTED, False),
+        ("[wheel.sensor]\nradial_sign = -1\nsign_declared = false", TrustCode.SENSOR_FLIPPED, False),
+        ("[wheel.sensor]\noffset_mm = 6.0\n[wheel.stated]\noffset_mm = 0.0", TrustCode.OFFSET_CONTRADICTED, False),
     ],
 )
 def test_alarm_is_noted(
     tmp_path: Path, keys: str, code: Code, is_doubted: bool, caplog: pytest.LogCaptureFixture
 ) -> None:
     path = failing_recording(tmp_path, keys)
-    alarms = [reason["reason"] for reason in about(path) if reason.code is Code.SENSOR_ALARM]
+    alarms = [reason["reason"] for reason in about(path) if reason.code is DiagnosisCode.SENSOR_ALARM]
     assert code in [alarm.code for alarm in alarms if isinstance(alarm, Reason)]
     assert {group.sensor_doubted for group in read_campaign([path]).groups} == {is_doubted}
     assert caplog.messages == []
@@ -152,7 +158,7 @@ def test_alarm_is_noted(
 
 def test_clipped_revolutions_are_noted(tmp_path: Path) -> None:
     (note,) = about(failing_recording(tmp_path, "[wheel.defect]\nclip_g = 95.0"))
-    assert note.code is Code.REVOLUTIONS_CLIPPED
+    assert note.code is DiagnosisCode.REVOLUTIONS_CLIPPED
     assert note["count"] == note["total"]
 
 
@@ -162,15 +168,18 @@ def test_sound_sensor_has_no_note(tmp_path: Path) -> None:
 
 def test_numbers_of_a_loose_sensor_are_not_determined(monkeypatch: pytest.MonkeyPatch) -> None:
     plain = campaign_of(ONE_SPEED)
-    loose = Reason(Code.SENSOR_ALARM, reason=Reason(Code.SENSOR_LOOSE, frequency_hz=250.0, share=0.03))
+    loose = Reason(DiagnosisCode.SENSOR_ALARM, reason=Reason(TrustCode.SENSOR_LOOSE, frequency_hz=250.0, share=0.03))
     doubted = replace(
         plain,
         groups=tuple(replace(group, sensor_doubted=True) for group in plain.groups),
-        notes=(Reason(Code.RECORDING_ORDER_UNKNOWN), Reason(Code.ABOUT_RECORDING, recording="run 1", reason=loose)),
+        notes=(
+            Reason(DiagnosisCode.RECORDING_ORDER_UNKNOWN),
+            Reason(DiagnosisCode.ABOUT_RECORDING, recording="run 1", reason=loose),
+        ),
     )
     monkeypatch.setattr("gateway.diagnosis.campaign_diagnosis.read_campaign", lambda *_, **__: doubted)
     diagnosis = diagnose_recordings([], budget_s=1e-6)
-    assert [note.code for note in diagnosis.notes][:2] == [Code.SENSOR_IN_DOUBT, Code.ABOUT_RECORDING]
+    assert [note.code for note in diagnosis.notes][:2] == [DiagnosisCode.SENSOR_IN_DOUBT, DiagnosisCode.ABOUT_RECORDING]
     assert not any(diagnosis.determined.values())
     assert not any(diagnosis.determined_before.values())
     assert why_undetermined(diagnosis, ["Bs"]) == "the sensor is in doubt: see the notes"
@@ -220,14 +229,14 @@ def test_unstated_offset_is_listed_as_assumed(tmp_path: Path) -> None:
     keys = "[wheel.sensor]\noffset_mm = 3.0\naxes = ['radial']"
     path = write_recording(tmp_path / "rec.mcap", AT_60, wheels=(keys,), duration_s=3.0, change=unstated)
     campaign = read_campaign([path])
-    assert Reason(Code.ASSUMED_OFFSET) in campaign.assumed
+    assert Reason(DiagnosisCode.ASSUMED_OFFSET) in campaign.assumed
     assert not any(group.conditions.offset_known for group in campaign.groups)
-    assert all(reason.code is not Code.STATED_OFFSET for reason in campaign.stated)
+    assert all(reason.code is not DiagnosisCode.STATED_OFFSET for reason in campaign.stated)
 
     recorded_toml = RecordingReader(path).vehicle_toml or ""
     text = recorded_toml.replace("[wheel.mounting]", "[wheel.mounting]\noffset_mm = 3.0")
     stated = read_campaign([path], vehicle=parse_vehicle(text, "test"))
-    assert Reason(Code.ASSUMED_OFFSET) not in stated.assumed
+    assert Reason(DiagnosisCode.ASSUMED_OFFSET) not in stated.assumed
     assert all(group.conditions.offset_known for group in stated.groups)
 
     listed = text.replace("[vehicle]", "[vehicle]\nassumed = ['mounting offset 3 mm: as on other tires']")

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from gateway.core.errors import TreadlinkError
-from gateway.core.reasons import Code
 from gateway.core.types import FloatArray
 from gateway.diagnosis.checks.outvoted_recordings import opposite_pair, unlike_contacts_of, unlike_loads, unlike_signals
 from gateway.diagnosis.checks.recordings_apart import recordings_apart
@@ -16,6 +15,7 @@ from gateway.diagnosis.closed_loop import diagnose
 from gateway.diagnosis.data.campaign_data import Campaign
 from gateway.diagnosis.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL, BaselineModel, GroupConditions
 from gateway.diagnosis.model.baseline_registry import make_core
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.result import Fitted, TireState
 from gateway.diagnosis.views.phrases import why_undetermined
 from tests.diagnosis.planted_campaign import (
@@ -71,7 +71,7 @@ def test_wrong_load_at_another_speed_is_apart() -> None:
 
 def test_recordings_apart_determine_nothing() -> None:
     diagnosis = diagnose(campaign_of(TWO_SPEEDS, overloaded), expired=lambda: True)
-    (note,) = [note for note in diagnosis.notes if note.code is Code.NUMBERS_CONTRADICT]
+    (note,) = [note for note in diagnosis.notes if note.code is DiagnosisCode.NUMBERS_CONTRADICT]
     assert (note["recording"], note["other"]) == ("run 2", "run 1")
     assert not any(diagnosis.determined.values())
     assert why_undetermined(diagnosis, ["Cw"]) == "the recordings contradict each other: see the notes"
@@ -105,7 +105,7 @@ def test_a_reversed_lateral_axis_is_found_by_the_majority(numbers, count, result
     unlike = unlike_signals(with_reversed(*numbers, count=count))
     assert sorted(unlike) == result
     for reason in unlike.values():
-        assert reason.code is Code.LATERAL_OPPOSITE_TO_OTHERS
+        assert reason.code is DiagnosisCode.LATERAL_OPPOSITE_TO_OTHERS
         assert reason["count"] == count - len(result)
 
 
@@ -137,7 +137,7 @@ def test_another_stated_radius_is_found_by_the_majority():
     ]
     unlike = unlike_signals(replace(campaign, groups=tuple(groups)))
     assert list(unlike) == [3]
-    assert (unlike[3].code, unlike[3]["count"]) == (Code.RADIUS_UNLIKE_OTHERS, 4)
+    assert (unlike[3].code, unlike[3]["count"]) == (DiagnosisCode.RADIUS_UNLIKE_OTHERS, 4)
     assert unlike_signals(replace(campaign, groups=tuple(groups[2:4]))) == {}
 
 

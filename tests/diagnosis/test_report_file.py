@@ -9,8 +9,9 @@ from types import SimpleNamespace
 import pytest
 
 from gateway.core.errors import OutputError
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.text.output_file import check_target, write_whole
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.result import Finding, Verdict
 from gateway.diagnosis.views.diagnosis_json import write_json
 from gateway.diagnosis.views.html import write_html
@@ -97,7 +98,11 @@ def undecided(**changes: object) -> Finding:
     [
         ((), "no effect was identified", "no correction"),
         (
-            (undecided(name="gain", rivals=("rolling radius", "run-out"), decide_with=Reason(Code.RECORD_LIVE)),),
+            (
+                undecided(
+                    name="gain", rivals=("rolling radius", "run-out"), decide_with=Reason(DiagnosisCode.RECORD_LIVE)
+                ),
+            ),
             "gain, rolling radius and run-out cannot be distinguished, so none is identified",
             "Record live, with host time stamps.",
         ),

@@ -5,10 +5,11 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.revolutions.order_spectrum import ORDER_COUNT
 from gateway.core.revolutions.order_spectrum import order_coefficients as reference_coefficients
 from gateway.diagnosis.angle import likelihood
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.result import AxisError, Finding, Fitted, HeldOut, SingleSize, TireState, Verdict
 from tests.testkit.diagnosis_data import NASTY, WARMER, curves, empty, nasty, ordinary, trends, undrawn
 
@@ -85,12 +86,17 @@ def test_reasons_use_the_labels_of_the_table():
         {"leading_m": Fitted(0.03, 0.001, "m", 1e3, "mm")},
         chi2=1.0, rms_mps2=1.0, lock="contact",
         reason=Reason(
-            Code.IMPLAUSIBLE_PARAMETER, parameter="leading_m", value=30.0, low=0.0, high=20.0, unit="mm"
+            DiagnosisCode.IMPLAUSIBLE_PARAMETER, parameter="leading_m", value=30.0, low=0.0, high=20.0, unit="mm"
         ),
     )  # fmt: skip
-    pure = Reason(Code.IMPLAUSIBLE_PARAMETER, parameter="roll_off", value=0.56, low=1.0, high=2.0, unit="")
+    pure = Reason(DiagnosisCode.IMPLAUSIBLE_PARAMETER, parameter="roll_off", value=0.56, low=1.0, high=2.0, unit="")
     inverse = Reason(
-        Code.IMPLAUSIBLE_PARAMETER, parameter="inverse_limit_s2pm", value=0.02, low=0.0, high=0.01, unit="s^2/m"
+        DiagnosisCode.IMPLAUSIBLE_PARAMETER,
+        parameter="inverse_limit_s2pm",
+        value=0.02,
+        low=0.0,
+        high=0.01,
+        unit="s^2/m",
     )
     results = [refused, *(replace(refused, reason=reason) for reason in (pure, inverse))]
     assert [reason_text(finding.reason) for finding in results] == [
@@ -141,7 +147,7 @@ def test_undecided_effects_are_in_summary_and_omissions():
     assert "Do not rely on the effects" in answer
     answer = Page(diagnosis_html(replace(empty(), complete=False))).text
     assert "No effect is identified: the search ended at its time limit." in answer
-    note = Reason(Code.CONTACTS_CONTRADICT, short="a.mcap", short_rad=0.22, long="b.mcap", long_rad=0.27)
+    note = Reason(DiagnosisCode.CONTACTS_CONTRADICT, short="a.mcap", short_rad=0.22, long="b.mcap", long_rad=0.27)
     answer = Page(diagnosis_html(replace(empty(), notes=(note,)))).text
     assert (
         "Contact half angle 12.6 deg in a.mcap, 15.5 deg in b.mcap: load, pressure or tire is not as stated." in answer

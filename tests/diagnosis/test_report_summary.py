@@ -3,10 +3,12 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.text.text import width
+from gateway.core.wheels.reasons import WheelCode
 from gateway.diagnosis.bayes.parameter_estimates import fitted_parameter
 from gateway.diagnosis.effects.catalogue import catalogue
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.result import Drift, Fitted, TireState, Verdict
 from gateway.diagnosis.views.diagnosis_json import diagnosis_json
 from gateway.diagnosis.views.html import diagnosis_html
@@ -77,11 +79,11 @@ def test_undetermined_estimates_have_reason_and_remedy(changes, reason):
 
 def test_undetermined_beside_much_that_is_unexplained():
     sure = replace(ordinary(), load_known=True, determined={"Bs": False})
-    noted = Reason(Code.EVIDENCE_TEMPERED, axes=("circumferential", "radial"), residual_ratio=12.0)
+    noted = Reason(DiagnosisCode.EVIDENCE_TEMPERED, axes=("circumferential", "radial"), residual_ratio=12.0)
     text = " ".join(line.strip() for line in closure_summary_lines(replace(sure, notes=(noted,))))
     assert "not determined: Bs (too uncertain beside what is left unexplained: see the notes)" in text
     assert "what is left unexplained (circumferential, radial) has 12 times the rms of the noise" in text
-    noted = Reason(Code.EVIDENCE_TEMPERED, axes=("lateral",), residual_ratio=12.0)
+    noted = Reason(DiagnosisCode.EVIDENCE_TEMPERED, axes=("lateral",), residual_ratio=12.0)
     text = " ".join(line.strip() for line in closure_summary_lines(replace(sure, notes=(noted,))))
     assert "too uncertain" not in text
 
@@ -101,7 +103,7 @@ def test_undetermined_for_two_causes():
 
 
 def test_undetermined_because_recordings_contradict():
-    note = Reason(Code.CONTACTS_CONTRADICT, short="a.mcap", short_rad=0.22, long="b.mcap", long_rad=0.27)
+    note = Reason(DiagnosisCode.CONTACTS_CONTRADICT, short="a.mcap", short_rad=0.22, long="b.mcap", long_rad=0.27)
     diagnosis = replace(ordinary(), notes=(note,), determined={"Bs": False})
     text = " ".join(map(str.strip, closure_summary_lines(diagnosis)))
     assert "not determined: Bs (the recordings contradict each other: see the notes)" in text
@@ -121,7 +123,9 @@ def test_probable_effects_are_in_the_summary():
 
 
 def test_implausible_effect_that_would_fit_better_is_in_the_summary():
-    why = Reason(Code.IMPLAUSIBLE_PARAMETER, parameter="inertia_kgm", value=1308.33, low=0.0, high=1000.0, unit="mg m")
+    why = Reason(
+        DiagnosisCode.IMPLAUSIBLE_PARAMETER, parameter="inertia_kgm", value=1308.33, low=0.0, high=1000.0, unit="mg m"
+    )
     result = replace(
         ordinary().findings[0], name="rotary inertia", verdict=Verdict.REFUSED, probability=0.0, reason=why
     )
@@ -129,7 +133,7 @@ def test_implausible_effect_that_would_fit_better_is_in_the_summary():
     text = " ".join(map(str.strip, closure_summary_lines(missing)))
     expected = "rejected     rotary inertia: inertia would be 1308 mg m, outside its plausible range"
     assert expected in text
-    rare = replace(result, reason=Reason(Code.PROBABILITY_TOO_LOW, probability=0.1, needed=0.99))
+    rare = replace(result, reason=Reason(DiagnosisCode.PROBABILITY_TOO_LOW, probability=0.1, needed=0.99))
     spectral = replace(result, lock="time")
     none = [replace(missing, findings=(item,)) for item in (rare, spectral)]
     for other in (*none, replace(missing, noise_floor_mps2=2.05)):
@@ -137,7 +141,7 @@ def test_implausible_effect_that_would_fit_better_is_in_the_summary():
 
 
 def test_effect_that_the_exact_ring_does_not_confirm_is_in_the_summary():
-    why = Reason(Code.NOT_ON_EXACT_RING, effect="gain-temperature drift", errors=0.3)
+    why = Reason(DiagnosisCode.NOT_ON_EXACT_RING, effect="gain-temperature drift", errors=0.3)
     result = replace(
         ordinary().findings[0], name="gain-temperature drift", verdict=Verdict.REFUSED, probability=0.999, reason=why
     )
@@ -194,8 +198,8 @@ def test_wide_terminal_shows_more():
 
 
 def test_notes_that_decide_are_whole_and_first():
-    inner = Reason(Code.SENSOR_ALARM, reason=Reason(Code.RADIAL_CLIPPED))
-    alarms = tuple(Reason(Code.ABOUT_RECORDING, recording=f"{name}.mcap", reason=inner) for name in "abc")
+    inner = Reason(DiagnosisCode.SENSOR_ALARM, reason=Reason(WheelCode.RADIAL_CLIPPED))
+    alarms = tuple(Reason(DiagnosisCode.ABOUT_RECORDING, recording=f"{name}.mcap", reason=inner) for name in "abc")
     diagnosis = replace(ordinary(), notes=("first", "second", *alarms))
     lines = closure_summary_lines(diagnosis)
     shown = [line for line in lines if line.startswith("  note")]

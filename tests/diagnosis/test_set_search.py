@@ -9,7 +9,6 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from gateway.core.reasons import Code
 from gateway.core.types import FloatArray
 from gateway.diagnosis import criteria
 from gateway.diagnosis.angle.candidate_trial import Trial, refit, shapes_of, try_effect
@@ -22,6 +21,7 @@ from gateway.diagnosis.effects.effect import LATERAL, GroupConditions
 from gateway.diagnosis.model.baseline import Shape
 from gateway.diagnosis.model.baseline_registry import angle_effects
 from gateway.diagnosis.model.closure_model import AngleEffect, ClosureModel
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.report.findings import findings_of
 from gateway.diagnosis.search import candidate_scan, set_search, tempered_posterior
 from gateway.diagnosis.search.candidate_scan import Scan
@@ -308,7 +308,7 @@ def test_a_weak_packet_may_be_a_period_off(starts_rad: tuple[float, ...]) -> Non
     local_std = math.sqrt(best.fit.covariance[best.fit.model.layout.effect(effect.name)][-1, -1])
     assert position.value == pytest.approx(place_of(best))
     (note,) = other_optimum_notes(posterior)
-    assert (note.code, note["effect"], note["parameter"]) == (Code.OTHER_OPTIMUM, effect.name, "place_rad")
+    assert (note.code, note["effect"], note["parameter"]) == (DiagnosisCode.OTHER_OPTIMUM, effect.name, "place_rad")
     assert (note["best"], note["value"]) == (pytest.approx(place_of(best)), pytest.approx(place_of(other)))
     assert position.std == pytest.approx(math.hypot(local_std, PERIOD_RAD * math.sqrt(odds / (1.0 + odds))), rel=0.05)
 
@@ -372,7 +372,9 @@ def judged(
     monkeypatch.setattr(tempered_posterior, "ratios_by_part", lambda fit, data: ByPart(*ratios[fit][1:]))
     result, temperatures = doubted_sets(sets, cast(Any, None))
     assert all(
-        reason.code is Code.LEAVES_MORE_THAN_WITHOUT for item in result.values() for _, reason in item.objections
+        reason.code is DiagnosisCode.LEAVES_MORE_THAN_WITHOUT
+        for item in result.values()
+        for _, reason in item.objections
     )
     return {names: [name for name, _ in result[frozenset(names)].objections] for names in ratios}, temperatures
 

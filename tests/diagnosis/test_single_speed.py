@@ -2,8 +2,9 @@
 
 import pytest
 
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.diagnosis.checks.single_speed import FIXED_FREQUENCY, doubted, is_one_speed
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.result import Finding, Verdict
 from tests.diagnosis.planted_campaign import ONE_SPEED, TWO_SPEEDS, among, campaign_of
 
@@ -19,8 +20,8 @@ def test_order_at_one_speed_is_undecided(name: str) -> None:
     open_, offset = doubted(named, effects, campaign_of(ONE_SPEED), 3.3)
     assert open_.verdict is Verdict.INDISTINGUISHABLE
     assert open_.rivals == (FIXED_FREQUENCY,)
-    assert open_.decide_with == Reason(Code.RECORD_AT_SPEED, speed_ratio=1.5)
-    assert open_.reason == Reason(Code.ORDER_OR_FREQUENCY, noise_floors=3.3)
+    assert open_.decide_with == Reason(DiagnosisCode.RECORD_AT_SPEED, speed_ratio=1.5)
+    assert open_.reason == Reason(DiagnosisCode.ORDER_OR_FREQUENCY, noise_floors=3.3)
     assert offset == named[1]
     assert doubted(named, effects, campaign_of(ONE_SPEED), 1.2) == named
     assert doubted(named, effects, campaign_of(TWO_SPEEDS), 3.3) == named

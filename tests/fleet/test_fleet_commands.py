@@ -19,7 +19,8 @@ from click.testing import CliRunner
 from gateway.core.cli import treadlink
 from gateway.core.errors import OutputError
 from gateway.core.estimates.estimator import Status
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.fleet.dataset import Description, opened
 from gateway.fleet.local_tasks import LocalTasks
 from gateway.fleet.recording_estimation import estimate_names
@@ -286,7 +287,9 @@ def test_unknown_tires_are_not_diagnosed_together(tmp_path, monkeypatch):
 
 
 def test_recordings_that_a_diagnosis_leaves_out_are_in_its_row(tmp_path, monkeypatch):
-    reason = Reason(Code.RECORDING_LEFT_OUT, recording="b.mcap", reason=Reason(Code.CIRCUMFERENTIAL_REVERSED))
+    reason = Reason(
+        DiagnosisCode.RECORDING_LEFT_OUT, recording="b.mcap", reason=Reason(DiagnosisCode.CIRCUMFERENTIAL_REVERSED)
+    )
     result = replace(undrawn(), recordings=("a.mcap",), left_out=(reason,))
     monkeypatch.setattr("gateway.diagnosis.campaign_diagnosis.diagnose_agreeing", lambda *_, **__: result)
     part = tmp_path / "part.parquet"

@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from gateway.core.errors import TreadlinkError
-from gateway.core.reasons import Code
 from gateway.fleet import recording_estimation
+from gateway.fleet.reasons import FleetCode
 from gateway.fleet.recording_estimation import Estimated
 from gateway.fleet.scheduler_tasks import scheduler_tasks
 from tests.fleet.test_campaign_run import is_whole, names
@@ -120,7 +120,7 @@ def test_a_worker_that_ends_is_a_reason():
         scheduler_tasks(workers.scheduler_address) as tasks,
     ):
         assert tasks.places() == 1
-        for order, code in (("fine", None), ("end", Code.WORKER_ENDED), ("memory", Code.WORKER_MEMORY_FULL)):
+        for order, code in (("fine", None), ("end", FleetCode.WORKER_ENDED), ("memory", FleetCode.WORKER_MEMORY_FULL)):
             tasks.submit(order, work, order)
             while (result := tasks.wait(1.0)) is None:
                 pass

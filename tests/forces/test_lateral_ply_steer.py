@@ -11,11 +11,12 @@ import pytest
 from firmware_protocol.messages import Coupling
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.estimates.estimator import Estimate, Revolution, Status, TireConditions
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.registry import make_estimator
 from gateway.core.estimates.revolution_block import RevolutionArrays, RevolutionBlock
 from gateway.core.estimates.sensor_claims import SensorClaims
 from gateway.core.estimates.tire_data import TireData
-from gateway.core.reasons import Code, Reason, codes_of
+from gateway.core.reasons import Reason, codes_of
 from gateway.core.revolutions.sensor_mounting import RollCalibration
 from gateway.core.revolutions.synchronous_average import OneAverage
 from gateway.forces.belt_laminate import BeltLaminate, StatedPly
@@ -34,6 +35,7 @@ from gateway.forces.ply_steer import (
     PlySteerEstimator,
     separate_plysteer_conicity,
 )
+from gateway.forces.reasons import ForceCode
 from gateway.ring.rolling_ring import RingSolution
 from tests.testkit.revolution_data import settled
 from tools.generators.lateral_signals import RADIUS_M, Sensor, lateral, radial, samples, through_pipeline
@@ -171,7 +173,7 @@ def test_few_orders_widen_the_error_of_the_peak(order_max: int) -> None:
 def test_too_few_orders_make_slopes_provisional() -> None:
     result = estimate(with_orders(rolled(radial()), 9))
     assert result[LINE_NAME].status is Status.PROVISIONAL
-    assert Reason(Code.TOO_FEW_ORDERS, orders=9, needed=10) in result[LINE_NAME].reasons
+    assert Reason(EstimateCode.TOO_FEW_ORDERS, orders=9, needed=10) in result[LINE_NAME].reasons
 
 
 @lru_cache(maxsize=4)
@@ -189,7 +191,7 @@ def test_offset_beyond_the_stated_zero_is_measured_and_reported() -> None:
     result = estimate(two_speeds(9.8))
     offset = result[OFFSET_NAME]
     assert offset.status is Status.PROVISIONAL
-    assert codes_of(offset.reasons) == (Code.LATERAL_ZERO_CONTRADICTED,)
+    assert codes_of(offset.reasons) == (ForceCode.LATERAL_ZERO_CONTRADICTED,)
     assert abs(offset.value - 9.8) < 3.0 * offset.std < 1.5
     assert result[ROLL_NAME].value == pytest.approx(0.02, abs=1e-3)
     assert angles_deg(result) == pytest.approx(true_deg(radial(), lateral(radial())), abs=0.012)
@@ -205,7 +207,7 @@ def test_offset_within_the_stated_zero_is_valid() -> None:
 def test_offset_at_one_speed_is_not_separated_from_roll() -> None:
     result = estimate(rolled(radial(), LateralBelt(), replace(QUIET, lateral_offset_mps2=2.0)))[OFFSET_NAME]
     assert result.status is Status.PROVISIONAL
-    assert codes_of(result.reasons) == (Code.LATERAL_ZERO_NOT_SEPARATED,)
+    assert codes_of(result.reasons) == (ForceCode.LATERAL_ZERO_NOT_SEPARATED,)
     assert result.std > 0.9
 
 
@@ -219,7 +221,7 @@ def test_unlikely_roll_at_one_speed_makes_slopes_provisional() -> None:
     ):
         result = estimate(revolutions, conditions=replace(CONDITIONS, claims=claims))
         for name in (NAMES[0], CONICITY_NAME):
-            assert (Code.ROLL_UNLIKELY in codes_of(result[name].reasons)) is (status is Status.PROVISIONAL)
+            assert (ForceCode.ROLL_UNLIKELY in codes_of(result[name].reasons)) is (status is Status.PROVISIONAL)
         assert result[NAMES[0]].status is status
 
 
@@ -228,7 +230,7 @@ def test_stated_roll_is_compared_with_the_measured_one() -> None:
         claims = SensorClaims(roll_rad=math.radians(stated_deg))
         result = estimate(two_speeds(0.5), conditions=replace(CONDITIONS, claims=claims))[ROLL_NAME]
         assert result.status is status
-        assert (Code.ROLL_CONTRADICTED in codes_of(result.reasons)) is (status is Status.PROVISIONAL)
+        assert (ForceCode.ROLL_CONTRADICTED in codes_of(result.reasons)) is (status is Status.PROVISIONAL)
         assert result.value == pytest.approx(0.02, abs=1e-3)
 
 
@@ -261,7 +263,10 @@ def test_scatter_matches_the_stated_error() -> None:
 def test_reason_names_conicity_and_orders() -> None:
     result = estimate(rolled(radial()))
     for name in NAMES:
-        assert result[name].reasons == (Reason(Code.INCLUDES_CONICITY), Reason(Code.ORDERS_USED, first=1, last=40))
+        assert result[name].reasons == (
+            Reason(ForceCode.INCLUDES_CONICITY),
+            Reason(ForceCode.ORDERS_USED, first=1, last=40),
+        )
     values = [result[name].value for name in NAMES]
     assert len({round(math.degrees(value), 2) for value in values}) == 3  # the definitions differ
 
@@ -273,15 +278,15 @@ def test_first_revolutions_and_faults_are_provisional() -> None:
     assert first[ROLL_NAME].status is Status.PROVISIONAL
     estimator = PlySteerEstimator()
     before = estimate(revolutions, estimator)
-    bad = replace(revolutions[0], faults=(Reason(Code.SAMPLES_LOST),), axes_mps2=revolutions[0].axes_mps2 * 3)
+    bad = replace(revolutions[0], faults=(Reason(EstimateCode.SAMPLES_LOST),), axes_mps2=revolutions[0].axes_mps2 * 3)
     after = estimate([bad], estimator)
     assert after[NAMES[0]].value == before[NAMES[0]].value
     assert after[NAMES[0]].status is Status.PROVISIONAL
-    assert Code.SAMPLES_LOST in codes_of(after[NAMES[0]].reasons)
+    assert EstimateCode.SAMPLES_LOST in codes_of(after[NAMES[0]].reasons)
     assert after[ROLL_NAME].value == before[ROLL_NAME].value
     assert before[ROLL_NAME].status is Status.VALID
     assert after[ROLL_NAME].status is Status.PROVISIONAL
-    assert Code.SAMPLES_LOST in codes_of(after[ROLL_NAME].reasons)
+    assert EstimateCode.SAMPLES_LOST in codes_of(after[ROLL_NAME].reasons)
 
 
 def test_ac_coupling_adds_roll_tilt_to_the_error() -> None:
@@ -291,7 +296,7 @@ def test_ac_coupling_adds_roll_tilt_to_the_error() -> None:
     result = estimate([r for r in revolutions if not r.faults])
     assert result[ROLL_NAME].status is Status.INVALID
     assert result[NAMES[0]].status is Status.PROVISIONAL
-    assert Code.ROLL_NOT_CALIBRATED in codes_of(result[NAMES[0]].reasons)
+    assert ForceCode.ROLL_NOT_CALIBRATED in codes_of(result[NAMES[0]].reasons)
     assert math.degrees(result[NAMES[0]].std) > 0.04
 
 
@@ -355,7 +360,7 @@ def test_pure_conicity_has_no_ply_steer_sign(seed: int) -> None:
     result = estimate(rolled(radial(), cone, replace(Sensor(noise_mg=5.0), seed=seed), 40))
     for name in ("ply_steer_peak_rad", "ply_steer_adhesion_line_rad"):
         assert result[name].status is Status.INVALID
-        assert codes_of(result[name].reasons) == (Code.SIGN_NOT_DETERMINED,)
+        assert codes_of(result[name].reasons) == (EstimateCode.SIGN_NOT_DETERMINED,)
     assert abs(result[LINE_NAME].value) < 3.0 * result[LINE_NAME].std
     assert result[LINE_NAME].status is Status.PROVISIONAL
     conicity = result[CONICITY_NAME]
@@ -378,7 +383,7 @@ def test_contact_line_does_not_contain_conicity(conicity_deg: float) -> None:
     assert coned[LINE_NAME].value == pytest.approx(plain[LINE_NAME].value, abs=math.radians(0.003))
     assert abs(coned[NAMES[1]].value - plain[NAMES[1]].value) > math.radians(0.03)
     assert plain[CONICITY_NAME].status is Status.PROVISIONAL
-    assert codes_of(plain[CONICITY_NAME].reasons) == (Code.CONICITY_NOT_SEPARATED,)
+    assert codes_of(plain[CONICITY_NAME].reasons) == (ForceCode.CONICITY_NOT_SEPARATED,)
 
 
 def test_missing_circumferential_axis_keeps_the_error_of_yaw() -> None:
@@ -437,7 +442,7 @@ def test_laminate_angle_stands_with_the_measured_peak() -> None:
 def test_laminate_that_differs_from_the_peak_is_provisional(angle_deg: float) -> None:
     angle = with_laminate(rolled(radial(), LateralBelt(), QUIET, 40), angle_deg)["ply_steer_laminate_rad"]
     assert angle.status is Status.PROVISIONAL
-    assert Code.LAMINATE_DIFFERS in codes_of(angle.reasons)
+    assert ForceCode.LAMINATE_DIFFERS in codes_of(angle.reasons)
 
 
 def test_no_laminate_estimates_without_plies() -> None:
@@ -452,7 +457,7 @@ def test_slope_ahead_matches_that_of_the_belt(load_n: float) -> None:
     result = estimate(rolled(ring, LateralBelt(), Sensor(noise_mg=1.0), 30))[AHEAD_NAME]
     assert result.status is Status.VALID
     assert result.value == pytest.approx(-shape.slope_rad[ahead].min(), abs=math.radians(0.005))
-    assert Code.INCLUDES_CONICITY in codes_of(result.reasons)
+    assert ForceCode.INCLUDES_CONICITY in codes_of(result.reasons)
 
 
 def test_slope_ahead_follows_pressure_more_than_the_peak() -> None:

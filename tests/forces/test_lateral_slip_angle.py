@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from gateway.core.estimates.estimator import Estimate, Revolution, Status, TireConditions
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.tire_data import TireData
-from gateway.core.reasons import Code, Reason, codes_of
+from gateway.core.reasons import Reason, codes_of
 from gateway.forces.lateral_belt import LateralBelt
+from gateway.forces.reasons import ForceCode
 from gateway.forces.slip_angle import (
     MEAN_NAME,
     NAMES,
@@ -127,7 +129,7 @@ def test_constant_slip_is_not_reported_as_zero_without_one() -> None:
     assert abs(result[NAMES[0]].value) < math.radians(0.05)
     for name in NAMES[:2]:
         assert result[name].status is Status.PROVISIONAL
-        assert Code.ZERO_SLIP_IS_MEAN in codes_of(result[name].reasons)
+        assert ForceCode.ZERO_SLIP_IS_MEAN in codes_of(result[name].reasons)
     assert SLIP_NAME not in result
 
 
@@ -137,14 +139,16 @@ def test_slip_outside_the_calibration_is_provisional() -> None:
     )
     result = follow(drive(((60, 0.8),)), SlipAngleEstimator(), law)[-1][MEAN_NAME]
     assert result.status is Status.PROVISIONAL
-    assert {Code.SLIP_OUTSIDE_CALIBRATION, Code.HALF_ANGLE_OUTSIDE_CALIBRATION} <= set(codes_of(result.reasons))
+    assert {ForceCode.SLIP_OUTSIDE_CALIBRATION, EstimateCode.HALF_ANGLE_OUTSIDE_CALIBRATION} <= set(
+        codes_of(result.reasons)
+    )
 
 
 def test_slip_beyond_the_law_is_invalid() -> None:
     law = replace(calibration(), saturation_prad=40.0)
     result = follow(drive(((60, 0.8),)), SlipAngleEstimator(), law)[-1][MEAN_NAME]
     assert result.status is Status.INVALID
-    assert codes_of(result.reasons) == (Code.SLIP_BEYOND_LAW,)
+    assert codes_of(result.reasons) == (ForceCode.SLIP_BEYOND_LAW,)
 
 
 def test_left_right_asymmetry_needs_ply_steer() -> None:
@@ -165,7 +169,7 @@ def test_left_right_asymmetry_needs_ply_steer() -> None:
 def test_one_side_only_has_no_left_right_asymmetry() -> None:
     last = follow(drive(ZIGZAG)[:75], SlipAngleEstimator())[-1][NAMES[3]]
     assert last.status is Status.INVALID
-    assert codes_of(last.reasons) == (Code.NEEDS_BOTH_SLIPS,)
+    assert codes_of(last.reasons) == (ForceCode.NEEDS_BOTH_SLIPS,)
 
 
 def test_learnt_zero_is_provisional_until_settled() -> None:
@@ -173,15 +177,15 @@ def test_learnt_zero_is_provisional_until_settled() -> None:
     assert result[1][NAMES[0]].status is Status.PROVISIONAL
     assert result[20][NAMES[0]].status is Status.PROVISIONAL
     assert result[int(REFERENCE_SETTLED) + 2][NAMES[2]].status is Status.VALID
-    assert codes_of(result[int(REFERENCE_SETTLED) + 2][NAMES[0]].reasons) == (Code.ZERO_SLIP_IS_MEAN,)
+    assert codes_of(result[int(REFERENCE_SETTLED) + 2][NAMES[0]].reasons) == (ForceCode.ZERO_SLIP_IS_MEAN,)
 
 
 def test_faulty_revolutions_are_rejected() -> None:
     revolution = drive(ZIGZAG)[0]
-    bad = replace(revolution, faults=(Reason(Code.SAMPLES_LOST),))
+    bad = replace(revolution, faults=(Reason(EstimateCode.SAMPLES_LOST),))
     result = follow((bad,), SlipAngleEstimator(), calibration())[0]
     assert set(result) == {*NAMES, SLIP_NAME, MEAN_NAME}
-    assert all(e.status is Status.INVALID and Code.SAMPLES_LOST in codes_of(e.reasons) for e in result.values())
+    assert all(e.status is Status.INVALID and EstimateCode.SAMPLES_LOST in codes_of(e.reasons) for e in result.values())
 
 
 def test_asymmetry_of_a_waveform() -> None:

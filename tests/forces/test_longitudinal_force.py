@@ -10,13 +10,15 @@ import pytest
 
 from gateway.core.estimates.belt_shape import MAX_ORDER, orders_about
 from gateway.core.estimates.estimator import Estimate, Status, TireConditions
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.revolution_block import extended
 from gateway.core.estimates.sensor_claims import Tilt
 from gateway.core.estimates.tire_data import RUN_OUT_M, TireData
 from gateway.core.quantity_catalogue import quantity_of
-from gateway.core.reasons import Code, Reason, codes_of
+from gateway.core.reasons import Reason, codes_of
 from gateway.core.revolutions.angle_resampling import angle_grid
 from gateway.core.revolutions.synchronous_average import RunningAverage
+from gateway.core.trust.reasons import TrustCode
 from gateway.forces.asymmetric_belt import asymmetric_shape, curvature_from_signal
 from gateway.forces.asymmetric_rows import Force, U, asymmetric_rows, free_begin, free_motion, row_sensitivity
 from gateway.forces.asymmetric_solve import AsymmetricSolution, solve_asymmetric
@@ -27,6 +29,7 @@ from gateway.forces.longitudinal_force import (
     TIRE_HORIZON_REVOLUTIONS,
     LongitudinalForceEstimator,
 )
+from gateway.forces.reasons import ForceCode
 from gateway.ring.rolling_ring import (
     RingParameters,
     RingSolution,
@@ -213,8 +216,8 @@ def test_usual_run_out_is_in_the_errors() -> None:
 
 def test_without_load_only_the_ratio_is_given() -> None:
     result = estimates(ring(60.0), revolutions=4, conditions=TireConditions(radius_m=RADIUS_M))
-    assert codes_of(result["longitudinal_force_n"].reasons) == (Code.NEEDS_LOAD,)
-    assert codes_of(result["axle_torque_nm"].reasons) == (Code.NEEDS_LOAD,)
+    assert codes_of(result["longitudinal_force_n"].reasons) == (EstimateCode.NEEDS_LOAD,)
+    assert codes_of(result["axle_torque_nm"].reasons) == (EstimateCode.NEEDS_LOAD,)
     assert result["longitudinal_ratio"].value == pytest.approx(ring(60.0).longitudinal_force_n / LOAD_N, abs=0.02)
 
 
@@ -229,7 +232,7 @@ def test_run_out_that_looks_like_a_driving_force_is_provisional() -> None:
     )
     assert all(abs(estimate.value) > 10.0 * estimate.std for estimate in (*forward.values(), *backward.values()))
     gives_energy = [
-        Code.TIRE_GIVES_ENERGY in codes_of(estimate.reasons) and estimate.status is Status.PROVISIONAL
+        ForceCode.TIRE_GIVES_ENERGY in codes_of(estimate.reasons) and estimate.status is Status.PROVISIONAL
         for estimate in (*forward.values(), *backward.values())
     ]
     # Of the other sign, it looks like a force with a loss.
@@ -244,7 +247,7 @@ def test_stone_that_looks_like_a_force_is_provisional() -> None:
     ratio = estimates(free, waves_m=ringing_mps2 / OMEGA**2)["longitudinal_ratio"]
     assert ratio.value > 3.0 * ratio.std
     assert ratio.status is Status.PROVISIONAL
-    assert codes_of(ratio.reasons) == (Code.ASYMMETRY_NOT_BALANCED,)
+    assert codes_of(ratio.reasons) == (ForceCode.ASYMMETRY_NOT_BALANCED,)
 
 
 def solved_with(monkeypatch: pytest.MonkeyPatch, forces: list[float]) -> dict[str, Estimate]:
@@ -263,37 +266,39 @@ def test_force_or_torque_beyond_friction_is_provisional(monkeypatch: pytest.Monk
     result = solved_with(monkeypatch, forces)
     for name in NAMES[:3]:
         assert result[name].status is Status.PROVISIONAL
-        assert Code.BEYOND_FRICTION in codes_of(result[name].reasons)
+        assert ForceCode.BEYOND_FRICTION in codes_of(result[name].reasons)
 
 
 def test_balance_that_does_not_carry_the_load_is_no_belt(monkeypatch: pytest.MonkeyPatch) -> None:
     result = solved_with(monkeypatch, [1.4, 0.1, 0.1, 0.01])
     assert {estimate.status for estimate in result.values()} == {Status.INVALID}
-    assert codes_of(result["longitudinal_ratio"].reasons) == (Code.NO_BELT_SHAPE,)
+    assert codes_of(result["longitudinal_ratio"].reasons) == (EstimateCode.NO_BELT_SHAPE,)
 
 
 def test_strong_noise_leaves_force_not_determined() -> None:
     result = estimates(ring(60.0), noise_mps2=60.0, revolutions=8)
     force = result["longitudinal_force_n"]
     assert force.status is not Status.VALID
-    assert Code.FORCE_NOT_DETERMINED in codes_of(force.reasons)
+    assert TrustCode.FORCE_NOT_DETERMINED in codes_of(force.reasons)
 
 
 def test_first_revolutions_are_provisional() -> None:
     result = estimates(ring(60.0), revolutions=3)
-    assert Code.NOT_SETTLED in codes_of(result["longitudinal_ratio"].reasons)
+    assert EstimateCode.NOT_SETTLED in codes_of(result["longitudinal_ratio"].reasons)
 
 
 def test_revolution_that_is_not_used_leaves_the_forces_as_they_are() -> None:
     average, estimator = RunningAverage(), LongitudinalForceEstimator()
     revolution = make_revolution(OMEGA**2 * on_grid(ring(60.0).sensor.radial_m))
-    lost = replace(revolution, faults=(Reason(Code.SAMPLES_LOST),))
+    lost = replace(revolution, faults=(Reason(EstimateCode.SAMPLES_LOST),))
     mean = extended(average, revolution)
     assert {estimate.status for estimate in estimator.update(lost, mean, CONDITIONS)} == {Status.INVALID}
     used = estimator.update(revolution, mean, CONDITIONS)
     unused = estimator.update(lost, mean, CONDITIONS)
     assert [(e.name, e.value) for e in unused] == [(e.name, e.value) for e in used]
-    assert all(e.status is Status.PROVISIONAL and Code.REVOLUTION_NOT_USED in codes_of(e.reasons) for e in unused)
+    assert all(
+        e.status is Status.PROVISIONAL and EstimateCode.REVOLUTION_NOT_USED in codes_of(e.reasons) for e in unused
+    )
 
 
 def test_no_belt_shape_is_invalid_and_not_solved_each_time(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -307,5 +312,5 @@ def test_no_belt_shape_is_invalid_and_not_solved_each_time(monkeypatch: pytest.M
 
     monkeypatch.setattr(longitudinal_force, "solve_asymmetric", fails)
     result = estimates(ring(60.0), revolutions=7)
-    assert codes_of(result["longitudinal_ratio"].reasons) == (Code.NO_BELT_SHAPE,)
+    assert codes_of(result["longitudinal_ratio"].reasons) == (EstimateCode.NO_BELT_SHAPE,)
     assert len(calls) < 11

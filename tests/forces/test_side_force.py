@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 
 from gateway.core.estimates.estimator import Estimate, Status, TireConditions
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.tire_data import TireData
 from gateway.core.quantity_catalogue import quantity_of
-from gateway.core.reasons import Code, codes_of
+from gateway.core.reasons import codes_of
 from gateway.forces.free_belt import displacement_rows
 from gateway.forces.friction_use import FrictionUseEstimator, share_of_trail
 from gateway.forces.lateral_belt import LateralBelt, LateralSolution, solve_lateral_belt
 from gateway.forces.lateral_deformation import ORDERS, lateral_coefficients
+from gateway.forces.reasons import ForceCode
 from gateway.forces.side_force import HORIZON_REVOLUTIONS, NAMES, SideForceEstimator
 from gateway.forces.side_force_calibration import LinearLaw, SideForceCalibration, fit_linear_law
 from tests.testkit.exact_ring import PRESSURE_PA, RADIUS_M, on_grid, solution
@@ -103,7 +105,7 @@ def test_scattering_part_is_what_repeated_drives_scatter() -> None:
 def test_force_needs_a_calibration() -> None:
     result = follow(1.0, CONDITIONS)
     assert result["belt_shift_m"].status is Status.VALID
-    assert codes_of(result["side_force_n"].reasons) == (Code.NEEDS_SIDE_FORCE_CALIBRATION,)
+    assert codes_of(result["side_force_n"].reasons) == (ForceCode.NEEDS_SIDE_FORCE_CALIBRATION,)
 
 
 def test_other_contact_length_makes_force_provisional() -> None:
@@ -111,7 +113,7 @@ def test_other_contact_length_makes_force_provisional() -> None:
     elsewhere = replace(law, half_angle_range_rad=(0.1, 0.12))
     result = follow(1.0, replace(CONDITIONS, tire=TireData(added=(elsewhere,))))
     assert result["side_force_n"].status is Status.PROVISIONAL
-    assert Code.HALF_ANGLE_OUTSIDE_CALIBRATION in codes_of(result["side_force_n"].reasons)
+    assert EstimateCode.HALF_ANGLE_OUTSIDE_CALIBRATION in codes_of(result["side_force_n"].reasons)
 
 
 def test_force_at_another_pressure_has_the_error_of_the_sidewalls() -> None:
@@ -120,7 +122,7 @@ def test_force_at_another_pressure_has_the_error_of_the_sidewalls() -> None:
     near = follow(4.0, replace(CONDITIONS, tire=tire, pressure_pa=0.93 * PRESSURE_PA))["side_force_n"]
     far = follow(4.0, replace(CONDITIONS, tire=tire, pressure_pa=1.3 * PRESSURE_PA))["side_force_n"]
     assert (same.status, near.status, far.status) == (Status.VALID, Status.VALID, Status.PROVISIONAL)
-    assert codes_of(far.reasons) == (Code.PRESSURE_OUTSIDE_CALIBRATION,)
+    assert codes_of(far.reasons) == (EstimateCode.PRESSURE_OUTSIDE_CALIBRATION,)
     # Sidewalls that the pressure alone stiffens, and such as it does not change.
     for estimate, ratio in ((near, 0.93), (far, 1.3)):
         assert abs(same.value * ratio - estimate.value) < 2.0 * estimate.std
@@ -130,7 +132,7 @@ def test_force_at_another_pressure_has_the_error_of_the_sidewalls() -> None:
 def test_calibration_of_unknown_pressure_makes_force_provisional() -> None:
     unknown = replace(calibration(), pressure_range_pa=None)
     result = follow(1.0, replace(CONDITIONS, tire=TireData(added=(unknown,))))
-    assert codes_of(result["side_force_n"].reasons) == (Code.SIDE_FORCE_PRESSURE_UNKNOWN,)
+    assert codes_of(result["side_force_n"].reasons) == (ForceCode.SIDE_FORCE_PRESSURE_UNKNOWN,)
     assert result["belt_shift_m"].status is Status.VALID
 
 
@@ -183,7 +185,7 @@ def test_without_side_force_friction_is_provisional() -> None:
     given_ = {"longitudinal-force": {"longitudinal_ratio": Estimate("longitudinal_ratio", -0.2, 0.01, Status.VALID)}}
     used = friction(replace(CONDITIONS, given=given_))["friction_used"]
     assert used.value == pytest.approx(0.2)
-    assert codes_of(used.reasons) == (Code.FRICTION_OF_LONGITUDINAL_ONLY,)
+    assert codes_of(used.reasons) == (ForceCode.FRICTION_OF_LONGITUDINAL_ONLY,)
 
 
 @pytest.mark.parametrize(("slip_deg", "friction_limit"), [(1.0, 1.0), (4.0, 1.0), (4.0, 0.5), (2.0, 0.5)])
@@ -197,7 +199,7 @@ def test_sliding_share_is_within_three_errors(slip_deg: float, friction_limit: f
 
 def test_braking_leaves_the_sliding_share_open() -> None:
     share = friction(given(-0.4, 1000.0, -20.0))["sliding_share"]
-    assert codes_of(share.reasons) == (Code.SLIP_NOT_LATERAL,)
+    assert codes_of(share.reasons) == (ForceCode.SLIP_NOT_LATERAL,)
 
 
 def test_trail_falls_as_the_contact_slides() -> None:

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from gateway.core.errors import CalibrationError
-from gateway.core.reasons import Code
+from gateway.core.estimates.reasons import EstimateCode
+from gateway.forces.reasons import ForceCode
 from gateway.forces.slip_calibration import SlipCalibration
 from gateway.forces.slip_fit import SlipFit, SlipRun, fit_slip_calibration
 
@@ -105,7 +106,11 @@ def test_ranges_are_those_of_the_runs() -> None:
     law = fitted(BOTH).calibration
     assert law.outside(0.2, 2e5, 0.5 * DEG) == ()
     results = [reason.code for reason in law.outside(0.3, 1.5e5, 3.0 * DEG)]
-    expected = [Code.HALF_ANGLE_OUTSIDE_CALIBRATION, Code.PRESSURE_OUTSIDE_CALIBRATION, Code.SLIP_OUTSIDE_CALIBRATION]
+    expected = [
+        EstimateCode.HALF_ANGLE_OUTSIDE_CALIBRATION,
+        EstimateCode.PRESSURE_OUTSIDE_CALIBRATION,
+        ForceCode.SLIP_OUTSIDE_CALIBRATION,
+    ]
     assert results == expected
 
 

@@ -9,13 +9,13 @@ import pytest
 
 from firmware_protocol.messages import SampleBlock
 from gateway.core.errors import ImportDataError
-from gateway.core.reasons import Code
 from gateway.core.types import FloatArray
 from gateway.importing.commands.import_measurement import report_lines
 from gateway.importing.csv_columns import CsvColumns
 from gateway.importing.import_map import parse_map
 from gateway.importing.importer import ImportReport, import_file
 from gateway.importing.missing_rows import GapFilledColumns
+from gateway.importing.reasons import ImportCode
 from tests.importing.measurements import Decoded, simple_map
 
 RADIAL_ONLY = {"axis.circumferential": "", "axis.lateral": ""}
@@ -227,5 +227,5 @@ def test_signal_that_was_interpolated_is_kept_and_reported(tmp_path: Path) -> No
     assert len(numbered(decoded)) == 9000
     (wheel,) = report.wheels
     assert wheel.bridged == 0
-    assert [finding.code for finding in wheel.findings] == [Code.SIGNAL_INTERPOLATED]
+    assert [finding.code for finding in wheel.findings] == [ImportCode.SIGNAL_INTERPOLATED]
     assert any("the signal was interpolated" in line for line in report_lines(report))

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.core.reasons import Code
 from gateway.importing.column_names import names_rate, rate_in_text
 from gateway.importing.import_map import parse_map
 from gateway.importing.importer import import_file
 from gateway.importing.map_guess import guess_map
+from gateway.importing.reasons import ImportCode
 from tests.importing.measurements import Decoded, write_csv
 from tests.importing.rolling_wheel import rolling
 
@@ -51,7 +51,7 @@ def test_unit_of_counts_is_not_known_on_any_axis(tmp_path: Path) -> None:
     text, _ = guessed(path)
     assert text.count("# ? neither the file nor the magnitude says it") == 3
     (finding,) = import_file(path, parse_map(text, "map"), tmp_path / "wrong.mcap").wheels[0].findings
-    assert finding.code is Code.SCALE_UNLIKELY
+    assert finding.code is ImportCode.SCALE_UNLIKELY
     sizes = [line for line in text.splitlines() if line.startswith("# scale = ")]
     assert [float(line.split()[3]) for line in sizes] == pytest.approx([1 / (400.0 * G)] * 3, rel=0.2)
     report = import_file(path, parse_map(text.replace("# scale", "scale"), "map"), tmp_path / "out.mcap")

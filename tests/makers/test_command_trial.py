@@ -25,10 +25,10 @@ from firmware_protocol.messages import (
 )
 from firmware_protocol.signing import is_signed, sign
 from gateway.core.links.source import Chunk
-from gateway.core.reasons import Code
 from gateway.makers.check.clauses import CheckReport, Clause, Verdict
 from gateway.makers.check.command_trial import CLAUSES, CommandTrial
 from gateway.makers.check.firmware_check import FirmwareCheck
+from gateway.makers.reasons import FirmwareCode
 from gateway.security.cmac import Key, mac
 from tests.makers.wrong_firmware import HELLO, block
 
@@ -234,14 +234,14 @@ def test_a_hub_that_takes_no_commands_is_not_at_fault() -> None:
     assert set(verdicts(report).values()) == {Verdict.NOT_EXERCISED}
     result = next(result for result in report.clauses if result.clause is Clause.COMMAND_ANSWER)
     assert result.why is not None
-    assert result.why.code is Code.CHECK_HUB_TAKES_NO_COMMANDS
+    assert result.why.code is FirmwareCode.CHECK_HUB_TAKES_NO_COMMANDS
 
 
 def test_a_check_that_ends_early_says_so() -> None:
     report = tried(RawHub(), seconds=2.0)
     result = next(result for result in report.clauses if result.clause is Clause.COMMAND_RATE)
     assert result.why is not None
-    assert result.why.code is Code.CHECK_STOPPED_EARLY
+    assert result.why.code is FirmwareCode.CHECK_STOPPED_EARLY
 
 
 def test_a_trial_that_has_ended_waits_for_no_answer() -> None:
@@ -369,4 +369,4 @@ def test_every_wrong_hub_is_named_by_its_clause(make: Callable[[], Hub], clause:
 
 
 # What did not come has no bytes.
-ABSENT = {Code.SAMPLES_NOT_STARTED, Code.MESSAGE_TOO_RARE, Code.SET_RATE_NOT_STATED}
+ABSENT = {FirmwareCode.SAMPLES_NOT_STARTED, FirmwareCode.MESSAGE_TOO_RARE, FirmwareCode.SET_RATE_NOT_STATED}

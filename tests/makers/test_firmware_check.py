@@ -14,11 +14,13 @@ from firmware_protocol.reference_cmac import aes_cmac
 from firmware_protocol.reference_frames import payload_bytes
 from firmware_protocol.signing import sign
 from gateway.core.links.source import Chunk
-from gateway.core.reasons import Code
+from gateway.core.session.reasons import SessionCode
 from gateway.core.session.statement_watch import __file__ as watch_file
+from gateway.core.wheels.reasons import WheelCode
 from gateway.makers.check.clauses import CheckReport, Clause, Verdict
 from gateway.makers.check.firmware_check import CLAUSE_OF, FirmwareCheck
 from gateway.makers.commands.clause_report import report_lines
+from gateway.makers.reasons import FirmwareCode
 from gateway.security.cmac import Key
 from tests.makers.wrong_firmware import HELLO, WRONG, Stream, frames, right, right_stream
 
@@ -87,7 +89,7 @@ def test_counters_that_restart_are_not_called_one_counter() -> None:
     report = check(frames(of_one_wheel, boot=lambda sent: sent.type == MessageType.HELLO))
     result = next(result for result in report.clauses if result.clause is Clause.SEQ)
     assert result.verdict is Verdict.FAILED
-    assert Code.SEQ_SHARED not in {finding.reason.code for finding in result.findings}
+    assert FirmwareCode.SEQ_SHARED not in {finding.reason.code for finding in result.findings}
 
 
 def test_every_clause_has_a_firmware_that_breaks_it() -> None:
@@ -101,10 +103,11 @@ def test_every_clause_has_a_firmware_that_breaks_it() -> None:
 
 
 def test_every_code_of_the_watch_over_statements_has_a_clause() -> None:
-    named = {Code[name] for name in re.findall(r"Code\.(\w+)[,)]", Path(watch_file).read_text("utf-8"))}
-    named |= {Code.SAMPLES_BYTES_SWAPPED, Code.HELLO_AC_WITH_STEADY_VALUE}
+    source = Path(watch_file).read_text("utf-8")
+    named = {getattr(SessionCode, name) for name in re.findall(r"SessionCode\.(\w+)[,)]", source)}
+    named |= {WheelCode.SAMPLES_BYTES_SWAPPED, WheelCode.HELLO_AC_WITH_STEADY_VALUE}
     # Types that are not defined are found in every frame; wheels are refused by the reader's own limit.
-    assert named - set(CLAUSE_OF) == {Code.ONLY_UNKNOWN_TYPES, Code.WHEELS_REFUSED}
+    assert named - set(CLAUSE_OF) == {SessionCode.ONLY_UNKNOWN_TYPES, SessionCode.WHEELS_REFUSED}
     assert set(CLAUSE_OF) <= named
 
 
@@ -152,7 +155,7 @@ def test_no_frames_is_no_pass() -> None:
     report = check([(0.0, b"$GPGGA,123519,4807.038,N\r\n" * 40)])
     assert with_verdict(report, Verdict.FAILED) == {Clause.SYNC}
     assert with_verdict(report, Verdict.PASSED) == set()
-    assert report.clauses[0].findings[0].reason.code is Code.LINE_GPS_RECEIVER
+    assert report.clauses[0].findings[0].reason.code is SessionCode.LINE_GPS_RECEIVER
 
 
 def test_the_link_must_carry_the_samples() -> None:
@@ -205,7 +208,7 @@ def test_without_the_key_the_tag_is_not_exercised() -> None:
     result = next(r for r in report.clauses if r.clause is Clause.TAG)
     assert result.verdict is Verdict.NOT_EXERCISED
     assert result.why is not None
-    assert result.why.code is Code.CHECK_NO_KEY
+    assert result.why.code is FirmwareCode.CHECK_NO_KEY
 
 
 @given(st.binary(max_size=2000), st.integers(0, 2**31))

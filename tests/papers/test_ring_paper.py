@@ -13,6 +13,7 @@ import gateway
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.estimates.determination import SETTLED_REVOLUTIONS
 from gateway.core.estimates.estimator import AngleAverage, Estimate, Status, TireConditions
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
 from gateway.core.estimates.revolution_block import extended
 from gateway.core.estimates.ring_series import signal_orders, signal_waveform, stiffness_terms
@@ -22,6 +23,7 @@ from gateway.core.revolutions.angle_resampling import angle_grid, fit_phase
 from gateway.core.revolutions.synchronous_average import RunningAverage
 from gateway.papers import ring_paper
 from gateway.papers.ring_paper import RingPaperEstimator, fit_ring_numbers
+from gateway.ring.reasons import RingCode
 from tests.testkit.exact_ring import PRESSURE_PA, RADIUS_M, cosine_orders, solution
 from tests.testkit.revolution_data import CONDITIONS, OMEGA, exact_wave, make_revolution, settled
 from tests.testkit.single_revolution import normalise_radial, resample_revolution
@@ -110,11 +112,11 @@ def test_fit_matches_scipy_from_many_starts(load_n: float, noise: float) -> None
 @pytest.mark.parametrize(
     ("conditions", "codes"),
     [
-        (replace(CONDITIONS, load_n=None), (Code.NEEDS_LOAD,)),
-        (replace(CONDITIONS, pressure_pa=None), (Code.NEEDS_PRESSURE,)),
-        (replace(CONDITIONS, load_n=None, pressure_pa=None), (Code.NEEDS_LOAD, Code.NEEDS_PRESSURE)),
-        (replace(CONDITIONS, load_n=math.nan), (Code.NEEDS_LOAD,)),
-        (replace(CONDITIONS, pressure_pa=0.0), (Code.NEEDS_PRESSURE,)),
+        (replace(CONDITIONS, load_n=None), (EstimateCode.NEEDS_LOAD,)),
+        (replace(CONDITIONS, pressure_pa=None), (EstimateCode.NEEDS_PRESSURE,)),
+        (replace(CONDITIONS, load_n=None, pressure_pa=None), (EstimateCode.NEEDS_LOAD, EstimateCode.NEEDS_PRESSURE)),
+        (replace(CONDITIONS, load_n=math.nan), (EstimateCode.NEEDS_LOAD,)),
+        (replace(CONDITIONS, pressure_pa=0.0), (EstimateCode.NEEDS_PRESSURE,)),
     ],
 )
 def test_ratios_need_neither_load_nor_pressure(conditions: TireConditions, codes: tuple[Code, ...]) -> None:
@@ -211,12 +213,15 @@ def test_provisional_until_settled_and_on_faults() -> None:
     wave = series_wave()
     early = estimate_once(wave, edges=(-HALF, HALF), count=int(SETTLED_REVOLUTIONS) - 1)
     assert {e.status for e in early.values()} == {Status.PROVISIONAL}
-    assert all(Code.NOT_SETTLED in codes_of(e.reasons) for e in early.values())
+    assert all(EstimateCode.NOT_SETTLED in codes_of(e.reasons) for e in early.values())
     late = estimate_once(wave, edges=(-HALF, HALF), count=int(SETTLED_REVOLUTIONS))
     assert late["Rs"].status is Status.VALID
-    faulty = estimate_once(wave, edges=(-HALF, HALF), faults=(Reason(Code.SAMPLES_LOST),))
+    faulty = estimate_once(wave, edges=(-HALF, HALF), faults=(Reason(EstimateCode.SAMPLES_LOST),))
     assert {e.status for e in faulty.values()} == {Status.PROVISIONAL}
-    assert all(codes_of(e.reasons)[:2] == (Code.REVOLUTION_NOT_USED, Code.SAMPLES_LOST) for e in faulty.values())
+    assert all(
+        codes_of(e.reasons)[:2] == (EstimateCode.REVOLUTION_NOT_USED, EstimateCode.SAMPLES_LOST)
+        for e in faulty.values()
+    )
 
 
 def test_known_bias_is_in_the_error() -> None:
@@ -226,7 +231,7 @@ def test_known_bias_is_in_the_error() -> None:
         assert abs(result[name].value - true) < 3.0 * result[name].std
     for name in ("Bs", "Cw", "Ts"):
         assert result[name].status is Status.PROVISIONAL
-        assert codes_of(result[name].reasons)[:2] == (Code.NOT_DETERMINED, Code.MODEL_ERROR_SHARE)
+        assert codes_of(result[name].reasons)[:2] == (EstimateCode.NOT_DETERMINED, EstimateCode.MODEL_ERROR_SHARE)
 
 
 def test_number_at_zero_is_not_determined() -> None:
@@ -237,7 +242,7 @@ def test_number_at_zero_is_not_determined() -> None:
     estimates = estimate_once(wave, edges=(-HALF, HALF))
     for name in ("Ts", "Ts/Cw"):
         assert estimates[name].status is Status.INVALID
-        assert codes_of(estimates[name].reasons) == (Code.FIT_AT_ZERO,)
+        assert codes_of(estimates[name].reasons) == (EstimateCode.FIT_AT_ZERO,)
         assert math.isnan(estimates[name].value)
     assert estimates["Rs"].status is Status.VALID
     for name in ("Bs", "Cw", "Bs/Cw"):
@@ -268,7 +273,7 @@ def test_non_ring_signals_are_rejected(kind: str) -> None:
     }[kind]
     estimates = estimate_once(wave, edges=(-HALF, HALF))
     assert all(
-        e.status is Status.INVALID and codes_of(e.reasons) == (Code.RING_DOES_NOT_FIT,) for e in estimates.values()
+        e.status is Status.INVALID and codes_of(e.reasons) == (RingCode.RING_DOES_NOT_FIT,) for e in estimates.values()
     )
 
 

@@ -11,9 +11,11 @@ from firmware_protocol.codec import encode_frame
 from firmware_protocol.messages import Frame, MessageType, SampleBlock
 from gateway.core.errors import ConfigError, OutputError
 from gateway.core.reasons import Code, codes_of
+from gateway.core.trust.reasons import TrustCode
 from gateway.planner.accelerometer import Accelerometer, parse_accelerometers, shipped_accelerometers
 from gateway.planner.link_load import BLOCK_SAMPLES, PowerModel, link_load
 from gateway.planner.planned_errors import SensorPlan, fastest_mps, plan_sensor
+from gateway.planner.reasons import PlannerCode
 from gateway.planner.views.plan_figure import write_plan_figure
 from gateway.planner.views.sensor_plan import plan_json, plan_lines
 from gateway.simulator.scenario import load_scenario
@@ -47,7 +49,7 @@ def test_noise_grows_the_scatter_and_revolutions_reduce_it():
 def test_ac_corner_is_undone_and_its_tolerance_named():
     # Not undone, it would move Ts by more than a tenth.
     sensor = QUIET.model_copy(update={"highpass_hz": 6.0})
-    assert Code.SENSOR_AC_CORNER in codes(sensor)
+    assert TrustCode.SENSOR_AC_CORNER in codes(sensor)
     assert abs(stays(sensor, "Ts")) < 0.05 * 2.53
 
 
@@ -79,16 +81,16 @@ def test_what_the_estimators_refuse_is_named():
     (first, *_) = scenario.wheels()
     wrong = first.model_copy(update={"stated": first.stated.model_copy(update={"radius_mm": 360.0})})
     plan = plan_sensor(scenario.model_copy(update={"wheel": (wrong,)}), QUIET, 80.0 / 3.6, wheels=3)
-    assert Code.RADIUS_WOULD_FIT in codes_of(plan.reasons)
+    assert TrustCode.RADIUS_WOULD_FIT in codes_of(plan.reasons)
 
 
 @pytest.mark.parametrize(
     ("changed", "code"),
     [
-        ({"range_g": 100.0}, Code.PLAN_RANGE),
-        ({"survival_g": 100.0}, Code.PLAN_SURVIVAL),
-        ({"rate_hz": 1000.0}, Code.PLAN_RATE),
-        ({"rate_hz": None}, Code.PLAN_RATE_UNKNOWN),
+        ({"range_g": 100.0}, PlannerCode.PLAN_RANGE),
+        ({"survival_g": 100.0}, PlannerCode.PLAN_SURVIVAL),
+        ({"rate_hz": 1000.0}, PlannerCode.PLAN_RATE),
+        ({"rate_hz": None}, PlannerCode.PLAN_RATE_UNKNOWN),
     ],
 )
 def test_refusals_are_named_and_have_no_errors(changed, code):
@@ -101,9 +103,9 @@ def test_refusals_are_named_and_have_no_errors(changed, code):
 @pytest.mark.parametrize(
     ("changed", "code"),
     [
-        ({"bandwidth_hz": 500.0}, Code.SENSOR_BAND),
-        ({"noise_mg_rthz": None}, Code.PLAN_NOISE_UNKNOWN),
-        ({"resolution_mg": 400.0}, Code.SENSOR_STEPS),
+        ({"bandwidth_hz": 500.0}, TrustCode.SENSOR_BAND),
+        ({"noise_mg_rthz": None}, PlannerCode.PLAN_NOISE_UNKNOWN),
+        ({"resolution_mg": 400.0}, TrustCode.SENSOR_STEPS),
     ],
 )
 def test_doubts_leave_the_sensor_usable(changed, code):
@@ -151,7 +153,7 @@ def test_fastest_speed_is_where_the_range_ends():
     unknown = QUIET.model_copy(update={"noise_mg_rthz": None})
     limit_kmh = 3.6 * fastest_mps(planned(unknown, 60.0))
     assert planned(unknown, 0.995 * limit_kmh).usable
-    assert Code.PLAN_RANGE in codes(unknown, 1.005 * limit_kmh)
+    assert PlannerCode.PLAN_RANGE in codes(unknown, 1.005 * limit_kmh)
 
 
 def test_figure_has_each_sensor_and_quantity(tmp_path):

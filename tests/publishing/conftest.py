@@ -8,13 +8,14 @@ from gateway.core.config.vehicle import parse_vehicle
 from gateway.core.estimates.results import Alarm, AlarmChange, RevolutionResult, SessionSnapshot
 from gateway.core.links.reconnect import Backoff
 from gateway.core.links.source import LinkEvent, open_source
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.session.core import SessionCore
+from gateway.core.session.reasons import SessionCode
 from gateway.publishing import sink_worker
 from gateway.publishing.sink import Item, PublishedAlarm, PublishedRevolution, PublishedState
 from tests.publishing.receivers import PostServer, serving
 
-PRESSURE = Reason(Code.PRESSURE_BELOW_LIMIT, pressure_pa=180e3, limit_pa=200e3)
+PRESSURE = Reason(SessionCode.PRESSURE_BELOW_LIMIT, pressure_pa=180e3, limit_pa=200e3)
 
 
 @pytest.fixture(scope="session")

@@ -8,8 +8,9 @@ from itertools import count, cycle, islice
 import pytest
 
 from gateway.core.clock import SystemClock
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.publishing import mqtt
+from gateway.publishing.reasons import PublishingCode
 from gateway.publishing.sink import PublishedRevolution, SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
 from tests.publishing.receivers import finish, publish, worker_of
@@ -145,7 +146,7 @@ def test_items_that_the_broker_refuses_count_as_dropped(items, broker) -> None:
     for item in items[:-1]:
         worker.offer(item)
     until(lambda: worker.snapshot().dropped == 2)
-    assert worker.snapshot().note == Reason(Code.SINK_REFUSED, error="quota exceeded")
+    assert worker.snapshot().note == Reason(PublishingCode.SINK_REFUSED, error="quota exceeded")
     assert worker.snapshot().is_dropping
     broker.refusals += [0x83]
     worker.offer(items[0])

@@ -16,7 +16,9 @@ from websockets.sync.client import ClientConnection, connect
 from gateway.core.clock import SystemClock
 from gateway.core.errors import RecordingError
 from gateway.core.estimates.results import Silence, SilentPart, WheelState
-from gateway.core.reasons import Code, Notice, Reason
+from gateway.core.links.reasons import LinkCode
+from gateway.core.reasons import Notice, Reason
+from gateway.core.session.reasons import SessionCode
 from gateway.publishing import page_server
 from gateway.publishing.page_server import PageSink
 from gateway.publishing.publisher import open_publisher
@@ -135,7 +137,7 @@ def test_ended_session_rolls_no_more(served, items) -> None:
 
 
 def test_silent_wheel_has_an_age_and_no_number(served, items, drive) -> None:
-    silence = Silence(SilentPart.SENSOR, 7.0, Reason(Code.SENSOR_SILENT, silence_s=7.0))
+    silence = Silence(SilentPart.SENSOR, 7.0, Reason(SessionCode.SENSOR_SILENT, silence_s=7.0))
 
     def silent(snapshot):
         first, *others = snapshot.wheels
@@ -167,7 +169,7 @@ def test_silent_wheel_has_an_age_and_no_number(served, items, drive) -> None:
 def test_pressure_that_still_comes_is_shown_of_a_wheel_without_samples(
     served, items, part: SilentPart, is_certain: bool, is_shown: bool
 ) -> None:
-    silence = Silence(part, 7.0, Reason(Code.SAMPLES_SILENT, silence_s=7.0), is_certain)
+    silence = Silence(part, 7.0, Reason(SessionCode.SAMPLES_SILENT, silence_s=7.0), is_certain)
 
     def silent(snapshot):
         first, *others = snapshot.wheels
@@ -327,7 +329,7 @@ def test_twenty_pages_and_one_too_many(served, items) -> None:
 
 def test_slow_page_holds_nobody_and_gets_the_latest(served, items) -> None:
     # More than the buffers of the system take for a client that does not read.
-    long = Notice("x" * 500_000, Reason(Code.LINK_CONNECTED))
+    long = Notice("x" * 500_000, Reason(LinkCode.LINK_CONNECTED))
     states = 40
 
     def numbered(number):

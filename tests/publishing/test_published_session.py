@@ -10,11 +10,13 @@ from gateway.core.clock import SystemClock
 from gateway.core.config.vehicle import parse_vehicle
 from gateway.core.estimates.results import SinkSnapshot, SinkState
 from gateway.core.links.source import open_source
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Code, CoreCode, Reason
 from gateway.core.session.alarms import sink_alarms
 from gateway.core.session.live import LiveSession
+from gateway.core.session.reasons import SessionCode
 from gateway.core.text.session_summary import ResultSummary, summary_lines
 from gateway.publishing.publisher import Publisher
+from gateway.publishing.reasons import PublishingCode
 from gateway.publishing.sink import PublishedAlarm, PublishedRevolution
 from gateway.publishing.sink_worker import SinkWorker
 from tests.publishing.receivers import Receiver
@@ -53,8 +55,11 @@ def test_stalled_receiver_does_not_hold_the_session() -> None:
 
 
 def sink_of(state: SinkState, **numbers) -> SinkSnapshot:
-    notes = {SinkState.UP: Reason(Code.SINK_CONNECTED), SinkState.STALLED: Reason(Code.SINK_STALLED)}
-    lost = Reason(Code.SINK_LOST, error="connection refused", interval_s=10.0)
+    notes = {
+        SinkState.UP: Reason(PublishingCode.SINK_CONNECTED),
+        SinkState.STALLED: Reason(PublishingCode.SINK_STALLED),
+    }
+    lost = Reason(PublishingCode.SINK_LOST, error="connection refused", interval_s=10.0)
     return SinkSnapshot("mqtt://host/car", state, notes.get(state, lost), **numbers)
 
 
@@ -64,9 +69,9 @@ def sink_of(state: SinkState, **numbers) -> SinkSnapshot:
         (sink_of(SinkState.UP, published=9), None),
         (sink_of(SinkState.CONNECTING, since_s=1.0), None),
         (sink_of(SinkState.DOWN, since_s=1.0), None),
-        (sink_of(SinkState.DOWN, since_s=2.5, waiting=3), Code.SINK_DOWN),
-        (sink_of(SinkState.STALLED, since_s=2.5, waiting=3), Code.SINK_DOWN),
-        (sink_of(SinkState.UP, dropped=4, is_dropping=True), Code.SINK_DROPS),
+        (sink_of(SinkState.DOWN, since_s=2.5, waiting=3), SessionCode.SINK_DOWN),
+        (sink_of(SinkState.STALLED, since_s=2.5, waiting=3), SessionCode.SINK_DOWN),
+        (sink_of(SinkState.UP, dropped=4, is_dropping=True), SessionCode.SINK_DROPS),
         (sink_of(SinkState.ENDED, since_s=99.0), None),
     ],
 )
@@ -91,7 +96,7 @@ def test_screen_shows_the_outputs(drive, cells: int) -> None:
 
 
 def test_summary_counts_each_output(drive) -> None:
-    done = replace(sink_of(SinkState.UP, published=8), note=Reason(Code.SINK_CLOSED))
+    done = replace(sink_of(SinkState.UP, published=8), note=Reason(CoreCode.SINK_CLOSED))
     away = sink_of(SinkState.DOWN, published=1, dropped=7)
     lines = summary_lines((), drive[1].links, (), (done, away))
     assert lines[-2] == "mqtt://host/car: 8 published, 0 dropped"

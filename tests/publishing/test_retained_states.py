@@ -7,7 +7,8 @@ import jsonschema
 import pytest
 
 from gateway.core.estimates.results import Silence, SilentPart
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
+from gateway.core.session.reasons import SessionCode
 from gateway.publishing.line_schema import line_schema
 from gateway.publishing.payloads import messages
 from gateway.publishing.sink import PublishedState
@@ -72,7 +73,7 @@ def states(drive, *silences: Silence, **of_link) -> tuple[dict, dict]:
 
 
 def silence(part: SilentPart) -> Silence:
-    return Silence(part, AGE_S, Reason(Code.SENSOR_SILENT, silence_s=AGE_S))
+    return Silence(part, AGE_S, Reason(SessionCode.SENSOR_SILENT, silence_s=AGE_S))
 
 
 @pytest.mark.parametrize("part", [SilentPart.LINK, SilentPart.HUB, SilentPart.SENSOR])

@@ -8,10 +8,11 @@ import pytest
 from gateway.core.clock import ManualClock, SystemClock
 from gateway.core.estimates.results import RevolutionResult, SinkState
 from gateway.core.links.reconnect import Backoff
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import CoreCode, Reason
 from gateway.publishing import publisher as publisher_module
 from gateway.publishing import sink_worker
 from gateway.publishing.publisher import Publisher, open_publisher
+from gateway.publishing.reasons import PublishingCode
 from gateway.publishing.sink import (
     PublishedRevolution,
     PublishedState,
@@ -54,7 +55,7 @@ def test_receiver_gets_items_in_order(items) -> None:
     assert receiver.states == 1
     result = worker.snapshot()
     assert (result.published, result.dropped, result.waiting) == (len(items) - 1, 0, 0)
-    assert result.note.code is Code.SINK_CLOSED
+    assert result.note.code is CoreCode.SINK_CLOSED
 
 
 def test_stalled_receiver_is_bounded_and_counted(items) -> None:
@@ -67,7 +68,7 @@ def test_stalled_receiver_is_bounded_and_counted(items) -> None:
         worker.offer(item)
     clock.advance_ns(1_500_000_000)
     result = worker.snapshot()
-    assert (result.state, result.note.code) == (SinkState.STALLED, Code.SINK_STALLED)
+    assert (result.state, result.note.code) == (SinkState.STALLED, PublishingCode.SINK_STALLED)
     assert result.since_s == pytest.approx(1.5, abs=0.01)
     assert result.is_dropping
     # One in the hand of the thread, 19 of 20 places: the last one is for alarms.
@@ -91,7 +92,7 @@ def test_lost_receiver_is_reached_again_with_the_same_item(items) -> None:
     worker.offer(items[1])
     until(lambda: receiver.opened > 3)
     down = worker.snapshot()
-    assert (down.state, down.note.code, down.waiting) == (SinkState.DOWN, Code.SINK_LOST, 1)
+    assert (down.state, down.note.code, down.waiting) == (SinkState.DOWN, PublishingCode.SINK_LOST, 1)
     receiver.present.set()
     finish(worker)
     assert receiver.taken == list(items[:2])
@@ -199,12 +200,12 @@ def test_drops_are_told_by_what_causes_them(items) -> None:
     receiver.refused = 1
     worker.offer(items[1])
     until(lambda: worker.snapshot().dropped == 1)
-    assert worker.snapshot().note == Reason(Code.SINK_REFUSED, error="quota exceeded")
+    assert worker.snapshot().note == Reason(PublishingCode.SINK_REFUSED, error="quota exceeded")
     until(lambda: worker.snapshot().published == 1)  # the second, in place of the first
     receiver.gate.clear()
     for item in items[2:40]:
         worker.offer(item)
-    assert worker.snapshot().note == Reason(Code.SINK_FULL)
+    assert worker.snapshot().note == Reason(PublishingCode.SINK_FULL)
     receiver.gate.set()
     finish(worker)
 

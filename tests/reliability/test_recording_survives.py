@@ -12,10 +12,10 @@ import pytest
 
 from gateway.core.clock import SystemClock
 from gateway.core.links.source import Chunk
-from gateway.core.reasons import Code
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.writer import RecordingWriter
 from gateway.core.session.core import SessionCore
+from gateway.core.session.reasons import SessionCode
 from gateway.core.text.wording import text
 from gateway.upkeep.repair import repair_recording
 from tests.reliability.sessions import TIMEOUT_S, Items, start
@@ -141,7 +141,7 @@ def test_full_file_system(tmp_path: Path, lab) -> None:
         live = start(Items(items), vehicle, RecordingWriter(path, start_ns=items[0].host_ns))
         assert live.wait(TIMEOUT_S)
         snapshot = live.close()
-        (reason,) = [n.reason for n in snapshot.notices if n.reason.code is Code.RECORDING_STOPPED]
+        (reason,) = [n.reason for n in snapshot.notices if n.reason.code is SessionCode.RECORDING_STOPPED]
         assert "disk full" in str(reason["error"])
         assert "Free some space" in str(reason["remedy"])
         assert snapshot.wheels[0].counters.revolutions > 45
@@ -167,7 +167,7 @@ def test_removed_folder_stops_the_recording_only(tmp_path: Path, lab) -> None:
     live = start(Items(vanish()), vehicle, writer)
     assert live.wait(TIMEOUT_S)
     snapshot = live.close()
-    (reason,) = [n.reason for n in snapshot.notices if n.reason.code is Code.RECORDING_STOPPED]
+    (reason,) = [n.reason for n in snapshot.notices if n.reason.code is SessionCode.RECORDING_STOPPED]
     assert "was deleted while it was written" in str(reason["error"])
     assert snapshot.wheels[0].counters.revolutions > 45
 

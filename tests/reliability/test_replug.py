@@ -6,9 +6,11 @@ import pytest
 
 from gateway.core.clock import SystemClock
 from gateway.core.config.vehicle import parse_vehicle
+from gateway.core.links.reasons import LinkCode
 from gateway.core.links.source import open_source
 from gateway.core.reasons import Code, Notice
 from gateway.core.session.live import LiveSession
+from gateway.core.session.reasons import SessionCode
 from gateway.core.text.session_summary import ResultSummary
 from gateway.core.text.wording import notice_text
 from tests.reliability.streams import chunks_of, simulated
@@ -48,17 +50,17 @@ def test_unplugged_hub_is_reconnected(port: PtyPort) -> None:
     live = LiveSession([source], vehicle, SystemClock(), patient=[False], summary=ResultSummary())
     live.start()
     seen: list[Notice] = []
-    until(live, seen, Code.LINK_CONNECTED)
+    until(live, seen, LinkCode.LINK_CONNECTED)
     for chunk in chunks[:half]:
         port.send(chunk)
     while live.snapshot().wheels[0].counters.revolutions < 45:
         assert not live.wait(0.02)
     port.unplug()
-    assert "Plug it in again" in notice_text(until(live, seen, Code.LINK_LOST))
-    assert "there is no port" in notice_text(until(live, seen, Code.LINK_RETRYING))
+    assert "Plug it in again" in notice_text(until(live, seen, LinkCode.LINK_LOST))
+    assert "there is no port" in notice_text(until(live, seen, LinkCode.LINK_RETRYING))
     assert any(alarm.name == "link" for alarm in live.snapshot().alarms) or not live.wait(0.2)
     port.plug()
-    assert Code.LINK_AWAY in codes_in(until(live, seen, Code.LINK_RESTORED))
+    assert LinkCode.LINK_AWAY in codes_in(until(live, seen, LinkCode.LINK_RESTORED))
     before = live.snapshot().wheels[0].counters.revolutions
     for chunk in chunks[half:]:
         port.send(chunk)
@@ -68,7 +70,7 @@ def test_unplugged_hub_is_reconnected(port: PtyPort) -> None:
     snapshot = live.close()
     assert snapshot.links[0].crc_errors <= 1
     assert snapshot.links[0].duplicates == 0
-    assert sum(Code.LINK_LOST in codes_in(notice) for notice in seen) == 1
+    assert sum(LinkCode.LINK_LOST in codes_in(notice) for notice in seen) == 1
 
 
 def test_restarted_hub_is_decoded_again(port: PtyPort) -> None:
@@ -78,10 +80,10 @@ def test_restarted_hub_is_decoded_again(port: PtyPort) -> None:
     live = LiveSession([source], vehicle, SystemClock(), patient=[False], summary=ResultSummary())
     live.start()
     seen: list[Notice] = []
-    until(live, seen, Code.LINK_CONNECTED)
+    until(live, seen, LinkCode.LINK_CONNECTED)
     for chunk in chunks_of(items):
         port.send(chunk.data)
-    assert until(live, seen, Code.HUB_RESTARTED).subject == "hub 0"
+    assert until(live, seen, SessionCode.HUB_RESTARTED).subject == "hub 0"
     while live.snapshot().wheels[0].counters.revolutions < 60:
         assert not live.wait(0.02)
     live.request_stop()

@@ -11,11 +11,15 @@ import pytest
 from firmware_protocol.messages import Axis, Environment
 from gateway.core.config.vehicle import parse_vehicle
 from gateway.core.estimates.estimator import Status
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.results import Alarm, RevolutionResult
 from gateway.core.reasons import Code, Notice, Reason, codes_of
 from gateway.core.session.core import SessionCore
+from gateway.core.session.reasons import SessionCode
 from gateway.core.text.wording import notice_text
+from gateway.core.trust.reasons import TrustCode
 from gateway.core.trust.sensor_health import SensorHealth, expected_pressure_change_pa, tilt_rad
+from gateway.core.wheels.reasons import WheelCode
 from gateway.importing.import_map import load_map
 from gateway.importing.importer import import_file
 from tests.reliability.streams import simulated
@@ -99,7 +103,7 @@ def test_dead_sensor_gives_no_more_revolutions(ride, good: Ride, faulty: str, fl
 
 @pytest.mark.parametrize(
     ("faulty", "fault"),
-    [("sensor = {range_g = 60}", Code.RADIAL_SATURATED), ("defect = {clip_g = 60}", Code.RADIAL_CLIPPED)],
+    [("sensor = {range_g = 60}", EstimateCode.RADIAL_SATURATED), ("defect = {clip_g = 60}", WheelCode.RADIAL_CLIPPED)],
 )
 def test_saturated_sensor_gives_no_valid_estimate(ride, faulty: str, fault: Code) -> None:
     clipped = ride(faulty)
@@ -125,13 +129,13 @@ def test_loose_sensor_is_flagged_with_larger_errors(ride, good: Ride, hertz: int
     for name in ("Bs", "Cw", "Rs", "Ts", "contact_length_m"):
         assert good.last(name).status is Status.VALID
         assert loose.last(name).status is not Status.VALID
-        assert Code.SENSOR_LOOSE in codes_of(loose.last(name).reasons)
+        assert TrustCode.SENSOR_LOOSE in codes_of(loose.last(name).reasons)
 
 
 @pytest.mark.parametrize(("axis", "name"), [("roll_deg", "lateral"), ("pitch_deg", "circumferential")])
 def test_tilted_sensor_is_flagged_and_measures_speed(ride, axis: str, name: str) -> None:
     tilted = ride(f"sensor = {{{axis} = 30}}")
-    (notice,) = [notice for notice in tilted.notices if notice.reason["alarm"].code is Code.SENSOR_TILTED]
+    (notice,) = [notice for notice in tilted.notices if notice.reason["alarm"].code is TrustCode.SENSOR_TILTED]
     assert f"the {name} axis" in notice_text(notice)
     assert "tilted by 30 deg" in notice_text(notice)
     assert tilted.flags() == {"mounting", "steady value"}
@@ -161,7 +165,7 @@ def test_swapped_wheels(ride) -> None:
     swapped = ride(change=swap)
     assert swapped.flags("W1") == swapped.flags("W2") == {"wrong sensor"}
     assert swapped.notices[0].reason["alarm"] == Reason(
-        Code.SENSOR_SWAPPED, sensor="0000a001", owner="W2", position="W1"
+        SessionCode.SENSOR_SWAPPED, sensor="0000a001", owner="W2", position="W1"
     )
     assert len(swapped.notices) == 2
     assert swapped.last("speed_mps").value == pytest.approx(SPEED_MPS, rel=1e-3)
@@ -170,14 +174,16 @@ def test_swapped_wheels(ride) -> None:
 def test_unknown_sensor_is_reported(ride) -> None:
     renewed = ride(change=lambda toml: toml.replace("0000a001", "0000beef"))
     assert renewed.flags() == {"wrong sensor"}
-    assert renewed.notices[0].reason["alarm"] == Reason(Code.SENSOR_REPLACED, sensor="0000a001", expected="0000beef")
+    assert renewed.notices[0].reason["alarm"] == Reason(
+        SessionCode.SENSOR_REPLACED, sensor="0000a001", expected="0000beef"
+    )
 
 
 def test_frozen_pressure_widens_dependent_errors(ride) -> None:
     frozen = ride("defect = {pressure_stuck_from_s = 2}\ntemperature_degc = [[0, 20], [20, 45]]", duration=20.0)
     assert frozen.flags() == {"pressure frozen"}
     (notice,) = frozen.notices
-    assert notice.reason["alarm"].code is Code.PRESSURE_FROZEN
+    assert notice.reason["alarm"].code is TrustCode.PRESSURE_FROZEN
     conditions = frozen.of("W1")[-1].conditions
     assert conditions.pressure_std_pa == pytest.approx(expected_pressure_change_pa(210e3, 20.0, 45.0), rel=0.1)
     assert frozen.of("W2")[-1].conditions.pressure_std_pa < 5000.0

@@ -10,13 +10,14 @@ from gateway.core.cli.stop_signals import StopRequest
 from gateway.core.clock import ManualClock
 from gateway.core.errors import RecordingError, TreadlinkError
 from gateway.core.links.source import Chunk
-from gateway.core.reasons import Code, Notice
+from gateway.core.reasons import Notice
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.writer import RecordingWriter
 from gateway.core.session import live as live_module
 from gateway.core.session import recording_stage
 from gateway.core.session.bounded_buffer import Buffer
 from gateway.core.session.live import LiveSession
+from gateway.core.session.reasons import SessionCode
 from gateway.core.session.recording_stage import Stage
 from gateway.core.session.session_opening import OpenedSession
 from gateway.core.text.session_summary import ResultSummary
@@ -51,7 +52,7 @@ def test_disk_stuck_too_long_loses_topics_first(lab, monkeypatch) -> None:
     done = threading.Event()
     live = start(Items(items, before_end=lambda: done.wait(TIMEOUT_S)), vehicle, writer, patient=False)
     notices: list[Notice] = []
-    while not any(notice.reason.code is Code.RECORDING_BEHIND for notice in notices):
+    while not any(notice.reason.code is SessionCode.RECORDING_BEHIND for notice in notices):
         notices += live.notices()
         assert not live.wait(0.01)
     results = []
@@ -94,7 +95,7 @@ def test_slow_estimates_do_not_affect_the_recording(lab, tmp_path, monkeypatch) 
     # One batch is in the hands of the core, another one waits.
     assert snapshot.links[0].queue_dropped[Stage.DECODING] >= len(chunks) - 2 * 50 - 1
     assert len(chunks) > 150
-    assert any(notice.reason.code is Code.DECODING_BEHIND for notice in snapshot.notices)
+    assert any(notice.reason.code is SessionCode.DECODING_BEHIND for notice in snapshot.notices)
     assert link_bytes(RecordingReader(path).items()) == link_bytes(items)
 
 
@@ -115,7 +116,7 @@ def test_session_that_falls_behind_says_so_before_it_drops(lab, took: float, pat
     live.core.take = slow
     live.start()
     assert live.wait(TIMEOUT_S)
-    late = [notice.reason for notice in live.close().notices if notice.reason.code is Code.RESULTS_LATE]
+    late = [notice.reason for notice in live.close().notices if notice.reason.code is SessionCode.RESULTS_LATE]
     assert [reason["late_s"] >= 3.0 for reason in late] == [True] * is_told
     assert max(told_s, default=0.0) >= 3.0 if is_told else max(told_s, default=0.0) < 0.1
 
@@ -180,7 +181,7 @@ def test_hanging_disk_is_reported_without_waiting(lab, monkeypatch) -> None:
     snapshot = live.close()
     assert live.core.recording.fault is not None
     assert "takes no data for 0.2 s" in live.core.recording.fault
-    assert any(notice.reason.code is Code.RECORDING_STOPPED for notice in snapshot.notices)
+    assert any(notice.reason.code is SessionCode.RECORDING_STOPPED for notice in snapshot.notices)
     writer.gate.set()
 
 

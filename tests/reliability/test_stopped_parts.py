@@ -10,12 +10,12 @@ from gateway.core.clock import SystemClock
 from gateway.core.errors import TreadlinkError
 from gateway.core.estimates.registry import ESTIMATORS
 from gateway.core.links.source import BusFrames, Chunk, LinkEvent, LinkEventKind
-from gateway.core.reasons import Code
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.writer import RecordingWriter
 from gateway.core.session import live as live_module
 from gateway.core.session.alarms import AlarmName
 from gateway.core.session.live import LiveSession
+from gateway.core.session.reasons import SessionCode
 from gateway.core.text.session_summary import ResultSummary
 from tests.reliability.sessions import TIMEOUT_S, Items, SlowWriter, prepare
 from tests.reliability.streams import link_bytes
@@ -85,7 +85,7 @@ def test_thread_that_raises_fails_the_session_and_keeps_its_recording(
     if name in ("publish jsonl", "control", "core watch"):
         assert session.live.snapshot().wheels[0].counters.revolutions > 10
         assert RecordingReader(tmp_path / "r.mcap").info.finished
-        assert any(notice.reason.code is Code.THREAD_STOPPED for notice in session.live.notices())
+        assert any(notice.reason.code is SessionCode.THREAD_STOPPED for notice in session.live.notices())
 
 
 def test_recording_that_fails_by_our_own_fault_is_an_alarm_and_a_failure(lab) -> None:
@@ -100,7 +100,7 @@ def test_recording_that_fails_by_our_own_fault_is_an_alarm_and_a_failure(lab) ->
     hold.set()
     assert live.wait(TIMEOUT_S)
     snapshot = live.close()
-    assert (alarm.position, alarm.reason.code) == ("recording", Code.RECORDING_STOPPED)
+    assert (alarm.position, alarm.reason.code) == ("recording", SessionCode.RECORDING_STOPPED)
     assert snapshot.wheels[0].counters.revolutions > 40, "the estimates go on"
     assert "in the writer" in str(live.core.recording.fault), "which the exit status rests on"
     assert writer.closed
@@ -150,7 +150,7 @@ def test_item_without_a_possible_time_is_refused_alone(lab, tmp_path: Path, time
     reader = RecordingReader(path)
     assert link_bytes(reader.items()) == link_bytes(items)
     assert reader.info.finished
-    refused = [notice for notice in snapshot.notices if notice.reason.code is Code.TIMES_REFUSED]
+    refused = [notice for notice in snapshot.notices if notice.reason.code is SessionCode.TIMES_REFUSED]
     assert {notice.subject for notice in refused} == {"can:x", "sim:lab"}
     assert [notice.reason["time_s"] for notice in refused] == [pytest.approx(time_ns * 1e-9)] * 2
 
@@ -224,7 +224,7 @@ def test_estimator_that_never_returns_is_named_and_the_recording_finished(lab, t
     )
     live.start()
     until(lambda: any(alarm.position == "estimator road" for alarm in live.snapshot().alarms))
-    (notice,) = [notice for notice in live.notices() if notice.reason.code is Code.CORE_STUCK]
+    (notice,) = [notice for notice in live.notices() if notice.reason.code is SessionCode.CORE_STUCK]
     assert notice.subject == "estimator road"
     assert 4.0 <= notice.reason["stuck_s"] <= 5.0
     assert handed_over.wait(TIMEOUT_S), "what can be recorded does not wait for it"
@@ -242,7 +242,7 @@ def test_estimator_that_returns_late_is_no_failure(lab, hanging) -> None:
     )
     live.start()
     codes = []
-    until(lambda: codes.extend(notice.reason.code for notice in live.notices()) or Code.CORE_STUCK in codes)
+    until(lambda: codes.extend(notice.reason.code for notice in live.notices()) or SessionCode.CORE_STUCK in codes)
     hanging.set()
     assert live.wait(TIMEOUT_S)
     snapshot = live.close()

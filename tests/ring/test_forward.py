@@ -10,13 +10,15 @@ import pytest
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.contacts.segmentation import find_contacts, refine_contact
 from gateway.core.estimates.estimator import Estimate, Status, TireConditions
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.revolution_block import extended
-from gateway.core.reasons import Code, codes_of
+from gateway.core.reasons import codes_of
 from gateway.core.revolutions.angle_resampling import fit_phase
 from gateway.core.revolutions.synchronous_average import RunningAverage
 from gateway.ring.forward import SHAPE, ForwardEstimator
 from gateway.ring.forward_fit import ForwardFit, fit_forward
 from gateway.ring.forward_model import COARSE_NODES, PRIOR_MEAN, ForwardModel, P, packet_basis
+from gateway.ring.reasons import RingCode
 from gateway.ring.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.ring.rolling_ring.sensor_waveform import waveform_orders
 from gateway.ring.tread_pattern import EdgeWaves
@@ -209,7 +211,7 @@ def test_noise_is_rejected() -> None:
     revolution = make_revolution(noise, edges=(-0.24, 0.24), edge_std=0.01)
     estimates = ForwardEstimator().update(revolution, settled(revolution), CONDITIONS)
     assert all(estimate.status is Status.INVALID for estimate in estimates)
-    assert estimates[0].reasons[0].code in (Code.RING_DOES_NOT_FIT, Code.NO_RING_EQUILIBRIUM)
+    assert estimates[0].reasons[0].code in (RingCode.RING_DOES_NOT_FIT, RingCode.NO_RING_EQUILIBRIUM)
 
 
 MEASURED = Path(__file__).parents[2] / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
@@ -233,7 +235,7 @@ def test_measured_tire_leaves_numbers_undetermined() -> None:
     actual = named(ForwardEstimator().update(revolution, result, TireConditions(0.3, 3500.0, 2.2e5)))
     for name in ("Bs", "Ts", "Bs/Cw", "Ts/Cw"):
         assert actual[name].status is not Status.VALID
-        assert {Code.NOT_DETERMINED, Code.FIT_AT_ZERO} & {*codes_of(actual[name].reasons)}, name
+        assert {EstimateCode.NOT_DETERMINED, EstimateCode.FIT_AT_ZERO} & {*codes_of(actual[name].reasons)}, name
     # Only the order of magnitude is checked: this tire's numbers are not known, and the fit has two minima, at about 7
     # and 13, of which the edges that it starts from decide.
     assert actual["Rs/Cw"].value == pytest.approx(10.0, rel=0.5)

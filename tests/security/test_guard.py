@@ -8,13 +8,14 @@ import pytest
 from firmware_protocol.block_decoder import BatchDecoder
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import HUB_ITSELF
-from gateway.core.reasons import Code, Level, Reason
+from gateway.core.reasons import Level, Reason
 from gateway.core.session.frame_guard import Verdict
 from gateway.core.text.wording import notice_text
 from gateway.security.cmac import Key
 from gateway.security.freshness import WINDOW, Ledger
 from gateway.security.guard import ConfiguredWheel, Guard
 from gateway.security.key_file import counters_file, hub_identity
+from gateway.security.reasons import SecurityCode
 from tools.generators.security_attacks import (
     HUB,
     KEYS,
@@ -62,7 +63,7 @@ def test_attacks_are_refused_counted_and_reported() -> None:
         assert notices, name
         assert len(notices) < 12
         assert {notice.level for notice in notices} == {Level.SECURITY}
-        assert all(notice.reason["consequence"] == Reason(Code.FRAMES_IGNORED) for notice in notices)
+        assert all(notice.reason["consequence"] == Reason(SecurityCode.FRAMES_IGNORED) for notice in notices)
         seen.add(name)
     assert seen == VERDICTS.keys()
 
@@ -175,11 +176,19 @@ def test_replaced_hub_with_lower_boot_count_is_named(tmp_path: Path) -> None:
     assert gate.counts == {Verdict.EARLIER_START: 3}
     (notice,) = watching.take_notices()
     position = Reason(
-        Code.SIGNER_AT_HUB, signer=Reason(Code.SIGNER_SENSOR, identity="0000a001"), hub=hub_identity(HUB + 1)
+        SecurityCode.SIGNER_AT_HUB,
+        signer=Reason(SecurityCode.SIGNER_SENSOR, identity="0000a001"),
+        hub=hub_identity(HUB + 1),
     )
-    ignored = Reason(Code.FRAMES_IGNORED)
+    ignored = Reason(SecurityCode.FRAMES_IGNORED)
     assert notice.reason == Reason(
-        Code.FRAME_EARLIER_START, signer=position, start=3, latest=41, identity="0000a001", count=1, consequence=ignored
+        SecurityCode.FRAME_EARLIER_START,
+        signer=position,
+        start=3,
+        latest=41,
+        identity="0000a001",
+        count=1,
+        consequence=ignored,
     )
     assert "treadlink keys new 0000a001 --replace" in notice_text(notice)
 
@@ -224,7 +233,7 @@ def test_earlier_start_on_another_link_is_refused() -> None:
     assert other(new.hello())
     assert not first(old.samples())
     assert first.counts[Verdict.EARLIER_START] == 1
-    assert [notice.reason.code for notice in watching.take_notices()] == [Code.FRAME_EARLIER_START]
+    assert [notice.reason.code for notice in watching.take_notices()] == [SecurityCode.FRAME_EARLIER_START]
 
 
 def test_two_sessions_keep_the_higher_counter(tmp_path: Path) -> None:
@@ -254,10 +263,10 @@ def test_swapped_sensors_are_reported_and_ignored() -> None:
     assert not any(map(gate, frames))
     assert gate.counts == {Verdict.NOT_ADMITTED: 4}
     notices = {notice.subject: notice.reason for notice in watching.take_notices()}
-    ignored = Reason(Code.FRAMES_IGNORED)
+    ignored = Reason(SecurityCode.FRAMES_IGNORED)
     for position, sensor, owner in (("FL", "0000a002", "FR"), ("FR", "0000a001", "FL")):
         assert notices[f"link, {position}"] == Reason(
-            Code.SENSOR_NOT_ADMITTED_SWAPPED, sensor=sensor, owner=owner, count=1, consequence=ignored
+            SecurityCode.SENSOR_NOT_ADMITTED_SWAPPED, sensor=sensor, owner=owner, count=1, consequence=ignored
         )
 
 
@@ -268,11 +277,11 @@ def test_unknown_sensor_is_ignored_until_admitted() -> None:
     assert not any(map(gate, [unknown.hello(), unknown.samples()]))
     assert gate.counts == {Verdict.NO_KEY: 2}
     (notice,) = watching.take_notices()
-    assert notice.reason["signer"] == Reason(Code.SIGNER_SENSOR, identity="0000beef")
+    assert notice.reason["signer"] == Reason(SecurityCode.SIGNER_SENSOR, identity="0000beef")
     with_key = Guard(PLACES, {**KEYS, "0000beef": KEYS["0000a001"]}, Ledger(), requires=True)
     assert not any(map(with_key.gate("link"), [unknown.hello(), unknown.samples()]))
     (notice,) = with_key.take_notices()
-    assert notice.reason.code is Code.SENSOR_NOT_ADMITTED
+    assert notice.reason.code is SecurityCode.SENSOR_NOT_ADMITTED
     assert (notice.reason["sensor"], notice.reason["expected"]) == ("0000beef", "0000a001")
     admitted = Guard(
         {(0, 0): ConfiguredWheel("FL", "0000beef")}, {**KEYS, "0000beef": KEYS["0000a001"]}, Ledger(), requires=True
@@ -286,7 +295,7 @@ def test_unconfigured_wheel_is_ignored() -> None:
     assert not any(map(watching.gate("link"), [elsewhere.hello(9), elsewhere.samples(9)]))
     (notice,) = watching.take_notices()
     assert notice.subject == "link, hub 0 wheel 9"
-    assert (notice.reason.code, notice.reason["owner"]) == (Code.SENSOR_NOT_ADMITTED_SWAPPED, "FL")
+    assert (notice.reason.code, notice.reason["owner"]) == (SecurityCode.SENSOR_NOT_ADMITTED_SWAPPED, "FL")
 
 
 def test_hub_passes_after_a_genuine_sensor_hello() -> None:
@@ -307,7 +316,7 @@ def test_policy_warn_passes_and_reports() -> None:
     assert gate(sender.hello())
     assert gate.counts == {Verdict.VERIFIED: 1, Verdict.UNSIGNED: 2}
     (notice,) = watching.take_notices()
-    assert notice.reason == Reason(Code.FRAME_UNSIGNED, count=1, consequence=Reason(Code.FRAMES_USED))
+    assert notice.reason == Reason(SecurityCode.FRAME_UNSIGNED, count=1, consequence=Reason(SecurityCode.FRAMES_USED))
 
 
 def test_missing_keys_are_reported_at_the_start() -> None:

@@ -26,12 +26,14 @@ from gateway.core.recording.writer import RecordingWriter
 from gateway.core.session.core import SessionCore
 from gateway.core.session.frame_guard import GuardWatch
 from gateway.core.session.missing_results import missing_frames
+from gateway.core.session.reasons import SessionCode
 from gateway.core.session.recording_pass import RecordingPass, open_recording
 from gateway.core.text.wording import notice_text, text
 from gateway.security.cmac import SecurityError
 from gateway.security.freshness import Ledger
 from gateway.security.guard import open_guard
 from gateway.security.key_file import KeyFile, counters_file
+from gateway.security.reasons import SecurityCode
 from tests.testkit.agreement import values_of
 from tests.testkit.commands import invoked
 from tools.generators.security_attacks import Sender, downgraded, forged, guard, hello, with_crc
@@ -113,8 +115,8 @@ def test_attacker_does_not_change_estimates(signed: tuple[list[Chunk], str], key
     assert link.frames_lost == link.duplicates == link.reordered == 0
     (alarm,) = [alarm for alarm in attacked.snapshot(1.0).alarms if alarm.name == "security"]
     assert "wrong tag" in text(alarm.reason)
-    assert {Code.FRAME_WRONG_TAG, Code.FRAME_UNSIGNED} < set(codes_of(warned))
-    assert {Code.FRAME_REPLAYED, Code.FRAME_LATE} & set(codes_of(warned))
+    assert {SecurityCode.FRAME_WRONG_TAG, SecurityCode.FRAME_UNSIGNED} < set(codes_of(warned))
+    assert {SecurityCode.FRAME_REPLAYED, SecurityCode.FRAME_LATE} & set(codes_of(warned))
     assert not [alarm for alarm in alone.snapshot(1.0).alarms if alarm.name == "security"]
 
 
@@ -185,7 +187,7 @@ def test_unsaved_counters_are_reported_once(
         core.take(chunk)
         core.tick(number * 10**10)
     core.finish()
-    assert codes_of(core.take_notices()).count(Code.COUNTERS_NOT_SAVED) == 1
+    assert codes_of(core.take_notices()).count(SessionCode.COUNTERS_NOT_SAVED) == 1
     assert core.snapshot(1.0).links[0].judged["verified"] > 500
 
 
@@ -195,7 +197,7 @@ def test_missing_keys_stop_estimates_with_a_reason(signed: tuple[list[Chunk], st
     core, results, notices = run(chunks, toml, tmp_path / "none")
     assert results == []
     assert core.snapshot(1.0).links[0].judged.keys() == {"no key", "before hello"}
-    assert codes_of(notices).count(Code.KEY_MISSING_FRAMES_IGNORED) == 4
+    assert codes_of(notices).count(SecurityCode.KEY_MISSING_FRAMES_IGNORED) == 4
 
 
 @pytest.mark.parametrize("policy", ["off", "warn"])
@@ -206,7 +208,7 @@ def test_other_policies_pass_all_frames(signed: tuple[list[Chunk], str], key_fil
     assert len(results) > 40
     judged = core.snapshot(1.0).links[0].judged
     assert set(judged) == ({"unsigned"} if policy == "warn" else set())
-    assert (Code.FRAME_UNSIGNED in codes_of(notices)) == (policy == "warn")
+    assert (SecurityCode.FRAME_UNSIGNED in codes_of(notices)) == (policy == "warn")
     assert run(bare, toml, key_file)[1] == []
 
 
@@ -322,18 +324,18 @@ def test_before_and_beside_a_verified_source_warn_lets_unsigned_frames_pass() ->
     gate = watching.gate("link")
     unsigned = Sender()
     assert gate(downgraded(unsigned.hello(0)))
-    assert watching.take_notices()[-1].reason["consequence"] == Reason(Code.FRAMES_USED)
+    assert watching.take_notices()[-1].reason["consequence"] == Reason(SecurityCode.FRAMES_USED)
     assert gate(HELLOS[0])
     assert not gate(downgraded(STREAM[0]))
-    assert watching.take_notices()[-1].reason["consequence"] == Reason(Code.FRAMES_IGNORED)
+    assert watching.take_notices()[-1].reason["consequence"] == Reason(SecurityCode.FRAMES_IGNORED)
     assert gate(downgraded(unsigned.hello(1)))
 
 
 @pytest.mark.parametrize(
     ("policy", "consequence", "missing"),
     [
-        ("warn", Code.FRAMES_USED, Reason(Code.NO_FRAME_RECEIVED)),
-        ("require", Code.FRAMES_IGNORED, Reason(Code.ALL_FRAMES_REFUSED, count=40)),
+        ("warn", SecurityCode.FRAMES_USED, Reason(SessionCode.NO_FRAME_RECEIVED)),
+        ("require", SecurityCode.FRAMES_IGNORED, Reason(SessionCode.ALL_FRAMES_REFUSED, count=40)),
     ],
 )
 def test_frames_without_use_are_called_rejected_only_where_they_were(
@@ -382,7 +384,7 @@ def test_a_policy_without_keys_is_reported(tmp_path: Path, policy: str, monkeypa
     monkeypatch.setattr("gateway.security.key_file.default_key_file", lambda: tmp_path / "keys")
     opened = open_guard(vehicle(policy), None, remembers=False)
     assert opened is not None
-    assert Code.NO_KEYS in [notice.reason.code for notice in opened.take_notices()]
+    assert SecurityCode.NO_KEYS in [notice.reason.code for notice in opened.take_notices()]
 
 
 def test_the_first_frame_of_every_start_is_stored_at_once(tmp_path: Path) -> None:

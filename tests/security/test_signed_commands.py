@@ -22,8 +22,8 @@ from firmware_protocol.signing import is_signed, sign
 from gateway.core.clock import ManualClock, SystemClock
 from gateway.core.errors import SourceError
 from gateway.core.links.source import Chunk, TwoWaySource, open_source
-from gateway.core.reasons import Code
 from gateway.core.session.core import SessionCore
+from gateway.core.session.reasons import SessionCode
 from gateway.core.text.wording import text
 from gateway.security.cmac import Key, mac
 from gateway.security.command_signing import command_frame
@@ -141,7 +141,7 @@ def test_older_protocol_is_reported_once() -> None:
     hub, core = Hub(minor=0, signs=False), SessionCore(None)
     for _ in range(3):
         core.take(Chunk("test", 1, hub.hello()))
-    results = [notice.reason for notice in core.take_notices() if notice.reason.code is Code.OLDER_PROTOCOL]
+    results = [notice.reason for notice in core.take_notices() if notice.reason.code is SessionCode.OLDER_PROTOCOL]
     assert list(map(text, results)) == [
         "its firmware uses protocol 1.0, older than treadlink's 1.1: it takes only unsigned commands"
     ]

@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.result import (
     AsRecorded,
     BlockError,
@@ -28,7 +29,7 @@ NAN = math.nan
 NASTY = (
     "<script>document.title='taken'</script>\"'><img src=x onerror=alert(1)>&{{7*7}}${\x1b[2J\x1b]0;t\x07-->日\udcff"
 )
-WARMER = Reason(Code.RECORD_WARMER, difference_k=20.0)
+WARMER = Reason(DiagnosisCode.RECORD_WARMER, difference_k=20.0)
 NOISE = np.array([0.5, 0.4, 0.6])
 
 
@@ -197,7 +198,7 @@ def ordinary(groups: int = 4) -> Diagnosis:
                 chi2=14.0,
                 rms_mps2=0.2,
                 reason=Reason(
-                    Code.IMPLAUSIBLE_PARAMETER,
+                    DiagnosisCode.IMPLAUSIBLE_PARAMETER,
                     parameter="limit_mps2",
                     value=9000.0,
                     low=0.0,
@@ -222,7 +223,9 @@ def ordinary(groups: int = 4) -> Diagnosis:
         spectra=tuple(spectra(label, seed=i) for i, label in enumerate(labels)),
         trends=trends(),
         empirical_rms_mps2=1.95,
-        notes=(Reason(Code.REVOLUTIONS_LEFT_OUT, revolutions=12, reason="the speed changed by more than 3 %"),),
+        notes=(
+            Reason(DiagnosisCode.REVOLUTIONS_LEFT_OUT, revolutions=12, reason="the speed changed by more than 3 %"),
+        ),
         load_known=False,
     )  # fmt: skip
 
@@ -243,8 +246,8 @@ def nasty() -> Diagnosis:
         chi2=math.inf,
         estimates={NASTY: (bad, bad)},
         rivals=(NASTY,),
-        decide_with=Reason(Code.DECIDES_AGAINST, effect=NASTY, recording=WARMER),
-        reason=Reason(Code.SIZE_DIFFERS_BETWEEN_RECORDINGS, recording=NASTY),
+        decide_with=Reason(DiagnosisCode.DECIDES_AGAINST, effect=NASTY, recording=WARMER),
+        reason=Reason(DiagnosisCode.SIZE_DIFFERS_BETWEEN_RECORDINGS, recording=NASTY),
         summary=NASTY,
         equation=NASTY,
         lock=NASTY,

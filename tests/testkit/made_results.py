@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gateway.core.estimates.estimator import Estimate, Status, TireConditions
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.results import (
     Alarm,
     LinkSnapshot,
@@ -17,12 +18,13 @@ from gateway.core.estimates.results import (
     WheelSnapshot,
     WheelState,
 )
-from gateway.core.reasons import Code, Notice, Reason
+from gateway.core.links.reasons import LinkCode
+from gateway.core.reasons import Notice, Reason
 from tests.testkit.revolution_data import plain_revolution
 
 RADIUS_M = 0.32
 NUMBERS = {"Bs": (3.0833e-3, 1.2e-5), "Cw": (0.1953, 0.0012), "Rs": (2.974, 0.031), "Ts": (2.529, 0.099)}
-NEEDS_LOAD = Reason(Code.NEEDS_LOAD)
+NEEDS_LOAD = Reason(EstimateCode.NEEDS_LOAD)
 
 
 def _curve(omega_radps: float, n: int = 512) -> np.ndarray:
@@ -91,7 +93,7 @@ def _link(name="sim:demo", **changes):
     link = LinkSnapshot(
         link=name,
         connected=True,
-        note=Reason(Code.LINK_CONNECTED),
+        note=Reason(LinkCode.LINK_CONNECTED),
         bytes_received=12_345_678,
         frames=9_900,
         crc_errors=12,
@@ -116,7 +118,7 @@ def _snapshot(wheels=("FL", "FR", "RL", "RR"), **changes):
         wheels=made,
         links=(_link(),),
         alarms=(),
-        notices=(Notice("sim:demo", Reason(Code.LINK_CONNECTED)),),
+        notices=(Notice("sim:demo", Reason(LinkCode.LINK_CONNECTED)),),
         recording="recordings/drive.mcap",
         recorded_bytes=12_345_678,
         ended=False,
@@ -125,7 +127,7 @@ def _snapshot(wheels=("FL", "FR", "RL", "RR"), **changes):
 
 
 def _alarm(position="FR", name="pressure", text="171.0 kPa is below 180.0 kPa"):
-    return Alarm(position, name, Reason(Code.QUOTED_TEXT, text=text))
+    return Alarm(position, name, Reason(LinkCode.QUOTED_TEXT, text=text))
 
 
 @pytest.fixture(scope="session")

@@ -9,10 +9,11 @@ import pytest
 from firmware_protocol.decoder import FrameDecoder
 from gateway.core.estimates.estimator import Status
 from gateway.core.estimates.weighted_mean import WeightedMean
+from gateway.core.links.reasons import LinkCode
 from gateway.core.links.source import Chunk
-from gateway.core.reasons import Code
 from gateway.core.recording.writer import RecordingWriter
 from gateway.core.session.alarms import AlarmName
+from gateway.core.session.reasons import SessionCode
 from gateway.core.wheels.wheels import Pipeline
 from gateway.simulator.link_faults import frame_pieces, parse_fault
 from tests.core.recording.streams import frames
@@ -70,13 +71,13 @@ def test_what_is_lost_has_a_cause_or_is_told(played: Played) -> None:
 def test_a_name_is_of_its_fault_and_its_time(played: Played) -> None:
     pause = Fault(Kind.PAUSE, 10.0, 13.0, NOBODY)
     blamed = (13.0, "hub 2", str(AlarmName.SILENT))
-    late = (30.0, "", str(Code.COMPUTER_PAUSED))
+    late = (30.0, "", str(LinkCode.COMPUTER_PAUSED))
     played.said = [blamed, late]
     accounts = account(played, played, [pause])
     assert accounts.missed == [pause]
     assert accounts.false == [blamed, late]
     played.said = [
-        (12.0, "", str(Code.COMPUTER_PAUSED)),
+        (12.0, "", str(LinkCode.COMPUTER_PAUSED)),
         *((5.0, LINKS[of], str(AlarmName.SILENT)) for of in (BUS, RECEIVER)),
     ]
     accounts = account(
@@ -87,7 +88,7 @@ def test_a_name_is_of_its_fault_and_its_time(played: Played) -> None:
 
 def test_damage_on_a_slow_link_may_be_said_late(played: Played) -> None:
     noise = Fault(Kind.NOISE, 10.0, 13.0, 0)
-    played.said = [(12.0, LINKS[0], str(AlarmName.LOSS)), (33.0, LINKS[0], str(Code.FRAMES_DAMAGED))]
+    played.said = [(12.0, LINKS[0], str(AlarmName.LOSS)), (33.0, LINKS[0], str(SessionCode.FRAMES_DAMAGED))]
     accounts = account(played, played, [noise])
     assert (accounts.named, accounts.false) == (1, [])
 

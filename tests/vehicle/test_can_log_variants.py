@@ -9,8 +9,8 @@ from gateway.core.clock import ManualClock
 from gateway.core.errors import SourceError
 from gateway.core.links.bus_frames import BusFrame, pack, unpack
 from gateway.core.links.source import BusFrames, LinkEvent, open_source
-from gateway.core.reasons import Code
 from gateway.vehicle.bus_decoding import BusDecoder
+from gateway.vehicle.reasons import VehicleCode
 from gateway.vehicle.vehicle_signals import SignalSetup
 
 can = pytest.importorskip("can")
@@ -110,7 +110,7 @@ def test_message_of_two_buses_is_decoded_from_the_first_and_told_once() -> None:
     values = [value.value for value in decoder.values(BusFrames("can:x", 0, pack(frames, 0)))]
     assert values == pytest.approx([65.0 / 3.6] * 5)
     ((link, reason),) = decoder.take_notices()
-    assert (link, reason.code) == ("can:x", Code.BUS_MESSAGE_TWICE)
+    assert (link, reason.code) == ("can:x", VehicleCode.BUS_MESSAGE_TWICE)
     assert decoder.take_notices() == []
 
 
@@ -134,5 +134,5 @@ def test_lines_out_of_order_and_cut_are_told(tmp_path: Path) -> None:
     items = list(open_source(f"can:{path}?speed=max", ManualClock()).items(threading.Event()))
     told = [item.text for item in items if isinstance(item, LinkEvent)]
     codes = [reason.code for item in items if isinstance(item, LinkEvent) for reason in item.details]
-    assert codes == [Code.LOG_STEPS_BACK]
+    assert codes == [VehicleCode.LOG_STEPS_BACK]
     assert any("last line has no end" in text for text in told)

@@ -5,8 +5,9 @@ import math
 from gateway.console.styled_rows import Role
 from gateway.console.wheel_panel import car_runs, reading_of, shown_numbers
 from gateway.core.estimates.estimator import Estimate, Status
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.publishing.web_page.page_state import page_state
+from gateway.vehicle.reasons import VehicleCode
 
 
 def test_signals_of_the_car_are_apart_from_the_numbers(made) -> None:
@@ -14,7 +15,7 @@ def test_signals_of_the_car_are_apart_from_the_numbers(made) -> None:
         Estimate("vehicle_speed_mps", 18.0, 0.18, Status.VALID),
         Estimate("vehicle_speed_age_s", 0.02, 0.0, Status.VALID),
         Estimate("car_wheel_speed_radps", 56.0, math.nan, Status.VALID),
-        Estimate.invalid("steering_angle_rad", Reason(Code.SIGNAL_MISSING)),
+        Estimate.invalid("steering_angle_rad", Reason(VehicleCode.SIGNAL_MISSING)),
         Estimate("latitude_deg", 48.137154, 1.9e-5, Status.VALID),
         Estimate("longitude_deg", -11.576124, 1.9e-5, Status.VALID),
         Estimate("ground_speed_mps", 18.0, 0.18, Status.VALID),

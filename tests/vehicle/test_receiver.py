@@ -17,16 +17,20 @@ from gateway.core.clock import ManualClock, SystemClock
 from gateway.core.config.vehicle import parse_vehicle
 from gateway.core.errors import RecordingError, SourceError
 from gateway.core.links.nmea_sentences import SentenceReader, has_position
+from gateway.core.links.reasons import LinkCode
 from gateway.core.links.source import LinkEvent, LinkEventKind, Sentences, is_live, open_source
 from gateway.core.links.tcp_link import HostPort
-from gateway.core.reasons import Code, Reason, codes_of
+from gateway.core.reasons import CoreCode, Reason, codes_of
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.writer import RecordingWriter
 from gateway.core.session.core import SessionCore
+from gateway.core.session.reasons import SessionCode
 from gateway.core.session.recording_pass import OpenedRecording, RecordingPass
+from gateway.core.trust.reasons import TrustCode
 from gateway.simulator.receiver import EARTH_RADIUS_M, LINK, START_DEG, rmc
 from gateway.upkeep.set_clock import set_clock
 from gateway.vehicle.nmea_source import GpsdLink
+from gateway.vehicle.reasons import VehicleCode
 from gateway.vehicle.signal_decoding import SignalDecoder
 from tests.testkit.commands import invoked, run
 from tests.testkit.hub_ends import PtyPort, Reader, TcpHub
@@ -94,7 +98,7 @@ def contradictions(result):
     return [
         codes_of((reason["why"],))[0]
         for reason in values(result)["speed_mps"].reasons
-        if reason.code is Code.MAY_CHANGE_BY
+        if reason.code is TrustCode.MAY_CHANGE_BY
     ]
 
 
@@ -140,8 +144,8 @@ def test_wrong_radius_is_contradicted_by_the_ground_speed(drive) -> None:
     items, toml = drive
     right_mm = vehicle_of(toml).tire_of(vehicle_of(toml).wheel[0]).radius_m * 1e3
     results, core = live(items, vehicle_of(toml, 1.12 * right_mm))
-    whys = [r["why"] for r in values(results[-1])["speed_mps"].reasons if r.code is Code.MAY_CHANGE_BY]
-    (why,) = [why for why in whys if why.code is Code.VEHICLE_SPEED_CONTRADICTED]
+    whys = [r["why"] for r in values(results[-1])["speed_mps"].reasons if r.code is TrustCode.MAY_CHANGE_BY]
+    (why,) = [why for why in whys if why.code is VehicleCode.VEHICLE_SPEED_CONTRADICTED]
     assert why["causes"][0]["radius_m"] == pytest.approx(right_mm * 1e-3, rel=0.01)
     assert "vehicle speed" in {record.name for record in core.snapshot(12.0).alarm_records}
 
@@ -174,8 +178,8 @@ def test_receiver_without_position_and_silent_receiver_are_alarms(drive) -> None
         for alarm in core.snapshot(0.0).alarms:
             if alarm.position == LINK:
                 alarms.setdefault(alarm.reason.code, (item.host_ns - begin) / S)
-    assert alarms[Code.POSITION_MISSING] == pytest.approx(6.2, abs=0.3)
-    assert alarms[Code.RECEIVER_SILENT] == pytest.approx(10.2, abs=0.3)
+    assert alarms[SessionCode.POSITION_MISSING] == pytest.approx(6.2, abs=0.3)
+    assert alarms[SessionCode.RECEIVER_SILENT] == pytest.approx(10.2, abs=0.3)
     batch = RecordingPass(OpenedRecording(Recorded(heard), vehicle_of(toml)), FEW, signals=SignalDecoder())
     list(batch)
     of_live = [(a.position, a.name, a.first_s) for a in core.snapshot(0.0).alarm_records if a.position == LINK]
@@ -354,7 +358,7 @@ def test_missing_package_is_named(drive, monkeypatch) -> None:
     with pytest.raises(SourceError, match="pynmeagps"):
         open_source("nmea:/dev/ttyX", ManualClock())
     _, core = live(items[:400], vehicle_of(toml))
-    assert [n.subject for n in core.take_notices() if n.reason.code is Code.SENTENCES_UNREAD] == [LINK]
+    assert [n.subject for n in core.take_notices() if n.reason.code is CoreCode.SENTENCES_UNREAD] == [LINK]
 
 
 # --- recordings
@@ -430,7 +434,7 @@ def test_clock_is_set_by_the_step_of_the_system_time(drive, tmp_path) -> None:
         "",
         START_NS + 2 * S,
         LinkEventKind.COMPUTER,
-        details=(Reason(Code.SYSTEM_TIME_SET, step_s=3600.0, ahead_s=3600.0),),
+        details=(Reason(LinkCode.SYSTEM_TIME_SET, step_s=3600.0, ahead_s=3600.0),),
     )
     wheel = [item for item in items if item.link != LINK]
     path = written([*wheel[:50], step, *wheel[50:]], toml, tmp_path / "r.mcap")

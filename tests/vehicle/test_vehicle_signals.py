@@ -16,13 +16,16 @@ from gateway.core.config.vehicle import parse_vehicle
 from gateway.core.errors import ConfigError, SourceError
 from gateway.core.links.bus_frames import BusFrame, pack, unpack
 from gateway.core.links.source import BusFrames, LinkEventKind, is_live, open_source
-from gateway.core.reasons import Code, codes_of
+from gateway.core.reasons import codes_of
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.writer import RecordingWriter
 from gateway.core.session.core import SessionCore
+from gateway.core.session.reasons import SessionCode
 from gateway.core.session.recording_pass import OpenedRecording, RecordingPass
 from gateway.core.text.wording import text
+from gateway.core.trust.reasons import TrustCode
 from gateway.vehicle.bus_decoding import BusDecoder
+from gateway.vehicle.reasons import VehicleCode
 from gateway.vehicle.signal_decoding import SignalDecoder, open_decoder
 from gateway.vehicle.vehicle_signals import (
     RECEIVER_SIGNALS,
@@ -116,11 +119,11 @@ def test_wrong_rate_is_contradicted_by_the_wheel_speed(wheel) -> None:
     results = estimated(items, vehicle)
     speed = values(results[-1])["speed_mps"]
     assert speed.status == "provisional"
-    (why,) = [reason["why"] for reason in speed.reasons if reason.code is Code.MAY_CHANGE_BY]
-    assert why.code is Code.WHEEL_SPEED_CONTRADICTED
+    (why,) = [reason["why"] for reason in speed.reasons if reason.code is TrustCode.MAY_CHANGE_BY]
+    assert why.code is VehicleCode.WHEEL_SPEED_CONTRADICTED
     assert why["ratio"] == pytest.approx(1.05, abs=0.005)
     cause = why["causes"][0]
-    assert cause.code is Code.RATE_WOULD_FIT
+    assert cause.code is TrustCode.RATE_WOULD_FIT
     assert cause["rate_hz"] == pytest.approx(1.05 * cause["stated_hz"], rel=0.01)
     assert values(results[3])["speed_mps"].status == "valid", "a few revolutions prove nothing"
 
@@ -149,12 +152,12 @@ def test_wrong_radius_is_contradicted_by_the_vehicle_speed(wheel) -> None:
     core = SessionCore(vehicle, signals=decoder(vehicle), estimators=FAST)
     results = [result for item in items for result in core.take(item)]
     speed = values(results[-1])["speed_mps"]
-    (why,) = [reason["why"] for reason in speed.reasons if reason.code is Code.MAY_CHANGE_BY]
-    assert why.code is Code.VEHICLE_SPEED_CONTRADICTED
+    (why,) = [reason["why"] for reason in speed.reasons if reason.code is TrustCode.MAY_CHANGE_BY]
+    assert why.code is VehicleCode.VEHICLE_SPEED_CONTRADICTED
     (cause,) = why["causes"]
-    assert cause.code is Code.RADIUS_WOULD_FIT
+    assert cause.code is TrustCode.RADIUS_WOULD_FIT
     assert cause["radius_m"] == pytest.approx(1.08 * cause["stated_m"], rel=0.01)
-    assert ("vehicle speed", Code.VEHICLE_SPEED_CONTRADICTED) in {
+    assert ("vehicle speed", VehicleCode.VEHICLE_SPEED_CONTRADICTED) in {
         (alarm.name, alarm.reason.code) for alarm in core.snapshot(3.0).alarms
     }
 
@@ -167,7 +170,7 @@ def test_signals_that_are_no_speed_do_not_end_the_check_of_the_speed(wheel, othe
     items, vehicle = drive(wheel, ("vehicle_speed", *others), speed=1.08)
     speed = values(estimated(items, vehicle)[-1])["speed_mps"]
     assert speed.status == "provisional"
-    assert Code.MAY_CHANGE_BY in codes_of(speed.reasons)
+    assert TrustCode.MAY_CHANGE_BY in codes_of(speed.reasons)
 
 
 def test_car_that_agrees_contradicts_nothing(wheel) -> None:
@@ -182,7 +185,7 @@ def test_silent_bus_leaves_its_signals_unknown(wheel) -> None:
     results = estimated(merged(items, bus), with_signals(toml, position))
     assert values(results[3])["steering_angle_rad"].status == "valid"
     late = values(results[-1])["steering_angle_rad"]
-    assert (late.status, late.reasons[0].code) == ("invalid", Code.SIGNAL_MISSING)
+    assert (late.status, late.reasons[0].code) == ("invalid", VehicleCode.SIGNAL_MISSING)
 
 
 @pytest.mark.parametrize(
@@ -197,7 +200,7 @@ def test_log_of_another_date_says_how_far_it_is_and_offers_the_offset(wheel, day
     results = estimated([beside.get(id(item), item) for item in items], vehicle)
     signal = values(results[-1])["steering_angle_rad"]
     (reason,) = signal.reasons
-    assert (signal.status, reason.code) == ("invalid", Code.SIGNAL_OUTSIDE_RECORDING)
+    assert (signal.status, reason.code) == ("invalid", VehicleCode.SIGNAL_OUTSIDE_RECORDING)
     assert said in text(reason)
     assert values(results[-1])["brake_pressure_pa"].reasons == (reason,), "one line for the whole log"
     assert reason["shift_s"] == pytest.approx(-days * 86_400, abs=1)
@@ -290,13 +293,13 @@ def test_bus_that_the_vehicle_file_does_not_map_is_named_once(wheel) -> None:
     core = SessionCore(parse_vehicle(toml, "car"), estimators=FAST)
     for item in merged(items, bus):
         core.take(item)
-    results = [notice for notice in core.take_notices() if notice.reason.code is Code.BUS_NOT_MAPPED]
+    results = [notice for notice in core.take_notices() if notice.reason.code is SessionCode.BUS_NOT_MAPPED]
     assert [notice.subject for notice in results] == [vehicle_bus.LINK]
     items, vehicle = drive(wheel)
     mapped = SessionCore(vehicle, signals=decoder(vehicle), estimators=FAST)
     for item in items:
         mapped.take(item)
-    assert not any(notice.reason.code is Code.BUS_NOT_MAPPED for notice in mapped.take_notices())
+    assert not any(notice.reason.code is SessionCode.BUS_NOT_MAPPED for notice in mapped.take_notices())
 
 
 @pytest.mark.parametrize("suffix", [".blf", ".asc", ".log"])

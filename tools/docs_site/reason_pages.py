@@ -5,9 +5,10 @@ import re
 import string
 from collections.abc import Iterator
 
-from gateway.core.reasons import Code
+from gateway.core.reasons import Code, Codes
 from gateway.core.text.wording import fields
 from tools.docs_site.markdown import code, escaped, table
+from tools.reason_codes import rooms_of_codes
 
 _INTRODUCTION = """\
 # Reasons
@@ -26,37 +27,38 @@ In the texts below, a word in *italics* is replaced by a value.
 
 
 def reasons_markdown() -> str:
-    """Return the reference of every reason code, by section."""
+    """Return the reference of every reason code, by room and section."""
     lines = [_INTRODUCTION]
-    for title, codes in _sections():
-        lines += [f"## {title}", ""]
-        lines += table(
-            ("Code", "Values", "Text"),
-            (
-                (code(str(item)), ", ".join(code(name) for name in sorted(fields(item))), _readable(item.text_template))
-                for item in codes
-            ),
-        )
+    for codes in rooms_of_codes():
+        lines += [f"## {inspect.cleandoc(codes.__doc__ or '').splitlines()[0].rstrip('.')}", ""]
+        for title, members in _sections(codes):
+            lines += [f"### {title}", ""] if title else []
+            lines += table(
+                ("Code", "Values", "Text"),
+                (
+                    (
+                        code(str(item)),
+                        ", ".join(code(name) for name in sorted(fields(item))),
+                        _readable(item.text_template),
+                    )
+                    for item in members
+                ),
+            )
     return "\n".join(lines).rstrip() + "\n"
 
 
-def _sections() -> Iterator[tuple[str, list[Code]]]:
-    """Yield the section comments of `Code` with the codes that follow each.
-
-    A comment that begins with a dash continues the section before it. Sections without codes are left out.
-    """
-    section, title, codes = "", "Reasons", list[Code]()
-    for line in inspect.getsource(Code).splitlines():
+def _sections(codes: type[Codes]) -> Iterator[tuple[str, list[Code]]]:
+    """Yield the section comments of a room's codes with those that follow each."""
+    title, members = "", list[Code]()
+    for line in inspect.getsource(codes).splitlines():
         if comment := re.fullmatch(r" {4}# (.+)", line):
-            if codes:
-                yield title, codes
-            part = comment[1].removeprefix("- ")
-            section = section if comment[1].startswith("- ") else part
-            title, codes = part if part == section else f"{section} {part}", []
+            if members:
+                yield title, members
+            title, members = comment[1], []
         elif member := re.match(r" {4}([A-Z][A-Z0-9_]*) = ", line):
-            codes.append(Code[member[1]])
-    if codes:
-        yield title, codes
+            members.append(getattr(codes, member[1]))
+    if members:
+        yield title, members
 
 
 def _readable(template: str) -> str:

@@ -9,9 +9,9 @@ import numpy as np
 
 from gateway.core.links.bus_frames import unpack
 from gateway.core.links.source import BusFrames, Chunk, LinkEventKind, Sentences
-from gateway.core.reasons import Code
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.session.alarms import AlarmName
+from gateway.core.session.reasons import SessionCode
 from gateway.simulator.link_faults import frame_pieces
 from tools.rehearsal.day import START_NS, Played
 from tools.rehearsal.plan import BUS, EXPECTED, HUBS, LINKS, NOBODY, POSITIONS, RECEIVER, SETTLE_S, Fault, Kind
@@ -117,7 +117,7 @@ def _covers(fault: Fault, at_s: float, back_s: list[float]) -> bool:
 
 def _explains(fault: Fault, at_s: float, target: int, name: str) -> bool:
     expected = EXPECTED[fault.kind]
-    settle_s = _JUDGED_S if name == str(Code.FRAMES_DAMAGED) else SETTLE_S
+    settle_s = _JUDGED_S if name == str(SessionCode.FRAMES_DAMAGED) else SETTLE_S
     if name not in expected.names | expected.may or not fault.begin_s - _BEFORE_S <= at_s <= fault.end_s + settle_s:
         return False
     return NOBODY in (fault.target, target) or fault.target == target

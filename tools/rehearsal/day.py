@@ -17,11 +17,13 @@ from gateway.core.config.vehicle import VehicleConfig, parse_vehicle
 from gateway.core.estimates.estimator import Status
 from gateway.core.estimates.results import AlarmChange, RevolutionResult, SessionSnapshot, SinkSnapshot, SinkState
 from gateway.core.estimates.weighted_mean import WeightedMean
+from gateway.core.links.reasons import LinkCode
 from gateway.core.links.source import Chunk, Sentences, is_live, open_source
-from gateway.core.reasons import Code, Notice, Reason
+from gateway.core.reasons import Notice, Reason
 from gateway.core.recording.run_description import RunDescription
 from gateway.core.recording.writer import RecordingWriter
 from gateway.core.session.live import LiveSession
+from gateway.core.session.reasons import SessionCode
 from gateway.core.session.recording_stage import Recorder
 from gateway.core.text.session_summary import ResultSummary
 from gateway.publishing.publisher import Publisher, open_publisher
@@ -51,7 +53,13 @@ _WRITTEN_S: Final = 0.5
 _CHANGED_HUB_S: Final = 1.5
 # Alarms are heard from the session itself, and the bus of this day has no mapping.
 _NOT_NAMES: Final = frozenset(
-    {Code.ALARM_RAISED, Code.ALARM_CLEARED, Code.ALARM_STANDS, Code.ALARM_COMES_AND_GOES, Code.BUS_NOT_MAPPED}
+    {
+        SessionCode.ALARM_RAISED,
+        SessionCode.ALARM_CLEARED,
+        SessionCode.ALARM_STANDS,
+        SessionCode.ALARM_COMES_AND_GOES,
+        SessionCode.BUS_NOT_MAPPED,
+    }
 )
 _SCENARIO: Final = """
 [scenario]
@@ -381,6 +389,6 @@ def _names(notice: Notice) -> Iterator[str]:
     reason = notice.reason
     if str(notice.level) not in ("warning", "error") or reason.code in _NOT_NAMES:
         return
-    event = reason["event"] if reason.code is Code.LINK_EVENT else reason
-    if isinstance(event, Reason) and event.code is not Code.COMPUTER_EVENT:  # the recording has those
+    event = reason["event"] if reason.code is LinkCode.LINK_EVENT else reason
+    if isinstance(event, Reason) and event.code is not LinkCode.COMPUTER_EVENT:  # the recording has those
         yield str(event.code)

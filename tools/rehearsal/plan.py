@@ -6,8 +6,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gateway.core.links.reasons import LinkCode
 from gateway.core.reasons import Code
 from gateway.core.session.alarms import AlarmName
+from gateway.core.session.reasons import SessionCode
 from gateway.core.session.recent_loss import WINDOW_S
 
 HUBS: Final = 4
@@ -62,25 +64,25 @@ def _of(*names: AlarmName | Code) -> frozenset[str]:
 
 
 _GAP: Final = _of(AlarmName.SILENT, AlarmName.LOSS, AlarmName.ENVIRONMENT)
-_LINK: Final = _of(Code.LINK_LOST, Code.LINK_RETRYING, Code.LINK_RESTORED)
+_LINK: Final = _of(LinkCode.LINK_LOST, LinkCode.LINK_RETRYING, LinkCode.LINK_RESTORED)
 EXPECTED: Final = {
     Kind.UNPLUGGED: Expectation(_of(AlarmName.LINK), _GAP | _LINK, loses=True),
     Kind.CUT: Expectation(_of(AlarmName.LINK), _GAP | _LINK, loses=True),
-    Kind.NOISE: Expectation(_of(AlarmName.LOSS), _of(Code.FRAMES_DAMAGED), loses=True),
-    Kind.RESTART: Expectation(_of(Code.HUB_RESTARTED), _GAP),
+    Kind.NOISE: Expectation(_of(AlarmName.LOSS), _of(SessionCode.FRAMES_DAMAGED), loses=True),
+    Kind.RESTART: Expectation(_of(SessionCode.HUB_RESTARTED), _GAP),
     Kind.SENSOR: Expectation(_of(AlarmName.SILENT), _GAP),
-    Kind.REPLACED: Expectation(_of(AlarmName.MISPLACED), _GAP | _of(Code.HUB_RESTARTED)),
+    Kind.REPLACED: Expectation(_of(AlarmName.MISPLACED), _GAP | _of(SessionCode.HUB_RESTARTED)),
     Kind.BUS: Expectation(_of(AlarmName.SILENT)),
     Kind.RECEIVER: Expectation(_of(AlarmName.SILENT)),
     Kind.POSITION: Expectation(_of(AlarmName.SILENT)),
     Kind.BROKER: Expectation(_of(AlarmName.PUBLISHING)),
     Kind.DISK: Expectation(
-        _of(Code.RECORDING_STOPPED),
-        _of(Code.RECORDING_BEGUN, AlarmName.STOPPED, Code.RECORDING_PART_REFUSED),
+        _of(SessionCode.RECORDING_STOPPED),
+        _of(SessionCode.RECORDING_BEGUN, AlarmName.STOPPED, SessionCode.RECORDING_PART_REFUSED),
         loses=True,
     ),
-    Kind.CLOCK: Expectation(_of(Code.SYSTEM_TIME_SET)),
-    Kind.PAUSE: Expectation(_of(Code.COMPUTER_PAUSED), _of(AlarmName.LOSS), loses=True),
+    Kind.CLOCK: Expectation(_of(LinkCode.SYSTEM_TIME_SET)),
+    Kind.PAUSE: Expectation(_of(LinkCode.COMPUTER_PAUSED), _of(AlarmName.LOSS), loses=True),
 }
 
 _SILENCES: Final = (Kind.BUS, Kind.SENSOR, Kind.RECEIVER, Kind.POSITION)

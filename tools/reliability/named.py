@@ -11,15 +11,17 @@ from firmware_protocol.framing import next_frame
 from firmware_protocol.messages import MessageType
 from gateway.core.clock import ManualClock
 from gateway.core.config.vehicle import parse_vehicle
+from gateway.core.links.reasons import LinkCode
 from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind, LinkItem, open_source
-from gateway.core.reasons import Code, Notice
+from gateway.core.reasons import Notice
 from gateway.core.session.core import SessionCore
+from gateway.core.session.reasons import SessionCode
 from gateway.core.text.wording import notice_text
 from tools.reliability.uart import received
 
 LINK = "serial:/dev/ttyUSB0"
 START_NS = 1_700_000_000_000_000_000
-_NOT_FAULTS = {Code.HUB_LOG, Code.LINK_CONNECTED}
+_NOT_FAULTS = {SessionCode.HUB_LOG, LinkCode.LINK_CONNECTED}
 
 
 def raw_frames(data: bytes) -> Iterator[bytes]:

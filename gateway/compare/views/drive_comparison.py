@@ -6,9 +6,10 @@ from typing import Final
 
 from gateway.compare.mean_comparison import FALSE_ALARM, MeanDifference, Radius
 from gateway.compare.views.drive import Drive
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.weighted_mean import MeanEstimate
 from gateway.core.quantity_catalogue import unit_of
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.text.numbers import finite_or_none, fixed, round_to_error, split_name
 from gateway.core.text.readout import DISTANCE
 from gateway.core.text.table_sinks import CsvSink
@@ -53,7 +54,7 @@ def comparison_lines(first: Drive, second: Drive, differences: Sequence[MeanDiff
         yield ""
     varying = dict.fromkeys(split_name(row.name)[0] for row in differences if row.first.reasons or row.second.reasons)
     if varying:
-        yield f"~ {', '.join(varying)}: {text(Reason(Code.ROW_SCATTERS))}"
+        yield f"~ {', '.join(varying)}: {text(Reason(EstimateCode.ROW_SCATTERS))}"
     significant = sum(difference.is_significant for difference in differences)
     yield (
         f"{significant} of {counted(len(differences), 'difference')} marked * are significant: were there none, chance "

@@ -11,8 +11,8 @@ from gateway.compare.views.drive import Drive, Drives, DriveWheel
 from gateway.compare.views.drive_pictures import FIRST_DATE_NS, begin_ns, pictures_json
 from gateway.compare.views.drive_verdict import verdict
 from gateway.core.estimates.estimator import Status
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.optional_packages import require_packages
-from gateway.core.reasons import Code
 from gateway.core.table_columns import RECORDING_PARTS
 from gateway.core.text.html_template import html_template, report_css
 from gateway.core.text.numbers import MISSING, STATUS_MARKS, fixed, round_to_error, split_name
@@ -146,7 +146,9 @@ def _means(drive: Drive) -> tuple[list[tuple[str, str, list[_Value]]], list[tupl
             value, std, scatter = (number(cells, part) * unit.factor for part in ("", "_std", "_scatter"))
             rows.setdefault(name, {})[position] = _value(value, std, scatter, status)
             span = wheel.spans.get(name)
-            if span is not None and any(reason.code is Code.ROW_SCATTERS for reason in wheel.row.means()[name].reasons):
+            if span is not None and any(
+                reason.code is EstimateCode.ROW_SCATTERS for reason in wheel.row.means()[name].reasons
+            ):
                 rows.setdefault(name, {})[position] = _span(span, unit.factor)
                 continue
             if reason:

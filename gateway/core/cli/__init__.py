@@ -19,7 +19,7 @@ from gateway.core.cli.path_option import path_option
 from gateway.core.errors import OutputError, TreadlinkError
 from gateway.core.feature import CommandLine, Registry, features, object_of
 from gateway.core.nearest_name import did_you_mean
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import CoreCode, Reason
 from gateway.core.removed_names import replacement
 
 # The matrices here are small, so waking a thread costs more than the product it computes, many times more on a busy
@@ -120,7 +120,9 @@ def _summaries() -> list[tuple[str, str]]:
 
 def plugin_fault(_plugin: object, command: object) -> Reason | None:
     """Return why the object of a plug-in is no command, None when it is one."""
-    return None if isinstance(command, click.Command) else Reason(Code.PLUGIN_WRONG_TYPE, expected="a click.Command")
+    return (
+        None if isinstance(command, click.Command) else Reason(CoreCode.PLUGIN_WRONG_TYPE, expected="a click.Command")
+    )
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from gateway.core.feature import Registry, added, object_of
 from gateway.core.plugins import Plugin, load_all, missing_factory
-from gateway.core.reasons import Code, Notice, Reason
+from gateway.core.reasons import CoreCode, Notice, Reason
 
 if TYPE_CHECKING:
     from gateway.core.config.vehicle import VehicleConfig
@@ -77,7 +77,7 @@ def added_outputs() -> tuple[AddedOutput, ...]:
 def plugin_fault(_plugin: Plugin, output: object) -> Reason | None:
     """Return why the object of a plug-in is no output, None when it is one."""
     if not isinstance(output, AddedOutput):
-        return Reason(Code.PLUGIN_WRONG_TYPE, expected="a gateway.core.cli.estimate_outputs.AddedOutput")
+        return Reason(CoreCode.PLUGIN_WRONG_TYPE, expected="a gateway.core.cli.estimate_outputs.AddedOutput")
     return missing_factory(output.factory)
 
 

@@ -7,7 +7,7 @@ from typing import Any, Final
 from firmware_protocol.messages import HUB_ITSELF, Axis, Hello
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.links.nmea_sentences import Fix, can_read_sentences
-from gateway.core.reasons import Code, Notice, Reason
+from gateway.core.reasons import CoreCode, Notice, Reason
 from gateway.core.recording.inspection import AlarmSpan, Inspection, LinkInspection, ReceiverInspection, WheelInspection
 from gateway.core.recording.reader import RecordingInfo
 from gateway.core.recording.writer import utc_text
@@ -130,7 +130,7 @@ def _link_lines(name: str, link: LinkInspection, begin: int, end: int) -> Iterat
         if source.hello is not None:
             yield f"      {_hello_text(source.hello)}"
         elif source.samples:
-            yield f"      {text(Reason(Code.SAMPLES_WITHOUT_HELLO, count=source.frames['samples']))}"
+            yield f"      {text(Reason(CoreCode.SAMPLES_WITHOUT_HELLO, count=source.frames['samples']))}"
         if len(source.boots) > 1:
             boots = [*map(str, source.boots[:_BOOTS_SHOWN])]
             more = f" and {len(source.boots) - _BOOTS_SHOWN} more" if len(source.boots) > _BOOTS_SHOWN else ""
@@ -148,11 +148,11 @@ def _receiver_lines(receiver: ReceiverInspection) -> Iterator[str]:
     counts = f"{reader.fixes} with a position, {reader.without_fix} without, {reader.damaged} damaged"
     yield f"    {reader.sentences} sentences of a receiver, {counts}"
     if reader.sentences and not can_read_sentences():
-        yield f"    {text(Reason(Code.SENTENCES_UNREAD))}"
+        yield f"    {text(Reason(CoreCode.SENTENCES_UNREAD))}"
     if first is not None and last is not None:
         yield f"    from {_place(first)} to {_place(last)} (latitude and longitude in degrees)"
     if ahead_s is not None:
-        yield f"    {text(Reason(Code.RECEIVER_TIME, ahead_s=ahead_s))}"
+        yield f"    {text(Reason(CoreCode.RECEIVER_TIME, ahead_s=ahead_s))}"
 
 
 def _place(fix: Fix) -> str:

@@ -8,7 +8,7 @@ from firmware_protocol.counters import LinkCounters
 from gateway.core.cli.estimate_outputs import EstimateOutput
 from gateway.core.config.vehicle import ASSUMED_RADIUS_MM
 from gateway.core.estimates.registry import DEFAULT_ESTIMATORS
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import CoreCode, Reason
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.recorded_file import RawDump, open_recorded_file
 from gateway.core.session.recording_pass import RecordingPass, open_recording
@@ -96,7 +96,7 @@ def estimate_recording(
     lines += _link_lines(estimation.links)
     for notice in missing:
         lines.append(f"  {clean(notice_text(notice))}")
-        if notice.reason.code is Code.NO_REVOLUTION:
+        if notice.reason.code is CoreCode.NO_REVOLUTION:
             for table in tables:
                 table.write_missing(notice.subject, notice.reason, name)
     return RecordingEstimated(tuple(lines), len(missing), reader.damage)

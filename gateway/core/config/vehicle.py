@@ -37,7 +37,7 @@ from gateway.core.estimates.wheel_setup import (
     TireData,
     WheelSetup,
 )
-from gateway.core.reasons import Code, Notice, Reason
+from gateway.core.reasons import CoreCode, Notice, Reason
 
 _logger = logging.getLogger(__name__)
 
@@ -560,7 +560,7 @@ class VehicleConfig(Section):
 
     def notices(self) -> tuple[Notice, ...]:
         """Return a notice for each assumption."""
-        return tuple(Notice("", Reason(Code.ASSUMED_NOT_MEASURED, text=text)) for text in self.vehicle.assumed)
+        return tuple(Notice("", Reason(CoreCode.ASSUMED_NOT_MEASURED, text=text)) for text in self.vehicle.assumed)
 
     def to_toml(self) -> str:
         """Return the configuration as TOML that reads back equal, defaults written out.

@@ -17,6 +17,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.contacts.contact_tracking import Read
 from gateway.core.contacts.contact_trains import LONGEST_PERIOD_S
+from gateway.core.contacts.reasons import ContactCode
 from gateway.core.contacts.segmentation import is_still
 from gateway.core.reasons import Code, Reason
 from gateway.core.types import FloatArray
@@ -60,7 +61,7 @@ _MISTAKEN_RATE: Final = 11.0
 # Below this share of R Omega^2, dips of an AC-coupled sensor come from gravity.
 _AC_CONTACT_SHARE: Final = 0.05
 
-_QUIET: Final = frozenset((Code.WHEEL_STANDS, Code.WHEEL_TOO_SLOW, Code.SAMPLES_TOO_SHORT))
+_QUIET: Final = frozenset((ContactCode.WHEEL_STANDS, ContactCode.WHEEL_TOO_SLOW, ContactCode.SAMPLES_TOO_SHORT))
 """Reasons that are no fault of sensor or configuration."""
 
 
@@ -125,12 +126,14 @@ def why_no_revolution(signal: RadialSignal, longest_s: float, *, interrupted: bo
     """
     if signal.saturated_share >= _SATURATED_SHARE:
         highest = float(np.abs(signal.radial_mps2).max())
-        return (Reason(Code.RADIAL_AT_RANGE_END, share=signal.saturated_share, level_mps2=highest),)
+        return (Reason(ContactCode.RADIAL_AT_RANGE_END, share=signal.saturated_share, level_mps2=highest),)
     measured = float(signal.radial_mps2.mean()) if len(signal.radial_mps2) else 0.0
     mean = abs(measured) if signal.is_dc else 0.0
     inward = signal.radial_mps2 if measured >= 0.0 or not signal.is_dc else -signal.radial_mps2
     period_s = rotation_period_s(inward, signal.rate_hz)
-    outward = (Reason(Code.RADIAL_OUTWARD, mean_mps2=measured),) if signal.is_dc and measured < -_ROLLING_MPS2 else ()
+    outward = (
+        (Reason(ContactCode.RADIAL_OUTWARD, mean_mps2=measured),) if signal.is_dc and measured < -_ROLLING_MPS2 else ()
+    )
     depth = mean - _lowest_mps2(inward, signal.rate_hz, period_s) if len(inward) else 0.0
     reason = None
     if period_s is not None:
@@ -139,11 +142,11 @@ def why_no_revolution(signal: RadialSignal, longest_s: float, *, interrupted: bo
         reason = _motion(signal, mean, period_s) or _length(signal, mean, period_s, longest_s, interrupted=interrupted)
     rolls = mean > (_ROLLING_MPS2 if period_s is None else _SLOW_MPS2)
     if reason is None and rolls and depth < _CONTACT_SHARE * mean:
-        reason = Reason(Code.NO_CONTACT_SEEN, mean_mps2=mean, lowest_mps2=mean - depth)
+        reason = Reason(ContactCode.NO_CONTACT_SEEN, mean_mps2=mean, lowest_mps2=mean - depth)
     if reason is None and period_s is not None:
         reason = _rate(signal, mean, depth, period_s)
     if reason is None:
-        reason = Reason(Code.CONTACTS_NOT_ALIKE, mean_mps2=measured, std_mps2=float(signal.radial_mps2.std()))
+        reason = Reason(ContactCode.CONTACTS_NOT_ALIKE, mean_mps2=measured, std_mps2=float(signal.radial_mps2.std()))
     return (reason, *outward)
 
 
@@ -172,8 +175,8 @@ def _unit(signal: RadialSignal, mean: float, depth: float, period_s: float) -> R
         return None
     ratio = level / expected
     for code, factor in (
-        (Code.RADIAL_IS_IN_G, 1.0 / STANDARD_GRAVITY_MPS2),
-        (Code.RADIAL_IS_IN_MPS2, STANDARD_GRAVITY_MPS2),
+        (ContactCode.RADIAL_IS_IN_G, 1.0 / STANDARD_GRAVITY_MPS2),
+        (ContactCode.RADIAL_IS_IN_MPS2, STANDARD_GRAVITY_MPS2),
     ):
         if ratio > 0.0 and abs(math.log(ratio / factor)) < _UNIT_TOLERANCE:
             fitting_hz = signal.rate_hz * math.sqrt(ratio)
@@ -188,7 +191,7 @@ def _motion(signal: RadialSignal, mean: float, period_s: float | None) -> Reason
     # A steady value is no rest: a wheel that rolls fast without a contact varies little.
     at_rest = mean <= _SLOW_MPS2 if signal.is_dc else period_s is None or std < _REST_STD_MPS2
     if at_rest and is_still(radial, signal.rate_hz):
-        return Reason(Code.WHEEL_STANDS, mean_mps2=float(radial.mean()), std_mps2=std)
+        return Reason(ContactCode.WHEEL_STANDS, mean_mps2=float(radial.mean()), std_mps2=std)
     limit_mps = math.sqrt(_SLOW_MPS2 * signal.radius_m)
     if (
         signal.is_dc
@@ -196,10 +199,10 @@ def _motion(signal: RadialSignal, mean: float, period_s: float | None) -> Reason
         and std <= _GRAVITY_STD_MPS2
         and (period_s is None or period_s > 0.5 * LONGEST_PERIOD_S)
     ):
-        return Reason(Code.WHEEL_TOO_SLOW, speed_mps=math.sqrt(mean * signal.radius_m), limit_mps=limit_mps)
+        return Reason(ContactCode.WHEEL_TOO_SLOW, speed_mps=math.sqrt(mean * signal.radius_m), limit_mps=limit_mps)
     if period_s is not None and period_s > LONGEST_PERIOD_S:
         speed_mps = 2.0 * math.pi * signal.radius_m / period_s
-        return Reason(Code.WHEEL_TOO_SLOW, speed_mps=speed_mps, limit_mps=limit_mps)
+        return Reason(ContactCode.WHEEL_TOO_SLOW, speed_mps=speed_mps, limit_mps=limit_mps)
     return None
 
 
@@ -212,7 +215,7 @@ def _length(
     needed_s = _PERIODS_NEEDED * min(period_s if period_s is not None else math.inf, LONGEST_PERIOD_S)
     if longest_s >= needed_s:
         return None
-    code = Code.SAMPLES_INTERRUPTED if interrupted else Code.SAMPLES_TOO_SHORT
+    code = ContactCode.SAMPLES_INTERRUPTED if interrupted else ContactCode.SAMPLES_TOO_SHORT
     return Reason(code, duration_s=longest_s, needed_s=needed_s)
 
 
@@ -221,15 +224,15 @@ def _rate(signal: RadialSignal, mean: float, depth: float, period_s: float) -> R
     level = mean if signal.is_dc else depth
     expected = _centripetal_mps2(signal, period_s)
     if not signal.is_dc and level < _AC_CONTACT_SHARE * expected:
-        return Reason(Code.NO_CONTACT_IN_AC_SIGNAL, depth_mps2=depth, expected_mps2=expected)
+        return Reason(ContactCode.NO_CONTACT_IN_AC_SIGNAL, depth_mps2=depth, expected_mps2=expected)
     ratio = level / expected
     if level < _ROLLING_MPS2 or 1.0 / _RATE_TOLERANCE < ratio < _RATE_TOLERANCE:
         return None
     if not 1.0 / _MISTAKEN_RATE < math.sqrt(ratio) < _MISTAKEN_RATE:
-        return Reason(Code.RADIAL_SCALE_DOES_NOT_FIT, level_mps2=level, expected_mps2=expected, ratio=ratio)
+        return Reason(ContactCode.RADIAL_SCALE_DOES_NOT_FIT, level_mps2=level, expected_mps2=expected, ratio=ratio)
     fitting_hz = signal.rate_hz * math.sqrt(ratio)
     return Reason(
-        Code.RATE_DOES_NOT_FIT,
+        ContactCode.RATE_DOES_NOT_FIT,
         level_mps2=level,
         expected_mps2=expected,
         ratio=ratio,

@@ -2,7 +2,8 @@
 
 from typing import Final
 
-from gateway.core.reasons import Code, Reason
+from gateway.core.estimates.reasons import EstimateCode
+from gateway.core.reasons import Reason
 
 MARGIN: Final = 0.1
 """Relative distance from the calibrated values at which a calibration still holds, as for loads."""
@@ -19,10 +20,14 @@ def outside_calibration(
     low, high = half_angle_range_rad
     if not (1.0 - MARGIN) * low <= half_angle_rad <= (1.0 + MARGIN) * high:
         reasons.append(
-            Reason(Code.HALF_ANGLE_OUTSIDE_CALIBRATION, half_angle_rad=half_angle_rad, low_rad=low, high_rad=high)
+            Reason(
+                EstimateCode.HALF_ANGLE_OUTSIDE_CALIBRATION, half_angle_rad=half_angle_rad, low_rad=low, high_rad=high
+            )
         )
     if pressure_pa is not None and pressure_range_pa is not None:
         low, high = pressure_range_pa
         if not (1.0 - MARGIN) * low <= pressure_pa <= (1.0 + MARGIN) * high:
-            reasons.append(Reason(Code.PRESSURE_OUTSIDE_CALIBRATION, pressure_pa=pressure_pa, low_pa=low, high_pa=high))
+            reasons.append(
+                Reason(EstimateCode.PRESSURE_OUTSIDE_CALIBRATION, pressure_pa=pressure_pa, low_pa=low, high_pa=high)
+            )
     return reasons

@@ -24,9 +24,10 @@ from gateway.core.estimates.estimator import (
     estimate_of,
     not_used,
 )
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
 from gateway.core.quantity_catalogue import RING_NUMBERS, RING_RATIOS
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.types import BoolArray, FloatArray
 
 _CW: Final = 1
@@ -132,15 +133,15 @@ class Determination:
         """Return why a number, or its ratio to Cw of that relative error, is not determined."""
         error = float(self.relative_error[index] if relative_error is None else relative_error)
         if not math.isfinite(error):
-            return (Reason(Code.FIT_AT_ZERO, number=RING_NUMBERS[index]),)
-        reasons = [Reason(Code.NOT_DETERMINED, relative_error=error)]
+            return (Reason(EstimateCode.FIT_AT_ZERO, number=RING_NUMBERS[index]),)
+        reasons = [Reason(EstimateCode.NOT_DETERMINED, relative_error=error)]
         if self.model_share.any():
-            reasons.append(Reason(Code.MODEL_ERROR_SHARE, share=float(self.model_share[index])))
+            reasons.append(Reason(EstimateCode.MODEL_ERROR_SHARE, share=float(self.model_share[index])))
         others = np.abs(self.correlation[index]) - np.eye(4)[index]
         other = int(np.argmax(others))
         if others[other] > _CONFOUNDED:
             correlation = float(self.correlation[index, other])
-            reasons.append(Reason(Code.CORRELATED, correlation=correlation, number=RING_NUMBERS[other]))
+            reasons.append(Reason(EstimateCode.CORRELATED, correlation=correlation, number=RING_NUMBERS[other]))
         return tuple(reasons)
 
 
@@ -252,11 +253,11 @@ def series_estimates(
         else:
             reason = None if width is None else width.reason
             code = None if reason is None else reason.code
-            of_all = () if reason is None or code is Code.SCALE_BY_WIDTH else (reason,)
-            doubted = (*revolution_doubts, *of_all) if code is Code.WIDTH_CONTRADICTED else revolution_doubts
-            noted = (*notes, *of_all) if code is Code.WIDTH_DISAGREES else notes
+            of_all = () if reason is None or code is EstimateCode.SCALE_BY_WIDTH else (reason,)
+            doubted = (*revolution_doubts, *of_all) if code is EstimateCode.WIDTH_CONTRADICTED else revolution_doubts
+            noted = (*notes, *of_all) if code is EstimateCode.WIDTH_DISAGREES else notes
             numbers = _estimates(fitted, index, rows[index], _NUMBERS, doubted, noted)
-            if reason is not None and code is Code.SCALE_BY_WIDTH and numbers[_CW].status is not Status.INVALID:
+            if reason is not None and code is EstimateCode.SCALE_BY_WIDTH and numbers[_CW].status is not Status.INVALID:
                 numbers[_CW] = numbers[_CW]._replace(reasons=(*numbers[_CW].reasons, reason))
         estimates.append((*numbers, *_estimates(fitted, index, rows[index], _RATIOS, revolution_doubts, notes)))
     return estimates
@@ -294,7 +295,7 @@ def _undetermined(
     fitted: FittedNumbers, column: int, value: float, error: float, doubts: tuple[Reason, ...]
 ) -> Estimate:
     """Return the estimate of a number or ratio, by its column, that is not known or not determined."""
-    name, at_zero = _NAMES[column], Reason(Code.FIT_AT_ZERO, number=RING_NUMBERS[_CW])
+    name, at_zero = _NAMES[column], Reason(EstimateCode.FIT_AT_ZERO, number=RING_NUMBERS[_CW])
     if column < _COUNT:
         why_not = determination(fitted).why_not(column)
     elif not (fitted.free[_CW] and fitted.values[_CW] > 0.0):
@@ -349,14 +350,14 @@ def _width(estimator: str, cw: float, std: float, conditions: TireConditions, sc
     ratio = cw / reference.Cw
     difference = math.log(ratio)
     if abs(difference) > CONTRADICTION * error:
-        return _Width(scale, Reason(Code.WIDTH_CONTRADICTED, ratio=ratio, std=ratio * error))
+        return _Width(scale, Reason(EstimateCode.WIDTH_CONTRADICTED, ratio=ratio, std=ratio * error))
     measured = math.hypot(difference, by_width, _WIDTH_MODEL_STD)
     if measured < scale:
-        return _Width(measured, Reason(Code.SCALE_BY_WIDTH, ratio=ratio, std=ratio * by_width, error=measured))
+        return _Width(measured, Reason(EstimateCode.SCALE_BY_WIDTH, ratio=ratio, std=ratio * by_width, error=measured))
     added = disagreement_std(difference, error)
     if not added:
         return None
-    told = Reason(Code.WIDTH_DISAGREES, ratio=ratio, std=ratio * error, error=added)
+    told = Reason(EstimateCode.WIDTH_DISAGREES, ratio=ratio, std=ratio * error, error=added)
     return _Width(math.hypot(scale, added), told if added > _NEGLIGIBLE * error else None)
 
 
@@ -384,9 +385,9 @@ def missing_conditions(conditions: TireConditions) -> tuple[Reason, ...]:
     """Return what is missing for absolute numbers; empty when nothing is."""
     missing = []
     if not positive(conditions.load_n):
-        missing.append(Reason(Code.NEEDS_LOAD))
+        missing.append(Reason(EstimateCode.NEEDS_LOAD))
     if not positive(conditions.pressure_pa):
-        missing.append(Reason(Code.NEEDS_PRESSURE))
+        missing.append(Reason(EstimateCode.NEEDS_PRESSURE))
     return tuple(missing)
 
 
@@ -395,7 +396,7 @@ def doubt_about(revolution: Revolution, effective_count: float) -> tuple[Reason,
     if revolution.faults:
         return (not_used(revolution.faults),)
     if effective_count < SETTLED_REVOLUTIONS * (1.0 - 1e-9):
-        return (Reason(Code.NOT_SETTLED, revolutions=effective_count, needed=SETTLED_REVOLUTIONS),)
+        return (Reason(EstimateCode.NOT_SETTLED, revolutions=effective_count, needed=SETTLED_REVOLUTIONS),)
     return ()
 
 
@@ -403,11 +404,11 @@ def unusable(average: AngleAverage, conditions: TireConditions) -> Reason | None
     """Return why no ring can be fitted to the average at all; None when one can."""
     orders = int(np.count_nonzero(np.isfinite(average.orders_mps2[1:])))
     if orders < LEAST_ORDERS:
-        return Reason(Code.TOO_FEW_ORDERS, orders=orders, needed=LEAST_ORDERS)
+        return Reason(EstimateCode.TOO_FEW_ORDERS, orders=orders, needed=LEAST_ORDERS)
     if not 0.0 < 0.5 * (average.trailing_edge_rad - average.leading_edge_rad) < math.pi / 2.0:
-        return Reason(Code.NO_CONTACT_EDGES)
+        return Reason(EstimateCode.NO_CONTACT_EDGES)
     if not (positive(average.omega_radps) and positive(conditions.radius_m)):
-        return Reason(Code.SPEED_OR_RADIUS_UNKNOWN)
+        return Reason(EstimateCode.SPEED_OR_RADIUS_UNKNOWN)
     return None
 
 

@@ -9,8 +9,9 @@ import math
 from typing import Final
 
 from gateway.core.estimates.estimator import Estimate, Status
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.revolution_block import RevolutionBlock, RevolutionEstimator
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 
 NAMES: Final = ("distance_m",)
 
@@ -47,7 +48,7 @@ class DistanceEstimator(RevolutionEstimator):
         revolution, conditions = block.revolutions[index], block.conditions[index]
         radius = conditions.radius_m
         if not (radius > 0.0 and revolution.omega_radps > 0.0):
-            return (Estimate.invalid(NAMES[0], Reason(Code.SPEED_OR_RADIUS_UNKNOWN)),)
+            return (Estimate.invalid(NAMES[0], Reason(EstimateCode.SPEED_OR_RADIUS_UNKNOWN)),)
         circumference = 2.0 * math.pi * radius
         frequency = revolution.omega_radps / (2.0 * math.pi)
         # Between revolutions that share a contact there is none, whatever the hub's clock says.
@@ -56,7 +57,7 @@ class DistanceEstimator(RevolutionEstimator):
         self._end_s, self._frequency_hz = revolution.start_s + revolution.period_s, frequency
         self._distance_m += circumference * revolution.turns
         self._turns += revolution.turns
-        if revolution.turns > 1 and any(fault.code is Code.CONTACT_INTERPOLATED for fault in revolution.faults):
+        if revolution.turns > 1 and any(fault.code is EstimateCode.CONTACT_INTERPOLATED for fault in revolution.faults):
             # Neither end of it was seen, so that it need not be whole turns.
             self._bridged_variance_m2 += (_NOT_WHOLE_STD_TURNS * circumference) ** 2
         by_radius = 2.0 * math.pi * self._turns * conditions.radius_std_m
@@ -65,14 +66,14 @@ class DistanceEstimator(RevolutionEstimator):
         if self._bridged_s:
             doubts.append(
                 Reason(
-                    Code.DISTANCE_BRIDGED,
+                    EstimateCode.DISTANCE_BRIDGED,
                     duration_s=self._bridged_s,
                     distance_m=self._bridged_m,
                     std_m=math.sqrt(self._bridged_variance_m2),
                 )
             )
         if self._unknown:
-            doubts.append(Reason(Code.DISTANCE_INTERRUPTED, count=float(self._unknown)))
+            doubts.append(Reason(EstimateCode.DISTANCE_INTERRUPTED, count=float(self._unknown)))
         status = Status.PROVISIONAL if doubts else Status.VALID
         return (Estimate(NAMES[0], self._distance_m, std, status, tuple(doubts)),)
 

@@ -8,9 +8,10 @@ from functools import partial
 from typing import Final, NamedTuple, Protocol, Self
 
 from gateway.core.estimates.doubt_rules import EVERY_RULE, DoubtRule
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.sensor_claims import SensorClaims, Tilt
 from gateway.core.estimates.tire_data import TireData
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.revolutions.synchronous_average import (
     AngleAverage as AngleAverage,  # part of the interface
 )
@@ -181,16 +182,22 @@ class Revolution:
 def sign_not_determined(value: float, std: float) -> Reason:
     """Return the reason of a value whose sign its standard error does not tell."""
     errors = abs(value) / std if std > 0.0 else math.nan
-    return Reason(Code.SIGN_NOT_DETERMINED, errors=errors) if math.isfinite(errors) else Reason(Code.SIGN_WITHOUT_ERROR)
+    return (
+        Reason(EstimateCode.SIGN_NOT_DETERMINED, errors=errors)
+        if math.isfinite(errors)
+        else Reason(EstimateCode.SIGN_WITHOUT_ERROR)
+    )
 
 
-OF_LOSS: Final = frozenset({Code.SAMPLES_LOST, Code.CONTACT_NOT_SEEN, Code.CONTACT_INTERPOLATED})
+OF_LOSS: Final = frozenset(
+    {EstimateCode.SAMPLES_LOST, EstimateCode.CONTACT_NOT_SEEN, EstimateCode.CONTACT_INTERPOLATED}
+)
 """Faults of a revolution by loss on the link, which says nothing against the tire or the sensor."""
 
 
 def not_used(faults: Iterable[Reason]) -> Reason:
     """Return the reason of an estimate that a revolution with these faults did not change."""
-    return Reason(Code.REVOLUTION_NOT_USED, faults=tuple(faults))
+    return Reason(EstimateCode.REVOLUTION_NOT_USED, faults=tuple(faults))
 
 
 class Estimator(Protocol):

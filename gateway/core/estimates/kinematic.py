@@ -4,8 +4,9 @@ import math
 from typing import Final
 
 from gateway.core.estimates.estimator import OF_LOSS, Estimate, Revolution, Status, TireConditions, estimate_of
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.revolution_block import BlockEstimator, RevolutionBlock
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 
 NAMES: Final = (
     "speed_mps",
@@ -91,7 +92,7 @@ def _possibly_unknown(
 ) -> Estimate:
     """Return an estimate, invalid where its value is not finite."""
     if not math.isfinite(value):
-        return Estimate.invalid(name, *(reasons or (Reason(Code.NO_CONTACT_EDGES),)))
+        return Estimate.invalid(name, *(reasons or (Reason(EstimateCode.NO_CONTACT_EDGES),)))
     return Estimate(name, value, std, status, reasons, scatter_std if math.isfinite(scatter_std) else 0.0)
 
 
@@ -100,7 +101,9 @@ def _timing_condition(
 ) -> tuple[Status, tuple[Reason, ...]]:
     """Return the status of the timing: lost samples do not lower it, and a placed contact has an error of its own."""
     if _is_loss_alone(revolution):
-        return Status.VALID, tuple(fault for fault in revolution.faults if fault.code is Code.CONTACT_INTERPOLATED)
+        return Status.VALID, tuple(
+            fault for fault in revolution.faults if fault.code is EstimateCode.CONTACT_INTERPOLATED
+        )
     return status, reasons
 
 
@@ -114,10 +117,10 @@ def edge_condition(revolution: Revolution) -> tuple[Status, tuple[Reason, ...]]:
         return Status.VALID, ()
     has_edges = math.isfinite(revolution.trailing_edge_rad - revolution.leading_edge_rad)
     if has_edges and _is_loss_alone(revolution):
-        return Status.VALID, tuple(fault for fault in revolution.faults if fault.code is not Code.SAMPLES_LOST)
+        return Status.VALID, tuple(fault for fault in revolution.faults if fault.code is not EstimateCode.SAMPLES_LOST)
     reasons = list(revolution.faults)
     if revolution.saturated:
-        reasons.append(Reason(Code.RADIAL_SATURATED))
+        reasons.append(Reason(EstimateCode.RADIAL_SATURATED))
     return Status.PROVISIONAL, tuple(dict.fromkeys(reasons))
 
 

@@ -16,11 +16,12 @@ from gateway.core.estimates.disagreement import CONTRADICTION, disagreement_std
 from gateway.core.estimates.doubt_rules import DoubtRule
 from gateway.core.estimates.estimator import Estimate, Estimator, Revolution, Status, TireConditions
 from gateway.core.estimates.kinematic import edge_condition
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.registry import ESTIMATORS, make_estimator
 from gateway.core.estimates.revolution_block import RevolutionBlock, RevolutionEstimator
 from gateway.core.estimates.tire_data import LOAD_LAW_STD, UNKNOWN_DIFFERENCE_K, LoadCalibration, TireData
 from gateway.core.estimates.wear import bending_since_reference
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.revolutions.contact_edges import EDGE_MODEL_STD_RAD, error_beyond_definition
 
 NAMES: Final = ("load_n", "load_by_angle_n", "load_by_width_n", "pressure_number")
@@ -68,7 +69,7 @@ class LoadEstimator(RevolutionEstimator):
         revolution, conditions = block.revolutions[index], block.conditions[index]
         pressure = conditions.pressure_pa
         if pressure is None or not (pressure > 0.0 and conditions.radius_m > 0.0):
-            return tuple(Estimate.invalid(name, Reason(Code.NEEDS_PRESSURE)) for name in NAMES)
+            return tuple(Estimate.invalid(name, Reason(EstimateCode.NEEDS_PRESSURE)) for name in NAMES)
         half = 0.5 * (revolution.trailing_edge_rad - revolution.leading_edge_rad)
         half_std = 0.5 * math.hypot(
             error_beyond_definition(revolution.leading_edge_std_rad),
@@ -114,21 +115,25 @@ class LoadEstimator(RevolutionEstimator):
         conditions = block.conditions[index]
         reference = conditions.tire.reference
         if reference.Cw is None:
-            return Estimate.invalid(NAMES[2], Reason(Code.NEEDS_REFERENCE_NUMBER, number="Cw"))
+            return Estimate.invalid(NAMES[2], Reason(EstimateCode.NEEDS_REFERENCE_NUMBER, number="Cw"))
         load, load_std = conditions.load_n, conditions.load_std_n
         numbers = conditions.given.get(reference.estimator) if load is not None else None
         if numbers is None or load is None:
             load, load_std = _ASSUMED_LOAD_N, 0.0
             if self._numbers is None:
                 if reference.estimator not in ESTIMATORS:
-                    return Estimate.invalid(NAMES[2], Reason(Code.UNKNOWN_ESTIMATOR, estimator=reference.estimator))
+                    return Estimate.invalid(
+                        NAMES[2], Reason(EstimateCode.UNKNOWN_ESTIMATOR, estimator=reference.estimator)
+                    )
                 self._numbers = make_estimator(reference.estimator)
             assumed = replace(conditions, load_n=load, load_std_n=0.0, tire=self._without_width(conditions.tire))
             estimates = self._numbers.update(block.revolutions[index], block.averages.at(index), assumed)
             numbers = {estimate.name: estimate for estimate in estimates}
         width = numbers.get("Cw")
         if width is None:
-            return Estimate.invalid(NAMES[2], Reason(Code.NUMBER_MISSING, estimator=reference.estimator, number="Cw"))
+            return Estimate.invalid(
+                NAMES[2], Reason(EstimateCode.NUMBER_MISSING, estimator=reference.estimator, number="Cw")
+            )
         if width.status is Status.INVALID:
             return Estimate.invalid(NAMES[2], *width.reasons)
         value = load * reference.Cw / width.value
@@ -136,10 +141,12 @@ class LoadEstimator(RevolutionEstimator):
         std = value * math.sqrt(relative2 + (reference.Cw_std / reference.Cw) ** 2)
         # Another width than the new tire's contradicts the stated load, not this one.
         doubts = tuple(
-            reason for reason in width.reasons if reason.code not in (Code.WIDTH_CONTRADICTED, Code.SCALE_BY_WIDTH)
+            reason
+            for reason in width.reasons
+            if reason.code not in (EstimateCode.WIDTH_CONTRADICTED, EstimateCode.SCALE_BY_WIDTH)
         )
         status = width.status if doubts else Status.VALID
-        if status is Status.VALID and any(reason.code is Code.REVOLUTION_NOT_USED for reason in doubts):
+        if status is Status.VALID and any(reason.code is EstimateCode.REVOLUTION_NOT_USED for reason in doubts):
             # The width is the tire's and lasts; the load of this revolution was not measured.
             status = Status.PROVISIONAL
         return Estimate(NAMES[2], value, std, status, doubts, value * width.scatter_std / width.value)
@@ -167,7 +174,7 @@ def _beyond_load(width: Estimate, load_std: float, conditions: TireConditions) -
     The error of the stated load is part of that of Cw and cancels; those of pressure and radius do not. Where the width
     of the new tire has replaced all three together, pressure and radius come back as stated.
     """
-    replaced = next((reason["error"] for reason in width.reasons if reason.code is Code.SCALE_BY_WIDTH), None)
+    replaced = next((reason["error"] for reason in width.reasons if reason.code is EstimateCode.SCALE_BY_WIDTH), None)
     if not isinstance(replaced, float) or not conditions.pressure_pa:
         return -(load_std**2)
     pressure_std = conditions.pressure_std_pa / conditions.pressure_pa
@@ -193,10 +200,10 @@ def _compared(estimate: Estimate, conditions: TireConditions) -> Estimate:
     difference, both = estimate.value - stated_n, math.hypot(estimate.std, stated_std_n)
     if not abs(difference) > CONTRADICTION * both:
         # The error of the width has it already.
-        included = any(reason.code is Code.WIDTH_DISAGREES for reason in estimate.reasons)
+        included = any(reason.code is EstimateCode.WIDTH_DISAGREES for reason in estimate.reasons)
         added = 0.0 if included else disagreement_std(difference, both)
         return estimate._replace(std=math.hypot(estimate.std, added)) if added else estimate
-    against = Reason(Code.LOAD_CONTRADICTED, stated_n=stated_n, stated_std_n=stated_std_n)
+    against = Reason(EstimateCode.LOAD_CONTRADICTED, stated_n=stated_n, stated_std_n=stated_std_n)
     return estimate._replace(status=Status.PROVISIONAL, reasons=(against, *estimate.reasons))
 
 
@@ -211,7 +218,7 @@ def _widened(by_angle: Estimate, by_width: Estimate) -> tuple[Estimate, Estimate
     difference_n = by_angle.value - by_width.value
     notes: tuple[Reason, ...] = ()
     if abs(difference_n) > CONTRADICTION * math.hypot(by_angle.std, by_width.std):
-        notes = (Reason(Code.LOADS_DISAGREE, angle_n=by_angle.value, width_n=by_width.value),)
+        notes = (Reason(EstimateCode.LOADS_DISAGREE, angle_n=by_angle.value, width_n=by_width.value),)
     first, second = (
         load._replace(std=math.hypot(load.std, difference_n), reasons=(*load.reasons, *notes))
         for load in (by_angle, by_width)
@@ -224,9 +231,9 @@ def _by_angle(
 ) -> Estimate:
     calibration = conditions.tire.load_calibration
     if calibration is None:
-        return Estimate.invalid(NAMES[1], Reason(Code.NEEDS_LOAD_CALIBRATION))
+        return Estimate.invalid(NAMES[1], Reason(EstimateCode.NEEDS_LOAD_CALIBRATION))
     if not half > 0.0:
-        return Estimate.invalid(NAMES[1], Reason(Code.NO_CONTACT_EDGES))
+        return Estimate.invalid(NAMES[1], Reason(EstimateCode.NO_CONTACT_EDGES))
     bending = _bending_effect(conditions, calibration)
     load = calibration.load_at(half, pressure) * math.exp(bending.logarithm)
     relative = math.hypot(
@@ -236,7 +243,7 @@ def _by_angle(
         bending.std,
     )
     if not (math.isfinite(load) and math.isfinite(relative)):
-        return Estimate.invalid(NAMES[1], Reason(Code.EDGE_ERRORS_UNKNOWN))
+        return Estimate.invalid(NAMES[1], Reason(EstimateCode.EDGE_ERRORS_UNKNOWN))
     edges, faults = edge_condition(revolution)
     doubts = (*(() if edges is Status.VALID else faults), *calibration.outside(half, pressure))
     status = Status.PROVISIONAL if doubts else Status.VALID
@@ -276,7 +283,9 @@ def _bending_change(
         std = measured.std if same else math.hypot(measured.std, between.std)
         change = measured.value - (0.0 if same else between.logarithm)
         noted = (
-            (Reason(Code.CORRECTED_FOR_BENDING, change=math.expm1(change)),) if abs(change) > _REPORTED_CHANGE else ()
+            (Reason(EstimateCode.CORRECTED_FOR_BENDING, change=math.expm1(change)),)
+            if abs(change) > _REPORTED_CHANGE
+            else ()
         )
         return change, std, noted
     thickness = tire.ring_thickness_m or _USUAL_THICKNESS_M
@@ -288,13 +297,13 @@ def _bending_change(
     change = 3.0 * math.log(remaining) + by_temperature
     notes = []
     if tire.wear_m is None:
-        notes.append(Reason(Code.WEAR_UNKNOWN, relative_error=math.hypot(_BETA, _BETA_STD) * wear_std))
+        notes.append(Reason(EstimateCode.WEAR_UNKNOWN, relative_error=math.hypot(_BETA, _BETA_STD) * wear_std))
     elif 3.0 * abs(math.log(remaining)) > _REPORTED_CHANGE:
-        notes.append(Reason(Code.CORRECTED_FOR_WEAR, wear_m=tire.wear_m))
+        notes.append(Reason(EstimateCode.CORRECTED_FOR_WEAR, wear_m=tire.wear_m))
     if not softening.is_known:
-        notes.append(Reason(Code.TEMPERATURE_NOT_COMPENSATED, difference_k=UNKNOWN_DIFFERENCE_K))
+        notes.append(Reason(EstimateCode.TEMPERATURE_NOT_COMPENSATED, difference_k=UNKNOWN_DIFFERENCE_K))
     elif abs(by_temperature) > _REPORTED_CHANGE:
-        notes.append(Reason(Code.CORRECTED_FOR_BENDING, change=math.expm1(by_temperature)))
+        notes.append(Reason(EstimateCode.CORRECTED_FOR_BENDING, change=math.expm1(by_temperature)))
     return change, math.hypot(wear_std, softening.std), tuple(notes)
 
 
@@ -305,10 +314,10 @@ def _better(by_angle: Estimate, by_width: Estimate) -> Estimate:
     if best.status is Status.INVALID:
         return Estimate.invalid(
             NAMES[0],
-            Reason(Code.NO_LOAD_FROM_CONTACT_ANGLE, why=by_angle.reasons),
-            Reason(Code.NO_LOAD_FROM_BELT_WIDTH, why=by_width.reasons),
+            Reason(EstimateCode.NO_LOAD_FROM_CONTACT_ANGLE, why=by_angle.reasons),
+            Reason(EstimateCode.NO_LOAD_FROM_BELT_WIDTH, why=by_width.reasons),
         )
-    source = Reason(Code.FROM_CONTACT_ANGLE if best is by_angle else Code.FROM_BELT_WIDTH)
+    source = Reason(EstimateCode.FROM_CONTACT_ANGLE if best is by_angle else EstimateCode.FROM_BELT_WIDTH)
     return best._replace(name=NAMES[0], reasons=(source, *best.reasons))
 
 
@@ -316,7 +325,7 @@ def _contradictions(loads: tuple[Estimate, ...], conditions: TireConditions) -> 
     """Return what contradicts the stated load or pressure: loads from the contact, or another belt width."""
     width = conditions.given.get(conditions.tire.reference.estimator, {}).get("Cw")
     estimates = (*loads, width) if width is not None else loads
-    against = (Code.LOAD_CONTRADICTED, Code.WIDTH_CONTRADICTED)
+    against = (EstimateCode.LOAD_CONTRADICTED, EstimateCode.WIDTH_CONTRADICTED)
     return tuple(
         dict.fromkeys(reason for estimate in estimates for reason in estimate.reasons if reason.code in against)
     )
@@ -328,9 +337,9 @@ def _scale_error(conditions: TireConditions, load_std: float) -> float:
     by_width = {
         reason.code: reason["error"]
         for reason in (width.reasons if width is not None else ())
-        if reason.code in (Code.SCALE_BY_WIDTH, Code.WIDTH_DISAGREES)
+        if reason.code in (EstimateCode.SCALE_BY_WIDTH, EstimateCode.WIDTH_DISAGREES)
     }
-    replaced, added = by_width.get(Code.SCALE_BY_WIDTH), by_width.get(Code.WIDTH_DISAGREES, 0.0)
+    replaced, added = by_width.get(EstimateCode.SCALE_BY_WIDTH), by_width.get(EstimateCode.WIDTH_DISAGREES, 0.0)
     if isinstance(replaced, float) and conditions.load_n is not None:
         return replaced
     assert conditions.pressure_pa is not None
@@ -358,7 +367,7 @@ def _pressure_number(
     if status is Status.INVALID:
         return Estimate.invalid(NAMES[3], *reasons)
     if not (half > 0.0 and math.isfinite(half_std) and value > 0.0):
-        return Estimate.invalid(NAMES[3], Reason(Code.NO_CONTACT_EDGES))
+        return Estimate.invalid(NAMES[3], Reason(EstimateCode.NO_CONTACT_EDGES))
     number = value / (2.0 * pressure * half * conditions.radius_m**2)
     # The error of the edge's definition counts here, because the number is compared between tires.
     half_std = math.hypot(half_std, EDGE_MODEL_STD_RAD)

@@ -8,6 +8,7 @@ from itertools import islice
 from typing import Final
 
 from gateway.core.estimates.estimator import AngleAverage, Estimate, Estimator, Revolution, Status, TireConditions
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.plugins import error_text, is_from_user, short_text
 from gateway.core.reasons import Code, Reason, Value
 
@@ -22,7 +23,7 @@ class _RefusedFieldError(Exception):
 
     def __init__(self, field: str, value: object) -> None:
         super().__init__(field)
-        self.reason = Reason(Code.PLUGIN_FIELD_REFUSED, field=field, given=short_text(repr(value)))
+        self.reason = Reason(EstimateCode.PLUGIN_FIELD_REFUSED, field=field, given=short_text(repr(value)))
 
 
 class PluginEstimator:
@@ -46,7 +47,7 @@ class PluginEstimator:
             if is_from_user(error):
                 raise
             _logger.warning("estimator %s failed", self.name, exc_info=True)
-            return self._failed(Reason(Code.PLUGIN_FAILED, error=error_text(error)))
+            return self._failed(Reason(EstimateCode.PLUGIN_FAILED, error=error_text(error)))
 
     def reset(self) -> None:
         """Forget everything; an estimator that cannot is replaced by a new one."""
@@ -65,7 +66,7 @@ class PluginEstimator:
             if is_from_user(error):
                 raise
             _logger.warning("estimator %s cannot be made", self.name, exc_info=True)
-            self._failure = Reason(Code.PLUGIN_FAILED, error=error_text(error))
+            self._failure = Reason(EstimateCode.PLUGIN_FAILED, error=error_text(error))
 
     def _failed(self, reason: Reason) -> tuple[Estimate, ...]:
         return tuple(Estimate.invalid(name, reason) for name in self._names)
@@ -95,7 +96,7 @@ def _checked_estimate(estimate: Estimate) -> Estimate:
             raise _RefusedFieldError("status", estimate.status)
         reasons = _reasons(estimate.reasons)
         if estimate.status is Status.INVALID:
-            return Estimate.invalid(estimate.name, *(reasons or (Reason(Code.PLUGIN_GAVE_NO_REASON),)))
+            return Estimate.invalid(estimate.name, *(reasons or (Reason(EstimateCode.PLUGIN_GAVE_NO_REASON),)))
         value, std = _number("value", estimate.value), _number("std", estimate.std)
         if not math.isfinite(value):
             raise _RefusedFieldError("value", estimate.value)

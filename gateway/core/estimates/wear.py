@@ -14,10 +14,11 @@ import numpy as np
 from gateway.core.estimates.determination import DETERMINED
 from gateway.core.estimates.disagreement import CONTRADICTION
 from gateway.core.estimates.estimator import Estimate, Revolution, Status, TireConditions
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.registry import estimator_names
 from gateway.core.estimates.revolution_block import RevolutionBlock, RevolutionEstimator
 from gateway.core.estimates.tire_data import UNKNOWN_DIFFERENCE_K, Softening, TireData
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.revolutions.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS, RunningMoments
 from gateway.core.types import FloatArray
 
@@ -31,8 +32,8 @@ _SPACING_REVOLUTIONS: Final = round(2 * DEFAULT_HORIZON_REVOLUTIONS)
 # Usual difference from a pressure that is not known (one standard deviation).
 _UNKNOWN_PRESSURE_SHARE: Final = 0.1
 # Notes of most revolutions.
-_FROM_RATIO: Final = Reason(Code.FROM_RATIO, ratio="Bs/Cw")
-_NOT_COMPENSATED: Final = Reason(Code.TEMPERATURE_NOT_COMPENSATED, difference_k=UNKNOWN_DIFFERENCE_K)
+_FROM_RATIO: Final = Reason(EstimateCode.FROM_RATIO, ratio="Bs/Cw")
+_NOT_COMPENSATED: Final = Reason(EstimateCode.TEMPERATURE_NOT_COMPENSATED, difference_k=UNKNOWN_DIFFERENCE_K)
 # Least number of values for a drift.
 _LEAST_VALUES: Final = 4
 
@@ -93,7 +94,7 @@ class WearEstimator(RevolutionEstimator):
         if count < _LEAST_VALUES:
             needed = (_LEAST_VALUES - 1) * _SPACING_REVOLUTIONS
             return Estimate.invalid(
-                NAMES[2], Reason(Code.NEEDS_WEAR_VALUES, revolutions=needed, spacing=_SPACING_REVOLUTIONS)
+                NAMES[2], Reason(EstimateCode.NEEDS_WEAR_VALUES, revolutions=needed, spacing=_SPACING_REVOLUTIONS)
             )
         (xx, xy), (_, yy) = self._values.variance()
         span = self._latest - self._first
@@ -102,7 +103,7 @@ class WearEstimator(RevolutionEstimator):
         first_degc, last_degc = self._temperatures[0], self._temperatures[-1]
         softening = tire.reference.softening(last_degc, first_degc)
         thickness_mm = 1e3 * (tire.ring_thickness_m or 0.0)
-        reasons = [Reason(Code.OVER_REVOLUTIONS, revolutions=span)]
+        reasons = [Reason(EstimateCode.OVER_REVOLUTIONS, revolutions=span)]
         if not softening.is_known:
             reasons.append(_NOT_COMPENSATED)
         std = math.hypot(scatter, thickness_mm / _BENDING_POWER * softening.std)
@@ -124,7 +125,7 @@ def _wear(conditions: TireConditions) -> Estimate:
     tire = conditions.tire
     thickness = tire.ring_thickness_m
     if thickness is None:
-        return Estimate.invalid(NAMES[0], Reason(Code.NEEDS_RING_THICKNESS))
+        return Estimate.invalid(NAMES[0], Reason(EstimateCode.NEEDS_RING_THICKNESS))
     bending = bending_since_reference(conditions)
     if bending.status is Status.INVALID:
         return Estimate.invalid(NAMES[0], *bending.reasons)
@@ -140,7 +141,7 @@ def _wear(conditions: TireConditions) -> Estimate:
     value, status = thickness * (1.0 - remaining), bending.status
     if tire.wear_m is not None and abs(value - tire.wear_m) > DETERMINED * math.hypot(std, tire.wear_std_m):
         status = Status.PROVISIONAL
-        notes.insert(0, Reason(Code.WEAR_CONTRADICTED, stated_m=tire.wear_m, stated_std_m=tire.wear_std_m))
+        notes.insert(0, Reason(EstimateCode.WEAR_CONTRADICTED, stated_m=tire.wear_m, stated_std_m=tire.wear_std_m))
     return Estimate(NAMES[0], 1e3 * value, 1e3 * std, status, tuple(notes), 1e3 * slope * bending.scatter_std)
 
 
@@ -159,7 +160,7 @@ def _with_ratio(bending: Estimate, conditions: TireConditions, softening: Soften
     number_m, ratio_m = (
         thickness_m * (1.0 - thickness_left(way.value - softening.logarithm)) for way in (bending, by_ratio)
     )
-    note = Reason(Code.WEARS_DISAGREE, number_m=number_m, ratio_m=ratio_m)
+    note = Reason(EstimateCode.WEARS_DISAGREE, number_m=number_m, ratio_m=ratio_m)
     return bending._replace(std=difference, reasons=(*bending.reasons, note))
 
 
@@ -173,14 +174,18 @@ def bending_since_reference(conditions: TireConditions, *, prefer_ratio: bool = 
     name = "bending"
     reference = conditions.tire.reference
     if reference.Bs is None:
-        return Estimate.invalid(name, Reason(Code.NEEDS_REFERENCE_NUMBER, number="Bs"))
+        return Estimate.invalid(name, Reason(EstimateCode.NEEDS_REFERENCE_NUMBER, number="Bs"))
     numbers = conditions.given.get(reference.estimator)
     if numbers is None:
-        code = Code.NEEDS_ESTIMATOR if reference.estimator in estimator_names() else Code.UNKNOWN_ESTIMATOR
+        code = (
+            EstimateCode.NEEDS_ESTIMATOR if reference.estimator in estimator_names() else EstimateCode.UNKNOWN_ESTIMATOR
+        )
         return Estimate.invalid(name, Reason(code, estimator=reference.estimator))
     bending, new, new_relative = numbers.get("Bs"), reference.Bs, reference.Bs_std / reference.Bs
     if bending is None:
-        bending = Estimate.invalid("Bs", Reason(Code.NUMBER_MISSING, estimator=reference.estimator, number="Bs"))
+        bending = Estimate.invalid(
+            "Bs", Reason(EstimateCode.NUMBER_MISSING, estimator=reference.estimator, number="Bs")
+        )
     notes: list[Reason] = []
     if (bending.status is Status.INVALID or prefer_ratio) and reference.Cw is not None:
         ratio = numbers.get("Bs/Cw")
@@ -196,11 +201,11 @@ def bending_since_reference(conditions: TireConditions, *, prefer_ratio: bool = 
     if conditions.pressure_pa and reference.pressure_pa:
         stiffness *= conditions.pressure_pa / reference.pressure_pa
     else:
-        notes.append(Reason(Code.PRESSURE_NOT_COMPENSATED))
+        notes.append(Reason(EstimateCode.PRESSURE_NOT_COMPENSATED))
         errors.append(_UNKNOWN_PRESSURE_SHARE)
         status = Status.PROVISIONAL
     if not (stiffness > 0.0 and math.isfinite(stiffness)):
-        return Estimate.invalid(name, Reason(Code.BENDING_NOT_POSITIVE))
+        return Estimate.invalid(name, Reason(EstimateCode.BENDING_NOT_POSITIVE))
     if bending.status is Status.PROVISIONAL:
         notes[:0] = bending.reasons
     scatter = bending.scatter_std / bending.value

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from statistics import NormalDist
 from typing import Final
 
-from gateway.core.reasons import Code, Reason
+from gateway.core.estimates.reasons import EstimateCode
+from gateway.core.reasons import Reason
 
 _UNEXPLAINED: Final = 3.0
 """Scatter over the standard error from which errors do not explain it."""
@@ -85,7 +86,7 @@ class WeightedMean:
     @property
     def reasons(self) -> tuple[Reason, ...]:
         """What is to be known of the mean: that its values vary."""
-        return (Reason(Code.ROW_SCATTERS),) if self.varies else ()
+        return (Reason(EstimateCode.ROW_SCATTERS),) if self.varies else ()
 
     @property
     def constant_std(self) -> float | None:

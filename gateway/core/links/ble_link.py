@@ -14,7 +14,8 @@ from bleak.backends.device import BLEDevice
 from gateway.core.errors import LinkLostError, SourceError
 from gateway.core.links.ble_hub import Sighting, is_address, is_meant, pick, uart_characteristics
 from gateway.core.links.ble_radio import BLE_ERRORS, demands_pairing, explain, explain_pairing, radio
-from gateway.core.reasons import Code, Reason
+from gateway.core.links.reasons import LinkCode
+from gateway.core.reasons import Reason
 
 _logger = logging.getLogger(__name__)
 
@@ -163,14 +164,16 @@ class BleLink:
     def details(self) -> tuple[Reason, ...]:
         """Return what is connected: device, MTU and, where known, battery."""
         if self.mtu is None:
-            mtu = Reason(Code.MTU_UNKNOWN, needed=FRAME_MTU)
+            mtu = Reason(LinkCode.MTU_UNKNOWN, needed=FRAME_MTU)
         elif self.mtu < FRAME_MTU:
-            mtu = Reason(Code.MTU_TOO_SMALL, mtu=self.mtu, needed=FRAME_MTU)
+            mtu = Reason(LinkCode.MTU_TOO_SMALL, mtu=self.mtu, needed=FRAME_MTU)
         else:
-            mtu = Reason(Code.MTU, mtu=self.mtu)
-        device = Reason(Code.BLE_DEVICE, device=str(self.sighting))
+            mtu = Reason(LinkCode.MTU, mtu=self.mtu)
+        device = Reason(LinkCode.BLE_DEVICE, device=str(self.sighting))
         battery = self.sighting.battery_percent if self.sighting is not None else None
-        return (device, mtu) if battery is None else (device, mtu, Reason(Code.BATTERY_LEVEL, level=battery / 100.0))
+        return (
+            (device, mtu) if battery is None else (device, mtu, Reason(LinkCode.BATTERY_LEVEL, level=battery / 100.0))
+        )
 
     def _name(self) -> str:
         return f"{self.sighting.name} ({self.sighting.address})" if self.sighting else self._settings.target

@@ -11,6 +11,7 @@ from gateway.core.errors import SourceError
 from gateway.core.links.ble_hub import Sighting
 from gateway.core.links.ble_link import BleLink, BleSettings, find
 from gateway.core.links.ble_radio import BLE_ERRORS, explain, radio
+from gateway.core.links.reasons import LinkCode
 from gateway.core.links.reconnect import ReconnectingSource
 from gateway.core.links.source import (
     LinkEvent,
@@ -22,7 +23,7 @@ from gateway.core.links.source import (
     rate_option,
     silence_option,
 )
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 
 _MAX_SCAN_S: Final = 120.0
 OPTIONS: Final = ("adapter", "scan", "silence", "notify", "rate")
@@ -58,7 +59,7 @@ class BleSource(ReconnectingSource):
             was_connected = True
             yield item
         if was_connected:
-            yield self._event(LinkEventKind.ENDED, details=(Reason(Code.LINK_DISCONNECTED),))
+            yield self._event(LinkEventKind.ENDED, details=(Reason(LinkCode.LINK_DISCONNECTED),))
 
     def look(self) -> Sighting:
         """Return the hub as its advertisement describes it, without connecting.
@@ -85,7 +86,7 @@ class BleSource(ReconnectingSource):
         items = super()._items_of(data)
         link = self._current
         if items and isinstance(link, BleLink) and (dropped := link.take_dropped()):
-            details = (Reason(Code.NOTIFICATIONS_DROPPED, count=dropped),)
+            details = (Reason(LinkCode.NOTIFICATIONS_DROPPED, count=dropped),)
             items.append(super()._event(LinkEventKind.CONNECTED, details=details))
         return items
 

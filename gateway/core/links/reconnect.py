@@ -10,8 +10,9 @@ from typing import Final, Protocol
 
 from gateway.core.clock import Clock, wait_until
 from gateway.core.errors import LinkLostError, SourceError, TreadlinkError
+from gateway.core.links.reasons import LinkCode
 from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind, LinkItem
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 
 READ_TIMEOUT_S: Final = 0.05
 _LONGEST_SILENCE_S: Final = 60.0
@@ -178,7 +179,7 @@ class ReconnectingSource:
                     return
                 away_s = (self._clock.now_ns() - lost_ns) * 1e-9
                 _logger.info("%s is open again after %.1f s", self._name, away_s)
-                yield self._event(LinkEventKind.RESTORED, details=(Reason(Code.LINK_AWAY, away_s=away_s),))
+                yield self._event(LinkEventKind.RESTORED, details=(Reason(LinkCode.LINK_AWAY, away_s=away_s),))
                 yield from first
         finally:
             self._drop()
@@ -207,7 +208,7 @@ class ReconnectingSource:
                 self._drop()
                 if refused.cause != reported:
                     reported = refused.cause
-                    interval = Reason(Code.RETRY_INTERVAL, interval_s=self._backoff.cap_ns * 1e-9)
+                    interval = Reason(LinkCode.RETRY_INTERVAL, interval_s=self._backoff.cap_ns * 1e-9)
                     yield self._event(LinkEventKind.RETRYING, _message(refused), (interval,))
                 _logger.debug("%s: attempt %d failed: %s", self._name, failures, refused)
 

@@ -14,6 +14,7 @@ import serial
 
 from gateway.core.clock import Clock
 from gateway.core.errors import LinkLostError, SourceError
+from gateway.core.links.reasons import LinkCode
 from gateway.core.links.reconnect import ReconnectingSource
 from gateway.core.links.source import (
     DEFAULT_BAUDRATE,
@@ -25,7 +26,7 @@ from gateway.core.links.source import (
     silence_option,
 )
 from gateway.core.nearest_name import did_you_mean
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 
 if sys.platform == "win32":
     _TERMIOS_ERROR: type[Exception] = OSError
@@ -202,7 +203,7 @@ class SerialSource(ReconnectingSource):
     def _event(self, kind: LinkEventKind, text: str = "", details: tuple[Reason, ...] = ()) -> LinkEvent:
         # A lock on the port does not keep out who had it open before.
         if kind.is_open and (holders := port_holders(self._port)):
-            details = (*details, Reason(Code.PORT_SHARED, holders=" and ".join(holders)))
+            details = (*details, Reason(LinkCode.PORT_SHARED, holders=" and ".join(holders)))
         return super()._event(kind, text, details)
 
 

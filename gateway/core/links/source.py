@@ -16,9 +16,10 @@ from gateway.core.clock import Clock
 from gateway.core.errors import SourceError
 from gateway.core.feature import Registry
 from gateway.core.links.bus_frames import unpack
+from gateway.core.links.reasons import LinkCode
 from gateway.core.nearest_name import did_you_mean
 from gateway.core.plugins import Plugin, load, missing_factory, names
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Code, CoreCode, Reason
 from gateway.core.uri_parts import split_uri
 
 _logger = logging.getLogger(__name__)
@@ -97,12 +98,12 @@ class LinkEventKind(StrEnum):
 
 
 _EVENT_CODES: Final = {
-    LinkEventKind.CONNECTED: Code.LINK_CONNECTED,
-    LinkEventKind.LOST: Code.LINK_LOST,
-    LinkEventKind.RETRYING: Code.LINK_RETRYING,
-    LinkEventKind.RESTORED: Code.LINK_RESTORED,
-    LinkEventKind.ENDED: Code.LINK_ENDED,
-    LinkEventKind.COMPUTER: Code.COMPUTER_EVENT,
+    LinkEventKind.CONNECTED: LinkCode.LINK_CONNECTED,
+    LinkEventKind.LOST: LinkCode.LINK_LOST,
+    LinkEventKind.RETRYING: LinkCode.LINK_RETRYING,
+    LinkEventKind.RESTORED: LinkCode.LINK_RESTORED,
+    LinkEventKind.ENDED: LinkCode.LINK_ENDED,
+    LinkEventKind.COMPUTER: LinkCode.COMPUTER_EVENT,
 }
 
 _LONGEST_PAUSE_S: Final = 1e9
@@ -110,34 +111,34 @@ _LONGEST_PAUSE_S: Final = 1e9
 _LATEST_NS: Final = 1 << 62
 
 EVENT_DETAILS: Final[Mapping[Code, Mapping[str, type]]] = {
-    Code.BATTERY_LEVEL: {"level": float},
-    Code.BLE_DEVICE: {"device": str},
-    Code.COMPUTER_PAUSED: {"paused_s": float},
-    Code.COMPUTER_SUSPENDED: {"suspended_s": float},
-    Code.LINK_AWAY: {"away_s": float},
-    Code.LINK_DISCONNECTED: {},
-    Code.MARK_NOT_KEPT: {},
-    Code.MTU: {"mtu": int},
-    Code.MTU_TOO_SMALL: {"mtu": int, "needed": int},
-    Code.MTU_UNKNOWN: {"needed": int},
-    Code.NOTIFICATIONS_DROPPED: {"count": int},
-    Code.PORT_SHARED: {"holders": str},
-    Code.RECORDING_CHANNEL_UNDECLARED: {"recording": str, "channel": int},
-    Code.RECORDING_CHUNK_DAMAGED: {"recording": str, "at_byte": int, "skipped_bytes": int},
-    Code.RECORDING_CUT_OFF: {"recording": str, "at_byte": int},
-    Code.RECORDING_DESCRIPTION_DAMAGED: {"recording": str},
-    Code.RECORDING_PARTS_DAMAGED: {
+    LinkCode.BATTERY_LEVEL: {"level": float},
+    LinkCode.BLE_DEVICE: {"device": str},
+    LinkCode.COMPUTER_PAUSED: {"paused_s": float},
+    LinkCode.COMPUTER_SUSPENDED: {"suspended_s": float},
+    LinkCode.LINK_AWAY: {"away_s": float},
+    LinkCode.LINK_DISCONNECTED: {},
+    LinkCode.MARK_NOT_KEPT: {},
+    LinkCode.MTU: {"mtu": int},
+    LinkCode.MTU_TOO_SMALL: {"mtu": int, "needed": int},
+    LinkCode.MTU_UNKNOWN: {"needed": int},
+    LinkCode.NOTIFICATIONS_DROPPED: {"count": int},
+    LinkCode.PORT_SHARED: {"holders": str},
+    LinkCode.RECORDING_CHANNEL_UNDECLARED: {"recording": str, "channel": int},
+    LinkCode.RECORDING_CHUNK_DAMAGED: {"recording": str, "at_byte": int, "skipped_bytes": int},
+    LinkCode.RECORDING_CUT_OFF: {"recording": str, "at_byte": int},
+    LinkCode.RECORDING_DESCRIPTION_DAMAGED: {"recording": str},
+    LinkCode.RECORDING_PARTS_DAMAGED: {
         "recording": str,
         "parts": int,
         "at_byte": int,
         "unread_bytes": int,
         "size_bytes": int,
     },
-    Code.RECORDING_RECORD_DAMAGED: {"recording": str, "at_byte": int},
-    Code.RECORDING_RECORD_MISSING: {"recording": str, "at_byte": int},
-    Code.RETRY_INTERVAL: {"interval_s": float},
-    Code.SYSTEM_TIME_SLEWED: {"step_s": float, "span_s": float, "ahead_s": float},
-    Code.SYSTEM_TIME_SET: {"step_s": float, "ahead_s": float},
+    LinkCode.RECORDING_RECORD_DAMAGED: {"recording": str, "at_byte": int},
+    LinkCode.RECORDING_RECORD_MISSING: {"recording": str, "at_byte": int},
+    LinkCode.RETRY_INTERVAL: {"interval_s": float},
+    LinkCode.SYSTEM_TIME_SLEWED: {"step_s": float, "span_s": float, "ahead_s": float},
+    LinkCode.SYSTEM_TIME_SET: {"step_s": float, "ahead_s": float},
 }
 """Codes that the details of an event may have, with the types of their values; a recording is checked against them."""
 
@@ -179,9 +180,9 @@ class LinkEvent:
         if self.kind is not LinkEventKind.COMPUTER or not self.details:
             return None
         detail = self.details[0]
-        if detail.code is Code.COMPUTER_SUSPENDED:
+        if detail.code is LinkCode.COMPUTER_SUSPENDED:
             return 0
-        pause_s = detail["paused_s"] if detail.code is Code.COMPUTER_PAUSED else None
+        pause_s = detail["paused_s"] if detail.code is LinkCode.COMPUTER_PAUSED else None
         # Recordings may hold any number.
         if not isinstance(pause_s, float) or math.isnan(pause_s):
             return None
@@ -191,12 +192,12 @@ class LinkEvent:
     def reason(self) -> Reason:
         """Kind, text and details as one reason, for views."""
         if self.kind is LinkEventKind.MARK:
-            event = Reason(Code.MARK, text=self.text)
-            return Reason(Code.LINK_EVENT, event=event, details=self.details) if self.details else event
+            event = Reason(LinkCode.MARK, text=self.text)
+            return Reason(LinkCode.LINK_EVENT, event=event, details=self.details) if self.details else event
         event = Reason(_EVENT_CODES[self.kind])
-        quoted = (Reason(Code.QUOTED_TEXT, text=self.text),) if self.text else ()
+        quoted = (Reason(LinkCode.QUOTED_TEXT, text=self.text),) if self.text else ()
         details = (*quoted, *self.details)
-        return Reason(Code.LINK_EVENT, event=event, details=details) if details else event
+        return Reason(LinkCode.LINK_EVENT, event=event, details=details) if details else event
 
 
 def is_time(host_ns: int) -> bool:
@@ -359,7 +360,7 @@ def source_kind(scheme: str) -> SourceKind | None:
 def plugin_fault(_plugin: Plugin, loaded: object) -> Reason | None:
     """Return why the object of a plug-in is no source, None when it is one."""
     if not isinstance(loaded, SourceKind):
-        return Reason(Code.PLUGIN_WRONG_TYPE, expected="a gateway.core.links.source.SourceKind")
+        return Reason(CoreCode.PLUGIN_WRONG_TYPE, expected="a gateway.core.links.source.SourceKind")
     return missing_factory(loaded.factory)
 
 

@@ -20,7 +20,7 @@ from gateway.core.links.source import (
     Sentences,
     VehicleData,
 )
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 
 PROFILE: Final = "treadlink"
 FORMAT_VERSION: Final = "1"
@@ -56,6 +56,7 @@ MARKS_TOPIC: Final = "/marks"
 COMPUTER_TOPIC: Final = "/computer"
 ALARMS_TOPIC: Final = "/alarms"
 
+_DETAIL_CODES: Final = {str(code): code for code in EVENT_DETAILS}
 _MAX_CHANNEL_DIGITS: Final = 5
 MAX_TIME_NS: Final = 1 << 62
 """Latest time of a recording, in 2116: half of what signed 64 bits hold, so that times can be added and subtracted."""
@@ -172,8 +173,8 @@ def _event_details(recorded: list[dict[str, Any]]) -> tuple[Reason, ...]:
     """Return the details of a recorded event; what this version does not know is left out."""
     details = []
     for entry in recorded:
-        values, code = entry["values"], Code.__members__.get(str.upper(entry["code"]))
-        if code is not None and {name: type(value) for name, value in values.items()} == EVENT_DETAILS.get(code):
+        values, code = entry["values"], _DETAIL_CODES.get(entry["code"])
+        if code is not None and {name: type(value) for name, value in values.items()} == EVENT_DETAILS[code]:
             details.append(Reason(code, **values))
     return tuple(details)
 

@@ -13,6 +13,7 @@ from mcap.records import Channel, Metadata
 
 from firmware_protocol.decoder import FrameDecoder
 from gateway.core.errors import RecordingError
+from gateway.core.links.reasons import LinkCode
 from gateway.core.links.source import LinkItem
 from gateway.core.reasons import Code, Reason
 from gateway.core.recording.mcap_layout import (
@@ -41,6 +42,7 @@ from gateway.core.recording.mcap_records import (
     parse_small,
     walk,
 )
+from gateway.core.recording.reasons import RecordingCode
 from gateway.core.recording.regular_file import open_recording_file
 from gateway.core.recording.run_description import NO_DESCRIPTION, RunDescription, parse_description, read_notes
 from gateway.core.writing_lock import is_being_written
@@ -167,7 +169,7 @@ class RecordingReader:
         if parts < 2 or self._unread_bytes < 1.0:
             return self._first_damage
         return Reason(
-            Code.RECORDING_PARTS_DAMAGED,
+            LinkCode.RECORDING_PARTS_DAMAGED,
             recording=str(self._path),
             parts=parts,
             at_byte=self._first_damaged_byte,
@@ -197,7 +199,7 @@ class RecordingReader:
             if self._is_of_session(item.link):
                 yield item
             else:
-                self._note(Code.RECORDING_RECORD_DAMAGED, at_byte=self.position)
+                self._note(LinkCode.RECORDING_RECORD_DAMAGED, at_byte=self.position)
                 self._unread_bytes += len(message.data) * self._stored_share
 
     def messages(self) -> Generator[RecordedMessage, None, None]:
@@ -229,7 +231,7 @@ class RecordingReader:
         except ChunkTooLargeError as error:
             at_byte = self.position - len(body)
             self._note(
-                Code.RECORDING_RECORD_TOO_LARGE,
+                RecordingCode.RECORDING_RECORD_TOO_LARGE,
                 at_byte=at_byte,
                 size_bytes=error.size_bytes,
                 largest_bytes=MAX_RECORD_BYTES,
@@ -239,7 +241,7 @@ class RecordingReader:
         except ValueError as error:
             at_byte = self.position - len(body)
             _logger.info("%s: %s near byte %d", self._path, error, at_byte)
-            self._note(Code.RECORDING_CHUNK_DAMAGED, at_byte=at_byte, skipped_bytes=len(body))
+            self._note(LinkCode.RECORDING_CHUNK_DAMAGED, at_byte=at_byte, skipped_bytes=len(body))
             self._unread_bytes += len(body)
             return
         if cut and chunk.compression:
@@ -255,7 +257,7 @@ class RecordingReader:
                 message = parse_message(body)
                 channel = self._channels.get(message.channel)
                 if channel is None:
-                    self._note(Code.RECORDING_CHANNEL_UNDECLARED, channel=message.channel)
+                    self._note(LinkCode.RECORDING_CHANNEL_UNDECLARED, channel=message.channel)
                     self._unread_bytes += len(body) * self._stored_share
                 else:
                     yield RecordedMessage(channel, message.sequence, message.log_time_ns, bytes(message.data))
@@ -268,7 +270,7 @@ class RecordingReader:
                 raise ValueError("what follows is no record")
         except ValueError as error:
             _logger.info("%s: %s near byte %d", self._path, error, self.position)
-            self._note(Code.RECORDING_RECORD_DAMAGED, at_byte=self.position)
+            self._note(LinkCode.RECORDING_RECORD_DAMAGED, at_byte=self.position)
             self._unread_bytes += len(body) * self._stored_share
 
     def _learn(self, metadata: Metadata) -> None:
@@ -284,7 +286,7 @@ class RecordingReader:
                 raise ValueError("too much metadata")
             self.notes.append((metadata.name, metadata.metadata))
         elif not is_sealed(metadata.metadata):
-            self._note(Code.RECORDING_DESCRIPTION_DAMAGED)
+            self._note(LinkCode.RECORDING_DESCRIPTION_DAMAGED)
 
     def _declare(self, number: int, channel: ChannelInfo) -> None:
         """Remember a channel; raises ValueError when it is not one that a session can have."""
@@ -308,20 +310,20 @@ class RecordingReader:
         while self.position < size:
             head = file.read(RECORD_HEAD.size)
             if len(head) < RECORD_HEAD.size:
-                self._note(Code.RECORDING_CUT_OFF, at_byte=size)
+                self._note(LinkCode.RECORDING_CUT_OFF, at_byte=size)
                 return
             opcode, length = RECORD_HEAD.unpack(head)
             remaining = size - self.position - len(head)
             if not 0 < opcode < 0x80 or (length > MAX_RECORD_BYTES and length > remaining):
-                self._note(Code.RECORDING_RECORD_MISSING, at_byte=self.position)
+                self._note(LinkCode.RECORDING_RECORD_MISSING, at_byte=self.position)
                 self._unread_bytes += size - self.position
                 return
             if length > remaining:
-                self._note(Code.RECORDING_CUT_OFF, at_byte=size)
+                self._note(LinkCode.RECORDING_CUT_OFF, at_byte=size)
             wanted = opcode in _READ_RECORDS
             if wanted and length > MAX_RECORD_BYTES:
                 self._note(
-                    Code.RECORDING_RECORD_TOO_LARGE,
+                    RecordingCode.RECORDING_RECORD_TOO_LARGE,
                     at_byte=self.position,
                     size_bytes=length,
                     largest_bytes=MAX_RECORD_BYTES,
@@ -382,11 +384,11 @@ class RecordingReader:
         self._stored_share = 1.0
 
     def _note(self, code: Code, **values: int) -> None:
-        if code is Code.RECORDING_CUT_OFF and self._in_progress:
+        if code is LinkCode.RECORDING_CUT_OFF and self._in_progress:
             return  # its writer has not completed it yet
         if self._is_cut:
             return  # what follows is of the record that is cut off
-        self._is_cut = code is Code.RECORDING_CUT_OFF
+        self._is_cut = code is LinkCode.RECORDING_CUT_OFF
         if self._first_damage is None:
             self._first_damage = Reason(code, recording=str(self._path), **values)
             self._first_damaged_byte = values.get("at_byte", self.position)

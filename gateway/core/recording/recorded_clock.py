@@ -3,10 +3,11 @@
 from typing import Final
 
 from gateway.core.links.nmea_sentences import ReceiverClock, SentenceReader
+from gateway.core.links.reasons import LinkCode
 from gateway.core.links.source import LinkEvent, Sentences, VehicleData
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 
-_SET: Final = frozenset({Code.SYSTEM_TIME_SET, Code.SYSTEM_TIME_SLEWED})
+_SET: Final = frozenset({LinkCode.SYSTEM_TIME_SET, LinkCode.SYSTEM_TIME_SLEWED})
 
 
 class RecordedClock:

@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gateway.core.constants import AXIS_NAMES
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.revolutions.angle_resampling import angle_grid
 from gateway.core.revolutions.edge_distance import (
     EdgePlace,
@@ -27,6 +27,7 @@ from gateway.core.revolutions.edge_distance import (
     model_std_rad,
 )
 from gateway.core.revolutions.order_spectrum import coefficient_std
+from gateway.core.revolutions.reasons import RevolutionCode
 from gateway.core.revolutions.short_medians import median
 from gateway.core.types import ComplexArray, FloatArray
 
@@ -115,7 +116,7 @@ def find_contact_edges(
         values.
     """
     if not np.isfinite(radial_mps2).all():
-        return _not_found(Reason(Code.AXIS_NOT_FINITE, axis=AXIS_NAMES[2]))
+        return _not_found(Reason(RevolutionCode.AXIS_NOT_FINITE, axis=AXIS_NAMES[2]))
     if noise_coefficient_mps2 is None:
         noise_coefficient_mps2 = coefficient_std(radial_mps2, samples_per_revolution)
     width = smoothing_order(samples_per_revolution)
@@ -130,10 +131,10 @@ def find_contact_edges(
     scatter = None if scatter_mps2 is None else (scatter_mps2, median(scatter_mps2))
     places = [_places(smoothed, side, noise_coefficient_mps2, scatter) for side in (0, 1)]
     if not all(places):
-        return _not_found(Reason(Code.CONTACT_HAS_NO_SLOPE), plateau, baseline, contrast)
+        return _not_found(Reason(RevolutionCode.CONTACT_HAS_NO_SLOPE), plateau, baseline, contrast)
     leading, trailing = (edge_among_waves(of_side, ripple) for of_side in places)
     if not leading.angle_rad < 0.0 < trailing.angle_rad:
-        return _not_found(Reason(Code.CONTACT_HAS_NO_SLOPE), plateau, baseline, contrast)
+        return _not_found(Reason(RevolutionCode.CONTACT_HAS_NO_SLOPE), plateau, baseline, contrast)
     return ContactEdges(
         leading.angle_rad,
         trailing.angle_rad,
@@ -200,10 +201,10 @@ def _levels(radial_mps2: FloatArray, spectrum: ComplexArray, width: float) -> Co
 def _contrast(levels: ContactLevels, noise_coefficient_mps2: float) -> tuple[float, Reason | None]:
     """Return step over noise, and the reason why the waveform has no contact; None where it has one."""
     if levels.shapes is None:
-        return math.nan, Reason(Code.NO_CONTACT)
+        return math.nan, Reason(RevolutionCode.NO_CONTACT)
     noise = noise_coefficient_mps2 * _smoothing(len(levels.smooth_mps2), levels.width).noises[0]
     contrast = (levels.baseline_mps2 - levels.plateau_mps2) / noise if noise > 0.0 else math.inf
-    return contrast, None if contrast > _MIN_CONTRAST else Reason(Code.CONTACT_IN_NOISE)
+    return contrast, None if contrast > _MIN_CONTRAST else Reason(RevolutionCode.CONTACT_IN_NOISE)
 
 
 def _smoothed_more(radial_mps2: FloatArray, spectrum: ComplexArray, width: float) -> list[ContactLevels]:

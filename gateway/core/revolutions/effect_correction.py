@@ -8,8 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import CoreCode, Reason
 from gateway.core.revolutions.angle_resampling import GRID_SIZE
+from gateway.core.revolutions.reasons import RevolutionCode
 from gateway.core.types import ComplexArray, FloatArray
 
 OFFSET_TOLERANCE_M: Final = 5e-5
@@ -116,15 +117,17 @@ class CorrectionTable:
         low, high = self.omega_range_radps
         if not low <= omega_radps <= high:
             speed, slowest, fastest = (omega * self.radius_m for omega in (omega_radps, low, high))
-            return Reason(Code.EFFECTS_OUTSIDE_SPEEDS, speed_mps=speed, low_mps=slowest, high_mps=fastest)
+            return Reason(RevolutionCode.EFFECTS_OUTSIDE_SPEEDS, speed_mps=speed, low_mps=slowest, high_mps=fastest)
         if load_n is not None and self.load_range_n is not None:
             low, high = self.load_range_n
             if not low <= load_n <= high:
-                return Reason(Code.EFFECTS_OUTSIDE_LOADS, load_n=load_n, low_n=low, high_n=high)
+                return Reason(RevolutionCode.EFFECTS_OUTSIDE_LOADS, load_n=load_n, low_n=low, high_n=high)
         if pressure_pa is not None and self.pressure_range_pa is not None:
             low, high = self.pressure_range_pa
             if not low <= pressure_pa <= high:
-                return Reason(Code.EFFECTS_OUTSIDE_PRESSURES, pressure_pa=pressure_pa, low_pa=low, high_pa=high)
+                return Reason(
+                    RevolutionCode.EFFECTS_OUTSIDE_PRESSURES, pressure_pa=pressure_pa, low_pa=low, high_pa=high
+                )
         return None
 
     def differences(self, signal: CorrectedSignal) -> tuple[Reason, ...]:
@@ -132,17 +135,23 @@ class CorrectionTable:
         reasons: list[Reason] = []
         recorded, expected = signal.sensor_id, self.sensor_id
         if recorded is not None and expected is not None and recorded != expected:
-            reasons.append(Reason(Code.EFFECTS_OF_OTHER_SENSOR, found_on=f"{expected:08x}", sensor=f"{recorded:08x}"))
+            reasons.append(
+                Reason(CoreCode.EFFECTS_OF_OTHER_SENSOR, found_on=f"{expected:08x}", sensor=f"{recorded:08x}")
+            )
         if "" not in (signal.vehicle, self.vehicle) and signal.vehicle != self.vehicle:
-            reasons.append(Reason(Code.EFFECTS_OF_OTHER_VEHICLE, found_on=self.vehicle, vehicle=signal.vehicle))
+            reasons.append(
+                Reason(RevolutionCode.EFFECTS_OF_OTHER_VEHICLE, found_on=self.vehicle, vehicle=signal.vehicle)
+            )
         if "" not in (signal.tire, self.tire) and signal.tire != self.tire:
-            reasons.append(Reason(Code.EFFECTS_OF_OTHER_TIRE, found_on=self.tire, tire=signal.tire))
+            reasons.append(Reason(RevolutionCode.EFFECTS_OF_OTHER_TIRE, found_on=self.tire, tire=signal.tire))
         radii_m = [value for value in signal.radii_m if abs(value / self.radius_m - 1.0) > RADIUS_TOLERANCE]
         if radii_m:
-            reasons.append(Reason(Code.EFFECTS_OF_OTHER_RADIUS, found_m=self.radius_m, radius_m=max(radii_m)))
+            reasons.append(Reason(CoreCode.EFFECTS_OF_OTHER_RADIUS, found_m=self.radius_m, radius_m=max(radii_m)))
         offsets_m = [value for value in signal.offsets_m if abs(value - self.sensor_offset_m) > OFFSET_TOLERANCE_M]
         if offsets_m:
-            reasons.append(Reason(Code.EFFECTS_OF_OTHER_OFFSET, found_m=self.sensor_offset_m, offset_m=max(offsets_m)))
+            reasons.append(
+                Reason(CoreCode.EFFECTS_OF_OTHER_OFFSET, found_m=self.sensor_offset_m, offset_m=max(offsets_m))
+            )
         return tuple(reasons)
 
     def contribution_mps2(self, omega_radps: float, *, ac_coupled: bool = False) -> FloatArray:

@@ -10,6 +10,7 @@ from typing import Final
 from gateway.core.estimates.results import Alarm, AlarmChange, AlarmRecord
 from gateway.core.reasons import Code, Level, Notice, Reason
 from gateway.core.session.alarms import SILENCES, AlarmKey, AlarmName
+from gateway.core.session.reasons import SessionCode
 from gateway.core.text.wording import notice_text
 
 _logger = logging.getLogger(__name__)
@@ -157,11 +158,11 @@ class AlarmLog:
                 return (
                     []
                     if was_muted
-                    else self._notice(alarm, Reason(Code.ALARM_COMES_AND_GOES, at_s=at_s, alarm=alarm.reason))
+                    else self._notice(alarm, Reason(SessionCode.ALARM_COMES_AND_GOES, at_s=at_s, alarm=alarm.reason))
                 )
         elif not is_other or entry.is_muted:
             return self._reminder(entry, at_s)
-        return self._notice(alarm, Reason(Code.ALARM_RAISED, at_s=at_s, alarm=alarm.reason))
+        return self._notice(alarm, Reason(SessionCode.ALARM_RAISED, at_s=at_s, alarm=alarm.reason))
 
     def _reminder(self, entry: _Entry, at_s: float) -> list[Notice]:
         if entry.alarm.name not in SILENCES:
@@ -171,7 +172,7 @@ class AlarmLog:
         if stood_s < due_s:
             return []
         entry.reminded_s = due_s
-        return self._notice(entry.alarm, Reason(Code.ALARM_STANDS, at_s=at_s, alarm=entry.alarm.reason))
+        return self._notice(entry.alarm, Reason(SessionCode.ALARM_STANDS, at_s=at_s, alarm=entry.alarm.reason))
 
     def _is_over(self, key: AlarmKey, at_s: float, value: Reason | None) -> list[Notice]:
         entry = self._entries[key]
@@ -184,11 +185,11 @@ class AlarmLog:
         if entry.alarm.name in SILENCES:
             age_s = entry.alarm.reason["silence_s"]
             assert isinstance(age_s, float)
-            what = Reason(Code.SENDS_AGAIN, away_s=age_s + at_s - entry.seen_s)
+            what = Reason(SessionCode.SENDS_AGAIN, away_s=age_s + at_s - entry.seen_s)
         entry.seen_s = at_s
         if entry.is_muted:
             return []
-        over = Reason(Code.ALARM_CLEARED, at_s=at_s, duration_s=duration_s, what=what)
+        over = Reason(SessionCode.ALARM_CLEARED, at_s=at_s, duration_s=duration_s, what=what)
         return self._notice(entry.alarm, over, Level.INFO)
 
     @staticmethod

@@ -23,8 +23,9 @@ from gateway.core.estimates.results import (
     WheelSnapshot,
     WheelState,
 )
+from gateway.core.links.reasons import LinkCode
 from gateway.core.links.source import LinkEvent, LinkEventKind, VehicleData
-from gateway.core.reasons import Code, Notice, Reason
+from gateway.core.reasons import Notice, Reason
 from gateway.core.session.alarm_log import AlarmLog
 from gateway.core.session.alarms import (
     RECORDING,
@@ -41,6 +42,7 @@ from gateway.core.session.alarms import (
     superseded,
     threshold_alarms,
 )
+from gateway.core.session.reasons import SessionCode
 from gateway.core.session.silence import PositionOf, SilenceWatch, VehiclePart, parts_heard
 from gateway.core.session.wheel_identity import positions, sensor_ids
 from gateway.core.trust.wheel_pairs import ALARMS as PAIR_ALARMS
@@ -51,7 +53,7 @@ State = tuple[tuple[WheelSnapshot, ...], tuple[LinkSnapshot, ...]]
 REVIEW_INTERVAL_NS: Final = 100_000_000
 """Interval of reviews, in the time of the frames."""
 # A link that was never open, or that has ended as it should, is no alarm in the history.
-_NORMAL_DOWN: Final = frozenset({Code.LINK_NOT_OPEN, Code.LINK_ENDED})
+_NORMAL_DOWN: Final = frozenset({SessionCode.LINK_NOT_OPEN, LinkCode.LINK_ENDED})
 _BUS_SLOT_NS: Final = 50_000_000
 _OF_STREAMS: Final = frozenset({*SILENCES, AlarmName.LINK})
 _OF_STREAMS_AND_LIMITS: Final = _OF_STREAMS | THRESHOLDS
@@ -347,7 +349,7 @@ class RecordingAlarms(AlarmWatch):
 
     def _link_alarms(self) -> Iterator[Alarm]:
         for link, state in self.silence.down_links():
-            yield Alarm(link, AlarmName.LINK, Reason(Code.LINK_DOWN, state=state))
+            yield Alarm(link, AlarmName.LINK, Reason(SessionCode.LINK_DOWN, state=state))
 
 
 def silenced(wheel: WheelSnapshot, silences: tuple[Silence, ...]) -> WheelSnapshot:

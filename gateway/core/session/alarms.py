@@ -23,6 +23,7 @@ from gateway.core.estimates.results import (
 from gateway.core.reasons import Code, Reason
 from gateway.core.session.frame_guard import SUSPICIOUS
 from gateway.core.session.link_health import hub_name
+from gateway.core.session.reasons import SessionCode
 from gateway.core.session.silence import SilentHub, SilentVehicle
 from gateway.core.session.wheel_identity import misplaced_sensor
 
@@ -119,7 +120,7 @@ def _hub_alarms(silent_hubs: Iterable[SilentHub], several_links: bool) -> Iterat
     """Yield the alarm of each silent hub; hubs of different links may have the same number."""
     for silent in silent_hubs:
         name = hub_name(silent.hub) + (f" on {silent.link}" if several_links else "")
-        reason = Reason(Code.HUB_SILENT, silence_s=silent.age_s, wheels=silent.positions)
+        reason = Reason(SessionCode.HUB_SILENT, silence_s=silent.age_s, wheels=silent.positions)
         yield Alarm(name, AlarmName.SILENT, reason)
 
 
@@ -142,9 +143,9 @@ def sink_alarms(sinks: Iterable[SinkSnapshot]) -> Iterator[Alarm]:
     """Yield the alarm of each live output that drops items, or whose receiver has been away for some time."""
     for sink in sinks:
         if sink.is_dropping:
-            reason = Reason(Code.SINK_DROPS, dropped=sink.dropped, state=sink.note)
+            reason = Reason(SessionCode.SINK_DROPS, dropped=sink.dropped, state=sink.note)
         elif sink.since_s >= _SINK_AWAY_S and sink.state is not SinkState.ENDED:
-            reason = Reason(Code.SINK_DOWN, waiting=sink.waiting, state=sink.note)
+            reason = Reason(SessionCode.SINK_DOWN, waiting=sink.waiting, state=sink.note)
         else:
             continue
         yield Alarm(sink.sink, AlarmName.PUBLISHING, reason)
@@ -155,15 +156,17 @@ def disk_alarm(room: DiskRoom | None, standing: Mapping[AlarmKey, Code] = NONE_S
     if room is None:
         return
     if room.refusal:
-        yield Alarm(RECORDING, AlarmName.DISK, Reason(Code.RECORDING_PART_REFUSED, error=room.refusal))
+        yield Alarm(RECORDING, AlarmName.DISK, Reason(SessionCode.RECORDING_PART_REFUSED, error=room.refusal))
         return
     limit_s = _DISK_ENOUGH_S if (RECORDING, AlarmName.DISK) in standing else _DISK_SHORT_S
     if room.left_s is not None and room.left_s < limit_s:
         yield Alarm(
-            RECORDING, AlarmName.DISK, Reason(Code.DISK_FULL_SOON, free_bytes=room.free_bytes, left_s=room.left_s)
+            RECORDING,
+            AlarmName.DISK,
+            Reason(SessionCode.DISK_FULL_SOON, free_bytes=room.free_bytes, left_s=room.left_s),
         )
     elif room.left_s is None and room.free_bytes < _DISK_LEAST_BYTES:
-        yield Alarm(RECORDING, AlarmName.DISK, Reason(Code.DISK_SPACE, free_bytes=room.free_bytes))
+        yield Alarm(RECORDING, AlarmName.DISK, Reason(SessionCode.DISK_SPACE, free_bytes=room.free_bytes))
 
 
 def superseded(
@@ -235,44 +238,44 @@ _WHEEL_LIMITS: Final = (
         AlarmName.PRESSURE,
         lambda limits: limits.pressure_min_pa,
         lambda wheel: wheel.pressure_pa,
-        lambda value, limit: Reason(Code.PRESSURE_BELOW_LIMIT, pressure_pa=value, limit_pa=limit),
-        lambda value: Reason(Code.PRESSURE_NOW, pressure_pa=value),
+        lambda value, limit: Reason(SessionCode.PRESSURE_BELOW_LIMIT, pressure_pa=value, limit_pa=limit),
+        lambda value: Reason(SessionCode.PRESSURE_NOW, pressure_pa=value),
         is_lower=True,
     ),
     _Limit[WheelSnapshot](
         AlarmName.PRESSURE,
         lambda limits: limits.pressure_max_pa,
         lambda wheel: wheel.pressure_pa,
-        lambda value, limit: Reason(Code.PRESSURE_ABOVE_LIMIT, pressure_pa=value, limit_pa=limit),
-        lambda value: Reason(Code.PRESSURE_NOW, pressure_pa=value),
+        lambda value, limit: Reason(SessionCode.PRESSURE_ABOVE_LIMIT, pressure_pa=value, limit_pa=limit),
+        lambda value: Reason(SessionCode.PRESSURE_NOW, pressure_pa=value),
     ),
     _Limit[WheelSnapshot](
         AlarmName.TEMPERATURE,
         lambda limits: limits.temperature_max_degc,
         lambda wheel: wheel.temperature_degc,
-        lambda value, limit: Reason(Code.TEMPERATURE_ABOVE_LIMIT, temperature_degc=value, limit_degc=limit),
-        lambda value: Reason(Code.TEMPERATURE_NOW, temperature_degc=value),
+        lambda value, limit: Reason(SessionCode.TEMPERATURE_ABOVE_LIMIT, temperature_degc=value, limit_degc=limit),
+        lambda value: Reason(SessionCode.TEMPERATURE_NOW, temperature_degc=value),
     ),
     _Limit[WheelSnapshot](
         AlarmName.LOAD,
         lambda limits: limits.load_max_n,
         lambda wheel: wheel.load_n if wheel.silence is None else None,
-        lambda value, limit: Reason(Code.LOAD_ABOVE_LIMIT, load_n=value, limit_n=limit),
-        lambda value: Reason(Code.LOAD_NOW, load_n=value),
+        lambda value, limit: Reason(SessionCode.LOAD_ABOVE_LIMIT, load_n=value, limit_n=limit),
+        lambda value: Reason(SessionCode.LOAD_NOW, load_n=value),
     ),
     _Limit[WheelSnapshot](
         AlarmName.SPEED,
         lambda limits: limits.speed_max_mps,
         _speed_mps,
-        lambda value, limit: Reason(Code.SPEED_ABOVE_LIMIT, speed_mps=value, limit_mps=limit),
-        lambda value: Reason(Code.SPEED_NOW, speed_mps=value),
+        lambda value, limit: Reason(SessionCode.SPEED_ABOVE_LIMIT, speed_mps=value, limit_mps=limit),
+        lambda value: Reason(SessionCode.SPEED_NOW, speed_mps=value),
     ),
     _Limit[WheelSnapshot](
         AlarmName.WEAR,
         lambda limits: limits.wear_max_m,
         lambda wheel: wheel.wear_mm.value * 1e-3 if wheel.wear_mm is not None else None,
-        lambda value, limit: Reason(Code.WEAR_ABOVE_LIMIT, wear_m=value, limit_m=limit),
-        lambda value: Reason(Code.WEAR_NOW, wear_m=value),
+        lambda value, limit: Reason(SessionCode.WEAR_ABOVE_LIMIT, wear_m=value, limit_m=limit),
+        lambda value: Reason(SessionCode.WEAR_NOW, wear_m=value),
     ),
 )
 _LINK_LIMITS: Final = (
@@ -280,15 +283,15 @@ _LINK_LIMITS: Final = (
         AlarmName.LOSS,
         lambda limits: limits.frame_loss_max,
         lambda link: link.recent_loss,
-        lambda value, limit: Reason(Code.FRAME_LOSS_ABOVE_LIMIT, share=value, limit=limit),
-        lambda value: Reason(Code.FRAME_LOSS_NOW, share=value),
+        lambda value, limit: Reason(SessionCode.FRAME_LOSS_ABOVE_LIMIT, share=value, limit=limit),
+        lambda value: Reason(SessionCode.FRAME_LOSS_NOW, share=value),
     ),
     _Limit[LinkSnapshot](
         AlarmName.BATTERY,
         lambda limits: limits.battery_min_percent / 100.0 if limits.battery_min_percent is not None else None,
         lambda link: link.battery_percent / 100.0 if link.battery_percent is not None else None,
-        lambda value, limit: Reason(Code.BATTERY_BELOW_LIMIT, level=value, limit=limit),
-        lambda value: Reason(Code.BATTERY_NOW, level=value),
+        lambda value, limit: Reason(SessionCode.BATTERY_BELOW_LIMIT, level=value, limit=limit),
+        lambda value: Reason(SessionCode.BATTERY_NOW, level=value),
         is_lower=True,
     ),
 )
@@ -347,17 +350,17 @@ def _wheel_alarms(wheel: WheelSnapshot, limits: Thresholds, standing: Mapping[Al
         yield Alarm(wheel.position, flag.name, flag.reason)
     saturated = wheel.counters.samples_saturated
     if saturated:
-        yield Alarm(wheel.position, AlarmName.SATURATED, Reason(Code.SENSOR_RANGE_REACHED, count=saturated))
+        yield Alarm(wheel.position, AlarmName.SATURATED, Reason(SessionCode.SENSOR_RANGE_REACHED, count=saturated))
 
 
 def _link_alarms(link: LinkSnapshot, limits: Thresholds, standing: Mapping[AlarmKey, Code]) -> Iterator[Alarm]:
     if not link.connected:
-        yield Alarm(link.link, AlarmName.LINK, Reason(Code.LINK_DOWN, state=link.note))
+        yield Alarm(link.link, AlarmName.LINK, Reason(SessionCode.LINK_DOWN, state=link.note))
     yield from _crossed(link.link, link, _LINK_LIMITS, limits, standing)
     suspicious = tuple(
-        Reason(Code.FRAMES_VERDICT, verdict=str(verdict), count=count)
+        Reason(SessionCode.FRAMES_VERDICT, verdict=str(verdict), count=count)
         for verdict in SUSPICIOUS
         if (count := link.judged.get(verdict))
     )
     if suspicious:
-        yield Alarm(link.link, AlarmName.SECURITY, Reason(Code.FRAMES_NOT_TRUSTED, counts=suspicious))
+        yield Alarm(link.link, AlarmName.SECURITY, Reason(SessionCode.FRAMES_NOT_TRUSTED, counts=suspicious))

@@ -3,8 +3,9 @@
 from typing import Final
 
 from gateway.core.clock import Clock
+from gateway.core.links.reasons import LinkCode
 from gateway.core.links.source import LinkEvent, LinkEventKind
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.session.silence import LIMITS
 
 # Less is the work of a service that keeps the time, or of a slow reading.
@@ -38,9 +39,9 @@ class ComputerWatch:
         suspended_ns = self._last.suspended_ns - last.suspended_ns
         details = []
         if passed_ns >= _PAUSE_NS:
-            details.append(Reason(Code.COMPUTER_PAUSED, paused_s=passed_ns * 1e-9))
+            details.append(Reason(LinkCode.COMPUTER_PAUSED, paused_s=passed_ns * 1e-9))
         if suspended_ns >= _PAUSE_NS:
-            details.append(Reason(Code.COMPUTER_SUSPENDED, suspended_s=suspended_ns * 1e-9))
+            details.append(Reason(LinkCode.COMPUTER_SUSPENDED, suspended_s=suspended_ns * 1e-9))
         moved_ns = self._last.ahead_ns - last.ahead_ns
         if abs(moved_ns) > _FASTEST_SLEW * (self._last.now_ns - last.now_ns) + _READING_NS:
             self._jumped_ns += moved_ns
@@ -51,9 +52,9 @@ class ComputerWatch:
             self._ahead_ns, self._jumped_ns, self._told_ns = self._last.ahead_ns, 0, self._last.now_ns
             step = {"step_s": step_ns * 1e-9, "ahead_s": self._ahead_ns * 1e-9}
             details.append(
-                Reason(Code.SYSTEM_TIME_SLEWED, span_s=span_ns * 1e-9, **step)
+                Reason(LinkCode.SYSTEM_TIME_SLEWED, span_s=span_ns * 1e-9, **step)
                 if is_slewed
-                else Reason(Code.SYSTEM_TIME_SET, **step)
+                else Reason(LinkCode.SYSTEM_TIME_SET, **step)
             )
         now_ns = self._clock.now_ns()
         return [LinkEvent("", now_ns, LinkEventKind.COMPUTER, details=(detail,)) for detail in details]

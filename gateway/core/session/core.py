@@ -23,6 +23,7 @@ from gateway.core.estimates.results import (
     WheelState,
 )
 from gateway.core.estimates.wheel_setup import CorrectionTable
+from gateway.core.links.reasons import LinkCode
 from gateway.core.links.source import BusFrames, Chunk, LinkEvent, LinkEventKind, LinkItem, VehicleData
 from gateway.core.reasons import Code, Level, Notice, Reason, codes_of
 from gateway.core.session.alarm_watch import SessionAlarms, State
@@ -33,6 +34,7 @@ from gateway.core.session.hub_log import HubLog
 from gateway.core.session.latency import Latency
 from gateway.core.session.link_health import LinkHealth, hub_name
 from gateway.core.session.missing_results import FrameCounts, long_missing
+from gateway.core.session.reasons import SessionCode
 from gateway.core.session.recent_loss import RecentLoss
 from gateway.core.session.recording_stage import Recorder, Stage
 from gateway.core.session.session_parts import VehicleSignals, open_vehicle_signals
@@ -53,14 +55,14 @@ _WAITING_NOTICES: Final = 8192
 _SILENT_NS: Final = 400_000_000
 
 _BEHIND: Final[Mapping[Stage, Code]] = {
-    Stage.RECORDING: Code.RECORDING_BEHIND,
-    Stage.TOPICS: Code.TOPICS_BEHIND,
-    Stage.DECODING: Code.DECODING_BEHIND,
-    Stage.VIEW: Code.VIEW_BEHIND,
+    Stage.RECORDING: SessionCode.RECORDING_BEHIND,
+    Stage.TOPICS: SessionCode.TOPICS_BEHIND,
+    Stage.DECODING: SessionCode.DECODING_BEHIND,
+    Stage.VIEW: SessionCode.VIEW_BEHIND,
 }
 _BAD_EVENTS: Final = (LinkEventKind.LOST, LinkEventKind.RETRYING)
 # Details that cost frames.
-_BAD_DETAILS: Final = (Code.PORT_SHARED, Code.MTU_TOO_SMALL)
+_BAD_DETAILS: Final = (LinkCode.PORT_SHARED, LinkCode.MTU_TOO_SMALL)
 _LOSSES: Final = (Stage.RECORDING, Stage.TOPICS)
 
 
@@ -72,7 +74,7 @@ class _Link:
     decoder: FrameDecoder
     hub_log: HubLog
     connected: bool = False
-    note: Reason = field(default_factory=lambda: Reason(Code.LINK_NOT_OPEN))
+    note: Reason = field(default_factory=lambda: Reason(SessionCode.LINK_NOT_OPEN))
     bytes_received: int = 0
     vehicle_frames: int | None = None
     newest_ns: int = 0
@@ -211,7 +213,7 @@ class SessionCore:
             return []  # it tells the time
         link = self._link(item.link)
         if not link.connected:
-            link.connected, link.note = True, Reason(Code.LINK_CONNECTED)
+            link.connected, link.note = True, Reason(LinkCode.LINK_CONNECTED)
         link.bytes_received += len(item.data)
         link.newest_ns = item.host_ns
         if not isinstance(item, Chunk):
@@ -227,7 +229,7 @@ class SessionCore:
         """Decode frames of the vehicle's bus or sentences of a receiver, and record the values."""
         notices = []
         if isinstance(item, BusFrames) and not self._signals.maps_bus and link.vehicle_frames is None:
-            notices.append(Notice(item.link, Reason(Code.BUS_NOT_MAPPED), Level.WARNING))
+            notices.append(Notice(item.link, Reason(SessionCode.BUS_NOT_MAPPED), Level.WARNING))
         link.vehicle_frames = (link.vehicle_frames or 0) + item.count
         values = self._signals.take(item)
         if values:
@@ -361,7 +363,7 @@ class SessionCore:
         state = self._link(link)
         for stage in stages.keys() - state.queue_dropped.keys():
             if stage is Stage.TIMES and refused_ns is not None:
-                refused = Reason(Code.TIMES_REFUSED, time_s=refused_ns * 1e-9)
+                refused = Reason(SessionCode.TIMES_REFUSED, time_s=refused_ns * 1e-9)
                 self._report(link, [Notice(link, refused, Level.ERROR)], self.newest_ns or self._ticked_ns)
                 continue
             level = Level.ERROR if stage in _LOSSES else Level.WARNING

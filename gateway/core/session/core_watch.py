@@ -7,7 +7,8 @@ from typing import Final
 
 from gateway.core.estimates.plugin_estimator import PluginEstimator
 from gateway.core.estimates.registry import estimator_names
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
+from gateway.core.session.reasons import SessionCode
 
 LOOK_S: Final = 0.25
 """Time between two looks."""
@@ -48,7 +49,7 @@ class CoreWatch:
     @property
     def reason(self) -> Reason:
         """What is stuck, and for how long."""
-        return Reason(Code.CORE_STUCK, stuck_s=self.stuck_s)
+        return Reason(SessionCode.CORE_STUCK, stuck_s=self.stuck_s)
 
 
 def _running(thread: threading.Thread) -> tuple[str, FrameType | None]:

@@ -8,20 +8,21 @@ from typing import Final
 from gateway.core.config.vehicle import VehicleConfig
 from gateway.core.errors import ConfigError
 from gateway.core.estimates.wheel_setup import CorrectedSignal, CorrectionTable, WheelSetup
-from gateway.core.reasons import Code, Level, Notice, Reason, Value
+from gateway.core.reasons import Code, CoreCode, Level, Notice, Reason, Value
+from gateway.core.session.reasons import SessionCode
 from gateway.core.session.session_parts import open_effects_file
 
 # Differences with which subtracting would be wrong, and what they are.
 _REFUSED: Final[Mapping[Code, Callable[[Reason], str]]] = {
-    Code.EFFECTS_OF_OTHER_OFFSET: lambda reason: (
+    CoreCode.EFFECTS_OF_OTHER_OFFSET: lambda reason: (
         f"were found with the sensor {_mm(reason['found_m'])} mm below the neutral layer, but the configuration states "
         f"{_mm(reason['offset_m'])} mm"
     ),
-    Code.EFFECTS_OF_OTHER_RADIUS: lambda reason: (
+    CoreCode.EFFECTS_OF_OTHER_RADIUS: lambda reason: (
         f"were found with a belt radius of {_mm(reason['found_m'])} mm, but the configuration states "
         f"{_mm(reason['radius_m'])} mm"
     ),
-    Code.EFFECTS_OF_OTHER_SENSOR: lambda reason: (
+    CoreCode.EFFECTS_OF_OTHER_SENSOR: lambda reason: (
         f"belong to sensor {reason['found_on']}, but the configuration names {reason['sensor']}"
     ),
 }
@@ -104,7 +105,7 @@ def effects_notices(tables: Sequence[CorrectionTable], vehicle: VehicleConfig | 
         Notice(
             table.position,
             Reason(
-                Code.EFFECTS_SUBTRACTED,
+                SessionCode.EFFECTS_SUBTRACTED,
                 effects=tuple(effect.name for effect in table.effects),
                 ranges=tuple(_ranges(table)),
             ),
@@ -116,11 +117,11 @@ def effects_notices(tables: Sequence[CorrectionTable], vehicle: VehicleConfig | 
 
 def _ranges(table: CorrectionTable) -> Iterator[Reason]:
     low, high = (omega_radps * table.radius_m for omega_radps in table.omega_range_radps)
-    yield Reason(Code.SPEED_RANGE, low_mps=low, high_mps=high)
+    yield Reason(SessionCode.SPEED_RANGE, low_mps=low, high_mps=high)
     if table.load_range_n is not None:
-        yield Reason(Code.LOAD_RANGE, low_n=table.load_range_n[0], high_n=table.load_range_n[1])
+        yield Reason(SessionCode.LOAD_RANGE, low_n=table.load_range_n[0], high_n=table.load_range_n[1])
     if table.pressure_range_pa is not None:
-        yield Reason(Code.PRESSURE_RANGE, low_pa=table.pressure_range_pa[0], high_pa=table.pressure_range_pa[1])
+        yield Reason(SessionCode.PRESSURE_RANGE, low_pa=table.pressure_range_pa[0], high_pa=table.pressure_range_pa[1])
 
 
 def _mm(length_m: Value) -> str:

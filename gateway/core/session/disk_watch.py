@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Final
 
 from gateway.core.estimates.results import DiskRoom
-from gateway.core.reasons import Code, Notice, Reason
+from gateway.core.reasons import Notice, Reason
+from gateway.core.session.reasons import SessionCode
 
 _WINDOW_NS: Final = 60_000_000_000
 _LEAST_NS: Final = 10_000_000_000
@@ -55,6 +56,6 @@ class DiskWatch:
 def disk_notices(before: DiskRoom | None, now: DiskRoom) -> Iterator[Notice]:
     """Yield what a session says once: the space at its start, and the time left when it is known."""
     if before is None:
-        yield Notice("recording", Reason(Code.DISK_SPACE, free_bytes=now.free_bytes))
+        yield Notice("recording", Reason(SessionCode.DISK_SPACE, free_bytes=now.free_bytes))
     elif before.left_s is None and now.left_s is not None:
-        yield Notice("recording", Reason(Code.DISK_TIME, free_bytes=now.free_bytes, left_s=now.left_s))
+        yield Notice("recording", Reason(SessionCode.DISK_TIME, free_bytes=now.free_bytes, left_s=now.left_s))

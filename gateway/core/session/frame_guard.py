@@ -7,7 +7,8 @@ from typing import Final, Protocol
 
 from firmware_protocol.signing import Gate
 from gateway.core.errors import TreadlinkError
-from gateway.core.reasons import Code, Level, Notice, Reason
+from gateway.core.reasons import Level, Notice, Reason
+from gateway.core.session.reasons import SessionCode
 
 # A crash loses the counters of this time; frames as recent as that could be replayed to the next session.
 _SAVE_EVERY_NS: Final = 5_000_000_000
@@ -145,7 +146,7 @@ class GuardWatch:
         if self._saving is None or not self._saving.is_alive():
             self._save(self._guard.ledger.highest())
         else:
-            self._fault = Reason(Code.COUNTERS_SAVED_LATE)
+            self._fault = Reason(SessionCode.COUNTERS_SAVED_LATE)
         return [*self._guard.take_notices(), *self._new_fault()]
 
     def _save(self, current: Mapping[str, int]) -> None:
@@ -154,7 +155,7 @@ class GuardWatch:
         try:
             self._guard.ledger.save(current)
         except TreadlinkError as error:
-            self._fault = Reason(Code.COUNTERS_NOT_SAVED, error=str(error), remedy=error.remedy)
+            self._fault = Reason(SessionCode.COUNTERS_NOT_SAVED, error=str(error), remedy=error.remedy)
 
     def _new_fault(self) -> list[Notice]:
         if self._fault is None or self._is_reported:

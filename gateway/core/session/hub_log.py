@@ -3,17 +3,18 @@
 from typing import Final
 
 from firmware_protocol.messages import COMMANDS, CommandResult, LogText, Message, MessageType, Outcome
-from gateway.core.reasons import Code, Level, Notice, Reason
+from gateway.core.reasons import Level, Notice, Reason
+from gateway.core.session.reasons import SessionCode
 from gateway.core.text.recording_topics import log_level
 
 LINES_PER_S: Final = 10
 _SECOND_NS: Final = 1_000_000_000
 _OUTCOMES: Final = {
-    Outcome.UNKNOWN_COMMAND: Code.COMMAND_UNKNOWN,
-    Outcome.VALUE_REFUSED: Code.COMMAND_VALUE_REFUSED,
-    Outcome.FAILED: Code.COMMAND_FAILED,
-    Outcome.NOT_VERIFIED: Code.COMMAND_NOT_VERIFIED,
-    Outcome.REPEATED: Code.COMMAND_REPEATED,
+    Outcome.UNKNOWN_COMMAND: SessionCode.COMMAND_UNKNOWN,
+    Outcome.VALUE_REFUSED: SessionCode.COMMAND_VALUE_REFUSED,
+    Outcome.FAILED: SessionCode.COMMAND_FAILED,
+    Outcome.NOT_VERIFIED: SessionCode.COMMAND_NOT_VERIFIED,
+    Outcome.REPEATED: SessionCode.COMMAND_REPEATED,
 }
 
 
@@ -30,7 +31,7 @@ class HubLog:
     def take(self, hub: str, message: Message, host_ns: int) -> list[Notice]:
         """Return what may be shown now of a message of a hub: a line of its log, or why it has refused a command."""
         if isinstance(message, LogText):
-            reason = Reason(Code.HUB_LOG, severity=log_level(message), text=message.text)
+            reason = Reason(SessionCode.HUB_LOG, severity=log_level(message), text=message.text)
             notice = Notice(hub, reason)
         elif isinstance(message, CommandResult) and (refused := refusal(message)) is not None:
             notice = Notice(hub, refused, Level.WARNING)
@@ -56,7 +57,7 @@ class HubLog:
     def finish(self) -> list[Notice]:
         """Return the report of the lines left out since the last one."""
         count, self._left_out = self._left_out, 0
-        return [Notice(self._link, Reason(Code.HUB_LOG_LEFT_OUT, count=count), Level.WARNING)] if count else []
+        return [Notice(self._link, Reason(SessionCode.HUB_LOG_LEFT_OUT, count=count), Level.WARNING)] if count else []
 
 
 def refusal(result: CommandResult) -> Reason | None:
@@ -65,6 +66,6 @@ def refusal(result: CommandResult) -> Reason | None:
         return None
     code_of = {outcome.value: code for outcome, code in _OUTCOMES.items()}
     code = code_of.get(result.outcome)
-    outcome = Reason(Code.COMMAND_OUTCOME, outcome=result.outcome) if code is None else Reason(code)
+    outcome = Reason(SessionCode.COMMAND_OUTCOME, outcome=result.outcome) if code is None else Reason(code)
     name = MessageType(result.command).name if result.command in COMMANDS else f"command {result.command}"
-    return Reason(Code.COMMAND_REFUSED, command=name, outcome=outcome)
+    return Reason(SessionCode.COMMAND_REFUSED, command=name, outcome=outcome)

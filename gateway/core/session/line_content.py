@@ -5,7 +5,8 @@ from typing import Final
 
 from firmware_protocol import wire
 from gateway.core.links.source import DEFAULT_BAUDRATE
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
+from gateway.core.session.reasons import SessionCode
 
 _TEXT_BYTES: Final = frozenset((*range(0x20, 0x7F), 0x09, 0x0A, 0x0D))
 _TEXT_SHARE: Final = 0.95
@@ -27,23 +28,23 @@ def identify_content(link: str, sample: bytes) -> Reason:
         sample: a few hundred bytes or more in which no frame decodes.
     """
     if len(set(sample)) <= 1:
-        return Reason(Code.LINE_CONSTANT, byte=f"{sample[0] if sample else 0:#04x}")
+        return Reason(SessionCode.LINE_CONSTANT, byte=f"{sample[0] if sample else 0:#04x}")
     is_serial = link.startswith(_SERIAL_SCHEME)
-    remedy = Reason(Code.CHOOSE_HUB_PORT if is_serial else Code.CHECK_SOURCE_ADDRESS)
+    remedy = Reason(SessionCode.CHOOSE_HUB_PORT if is_serial else SessionCode.CHECK_SOURCE_ADDRESS)
     if sum(byte in _TEXT_BYTES for byte in sample) >= _TEXT_SHARE * len(sample):
         if _NMEA.search(sample):
-            return Reason(Code.LINE_GPS_RECEIVER, remedy=remedy)
-        return Reason(Code.LINE_TEXT, line=_first_line(sample), remedy=remedy)
+            return Reason(SessionCode.LINE_GPS_RECEIVER, remedy=remedy)
+        return Reason(SessionCode.LINE_TEXT, line=_first_line(sample), remedy=remedy)
     if sample.count(_UBLOX_SYNC) > 2 + 5 * _CHANCE_OF_TWO_BYTES * len(sample):
-        return Reason(Code.LINE_UBLOX_RECEIVER, remedy=remedy)
+        return Reason(SessionCode.LINE_UBLOX_RECEIVER, remedy=remedy)
     if swapped_syncs(sample) > 3 + 5 * _CHANCE_OF_TWO_BYTES / 16 * len(sample):
-        return Reason(Code.LINE_SYNC_SWAPPED)
+        return Reason(SessionCode.LINE_SYNC_SWAPPED)
     starts = sum(match[1][0] >> 4 == wire.VERSION_MAJOR for match in _HEADER.finditer(sample))
     if starts > 3 + 5 * _CHANCE_OF_TWO_BYTES / 16 * len(sample):
-        return Reason(Code.LINE_ALL_FRAMES_DAMAGED)
+        return Reason(SessionCode.LINE_ALL_FRAMES_DAMAGED)
     if is_serial:
-        return Reason(Code.LINE_WRONG_BAUD_RATE, default_baud=DEFAULT_BAUDRATE)
-    return Reason(Code.LINE_NOT_A_HUB, remedy=remedy)
+        return Reason(SessionCode.LINE_WRONG_BAUD_RATE, default_baud=DEFAULT_BAUDRATE)
+    return Reason(SessionCode.LINE_NOT_A_HUB, remedy=remedy)
 
 
 def swapped_syncs(data: bytes) -> int:

@@ -9,6 +9,7 @@ from firmware_protocol.counters import LinkCounters
 from firmware_protocol.messages import HUB_ITSELF, Frame, Hello
 from gateway.core.reasons import Code, Level, Notice, Reason
 from gateway.core.session.line_content import identify_content, other_major_versions
+from gateway.core.session.reasons import SessionCode
 
 _logger = logging.getLogger(__name__)
 
@@ -116,11 +117,11 @@ class LinkHealth:
             notices += self._restarted(frame.hub, hello.boot_count, host_ns)
         if (hello.protocol_major, hello.protocol_minor) > (wire.VERSION_MAJOR, wire.VERSION_MINOR):
             version = f"{hello.protocol_major}.{hello.protocol_minor}"
-            newer = Reason(Code.NEWER_PROTOCOL, version=version, own=_OWN_VERSION)
+            newer = Reason(SessionCode.NEWER_PROTOCOL, version=version, own=_OWN_VERSION)
             notices += self._once(hub_name(frame.hub), newer)
         elif (hello.protocol_major, hello.protocol_minor) < (wire.VERSION_MAJOR, wire.SIGNED_COMMANDS_MINOR):
             version = f"{hello.protocol_major}.{hello.protocol_minor}"
-            older = Reason(Code.OLDER_PROTOCOL, version=version, own=_OWN_VERSION)
+            older = Reason(SessionCode.OLDER_PROTOCOL, version=version, own=_OWN_VERSION)
             notices += self._once(hub_name(frame.hub), older, Level.INFO)
         return notices
 
@@ -129,50 +130,52 @@ class LinkHealth:
         seen, since_ns = self._last_change
         if seen != self._bytes or since_ns == 0:
             self._last_change = (self._bytes, now_ns)
-            if seen != self._bytes and self._ended(Code.LINK_SILENT, Code.LINK_NO_DATA_YET):
-                return [Notice(self._link, Reason(Code.LINK_RESUMED))]
+            if seen != self._bytes and self._ended(SessionCode.LINK_SILENT, SessionCode.LINK_NO_DATA_YET):
+                return [Notice(self._link, Reason(SessionCode.LINK_RESUMED))]
             return []
         if now_ns - since_ns < _SILENCE_NS or self._has_hub:
             return []
         if self._bytes == 0:
-            return self._once(self._link, Reason(Code.LINK_NO_DATA_YET))
-        return self._once(self._link, Reason(Code.LINK_SILENT, silence_s=_SILENCE_S))
+            return self._once(self._link, Reason(SessionCode.LINK_NO_DATA_YET))
+        return self._once(self._link, Reason(SessionCode.LINK_SILENT, silence_s=_SILENCE_S))
 
     def _review_content(self, host_ns: int, data: bytes, counters: LinkCounters) -> list[Notice]:
         """Report bytes that contain no frame."""
         if counters.intact != self._intact_frames:
             self._intact_frames = counters.intact
             self._barren_since_ns, self._barren_bytes, self._sample = None, 0, b""
-            ended = self._ended(Code.NO_FRAMES, Code.NO_FRAMES_ANY_MORE)
-            return [Notice(self._link, Reason(Code.FRAMES_RESUMED))] if ended else []
+            ended = self._ended(SessionCode.NO_FRAMES, SessionCode.NO_FRAMES_ANY_MORE)
+            return [Notice(self._link, Reason(SessionCode.FRAMES_RESUMED))] if ended else []
         if self._barren_since_ns is None:
             self._barren_since_ns = host_ns
         if len(self._sample) < _SAMPLE_BYTES:
             self._sample += data[:_SAMPLE_BYTES]
         self._barren_bytes += len(data)
         long = host_ns - self._barren_since_ns >= _BARREN_NS and self._barren_bytes >= _BARREN_BYTES
-        is_known = self._is_reported(Code.NO_FRAMES) or self._is_reported(Code.NO_FRAMES_ANY_MORE)
+        is_known = self._is_reported(SessionCode.NO_FRAMES) or self._is_reported(SessionCode.NO_FRAMES_ANY_MORE)
         if is_known or (not long and self._barren_bytes < _BARREN_BYTES_AT_ONCE):
             return []
         content = identify_content(self._link, self._sample)
         if counters.intact:
-            return self._once(self._link, Reason(Code.NO_FRAMES_ANY_MORE, frames=counters.intact, content=content))
-        return self._once(self._link, Reason(Code.NO_FRAMES, content=content))
+            return self._once(
+                self._link, Reason(SessionCode.NO_FRAMES_ANY_MORE, frames=counters.intact, content=content)
+            )
+        return self._once(self._link, Reason(SessionCode.NO_FRAMES, content=content))
 
     def _review_versions(self, data: bytes, counters: LinkCounters) -> list[Notice]:
         """Report intact frames that this version cannot read."""
         notices: list[Notice] = []
-        is_known = self._is_reported(Code.FIRMWARE_TOO_OLD) or self._is_reported(Code.FIRMWARE_TOO_NEW)
+        is_known = self._is_reported(SessionCode.FIRMWARE_TOO_OLD) or self._is_reported(SessionCode.FIRMWARE_TOO_NEW)
         if counters.other_major >= _UNREADABLE_FRAMES and not is_known and (majors := other_major_versions(data)):
             major = min(majors, key=lambda version: abs(version - wire.VERSION_MAJOR))
-            code = Code.FIRMWARE_TOO_OLD if major < wire.VERSION_MAJOR else Code.FIRMWARE_TOO_NEW
+            code = SessionCode.FIRMWARE_TOO_OLD if major < wire.VERSION_MAJOR else SessionCode.FIRMWARE_TOO_NEW
             notices += self._once(self._link, Reason(code, major=major, own=wire.VERSION_MAJOR))
         if counters.newer_minor >= _UNREADABLE_FRAMES:
-            notices += self._once(self._link, Reason(Code.NEWER_FRAME_LAYOUT, own=_OWN_VERSION))
+            notices += self._once(self._link, Reason(SessionCode.NEWER_FRAME_LAYOUT, own=_OWN_VERSION))
         if counters.unknown_flags >= _UNREADABLE_FRAMES:
-            notices += self._once(self._link, Reason(Code.FRAMES_WITH_UNKNOWN_FLAGS))
+            notices += self._once(self._link, Reason(SessionCode.FRAMES_WITH_UNKNOWN_FLAGS))
         if counters.bad_payload >= _UNREADABLE_FRAMES:
-            notices += self._once(self._link, Reason(Code.FRAMES_WITH_BAD_PAYLOAD))
+            notices += self._once(self._link, Reason(SessionCode.FRAMES_WITH_BAD_PAYLOAD))
         return notices
 
     def _review_damage(self, counters: LinkCounters) -> list[Notice]:
@@ -183,7 +186,7 @@ class LinkHealth:
         self._damage_base = (counters.crc_errors, counters.intact)
         if not frames or errors <= _DAMAGED_SHARE * (errors + frames):
             return []
-        return self._once(self._link, Reason(Code.FRAMES_DAMAGED, share=errors / (errors + frames)))
+        return self._once(self._link, Reason(SessionCode.FRAMES_DAMAGED, share=errors / (errors + frames)))
 
     def _review_greetings(self, host_ns: int, counters: LinkCounters) -> list[Notice]:
         """Report wheels without a hello."""
@@ -194,7 +197,7 @@ class LinkHealth:
             self._frames[(hub, wheel)] = source.frames
             is_overdue = first_ns is not None and host_ns - first_ns >= _SILENCE_NS
             if is_overdue and is_sending and wheel != HUB_ITSELF and self._admits(hub, wheel):
-                notices += self._once(self._position_of(hub, wheel), Reason(Code.NO_HELLO, silence_s=_SILENCE_S))
+                notices += self._once(self._position_of(hub, wheel), Reason(SessionCode.NO_HELLO, silence_s=_SILENCE_S))
         self._has_hub = bool(counters.sources)
         return notices
 
@@ -202,9 +205,9 @@ class LinkHealth:
         recent = [restart_ns for restart_ns in self._restarts_ns.get(hub, []) if 0 <= host_ns - restart_ns < _MINUTE_NS]
         self._restarts_ns[hub] = [*recent[-_RESTARTS_PER_MINUTE:], host_ns]
         if len(recent) >= _RESTARTS_PER_MINUTE:
-            return self._once(hub_name(hub), Reason(Code.HUB_RESTARTS_REPEATEDLY))
-        self._reported.discard((Code.HUB_RESTARTS_REPEATEDLY, hub_name(hub)))
-        return [Notice(hub_name(hub), Reason(Code.HUB_RESTARTED, boot_count=boot_count), Level.WARNING)]
+            return self._once(hub_name(hub), Reason(SessionCode.HUB_RESTARTS_REPEATEDLY))
+        self._reported.discard((SessionCode.HUB_RESTARTS_REPEATEDLY, hub_name(hub)))
+        return [Notice(hub_name(hub), Reason(SessionCode.HUB_RESTARTED, boot_count=boot_count), Level.WARNING)]
 
     def _once(self, subject: str, reason: Reason, level: Level = Level.WARNING) -> list[Notice]:
         if (reason.code, subject) in self._reported:

@@ -16,8 +16,9 @@ from gateway.core.estimates.registry import DEFAULT_ESTIMATORS
 from gateway.core.estimates.results import Alarm, RevolutionResult, SessionSnapshot
 from gateway.core.estimates.wheel_setup import CorrectionTable
 from gateway.core.links.playback import Playback, PlayedSource
+from gateway.core.links.reasons import LinkCode
 from gateway.core.links.source import BusFrames, LinkEvent, LinkEventKind, LinkItem, Sentences, Source, is_time
-from gateway.core.reasons import Code, Level, Notice, Reason
+from gateway.core.reasons import Level, Notice, Reason
 from gateway.core.recording.run_description import NO_DESCRIPTION, RunDescription, filled_in, form_of
 from gateway.core.session.alarms import AlarmName
 from gateway.core.session.bounded_buffer import Buffer
@@ -29,6 +30,7 @@ from gateway.core.session.frame_guard import FrameGuard
 from gateway.core.session.latency import Latency
 from gateway.core.session.lateness import LatenessWatch
 from gateway.core.session.publication import Publication
+from gateway.core.session.reasons import SessionCode
 from gateway.core.session.recording_stage import Recorder, RecordingStage, Stage, disk_watch_of
 from gateway.core.session.session_parts import LinkServer, VehicleSignals
 from gateway.core.session.supervisor import Supervisor
@@ -188,7 +190,7 @@ class LiveSession:
         """Mark an event in the recording, with the present time; return whether one is written, which keeps it."""
         recording = self._recording
         is_kept = recording is not None and recording.is_writing
-        details = () if is_kept else (Reason(Code.MARK_NOT_KEPT),)
+        details = () if is_kept else (Reason(LinkCode.MARK_NOT_KEPT),)
         event = LinkEvent("user", self._clock.now_ns(), LinkEventKind.MARK, text, details=details)
         if self._done.is_set():  # nobody takes it any more
             notices = (*self._snapshot.notices, Notice("", event.reason))
@@ -349,7 +351,7 @@ class LiveSession:
         """Report threads that an error has ended; the session goes on, and fails at its end."""
         for name, error in self._supervisor.take():
             self._failure = self._failure or error
-            self.core.stopped(name, Reason(Code.THREAD_STOPPED, error=repr(error)))
+            self.core.stopped(name, Reason(SessionCode.THREAD_STOPPED, error=repr(error)))
 
     def _save_recording(self) -> None:
         """Finish the recording although the core has failed; does nothing where the core has finished it."""
@@ -460,7 +462,7 @@ class LiveSession:
             self._is_given_up = is_stuck and watch.stuck_s >= _GIVEN_UP_S
             if not is_stuck:
                 if shown_s:
-                    self._notices.append(Notice(name, Reason(Code.CORE_GOES_ON, stuck_s=shown_s)))
+                    self._notices.append(Notice(name, Reason(SessionCode.CORE_GOES_ON, stuck_s=shown_s)))
                 shown_s = 0.0
                 continue
             if not shown_s:
@@ -481,7 +483,7 @@ class LiveSession:
     def _show_stuck(self) -> None:
         """Show the state before the core got stuck, with its alarm and the present time."""
         now_ns = self._clock.now_ns()
-        alarms = [alarm for alarm in self._snapshot.alarms if alarm.reason.code is not Code.CORE_STUCK]
+        alarms = [alarm for alarm in self._snapshot.alarms if alarm.reason.code is not SessionCode.CORE_STUCK]
         alarms.append(Alarm(self._watch.name, AlarmName.STOPPED, self._watch.reason))
         self._snapshot = replace(self._snapshot, elapsed_s=self._elapsed_s(now_ns), alarms=tuple(alarms))
         if self._publication is not None:
@@ -520,7 +522,7 @@ class LiveSession:
         self.core.late((now_ns - item.host_ns) * 1e-9)
         late_s = self._lateness.take(item.host_ns, now_ns)
         if late_s is not None:
-            self.core.notify(Notice(item.link, Reason(Code.RESULTS_LATE, late_s=late_s), Level.WARNING))
+            self.core.notify(Notice(item.link, Reason(SessionCode.RESULTS_LATE, late_s=late_s), Level.WARNING))
 
     def _elapsed_s(self, now_ns: int) -> float:
         """Return the time since the start, pauses left out."""

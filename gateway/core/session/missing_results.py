@@ -4,7 +4,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from gateway.core.estimates.results import WheelSnapshot
-from gateway.core.reasons import Code, Level, Notice, Reason
+from gateway.core.reasons import CoreCode, Level, Notice, Reason
+from gateway.core.session.reasons import SessionCode
+from gateway.core.wheels.reasons import WheelCode
 
 # A standing or slow wheel is worth a notice after this time of samples.
 _LONG_S: Final = 6.0
@@ -25,12 +27,14 @@ class FrameCounts(NamedTuple):
 def missing_frames(links: Mapping[str, FrameCounts]) -> tuple[Notice, ...]:
     """Return a warning for each link without a frame to use; one for all when there is no link."""
     if not links:
-        return (_warning("", Reason(Code.NO_FRAME_RECEIVED)),)
+        return (_warning("", Reason(SessionCode.NO_FRAME_RECEIVED)),)
     empty = {link: counts for link, counts in links.items() if not counts.accepted}
     return tuple(
         _warning(
             link,
-            Reason(Code.ALL_FRAMES_REFUSED, count=counts.refused) if counts.refused else Reason(Code.NO_FRAME_RECEIVED),
+            Reason(SessionCode.ALL_FRAMES_REFUSED, count=counts.refused)
+            if counts.refused
+            else Reason(SessionCode.NO_FRAME_RECEIVED),
         )
         for link, counts in empty.items()
     )
@@ -50,7 +54,7 @@ def missing_revolutions(wheels: Sequence[WheelSnapshot], links: Mapping[str, Fra
     )
     rolled = any(wheel.counters.revolutions for wheel in wheels)
     if not notices and not rolled and any(counts.accepted for counts in links.values()):
-        return (_warning("", Reason(Code.NO_SAMPLES)),)
+        return (_warning("", Reason(WheelCode.NO_SAMPLES)),)
     return notices
 
 
@@ -63,7 +67,7 @@ def long_missing(wheel: WheelSnapshot) -> Reason | None:
 
 
 def _no_revolution(wheel: WheelSnapshot) -> Iterator[Reason]:
-    return (flag.reason for flag in wheel.flags if flag.reason.code is Code.NO_REVOLUTION)
+    return (flag.reason for flag in wheel.flags if flag.reason.code is CoreCode.NO_REVOLUTION)
 
 
 def _warning(subject: str, reason: Reason) -> Notice:

@@ -8,8 +8,9 @@ from firmware_protocol.messages import Frame
 from gateway.core.errors import RecordingError
 from gateway.core.estimates.results import AlarmChange, RevolutionResult
 from gateway.core.links.source import LinkItem
-from gateway.core.reasons import Code, Level, Notice, Reason
+from gateway.core.reasons import Level, Notice, Reason
 from gateway.core.recording.mcap_layout import ALARMS_TOPIC
+from gateway.core.session.reasons import SessionCode
 from gateway.core.session.recording_stage import Recorder
 from gateway.core.text.recording_topics import (
     alarm_payload,
@@ -52,11 +53,11 @@ class SessionRecording:
     def goes_on_in(self, recorder: Recorder | None) -> None:
         """Record to another recording from now on, or to none; the caller closes the one before."""
         if self.recorder is not None:
-            self._notify(Notice("", Reason(Code.RECORDING_FINISHED, path=str(self.recorder.path))))
+            self._notify(Notice("", Reason(SessionCode.RECORDING_FINISHED, path=str(self.recorder.path))))
         self.recorder, self._last = recorder, _path_and_size(recorder)
         if recorder is not None:
             self.stopped = None
-            self._notify(Notice("", Reason(Code.RECORDING_BEGUN, path=str(recorder.path))))
+            self._notify(Notice("", Reason(SessionCode.RECORDING_BEGUN, path=str(recorder.path))))
         self._waveform_due_ns.clear()
 
     def item(self, item: LinkItem) -> None:
@@ -127,7 +128,7 @@ class SessionRecording:
             with suppress(RecordingError):  # the user needs the first failure
                 self.recorder.close()
             self.recorder = None
-            self.stopped = Reason(Code.RECORDING_STOPPED, error=str(error), remedy=error.remedy)
+            self.stopped = Reason(SessionCode.RECORDING_STOPPED, error=str(error), remedy=error.remedy)
             self._notify(Notice("", self.stopped, Level.ERROR))
 
 

@@ -21,7 +21,8 @@ from gateway.core.estimates.results import Silence, SilentPart
 from gateway.core.links.bus_frames import has_frames
 from gateway.core.links.nmea_sentences import has_position
 from gateway.core.links.source import BusFrames, VehicleData
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
+from gateway.core.session.reasons import SessionCode
 from gateway.core.wheels.old_pressure import ENVIRONMENT_INTERVALS, ENVIRONMENT_LEAST_S
 
 PositionOf = Callable[[str, int, int], str]
@@ -80,9 +81,9 @@ class VehiclePart(Enum):
 
 
 _SILENT_PARTS: Final = {
-    VehiclePart.BUS: Code.BUS_SILENT,
-    VehiclePart.RECEIVER: Code.RECEIVER_SILENT,
-    VehiclePart.POSITION: Code.POSITION_MISSING,
+    VehiclePart.BUS: SessionCode.BUS_SILENT,
+    VehiclePart.RECEIVER: SessionCode.RECEIVER_SILENT,
+    VehiclePart.POSITION: SessionCode.POSITION_MISSING,
 }
 _WHOLE_LINK: Final = (VehiclePart.BUS, VehiclePart.RECEIVER)
 _NOTHING: Final = frozenset[VehiclePart]()
@@ -208,26 +209,26 @@ class _Sensor:
             # Evidence that only the sensor is gone: the rest of the hub has outlived it.
             if others_ns - self.last_ns >= self.messages.limit_ns:
                 age_s = (now_ns - self.last_ns) / _S
-                yield Silence(SilentPart.SENSOR, age_s, Reason(Code.SENSOR_SILENT, silence_s=age_s))
+                yield Silence(SilentPart.SENSOR, age_s, Reason(SessionCode.SENSOR_SILENT, silence_s=age_s))
             else:
-                missing = Reason(Code.SAMPLES_MISSING, silence_s=age_s)
+                missing = Reason(SessionCode.SAMPLES_MISSING, silence_s=age_s)
                 yield Silence(SilentPart.SAMPLES, age_s, missing, is_certain=False)
             return
         if now_ns >= self.samples.due_ns:
             since_ns = max(self.samples.counted_from_ns, self.resumed_ns)
             # Evidence that only the samples are gone: another message has come well after them.
             is_certain = self.messages.last_ns - since_ns >= self.samples.limit_ns // 2
-            code = Code.SAMPLES_SILENT if is_certain else Code.SAMPLES_MISSING
+            code = SessionCode.SAMPLES_SILENT if is_certain else SessionCode.SAMPLES_MISSING
             yield Silence(SilentPart.SAMPLES, age_s, Reason(code, silence_s=age_s), is_certain)
         else:
             for axis, last_ns in self.axes_ns.items():
                 if now_ns - max(last_ns, self.resumed_ns) >= self.samples.limit_ns:
                     age_s = (now_ns - last_ns) / _S
-                    reason = Reason(Code.AXIS_SILENT, axis=AXIS_NAMES[axis], silence_s=age_s)
+                    reason = Reason(SessionCode.AXIS_SILENT, axis=AXIS_NAMES[axis], silence_s=age_s)
                     yield Silence(SilentPart.AXIS, age_s, reason)
         if self.environment is not None and now_ns >= self.environment.due_ns:
             age_s = (now_ns - self.environment.last_ns) / _S
-            yield Silence(SilentPart.ENVIRONMENT, age_s, Reason(Code.ENVIRONMENT_SILENT, silence_s=age_s))
+            yield Silence(SilentPart.ENVIRONMENT, age_s, Reason(SessionCode.ENVIRONMENT_SILENT, silence_s=age_s))
 
     def due_ns(self) -> Iterator[int]:
         """Yield the times at which the state may change without a further frame."""
@@ -527,7 +528,7 @@ class SilenceWatch:
         waited_s = self.elapsed_s()
         is_open = any(link.down is None and not link.vehicle for link in self._links.values())
         if is_open and waited_s >= LIMITS["first"].least_s:
-            reason = Reason(Code.SENSOR_NEVER_HEARD, silence_s=waited_s)
+            reason = Reason(SessionCode.SENSOR_NEVER_HEARD, silence_s=waited_s)
             for position in self._configured:
                 if position not in heard:
                     by_position[position] = (Silence(SilentPart.SENSOR, waited_s, reason),)
@@ -620,9 +621,9 @@ def _silences(link: _Link, hub: _Hub, sensor: _Sensor) -> Iterator[Silence]:
     now_ns = link.now_ns
     if link.down is not None:
         age_s = (now_ns - sensor.last_ns) / _S
-        yield Silence(SilentPart.LINK, age_s, Reason(Code.LINK_DOWN, state=link.down))
+        yield Silence(SilentPart.LINK, age_s, Reason(SessionCode.LINK_DOWN, state=link.down))
     elif hub.is_silent(now_ns):
         age_s = (now_ns - hub.last_ns) / _S
-        yield Silence(SilentPart.HUB, age_s, Reason(Code.HUB_OF_WHEEL_SILENT, silence_s=age_s))
+        yield Silence(SilentPart.HUB, age_s, Reason(SessionCode.HUB_OF_WHEEL_SILENT, silence_s=age_s))
     else:
         yield from sensor.silences(now_ns, hub.others_ns(sensor))

@@ -32,6 +32,7 @@ from firmware_protocol.sample_numbers import apart_s, is_jump
 from firmware_protocol.wheel_limit import MOST_WHEELS, WheelLimit
 from gateway.core.constants import AXIS_NAMES
 from gateway.core.reasons import Code, Level, Notice, Reason, Value
+from gateway.core.session.reasons import SessionCode
 from gateway.core.wheels.possible_readings import is_possible_pressure, is_possible_temperature
 from gateway.core.wheels.sample_content import SampleContent, chosen
 
@@ -50,9 +51,9 @@ _REVIEW_BLOCKS: Final = 128
 _RECENT_BLOCKS: Final = 1024
 # One block may have been late when the hub changed its axes; one unknown frame may be an experiment of the hub.
 _LEAST: Final[Mapping[Code, int]] = {
-    Code.HELLO_AXES_DIFFER: 3,
-    Code.ONLY_UNKNOWN_TYPES: 3,
-    Code.SAMPLES_REPEATED: 3,
+    SessionCode.HELLO_AXES_DIFFER: 3,
+    SessionCode.ONLY_UNKNOWN_TYPES: 3,
+    SessionCode.SAMPLES_REPEATED: 3,
 }
 # Of the last ten hellos within one start, more than this many differed from the one before.
 _LAST_HELLOS: Final = (1 << 10) - 1
@@ -180,7 +181,7 @@ class StatementWatch:
             if not isinstance(message, SampleBlock):
                 self._slow(source, type_, tick_us, message)
             elif number == HUB_ITSELF:
-                self._find(source, Code.HUB_SENDS_AS_WHEEL)
+                self._find(source, SessionCode.HUB_SENDS_AS_WHEEL)
             else:
                 wheel = wheel or self._wheel(source)
                 if wheel.pending and wheel.pending[0][1].axes != message.axes:
@@ -196,7 +197,7 @@ class StatementWatch:
             for group, part in stretch.parts:
                 source = link, group.hub, group.wheel
                 if group.wheel == HUB_ITSELF:
-                    self._find(source, Code.HUB_SENDS_AS_WHEEL, part.stop - part.start)
+                    self._find(source, SessionCode.HUB_SENDS_AS_WHEEL, part.stop - part.start)
                     continue
                 first, tick = (column[part].astype(np.int64) for column in (group.first_sample, group.tick_us))
                 self._review(source, self._wheel(source), _Blocks(first, tick, group.axes, group.counts[part]))
@@ -208,8 +209,8 @@ class StatementWatch:
         """Take the counters of a link: sources that send nothing but frames of unknown types."""
         for (hub, wheel), counted in counters.sources.items():
             if counted.unknown_type and not counted.frames and self._limit.admits(link, hub, wheel):
-                self._find((link, hub, wheel), Code.ONLY_UNKNOWN_TYPES, 0)
-                self._findings[(link, hub, wheel), Code.ONLY_UNKNOWN_TYPES].count = counted.unknown_type
+                self._find((link, hub, wheel), SessionCode.ONLY_UNKNOWN_TYPES, 0)
+                self._findings[(link, hub, wheel), SessionCode.ONLY_UNKNOWN_TYPES].count = counted.unknown_type
 
     def reopened(self, link: str) -> None:
         """Note that a link was reconnected: another hub may be on it."""
@@ -253,9 +254,9 @@ class StatementWatch:
     def _slow(self, source: _Source, type_: int, tick_us: int, message: Message) -> None:
         is_hub = source[2] == HUB_ITSELF
         if type_ in COMMANDS:
-            self._find((*source[:2], HUB_ITSELF), Code.HUB_SENDS_COMMANDS)
+            self._find((*source[:2], HUB_ITSELF), SessionCode.HUB_SENDS_COMMANDS)
         elif isinstance(message, Hello | Environment) and is_hub:
-            self._find(source, Code.HUB_SENDS_AS_WHEEL)
+            self._find(source, SessionCode.HUB_SENDS_AS_WHEEL)
         elif isinstance(message, Hello):
             wheel = self._wheel(source)
             # Blocks before and behind a hello that is repeated belong to the same statement.
@@ -265,7 +266,7 @@ class StatementWatch:
         elif isinstance(message, Environment):
             self._environment(source, message)
         elif isinstance(message, TimeSync) and message.hub_us & 0xFFFF_FFFF != tick_us:
-            self._find(source, Code.HUB_TIME_AGAINST_TICK, hub_us=float(message.hub_us), tick_us=float(tick_us))
+            self._find(source, SessionCode.HUB_TIME_AGAINST_TICK, hub_us=float(message.hub_us), tick_us=float(tick_us))
 
     def _hello(self, source: _Source, wheel: _Wheel, hello: Hello) -> None:
         previous, hub = wheel.hello, source[:2]
@@ -274,7 +275,7 @@ class StatementWatch:
             wheel.restart()
         if previous is not None and previous.boot_count == hello.boot_count != boot_count and boot_count is not None:
             before, other = float(hello.boot_count), float(boot_count)
-            self._find((*hub, HUB_ITSELF), Code.HUB_BOOT_COUNTS_DIFFER, own=before, other=other)
+            self._find((*hub, HUB_ITSELF), SessionCode.HUB_BOOT_COUNTS_DIFFER, own=before, other=other)
         wheel.changes = wheel.changes << 1 & _LAST_HELLOS
         if previous is not None and previous != hello and previous.boot_count == hello.boot_count:
             self._hello_changed(source, wheel, previous, hello)
@@ -282,50 +283,54 @@ class StatementWatch:
         wheel.hello = hello
         self._scale(source, hello)
         if hello.coupling == Coupling.DC and hello.highpass_hz > 0.0:
-            self._find(source, Code.HELLO_HIGHPASS_WITH_DC, highpass_hz=hello.highpass_hz)
+            self._find(source, SessionCode.HELLO_HIGHPASS_WITH_DC, highpass_hz=hello.highpass_hz)
         if source[1] == EVERY_HUB:
-            self._find((*hub, HUB_ITSELF), Code.HUB_NUMBER_RESERVED)
+            self._find((*hub, HUB_ITSELF), SessionCode.HUB_NUMBER_RESERVED)
 
     def _hello_changed(self, source: _Source, wheel: _Wheel, previous: Hello, hello: Hello) -> None:
         """Look at a hello that differs from the last one although the hub has not restarted."""
         former, wheel.former_sensor = wheel.former_sensor, previous.sensor_id
         if previous.sensor_id != hello.sensor_id == former:
             sensors = f"{hello.sensor_id:08x}", f"{previous.sensor_id:08x}"
-            self._find(source, Code.HELLO_SENSORS_ALTERNATE, sensor=sensors[0], other=sensors[1])
+            self._find(source, SessionCode.HELLO_SENSORS_ALTERNATE, sensor=sensors[0], other=sensors[1])
             return
         wheel.changes |= 1
         if wheel.changes.bit_count() > _MOST_CHANGES:
-            self._find(source, Code.HELLO_KEEPS_CHANGING)
+            self._find(source, SessionCode.HELLO_KEEPS_CHANGING)
 
     def _scale(self, source: _Source, hello: Hello) -> None:
         """Compare scale, range and zero of every present axis."""
         present = [axis for axis in Axis if hello.axes >> axis & 1]
         zero = tuple(AXIS_NAMES[axis] for axis in present if hello.scale_mps2[axis] == 0.0)
         if zero:
-            self._find(source, Code.HELLO_SCALE_ZERO, axes=zero)
+            self._find(source, SessionCode.HELLO_SCALE_ZERO, axes=zero)
         for axis in present:
             name, full_mps2 = AXIS_NAMES[axis], abs(hello.scale_mps2[axis]) * hello.saturation_counts
             stated_mps2, offset = hello.range_mps2[axis], hello.offset_counts[axis]
             # Without a stated range, as in an imported measurement, the scale is no statement about the sensor.
             if full_mps2 > 0.0 and stated_mps2 > 0.0 and not _FULL_SCALE_MPS2[0] <= full_mps2 <= _FULL_SCALE_MPS2[1]:
-                self._find(source, Code.HELLO_SCALE_ABSURD, axis=name, full_scale_mps2=full_mps2)
+                self._find(source, SessionCode.HELLO_SCALE_ABSURD, axis=name, full_scale_mps2=full_mps2)
             elif (
                 full_mps2 > 0.0
                 and stated_mps2 > 0.0
                 and not full_mps2 / _RANGE_FACTOR <= stated_mps2 <= full_mps2 * _RANGE_FACTOR
             ):
                 self._find(
-                    source, Code.HELLO_SCALE_AGAINST_RANGE, axis=name, range_mps2=stated_mps2, full_scale_mps2=full_mps2
+                    source,
+                    SessionCode.HELLO_SCALE_AGAINST_RANGE,
+                    axis=name,
+                    range_mps2=stated_mps2,
+                    full_scale_mps2=full_mps2,
                 )
             if abs(offset) > _MAX_OFFSET_COUNTS:
-                self._find(source, Code.HELLO_ZERO_ABSURD, axis=name, offset_counts=offset)
+                self._find(source, SessionCode.HELLO_ZERO_ABSURD, axis=name, offset_counts=offset)
 
     def _environment(self, source: _Source, reading: Environment) -> None:
         pressure_pa, temperature_degc = reading.pressure_pa, reading.temperature_degc
         if pressure_pa is not None and not is_possible_pressure(pressure_pa):
-            self._find(source, Code.PRESSURE_IMPOSSIBLE, pressure_pa=pressure_pa)
+            self._find(source, SessionCode.PRESSURE_IMPOSSIBLE, pressure_pa=pressure_pa)
         if temperature_degc is not None and not is_possible_temperature(temperature_degc):
-            self._find(source, Code.TEMPERATURE_IMPOSSIBLE, temperature_degc=temperature_degc)
+            self._find(source, SessionCode.TEMPERATURE_IMPOSSIBLE, temperature_degc=temperature_degc)
 
     def _review_pending(self, source: _Source, wheel: _Wheel) -> None:
         if wheel.pending:
@@ -345,7 +350,7 @@ class StatementWatch:
                     self._find(source, code, 1, **values)
         else:
             sent, stated = _axes_named(blocks.axes), _axes_named(hello.axes)
-            self._find(source, Code.HELLO_AXES_DIFFER, len(blocks.first), sent=sent, stated=stated)
+            self._find(source, SessionCode.HELLO_AXES_DIFFER, len(blocks.first), sent=sent, stated=stated)
         last = wheel.last or (int(blocks.first[0]), int(blocks.tick[0]))
         wheel.last = int(blocks.first[-1]), int(blocks.tick[-1])
         samples = _steps(last[0], blocks.first)
@@ -353,10 +358,10 @@ class StatementWatch:
         jumps = np.flatnonzero(is_jump(samples, us, hello.rate_hz))
         repeated = wheel.repeated(blocks, samples, jumped=len(jumps) > 0)
         if repeated:
-            self._find(source, Code.SAMPLES_REPEATED, repeated)
+            self._find(source, SessionCode.SAMPLES_REPEATED, repeated)
         if len(jumps):
             jumps_s = apart_s(samples, us, hello.rate_hz)[jumps]
-            self._find(source, Code.SAMPLE_NUMBERS_JUMP, len(jumps), last_s=float(jumps_s[-1]))
+            self._find(source, SessionCode.SAMPLE_NUMBERS_JUMP, len(jumps), last_s=float(jumps_s[-1]))
         begin = 0
         for jump in [*jumps.tolist(), len(samples)]:
             self._rate(source, wheel, hello.rate_hz, samples[begin:jump], us[begin:jump])
@@ -378,11 +383,11 @@ class StatementWatch:
             took_us = int(time_us[index]) - begin_us
             measured_hz = (int(number[index]) - begin) * _US / took_us if took_us > 0 else 0.0
             if took_us <= 0:
-                self._find(source, Code.HUB_CLOCK_STILL, duration_s=_RATE_SPAN_S)
+                self._find(source, SessionCode.HUB_CLOCK_STILL, duration_s=_RATE_SPAN_S)
             elif abs(measured_hz / rate_hz - 1.0) > _RATE_TOLERANCE:
                 self._find(
                     source,
-                    Code.HELLO_RATE_DIFFERS,
+                    SessionCode.HELLO_RATE_DIFFERS,
                     stated_hz=rate_hz,
                     measured_hz=measured_hz,
                     duration_s=_RATE_SPAN_S,
@@ -405,7 +410,7 @@ class StatementWatch:
         return name if len(self._links) == 1 else f"{link}, {name}"
 
     def _refusal(self) -> Notice:
-        reason = Reason(Code.WHEELS_REFUSED, count=self._limit.refused, most=MOST_WHEELS)
+        reason = Reason(SessionCode.WHEELS_REFUSED, count=self._limit.refused, most=MOST_WHEELS)
         return Notice("", reason, Level.WARNING)
 
 

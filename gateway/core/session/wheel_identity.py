@@ -9,7 +9,8 @@ import numpy as np
 from firmware_protocol.block_decoder import FrameBatch
 from firmware_protocol.messages import Environment, Hello, MessageType
 from gateway.core.config.vehicle import ASSUMED_RADIUS_MM, Tire, VehicleConfig, Wheel
-from gateway.core.reasons import Code, Level, Notice, Reason
+from gateway.core.reasons import Level, Notice, Reason
+from gateway.core.session.reasons import SessionCode
 from gateway.core.wheels.possible_readings import possible_reading
 
 _MOST_SENSORS: Final = 8
@@ -39,19 +40,20 @@ def misplaced_sensor(position: str, sensor_id: str, configured: Mapping[str, str
         return None
     owner = next((name for name, sensor in configured.items() if sensor == sensor_id), None)
     if owner is None:
-        return Reason(Code.SENSOR_REPLACED, sensor=sensor_id, expected=expected)
-    return Reason(Code.SENSOR_SWAPPED, sensor=sensor_id, owner=owner, position=position)
+        return Reason(SessionCode.SENSOR_REPLACED, sensor=sensor_id, expected=expected)
+    return Reason(SessionCode.SENSOR_SWAPPED, sensor=sensor_id, owner=owner, position=position)
 
 
 def unconfigured_wheel(vehicle: VehicleConfig | None) -> Reason:
     """Return what is assumed of a wheel that the configuration does not have."""
     radius_m = ASSUMED_RADIUS_MM * 1e-3
     if vehicle is None:
-        return Reason(Code.WHEEL_NOT_CONFIGURED, radius_m=radius_m)
+        return Reason(SessionCode.WHEEL_NOT_CONFIGURED, radius_m=radius_m)
     wheels = tuple(
-        Reason(Code.WHEEL_ADDRESS, position=wheel.position, hub=wheel.hub, wheel=wheel.wheel) for wheel in vehicle.wheel
+        Reason(SessionCode.WHEEL_ADDRESS, position=wheel.position, hub=wheel.hub, wheel=wheel.wheel)
+        for wheel in vehicle.wheel
     )
-    return Reason(Code.WHEEL_NOT_IN_CONFIGURATION, configured=wheels, radius_m=radius_m)
+    return Reason(SessionCode.WHEEL_NOT_IN_CONFIGURATION, configured=wheels, radius_m=radius_m)
 
 
 def configured(vehicle: VehicleConfig | None, position: str) -> Wheel | None:

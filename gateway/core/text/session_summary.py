@@ -18,7 +18,7 @@ from gateway.core.estimates.results import (
     WheelCounters,
     WheelSnapshot,
 )
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import CoreCode, Reason
 from gateway.core.revolutions.effect_correction import CorrectionTable
 from gateway.core.text.numbers import MISSING, age, duration, fixed, percent, show
 from gateway.core.text.readout import DISTANCE, SPEED
@@ -326,7 +326,7 @@ def _revolutions_note(wheel: WheelSummary) -> str:
 def _sink_line(sink: SinkSnapshot) -> str:
     """Return what a live output has published; the reason is given when it did not end as it should."""
     counts = f"{sink.sink}: {sink.published} published, {sink.dropped} dropped"
-    return counts if sink.note.code is Code.SINK_CLOSED else f"{counts}; {text(sink.note)}"
+    return counts if sink.note.code is CoreCode.SINK_CLOSED else f"{counts}; {text(sink.note)}"
 
 
 def _link_line(link: LinkSnapshot) -> str:

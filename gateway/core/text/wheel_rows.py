@@ -11,7 +11,7 @@ from gateway.core.estimates.estimator import Estimate, Status, TireConditions
 from gateway.core.estimates.results import RevolutionResult, WheelSnapshot
 from gateway.core.estimates.weighted_mean import MeanEstimate, WeightedMean, mean_estimate
 from gateway.core.quantity_catalogue import quantity_of
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Code, CoreCode, Reason
 from gateway.core.table_columns import RECORDING_HEAD, RECORDING_PARTS, RECORDING_TAIL
 from gateway.core.text.numbers import RENAMED, distinct_name
 from gateway.core.text.table_sinks import Cell
@@ -68,7 +68,7 @@ class _Quantity:
         reasons = self._reasons[status]
         doubts: list[Reason] = []
         if status is Status.VALID and mean.count < _LEAST_VALID_SHARE * self._revolutions:
-            doubts.append(Reason(Code.ROW_FEW_VALID, count=mean.count, of=self._revolutions))
+            doubts.append(Reason(CoreCode.ROW_FEW_VALID, count=mean.count, of=self._revolutions))
             doubts += [self._doubt_of[code] for code, _ in self._doubts.most_common(1)]
         status = Status.PROVISIONAL if doubts or (self._is_steady and mean.varies) else status
         reasons = (*doubts, *mean.reasons, *reasons)

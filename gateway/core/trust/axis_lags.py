@@ -21,9 +21,10 @@ from gateway.core.constants import AXIS_NAMES
 from gateway.core.estimates.results import Alarm, RevolutionResult
 from gateway.core.quantity import Basis
 from gateway.core.quantity_catalogue import quantity_of
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.revolutions.axis_relations import Lag
 from gateway.core.trust.qualification import provisional
+from gateway.core.trust.reasons import TrustCode
 
 ALARM: Final = "axis lag"
 """Name of the alarm of a wheel with an axis that is late as only this wheel's is."""
@@ -158,7 +159,7 @@ def _reason(axis: int, lags: list[_Lags], of_others: list[Lag | None], *, is_lat
     ):
         return None
     std_s = math.hypot(lag.std_s, mean.std_s)
-    return Reason(Code.AXIS_LATER_THAN_OTHERS, axis=AXIS_NAMES[axis], late_s=beyond_s, std_s=std_s)
+    return Reason(TrustCode.AXIS_LATER_THAN_OTHERS, axis=AXIS_NAMES[axis], late_s=beyond_s, std_s=std_s)
 
 
 def _are_apart(first: Lag, second: Lag, errors: float) -> bool:

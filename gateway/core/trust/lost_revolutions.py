@@ -9,24 +9,31 @@ from typing import Final
 from gateway.core.contacts.contact_timing import MOST_UNSEEN
 from gateway.core.estimates.determination import DETERMINED
 from gateway.core.estimates.estimator import OF_LOSS, Estimate, Revolution, Status
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.quantity_catalogue import quantities_of
 from gateway.core.reasons import Code
+from gateway.core.trust.reasons import TrustCode
 
 # They say what an error contains, and lower no status.
 _NOTES: Final = frozenset(
     {
-        Code.HUB_MOVES,
-        Code.LOADS_DISAGREE,
-        Code.SCALE_BY_WIDTH,
-        Code.STEADY_VALUE_DISAGREES,
-        Code.WEARS_DISAGREE,
-        Code.WIDTH_DISAGREES,
+        TrustCode.HUB_MOVES,
+        EstimateCode.LOADS_DISAGREE,
+        EstimateCode.SCALE_BY_WIDTH,
+        TrustCode.STEADY_VALUE_DISAGREES,
+        EstimateCode.WEARS_DISAGREE,
+        EstimateCode.WIDTH_DISAGREES,
     }
 )
 # Reasons by a limit of the standard error, and the standard errors by which a steady value moves about that limit: an
 # average follows its own noise within its memory, most of which both values of a comparison share.
 _NOT_DETERMINED: Final = frozenset(
-    {Code.NOT_DETERMINED, Code.FORCE_NOT_DETERMINED, Code.MODEL_ERROR_SHARE, Code.CORRELATED}
+    {
+        EstimateCode.NOT_DETERMINED,
+        TrustCode.FORCE_NOT_DETERMINED,
+        EstimateCode.MODEL_ERROR_SHARE,
+        EstimateCode.CORRELATED,
+    }
 )
 _CHANCE: Final = 0.5
 # Of an average whose memory is not declared.
@@ -107,8 +114,10 @@ class SteadyStatus:
     def _held(self, estimate: Estimate, before: Estimate, streak: float) -> Estimate:
         codes = {reason.code for reason in estimate.reasons}
         by_limit = _of_limit(estimate)
-        others = codes - {reason.code for reason in before.reasons} - by_limit - _NOTES - {Code.REVOLUTION_NOT_USED}
-        is_unused = Code.REVOLUTION_NOT_USED in codes
+        others = (
+            codes - {reason.code for reason in before.reasons} - by_limit - _NOTES - {EstimateCode.REVOLUTION_NOT_USED}
+        )
+        is_unused = EstimateCode.REVOLUTION_NOT_USED in codes
         # Without either, a reason that a valid value has as well lowers the status, by its size, or none is stated.
         if others or estimate.name != before.name or not (by_limit or is_unused):
             return estimate
@@ -126,9 +135,9 @@ class SteadyStatus:
 def _of_limit(estimate: Estimate) -> frozenset[Code]:
     """Return the codes of the reasons that say that a value is not determined, where it nearly is."""
     for reason in estimate.reasons:
-        if reason.code is Code.NOT_DETERMINED:
+        if reason.code is EstimateCode.NOT_DETERMINED:
             beyond = DETERMINED * _number(reason["relative_error"])
-        elif reason.code is Code.FORCE_NOT_DETERMINED:
+        elif reason.code is TrustCode.FORCE_NOT_DETERMINED:
             by_value = DETERMINED * estimate.std / abs(estimate.value) if estimate.value else math.inf
             beyond = min(_number(reason["share"]) / _number(reason["limit"]), by_value)
         else:

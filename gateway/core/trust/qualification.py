@@ -11,8 +11,9 @@ from gateway.core.estimates.estimator import Estimate, Revolution, Status, estim
 from gateway.core.estimates.wheel_setup import WheelSetup
 from gateway.core.quantity import Basis
 from gateway.core.quantity_catalogue import quantities_of, quantity_of
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.trust.lost_revolutions import SteadyStatus
+from gateway.core.trust.reasons import TrustCode
 from gateway.core.trust.sensor_limits import Doubt
 from gateway.core.trust.signal_evidence import Contradiction, Evidence, Subject
 
@@ -25,7 +26,7 @@ _UNSEEN: Final = (Basis.LOAD, Basis.PRESSURE)
 # Lag of an average over its change within its memory. A mean of all is behind by half of a steady drift, an exponential
 # one by all of it.
 _LAG: Final = 0.7
-_SIGN_UNVERIFIED: Final = Reason(Code.LATERAL_SIGN_UNVERIFIED)
+_SIGN_UNVERIFIED: Final = Reason(TrustCode.LATERAL_SIGN_UNVERIFIED)
 
 
 class Qualification:
@@ -124,7 +125,7 @@ def qualified(
         rules: those that apply.
     """
     if uncorrected is not None:
-        why = Reason(Code.EFFECTS_NOT_SUBTRACTED, why=uncorrected)
+        why = Reason(TrustCode.EFFECTS_NOT_SUBTRACTED, why=uncorrected)
         estimates = provisional_where(estimates, Basis.WAVEFORM, why)
     if evidence.says_anything:
         estimates = tuple(evidence.qualified(estimate) for estimate in estimates)
@@ -211,8 +212,8 @@ def _beyond(estimate: Estimate) -> Reason | None:
     quantity = quantity_of(estimate.name)
     name = quantity.label or quantity.name
     if not estimate.std > 0.0:
-        return Reason(Code.NOT_POSSIBLE_AT_ALL, quantity=name)
-    return Reason(Code.NOT_POSSIBLE, quantity=name, errors=beyond / estimate.std)
+        return Reason(TrustCode.NOT_POSSIBLE_AT_ALL, quantity=name)
+    return Reason(TrustCode.NOT_POSSIBLE, quantity=name, errors=beyond / estimate.std)
 
 
 def provisional(estimate: Estimate, why: Reason, share: float = 0.0) -> Estimate:

@@ -24,11 +24,13 @@ from gateway.core.estimates.disagreement import CONTRADICTION
 from gateway.core.estimates.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
 from gateway.core.estimates.lost_steady_value import LostSteadyValue, SteadyValueCheck
 from gateway.core.estimates.pace import is_due
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.revolution_block import BlockEstimator, RevolutionBlock, measured_shares
 from gateway.core.estimates.sensor_claims import HAND_MOUNTED_STD_M, Tilt
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.revolutions.axis_relations import AxisRelations, axis_relations
 from gateway.core.revolutions.contact_edges import contact_interior
+from gateway.core.revolutions.reasons import RevolutionCode
 from gateway.core.revolutions.sensor_mounting import (
     HUB_SIZE,
     MOUNTING_SIZE,
@@ -41,6 +43,7 @@ from gateway.core.revolutions.sensor_mounting import (
     offset_by_yaw_m,
 )
 from gateway.core.revolutions.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS
+from gateway.core.trust.reasons import TrustCode
 from gateway.core.types import BoolArray, ComplexArray, FloatArray
 
 NAMES: Final = (
@@ -376,11 +379,11 @@ class SelfCalibrationEstimator(BlockEstimator):
         """Take the belt's shape from the average; return why the average is not usable, None when it is."""
         average, conditions = block.averages.at(index), block.conditions[index]
         if not np.isfinite(average.radial_mps2).all():
-            return Reason(Code.AXIS_NOT_FINITE, axis=AXIS_NAMES[_RADIAL])
+            return Reason(RevolutionCode.AXIS_NOT_FINITE, axis=AXIS_NAMES[_RADIAL])
         if not float(average.radial_mps2.mean()) > 0.0:
-            return Reason(Code.NO_STEADY_VALUE)
+            return Reason(EstimateCode.NO_STEADY_VALUE)
         if not math.isfinite(float(average.orders_std_mps2[1])):
-            return Reason(Code.AVERAGE_ERRORS_UNKNOWN)
+            return Reason(TrustCode.AVERAGE_ERRORS_UNKNOWN)
         self._ratio = self._offset_ratio(conditions)
         self._centre_rad = 0.5 * (average.trailing_edge_rad + average.leading_edge_rad)
         self._scatter_mps2 = max(float(average.orders_std_mps2[1]) * math.sqrt(average.effective_count), 1e-3)
@@ -712,12 +715,12 @@ def _mounting_estimates(conditions: TireConditions, step: _Step, unsure: float) 
     value, std = step.offset
     offset = _estimate(NAMES[5], _Measurement(value, math.hypot(std, unsure * value)) if unsure else step.offset, doubt)
     if step.against:
-        offset = offset._replace(reasons=(*offset.reasons, Reason(Code.AXIS_AGAINST_ROLLING, axis=_ALONG_NAME)))
+        offset = offset._replace(reasons=(*offset.reasons, Reason(TrustCode.AXIS_AGAINST_ROLLING, axis=_ALONG_NAME)))
     stated_m, stated_std_m = conditions.claims.offset_m, conditions.claims.offset_std_m
     if stated_m is not None and abs(stated_m - step.offset.value) > 3.0 * math.hypot(stated_std_m, step.offset.std):
         is_worse = offset.status is Status.VALID and step.offset.std > _SEPARATED * stated_std_m
         status = Status.PROVISIONAL if is_worse else offset.status
-        other = Reason(Code.OTHER_OFFSET_STATED, stated_m=stated_m)
+        other = Reason(TrustCode.OTHER_OFFSET_STATED, stated_m=stated_m)
         offset = offset._replace(status=status, reasons=(*offset.reasons, other))
     return _estimate(NAMES[4], step.pitch, doubt), offset
 
@@ -729,40 +732,42 @@ def _why_without(step: _Step) -> Reason:
         return gravity_absent(gravity)
     if step.has_along:
         # The acceleration is not known in the first revolution, so the axis says nothing of the mounting yet.
-        return Reason(Code.NEEDS_REVOLUTIONS, needed=step.revolutions + 1.0, count=float(step.revolutions))
-    return Reason(Code.AXIS_MISSING, axis=_ALONG_NAME)
+        return Reason(TrustCode.NEEDS_REVOLUTIONS, needed=step.revolutions + 1.0, count=float(step.revolutions))
+    return Reason(TrustCode.AXIS_MISSING, axis=_ALONG_NAME)
 
 
 def gravity_absent(gravity: AlongGravity) -> Reason:
     """Return the statement that the circumferential axis does not turn in gravity."""
-    return Reason(Code.GRAVITY_ABSENT, axis=_ALONG_NAME, share=abs(gravity.share), std=gravity.std)
+    return Reason(TrustCode.GRAVITY_ABSENT, axis=_ALONG_NAME, share=abs(gravity.share), std=gravity.std)
 
 
 def steady_value_lost(lost: LostSteadyValue) -> Reason:
     """Return the statement that the sensor is not DC-coupled as stated."""
-    return Reason(Code.COUPLING_CONTRADICTED, share=lost.share, std=lost.std)
+    return Reason(TrustCode.COUPLING_CONTRADICTED, share=lost.share, std=lost.std)
 
 
 def zero_contradicted(value_mps2: float, std_mps2: float, stated_std_mps2: float) -> Reason | None:
     """Return that a measured zero-g offset of the radial axis contradicts its statement; None where it does not."""
     if abs(value_mps2) <= CONTRADICTION * math.hypot(std_mps2, stated_std_mps2):
         return None
-    return Reason(Code.ZERO_CONTRADICTED, zero_mps2=value_mps2, std_mps2=std_mps2, stated_std_mps2=stated_std_mps2)
+    return Reason(TrustCode.ZERO_CONTRADICTED, zero_mps2=value_mps2, std_mps2=std_mps2, stated_std_mps2=stated_std_mps2)
 
 
 def _roll_estimate(
     revolution: Revolution, conditions: TireConditions, step: _Step, roll: _Measurement | None
 ) -> Estimate:
     if roll is None:
-        lost = Reason(Code.AC_COUPLED) if revolution.ac_coupled else None
-        return Estimate.invalid(NAMES[3], step.refused or lost or Reason(Code.AXIS_MISSING, axis=AXIS_NAMES[_LATERAL]))
+        lost = Reason(TrustCode.AC_COUPLED) if revolution.ac_coupled else None
+        return Estimate.invalid(
+            NAMES[3], step.refused or lost or Reason(TrustCode.AXIS_MISSING, axis=AXIS_NAMES[_LATERAL])
+        )
     roll_rad, roll_std_rad = roll
     mixed = 0.0 if step.measured is None else step.measured.tilt.mixed
     by_gains = math.sqrt(2.0) * conditions.claims.gain_std * roll_rad
     widened = _Measurement(roll_rad, math.hypot(roll_std_rad, by_gains, mixed))
     doubt = step.refused or _unsettled(step)
     if doubt is None and roll_std_rad > _ROLL_SEPARATED_RAD:
-        doubt = Reason(Code.NEEDS_TWO_SPEEDS, quantity="roll tilt")
+        doubt = Reason(TrustCode.NEEDS_TWO_SPEEDS, quantity="roll tilt")
     return _estimate(NAMES[3], widened, doubt)
 
 
@@ -771,14 +776,14 @@ def _gain_estimates(
 ) -> tuple[Estimate, Estimate, Estimate]:
     refused = step.refused
     if revolution.ac_coupled:
-        lost = Reason(Code.AC_COUPLED)
+        lost = Reason(TrustCode.AC_COUPLED)
         gain = step.floor
         if gain is None or refused is not None:
-            gain = Estimate.invalid(NAMES[0], refused or Reason(Code.NO_CONTACT))
+            gain = Estimate.invalid(NAMES[0], refused or Reason(RevolutionCode.NO_CONTACT))
         return gain, Estimate.invalid(NAMES[1], lost), Estimate.invalid(NAMES[2], lost)
     information = step.sums[_MATRIX].reshape(4, 4)
     if not information[0, 0] > 0.0:
-        reason = refused or Reason(Code.NO_REVOLUTION_YET)
+        reason = refused or Reason(TrustCode.NO_REVOLUTION_YET)
         first, second, third = (Estimate.invalid(name, reason) for name in NAMES[:3])
         return first, second, third
     stds = np.array(_PRIOR_STDS)
@@ -795,7 +800,7 @@ def _gain_estimates(
         float(present @ covariance @ present) + float(present @ steady) ** 2 + (gain_value * radius) ** 2
     )
     doubt = refused or _unsettled(step)
-    one_speed = Reason(Code.NEEDS_TWO_SPEEDS, quantity="gain")
+    one_speed = Reason(TrustCode.NEEDS_TWO_SPEEDS, quantity="gain")
     together = errors[1] > _SEPARATED * _PRIOR_STDS[1]
     if not together:
         gain_std = math.hypot(gain_std, by_speed.gain)
@@ -804,7 +809,7 @@ def _gain_estimates(
     return (
         _estimate(NAMES[0], _Measurement(gain_value, gain_std), doubt or (one_speed if together else None)),
         Estimate.invalid(NAMES[1], one_speed) if together else _estimate(NAMES[1], zero, doubt or other_zero),
-        Estimate.invalid(NAMES[2], Reason(Code.NEEDS_TEMPERATURE_CHANGE))
+        Estimate.invalid(NAMES[2], Reason(TrustCode.NEEDS_TEMPERATURE_CHANGE))
         if errors[2] > _SEPARATED * _PRIOR_STDS[2]
         else _estimate(NAMES[2], _Measurement(float(change[2]), float(errors[2])), doubt),
     )
@@ -813,7 +818,7 @@ def _gain_estimates(
 def _unsettled(step: _Step) -> Reason | None:
     if step.revolutions >= _LEAST_REVOLUTIONS:
         return None
-    return Reason(Code.NOT_SETTLED, revolutions=step.revolutions, needed=_LEAST_REVOLUTIONS)
+    return Reason(EstimateCode.NOT_SETTLED, revolutions=step.revolutions, needed=_LEAST_REVOLUTIONS)
 
 
 class SpeedErrors(NamedTuple):
@@ -845,13 +850,13 @@ def speed_errors(equations: Equations) -> SpeedErrors:
 def _refused(revolution: Revolution, conditions: TireConditions) -> Reason | None:
     """Return why a revolution must not be used; None when it may be."""
     if revolution.faults or revolution.saturated:
-        return not_used(revolution.faults or (Reason(Code.RADIAL_SATURATED),))
+        return not_used(revolution.faults or (Reason(EstimateCode.RADIAL_SATURATED),))
     if not math.isfinite(revolution.orders_mps2[0].real):
-        return Reason(Code.AXIS_NOT_FINITE, axis=AXIS_NAMES[_RADIAL])
+        return Reason(RevolutionCode.AXIS_NOT_FINITE, axis=AXIS_NAMES[_RADIAL])
     if not conditions.radius_m > 0.0:
-        return Reason(Code.SPEED_OR_RADIUS_UNKNOWN)
+        return Reason(EstimateCode.SPEED_OR_RADIUS_UNKNOWN)
     if not math.isfinite(revolution.trailing_edge_rad - revolution.leading_edge_rad):
-        return Reason(Code.NO_CONTACT_EDGES)
+        return Reason(EstimateCode.NO_CONTACT_EDGES)
     return None
 
 
@@ -859,17 +864,17 @@ def _floor_gain(average: AngleAverage, conditions: TireConditions) -> Estimate:
     """Return the gain of an AC-coupled sensor from the depth of the contact below the mean."""
     interior = contact_interior(average.radial_mps2, 2.0 * average.radial_mps2.shape[0])
     if interior is None:
-        return Estimate.invalid(NAMES[0], Reason(Code.NO_CONTACT))
+        return Estimate.invalid(NAMES[0], Reason(RevolutionCode.NO_CONTACT))
     steady = conditions.radius_m * average.omega_radps**2
     depth = float(average.radial_mps2.mean() - average.radial_mps2[interior].mean()) / steady
     gain = depth / (1.0 - _CONTACT_LEVEL[0])
     std = gain * math.hypot(_CONTACT_LEVEL[1], conditions.radius_std_m / conditions.radius_m)
-    return Estimate(NAMES[0], gain, std, Status.PROVISIONAL, (Reason(Code.FLAT_CONTACT_ASSUMED),))
+    return Estimate(NAMES[0], gain, std, Status.PROVISIONAL, (Reason(TrustCode.FLAT_CONTACT_ASSUMED),))
 
 
 def _estimate(name: str, measurement: _Measurement, doubt: Reason | None) -> Estimate:
     if not (math.isfinite(measurement.value) and math.isfinite(measurement.std)):
-        return Estimate.invalid(name, doubt or Reason(Code.NOT_FINITE))
+        return Estimate.invalid(name, doubt or Reason(TrustCode.NOT_FINITE))
     if doubt is not None:
         return Estimate(name, measurement.value, measurement.std, Status.PROVISIONAL, (doubt,))
     return Estimate(name, measurement.value, measurement.std, Status.VALID)

@@ -12,7 +12,8 @@ from firmware_protocol.messages import Axis, Environment
 from gateway.core.constants import AXIS_NAMES, STANDARD_ATMOSPHERE_PA, ZERO_CELSIUS_K
 from gateway.core.estimates.estimator import Revolution
 from gateway.core.estimates.results import SensorFlag
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
+from gateway.core.trust.reasons import TrustCode
 from gateway.core.types import FloatArray
 
 # A channel that stays at one count for this long does not measure: electrical noise alone would move it.
@@ -238,7 +239,7 @@ class SensorHealth:
         if self._ringing is None:
             return None
         frequency_hz, share = self._ringing
-        return Reason(Code.SENSOR_LOOSE, frequency_hz=frequency_hz, share=share)
+        return Reason(TrustCode.SENSOR_LOOSE, frequency_hz=frequency_hz, share=share)
 
     def flags(self) -> tuple[SensorFlag, ...]:
         """Return the present faults."""
@@ -246,26 +247,30 @@ class SensorHealth:
 
     def _flags(self) -> Iterator[SensorFlag]:
         if self._still and len(self._still) == len(self._columns) and not any(value for _, value in self._still):
-            yield SensorFlag("dead", Reason(Code.SENSOR_DEAD))
+            yield SensorFlag("dead", Reason(TrustCode.SENSOR_DEAD))
         elif self._still:
-            axes = tuple(Reason(Code.AXIS_READS, axis=AXIS_NAMES[axis], counts=value) for axis, value in self._still)
-            yield SensorFlag("stuck", Reason(Code.SENSOR_STUCK, duration_s=_WINDOW_S, axes=axes))
+            axes = tuple(
+                Reason(TrustCode.AXIS_READS, axis=AXIS_NAMES[axis], counts=value) for axis, value in self._still
+            )
+            yield SensorFlag("stuck", Reason(TrustCode.SENSOR_STUCK, duration_s=_WINDOW_S, axes=axes))
         if self._is_dc and not self._still:
             yield from self._mounting()
         if (loose := self.doubt()) is not None:
             yield SensorFlag("loose", loose)
         if self._pressure_error_pa:
             low, high = self._temperatures
-            frozen = Reason(Code.PRESSURE_FROZEN, temperature_change_k=high - low, error_pa=self._pressure_error_pa)
+            frozen = Reason(
+                TrustCode.PRESSURE_FROZEN, temperature_change_k=high - low, error_pa=self._pressure_error_pa
+            )
             yield SensorFlag("pressure frozen", frozen)
 
     def _mounting(self) -> Iterator[SensorFlag]:
         tilt = tilt_rad(self._mean)
         if tilt is not None:
             axis, angle = tilt
-            yield SensorFlag("mounting", Reason(Code.SENSOR_TILTED, axis=AXIS_NAMES[axis], tilt_rad=angle))
+            yield SensorFlag("mounting", Reason(TrustCode.SENSOR_TILTED, axis=AXIS_NAMES[axis], tilt_rad=angle))
         elif self._mean[Axis.RADIAL] < -_LEAST_MEAN_MPS2:
-            yield SensorFlag("mounting", Reason(Code.SENSOR_FLIPPED))
+            yield SensorFlag("mounting", Reason(TrustCode.SENSOR_FLIPPED))
 
 
 def _averaged(average: FloatArray, fresh: FloatArray) -> FloatArray:

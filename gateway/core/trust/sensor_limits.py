@@ -23,7 +23,8 @@ from firmware_protocol.messages import Axis, Hello
 from gateway.core.estimates.estimator import Revolution
 from gateway.core.estimates.sensor_claims import CORNER_TOLERANCE
 from gateway.core.quantity import Basis
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
+from gateway.core.trust.reasons import TrustCode
 
 # Of the wheel's frequency: two poles at 60 lengthen the contact by 2 %; a corner at 0.12 that is not undone raises Ts
 # by 2 %.
@@ -59,19 +60,19 @@ def narrow_band(bandwidth_hz: float | None, wheel_hz: float) -> Reason | None:
     """Return why a band is too narrow, None where it is not or is not known; `wheel_hz` is positive."""
     if bandwidth_hz is None or bandwidth_hz >= _LEAST_BAND * wheel_hz:
         return None
-    return Reason(Code.SENSOR_BAND, ratio=bandwidth_hz / wheel_hz)
+    return Reason(TrustCode.SENSOR_BAND, ratio=bandwidth_hz / wheel_hz)
 
 
 def high_corner(highpass_hz: float | None, wheel_hz: float) -> Reason | None:
     """Return why the corner of an AC coupling is too high, None where it is not or is not known."""
     if highpass_hz is None or highpass_hz <= _LARGEST_AC_CORNER * wheel_hz:
         return None
-    return Reason(Code.SENSOR_AC_CORNER, ratio=highpass_hz / wheel_hz)
+    return Reason(TrustCode.SENSOR_AC_CORNER, ratio=highpass_hz / wheel_hz)
 
 
 def coarse_steps(step_mps2: float, noise_mps2: float) -> Reason | None:
     """Return why steps are too coarse, None where noise of this standard deviation blurs them."""
-    return Reason(Code.SENSOR_STEPS, step_mps2=step_mps2) if step_mps2 > _STEPS_OF_NOISE * noise_mps2 else None
+    return Reason(TrustCode.SENSOR_STEPS, step_mps2=step_mps2) if step_mps2 > _STEPS_OF_NOISE * noise_mps2 else None
 
 
 def step_counts(counts: NDArray[np.int16]) -> float:

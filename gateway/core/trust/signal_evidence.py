@@ -29,7 +29,8 @@ from gateway.core.estimates.lost_steady_value import LostSteadyValue
 from gateway.core.estimates.sensor_claims import UNKNOWN_OFFSET_STD_M, SensorClaims, Tilt
 from gateway.core.quantity import Basis
 from gateway.core.quantity_catalogue import LARGEST_ZERO_MPS2, quantity_of
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
+from gateway.core.trust.reasons import TrustCode
 from gateway.core.trust.self_calibration import (
     GREATEST_MEAN_SQUARE,
     OFFSET_MODEL_M,
@@ -229,14 +230,14 @@ class Evidence(NamedTuple):
         for contradiction in self.contradictions:
             effect = contradiction.effect_on(estimate)
             if math.isnan(effect):
-                reasons.append(Reason(Code.ERROR_COVERS, why=contradiction.reason))
+                reasons.append(Reason(TrustCode.ERROR_COVERS, why=contradiction.reason))
             elif effect > _UNBOUNDED:
-                reasons.append(Reason(Code.NOTHING_FOLLOWS, why=contradiction.reason))
+                reasons.append(Reason(TrustCode.NOTHING_FOLLOWS, why=contradiction.reason))
                 worst = effect
             elif effect * abs(estimate.value - quantity_of(estimate.name).origin) > _NEGLIGIBLE * estimate.std or (
                 effect and math.isnan(estimate.std)
             ):
-                reasons.append(Reason(Code.MAY_CHANGE_BY, effect=effect, why=contradiction.reason))
+                reasons.append(Reason(TrustCode.MAY_CHANGE_BY, effect=effect, why=contradiction.reason))
                 worst = max(worst, effect)
         if worst > _INVALID_FROM:
             return Estimate.invalid(estimate.name, *reasons)
@@ -254,7 +255,7 @@ class Evidence(NamedTuple):
         if self.disagreement is not None and quantity.is_radius_times_angle:
             notes.append(self.disagreement)
         if not self.offset_is_known and Basis.OFFSET in quantity.rests_on:
-            notes.append(Reason(Code.OFFSET_UNKNOWN, std_m=self.sensor_offset_std_m))
+            notes.append(Reason(TrustCode.OFFSET_UNKNOWN, std_m=self.sensor_offset_std_m))
         if self.hub_motion is not None and Basis.HUB in quantity.rests_on:
             notes.append(self.hub_motion)
         return notes
@@ -340,7 +341,7 @@ def assess(
             gain_std = math.hypot(gain_std, unsure)
             offset_error = unsure
             if unsure > radius_std:
-                disagreement = Reason(Code.STEADY_VALUE_DISAGREES, ratio=ratio.value, std=tolerance, error=unsure)
+                disagreement = Reason(TrustCode.STEADY_VALUE_DISAGREES, ratio=ratio.value, std=tolerance, error=unsure)
         for contradiction in contradictions:
             changed = contradiction.ratios.get(Basis.GAIN, 1.0)
             gain_std = max(gain_std, abs(changed - 1.0))
@@ -379,7 +380,7 @@ def assess(
         unsure=unsure,
         disagreement=disagreement,
         hub_mps2=hub_mps2,
-        hub_motion=Reason(Code.HUB_MOVES, amplitude_mps2=2.0 * hub_mps2)
+        hub_motion=Reason(TrustCode.HUB_MOVES, amplitude_mps2=2.0 * hub_mps2)
         if is_settled and hub_mps2 > _NOTABLE_HUB * steady_mps2
         else None,
         roll_std_rad=0.0 if measured is None else _roll_std(measured, claims),
@@ -445,13 +446,13 @@ def _related(measured: Measured, steady_mps2: float, radius_m: float) -> Iterato
     relations, omega_radps = measured.relations, math.sqrt(steady_mps2 / radius_m)
     if relations.is_swapped:
         ratios = {Basis.AXES: _OF_ANOTHER_AXIS, Basis.ALONG: _OF_ANOTHER_AXIS}
-        yield Contradiction(Subject.AXES, Reason(Code.AXES_SWAPPED), ratios)
+        yield Contradiction(Subject.AXES, Reason(TrustCode.AXES_SWAPPED), ratios)
     for axis, late_rad, basis in (
         ("circumferential", relations.circumferential_late_rad, Basis.ALONG),
         ("lateral", relations.lateral_late_rad, Basis.AXES),
     ):
         if late_rad:
-            reason = Reason(Code.AXIS_LATE, axis=axis, late_s=late_rad / omega_radps)
+            reason = Reason(TrustCode.AXIS_LATE, axis=axis, late_s=late_rad / omega_radps)
             yield Contradiction(Subject.TIMING, reason, {basis: _OF_ANOTHER_AXIS})
 
 
@@ -480,7 +481,7 @@ def _offset(
         both = _weighted(stated, by_signal)
         return both.value, both.std, True
     reason = Reason(
-        Code.OFFSET_CONTRADICTED,
+        TrustCode.OFFSET_CONTRADICTED,
         stated_m=stated.value,
         stated_std_m=stated.std,
         offset_m=by_signal.value,
@@ -595,7 +596,7 @@ def _gravity_contradiction(gain: _Value | None, gain_std: float) -> Contradictio
     limit = max(_GRAVITY_ALONE * math.hypot(gain.std, gain_std), _LEAST_GRAVITY_ERROR)
     if abs(gain.value - 1.0) <= limit:
         return None
-    reason = Reason(Code.GRAVITY_CONTRADICTED, gain=gain.value, std=gain.std)
+    reason = Reason(TrustCode.GRAVITY_CONTRADICTED, gain=gain.value, std=gain.std)
     ratio = max(gain.value, 0.1)
     # The steady value has the right size, so radius or rate make up for the gain.
     ratios = {Basis.GAIN: ratio, Basis.RADIUS: 1.0 / ratio, Basis.RATE: ratio**-0.5}
@@ -607,13 +608,13 @@ def _steady_contradiction(
 ) -> Contradiction:
     """Return the contradiction of the steady value, with its possible causes, the likeliest first."""
     possible = sorted(_causes(measured, conditions, ratio, by_gain, depth), key=lambda cause: cause.errors)
-    reasons = tuple(cause.reason for cause in possible) or (Reason(Code.NO_SINGLE_CAUSE),)
+    reasons = tuple(cause.reason for cause in possible) or (Reason(TrustCode.NO_SINGLE_CAUSE),)
     ratios = {cause.cause: cause.ratio for cause in reversed(possible)}
     if not ratios:
         # Several statements are wrong, any of these three among them.
         value = max(ratio.value, 0.1)
         ratios = {Basis.RADIUS: value, Basis.RATE: math.sqrt(value), Basis.GAIN: value}
-    reason = Reason(Code.STEADY_VALUE_CONTRADICTED, ratio=ratio.value, std=by_gain, causes=reasons)
+    reason = Reason(TrustCode.STEADY_VALUE_CONTRADICTED, ratio=ratio.value, std=by_gain, causes=reasons)
     return Contradiction(Subject.STEADY, reason, ratios)
 
 
@@ -643,15 +644,15 @@ def _causes(
         units = [
             _Possible(_UNIT_ERRORS, Basis.GAIN, factor, Reason(code))
             for factor, code in (
-                (STANDARD_GRAVITY_MPS2, Code.UNIT_IS_MPS2),
-                (1.0 / STANDARD_GRAVITY_MPS2, Code.UNIT_IS_G),
+                (STANDARD_GRAVITY_MPS2, TrustCode.UNIT_IS_MPS2),
+                (1.0 / STANDARD_GRAVITY_MPS2, TrustCode.UNIT_IS_G),
             )
             if abs(value - factor) <= tolerance
         ]
         yield from units
         if value > 0.0 and not units:
             errors = abs(math.log(value)) / max(claims.gain_std, 1e-6)
-            yield _Possible(errors, Basis.GAIN, value, Reason(Code.GAIN_WOULD_FIT, gain=value))
+            yield _Possible(errors, Basis.GAIN, value, Reason(TrustCode.GAIN_WOULD_FIT, gain=value))
     if not gravity_allows(1.0):
         return
     if value > 0.0:
@@ -664,17 +665,17 @@ def _causes(
             _RATIO_ERRORS if is_near else _OTHER_RATE_ERRORS,
             Basis.RATE,
             rate,
-            Reason(Code.RATE_WOULD_FIT, rate_hz=rate * stated_hz, stated_hz=stated_hz),
+            Reason(TrustCode.RATE_WOULD_FIT, rate_hz=rate * stated_hz, stated_hz=stated_hz),
         )
         if is_near and near in _MISSED_CONTACTS:
-            missed = Reason(Code.CONTACTS_MISSED, every=near)
+            missed = Reason(TrustCode.CONTACTS_MISSED, every=near)
             yield _Possible(_MISSED_ERRORS, Basis.RATE, rate, missed)
         radius_m = conditions.radius_m * value
         if _RADII_M[0] <= radius_m <= _RADII_M[1]:
             errors = abs(math.log(value)) / max(conditions.radius_std_m / conditions.radius_m, 1e-6)
-            fits = Reason(Code.RADIUS_WOULD_FIT, radius_m=radius_m, stated_m=conditions.radius_m)
+            fits = Reason(TrustCode.RADIUS_WOULD_FIT, radius_m=radius_m, stated_m=conditions.radius_m)
             yield _Possible(errors, Basis.RADIUS, value, fits)
     zero_mps2 = (value - 1.0) * measured.steady_mps2
     if not measured.ac_coupled and abs(zero_mps2) <= LARGEST_ZERO_MPS2:
         errors = abs(zero_mps2) / max(claims.zero_g_std_mps2, 1e-6)
-        yield _Possible(errors, Basis.ZERO, math.nan, Reason(Code.ZERO_WOULD_FIT, zero_mps2=zero_mps2))
+        yield _Possible(errors, Basis.ZERO, math.nan, Reason(TrustCode.ZERO_WOULD_FIT, zero_mps2=zero_mps2))

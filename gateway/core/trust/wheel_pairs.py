@@ -28,10 +28,11 @@ from gateway.core.estimates.estimator import Status
 from gateway.core.estimates.results import Alarm, RevolutionResult
 from gateway.core.quantity import Basis
 from gateway.core.quantity_catalogue import declared
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.trust.axis_lags import ALARM as AXIS_LAG
 from gateway.core.trust.axis_lags import AxisLags
 from gateway.core.trust.qualification import provisional_where
+from gateway.core.trust.reasons import TrustCode
 from gateway.core.trust.signal_evidence import Contradiction, Evidence, Subject
 from gateway.core.wheel_position import right_of
 
@@ -97,12 +98,12 @@ class _Verdict(NamedTuple):
         return self.opposite > 0, math.isfinite(self.ratio)
 
     def reason_of_slip(self, other: str) -> Reason:
-        return Reason(Code.LATERAL_SLIP_APART, other=other, opposite=self.opposite, same=self.same)
+        return Reason(TrustCode.LATERAL_SLIP_APART, other=other, opposite=self.opposite, same=self.same)
 
     def contradiction(self, other: str, *, is_right: bool) -> Contradiction:
         """Return the contradiction of the speeds at one of the wheels, were its radius or rate the wrong one."""
         ratio = 1.0 / self.ratio if is_right else self.ratio
-        reason = Reason(Code.WHEELS_ROLL_APART, other=other, ratio=1.0 / ratio, std=self.std)
+        reason = Reason(TrustCode.WHEELS_ROLL_APART, other=other, ratio=1.0 / ratio, std=self.std)
         return Contradiction(Subject.WHEEL_SPEED, reason, {Basis.RADIUS: ratio, Basis.RATE: ratio})
 
 

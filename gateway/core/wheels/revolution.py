@@ -13,8 +13,9 @@ from firmware_protocol.wire import MAX_SATURATION_COUNTS
 from gateway.core.contacts.contact_timing import TimedPair
 from gateway.core.contacts.segmenter import ContactPair
 from gateway.core.estimates.estimator import OF_LOSS, Revolution
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.revolution_block import LEAST_MEASURED, RevolutionArrays
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.revolutions.angle_resampling import (
     GRID_SIZE,
     MARGIN_SAMPLES,
@@ -36,6 +37,7 @@ from gateway.core.revolutions.order_spectrum import (
 from gateway.core.revolutions.speed_normalisation import normalise_revolutions
 from gateway.core.types import ComplexArray, FloatArray
 from gateway.core.wheels.gap_filling import GapFilling, angles_in_gaps
+from gateway.core.wheels.reasons import WheelCode
 from gateway.core.wheels.sample_buffer import SampleBuffer
 
 # Revolutions worked on at once; more no longer fit into the processor's cache.
@@ -230,7 +232,7 @@ def _in_angle(
             inside = angles_in_gaps(_gaps(timed_revolution, buffer), phase, GRID_SIZE) if lost else None
             state = timed_revolution.sign, timed_revolution.contribution_mps2 is None
             is_usable = filling.take(row, omega_radps, inside, state, timed_revolution.start_s)
-        faults.append(against if is_usable else (Reason(Code.SAMPLES_LOST), *against))
+        faults.append(against if is_usable else (Reason(EstimateCode.SAMPLES_LOST), *against))
         missing.append(lost / phase.samples if lost else 0.0)
         saturated.append(is_saturated)
     radial[:] = normalise_revolutions(
@@ -343,17 +345,17 @@ def _faults(revolution: TimedRevolution, damaged: bool, saturated: bool, clipped
     faults = []
     pair, timed = revolution.pair, revolution.timed
     if pair.start.predicted or pair.end.predicted:
-        faults.append(Reason(Code.CONTACT_INTERPOLATED))
+        faults.append(Reason(EstimateCode.CONTACT_INTERPOLATED))
     if damaged and all(map(math.isfinite, _refined_edges(timed))):
-        faults.append(Reason(Code.CONTACT_NOT_SEEN))
+        faults.append(Reason(EstimateCode.CONTACT_NOT_SEEN))
     if revolution.turns > 1:
-        faults.append(Reason(Code.SEVERAL_TURNS, turns=float(revolution.turns)))
+        faults.append(Reason(WheelCode.SEVERAL_TURNS, turns=float(revolution.turns)))
     if revolution.missing_samples > 0.0:
-        faults.append(Reason(Code.SAMPLES_LOST_UNMARKED, count=revolution.missing_samples))
+        faults.append(Reason(WheelCode.SAMPLES_LOST_UNMARKED, count=revolution.missing_samples))
     elif revolution.missing_samples < 0.0:
-        faults.append(Reason(Code.SAMPLES_REPEATED_UNMARKED, count=-revolution.missing_samples))
+        faults.append(Reason(WheelCode.SAMPLES_REPEATED_UNMARKED, count=-revolution.missing_samples))
     if saturated:
-        faults.append(Reason(Code.RADIAL_SATURATED))
+        faults.append(Reason(EstimateCode.RADIAL_SATURATED))
     if clipped:
-        faults.append(Reason(Code.RADIAL_CLIPPED))
+        faults.append(Reason(WheelCode.RADIAL_CLIPPED))
     return tuple(faults)

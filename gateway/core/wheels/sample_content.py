@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from firmware_protocol.messages import Axis, Coupling, Hello
 from gateway.core.constants import AXIS_NAMES
 from gateway.core.reasons import Code, Value
+from gateway.core.wheels.reasons import WheelCode
 
 # One block in 32 is looked at, by a multiplicative hash of its first sample (2^32 over the golden ratio).
 _HASH: Final = 2_654_435_761
@@ -76,7 +77,7 @@ def _contradictions(hello: Hello, blocks: Sequence[NDArray[np.int16]]) -> tuple[
     # Words of 8 bits in the upper byte look swapped and are not.
     varied = int(np.bitwise_or.reduce(counts, axis=None)) & 0xFF
     if varied and (swapped > 0).all() and (as_sent > _SWAPPED_RATIO * swapped).all():
-        return ((Code.SAMPLES_BYTES_SWAPPED, {"ratio": float((as_sent / swapped).min())}),)
+        return ((WheelCode.SAMPLES_BYTES_SWAPPED, {"ratio": float((as_sent / swapped).min())}),)
     if hello.coupling != Coupling.AC or 0.0 < hello.highpass_hz < _LOWEST_CORNER_HZ:
         return ()
     axes = [axis for axis in Axis if hello.axes >> axis & 1]
@@ -87,7 +88,7 @@ def _contradictions(hello: Hello, blocks: Sequence[NDArray[np.int16]]) -> tuple[
     if steady[worst] < max(_STEADY_MPS2, _STEADY_SHARE * span) or span < _LEAST_SPAN * steady[worst]:
         return ()
     values: dict[str, Value] = {"axis": AXIS_NAMES[axes[worst]], "steady_mps2": float(steady[worst])}
-    return ((Code.HELLO_AC_WITH_STEADY_VALUE, values),)
+    return ((WheelCode.HELLO_AC_WITH_STEADY_VALUE, values),)
 
 
 def _steps(counts: NDArray[np.int16], last: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -19,7 +19,7 @@ from gateway.core.estimates.revolution_block import BlockEstimator, RevolutionAr
 from gateway.core.estimates.wheel_setup import WheelSetup
 from gateway.core.quantity import Basis
 from gateway.core.quantity_catalogue import rests_on_times_alone
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import CoreCode, Reason
 from gateway.core.revolutions.coupling_highpass import behind_highpass
 from gateway.core.revolutions.synchronous_average import AverageSteps, RunningAverage
 from gateway.core.trust.lost_revolutions import LossStreak
@@ -29,6 +29,7 @@ from gateway.core.trust.sensor_limits import Doubt
 from gateway.core.trust.signal_evidence import Evidence, assess
 from gateway.core.types import ComplexArray, FloatArray
 from gateway.core.wheels.old_pressure import change_since_reading_pa, old_pressure_s
+from gateway.core.wheels.reasons import WheelCode
 
 # Environment readings kept for revolutions that are not complete yet.
 _ENVIRONMENT_DEPTH: Final = 64
@@ -340,7 +341,7 @@ class TireEstimates:
         old_s = old_pressure_s(self._environment, end_us)
         if old_s is None:
             return final
-        return provisional_where(final, Basis.PRESSURE, Reason(Code.PRESSURE_OLD, age_s=old_s))
+        return provisional_where(final, Basis.PRESSURE, Reason(WheelCode.PRESSURE_OLD, age_s=old_s))
 
     def _take_in(self, arrays: RevolutionArrays) -> AverageSteps:
         """Update the running average with the revolutions that have no faults; return it after each revolution."""
@@ -436,7 +437,9 @@ class TireEstimates:
         conditions = self.conditions(end_us)
         refusal = table.refusal(omega_radps, conditions.load_n, conditions.pressure_pa)
         if table.sensor_id is not None and table.sensor_id != sensor_id:
-            refusal = Reason(Code.EFFECTS_OF_OTHER_SENSOR, found_on=f"{table.sensor_id:08x}", sensor=f"{sensor_id:08x}")
+            refusal = Reason(
+                CoreCode.EFFECTS_OF_OTHER_SENSOR, found_on=f"{table.sensor_id:08x}", sensor=f"{sensor_id:08x}"
+            )
         if refusal is not None:
             return None, refusal
         return table.contribution_mps2(omega_radps, ac_coupled=ac_coupled), None

@@ -17,19 +17,22 @@ from firmware_protocol.sequence import unwrap
 from gateway.core.constants import AXIS_NAMES
 from gateway.core.contacts.contact_timing import ContactTimer, TimedPair
 from gateway.core.contacts.missing_revolutions import MissingRevolutions, RadialSamples
+from gateway.core.contacts.reasons import ContactCode
 from gateway.core.contacts.segmenter import LOOK_BACK_S, ContactPair, Segmenter
 from gateway.core.estimates.doubt_rules import DoubtRule
 from gateway.core.estimates.estimator import Revolution
 from gateway.core.estimates.results import RevolutionResult, SensorFlag, WheelCounters, WheelSnapshot, WheelState
 from gateway.core.estimates.wheel_setup import WheelSetup
 from gateway.core.quantity import Basis
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import CoreCode, Reason
 from gateway.core.revolutions.angle_resampling import MARGIN_SAMPLES
+from gateway.core.trust.reasons import TrustCode
 from gateway.core.trust.sensor_health import SensorHealth
 from gateway.core.trust.sensor_limits import Doubt, SensorLimits
 from gateway.core.types import FloatArray
 from gateway.core.wheels.gap_filling import GapFilling
 from gateway.core.wheels.possible_readings import possible_reading
+from gateway.core.wheels.reasons import WheelCode
 from gateway.core.wheels.revolution import SensorReading, TimedRevolution, revolutions_in_angle
 from gateway.core.wheels.sample_buffer import SampleBuffer
 from gateway.core.wheels.timebase import HostClock, SampleClock
@@ -52,7 +55,7 @@ _HIDDEN_WITHIN_TURNS: Final = 0.25
 _IN_CONTACT: Final = 0.4
 _DIP_SHARE: Final = 0.05
 # Faults of a sensor whose radial axis shows no contacts; they say more than that axis can.
-_NO_CONTACTS_WITH: Final = frozenset((Code.SENSOR_DEAD, Code.SENSOR_STUCK, Code.SENSOR_TILTED))
+_NO_CONTACTS_WITH: Final = frozenset((TrustCode.SENSOR_DEAD, TrustCode.SENSOR_STUCK, TrustCode.SENSOR_TILTED))
 
 
 @dataclass(slots=True)
@@ -479,7 +482,7 @@ class WheelPipeline:
         if changes < len(set(serials)):
             return None
         first, second = sorted(set(serials))[:2]
-        return Reason(Code.SENSORS_SHARE_NUMBER, first=f"{first:08x}", second=f"{second:08x}")
+        return Reason(WheelCode.SENSORS_SHARE_NUMBER, first=f"{first:08x}", second=f"{second:08x}")
 
     def _checked(self, pairs: Sequence[ContactPair], timed: Sequence[TimedPair], sign: int) -> list[_Checked]:
         """Return what mean and period of each revolution say of its samples and contacts."""
@@ -539,17 +542,17 @@ class WheelPipeline:
             return None
         if not why and self.blocks_before_hello:
             if sensor is not None and not sensor.reading.has_radial:
-                why = (Reason(Code.AXIS_MISSING, axis=AXIS_NAMES[Axis.RADIAL]),)
+                why = (Reason(TrustCode.AXIS_MISSING, axis=AXIS_NAMES[Axis.RADIAL]),)
             else:
-                why = (Reason(Code.SAMPLES_WITHOUT_HELLO, count=self.blocks_before_hello),)
+                why = (Reason(CoreCode.SAMPLES_WITHOUT_HELLO, count=self.blocks_before_hello),)
         elif not why and sensor is not None and self._segmenter is None:
-            why = (Reason(Code.NO_SAMPLES),)
+            why = (Reason(WheelCode.NO_SAMPLES),)
         if not why:
             return None
         faults = tuple(flag.reason for flag in flags if flag.reason.code in _NO_CONTACTS_WITH)
-        if faults and why[0].code is not Code.RADIAL_AT_RANGE_END:
+        if faults and why[0].code is not ContactCode.RADIAL_AT_RANGE_END:
             why = faults
-        return Reason(Code.NO_REVOLUTION, duration_s=self._missing.duration_s, why=why)
+        return Reason(CoreCode.NO_REVOLUTION, duration_s=self._missing.duration_s, why=why)
 
     def _flags(self) -> tuple[SensorFlag, ...]:
         """Return the present faults, one that keeps revolutions from coming last."""
@@ -557,7 +560,7 @@ class WheelPipeline:
         flags = (*health, *self._tire.flags())
         if not self._missing.is_fault or any(flag.reason.code in _NO_CONTACTS_WITH for flag in flags):
             return flags
-        reason = Reason(Code.NO_REVOLUTION, duration_s=self._missing.waited_s, why=self._missing.present)
+        reason = Reason(CoreCode.NO_REVOLUTION, duration_s=self._missing.waited_s, why=self._missing.present)
         return (*flags, SensorFlag("no revolution", reason))
 
     def snapshot(self) -> WheelSnapshot:

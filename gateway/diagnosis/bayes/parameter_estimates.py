@@ -5,17 +5,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.types import FloatArray
 from gateway.diagnosis import criteria
 from gateway.diagnosis.effects.effect import Parameter
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.result import Fitted
 
 
 def outside_range(parameter: Parameter, value: float) -> Reason:
     """Return the reason to reject a value (SI) of a parameter; its numbers are in the display unit."""
     return Reason(
-        Code.IMPLAUSIBLE_PARAMETER,
+        DiagnosisCode.IMPLAUSIBLE_PARAMETER,
         parameter=parameter.name,
         value=value * parameter.factor,
         low=parameter.low * parameter.factor,

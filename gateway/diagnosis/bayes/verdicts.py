@@ -4,9 +4,10 @@ from collections.abc import Container, Iterator
 from dataclasses import dataclass
 from typing import Final, Generic
 
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.diagnosis import criteria
 from gateway.diagnosis.bayes.posterior import PosteriorOver, SetT
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.result import Verdict
 
 # Impossible effects listed.
@@ -53,7 +54,7 @@ def judgements(posterior: PosteriorOver[SetT], causes: Container[str] | None = N
         probability = posterior.probability([name])
         if name not in judged and probability >= criteria.LISTED:
             judged.add(name)
-            reason = Reason(Code.PROBABILITY_TOO_LOW, probability=probability, needed=criteria.NAMED)
+            reason = Reason(DiagnosisCode.PROBABILITY_TOO_LOW, probability=probability, needed=criteria.NAMED)
             yield Judgement(name, Verdict.REFUSED, posterior.with_effect(name), reason=reason)
     better = sorted(
         (effect_set for effect_set in posterior.every.values() if effect_set.objections),

@@ -13,13 +13,14 @@ from typing import Final
 import numpy as np
 
 from gateway.core.errors import TreadlinkError
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.types import BoolArray, ComplexArray, FloatArray
 from gateway.diagnosis.angle.number_estimates import contradict
 from gateway.diagnosis.data.campaign_data import Campaign, Group
 from gateway.diagnosis.data.condition_groups import contact_groups
 from gateway.diagnosis.effects.angle_orders import ORDERS
 from gateway.diagnosis.effects.effect import LATERAL
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.result import Fitted, TireState
 
 # Correlation from which the opposite of a waveform explains more than half of another's power.
@@ -80,7 +81,7 @@ def unlike_contacts_of(campaign: Campaign) -> dict[int, Reason]:
                 group = groups[index]
                 if group.recording not in contacts[most]:
                     reasons[group.recording] = Reason(
-                        Code.CONTACT_UNLIKE_OTHERS,
+                        DiagnosisCode.CONTACT_UNLIKE_OTHERS,
                         angle_rad=group.half_angle_rad,
                         other_rad=usual_rad,
                         count=len(contacts[most]),
@@ -108,7 +109,7 @@ def unlike_loads(campaign: Campaign, estimates: Mapping[str, Fitted]) -> dict[in
             odd[state] = float(np.median([widths[other].value for other in against])), len(others)
     usual = set().union(*(state_recordings for state, state_recordings in recordings.items() if state not in odd))
     return {
-        number: Reason(Code.WIDTH_UNLIKE_OTHERS, value=widths[state].value, other=other, count=count)
+        number: Reason(DiagnosisCode.WIDTH_UNLIKE_OTHERS, value=widths[state].value, other=other, count=count)
         for state, (other, count) in odd.items()
         for number in recordings[state] - usual
     }
@@ -135,7 +136,7 @@ def _other_radius(campaign: Campaign) -> dict[int, Reason]:
     if 2 * count <= len(radius_m):
         return {}
     return {
-        number: Reason(Code.RADIUS_UNLIKE_OTHERS, radius_m=stated_m, other_m=usual_m, count=count)
+        number: Reason(DiagnosisCode.RADIUS_UNLIKE_OTHERS, radius_m=stated_m, other_m=usual_m, count=count)
         for number, stated_m in radius_m.items()
         if stated_m != usual_m
     }
@@ -145,7 +146,7 @@ def _opposite_lateral(campaign: Campaign) -> dict[int, Reason]:
     """Return the recordings whose lateral waveform is the opposite of that of most others."""
     numbers, opposite = _opposites(campaign)
     return {
-        number: Reason(Code.LATERAL_OPPOSITE_TO_OTHERS, count=int(against.sum()))
+        number: Reason(DiagnosisCode.LATERAL_OPPOSITE_TO_OTHERS, count=int(against.sum()))
         for number, against in zip(numbers, opposite, strict=True)
         if 2 * int(against.sum()) > len(numbers)
     }

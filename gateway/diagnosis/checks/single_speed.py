@@ -4,9 +4,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.diagnosis.data.campaign_data import Campaign
 from gateway.diagnosis.effects.effect import Effect
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.result import Finding, Verdict
 
 # Speeds that differ by less count as equal.
@@ -43,8 +44,8 @@ def doubted(
             finding,
             verdict=Verdict.INDISTINGUISHABLE,
             rivals=(*finding.rivals, FIXED_FREQUENCY),
-            decide_with=finding.decide_with or Reason(Code.RECORD_AT_SPEED, speed_ratio=1.5),
-            reason=Reason(Code.ORDER_OR_FREQUENCY, noise_floors=over_noise),
+            decide_with=finding.decide_with or Reason(DiagnosisCode.RECORD_AT_SPEED, speed_ratio=1.5),
+            reason=Reason(DiagnosisCode.ORDER_OR_FREQUENCY, noise_floors=over_noise),
         )
         if finding.verdict is Verdict.NAMED and finding.name in ringing
         else finding

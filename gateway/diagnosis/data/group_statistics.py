@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from scipy.ndimage import median_filter
 
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.revolutions.angle_resampling import GRID_SIZE, angle_grid
 from gateway.core.types import FloatArray, IntArray
 from gateway.diagnosis.data.campaign_data import Block, Group
@@ -19,16 +19,17 @@ from gateway.diagnosis.data.revolution_orders import RevolutionTable, carried_or
 from gateway.diagnosis.data.revolution_scatter import settle
 from gateway.diagnosis.effects.angle_orders import ORDERS
 from gateway.diagnosis.effects.effect import GroupConditions
+from gateway.diagnosis.reasons import DiagnosisCode
 
 ASSUMED_LOAD_N: Final = 4000.0
 ASSUMED_PRESSURE_PA: Final = 2.2e5
 
-WILD: Final = Reason(Code.OUTLIER_OF_GROUP)
-CUT_OFF: Final = Reason(Code.CLIPPED_UNLIKE_GROUP)
+WILD: Final = Reason(DiagnosisCode.OUTLIER_OF_GROUP)
+CUT_OFF: Final = Reason(DiagnosisCode.CLIPPED_UNLIKE_GROUP)
 
 MOST_ALIKE: Final = 5000
 """Revolutions of one group; comparing them takes 30 kB each."""
-ENOUGH: Final = Reason(Code.BEYOND_GROUP_LIMIT, limit=MOST_ALIKE)
+ENOUGH: Final = Reason(DiagnosisCode.BEYOND_GROUP_LIMIT, limit=MOST_ALIKE)
 
 _DEVIATIONS_S: Final = 30.0
 _DRIFT_OVER: Final = 9
@@ -98,7 +99,7 @@ def make_groups(
     return made
 
 
-FEW: Final = Reason(Code.TOO_FEW_ALIKE)
+FEW: Final = Reason(DiagnosisCode.TOO_FEW_ALIKE)
 
 
 def _cut_off_or_not(table: RevolutionTable, places: IntArray, reject: Callable[[Reason, int], None]) -> IntArray:

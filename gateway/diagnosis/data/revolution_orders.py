@@ -10,15 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.core.estimates.estimator import Revolution, TireConditions
-from gateway.core.reasons import Code, Reason
+from gateway.core.estimates.reasons import EstimateCode
+from gateway.core.reasons import Reason
 from gateway.core.types import ComplexArray, FloatArray
+from gateway.core.wheels.reasons import WheelCode
 from gateway.diagnosis.effects.angle_orders import ORDERS
+from gateway.diagnosis.reasons import DiagnosisCode
 
 MOST_REVOLUTIONS: Final = 20_000
 """Revolutions of one recording; at 3 kB each they take 60 MB."""
 
-TOO_MANY: Final = Reason(Code.BEYOND_RECORDING_LIMIT, limit=MOST_REVOLUTIONS)
-NOT_MEASURED: Final = Reason(Code.REVOLUTION_NOT_MEASURED)
+TOO_MANY: Final = Reason(DiagnosisCode.BEYOND_RECORDING_LIMIT, limit=MOST_REVOLUTIONS)
+NOT_MEASURED: Final = Reason(DiagnosisCode.REVOLUTION_NOT_MEASURED)
 
 # Share of the Nyquist order up to which the pipeline's interpolation is right within 0.5 %.
 _USABLE_BAND: Final = 0.56
@@ -29,7 +32,7 @@ _SPEED_STEP: Final = 0.03
 _AXES: Final = ("circumferential", "lateral")
 # An axis that varies by less than this in a revolution is not measuring.
 _DEAD_MPS2: Final = 1e-6
-_CUT_OFF: Final = frozenset({Code.RADIAL_SATURATED, Code.RADIAL_CLIPPED})
+_CUT_OFF: Final = frozenset({EstimateCode.RADIAL_SATURATED, WheelCode.RADIAL_CLIPPED})
 _SIGNS: Final[FloatArray] = np.where(np.arange(ORDERS) % 2, -1.0, 1.0)
 
 
@@ -84,7 +87,7 @@ class RevolutionStore:
             return
         if revolution.missing_fraction:
             # What stands in its gaps is of other revolutions.
-            self.reject(Reason(Code.SAMPLES_LOST))
+            self.reject(Reason(EstimateCode.SAMPLES_LOST))
             return
         if not (np.isfinite(revolution.axes_mps2[2]).all() and revolution.rate_hz > 0.0):
             self.reject(NOT_MEASURED)
@@ -131,7 +134,7 @@ class RevolutionStore:
 
     def notes(self) -> list[Reason]:
         """Return a reason for each axis that is not measuring."""
-        return [Reason(Code.AXIS_CONSTANT, axis=name, count=count) for name, count in self._dead.items()]
+        return [Reason(DiagnosisCode.AXIS_CONSTANT, axis=name, count=count) for name, count in self._dead.items()]
 
     def _keep_waveform(self, row: int, revolution: Revolution, axes: FloatArray) -> None:
         speed = round(math.log(revolution.omega_radps) / _SPEED_STEP)

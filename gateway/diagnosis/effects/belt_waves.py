@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.types import ComplexArray, FloatArray
 from gateway.diagnosis.effects.belt_dispersion import BeltWave, BlockTread, belt_wave
 from gateway.diagnosis.effects.belt_geometry import SLOPE_ORDERS, relative_offset
@@ -26,6 +26,7 @@ from gateway.diagnosis.effects.effect import (
     Stage,
 )
 from gateway.diagnosis.effects.wave_packets import Running, free_belt, pulse, pulse_by, spectrum_of
+from gateway.diagnosis.reasons import DiagnosisCode
 
 _EDGE_WAVES: Final = "edge waves"
 # A short packet responds to orders two or three off its own, so that a scan of every sixth finds any. Behind the
@@ -398,7 +399,7 @@ def _fades_within_a_wave(
     for edge, (first, order, decay) in zip(("leading", "trailing"), packets, strict=True):
         present = np.hypot(*parameters[first : first + 2]) > _DETERMINED_SIGMAS * np.hypot(*std[first : first + 2])
         if present and order < 2.0 * np.pi * decay:
-            return Reason(Code.FADES_WITHIN_ONE_WAVE, edge=edge, waves=order / (2.0 * np.pi * decay))
+            return Reason(DiagnosisCode.FADES_WITHIN_ONE_WAVE, edge=edge, waves=order / (2.0 * np.pi * decay))
     return None
 
 

@@ -4,7 +4,7 @@ from typing import Final
 
 import numpy as np
 
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.types import FloatArray
 from gateway.diagnosis.effects.effect import (
     CIRCUMFERENTIAL,
@@ -15,6 +15,7 @@ from gateway.diagnosis.effects.effect import (
     RingEffect,
     ScatterEffect,
 )
+from gateway.diagnosis.reasons import DiagnosisCode
 
 EDGE_REACH_RAD: Final = 0.5
 """Angle to either side of a contact edge over which its displacement fades."""
@@ -85,7 +86,7 @@ class DrumCurvature(RingEffect):
         curvature, error = float(parameters[0]), float(std[0])
         if not _MIN_HOLLOW_PM < curvature < -_HOLLOW_SIGMAS * error:
             return None
-        return Reason(Code.HOLLOW_ROAD, radius_m=-1.0 / curvature)
+        return Reason(DiagnosisCode.HOLLOW_ROAD, radius_m=-1.0 / curvature)
 
 
 def _rms(side: str) -> Parameter:

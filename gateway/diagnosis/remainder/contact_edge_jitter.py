@@ -7,13 +7,14 @@ from typing import Final
 
 import numpy as np
 
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.types import FloatArray
 from gateway.diagnosis import criteria
 from gateway.diagnosis.bayes.parameter_estimates import fitted_parameter, outside_range
 from gateway.diagnosis.bayes.posterior import over
 from gateway.diagnosis.data.campaign_data import Group
 from gateway.diagnosis.effects.contact import CONTACT_EDGE_JITTER
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.result import Finding, Fitted, Verdict
 
 # Sizes and factors of sizes over which likelihoods are summed.
@@ -48,7 +49,7 @@ def edge_findings(groups: Sequence[Group]) -> tuple[Finding, ...]:
     reason = _objection(seen, mean)
     if reason is None and free + math.log(criteria.STAND_IN_ODDS) > alike:
         largest = seen[int(np.argmax(np.abs(square - mean) / std))]
-        reason = Reason(Code.SIZE_DIFFERS_BETWEEN_RECORDINGS, recording=largest.label)
+        reason = Reason(DiagnosisCode.SIZE_DIFFERS_BETWEEN_RECORDINGS, recording=largest.label)
     odds = math.log(criteria.PRIOR_ODDS)
     causes = (
         _Cause(frozenset(), nothing),
@@ -60,7 +61,7 @@ def edge_findings(groups: Sequence[Group]) -> tuple[Finding, ...]:
     if probability < criteria.LISTED and (reason is None or max(alike, free) < nothing):
         return ()
     if reason is None and not named:
-        reason = Reason(Code.PROBABILITY_TOO_LOW, probability=probability, needed=criteria.NAMED)
+        reason = Reason(DiagnosisCode.PROBABILITY_TOO_LOW, probability=probability, needed=criteria.NAMED)
     return (
         Finding(
             name=name,
@@ -141,7 +142,7 @@ def _objection(groups: Sequence[Group], mean: float) -> Reason | None:
     explained = sum(group.edges.explained_m2ps4 for group in groups)
     remaining = sum(group.edges.left_m2ps4 for group in groups)
     if remaining > criteria.EDGE_SHAPE * explained > 0.0:
-        return Reason(Code.LEAVES_RESIDUAL_AT_EDGES, residual_share=remaining / (remaining + explained))
+        return Reason(DiagnosisCode.LEAVES_RESIDUAL_AT_EDGES, residual_share=remaining / (remaining + explained))
     for parameter, value in zip(CONTACT_EDGE_JITTER.parameters, _sizes(groups, mean), strict=True):
         if value > parameter.high:
             return outside_range(parameter, value)

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.types import FloatArray
 from gateway.diagnosis.angle.fit import Fit, FitFailedError, fit_model
 from gateway.diagnosis.angle.likelihood import whiten
@@ -16,6 +16,7 @@ from gateway.diagnosis.data.side_information import CLOCK, HOST_CLOCK
 from gateway.diagnosis.effects.effect import GroupConditions
 from gateway.diagnosis.model.baseline import NoShapeError
 from gateway.diagnosis.model.closure_model import AngleEffect, ClosureModel
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.report.imagined_recording import carried, reference_group, with_recording
 
 # Reduction of the misfit at which two explanations count as distinguished.
@@ -25,17 +26,23 @@ _DISTINGUISHED: Final = 25.0
 _STEPS: Final = 4
 _ROUGH: Final = 0.02
 # Effects independent of speed, load, temperature and direction need another kind of recording.
-_AT_REST: Final = {frozenset(("camber", "zero-g offset")): Reason(Code.RECORD_AT_REST)}
-NOTHING: Final = Reason(Code.NO_RECORDING_DECIDES)
+_AT_REST: Final = {frozenset(("camber", "zero-g offset")): Reason(DiagnosisCode.RECORD_AT_REST)}
+NOTHING: Final = Reason(DiagnosisCode.NO_RECORDING_DECIDES)
 
 _OTHERS: Final[tuple[tuple[Reason, Callable[[GroupConditions], GroupConditions]], ...]] = (
-    (Reason(Code.RECORD_AT_SPEED, speed_ratio=1.5), lambda c: replace(c, omega_radps=1.5 * c.omega_radps)),
-    (Reason(Code.RECORD_AT_SPEED, speed_ratio=0.25), lambda c: replace(c, omega_radps=0.25 * c.omega_radps)),
-    (Reason(Code.RECORD_AT_SPEED, speed_ratio=0.6), lambda c: replace(c, omega_radps=0.6 * c.omega_radps)),
-    (Reason(Code.RECORD_REVERSED), lambda c: replace(c, reverse=not c.reverse)),
-    (Reason(Code.RECORD_WARMER, difference_k=20.0), lambda c: replace(c, temperature_degc=c.temperature_degc + 20.0)),
-    (Reason(Code.RECORD_AT_LOAD, load_ratio=1.4), lambda c: replace(c, load_n=1.4 * c.load_n)),
-    (Reason(Code.RECORD_AT_PRESSURE, pressure_ratio=0.7), lambda c: replace(c, pressure_pa=0.7 * c.pressure_pa)),
+    (Reason(DiagnosisCode.RECORD_AT_SPEED, speed_ratio=1.5), lambda c: replace(c, omega_radps=1.5 * c.omega_radps)),
+    (Reason(DiagnosisCode.RECORD_AT_SPEED, speed_ratio=0.25), lambda c: replace(c, omega_radps=0.25 * c.omega_radps)),
+    (Reason(DiagnosisCode.RECORD_AT_SPEED, speed_ratio=0.6), lambda c: replace(c, omega_radps=0.6 * c.omega_radps)),
+    (Reason(DiagnosisCode.RECORD_REVERSED), lambda c: replace(c, reverse=not c.reverse)),
+    (
+        Reason(DiagnosisCode.RECORD_WARMER, difference_k=20.0),
+        lambda c: replace(c, temperature_degc=c.temperature_degc + 20.0),
+    ),
+    (Reason(DiagnosisCode.RECORD_AT_LOAD, load_ratio=1.4), lambda c: replace(c, load_n=1.4 * c.load_n)),
+    (
+        Reason(DiagnosisCode.RECORD_AT_PRESSURE, pressure_ratio=0.7),
+        lambda c: replace(c, pressure_pa=0.7 * c.pressure_pa),
+    ),
 )
 
 
@@ -63,10 +70,10 @@ def _clock_decides(campaign: Campaign) -> Reason:
     """Return the clock comparison that would separate the explanations."""
     _, std = campaign.clock_error
     if not math.isfinite(std):
-        return Reason(Code.RECORD_LIVE)
+        return Reason(DiagnosisCode.RECORD_LIVE)
     if std > HOST_CLOCK:
-        return Reason(Code.RECORD_LIVE_FOR_LONGER, clock_std=std)
-    return Reason(Code.COMPARE_CLOCK, host_clock=HOST_CLOCK)
+        return Reason(DiagnosisCode.RECORD_LIVE_FOR_LONGER, clock_std=std)
+    return Reason(DiagnosisCode.COMPARE_CLOCK, host_clock=HOST_CLOCK)
 
 
 def _distinction(

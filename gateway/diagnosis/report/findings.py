@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.types import FloatArray
 from gateway.diagnosis import criteria
 from gateway.diagnosis.angle.fit import Fit
@@ -18,6 +18,7 @@ from gateway.diagnosis.bayes.parameter_estimates import parameters_over_sets
 from gateway.diagnosis.bayes.verdicts import Judgement, judgements
 from gateway.diagnosis.data.side_information import CLOCK
 from gateway.diagnosis.model.closure_model import AngleEffect
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.report.effect_contribution import added_by
 from gateway.diagnosis.report.experiment_design import deciding_recording
 from gateway.diagnosis.result import Finding, Fitted, Verdict
@@ -64,7 +65,7 @@ def confirmed(findings: Sequence[Finding], absent: Mapping[str, float]) -> list[
         against = [(name, absent[name]) for name in (finding.name, *finding.rivals) if name in absent]
         if against and finding.verdict is not Verdict.REFUSED:
             name, chi2 = against[0]
-            reason = Reason(Code.NOT_ON_EXACT_RING, effect=name, errors=math.sqrt(chi2))
+            reason = Reason(DiagnosisCode.NOT_ON_EXACT_RING, effect=name, errors=math.sqrt(chi2))
             finding = replace(finding, verdict=Verdict.REFUSED, rivals=(), decide_with=None, reason=reason)
         judged.append(finding)
     return judged
@@ -94,7 +95,7 @@ def beside_more(findings: Sequence[Finding], fit: Fit, data: Whitened) -> list[F
             if bool((sizes <= remaining_mps2)[sizes > 0.0].all()):
                 axis = int(np.argmax(sizes))
                 reason = Reason(
-                    Code.SMALLER_THAN_LEFT, size_mps2=float(sizes[axis]), left_mps2=float(remaining_mps2[axis])
+                    DiagnosisCode.SMALLER_THAN_LEFT, size_mps2=float(sizes[axis]), left_mps2=float(remaining_mps2[axis])
                 )
                 finding = replace(finding, verdict=Verdict.REFUSED, reason=reason)
         judged.append(finding)
@@ -160,7 +161,7 @@ def _decide(
     """
     rival = CLOCK if CLOCK in rivals else rivals[0]
     recording = deciding_recording(fit, effect, effects[rival])
-    return Reason(Code.DECIDES_AGAINST, effect=rival, recording=recording) if len(rivals) > 1 else recording
+    return Reason(DiagnosisCode.DECIDES_AGAINST, effect=rival, recording=recording) if len(rivals) > 1 else recording
 
 
 def sizes_of(fit: Fit, effect: AngleEffect) -> FloatArray:

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from gateway.core.constants import AXIS_NAMES
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.types import ComplexArray, FloatArray
 from gateway.diagnosis import criteria
 from gateway.diagnosis.angle.discrepancy import Applied
@@ -23,6 +23,7 @@ from gateway.diagnosis.data.campaign_data import Campaign
 from gateway.diagnosis.data.contact_edge_timing import TERMS
 from gateway.diagnosis.model.baseline import NoShapeError
 from gateway.diagnosis.model.closure_model import ClosureModel
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.result import AsRecorded, AxisError, BlockError, HeldOut
 from gateway.diagnosis.search.tempered_posterior import Posterior
 
@@ -246,7 +247,7 @@ def alignment_note(held_out: HeldOut) -> tuple[Reason, ...]:
         return ()
     return (
         Reason(
-            Code.EDGES_ALIGNED,
+            DiagnosisCode.EDGES_ALIGNED,
             revolutions=plain.revolutions,
             parameters=plain.parameters,
             before_mps2=plain.rms_before_mps2,

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from scipy.stats import chi2
 
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.types import FloatArray, IntArray
 from gateway.diagnosis.angle.fit import Fit, FitFailedError, fit_model
 from gateway.diagnosis.angle.likelihood import Whitened, whiten
@@ -21,6 +21,7 @@ from gateway.diagnosis.angle.remainder_freedom import remainder_covariance
 from gateway.diagnosis.angle.residual import POWER_SHARE, group_residuals
 from gateway.diagnosis.effects.effect import RingEffect, SignalEffect
 from gateway.diagnosis.model.closure_model import AngleEffect, ClosureModel
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.report.effect_contribution import added_by
 from gateway.diagnosis.result import Finding, Fitted, SingleSize, Verdict
 
@@ -164,7 +165,7 @@ def _against(alone: Sequence[Alone], effect: AngleEffect) -> Reason | None:
     square, freedom = disagreement(alone, effect)
     if not freedom or float(chi2.sf(square, freedom)) >= _AGREES:
         return None
-    return Reason(Code.SIZES_DIFFER, chi2=square, freedom=freedom)
+    return Reason(DiagnosisCode.SIZES_DIFFER, chi2=square, freedom=freedom)
 
 
 def _buried(fit: Fit, data: Whitened, effect: AngleEffect) -> Reason | None:
@@ -180,7 +181,9 @@ def _buried(fit: Fit, data: Whitened, effect: AngleEffect) -> Reason | None:
         if noise > 0.0 and left > _STRUCTURED**2 * noise and left > worst[0] ** 2 * explained:
             worst = math.sqrt(left / max(explained, 1e-300)), math.sqrt(explained), math.sqrt(left)
     ratio, size_mps2, left_mps2 = worst
-    return Reason(Code.SMALLER_THAN_LEFT, size_mps2=size_mps2, left_mps2=left_mps2) if ratio > _BURIED else None
+    return (
+        Reason(DiagnosisCode.SMALLER_THAN_LEFT, size_mps2=size_mps2, left_mps2=left_mps2) if ratio > _BURIED else None
+    )
 
 
 def _strongest(power: FloatArray) -> tuple[IntArray, IntArray]:

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from gateway.core.constants import AXIS_NAMES
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.types import ComplexArray, FloatArray, IntArray
 from gateway.diagnosis.angle.fit import Fit
 from gateway.diagnosis.angle.likelihood import Whitened, as_complex
@@ -20,6 +20,7 @@ from gateway.diagnosis.angle.residual import POWER_SHARE, group_residuals
 from gateway.diagnosis.data.condition_groups import has_other_conditions
 from gateway.diagnosis.effects.angle_orders import ORDERS
 from gateway.diagnosis.effects.effect import SignalEffect
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.report.findings import sizes_of
 from gateway.diagnosis.report.one_size import recordings_of
 from gateway.diagnosis.result import Finding, Fitted, UnseenError, Verdict
@@ -198,7 +199,7 @@ def reasons_against(recordings: Sequence[str], unseen: Sequence[UnseenError]) ->
     # Where hardly more than noise is left, and less of the law, there is nothing to fall.
     above = [error for error in unseen if _is_above(error) or error.contribution_mps2**2 > SEEN * error.fall_std > 0.0]
     if not above:
-        return [Reason(Code.UNTESTED_ELSEWHERE)]
+        return [Reason(DiagnosisCode.UNTESTED_ELSEWHERE)]
     for recording in dict.fromkeys(error.recording for error in above):
         of_recording = [error for error in above if error.recording == recording]
         if min(_excess_left(error) for error in of_recording) > FALL:
@@ -223,7 +224,7 @@ def _excess_left(error: UnseenError) -> float:
 
 def _unseen_reason(recordings: Sequence[str], error: UnseenError) -> Reason:
     return Reason(
-        Code.FAILS_UNSEEN,
+        DiagnosisCode.FAILS_UNSEEN,
         recording=recordings[error.recording],
         axis=error.axis,
         before_mps2=error.before_mps2,

@@ -5,12 +5,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TypeAlias
 
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.diagnosis import criteria
 from gateway.diagnosis.angle.likelihood import Whitened
 from gateway.diagnosis.angle.residual import ratios_by_part
 from gateway.diagnosis.angle.set_evidence import Evaluated
 from gateway.diagnosis.bayes.posterior import ByPart, Names, PosteriorOver, over
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.search.set_search import SetSearch
 
 
@@ -55,7 +56,9 @@ def _explaining(evaluated: Evaluated, ratios: Mapping[Names, ByPart]) -> Evaluat
             least = min(better, key=sum)
             part = max(range(len(set_ratios)), key=lambda index: set_ratios[index] - least[index])
             reason = Reason(
-                Code.LEAVES_MORE_THAN_WITHOUT, with_it=math.sqrt(set_ratios[part]), without=math.sqrt(least[part])
+                DiagnosisCode.LEAVES_MORE_THAN_WITHOUT,
+                with_it=math.sqrt(set_ratios[part]),
+                without=math.sqrt(least[part]),
             )
             more.append((name, reason))
     return replace(evaluated, objections=(*evaluated.objections, *more)) if more else evaluated

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.types import FloatArray
 from gateway.diagnosis.bayes.parameter_estimates import parameters_over_sets
 from gateway.diagnosis.bayes.posterior import PosteriorOver, over
@@ -15,6 +15,7 @@ from gateway.diagnosis.bayes.verdicts import Judgement, judgements
 from gateway.diagnosis.data.campaign_data import Group
 from gateway.diagnosis.effects.catalogue import catalogue
 from gateway.diagnosis.effects.effect import SpectrumEffect
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.result import Finding, Spectra, Unexplained, Verdict
 from gateway.diagnosis.spectrum.nonsynchronous_density import FILTER_TERMS, LOW_PASS, Site, full_density, strange_name
 from gateway.diagnosis.spectrum.nonsynchronous_spectra import group_spectra
@@ -57,7 +58,7 @@ def diagnose_time_locked(groups: Sequence[Group], without: Collection[str] = ())
     """
     measured = [spectra for group in groups if (spectra := group_spectra(group, FOLDS)) is not None]
     short = len(groups) - len(measured)
-    notes = [Reason(Code.GROUPS_TOO_SHORT, groups=short, of=len(groups))] if short else []
+    notes = [Reason(DiagnosisCode.GROUPS_TOO_SHORT, groups=short, of=len(groups))] if short else []
     if not measured:
         return TimeLocked(notes=tuple(notes))
     sites = tuple(Site.of(index, each) for index, each in enumerate(measured))
@@ -88,7 +89,7 @@ def beside_larger(findings: Sequence[Finding], larger: Mapping[str, float], *, s
         larger: rms of the largest unexplained part that may contain an effect, by its name, m/s^2.
         several: whether the recordings have several speeds.
     """
-    decides = Code.RECORD_ON_ANOTHER_ROAD if several else Code.RECORD_ROAD_AT_ANOTHER_SPEED
+    decides = DiagnosisCode.RECORD_ON_ANOTHER_ROAD if several else DiagnosisCode.RECORD_ROAD_AT_ANOTHER_SPEED
     doubted = []
     smaller = {
         finding.name
@@ -97,7 +98,9 @@ def beside_larger(findings: Sequence[Finding], larger: Mapping[str, float], *, s
     }
     for finding in findings:
         if finding.name in smaller:
-            beside = Reason(Code.BESIDE_SOMETHING_LARGER, own_mps2=finding.rms_mps2, larger_mps2=larger[finding.name])
+            beside = Reason(
+                DiagnosisCode.BESIDE_SOMETHING_LARGER, own_mps2=finding.rms_mps2, larger_mps2=larger[finding.name]
+            )
             finding = replace(finding, reason=beside)
         if finding.verdict is not Verdict.REFUSED and smaller & {finding.name, *finding.rivals}:
             finding = replace(
@@ -182,7 +185,7 @@ def _finding(
         without.fit.deviance - inside.fit.deviance,
         _rms(sites, inside.fit, effect),
         rivals=tuple(ANTI_ALIAS if rival == LOW_PASS else rival for rival in judgement.rivals),
-        decide_with=Reason(Code.RECORD_ROAD_AT_ANOTHER_SPEED) if judgement.rivals and not several else None,
+        decide_with=Reason(DiagnosisCode.RECORD_ROAD_AT_ANOTHER_SPEED) if judgement.rivals and not several else None,
         reason=judgement.reason,
         summary=effect.summary,
         equation=effect.equation,
@@ -206,7 +209,7 @@ def _notes(posterior: PosteriorOver[SpectrumSet]) -> list[Reason]:
     if LOW_PASS not in posterior.identified():
         return []
     fit = posterior.with_effect(LOW_PASS).fit
-    return [Reason(Code.NOISE_ROLLS_OFF, corner_hz=math.exp(float(fit.shared[-FILTER_TERMS])))]
+    return [Reason(DiagnosisCode.NOISE_ROLLS_OFF, corner_hz=math.exp(float(fit.shared[-FILTER_TERMS])))]
 
 
 def _drawn(site: Site, density: FloatArray, noise: FloatArray) -> Spectra:

@@ -7,11 +7,12 @@ from typing import Final, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.types import FloatArray
 from gateway.diagnosis import criteria
 from gateway.diagnosis.bayes.parameter_estimates import beyond_range
 from gateway.diagnosis.effects.effect import CIRCUMFERENTIAL, RADIAL, GroupConditions, SpectrumEffect
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.spectrum.nonsynchronous_density import (
     FILTER_STARTS,
     FILTER_TERMS,
@@ -304,6 +305,6 @@ def _impossible(fit: SpectrumFit) -> tuple[tuple[str, Reason], ...]:
             values, variances = fit.parameters_of(component.name)
             reason = beyond_range(component.effect.parameters, values, np.sqrt(np.maximum(variances, 0.0)))
             if reason is None and not values[0] > 0.0:
-                reason = Reason(Code.NOTHING_REMAINS)
+                reason = Reason(DiagnosisCode.NOTHING_REMAINS)
             reasons.append((component.name, reason))
     return tuple((name, reason) for name, reason in reasons if reason is not None)

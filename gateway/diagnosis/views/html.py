@@ -12,11 +12,12 @@ import numpy as np
 
 from gateway import __version__
 from gateway.core.constants import AXIS_NAMES
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.text.html_template import html_template, report_css
 from gateway.core.text.numbers import MISSING, fixed, split_name
 from gateway.core.text.output_file import check_target, write_whole
 from gateway.core.text.text import clean, counted
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.result import (
     Curves,
     Diagnosis,
@@ -92,7 +93,12 @@ MOST_GROUPS: Final = 12
 """Groups other than the reference group whose residual is drawn."""
 MOST_SPECTRA: Final = 6
 # Notes that the summary repeats.
-_IN_SUMMARY: Final = (Code.SENSOR_IN_DOUBT, Code.NOT_A_RING, Code.CONTACTS_CONTRADICT, Code.LOADS_CONTRADICT)
+_IN_SUMMARY: Final = (
+    DiagnosisCode.SENSOR_IN_DOUBT,
+    DiagnosisCode.NOT_A_RING,
+    DiagnosisCode.CONTACTS_CONTRADICT,
+    DiagnosisCode.LOADS_CONTRADICT,
+)
 
 
 class Chapter(NamedTuple):

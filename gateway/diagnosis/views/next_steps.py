@@ -4,9 +4,10 @@ import math
 from collections.abc import Iterator
 from typing import Final, NamedTuple
 
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.text.text import clean
 from gateway.diagnosis.effects.catalogue import catalogue
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.result import Diagnosis, ScalingStatus, Unexplained
 from gateway.diagnosis.views.phrases import (
     effect_title,
@@ -28,18 +29,30 @@ _MOST_RESIDUALS: Final = 4
 _NEAR_RAD: Final = 0.3
 _UNSEEN: Final = frozenset({ScalingStatus.ONE_SPEED, ScalingStatus.SEEN_AT_ONE_SPEED, ScalingStatus.SPEED_WITH_LOAD})
 _OF_NOTES: Final = {
-    Code.SENSOR_IN_DOUBT: ("the sensor is in doubt", "check that it is fastened and aligned, and record again"),
-    Code.SEARCH_ENDED_EARLY: ("the search ended at its time limit", "give it more time: a larger --budget, or none"),
-    Code.CONTACTS_CONTRADICT: ("recordings contradict each other", "correct what is stated, or diagnose them apart"),
-    Code.LOADS_CONTRADICT: ("loads contradict each other", "correct the load or pressure that is stated"),
-    Code.NUMBERS_CONTRADICT: ("recordings contradict each other", "correct what is stated, or diagnose them apart"),
-    Code.NOT_A_RING: ("the signal is not that of a ring", "check radius, axes and gain in the vehicle file"),
-    Code.PLUGIN_EFFECTS_LEFT_OUT: (
+    DiagnosisCode.SENSOR_IN_DOUBT: (
+        "the sensor is in doubt",
+        "check that it is fastened and aligned, and record again",
+    ),
+    DiagnosisCode.SEARCH_ENDED_EARLY: (
+        "the search ended at its time limit",
+        "give it more time: a larger --budget, or none",
+    ),
+    DiagnosisCode.CONTACTS_CONTRADICT: (
+        "recordings contradict each other",
+        "correct what is stated, or diagnose them apart",
+    ),
+    DiagnosisCode.LOADS_CONTRADICT: ("loads contradict each other", "correct the load or pressure that is stated"),
+    DiagnosisCode.NUMBERS_CONTRADICT: (
+        "recordings contradict each other",
+        "correct what is stated, or diagnose them apart",
+    ),
+    DiagnosisCode.NOT_A_RING: ("the signal is not that of a ring", "check radius, axes and gain in the vehicle file"),
+    DiagnosisCode.PLUGIN_EFFECTS_LEFT_OUT: (
         "effects of plug-ins were left out",
         "remove or mend the plug-in in the note",
     ),
-    Code.FEW_REVOLUTIONS: ("few revolutions", "record half a minute at a steady speed"),
-    Code.ONE_SPEED: ("one speed", "record at a second speed under the same load and pressure"),
+    DiagnosisCode.FEW_REVOLUTIONS: ("few revolutions", "record half a minute at a steady speed"),
+    DiagnosisCode.ONE_SPEED: ("one speed", "record at a second speed under the same load and pressure"),
 }
 
 
@@ -69,7 +82,7 @@ def _steps(diagnosis: Diagnosis) -> Iterator[tuple[str, str]]:
         decide = reason_text(finding.decide_with) or "record at another speed, load or pressure"
         yield effects_listed((finding.name, *finding.rivals), "or"), decide
     for finding in likely(diagnosis):
-        small = finding.reason is not None and finding.reason.code is Code.SMALLER_THAN_LEFT
+        small = finding.reason is not None and finding.reason.code is DiagnosisCode.SMALLER_THAN_LEFT
         step = "find the cause of what is left first" if small else "record longer, or at another speed or load"
         yield effect_title(finding.name), step
     for residual in diagnosis.unexplained[:_MOST_RESIDUALS]:

@@ -11,6 +11,7 @@ from gateway.core.text.numbers import fixed
 from gateway.core.text.text import clean, counted
 from gateway.diagnosis.data.campaign_data import Remark
 from gateway.diagnosis.effects.catalogue import catalogue
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.report.effect_contribution import MEASURED
 from gateway.diagnosis.result import (
     Diagnosis,
@@ -59,7 +60,9 @@ _EVEN: Final = 0.5
 # Ratio of the held-out error after to the noise floor above which something is missing.
 _MISSING: Final = 1.05
 # Reasons against the value of an effect with which the model would fit better.
-_IMPLAUSIBLE: Final = frozenset({Code.IMPLAUSIBLE_PARAMETER, Code.HOLLOW_ROAD, Code.FADES_WITHIN_ONE_WAVE})
+_IMPLAUSIBLE: Final = frozenset(
+    {DiagnosisCode.IMPLAUSIBLE_PARAMETER, DiagnosisCode.HOLLOW_ROAD, DiagnosisCode.FADES_WITHIN_ONE_WAVE}
+)
 
 # Relative standard error above which an estimate is not determined.
 _LARGEST_RELATIVE_STD: Final = 0.3
@@ -280,7 +283,7 @@ def likely(diagnosis: Diagnosis) -> list[Finding]:
         if finding.verdict is Verdict.REFUSED
         and finding.lock == "angle"
         and finding.probability > _EVEN
-        and _code(finding) is not Code.NOT_ON_EXACT_RING
+        and _code(finding) is not DiagnosisCode.NOT_ON_EXACT_RING
     ]
 
 
@@ -293,7 +296,7 @@ def decisively_rejected(diagnosis: Diagnosis) -> list[Finding]:
     refused = [
         finding for finding in diagnosis.findings if finding.verdict is Verdict.REFUSED and finding.lock == "angle"
     ]
-    unconfirmed = [finding for finding in refused if _code(finding) is Code.NOT_ON_EXACT_RING]
+    unconfirmed = [finding for finding in refused if _code(finding) is DiagnosisCode.NOT_ON_EXACT_RING]
     if diagnosis.held_out.rms_after_mps2 > _MISSING * diagnosis.noise_floor_mps2:
         return [*unconfirmed, *[finding for finding in refused if _code(finding) in _IMPLAUSIBLE][:1]]
     return unconfirmed
@@ -311,11 +314,11 @@ def undetermined(diagnosis: Diagnosis) -> list[str]:
 _CONTRADICTED: Final = "the recordings contradict each other: see the notes"
 # Notes by which numbers are not determined, the weightiest first.
 _NOTHING_DETERMINED: Final = {
-    Code.CONTACTS_CONTRADICT: _CONTRADICTED,
-    Code.NUMBERS_CONTRADICT: _CONTRADICTED,
-    Code.SENSOR_IN_DOUBT: "the sensor is in doubt: see the notes",
-    Code.NOT_A_RING: "the signal is not that of a ring: see the notes",
-    Code.LEFT_WHEN_ENDED: "the search ended before it had explained the signal: allow it more time",
+    DiagnosisCode.CONTACTS_CONTRADICT: _CONTRADICTED,
+    DiagnosisCode.NUMBERS_CONTRADICT: _CONTRADICTED,
+    DiagnosisCode.SENSOR_IN_DOUBT: "the sensor is in doubt: see the notes",
+    DiagnosisCode.NOT_A_RING: "the signal is not that of a ring: see the notes",
+    DiagnosisCode.LEFT_WHEN_ENDED: "the search ended before it had explained the signal: allow it more time",
 }
 
 
@@ -343,7 +346,7 @@ def why_undetermined(diagnosis: Diagnosis, names: Sequence[str]) -> str:
 
 def _is_of_plane(note: Reason) -> bool:
     """Return whether a note says that much is left of the axes on which the numbers rest."""
-    axes = note["axes"] if note.code is Code.EVIDENCE_TEMPERED else ()
+    axes = note["axes"] if note.code is DiagnosisCode.EVIDENCE_TEMPERED else ()
     return isinstance(axes, tuple) and "radial" in axes
 
 

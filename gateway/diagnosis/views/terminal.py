@@ -4,11 +4,12 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from gateway.core.quantity_catalogue import RING_NUMBERS
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.text.numbers import fixed
 from gateway.core.text.probabilities import probability_text
 from gateway.core.text.text import clean, counted, crop, filled, pad, width
 from gateway.diagnosis.data.campaign_data import Remark
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.result import Diagnosis, Finding
 from gateway.diagnosis.views.phrases import (
     GROWN,
@@ -45,14 +46,14 @@ _MOST_OTHERS: Final = 2
 _MOST_NOTES: Final = 2
 _DECISIVE: Final = frozenset(
     {
-        Code.CONTACTS_CONTRADICT,
-        Code.ERROR_BY_MISSING_EFFECT,
-        Code.ERROR_BY_POSSIBLE_EFFECT,
-        Code.LOADS_CONTRADICT,
-        Code.OTHER_OPTIMUM,
-        Code.RECORDING_LEFT_OUT,
-        Code.SENSOR_ALARM,
-        Code.SENSOR_IN_DOUBT,
+        DiagnosisCode.CONTACTS_CONTRADICT,
+        DiagnosisCode.ERROR_BY_MISSING_EFFECT,
+        DiagnosisCode.ERROR_BY_POSSIBLE_EFFECT,
+        DiagnosisCode.LOADS_CONTRADICT,
+        DiagnosisCode.OTHER_OPTIMUM,
+        DiagnosisCode.RECORDING_LEFT_OUT,
+        DiagnosisCode.SENSOR_ALARM,
+        DiagnosisCode.SENSOR_IN_DOUBT,
     }
 )
 
@@ -222,5 +223,5 @@ def _broken(text: str, room: int) -> tuple[str, str]:
 
 def _is_decisive(note: Remark) -> bool:
     """Return whether a note says that the result may be wrong, or belongs to fewer recordings than were given."""
-    reason = note["reason"] if isinstance(note, Reason) and note.code is Code.ABOUT_RECORDING else note
+    reason = note["reason"] if isinstance(note, Reason) and note.code is DiagnosisCode.ABOUT_RECORDING else note
     return isinstance(reason, Reason) and reason.code in _DECISIVE

@@ -18,10 +18,11 @@ from gateway.core.estimates.wear import bending_left
 from gateway.core.quantity import Basis, Trend
 from gateway.core.quantity import Quantity as Declared
 from gateway.core.quantity_catalogue import NEW_TIRE_MM, declared
-from gateway.core.reasons import Code, Reason, Value
+from gateway.core.reasons import Code, CoreCode, Reason, Value
 from gateway.core.trust.signal_evidence import Subject
 from gateway.core.types import FloatArray, IntArray
 from gateway.core.wheel_position import right_of
+from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.causes import Change, Finding, with_causes
 from gateway.fleet.trends.late_changes import LEAST_AFTER, LateChange, find_shape
 from gateway.fleet.trends.leak_model import newest_leak
@@ -280,7 +281,7 @@ def _trend_of(tire: _Tire) -> tuple[TireTrend, _Tire]:
         finding
         for finding in findings_of_recordings(history)
         # Each recording alarms of the steady value by itself; the sensor's drift is the cause.
-        if not (of_steady_value and finding.code is Code.TREND_ALARMS and finding["name"] == Subject.STEADY)
+        if not (of_steady_value and finding.code is FleetCode.TREND_ALARMS and finding["name"] == Subject.STEADY)
     ]
     trend = TireTrend(
         vehicle=history.vehicle,
@@ -306,7 +307,9 @@ def _trend_of(tire: _Tire) -> tuple[TireTrend, _Tire]:
 def _of_unknown_tire(number: TrendNumber) -> TrendNumber:
     if number.status is Status.INVALID:
         return number
-    return replace(number, status=Status.PROVISIONAL, reasons=(Reason(Code.TREND_TIRE_UNIDENTIFIED), *number.reasons))
+    return replace(
+        number, status=Status.PROVISIONAL, reasons=(Reason(FleetCode.TREND_TIRE_UNIDENTIFIED), *number.reasons)
+    )
 
 
 def _with_fast_wear(tires: Sequence[TireTrend]) -> tuple[TireTrend, ...]:
@@ -321,7 +324,9 @@ def _with_fast_wear(tires: Sequence[TireTrend]) -> tuple[TireTrend, ...]:
         is_fast = rate.status is Status.VALID and rate.value - middle > max(
             _FAST_WEAR_STDS * rate.std, (_FAST_WEAR - 1.0) * max(middle, 0.0)
         )
-        finding = Reason(Code.TREND_WEARS_FAST, rate_m=1e-3 * rate.value, std_m=1e-3 * rate.std, median_m=1e-3 * middle)
+        finding = Reason(
+            FleetCode.TREND_WEARS_FAST, rate_m=1e-3 * rate.value, std_m=1e-3 * rate.std, median_m=1e-3 * middle
+        )
         judged.append(replace(tire, findings=(finding, *tire.findings)) if is_fast else tire)
     return tuple(judged)
 
@@ -331,9 +336,11 @@ def _wear(tire: _Tire) -> None:
     wear = history.column("wear_mm")
     why = _missing(history, "wear_mm", wear)
     if math.isfinite(history.km[0]) and not _span(history.km) > 0.0 and np.isfinite(wear).any():
-        why = Reason(Code.TREND_DISTANCE_CONSTANT)
+        why = Reason(FleetCode.TREND_DISTANCE_CONSTANT)
     line = _line(tire, "wear_mm", history.km * 1e-3, wear, history.column("wear_mm_std"), against="km", warm=True)
-    basis = () if history.has_odometer else (Reason(Code.TREND_RECORDED_DISTANCE, distance_m=1e3 * _span(history.km)),)
+    basis = (
+        () if history.has_odometer else (Reason(FleetCode.TREND_RECORDED_DISTANCE, distance_m=1e3 * _span(history.km)),)
+    )
     if line is None:
         tire.numbers.append(TrendNumber(Quantity.WEAR_RATE, unit="mm/1000 km", reasons=(why,)))
         tire.numbers.append(TrendNumber(Quantity.WEAR_NOW, unit="mm", reasons=(why,)))
@@ -353,15 +360,15 @@ def _pressure(tire: _Tire) -> None:
     warm = (degc + ZERO_CELSIUS_K) / (REFERENCE_DEGC + ZERO_CELSIUS_K)
     cold = np.where(measured, (gauge + STANDARD_ATMOSPHERE_PA) / warm - STANDARD_ATMOSPHERE_PA, math.nan)
     if not _has_rolled(history):
-        why = Reason(Code.TREND_NO_REVOLUTION)
+        why = Reason(FleetCode.TREND_NO_REVOLUTION)
     elif not measured.any():
-        why = Reason(Code.TREND_PRESSURE_NOT_MEASURED)
+        why = Reason(FleetCode.TREND_PRESSURE_NOT_MEASURED)
     elif not np.isfinite(cold).any():
-        why = Reason(Code.TREND_TEMPERATURE_UNKNOWN)
+        why = Reason(FleetCode.TREND_TEMPERATURE_UNKNOWN)
     elif np.isfinite(cold).sum() > LEAST_FREEDOM + 1 and _is_same(gauge[np.isfinite(cold)]):
         # A gas that is warmed and cooled does not keep its pressure: a repeated value is no measurement of a loss.
         usable = np.isfinite(cold)
-        why = Reason(Code.TREND_PRESSURE_CONSTANT, pressure_pa=float(gauge[usable][0]), count=int(usable.sum()))
+        why = Reason(FleetCode.TREND_PRESSURE_CONSTANT, pressure_pa=float(gauge[usable][0]), count=int(usable.sum()))
         cold = np.full(len(cold), math.nan)
     else:
         why = _missing(history, "", cold)
@@ -379,7 +386,7 @@ def _pressure(tire: _Tire) -> None:
             normal[change.begin :] = False
         refilled = pressure_loss(history.months[line.places[normal]], line.values[normal])
         if refilled is None and change is None:
-            why = Reason(Code.TREND_TOO_FEW, count=int(normal.sum()), needed=LEAST_RECORDINGS)
+            why = Reason(FleetCode.TREND_TOO_FEW, count=int(normal.sum()), needed=LEAST_RECORDINGS)
             line = None
     if line is None:
         tire.numbers.append(TrendNumber(Quantity.PRESSURE_LOSS, unit="kPa/month", reasons=(why,)))
@@ -388,7 +395,7 @@ def _pressure(tire: _Tire) -> None:
     notes: tuple[Reason, ...] = ()
     status, warm_known = Status.VALID, degc[np.isfinite(cold)]
     if _is_same(warm_known):
-        stuck = Reason(Code.TREND_TEMPERATURE_STUCK, temperature_degc=float(warm_known[0]), count=len(warm_known))
+        stuck = Reason(FleetCode.TREND_TEMPERATURE_STUCK, temperature_degc=float(warm_known[0]), count=len(warm_known))
         status, notes = Status.PROVISIONAL, (stuck,)
     plain = _rate(
         Quantity.PRESSURE_LOSS,
@@ -405,7 +412,7 @@ def _pressure(tire: _Tire) -> None:
     deviation = _deviation_of_last(line)
     if loss.status is Status.VALID and deviation is not None and deviation < 0.0:
         # A leak that began after the last recording but one has no rate yet, and the rate before it is not that of now.
-        last = Reason(Code.TREND_LAST_DEVIATES, deviation=deviation, date=line.dates[-1])
+        last = Reason(FleetCode.TREND_LAST_DEVIATES, deviation=deviation, date=line.dates[-1])
         loss = replace(loss, status=Status.PROVISIONAL, reasons=(last, *loss.reasons))
     tire.numbers.append(loss)
     tire.numbers.append(_at_end(Quantity.PRESSURE_NOW, "kPa", line))
@@ -416,7 +423,7 @@ def _pressure(tire: _Tire) -> None:
     least = loss.value - _quantile(line) * plain.std
     is_certain = (least if refilled is None else min(refilled.least, least)) > 0.0
     if loss.status is Status.VALID and is_certain and loss.value > _NOTABLE_LOSS_PA * 1e-3:
-        loses = Reason(Code.TREND_LOSES_PRESSURE, loss_pa=1e3 * loss.value, std_pa=1e3 * loss.std)
+        loses = Reason(FleetCode.TREND_LOSES_PRESSURE, loss_pa=1e3 * loss.value, std_pa=1e3 * loss.std)
         whole = -loss.value * _span(history.months), loss.std * _span(history.months)
         tire.findings.append(Finding(loses, "pressure_at_20_degc", _relative("pressure_at_20_degc", line, None, whole)))
 
@@ -463,9 +470,9 @@ def _leak(tire: _Tire, cold_kpa: FloatArray, unknown: FloatArray, steps_from: fl
     before, before_std = _along(line, _slope_after(line))
     first, last = int(rows[leak.begin]), int(rows[-1])
     date, until = _date(int(history.time_ns[first])), _date(int(history.time_ns[last]))
-    since = Reason(Code.TREND_RATE_SINCE, count=after, date=date, before=-before, std=before_std, unit="kPa/month")
-    stuck = Reason(Code.TREND_TEMPERATURE_STUCK, temperature_degc=float(degc[0]), count=len(degc))
-    now = Reason(Code.TREND_NOW_SINCE, count=after, date=date)
+    since = Reason(FleetCode.TREND_RATE_SINCE, count=after, date=date, before=-before, std=before_std, unit="kPa/month")
+    stuck = Reason(FleetCode.TREND_TEMPERATURE_STUCK, temperature_degc=float(degc[0]), count=len(degc))
+    now = Reason(FleetCode.TREND_NOW_SINCE, count=after, date=date)
     status = Status.VALID if leak.is_certain else Status.PROVISIONAL
     for quantity, unit, value, std, state, why in (
         (
@@ -499,7 +506,7 @@ def _leak(tire: _Tire, cold_kpa: FloatArray, unknown: FloatArray, steps_from: fl
             "first": history.recordings[first], "last": history.recordings[last],
         }  # fmt: skip
         loses = Reason(
-            Code.TREND_LOSS_CHANGED, before_pa=-1e3 * before, before_std_pa=1e3 * before_std,
+            FleetCode.TREND_LOSS_CHANGED, before_pa=-1e3 * before, before_std_pa=1e3 * before_std,
             after_pa=1e3 * leak.rate_kpa, after_std_pa=1e3 * leak.rate_std_kpa, **part,
         )  # fmt: skip
         tire.findings.append(Finding(loses, name, onset))
@@ -519,7 +526,7 @@ def _hidden_by_frequent_refills(line: _Line) -> Reason | None:
         return None
     # One digit: it is a bound by the scatter.
     digit = 10.0 ** math.floor(math.log10(hidden_pa))
-    return Reason(Code.TREND_REFILLS_OFTEN, often=MOST_REFILLS, hidden_pa=digit * round(hidden_pa / digit))
+    return Reason(FleetCode.TREND_REFILLS_OFTEN, often=MOST_REFILLS, hidden_pa=digit * round(hidden_pa / digit))
 
 
 def _fallen(history: TireHistory, line: _Line) -> Reason | None:
@@ -530,7 +537,7 @@ def _fallen(history: TireHistory, line: _Line) -> Reason | None:
     if -1e3 * change < _NOTABLE_FALL_PA or -change < _quantile(line) * std:
         return None
     return Reason(
-        Code.TREND_PRESSURE_FELL,
+        FleetCode.TREND_PRESSURE_FELL,
         fall_pa=-1e3 * change,
         std_pa=1e3 * std,
         span_s=1e-9 * float(history.time_ns[last] - history.time_ns[first]),
@@ -549,7 +556,7 @@ def _with_refills(plain: TrendNumber, refilled: PressureLoss, line: _Line) -> Tr
     notes = plain.reasons
     # Without refills the interval would be less than half as wide upwards: they are what limits it.
     if high - refilled.value > 2.0 * (refilled.high_unrefilled - refilled.value) and high - refilled.value > half:
-        notes = (*notes, Reason(Code.TREND_REFILLS_HIDE, low_pa=1e3 * max(low, 0.0), high_pa=1e3 * high))
+        notes = (*notes, Reason(FleetCode.TREND_REFILLS_HIDE, low_pa=1e3 * max(low, 0.0), high_pa=1e3 * high))
     if (often := _hidden_by_frequent_refills(line)) is not None:
         notes = (*notes, often)
     std = max(refilled.std, plain.std)
@@ -567,7 +574,7 @@ def _load(tire: _Tire) -> None:
     else:
         tire.numbers += _measured_load(line)
         if line.steps and line.doubt is None:
-            steps = Reason(Code.TREND_LOAD_STEPS, count=len(line.steps))
+            steps = Reason(FleetCode.TREND_LOAD_STEPS, count=len(line.steps))
             tire.findings.append(
                 Finding(
                     steps,
@@ -614,7 +621,7 @@ def _stated_load(history: TireHistory, why: Reason) -> Iterator[TrendNumber]:
     """Yield the stated load where none is measured."""
     stated = history.column("load_n")
     is_stated = np.isfinite(stated)
-    reasons = (Reason(Code.TREND_LOAD_STATED), why)
+    reasons = (Reason(FleetCode.TREND_LOAD_STATED), why)
     if is_stated.any():
         std = _shared_std(history.column("load_std_n")[is_stated]) or math.nan
         value, count = float(np.mean(stated[is_stated])), int(is_stated.sum())
@@ -653,20 +660,22 @@ def _stiffness(tire: _Tire, series: Series) -> None:
         and (worn := _softened_by_wear(tire, name, line, _slope_after(line))) is not None
     ):
         slope, slope_std = worn
-        share = Reason(Code.TREND_WEAR_SOFTENS, share=slope / 100.0, std=slope_std / 100.0)
+        share = Reason(FleetCode.TREND_WEAR_SOFTENS, share=slope / 100.0, std=slope_std / 100.0)
         rate = replace(rate, reasons=(*rate.reasons, share))
         drift = replace(rate, value=rate.value - slope, std=math.hypot(rate.std, slope_std))
     tire.numbers.append(rate)
     if line.has_covariate:
         tire.numbers.append(_number(temperature, "%/K", line, np.eye(line.design.shape[1])[2]))
     else:
-        tire.numbers.append(TrendNumber(temperature, unit="%/K", reasons=(Reason(Code.TREND_TEMPERATURE_CONSTANT),)))
+        tire.numbers.append(
+            TrendNumber(temperature, unit="%/K", reasons=(Reason(FleetCode.TREND_TEMPERATURE_CONSTANT),))
+        )
     if (
         line.change is None
         and _is_significant(drift, line)
         and abs(drift.value) * _span(history.months) > watch.notable
     ):
-        drifts = Reason(Code.TREND_STIFFNESS_DRIFTS, name=name, share=drift.value / 100.0, std=drift.std / 100.0)
+        drifts = Reason(FleetCode.TREND_STIFFNESS_DRIFTS, name=name, share=drift.value / 100.0, std=drift.std / 100.0)
         whole = drift.value * _span(history.months), drift.std * _span(history.months)
         tire.findings.append(Finding(drifts, name, _relative(name, line, None, whole)))
 
@@ -727,7 +736,7 @@ def _sensor(tire: _Tire) -> None:
         if not shown:
             del tire.findings[findings_before:]
         if not shown and rate.status is not Status.INVALID:
-            why = Reason(Code.TREND_SPEED_WITH_TIME)
+            why = Reason(FleetCode.TREND_SPEED_WITH_TIME)
             rate = replace(rate, status=Status.PROVISIONAL, reasons=(why, *rate.reasons))
         tire.numbers.append(rate)
         if name == "gain" and line.doubt is not None:
@@ -780,11 +789,11 @@ def _steady_value(tire: _Tire, line: _Line) -> Iterator[Finding]:
     ):
         many = _quantile_of(parted.freedom)
         if abs(parted.gain) > max(many * parted.gain_std, least_gain):
-            yield Finding(Reason(Code.TREND_SENSOR_GAIN, share=parted.gain), "gain")
+            yield Finding(Reason(CoreCode.TREND_SENSOR_GAIN, share=parted.gain), "gain")
         if abs(parted.zero_mps2) > max(many * parted.zero_std_mps2, zero.notable):
-            yield Finding(Reason(Code.TREND_SENSOR_ZERO, change_mps2=parted.zero_mps2), "zero_g_offset_mps2")
+            yield Finding(Reason(CoreCode.TREND_SENSOR_ZERO, change_mps2=parted.zero_mps2), "zero_g_offset_mps2")
     elif abs(change) > _quantile(line) * std and (abs(share) > least_gain or abs(as_zero_mps2) > zero.notable):
-        yield Finding(Reason(Code.TREND_SENSOR_STEADY, share=share, change_mps2=as_zero_mps2), "gain")
+        yield Finding(Reason(FleetCode.TREND_SENSOR_STEADY, share=share, change_mps2=as_zero_mps2), "gain")
 
 
 def _std_of(name: str) -> str:
@@ -1005,7 +1014,7 @@ def _findings_of_line(tire: _Tire, name: str, line: _Line) -> Iterator[Finding]:
     for begin, end in _runs(line.search):
         scale = fit.scale / np.sqrt(fit.weights[begin:end])
         least = float(np.abs(fit.residuals[begin:end] / scale).min()) if fit.scale > 0.0 else math.inf
-        passed = Reason(Code.TREND_PASSED, name=name, deviations=least, **_recordings(history, line, begin, end))
+        passed = Reason(FleetCode.TREND_PASSED, name=name, deviations=least, **_recordings(history, line, begin, end))
         yield Finding(passed, name, _relative(name, line, begin, _size_of_run(line, begin, end)))
     # Steps of the load have their own finding.
     for number, begin in enumerate(line.steps if name != "estimated_load_n" else ()):
@@ -1032,18 +1041,18 @@ def _findings_of_line(tire: _Tire, name: str, line: _Line) -> Iterator[Finding]:
             return
         if name == "wear_mm" and bend > 0.0 and abs(size) >= watch.notable:
             wears = Reason(
-                Code.TREND_WEAR_CHANGED, before_m=1e-3 * before[0], before_std_m=1e-3 * before[1],
+                FleetCode.TREND_WEAR_CHANGED, before_m=1e-3 * before[0], before_std_m=1e-3 * before[1],
                 after_m=1e-3 * after[0], after_std_m=1e-3 * after[1], **part,
             )  # fmt: skip
             yield Finding(wears, name, onset)
         elif name != "wear_mm" and bend < 0.0 and -after[0] > max(1e-3 * _NOTABLE_LOSS_PA, 2.0 * after[1]):
             loses = Reason(
-                Code.TREND_LOSS_CHANGED, before_pa=-1e3 * before[0], before_std_pa=1e3 * before[1],
+                FleetCode.TREND_LOSS_CHANGED, before_pa=-1e3 * before[0], before_std_pa=1e3 * before[1],
                 after_pa=-1e3 * after[0], after_std_pa=1e3 * after[1], **part,
             )  # fmt: skip
             yield Finding(loses, name, onset)
     elif abs(size) >= watch.notable:
-        code = Code.TREND_SLOPE_CHANGED if change.is_slope else watch.level
+        code = FleetCode.TREND_SLOPE_CHANGED if change.is_slope else watch.level
         yield Finding(_changed(code, history, name, line, (size, std), change.begin, end), name, onset)
 
 
@@ -1135,10 +1144,10 @@ def _rate(
     span, change = float(np.ptp(line.design[~line.search.is_outlier, 1])), line.change
     if span < least:
         if against == "km":
-            why = Reason(Code.TREND_DISTANCE_SHORT, distance_m=1e6 * span, needed_m=1e6 * least)
+            why = Reason(FleetCode.TREND_DISTANCE_SHORT, distance_m=1e6 * span, needed_m=1e6 * least)
         else:
             second = _DAY_S / _DAY_MONTHS
-            why = Reason(Code.TREND_SPAN_SHORT, span_s=second * span, needed_s=second * least)
+            why = Reason(FleetCode.TREND_SPAN_SHORT, span_s=second * span, needed_s=second * least)
         return TrendNumber(quantity, unit=unit, reasons=(why,), count=int((~line.search.is_outlier).sum()))
     reasons = (*reasons, *_notes_of_steps(line))
     before = _slope_before(line)
@@ -1146,13 +1155,13 @@ def _rate(
         return _number(quantity, unit, line, before, factor=factor, status=status, reasons=reasons)
     end = len(line.values)
     if not change.is_slope or line.newest < LEAST_AFTER or np.ptp(line.design[change.begin - 1 :, 1]) < least:
-        omitted = Reason(Code.TREND_NEWEST_LEFT, count=end - change.begin, date=line.dates[change.begin])
+        omitted = Reason(FleetCode.TREND_NEWEST_LEFT, count=end - change.begin, date=line.dates[change.begin])
         return _number(
             quantity, unit, line, before, factor=factor, status=Status.PROVISIONAL, reasons=(omitted, *reasons)
         )
     value, std = _along(line, before)
     since = Reason(
-        Code.TREND_RATE_SINCE, count=end - change.begin, date=line.dates[change.begin], before=factor * value,
+        FleetCode.TREND_RATE_SINCE, count=end - change.begin, date=line.dates[change.begin], before=factor * value,
         std=abs(factor) * std, unit=unit,
     )  # fmt: skip
     if line.newest < _LEAST_VALID:
@@ -1161,7 +1170,7 @@ def _rate(
 
 
 def _notes_of_steps(line: _Line) -> tuple[Reason, ...]:
-    return (Reason(Code.TREND_STEPS, count=len(line.steps)),) if line.steps else ()
+    return (Reason(FleetCode.TREND_STEPS, count=len(line.steps)),) if line.steps else ()
 
 
 def _number(
@@ -1185,7 +1194,7 @@ def _number(
         freedom, count = max(1, min(freedom, line.newest - 2)), line.newest
     half = float(stats.t.ppf(0.975, freedom)) * std
     outliers = int(line.search.is_outlier.sum())
-    notes = (*reasons, Reason(Code.TREND_OUTLIERS_LEFT_OUT, count=outliers)) if outliers else reasons
+    notes = (*reasons, Reason(FleetCode.TREND_OUTLIERS_LEFT_OUT, count=outliers)) if outliers else reasons
     number = TrendNumber(quantity, value, std, unit, status, notes, count, freedom, value - half, value + half)
     return _judged(number, line)
 
@@ -1203,13 +1212,13 @@ def _at_end(quantity: str, unit: str, line: _Line) -> TrendNumber:
     half, std = math.hypot(number.high - number.value, 2.0 * shared), math.hypot(number.std, shared)
     number = replace(number, std=std, low=number.value - half, high=number.value + half)
     if (change := line.change) is not None:
-        since = Reason(Code.TREND_NOW_SINCE, count=len(line.values) - change.begin, date=line.dates[change.begin])
+        since = Reason(FleetCode.TREND_NOW_SINCE, count=len(line.values) - change.begin, date=line.dates[change.begin])
         is_few = not change.is_slope or line.newest < _LEAST_VALID
         number = replace(
             number, status=Status.PROVISIONAL if is_few else number.status, reasons=(since, *number.reasons)
         )
     if (deviation := _deviation_of_last(line)) is not None:
-        last = Reason(Code.TREND_LAST_DEVIATES, deviation=deviation, date=line.dates[-1])
+        last = Reason(FleetCode.TREND_LAST_DEVIATES, deviation=deviation, date=line.dates[-1])
         number = replace(number, status=Status.PROVISIONAL, reasons=(last, *number.reasons))
     return number
 
@@ -1230,7 +1239,7 @@ def _deviation_of_last(line: _Line) -> float | None:
 
 def _judged(number: TrendNumber, line: _Line) -> TrendNumber:
     """Return a number of a line with the doubts about its recordings, and the levels that are fitted apart."""
-    notes = (Reason(Code.TREND_STATED_LEVELS, count=line.levels),) if line.levels else ()
+    notes = (Reason(FleetCode.TREND_STATED_LEVELS, count=line.levels),) if line.levels else ()
     if line.doubt is None:
         return replace(number, reasons=(*number.reasons, *notes))
     return replace(number, status=Status.PROVISIONAL, reasons=(line.doubt, *number.reasons, *notes))
@@ -1299,13 +1308,13 @@ def _difference(
     differences = np.array([first[path][0] - second[path][0] for path in common]) * _ANGLES
     stds = np.array([math.hypot(first[path][1], second[path][1]) for path in common]) * _ANGLES
     if len(common) < LEAST_FREEDOM + 1:
-        reason = Reason(Code.TREND_TOO_FEW, count=len(common), needed=LEAST_FREEDOM + 1)
+        reason = Reason(FleetCode.TREND_TOO_FEW, count=len(common), needed=LEAST_FREEDOM + 1)
         return TrendNumber(quantity, unit="deg", reasons=(reason,))
     design = np.ones((len(common), 1))
     search = find_outliers(design, differences, weights_of(design, differences, stds), family=1)
     fit = search.fit
     if fit is None:
-        return TrendNumber(quantity, unit="deg", reasons=(Reason(Code.TREND_UNDETERMINED),))
+        return TrendNumber(quantity, unit="deg", reasons=(Reason(FleetCode.TREND_UNDETERMINED),))
     # What all recordings share, such as the roll of a sensor, is part of the stated errors only.
     value, std = float(fit.coefficients[0]), math.hypot(fit.std(0), _shared_std(stds))
     doubts = [
@@ -1317,8 +1326,8 @@ def _difference(
     is_outlier = search.is_outlier
     for begin, end in _runs(search):
         if end == len(common):
-            why.append(Reason(Code.TREND_NEWEST_LEFT, count=end - begin, date=_date(starts[common[begin]][0])))
-    notes = [Reason(Code.TREND_OUTLIERS_LEFT_OUT, count=int(is_outlier.sum()))] if is_outlier.any() else []
+            why.append(Reason(FleetCode.TREND_NEWEST_LEFT, count=end - begin, date=_date(starts[common[begin]][0])))
+    notes = [Reason(FleetCode.TREND_OUTLIERS_LEFT_OUT, count=int(is_outlier.sum()))] if is_outlier.any() else []
     return TrendNumber(
         quantity,
         value,
@@ -1347,13 +1356,13 @@ def _by_path(tires: Sequence[TireHistory], name: str) -> dict[str, tuple[float, 
 def _missing(history: TireHistory, name: str, values: FloatArray) -> Reason:
     """Return why a series gives no number."""
     if not _has_rolled(history):
-        return Reason(Code.TREND_NO_REVOLUTION)
+        return Reason(FleetCode.TREND_NO_REVOLUTION)
     count = int(np.isfinite(values).sum())
     if not count and history.invalid.get(name):
-        return Reason(Code.TREND_NO_VALUES, why=history.invalid[name])
+        return Reason(FleetCode.TREND_NO_VALUES, why=history.invalid[name])
     if count < LEAST_FREEDOM + 2:
-        return Reason(Code.TREND_TOO_FEW, count=count, needed=LEAST_FREEDOM + 2)
-    return Reason(Code.TREND_UNDETERMINED)
+        return Reason(FleetCode.TREND_TOO_FEW, count=count, needed=LEAST_FREEDOM + 2)
+    return Reason(FleetCode.TREND_UNDETERMINED)
 
 
 def _has_rolled(history: TireHistory) -> bool:

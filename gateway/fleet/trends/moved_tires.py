@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
+from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.tire_history import TireHistory
 
 
@@ -44,11 +45,11 @@ def findings_of_moves(histories: Sequence[TireHistory]) -> dict[tuple[str, str, 
         other = next((later for later in moves if later not in told and move.exchanges_with(later)), None)
         date = str(np.datetime64(move.until_ns, "ns").astype("datetime64[D]"))
         if other is None:
-            finding = Reason(Code.TREND_TIRE_MOVED, origin=move.origin, target=move.target, date=date)
+            finding = Reason(FleetCode.TREND_TIRE_MOVED, origin=move.origin, target=move.target, date=date)
         else:
             told.add(other)
             finding = Reason(
-                Code.TREND_TIRES_EXCHANGED,
+                FleetCode.TREND_TIRES_EXCHANGED,
                 origin=move.origin,
                 target=move.target,
                 date=date,

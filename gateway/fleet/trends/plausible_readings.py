@@ -6,8 +6,9 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gateway.core.constants import STANDARD_ATMOSPHERE_PA, TIRE_DEGC, ZERO_CELSIUS_K
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.types import BoolArray, FloatArray
+from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.tire_history import TireHistory
 
 # Recordings in a row, and change of the pressure that their temperatures ask for, from which the same value is no
@@ -40,7 +41,9 @@ def plausible_readings(history: TireHistory) -> PlausibleReadings:
     findings: list[Reason] = []
     if impossible.any():
         worst = float(degc[impossible][np.argmax(np.abs(degc[impossible]))])
-        findings.append(Reason(Code.TREND_TEMPERATURE_IMPOSSIBLE, temperature_degc=worst, count=int(impossible.sum())))
+        findings.append(
+            Reason(FleetCode.TREND_TEMPERATURE_IMPOSSIBLE, temperature_degc=worst, count=int(impossible.sum()))
+        )
     degc = np.where(impossible, np.nan, degc)
     measured = np.flatnonzero((history.column("pressure_measured") > 0.0) & np.isfinite(pressure_pa))
     for run in _runs(pressure_pa[measured]):
@@ -51,7 +54,7 @@ def plausible_readings(history: TireHistory) -> PlausibleReadings:
             )
             findings.append(
                 Reason(
-                    Code.TREND_PRESSURE_STUCK,
+                    FleetCode.TREND_PRESSURE_STUCK,
                     pressure_pa=float(pressure_pa[rows[0]]),
                     count=int(rows.size),
                     first=first,

@@ -6,8 +6,9 @@ from typing import Final
 
 import numpy as np
 
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.types import FloatArray
+from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.tire_history import TireHistory
 
 # Share of provisional values from which what is made of them is provisional, and weight of one below it.
@@ -31,7 +32,7 @@ def doubt_of(doubts: Sequence[str]) -> Reason | None:
     if not stated or stated.total() < _CONSIDERABLE * len(doubts):
         return None
     why = stated.most_common(1)[0][0]
-    return Reason(Code.TREND_PROVISIONAL, count=stated.total(), of=len(doubts), why=why)
+    return Reason(FleetCode.TREND_PROVISIONAL, count=stated.total(), of=len(doubts), why=why)
 
 
 def findings_of_recordings(history: TireHistory) -> Iterator[Reason]:
@@ -43,14 +44,14 @@ def findings_of_recordings(history: TireHistory) -> Iterator[Reason]:
         counts.update({name for name, _ in alarms})
         last |= dict(alarms)
     for name, count in counts.most_common():
-        yield Reason(Code.TREND_ALARMS, name=name, count=count, of=of, why=last[name])
+        yield Reason(FleetCode.TREND_ALARMS, name=name, count=count, of=of, why=last[name])
     revolutions, valid = history.column("revolutions"), history.column("revolutions_valid")
     few = np.flatnonzero((revolutions > 0.0) & (valid < _LEAST_VALID_SHARE * revolutions))
     if few.size and history.faults:
         whys: dict[str, int] = defaultdict(int)
         for index in few:
             whys[history.faults[index]] += 1
-        yield Reason(Code.TREND_FEW_VALID, count=int(few.size), of=of, why=max(whys, key=lambda why: whys[why]))
+        yield Reason(FleetCode.TREND_FEW_VALID, count=int(few.size), of=of, why=max(whys, key=lambda why: whys[why]))
     damaged = int(np.nansum(history.column("damaged"))) if "damaged" in history.columns else 0
     if damaged:
-        yield Reason(Code.TREND_DAMAGED, count=damaged, of=of)
+        yield Reason(FleetCode.TREND_DAMAGED, count=damaged, of=of)

@@ -7,7 +7,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gateway.core.quantity import Statement
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
+from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.tire_history import TireHistory
 from gateway.fleet.trends.watched_series import SERIES
 
@@ -16,9 +17,9 @@ _MOST_LOADS: Final = 3
 _MOST_NAMED: Final = 3
 
 _CODES: Final = {
-    Statement.THICKNESS: Code.TREND_STATED_THICKNESS,
-    Statement.REFERENCE: Code.TREND_STATED_REFERENCE,
-    Statement.CALIBRATION: Code.TREND_STATED_CALIBRATION,
+    Statement.THICKNESS: FleetCode.TREND_STATED_THICKNESS,
+    Statement.REFERENCE: FleetCode.TREND_STATED_REFERENCE,
+    Statement.CALIBRATION: FleetCode.TREND_STATED_CALIBRATION,
 }
 
 
@@ -71,11 +72,11 @@ def findings_of_changes(history: TireHistory, changes: Iterable[StatedChange]) -
 
 
 def _of_load(change: StatedChange, date: str) -> Reason:
-    return Reason(Code.TREND_STATED_LOAD, date=date, before_n=float(change.before), after_n=float(change.after))
+    return Reason(FleetCode.TREND_STATED_LOAD, date=date, before_n=float(change.before), after_n=float(change.after))
 
 
 def _of_radius(change: StatedChange, date: str) -> Reason:
-    return Reason(Code.TREND_STATED_RADIUS, date=date, before_m=float(change.before), after_m=float(change.after))
+    return Reason(FleetCode.TREND_STATED_RADIUS, date=date, before_m=float(change.before), after_m=float(change.after))
 
 
 def _plain(change: StatedChange, date: str) -> Reason:

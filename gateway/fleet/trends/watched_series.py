@@ -5,7 +5,7 @@ from typing import Final, NamedTuple
 
 from gateway.core.quantity import Basis, Statement, Trend, Watch
 from gateway.core.quantity_catalogue import declared
-from gateway.core.reasons import Code
+from gateway.fleet.reasons import FleetCode
 
 
 class Series(NamedTuple):
@@ -44,7 +44,7 @@ _OF_RECORDINGS: Final = (
             is_logarithm=True,
             worse=1.0,
             is_drawn=True,
-            drift=(Code.TREND_SENSOR_NOISE, "factor"),
+            drift=(FleetCode.TREND_SENSOR_NOISE, "factor"),
         ),
     ),
     Series(
@@ -56,7 +56,7 @@ _OF_RECORDINGS: Final = (
             notable=0.5,
             trend=Trend.SENSOR,
             worse=1.0,
-            drift=(Code.TREND_SENSOR_LOSSES, "share"),
+            drift=(FleetCode.TREND_SENSOR_LOSSES, "share"),
         ),
     ),
     Series(
@@ -68,7 +68,7 @@ _OF_RECORDINGS: Final = (
             notable=0.1,
             trend=Trend.SENSOR,
             worse=1.0,
-            drift=(Code.TREND_SENSOR_CLIPS, "share"),
+            drift=(FleetCode.TREND_SENSOR_CLIPS, "share"),
         ),
     ),
     Series(
@@ -82,7 +82,7 @@ _OF_RECORDINGS: Final = (
             trend=Trend.SENSOR,
             shifted_by=frozenset({Statement.RADIUS}),
             explains=frozenset({Basis.OFFSET}),
-            drift=(Code.TREND_SENSOR_MOVES, "change_m"),
+            drift=(FleetCode.TREND_SENSOR_MOVES, "change_m"),
         ),
     ),
 )

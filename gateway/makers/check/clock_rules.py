@@ -6,9 +6,10 @@ from typing import Final
 import numpy as np
 
 from firmware_protocol.messages import Hello, HubStatus, MessageType, SampleBlock
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.makers.check.clauses import Clause, Ledger
 from gateway.makers.check.seen_frame import SeenFrame, SourceKey, signed_step, source_name
+from gateway.makers.reasons import FirmwareCode
 
 # Time over which the page compares the rate and the hub's clock.
 _SPAN_S: Final = 2.0
@@ -104,10 +105,12 @@ class ClockRules:
         self._ledger.check(Clause.TICK_MONOTONIC)
         step = signed_step(previous[1], seen.tick_us)
         if step < 0:
-            reason = Reason(Code.TICK_GOES_BACK, back_us=float(-step), tick_us=float(seen.tick_us))
+            reason = Reason(FirmwareCode.TICK_GOES_BACK, back_us=float(-step), tick_us=float(seen.tick_us))
             self._ledger.fail(Clause.TICK_MONOTONIC, seen, reason)
         elif step == 0 and not self._is_repeated(seen):
-            self._ledger.fail(Clause.TICK_MONOTONIC, seen, Reason(Code.TICK_STANDS, tick_us=float(seen.tick_us)))
+            self._ledger.fail(
+                Clause.TICK_MONOTONIC, seen, Reason(FirmwareCode.TICK_STANDS, tick_us=float(seen.tick_us))
+            )
 
     def _is_repeated(self, seen: SeenFrame) -> bool:
         blocks = self._blocks.get(seen.source)
@@ -136,7 +139,7 @@ class ClockRules:
             contiguous = not blocks.lost
             self._ledger.check(Clause.NUMBERS)
             if step < last[3] and not repeated:
-                reason = Reason(Code.SAMPLE_NUMBERS_OVERLAP, step=float(step), samples=float(last[3]))
+                reason = Reason(FirmwareCode.SAMPLE_NUMBERS_OVERLAP, step=float(step), samples=float(last[3]))
                 self._ledger.fail(Clause.NUMBERS, seen, reason)
             elif step > last[3] and contiguous:
                 blocks.holes += step - last[3]
@@ -190,7 +193,7 @@ class ClockRules:
         if abs(pace - 1.0) <= _CLOCK_SHARE + _ARRIVAL_S / host_s:
             return
         unit = next((unit for unit, of in _UNITS.items() if abs(pace / of - 1.0) < _UNIT_TOLERANCE), "")
-        code = Code.TICK_IN_OTHER_UNIT if unit else Code.TICK_PACE_WRONG
+        code = FirmwareCode.TICK_IN_OTHER_UNIT if unit else FirmwareCode.TICK_PACE_WRONG
         values: dict[str, float | str] = {"unit": unit} if unit else {}
         self._ledger.fail(Clause.TICK, f"hub {number}", Reason(code, pace=pace, duration_s=float(host_s), **values))
 
@@ -199,12 +202,12 @@ class ClockRules:
         blocks = self._blocks[source]
         dropped = self._clocks[source[0]].samples_dropped if source[0] in self._clocks else None
         if blocks.hole is not None:
-            reason = Reason(Code.SAMPLE_NUMBERS_HOLES, holes=float(blocks.holes))
+            reason = Reason(FirmwareCode.SAMPLE_NUMBERS_HOLES, holes=float(blocks.holes))
             if dropped is None or dropped[1] == dropped[0]:
                 self._ledger.fail(Clause.NUMBERS, blocks.hole, reason)
             else:
                 self._ledger.fail(
-                    Clause.LOSS, blocks.hole, Reason(Code.SAMPLES_DROPPED_BY_HUB, holes=float(blocks.holes))
+                    Clause.LOSS, blocks.hole, Reason(FirmwareCode.SAMPLES_DROPPED_BY_HUB, holes=float(blocks.holes))
                 )
         if blocks.hello is None or len(blocks.numbers) < 3:
             return
@@ -220,13 +223,13 @@ class ClockRules:
         share = 1.0 / (slope * stated_hz) - 1.0
         if abs(share) > _EXACT and not self._ledger.has_failed(Clause.RATE):
             reason = Reason(
-                Code.RATE_NOT_EXACT, stated_hz=stated_hz, measured_hz=float(1.0 / slope), share=float(share)
+                FirmwareCode.RATE_NOT_EXACT, stated_hz=stated_hz, measured_hz=float(1.0 / slope), share=float(share)
             )
             self._ledger.fail(Clause.RATE_EXACT, subject, reason, is_advice=True)
         residual_s = tick_s - begin - slope * number
         spread_s = float(residual_s.max() - residual_s.min())
         if spread_s > _EXACT * _SPAN_S:
-            reason = Reason(Code.TICK_JITTERS, spread_s=spread_s, std_s=float(residual_s.std()))
+            reason = Reason(FirmwareCode.TICK_JITTERS, spread_s=spread_s, std_s=float(residual_s.std()))
             self._ledger.fail(Clause.JITTER, subject, reason, is_advice=True)
 
     def _judge_first_sample(self) -> None:
@@ -238,7 +241,7 @@ class ClockRules:
                 continue
             self._ledger.check(Clause.TICK_FIRST, clock.close)
             if len(clock.early) >= max(_LEAST_EARLY, clock.close // 4):
-                reason = Reason(Code.TICK_NOT_OF_FIRST_SAMPLE, tick_us=float(clock.early[0].tick_us))
+                reason = Reason(FirmwareCode.TICK_NOT_OF_FIRST_SAMPLE, tick_us=float(clock.early[0].tick_us))
                 seen = clock.early[0]
                 self._ledger.fail(
                     Clause.TICK_FIRST,

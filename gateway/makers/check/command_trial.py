@@ -25,9 +25,10 @@ from firmware_protocol.messages import (
     TimeSync,
 )
 from firmware_protocol.signing import is_signed, sign
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.makers.check.clauses import Clause, Ledger
 from gateway.makers.check.seen_frame import SeenFrame
+from gateway.makers.reasons import FirmwareCode
 from gateway.security.cmac import Key, mac
 from gateway.security.command_signing import HubAtLink, HubCommands
 
@@ -108,7 +109,7 @@ class CommandTrial:
     def finish(self) -> None:
         """End the trial, and say why what was not tried was not."""
         if not self._done:
-            self._leave(Reason(Code.CHECK_STOPPED_EARLY))
+            self._leave(Reason(FirmwareCode.CHECK_STOPPED_EARLY))
         self._done = True
 
     def _go_on(self, seen: SeenFrame | None) -> None:
@@ -134,12 +135,12 @@ class CommandTrial:
         if verifies:
             yield from self._unsigned()
             if self._hub_at_link is None or not self._hub_at_link.verifies_commands or self._hub_at_link.key is None:
-                self._leave(Reason(Code.CHECK_NO_KEY, identity=f"{hello.message.hub_id:016x}"))
+                self._leave(Reason(FirmwareCode.CHECK_NO_KEY, identity=f"{hello.message.hub_id:016x}"))
                 return
         time = SetTime(self._now_ns)
         answer = yield from self._execute(Clause.COMMAND_ANSWER, time, is_first=True)
         if answer is None:
-            self._leave(Reason(Code.CHECK_HUB_TAKES_NO_COMMANDS))
+            self._leave(Reason(FirmwareCode.CHECK_HUB_TAKES_NO_COMMANDS))
             return
         yield from self._time(time.host_ns)
         yield from self._damaged()
@@ -177,7 +178,7 @@ class CommandTrial:
         if answer is None:
             if not is_first:
                 self._ledger.check(Clause.COMMAND_ANSWER)
-                reason = Reason(Code.COMMAND_ANSWER_LATE, command=name, waited_s=_ANSWER_S)
+                reason = Reason(FirmwareCode.COMMAND_ANSWER_LATE, command=name, waited_s=_ANSWER_S)
                 self._ledger.fail(Clause.COMMAND_ANSWER, f"hub {self._hub}", reason, frame)
             return None
         result = answer.message
@@ -185,15 +186,19 @@ class CommandTrial:
         self._ledger.check(Clause.COMMAND_ANSWER)
         self._ledger.check(clause)
         if answer.wheel != HUB_ITSELF:
-            self._ledger.fail(Clause.COMMAND_ANSWER, answer, Reason(Code.COMMAND_ANSWER_NOT_OF_HUB, wheel=answer.wheel))
+            self._ledger.fail(
+                Clause.COMMAND_ANSWER, answer, Reason(FirmwareCode.COMMAND_ANSWER_NOT_OF_HUB, wheel=answer.wheel)
+            )
         # With outcome 5 it is the highest counter so far.
         if result.command != type_ or (result.seq != seq and result.outcome != Outcome.REPEATED):
             reason = Reason(
-                Code.COMMAND_REPLY_MISMATCH, command=result.command, seq=result.seq, sent=type_, sent_seq=seq
+                FirmwareCode.COMMAND_REPLY_MISMATCH, command=result.command, seq=result.seq, sent=type_, sent_seq=seq
             )
             self._ledger.fail(Clause.COMMAND_ANSWER, answer, reason)
         elif result.outcome != expected:
-            reason = Reason(Code.COMMAND_OUTCOME_WRONG, command=name, outcome=result.outcome, expected=int(expected))
+            reason = Reason(
+                FirmwareCode.COMMAND_OUTCOME_WRONG, command=name, outcome=result.outcome, expected=int(expected)
+            )
             self._ledger.fail(clause, answer, reason)
         return answer
 
@@ -226,7 +231,7 @@ class CommandTrial:
         if echo is None or not isinstance(echo.message, TimeSync):
             return
         if echo.message.host_ns != host_ns:
-            reason = Reason(Code.TIME_NOT_ECHOED, host_ns=echo.message.host_ns, sent_ns=host_ns)
+            reason = Reason(FirmwareCode.TIME_NOT_ECHOED, host_ns=echo.message.host_ns, sent_ns=host_ns)
             self._ledger.fail(Clause.COMMAND_TIME, echo, reason)
 
     def _damaged(self) -> _Script:
@@ -237,7 +242,7 @@ class CommandTrial:
         answer = yield self._in(_QUIET_S), self._is_answer
         self._ledger.check(Clause.COMMAND_CRC)
         if answer is not None:
-            self._ledger.fail(Clause.COMMAND_CRC, answer, Reason(Code.COMMAND_ANSWERED_DAMAGED))
+            self._ledger.fail(Clause.COMMAND_CRC, answer, Reason(FirmwareCode.COMMAND_ANSWERED_DAMAGED))
 
     def _stream(self, *, is_signed: bool) -> _Script:
         """Samples stop and start; everything else goes on. The same command again is done again, or refused."""
@@ -247,17 +252,21 @@ class CommandTrial:
             yield self._in(_ON_ITS_WAY_S), lambda _: False
             late = yield self._in(_QUIET_S), self._is_samples
             if late is not None:
-                self._ledger.fail(Clause.COMMAND_STREAM, late, Reason(Code.SAMPLES_NOT_STOPPED, waited_s=_ON_ITS_WAY_S))
+                self._ledger.fail(
+                    Clause.COMMAND_STREAM, late, Reason(FirmwareCode.SAMPLES_NOT_STOPPED, waited_s=_ON_ITS_WAY_S)
+                )
             status = yield self._in(_ANSWER_S), lambda seen: isinstance(seen.message, HubStatus)
             if status is None:
-                reason = Reason(Code.MESSAGE_TOO_RARE, type="HUB_STATUS", count=0, span_s=_ANSWER_S, due=_ANSWER_S)
+                reason = Reason(
+                    FirmwareCode.MESSAGE_TOO_RARE, type="HUB_STATUS", count=0, span_s=_ANSWER_S, due=_ANSWER_S
+                )
                 self._ledger.fail(Clause.COMMAND_STREAM, f"hub {self._hub}", reason)
         self.pausing = self._hub
         frame = self._frame(MessageType.SET_STREAM, encode_payload(SetStream(True)))
         yield from self._send(Clause.COMMAND_STREAM, frame, Outcome.DONE)
         samples = yield self._in(_ANSWER_S), self._is_samples
         if samples is None:
-            reason = Reason(Code.SAMPLES_NOT_STARTED, waited_s=_ANSWER_S)
+            reason = Reason(FirmwareCode.SAMPLES_NOT_STARTED, waited_s=_ANSWER_S)
             self._ledger.fail(Clause.COMMAND_STREAM, f"hub {self._hub}", reason)
         expected = Outcome.REPEATED if is_signed else Outcome.DONE
         yield from self._send(Clause.COMMAND_REPEATED, frame, expected)
@@ -281,8 +290,8 @@ class CommandTrial:
             )
             self.pausing = self._hub
             if hello is None or not isinstance(hello.message, Hello):
-                reason = Reason(Code.SET_RATE_NOT_STATED, stated_hz=before_hz, waited_s=_ANSWER_S)
+                reason = Reason(FirmwareCode.SET_RATE_NOT_STATED, stated_hz=before_hz, waited_s=_ANSWER_S)
                 self._ledger.fail(Clause.COMMAND_RATE, f"hub {self._hub}", reason)
             elif wanted_hz == before_hz and hello.message.rate_hz != before_hz:
-                reason = Reason(Code.SET_RATE_NOT_STATED, stated_hz=hello.message.rate_hz, waited_s=0.0)
+                reason = Reason(FirmwareCode.SET_RATE_NOT_STATED, stated_hz=hello.message.rate_hz, waited_s=0.0)
                 self._ledger.fail(Clause.COMMAND_RATE, hello, reason)

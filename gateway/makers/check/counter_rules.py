@@ -6,9 +6,10 @@ from typing import Final
 from firmware_protocol.counters import SourceCounters
 from firmware_protocol.messages import HUB_ITSELF, Hello, HubStatus
 from firmware_protocol.source_tracking import SourceTracker
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.makers.check.clauses import Clause, Ledger
 from gateway.makers.check.seen_frame import SeenFrame, SourceKey, signed_step, source_name
+from gateway.makers.reasons import FirmwareCode
 
 # A hub's clock that goes back by more shows a start; frames of several sources may be this late.
 _RESTART_US: Final = 1_000_000
@@ -133,9 +134,9 @@ class CounterRules:
         self._ledger.check(Clause.BOOT_COUNT)
         values = {"before": float(previous), "after": float(hello.boot_count)}
         if hello.boot_count < previous:
-            self._ledger.fail(Clause.BOOT_COUNT, seen, Reason(Code.BOOT_COUNT_GOES_BACK, **values))
+            self._ledger.fail(Clause.BOOT_COUNT, seen, Reason(FirmwareCode.BOOT_COUNT_GOES_BACK, **values))
         elif hello.boot_count == previous and counts_anew:
-            self._ledger.fail(Clause.BOOT_COUNT, seen, Reason(Code.BOOT_COUNT_STANDS, **values))
+            self._ledger.fail(Clause.BOOT_COUNT, seen, Reason(FirmwareCode.BOOT_COUNT_STANDS, **values))
         if hello.boot_count == previous or counts_anew:
             return False
         self._start_anew(seen.hub)
@@ -156,7 +157,7 @@ class CounterRules:
         elif state.must_start:
             self._ledger.check(Clause.START)
             if seen.seq != 0:
-                self._ledger.fail(Clause.START, seen, Reason(Code.SEQ_NOT_FROM_ZERO, seq=float(seen.seq)))
+                self._ledger.fail(Clause.START, seen, Reason(FirmwareCode.SEQ_NOT_FROM_ZERO, seq=float(seen.seq)))
         state.must_start = False
 
     @staticmethod
@@ -184,7 +185,7 @@ class CounterRules:
             self._ledger.check(Clause.DROPS)
             missing = self.lost_of_hub(number)
             if missing < dropped / 2:
-                reason = Reason(Code.DROPS_NOT_NUMBERED, dropped=float(dropped), missing=float(missing))
+                reason = Reason(FirmwareCode.DROPS_NOT_NUMBERED, dropped=float(dropped), missing=float(missing))
                 self._ledger.fail(Clause.DROPS, f"hub {number}", reason)
 
     def _judge(self, hub: _Hub, source: SourceKey, state: _Source) -> None:
@@ -192,24 +193,24 @@ class CounterRules:
         if first is None:
             return
         if state.same_steps > _MOST * (state.frames - 1):
-            self._ledger.fail(Clause.SEQ, first, Reason(Code.SEQ_STANDS, seq=float(first.seq)))
+            self._ledger.fail(Clause.SEQ, first, Reason(FirmwareCode.SEQ_STANDS, seq=float(first.seq)))
             return
         if hub.changes and hub.shared_steps > _MOST * hub.changes:
-            self._ledger.fail(Clause.SEQ, first, Reason(Code.SEQ_SHARED))
+            self._ledger.fail(Clause.SEQ, first, Reason(FirmwareCode.SEQ_SHARED))
             return
         if state.swapped_steps > _MOST * (state.frames - 1):
-            self._ledger.fail(Clause.SEQ, first, Reason(Code.SEQ_BIG_ENDIAN))
+            self._ledger.fail(Clause.SEQ, first, Reason(FirmwareCode.SEQ_BIG_ENDIAN))
             return
         for seen in state.repeated:
-            self._ledger.fail(Clause.SEQ, seen, Reason(Code.SEQ_REPEATED, seq=float(seen.seq)))
+            self._ledger.fail(Clause.SEQ, seen, Reason(FirmwareCode.SEQ_REPEATED, seq=float(seen.seq)))
         for seen in state.went_back:
-            self._ledger.fail(Clause.SEQ, seen, Reason(Code.SEQ_GOES_BACK, seq=float(seen.seq)))
+            self._ledger.fail(Clause.SEQ, seen, Reason(FirmwareCode.SEQ_GOES_BACK, seq=float(seen.seq)))
         for seen, gap in state.gaps:
             if gap > _LARGEST_GAP:
-                self._ledger.fail(Clause.SEQ, seen, Reason(Code.SEQ_JUMPS, gap=float(gap), seq=float(seen.seq)))
+                self._ledger.fail(Clause.SEQ, seen, Reason(FirmwareCode.SEQ_JUMPS, gap=float(gap), seq=float(seen.seq)))
         lost = sum(gap for _, gap in state.gaps if gap <= _LARGEST_GAP)
         if lost and not state.went_back:
-            reason = Reason(Code.CHECK_FRAMES_LOST, lost=lost, frames=state.frames, damaged=state.damaged)
+            reason = Reason(FirmwareCode.CHECK_FRAMES_LOST, lost=lost, frames=state.frames, damaged=state.damaged)
             self._ledger.fail(Clause.LOSS, source_name(source), reason, first.data, first.at_byte)
 
 

@@ -9,8 +9,10 @@ from zlib import crc32
 from firmware_protocol import wire
 from gateway.core.reasons import Code, Reason
 from gateway.core.session.line_content import swapped_syncs
+from gateway.core.session.reasons import SessionCode
 from gateway.makers.check.clauses import Clause
 from gateway.makers.check.counter_rules import swapped
+from gateway.makers.reasons import FirmwareCode
 
 _MASK: Final = 0xFFFF_FFFF
 _HEADER: Final = re.compile(re.escape(wire.SYNC) + rb"[\x10-\x1f]", re.DOTALL)
@@ -43,23 +45,23 @@ def _words(data: bytes) -> bytes:
 
 
 _VARIANTS: Final[Mapping[Code, Callable[[bytes], int]]] = {
-    Code.CRC_BIG_ENDIAN: lambda data: swapped(crc32(data)),
-    Code.CRC_NOT_INVERTED: lambda data: crc32(data) ^ _MASK,
-    Code.CRC_FROM_ZERO: lambda data: crc32(data, _MASK),
-    Code.CRC_FROM_ZERO_NOT_INVERTED: lambda data: crc32(data, _MASK) ^ _MASK,
-    Code.CRC_WITHOUT_SYNC: lambda data: crc32(data[2:]),
-    Code.CRC_OF_PAYLOAD: lambda data: crc32(data[wire.HEADER_BYTES :]),
-    Code.CRC_OF_HEADER: lambda data: crc32(data[: wire.HEADER_BYTES]),
-    Code.CRC_MPEG2: _forward,
-    Code.CRC_BZIP2: lambda data: _forward(data) ^ _MASK,
-    Code.CRC_OF_WORDS: lambda data: _forward(_words(data)),
-    Code.CRC_CASTAGNOLI: lambda data: _reflected(0x82F63B78, _MASK, data) ^ _MASK,
-    Code.CRC_ALWAYS_ZERO: lambda _: 0,
+    FirmwareCode.CRC_BIG_ENDIAN: lambda data: swapped(crc32(data)),
+    FirmwareCode.CRC_NOT_INVERTED: lambda data: crc32(data) ^ _MASK,
+    FirmwareCode.CRC_FROM_ZERO: lambda data: crc32(data, _MASK),
+    FirmwareCode.CRC_FROM_ZERO_NOT_INVERTED: lambda data: crc32(data, _MASK) ^ _MASK,
+    FirmwareCode.CRC_WITHOUT_SYNC: lambda data: crc32(data[2:]),
+    FirmwareCode.CRC_OF_PAYLOAD: lambda data: crc32(data[wire.HEADER_BYTES :]),
+    FirmwareCode.CRC_OF_HEADER: lambda data: crc32(data[: wire.HEADER_BYTES]),
+    FirmwareCode.CRC_MPEG2: _forward,
+    FirmwareCode.CRC_BZIP2: lambda data: _forward(data) ^ _MASK,
+    FirmwareCode.CRC_OF_WORDS: lambda data: _forward(_words(data)),
+    FirmwareCode.CRC_CASTAGNOLI: lambda data: _reflected(0x82F63B78, _MASK, data) ^ _MASK,
+    FirmwareCode.CRC_ALWAYS_ZERO: lambda _: 0,
 }
 _LENGTHS: Final[Mapping[Code, int]] = {
-    Code.LENGTH_OF_FRAME: wire.OVERHEAD_BYTES,
-    Code.LENGTH_WITH_HEADER: wire.HEADER_BYTES,
-    Code.LENGTH_WITH_CRC: wire.CRC_BYTES,
+    FirmwareCode.LENGTH_OF_FRAME: wire.OVERHEAD_BYTES,
+    FirmwareCode.LENGTH_WITH_HEADER: wire.HEADER_BYTES,
+    FirmwareCode.LENGTH_WITH_CRC: wire.CRC_BYTES,
 }
 
 
@@ -78,13 +80,13 @@ def diagnosis(data: bytes) -> tuple[Clause, Reason, bytes, int] | None:
         for key in (*_length_faults(data, offset), *_crc_faults(frame)):
             alike[key] = alike.get(key, 0) + 1
             if alike[key] >= _LEAST_ALIKE:
-                code = Code.FRAME_LENGTH_COUNTS if key[0] is Clause.LENGTH else Code.FRAME_CRC_VARIANT
+                code = FirmwareCode.FRAME_LENGTH_COUNTS if key[0] is Clause.LENGTH else FirmwareCode.FRAME_CRC_VARIANT
                 return key[0], Reason(code, how=Reason(key[1])), frame, offset
     if swapped_syncs(data) >= _LEAST_ALIKE:
         offset = data.find(wire.SYNC[::-1])
-        return Clause.SYNC, Reason(Code.LINE_SYNC_SWAPPED), data[offset : offset + wire.MAX_FRAME_BYTES], offset
+        return Clause.SYNC, Reason(SessionCode.LINE_SYNC_SWAPPED), data[offset : offset + wire.MAX_FRAME_BYTES], offset
     if first is not None:
-        return Clause.CRC, Reason(Code.FRAME_CRC_WRONG), first[1], first[0]
+        return Clause.CRC, Reason(FirmwareCode.FRAME_CRC_WRONG), first[1], first[0]
     return None
 
 

@@ -24,7 +24,9 @@ from firmware_protocol.signing import is_signed
 from gateway.core.links.source import Chunk
 from gateway.core.reasons import Code, Reason
 from gateway.core.session.line_content import identify_content
+from gateway.core.session.reasons import SessionCode
 from gateway.core.session.statement_watch import StatementWatch
+from gateway.core.wheels.reasons import WheelCode
 from gateway.makers.check.clauses import CheckReport, Clause, Ledger
 from gateway.makers.check.clock_rules import ClockRules
 from gateway.makers.check.counter_rules import CounterRules
@@ -33,6 +35,7 @@ from gateway.makers.check.message_rules import MessageRules
 from gateway.makers.check.seen_frame import SeenFrame
 from gateway.makers.check.signal_rules import SignalRules
 from gateway.makers.check.signature_rules import SignatureRules
+from gateway.makers.reasons import FirmwareCode
 from gateway.security.cmac import Key
 
 RADIUS_M: Final = 0.32
@@ -43,27 +46,27 @@ _HEADER: Final = wire.HEADER.reader("version", "type", "hub", "wheel", "flags", 
 _KEPT_NOISE_BYTES: Final = 16_384
 
 CLAUSE_OF: Final[Mapping[Code, Clause]] = {
-    Code.HELLO_AC_WITH_STEADY_VALUE: Clause.COUPLING,
-    Code.HELLO_AXES_DIFFER: Clause.AXES,
-    Code.HELLO_HIGHPASS_WITH_DC: Clause.HELLO_COUPLING,
-    Code.HELLO_KEEPS_CHANGING: Clause.HELLO_SENSOR,
-    Code.HELLO_RATE_DIFFERS: Clause.RATE,
-    Code.HELLO_SCALE_ABSURD: Clause.SCALE_RANGE,
-    Code.HELLO_SCALE_AGAINST_RANGE: Clause.SCALE_RANGE,
-    Code.HELLO_SCALE_ZERO: Clause.HELLO_VALUES,
-    Code.HELLO_SENSORS_ALTERNATE: Clause.HELLO_SENSOR,
-    Code.HELLO_ZERO_ABSURD: Clause.HELLO_VALUES,
-    Code.HUB_BOOT_COUNTS_DIFFER: Clause.BOOT_COUNT,
-    Code.HUB_CLOCK_STILL: Clause.TICK_MONOTONIC,
-    Code.HUB_NUMBER_RESERVED: Clause.HUB_NUMBER,
-    Code.HUB_SENDS_AS_WHEEL: Clause.HUB_ITSELF,
-    Code.HUB_SENDS_COMMANDS: Clause.TYPES,
-    Code.HUB_TIME_AGAINST_TICK: Clause.TIME_VALUES,
-    Code.PRESSURE_IMPOSSIBLE: Clause.ENVIRONMENT_VALUES,
-    Code.SAMPLES_BYTES_SWAPPED: Clause.BYTE_ORDER,
-    Code.SAMPLES_REPEATED: Clause.ONCE,
-    Code.SAMPLE_NUMBERS_JUMP: Clause.NUMBERS,
-    Code.TEMPERATURE_IMPOSSIBLE: Clause.ENVIRONMENT_VALUES,
+    WheelCode.HELLO_AC_WITH_STEADY_VALUE: Clause.COUPLING,
+    SessionCode.HELLO_AXES_DIFFER: Clause.AXES,
+    SessionCode.HELLO_HIGHPASS_WITH_DC: Clause.HELLO_COUPLING,
+    SessionCode.HELLO_KEEPS_CHANGING: Clause.HELLO_SENSOR,
+    SessionCode.HELLO_RATE_DIFFERS: Clause.RATE,
+    SessionCode.HELLO_SCALE_ABSURD: Clause.SCALE_RANGE,
+    SessionCode.HELLO_SCALE_AGAINST_RANGE: Clause.SCALE_RANGE,
+    SessionCode.HELLO_SCALE_ZERO: Clause.HELLO_VALUES,
+    SessionCode.HELLO_SENSORS_ALTERNATE: Clause.HELLO_SENSOR,
+    SessionCode.HELLO_ZERO_ABSURD: Clause.HELLO_VALUES,
+    SessionCode.HUB_BOOT_COUNTS_DIFFER: Clause.BOOT_COUNT,
+    SessionCode.HUB_CLOCK_STILL: Clause.TICK_MONOTONIC,
+    SessionCode.HUB_NUMBER_RESERVED: Clause.HUB_NUMBER,
+    SessionCode.HUB_SENDS_AS_WHEEL: Clause.HUB_ITSELF,
+    SessionCode.HUB_SENDS_COMMANDS: Clause.TYPES,
+    SessionCode.HUB_TIME_AGAINST_TICK: Clause.TIME_VALUES,
+    SessionCode.PRESSURE_IMPOSSIBLE: Clause.ENVIRONMENT_VALUES,
+    WheelCode.SAMPLES_BYTES_SWAPPED: Clause.BYTE_ORDER,
+    SessionCode.SAMPLES_REPEATED: Clause.ONCE,
+    SessionCode.SAMPLE_NUMBERS_JUMP: Clause.NUMBERS,
+    SessionCode.TEMPERATURE_IMPOSSIBLE: Clause.ENVIRONMENT_VALUES,
 }
 """Clause that each finding of StatementWatch is against."""
 
@@ -160,17 +163,17 @@ class FirmwareCheck:
         version, type_, hub, wheel, flags, seq, tick_us = _HEADER.unpack_from(data)
         seen = SeenFrame(at_byte, host_s, data, type_, hub, wheel, flags, seq, tick_us, None)
         if version != wire.VERSION_BYTE:
-            self.ledger.fail(Clause.VERSION, seen, Reason(Code.FRAME_VERSION_WRONG, version=f"{version:#04x}"))
+            self.ledger.fail(Clause.VERSION, seen, Reason(FirmwareCode.FRAME_VERSION_WRONG, version=f"{version:#04x}"))
             if version >> 4 != wire.VERSION_MAJOR:
                 return None
         self.ledger.check(Clause.TYPES)
         self.ledger.check(Clause.FLAGS)
         if flags & ~wire.KNOWN_FLAGS:
-            self.ledger.fail(Clause.FLAGS, seen, Reason(Code.FRAME_FLAGS_UNKNOWN, flags=f"{flags:#04x}"))
+            self.ledger.fail(Clause.FLAGS, seen, Reason(FirmwareCode.FRAME_FLAGS_UNKNOWN, flags=f"{flags:#04x}"))
         if type_ not in DECODERS:
-            self.ledger.fail(Clause.TYPES, seen, Reason(Code.FRAME_TYPE_UNKNOWN, type=type_))
+            self.ledger.fail(Clause.TYPES, seen, Reason(FirmwareCode.FRAME_TYPE_UNKNOWN, type=type_))
         elif flags & wire.SIGNED_FLAG and not is_signed(data):
-            self.ledger.fail(Clause.LAYOUT, seen, Reason(Code.FRAME_WITHOUT_TAG))
+            self.ledger.fail(Clause.LAYOUT, seen, Reason(FirmwareCode.FRAME_WITHOUT_TAG))
         else:
             seen = seen._replace(message=self._content(seen))
         self._rules(seen, after_damage=after_damage)
@@ -185,9 +188,11 @@ class FirmwareCheck:
         except PayloadError as error:
             name, layout = MessageType(seen.type).name, error.layout_bytes
             if layout is None:
-                self.ledger.fail(Clause.RANGES, seen, Reason(Code.PAYLOAD_VALUE_WRONG, type=name, field=error.field))
+                self.ledger.fail(
+                    Clause.RANGES, seen, Reason(FirmwareCode.PAYLOAD_VALUE_WRONG, type=name, field=error.field)
+                )
                 return None
-            reason = Reason(Code.PAYLOAD_LENGTH_WRONG, type=name, length=len(seen.payload), layout=layout)
+            reason = Reason(FirmwareCode.PAYLOAD_LENGTH_WRONG, type=name, length=len(seen.payload), layout=layout)
             self.ledger.fail(Clause.LAYOUT, seen, reason)
             return None
 
@@ -261,12 +266,12 @@ class FirmwareCheck:
             return
         at_byte, example = self._first_damage
         if not self._damaged:
-            reason = Reason(Code.BYTES_BETWEEN_FRAMES, bytes=self._noise_bytes, frames=self.frames)
+            reason = Reason(FirmwareCode.BYTES_BETWEEN_FRAMES, bytes=self._noise_bytes, frames=self.frames)
             self.ledger.fail(Clause.CONTIGUOUS, "", reason, example, at_byte)
             return
         verdict = diagnosis(noise)
-        if verdict is not None and verdict[1].code is not Code.FRAME_CRC_WRONG:
+        if verdict is not None and verdict[1].code is not FirmwareCode.FRAME_CRC_WRONG:
             self.ledger.fail(verdict[0], "", verdict[1], verdict[2], self._noise_at, count=self._damaged)
             return
-        reason = Reason(Code.SOME_FRAMES_DAMAGED, damaged=self._damaged, frames=self.frames)
+        reason = Reason(FirmwareCode.SOME_FRAMES_DAMAGED, damaged=self._damaged, frames=self.frames)
         self.ledger.fail(Clause.CRC, "", reason, example, at_byte, count=self._damaged)

@@ -20,10 +20,11 @@ from firmware_protocol.messages import (
     SampleBlock,
 )
 from gateway.core.constants import AXIS_NAMES
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.makers.check.clauses import Clause, Ledger
 from gateway.makers.check.counter_rules import CounterRules
 from gateway.makers.check.seen_frame import SeenFrame, SourceKey, signed_step, source_name
+from gateway.makers.reasons import FirmwareCode
 
 _PERIODS: Final = {
     MessageType.HELLO: (Clause.HELLO_PERIOD, wire.HELLO_PERIOD_S),
@@ -114,7 +115,7 @@ class MessageRules:
         self._ledger.check(Clause.HELLO_COUPLING)
         self._ledger.check(Clause.HELLO_SENSOR)
         if hello.protocol_major != wire.VERSION_MAJOR:
-            reason = Reason(Code.HELLO_OTHER_MAJOR, major=hello.protocol_major, minor=hello.protocol_minor)
+            reason = Reason(FirmwareCode.HELLO_OTHER_MAJOR, major=hello.protocol_major, minor=hello.protocol_minor)
             self._ledger.fail(Clause.HELLO_VALUES, seen, reason)
         absent = [axis for axis in Axis if not hello.axes >> axis & 1]
         if not absent:
@@ -124,14 +125,14 @@ class MessageRules:
         filled = tuple(AXIS_NAMES[axis] for axis in absent if any(value[axis] for value in values))
         if filled:
             self._ledger.fail(
-                Clause.HELLO_ABSENT, seen, Reason(Code.HELLO_ABSENT_AXES_FILLED, axes=filled), is_advice=True
+                Clause.HELLO_ABSENT, seen, Reason(FirmwareCode.HELLO_ABSENT_AXES_FILLED, axes=filled), is_advice=True
             )
 
     def _samples(self, schedule: _Schedule, seen: SeenFrame, block: SampleBlock) -> None:
         if not schedule.blocks and self._counters.started(seen.source):
             self._ledger.check(Clause.HELLO_FIRST)
         if not schedule.hello_seen and self._counters.started(seen.source):
-            self._ledger.fail(Clause.HELLO_FIRST, seen, Reason(Code.SAMPLES_BEFORE_HELLO))
+            self._ledger.fail(Clause.HELLO_FIRST, seen, Reason(FirmwareCode.SAMPLES_BEFORE_HELLO))
         schedule.blocks += 1
         schedule.samples += len(block.counts)
         schedule.channels = CHANNELS[block.axes]
@@ -140,14 +141,14 @@ class MessageRules:
     def _environment(self, seen: SeenFrame, environment: Environment) -> None:
         pressure_pa = environment.pressure_pa
         if pressure_pa is not None and _LIKE_KPA[0] <= pressure_pa <= _LIKE_KPA[1]:
-            reason = Reason(Code.PRESSURE_LIKE_KPA, pressure_pa=pressure_pa)
+            reason = Reason(FirmwareCode.PRESSURE_LIKE_KPA, pressure_pa=pressure_pa)
             self._ledger.fail(Clause.ENVIRONMENT_VALUES, seen, reason, is_advice=True)
 
     def _status(self, seen: SeenFrame, status: HubStatus) -> None:
         self._ledger.check(Clause.STATUS_VALUES)
         apart_s = signed_step(seen.tick_us, round(status.uptime_s * 1e6) & 0xFFFF_FFFF) * 1e-6
         if abs(apart_s) > _UPTIME_TOLERANCE_S:
-            reason = Reason(Code.STATUS_UPTIME_WRONG, uptime_s=status.uptime_s, clock_s=seen.tick_us * 1e-6)
+            reason = Reason(FirmwareCode.STATUS_UPTIME_WRONG, uptime_s=status.uptime_s, clock_s=seen.tick_us * 1e-6)
             self._doubts.append((seen, reason))
         number = self._frames[seen.hub] + self._counters.lost_of_hub(seen.hub)
         first_status = self._sent.get(seen.hub)
@@ -157,26 +158,26 @@ class MessageRules:
         (first, sent), _ = first_status
         arrived, stated = number - first, (status.frames_sent - sent) % 2**32
         if abs(stated - arrived) > _SENT_SLACK + _SENT_SHARE * arrived:
-            self._doubts.append((seen, Reason(Code.STATUS_FRAMES_SENT_WRONG, stated=stated, arrived=arrived)))
+            self._doubts.append((seen, Reason(FirmwareCode.STATUS_FRAMES_SENT_WRONG, stated=stated, arrived=arrived)))
 
     def _log(self, seen: SeenFrame, log: LogText) -> None:
         self._ledger.check(Clause.LOG)
         if log.level > max(LogLevel):
-            self._ledger.fail(Clause.LOG, seen, Reason(Code.LOG_LEVEL_RESERVED, level=log.level))
+            self._ledger.fail(Clause.LOG, seen, Reason(FirmwareCode.LOG_LEVEL_RESERVED, level=log.level))
         try:
             shown = seen.payload[1:].decode()
         except UnicodeDecodeError:
-            self._ledger.fail(Clause.LOG, seen, Reason(Code.LOG_NOT_UTF8))
+            self._ledger.fail(Clause.LOG, seen, Reason(FirmwareCode.LOG_NOT_UTF8))
         else:
             if any(unicodedata.category(character).startswith("C") for character in shown):
-                self._ledger.fail(Clause.LOG, seen, Reason(Code.LOG_HAS_CONTROLS), is_advice=True)
+                self._ledger.fail(Clause.LOG, seen, Reason(FirmwareCode.LOG_HAS_CONTROLS), is_advice=True)
         recent = self._logs.setdefault(seen.hub, deque())
         # The hub's clock: what waits on the way arrives at once.
         recent.append(seen.tick_us * 1e-6)
         while recent[-1] - recent[0] >= 1.0 or recent[-1] < recent[0]:
             recent.popleft()
         if len(recent) > _MOST_LOGS_PER_S:
-            self._ledger.fail(Clause.LOG, seen, Reason(Code.LOG_TOO_OFTEN, lines=len(recent)))
+            self._ledger.fail(Clause.LOG, seen, Reason(FirmwareCode.LOG_TOO_OFTEN, lines=len(recent)))
 
     def finish(self, capacity_bytes_per_s: float | None) -> None:
         """Judge the schedule, and the bytes against what the link carries.
@@ -197,7 +198,9 @@ class MessageRules:
     def _hub_schedule(self, hub: int, of_hub: dict[SourceKey, _Schedule], span_s: float) -> None:
         if span_s < _LEAST_SPAN_S:
             for clause, _ in _PERIODS.values():
-                self._ledger.leave(clause, Reason(Code.CHECK_TOO_SHORT, duration_s=span_s, needed_s=_LEAST_SPAN_S))
+                self._ledger.leave(
+                    clause, Reason(FirmwareCode.CHECK_TOO_SHORT, duration_s=span_s, needed_s=_LEAST_SPAN_S)
+                )
             return
         wheels = [source for source, schedule in of_hub.items() if source[1] != HUB_ITSELF and schedule.blocks]
         for type_, (clause, period_s) in _PERIODS.items():
@@ -207,10 +210,14 @@ class MessageRules:
                 missing = self._counters.lost(source)
                 expected = span_s / period_s
                 if count + missing < 0.8 * expected - 1.0 or (count == 0 and expected >= 1.0):
-                    reason = Reason(Code.MESSAGE_TOO_RARE, type=type_.name, count=count, span_s=span_s, due=expected)
+                    reason = Reason(
+                        FirmwareCode.MESSAGE_TOO_RARE, type=type_.name, count=count, span_s=span_s, due=expected
+                    )
                     self._ledger.fail(clause, source_name(source), reason)
                 elif type_ is not MessageType.HELLO and count > _SLACK * expected + 2.0:
-                    reason = Reason(Code.MESSAGE_TOO_OFTEN, type=type_.name, count=count, span_s=span_s, due=expected)
+                    reason = Reason(
+                        FirmwareCode.MESSAGE_TOO_OFTEN, type=type_.name, count=count, span_s=span_s, due=expected
+                    )
                     self._ledger.fail(clause, source_name(source), reason)
 
     def _throughput(self, capacity_bytes_per_s: float | None) -> None:
@@ -226,7 +233,7 @@ class MessageRules:
             around = wire.OVERHEAD_BYTES + SAMPLES.size + (wire.TAG_BYTES if schedule.is_signed else 0)
             if mean < _FULL_BLOCKS * full:
                 more = (around / mean + 2 * schedule.channels) / (around / full + 2 * schedule.channels) - 1.0
-                reason = Reason(Code.BLOCKS_NOT_FULL, samples=mean, full=full, more=more)
+                reason = Reason(FirmwareCode.BLOCKS_NOT_FULL, samples=mean, full=full, more=more)
                 self._ledger.fail(Clause.THROUGHPUT, source_name(source), reason, is_advice=True)
             span_s = schedule.last_s - schedule.first_s
             if span_s > 0.0:
@@ -237,5 +244,5 @@ class MessageRules:
         self._ledger.check(Clause.THROUGHPUT)
         share = needed / capacity_bytes_per_s
         if share > _FULL_BLOCKS:
-            reason = Reason(Code.LINK_NEARLY_FULL, needed=needed, capacity=capacity_bytes_per_s, share=share)
+            reason = Reason(FirmwareCode.LINK_NEARLY_FULL, needed=needed, capacity=capacity_bytes_per_s, share=share)
             self._ledger.fail(Clause.THROUGHPUT, "", reason, is_advice=share <= 1.0)

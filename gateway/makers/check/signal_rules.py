@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 from firmware_protocol.messages import HUB_ITSELF, Axis, Coupling, Hello, SampleBlock
 from gateway.core.constants import AXIS_NAMES, STANDARD_GRAVITY_MPS2
 from gateway.core.contacts.missing_revolutions import rotation_period_s
-from gateway.core.reasons import Code, Reason
+from gateway.core.contacts.reasons import ContactCode
+from gateway.core.reasons import Reason
 from gateway.core.types import FloatArray
 from gateway.makers.check.clauses import Clause, Ledger
 from gateway.makers.check.seen_frame import SeenFrame, SourceKey, signed_step, source_name
+from gateway.makers.reasons import FirmwareCode
 
 # Length of the stretches without a gap that are looked at: a few revolutions, in which the speed hardly changes.
 _WINDOW_S: Final = 1.5
@@ -110,7 +112,7 @@ class SignalRules:
             self._ledger.fail(Clause.ROWS, source_name(source), misread)
             return
         if Axis.RADIAL not in axes:
-            self._ledger.leave(Clause.SCALE, Reason(Code.CHECK_NO_RADIAL_AXIS))
+            self._ledger.leave(Clause.SCALE, Reason(FirmwareCode.CHECK_NO_RADIAL_AXIS))
             return
         radial = values[:, axes.index(Axis.RADIAL)]
         self._axes(source, axes, values, np.ptp(counts, axis=0) == 0.0, hello)
@@ -120,7 +122,7 @@ class SignalRules:
             return
         self._ledger.check(Clause.COUPLING)
         if hello.coupling == Coupling.AC:
-            self._ledger.leave(Clause.SCALE, Reason(Code.CHECK_AC_HAS_NO_SCALE))
+            self._ledger.leave(Clause.SCALE, Reason(FirmwareCode.CHECK_AC_HAS_NO_SCALE))
             return
         expected = self._radius_m * (2.0 * math.pi / period_s) ** 2
         self._levels.setdefault(source, []).append((abs(float(radial.mean())), expected))
@@ -133,7 +135,7 @@ class SignalRules:
         earlier = recent.pop(content, None)
         if earlier is not None and earlier != block.first_sample:
             values = {"samples": len(block.counts), "first": block.first_sample, "earlier": earlier}
-            self._ledger.fail(Clause.ONCE, source_name(source), Reason(Code.BLOCK_COPIED, **values))
+            self._ledger.fail(Clause.ONCE, source_name(source), Reason(FirmwareCode.BLOCK_COPIED, **values))
         recent[content] = block.first_sample
         if len(recent) > _COMPARED_BLOCKS:
             del recent[next(iter(recent))]
@@ -149,7 +151,7 @@ class SignalRules:
             return
         subject, radial_mps2 = source_name(source), float(mean[axes.index(Axis.RADIAL)])
         for axis in (axis for axis, still in zip(axes, stands, strict=True) if still):
-            reason = Reason(Code.AXIS_STANDS, axis=AXIS_NAMES[axis], duration_s=len(values) / hello.rate_hz)
+            reason = Reason(FirmwareCode.AXIS_STANDS, axis=AXIS_NAMES[axis], duration_s=len(values) / hello.rate_hz)
             self._ledger.fail(Clause.ROWS, subject, reason)
         # A zero that is wrong moves an axis as much as the rotation does.
         zero_unknown = self._ledger.has_failed(Clause.HELLO_VALUES)
@@ -157,10 +159,10 @@ class SignalRules:
             return
         if abs(mean[highest]) > _LARGER * abs(radial_mps2):
             level = {"level_mps2": float(mean[highest]), "radial_mps2": radial_mps2}
-            reason = Reason(Code.AXES_OUT_OF_ORDER, axis=AXIS_NAMES[axes[highest]], **level)
+            reason = Reason(FirmwareCode.AXES_OUT_OF_ORDER, axis=AXIS_NAMES[axes[highest]], **level)
             self._ledger.fail(Clause.ROWS, subject, reason)
         elif radial_mps2 < -_ROLLING_MPS2:
-            self._ledger.fail(Clause.ROWS, subject, Reason(Code.RADIAL_OUTWARD, mean_mps2=radial_mps2))
+            self._ledger.fail(Clause.ROWS, subject, Reason(ContactCode.RADIAL_OUTWARD, mean_mps2=radial_mps2))
 
     def _scale(self, source: SourceKey, levels: FloatArray) -> None:
         """Judge the ratios of all stretches, (k, 2) levels and R Omega^2."""
@@ -176,7 +178,7 @@ class SignalRules:
         if alike.mean() < _AGREEING_SHARE:
             return
         reason = Reason(
-            Code.SCALE_OFF_BY_POWER_OF_TWO,
+            FirmwareCode.SCALE_OFF_BY_POWER_OF_TWO,
             level_mps2=float(levels[middle, 0]),
             expected_mps2=float(levels[middle, 1]),
             ratio=float(ratio[middle]),
@@ -188,22 +190,22 @@ class SignalRules:
     def _at_rest(self, values: FloatArray, mean: FloatArray) -> None:
         if float(values.std(axis=0).max()) < _REST_STD_MPS2 and values.shape[1] == len(Axis):
             share = float(np.linalg.norm(mean)) / STANDARD_GRAVITY_MPS2
-            self._ledger.leave(Clause.SCALE, Reason(Code.CHECK_AT_REST, share=share))
+            self._ledger.leave(Clause.SCALE, Reason(FirmwareCode.CHECK_AT_REST, share=share))
         else:
-            self._ledger.leave(Clause.SCALE, Reason(Code.CHECK_DOES_NOT_ROLL))
-        self._ledger.leave(Clause.COUPLING, Reason(Code.CHECK_DOES_NOT_ROLL))
+            self._ledger.leave(Clause.SCALE, Reason(FirmwareCode.CHECK_DOES_NOT_ROLL))
+        self._ledger.leave(Clause.COUPLING, Reason(FirmwareCode.CHECK_DOES_NOT_ROLL))
 
 
 def _misread(blocks: list[NDArray[np.int16]]) -> Reason | None:
     """Return how else the counts of blocks are smooth, None where they are as they are."""
     as_sent = _roughness(blocks)
     if _SMOOTHER * _roughness([block ^ np.int16(-0x8000) for block in blocks]) < as_sent:
-        return Reason(Code.COUNTS_OFFSET_BINARY)
+        return Reason(FirmwareCode.COUNTS_OFFSET_BINARY)
     channels = blocks[0].shape[1]
     if channels > 1:
         by_axis = _roughness([block.reshape(channels, -1).T for block in blocks])
         if _SMOOTHER * by_axis < as_sent:
-            return Reason(Code.ROWS_TRANSPOSED, ratio=as_sent / max(by_axis, 1))
+            return Reason(FirmwareCode.ROWS_TRANSPOSED, ratio=as_sent / max(by_axis, 1))
     return None
 
 

@@ -23,13 +23,14 @@ from gateway.core.links.source import (
     parse_source_uri,
 )
 from gateway.core.links.time_limit import limited
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.recording.recorded_file import open_recorded_file
 from gateway.core.text.text import escaped
 from gateway.core.text.wording import text
 from gateway.makers.check.clauses import CheckReport
 from gateway.makers.check.command_trial import CLAUSES, CommandTrial
 from gateway.makers.check.firmware_check import FirmwareCheck
+from gateway.makers.reasons import FirmwareCode
 from gateway.makers.views.frame_lines import FrameLines
 from gateway.security.cmac import Key
 
@@ -88,7 +89,7 @@ def check_link(
     if trial is not None:
         trial.finish()
     else:
-        code = Code.CHECK_NO_COMMANDS if sends_commands else Code.CHECK_NO_COMMANDS_WANTED
+        code = FirmwareCode.CHECK_NO_COMMANDS if sends_commands else FirmwareCode.CHECK_NO_COMMANDS_WANTED
         for check in checks.values():
             for clause in CLAUSES:
                 check.ledger.leave(clause, Reason(code))

@@ -19,8 +19,9 @@ from bleak.exc import (
 from gateway.core.clock import ManualClock
 from gateway.core.links.ble_radio import BLE_ERRORS, explain
 from gateway.core.links.ble_source import scan_devices
+from gateway.core.links.reasons import LinkCode
 from gateway.core.links.source import LinkEventKind, Source, open_source
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from tests.core.ble.conftest import ADDRESSES, settle
 from tests.testkit.bluetooth.bluez_thread import BluezStandIn
 from tests.testkit.bluetooth.dbus_daemon import PrivateBus
@@ -121,11 +122,11 @@ def test_an_mtu_that_changes_is_stated_with_the_new_connection(
     bluez: BluezStandIn, hub: Peripheral, read: Read
 ) -> None:
     reader = read(open_source("ble://Treadlink-FL?scan=0.2", ManualClock()))
-    assert Reason(Code.MTU, mtu=247) in reader.event(LinkEventKind.CONNECTED).details
+    assert Reason(LinkCode.MTU, mtu=247) in reader.event(LinkEventKind.CONNECTED).details
     hub.mtu = 185
     bluez.run(bluez.service.lose(hub, advertising=True))
     reader.event(LinkEventKind.LOST)
-    assert Reason(Code.MTU_TOO_SMALL, mtu=185, needed=247) in reader.event(LinkEventKind.RESTORED).details
+    assert Reason(LinkCode.MTU_TOO_SMALL, mtu=185, needed=247) in reader.event(LinkEventKind.RESTORED).details
 
 
 def test_bluetooth_crashes_and_returns(bus: PrivateBus, read: Read) -> None:

@@ -28,11 +28,12 @@ from gateway.core.clock import ManualClock, SystemClock
 from gateway.core.config.vehicle import parse_vehicle
 from gateway.core.errors import SourceError
 from gateway.core.links.ble_source import BleSource
+from gateway.core.links.reasons import LinkCode
 from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind, Source, TwoWaySource, open_source
-from gateway.core.reasons import Code
 from gateway.core.session.core import SessionCore
 from gateway.core.session.hub_log import refusal
 from gateway.core.session.live import LiveSession
+from gateway.core.session.reasons import SessionCode
 from gateway.core.text.session_summary import ResultSummary
 from gateway.core.text.wording import text
 from gateway.security.command_signing import command_frame
@@ -119,7 +120,7 @@ def test_one_hub_per_wheel_gives_estimates(bluez: BluezStandIn) -> None:
             assert link.battery_percent == battery
             assert link.rssi_dbm == -62  # of the sensor link, from the hub's status
             assert not link.connected
-            assert Code.LINK_DISCONNECTED in [reason.code for reason in link.note]
+            assert LinkCode.LINK_DISCONNECTED in [reason.code for reason in link.note]
         assert [hub._host_ns > NOW_NS for hub in hubs.values()] == [True, True]
         assert not any(hub.peripheral.connected for hub in hubs.values())
 
@@ -241,7 +242,7 @@ def test_refusal_and_signal_are_reported() -> None:
         type_ = MessageType.COMMAND_RESULT if isinstance(message, CommandResult) else MessageType.HUB_STATUS
         core.take(Chunk("ble:x", NOW_NS, encode_frame(Frame(type_, 3, HUB_ITSELF, seq, 0, message))))
     notice = core.take_notices()[-1]
-    assert (notice.subject, notice.reason.code) == ("hub 3", Code.COMMAND_REFUSED)
+    assert (notice.subject, notice.reason.code) == ("hub 3", SessionCode.COMMAND_REFUSED)
     assert core.snapshot(0.0).links[0].rssi_dbm == -71
     status = HubStatus(0, 5, 3.0, 0.1, -40, 0, 0, 0, 0)
     core.take(Chunk("ble:x", NOW_NS, encode_frame(Frame(MessageType.HUB_STATUS, 3, HUB_ITSELF, 2, 0, status))))

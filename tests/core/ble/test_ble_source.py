@@ -15,8 +15,9 @@ from gateway.core.errors import LinkLostError, SourceError
 from gateway.core.links import ble_link
 from gateway.core.links.ble_link import BleLink, BleSettings
 from gateway.core.links.ble_source import BleSource, scan_devices
+from gateway.core.links.reasons import LinkCode
 from gateway.core.links.source import LinkEventKind, Source, open_source
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.text.wording import text
 from tests.core.ble.conftest import ADDRESSES
 from tests.testkit.bluetooth.bluez_thread import BluezStandIn
@@ -106,7 +107,7 @@ def test_frames_split_over_notifications_and_merged_in_one(bluez: BluezStandIn, 
 def test_link_lost_inside_a_frame_loses_that_frame(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
     hub.mtu = 185  # a frame takes two notifications
     reader, decoder = read(opened("Treadlink-FL")), FrameDecoder()
-    assert Reason(Code.MTU_TOO_SMALL, mtu=185, needed=247) in reader.event(LinkEventKind.CONNECTED).details
+    assert Reason(LinkCode.MTU_TOO_SMALL, mtu=185, needed=247) in reader.event(LinkEventKind.CONNECTED).details
     before, cut, after = frames(5), frames(1, 5), frames(5, 6)
     halves = [half for frame in before for half in (frame[:182], frame[182:])]
     send(bluez, hub, [*halves, cut[0][:182]])
@@ -170,7 +171,7 @@ def test_requested_disconnect_is_marked(bluez: BluezStandIn, hub: Peripheral, re
     reader = read(opened("Treadlink-FL"))
     reader.event(LinkEventKind.CONNECTED)
     reader.stop.set()
-    assert reader.event(LinkEventKind.ENDED).details == (Reason(Code.LINK_DISCONNECTED),)
+    assert reader.event(LinkEventKind.ENDED).details == (Reason(LinkCode.LINK_DISCONNECTED),)
     assert reader.next() is None
     assert not hub.connected
 
@@ -247,9 +248,9 @@ def test_characteristics_need_uuid_and_property(bluez: BluezStandIn, read: Read)
 @pytest.mark.parametrize(
     ("mtu", "reason"),
     [
-        (None, Reason(Code.MTU_UNKNOWN, needed=247)),
-        (23, Reason(Code.MTU_UNKNOWN, needed=247)),
-        (100, Reason(Code.MTU_TOO_SMALL, mtu=100, needed=247)),
+        (None, Reason(LinkCode.MTU_UNKNOWN, needed=247)),
+        (23, Reason(LinkCode.MTU_UNKNOWN, needed=247)),
+        (100, Reason(LinkCode.MTU_TOO_SMALL, mtu=100, needed=247)),
     ],
 )
 def test_small_mtu_is_reported(
@@ -312,7 +313,7 @@ def test_slow_reader_reports_drops(bluez: BluezStandIn, hub: Peripheral, monkeyp
     while link._dropped < 3:  # the rest is still on the bus
         stop.wait(0.01)
     assert len(getattr(next(items), "data", b"")) == 1000
-    assert getattr(next(items), "details", ()) == (Reason(Code.NOTIFICATIONS_DROPPED, count=3),)
+    assert getattr(next(items), "details", ()) == (Reason(LinkCode.NOTIFICATIONS_DROPPED, count=3),)
     items.close()
     assert not hub.connected
 

@@ -7,8 +7,8 @@ import pytest
 from gateway.bench.commands.doctor_checks import check_config
 from gateway.core.config.vehicle import parse_vehicle
 from gateway.core.estimates.estimator import Status
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.quantity_catalogue import RING_NUMBERS
-from gateway.core.reasons import Code
 from tests.testkit.simulated_wheel import last, simulated
 
 WHEEL = '[[wheel]]\nposition = "FL"\nhub = 0\nwheel = 0\nload_n = {load}\n'
@@ -43,7 +43,7 @@ def test_numbers_of_a_wrong_load_are_true_within_its_default_error(load: float) 
 
 def test_width_of_the_new_tire_caps_the_error() -> None:
     result = last(simulated("", 6.0, setup_of(5000.0, reference=True), ESTIMATORS)[0])
-    assert Code.SCALE_BY_WIDTH in [reason.code for reason in result["Cw"].reasons]
+    assert EstimateCode.SCALE_BY_WIDTH in [reason.code for reason in result["Cw"].reasons]
     for name in ("Bs", "Cw", "Rs"):
         assert result[name].std < 0.05 * result[name].value
     # The load by the width rests on pressure and radius, which the width does not know apart.

@@ -8,6 +8,7 @@ from gateway.core.estimates.results import RevolutionResult, WheelSnapshot
 from gateway.core.estimates.wheel_setup import WheelSetup
 from gateway.core.quantity_catalogue import RING_NUMBERS, RING_RATIOS
 from gateway.core.reasons import Code
+from gateway.core.trust.reasons import TrustCode
 from tests.testkit.simulated_wheel import last, restated, simulated
 
 SETUP = WheelSetup(
@@ -16,7 +17,7 @@ SETUP = WheelSetup(
 ESTIMATORS = ("kinematic", "self-calibration", "weak-form", "longitudinal-force", "ply-steer")
 SECONDS = 5.0
 SLOPES = ("ply_steer_peak_rad", "ply_steer_first_half_rad", "ply_steer_contact_line_rad")
-OF_AXES = (Code.AXES_SWAPPED, Code.AXIS_LATE, Code.GRAVITY_ABSENT)
+OF_AXES = (TrustCode.AXES_SWAPPED, TrustCode.AXIS_LATE, TrustCode.GRAVITY_ABSENT)
 
 
 def tables(speed_kmh: float | str, sensor: str = "", others: str = "") -> str:
@@ -52,15 +53,15 @@ def test_first_revolution_of_a_car_that_accelerates_does_not_make_an_axis_late()
         reason["why"].code
         for result in results
         for reason in last((result,))["pitch_tilt_rad"].reasons
-        if reason.code is Code.MAY_CHANGE_BY
+        if reason.code is TrustCode.MAY_CHANGE_BY
     }
-    assert Code.AXIS_LATE not in doubts
+    assert TrustCode.AXIS_LATE not in doubts
 
 
 @pytest.mark.parametrize("speed_kmh", [40.0, 120.0])
 def test_swapped_axes_are_seen_at_every_speed(speed_kmh: float) -> None:
     results, snapshot = rolled(speed_kmh, channels=(1, 0, 2))
-    assert Code.AXES_SWAPPED in codes_of(snapshot)
+    assert TrustCode.AXES_SWAPPED in codes_of(snapshot)
     result = last(results)
     for name in (*SLOPES, "pitch_tilt_rad", "sensor_offset_m"):
         assert result[name].status is Status.INVALID, name
@@ -74,7 +75,7 @@ def test_swapped_axes_are_seen_at_every_speed(speed_kmh: float) -> None:
 @pytest.mark.parametrize("speed_kmh", [65.0, 120.0])
 def test_late_lateral_axis_has_no_slopes(speed_kmh: float, samples: int) -> None:
     results, snapshot = rolled(speed_kmh, late=(0, samples, 0))
-    (reason,) = (flag.reason for flag in snapshot.flags if flag.reason.code is Code.AXIS_LATE)
+    (reason,) = (flag.reason for flag in snapshot.flags if flag.reason.code is TrustCode.AXIS_LATE)
     assert reason["axis"] == "lateral"
     assert reason["late_s"] == pytest.approx(samples / 4800.0, rel=0.15)
     result = last(results)
@@ -86,7 +87,7 @@ def test_late_lateral_axis_has_no_slopes(speed_kmh: float, samples: int) -> None
 @pytest.mark.parametrize("samples", [5, 12])
 def test_late_circumferential_axis_gives_no_depth(samples: int) -> None:
     results, snapshot = rolled(65.0, late=(samples, 0, 0))
-    (reason,) = (flag.reason for flag in snapshot.flags if flag.reason.code is Code.AXIS_LATE)
+    (reason,) = (flag.reason for flag in snapshot.flags if flag.reason.code is TrustCode.AXIS_LATE)
     assert reason["axis"] == "circumferential"
     assert reason["late_s"] == pytest.approx(samples / 4800.0, rel=0.1)
     result = last(results)
@@ -156,8 +157,8 @@ def test_undeclared_ac_coupling_leaves_times_only(corner_hz: float, axes: str) -
     actual = last(results)
     assert {name for name, estimate in actual.items() if estimate.status is Status.VALID} == {*TIMES, "rotation_rpm"}
     (why,) = actual["Cw"].reasons
-    assert why.code is Code.NOTHING_FOLLOWS
-    assert why["why"].code is Code.COUPLING_CONTRADICTED
+    assert why.code is TrustCode.NOTHING_FOLLOWS
+    assert why["why"].code is TrustCode.COUPLING_CONTRADICTED
     assert why["why"]["share"] == pytest.approx(0.0, abs=0.1)
 
 
@@ -187,7 +188,7 @@ def test_offset_within_its_tolerance_and_rough_road_are_no_coupling(tables: str,
     codes = {
         inner.code for result in results for e in result.estimates for r in e.reasons for outer in r for inner in outer
     }
-    assert Code.COUPLING_CONTRADICTED not in codes
+    assert TrustCode.COUPLING_CONTRADICTED not in codes
 
 
 def _lost(shares: list[float], steady_mps2: float = 1000.0) -> list[bool]:

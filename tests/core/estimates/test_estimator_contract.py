@@ -8,8 +8,9 @@ import pytest
 
 from gateway.core.errors import ConfigError
 from gateway.core.estimates.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.registry import DEFAULT_ESTIMATORS, ESTIMATORS, make_estimator
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from tests.testkit.exact_ring import RADIUS_M, solution
 from tests.testkit.revolution_data import CONDITIONS, exact_wave, make_revolution, settled
 
@@ -38,7 +39,7 @@ CASES: dict[str, tuple[Revolution, AngleAverage, TireConditions]] = {
     "first": (GOOD, settled(GOOD, 1), CONDITIONS),
     "no load": (GOOD, settled(GOOD), TireConditions(radius_m=RADIUS_M)),
     "nan radius": (GOOD, settled(GOOD), TireConditions(radius_m=NAN)),
-    "faults": (replace(GOOD, faults=(Reason(Code.SAMPLES_LOST),), saturated=True), settled(GOOD), CONDITIONS),
+    "faults": (replace(GOOD, faults=(Reason(EstimateCode.SAMPLES_LOST),), saturated=True), settled(GOOD), CONDITIONS),
     "empty average": (GOOD, empty_average(settled(GOOD)), CONDITIONS),
     "nan revolution": (
         replace(

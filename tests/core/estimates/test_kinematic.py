@@ -6,7 +6,9 @@ import pytest
 
 from gateway.core.estimates.estimator import Estimate, Revolution, Status
 from gateway.core.estimates.kinematic import KinematicEstimator
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.reasons import Code, Reason, codes_of
+from gateway.core.revolutions.reasons import RevolutionCode
 from tests.testkit.exact_ring import RADIUS_M, solution
 from tests.testkit.revolution_data import CONDITIONS, exact_wave, make_revolution, settled
 
@@ -66,8 +68,8 @@ def test_late_bending_is_in_the_error_of_the_edges() -> None:
 @pytest.mark.parametrize(
     ("change", "code"),
     [
-        ({"saturated": True}, Code.RADIAL_SATURATED),
-        ({"faults": (Reason(Code.CONTACT_HAS_NO_SLOPE),)}, Code.CONTACT_HAS_NO_SLOPE),
+        ({"saturated": True}, EstimateCode.RADIAL_SATURATED),
+        ({"faults": (Reason(RevolutionCode.CONTACT_HAS_NO_SLOPE),)}, RevolutionCode.CONTACT_HAS_NO_SLOPE),
     ],
 )
 def test_doubtful_revolutions_are_provisional_with_a_reason(change: dict[str, object], code: Code) -> None:
@@ -77,15 +79,22 @@ def test_doubtful_revolutions_are_provisional_with_a_reason(change: dict[str, ob
 
 
 def test_lost_samples_lower_no_status_where_times_and_edges_have_errors_for_them() -> None:
-    lost = (Reason(Code.SAMPLES_LOST), Reason(Code.CONTACT_INTERPOLATED), Reason(Code.CONTACT_NOT_SEEN))
+    lost = (
+        Reason(EstimateCode.SAMPLES_LOST),
+        Reason(EstimateCode.CONTACT_INTERPOLATED),
+        Reason(EstimateCode.CONTACT_NOT_SEEN),
+    )
     estimates = estimates_of(make_revolution(WAVE, missing_fraction=0.03, faults=lost))
     assert {e.status for e in estimates.values()} == {Status.VALID}
-    assert codes_of(estimates["speed_mps"].reasons) == (Code.CONTACT_INTERPOLATED,)
-    assert codes_of(estimates["contact_length_m"].reasons) == (Code.CONTACT_INTERPOLATED, Code.CONTACT_NOT_SEEN)
+    assert codes_of(estimates["speed_mps"].reasons) == (EstimateCode.CONTACT_INTERPOLATED,)
+    assert codes_of(estimates["contact_length_m"].reasons) == (
+        EstimateCode.CONTACT_INTERPOLATED,
+        EstimateCode.CONTACT_NOT_SEEN,
+    )
     without = estimates_of(make_revolution(WAVE, edges=(math.nan, math.nan), faults=lost[:1]))
     assert without["speed_mps"].status is Status.VALID
     assert without["contact_length_m"].status is Status.INVALID
-    assert codes_of(without["contact_length_m"].reasons) == (Code.SAMPLES_LOST,)
+    assert codes_of(without["contact_length_m"].reasons) == (EstimateCode.SAMPLES_LOST,)
 
 
 def test_speed_is_valid_without_edges() -> None:

@@ -10,15 +10,18 @@ import pytest
 from gateway.core.estimates import weak_form
 from gateway.core.estimates.estimator import Estimate, Revolution, Status
 from gateway.core.estimates.pace import LONGEST, differ, is_due
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.results import RevolutionResult
 from gateway.core.estimates.revolution_block import RevolutionArrays
 from gateway.core.estimates.wheel_setup import WheelSetup
 from gateway.core.quantity import Basis
-from gateway.core.reasons import Code, Reason, codes_of
+from gateway.core.reasons import Reason, codes_of
 from gateway.core.trust import self_calibration
+from gateway.core.trust.reasons import TrustCode
 from gateway.core.trust.sensor_limits import Doubt
 from gateway.core.trust.signal_evidence import Contradiction, Evidence, Subject
 from gateway.core.wheels import tire_estimates
+from gateway.core.wheels.reasons import WheelCode
 from gateway.core.wheels.tire_estimates import TireEstimates
 from gateway.forces import ply_steer
 from tests.testkit.simulated_wheel import simulated
@@ -76,7 +79,7 @@ def test_unknown_condition_differs_from_known_only() -> None:
 @pytest.mark.parametrize("sizes", [16, (3, 64, 1, 7)])
 def test_block_sizes_do_not_change_estimates(revolutions: list[Revolution], sizes: int | tuple[int, ...]) -> None:
     faulty = [
-        replace(revolution, faults=(Reason(Code.SAMPLES_LOST),)) if index % 41 in (0, 5) else revolution
+        replace(revolution, faults=(Reason(EstimateCode.SAMPLES_LOST),)) if index % 41 in (0, 5) else revolution
         for index, revolution in enumerate(revolutions)
     ]
     single, block = estimated(faulty, 1), estimated(faulty, sizes)
@@ -115,7 +118,7 @@ def test_fault_applies_in_its_own_revolution(revolutions: list[Revolution]) -> N
     position = 110
     assert not is_due(position)
     faulty = list(revolutions)
-    faulty[position] = replace(revolutions[position], faults=(Reason(Code.RADIAL_CLIPPED),))
+    faulty[position] = replace(revolutions[position], faults=(Reason(WheelCode.RADIAL_CLIPPED),))
     results = estimated(faulty, 16, ("weak-form", "ply-steer"))
     for estimate in results[position].estimates:
         assert estimate.status is not Status.VALID or estimate.name == "sensor_roll_rad"
@@ -125,7 +128,7 @@ def test_fault_applies_in_its_own_revolution(revolutions: list[Revolution]) -> N
 
 def test_doubt_applies_in_its_own_revolution(revolutions: list[Revolution]) -> None:
     position = 110
-    doubt = Reason(Code.AXIS_READS)
+    doubt = Reason(TrustCode.AXIS_READS)
     doubts = [(Doubt(Basis.SAMPLES, doubt),) if index == position else () for index in range(len(revolutions))]
     results = estimated(revolutions, 16, ("kinematic", "weak-form"), doubts)
     assert [e.name for e in results[position].estimates if doubt not in e.reasons] == [
@@ -141,7 +144,7 @@ def test_contradiction_applies_in_its_own_revolution(
 ) -> None:
     position, seen = 110, iter(range(len(revolutions)))
     assess = tire_estimates.assess
-    against = Contradiction(Subject.STEADY, Reason(Code.NO_SINGLE_CAUSE), {Basis.RADIUS: 1.3})
+    against = Contradiction(Subject.STEADY, Reason(TrustCode.NO_SINGLE_CAUSE), {Basis.RADIUS: 1.3})
 
     def contradicted(*args: object, **options: object) -> Evidence:
         evidence = assess(*args, **options)  # type: ignore[arg-type]

@@ -10,12 +10,13 @@ from gateway.core.estimates.covariance import covariance, scatter_correlation
 from gateway.core.estimates.determination import FittedNumbers, number_estimates
 from gateway.core.estimates.disagreement import CONTRADICTION, disagreement_std
 from gateway.core.estimates.estimator import Estimate, Status, TireConditions
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.registry import estimator_names
 from gateway.core.estimates.sensor_claims import SensorClaims
 from gateway.core.estimates.tire_data import ReferenceNumbers, TireData
 from gateway.core.estimates.wheel_setup import WheelSetup
 from gateway.core.quantity_catalogue import RING_NUMBERS
-from gateway.core.reasons import Code, codes_of
+from gateway.core.reasons import codes_of
 from gateway.core.text.result_table import row_of
 from gateway.core.trust.qualification import OwnDrift
 from tests.testkit.simulated_wheel import simulated
@@ -141,7 +142,7 @@ def test_width_near_a_contradiction_widens_the_numbers() -> None:
     plain, off = numbers(1.0), numbers(1.04)
     for name in RING_NUMBERS:
         assert off[name].status is Status.VALID
-        assert codes_of(off[name].reasons) == (Code.WIDTH_DISAGREES,)
+        assert codes_of(off[name].reasons) == (EstimateCode.WIDTH_DISAGREES,)
         assert 3.0 * off[name].std > 0.04 * off[name].value > 3.0 * plain[name].std
     assert off["Bs/Cw"] == plain["Bs/Cw"]
 

@@ -16,13 +16,15 @@ from gateway.core import quantity_catalogue
 from gateway.core.cli.stop_signals import stop_request
 from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.estimates.plugin_estimator import PluginEstimator
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.quantity import Basis, Quantity
 from gateway.core.quantity_catalogue import declare, quantities_of
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.table_columns import estimate_columns
 from gateway.core.text import wording
 from gateway.core.text.numbers import split_name
 from gateway.core.trust.qualification import qualified
+from gateway.core.trust.reasons import TrustCode
 from tests.core.wheels.test_qualification import NOTHING
 from tests.testkit.exact_ring import solution
 from tests.testkit.revolution_data import CONDITIONS, exact_wave, make_revolution, settled
@@ -40,7 +42,9 @@ THINGS = st.one_of(
     st.text(max_size=5),
     st.just("x" * 100_000),
     st.sampled_from([b"1", [1.0], {}, object(), np.ones(3), np.float32(2.0), np.array(1.0), Fraction(1, 3), ("a",)]),
-    st.sampled_from([*Status, "valid", Reason(Code.NOT_SETTLED), Reason(Code.PLUGIN_FAILED, error="y" * 100_000)]),
+    st.sampled_from(
+        [*Status, "valid", Reason(EstimateCode.NOT_SETTLED), Reason(EstimateCode.PLUGIN_FAILED, error="y" * 100_000)]
+    ),
 )
 ESTIMATES = st.builds(
     Estimate,
@@ -110,7 +114,7 @@ def test_what_an_estimator_raises_makes_its_estimates_invalid(error: BaseExcepti
     estimates = updated(lambda: raising(error))
     check(estimates)
     assert [(estimate.name, estimate.reasons[0].code) for estimate in estimates] == [
-        (name, Code.PLUGIN_FAILED) for name in NAMES
+        (name, EstimateCode.PLUGIN_FAILED) for name in NAMES
     ]
 
 
@@ -141,7 +145,7 @@ def test_refused_estimate_names_the_field_and_leaves_the_others(changed: dict[st
     refused, passed = updated(lambda: (good._replace(name="bad", **changed), good))
     assert passed == good
     assert refused.status is Status.INVALID
-    assert refused.reasons[0].code is Code.PLUGIN_FIELD_REFUSED
+    assert refused.reasons[0].code is EstimateCode.PLUGIN_FIELD_REFUSED
     assert refused.reasons[0]["field"] == field
 
 
@@ -181,7 +185,7 @@ def test_declared_quantities_of_a_plugin_have_units_limits_and_doubts() -> None:
     value, *_ = estimate_columns("squat_m", quantity_catalogue.quantity_of("squat_m").description)
     assert (value.unit, value.description) == ("m", "squat")
     (passed,) = qualified((Estimate("squat_m", -0.2, 0.01, Status.VALID),), NOTHING, (), None)
-    assert (passed.status, passed.reasons[0].code) == (Status.PROVISIONAL, Code.NOT_POSSIBLE)
+    assert (passed.status, passed.reasons[0].code) == (Status.PROVISIONAL, TrustCode.NOT_POSSIBLE)
     assert declare("another", (Quantity("squat_m", "the same"),)) == ("squat_m", "scripted")
     assert declare("another", (Quantity("estimated_load_n", "a column of the load"),)) == ("estimated_load_n", "load")
 

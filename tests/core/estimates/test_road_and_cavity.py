@@ -11,13 +11,16 @@ from gateway.core.config.validation import parse_document
 from gateway.core.config.vehicle import Tire
 from gateway.core.estimates.distance import DistanceEstimator
 from gateway.core.estimates.estimator import Estimate, Status, TireConditions
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.results import RevolutionResult
 from gateway.core.estimates.tire_data import TireData
 from gateway.core.estimates.wheel_setup import WheelSetup
-from gateway.core.reasons import Code, Reason, codes_of
+from gateway.core.reasons import Reason, codes_of
+from gateway.core.trust.reasons import TrustCode
 from gateway.core.wheels.tire_estimates import _Series
 from gateway.core.wheels.wheels import Pipeline
 from gateway.forces.cavity import CavityEstimator
+from gateway.forces.reasons import ForceCode
 from gateway.forces.road_roughness import RoadRoughnessEstimator, class_letter
 from gateway.simulator.road_profile import QuarterCar, RoadProfile, RoadRide, roughness_m3
 from gateway.simulator.scenario_model import Scenario
@@ -50,15 +53,15 @@ def test_road_class_is_found(letter: str) -> None:
 def test_road_roughness_is_not_determined_on_an_even_road() -> None:
     result = last(driven("[road]\nleading_jitter_mm = 0.8\ntrailing_jitter_mm = 0.8", 9.0, "road"))
     assert result["road_class"].status is Status.INVALID
-    assert codes_of(result["road_class"].reasons) == (Code.ROAD_BELOW_NOISE,)
+    assert codes_of(result["road_class"].reasons) == (ForceCode.ROAD_BELOW_NOISE,)
     assert result["road_class"].reasons[0]["letter"] == "A"
 
 
 def test_road_needs_speed_and_revolutions() -> None:
     estimator = RoadRoughnessEstimator()
     slow = estimator.update(REVOLUTION, AVERAGE, replace(CONDITIONS, radius_m=0.05))
-    assert codes_of(slow[0].reasons) == (Code.TOO_SLOW_FOR_ROAD,)
-    assert codes_of(estimator.update(REVOLUTION, AVERAGE, CONDITIONS)[0].reasons) == (Code.NEEDS_REVOLUTIONS,)
+    assert codes_of(slow[0].reasons) == (ForceCode.TOO_SLOW_FOR_ROAD,)
+    assert codes_of(estimator.update(REVOLUTION, AVERAGE, CONDITIONS)[0].reasons) == (TrustCode.NEEDS_REVOLUTIONS,)
 
 
 def test_profile_has_the_density_of_its_class() -> None:
@@ -110,7 +113,7 @@ def test_cavity_gives_the_temperature_of_the_gas() -> None:
     assert abs(warm.value - 43.0) < 2.0 * warm.std < 12.0
     ratio = result["cavity_gas_ratio"]
     assert abs(ratio.value - 1.0) < 2.0 * ratio.std
-    assert Code.CAVITY_CONTRADICTED not in codes_of(ratio.reasons)
+    assert ForceCode.CAVITY_CONTRADICTED not in codes_of(ratio.reasons)
 
 
 def test_other_gas_contradicts_the_temperature() -> None:
@@ -120,13 +123,13 @@ def test_other_gas_contradicts_the_temperature() -> None:
     # Whether it is another gas or the line of a motor, the frequency may not be the cavity's.
     for name in ("cavity_hz", "cavity_temperature_degc", "cavity_gas_ratio"):
         assert result[name].status is Status.PROVISIONAL
-        assert result[name].reasons[0].code is Code.CAVITY_CONTRADICTED
+        assert result[name].reasons[0].code is ForceCode.CAVITY_CONTRADICTED
 
 
 def test_unknown_cavity_length_gives_the_frequency_alone() -> None:
     result = in_cavity(214.0, None, 0.0)
     assert result["cavity_hz"].value == pytest.approx(214.0, abs=1.5)
-    assert codes_of(result["cavity_temperature_degc"].reasons) == (Code.NEEDS_CAVITY_LENGTH,)
+    assert codes_of(result["cavity_temperature_degc"].reasons) == (ForceCode.NEEDS_CAVITY_LENGTH,)
 
 
 @pytest.mark.parametrize(("size", "inches"), [("205/55 R16", 16.0), ("195R14C", 14.0), ("335/65R22.5", 22.5)])
@@ -139,7 +142,7 @@ def test_cavity_length_follows_from_the_rim_of_the_size(size: str, inches: float
 
 def test_cavity_waits_for_uninterrupted_rolling() -> None:
     result = CavityEstimator().update(REVOLUTION, AVERAGE, TireConditions(0.32))
-    assert {codes_of(item.reasons) for item in result} == {(Code.NEEDS_UNINTERRUPTED_ROLLING,)}
+    assert {codes_of(item.reasons) for item in result} == {(ForceCode.NEEDS_UNINTERRUPTED_ROLLING,)}
 
 
 def during(results: tuple[RevolutionResult, ...], first_s: float, last_s: float) -> list[dict[str, Estimate]]:
@@ -189,14 +192,14 @@ def test_long_gap_is_bridged_with_its_error() -> None:
 
 def test_turns_between_contacts_that_were_not_seen_need_not_be_whole() -> None:
     estimator = DistanceEstimator()
-    for faults, std in (((), 0.0), ((Reason(Code.CONTACT_INTERPOLATED),), 0.5 * TURN_M)):
+    for faults, std in (((), 0.0), ((Reason(EstimateCode.CONTACT_INTERPOLATED),), 0.5 * TURN_M)):
         (result,) = estimator.update(replace(REVOLUTION, turns=2, faults=faults), AVERAGE, CONDITIONS)
         assert result.std == pytest.approx(std)
 
 
 def test_restarted_hub_time_makes_the_distance_provisional() -> None:
     result = rolled([100.0, 100.0 + REVOLUTION.period_s, 2.0])
-    assert codes_of(result.reasons) == (Code.DISTANCE_INTERRUPTED,)
+    assert codes_of(result.reasons) == (EstimateCode.DISTANCE_INTERRUPTED,)
     assert result.value == pytest.approx(3.0 * TURN_M)
 
 

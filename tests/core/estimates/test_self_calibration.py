@@ -8,10 +8,12 @@ import pytest
 
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.estimates.estimator import Status
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.revolution_block import extended
 from gateway.core.estimates.wheel_setup import SensorClaims, WheelSetup
-from gateway.core.reasons import Code, Reason, codes_of
+from gateway.core.reasons import Reason, codes_of
 from gateway.core.revolutions.synchronous_average import RunningAverage
+from gateway.core.trust.reasons import TrustCode
 from gateway.core.trust.self_calibration import Equations, SelfCalibrationEstimator, speed_errors
 from tests.testkit.simulated_wheel import last, simulated
 
@@ -59,9 +61,9 @@ def test_tilts_and_mounting_offset_are_recovered() -> None:
 def test_one_speed_leaves_gain_provisional() -> None:
     result = last(simulated(FAULTY, 12.0, SETUP, ESTIMATORS)[0])
     assert result["zero_g_offset_mps2"].status is Status.INVALID
-    assert codes_of(result["zero_g_offset_mps2"].reasons) == (Code.NEEDS_TWO_SPEEDS,)
+    assert codes_of(result["zero_g_offset_mps2"].reasons) == (TrustCode.NEEDS_TWO_SPEEDS,)
     assert result["gain"].status is Status.PROVISIONAL
-    assert codes_of(result["gain"].reasons) == (Code.NEEDS_TWO_SPEEDS,)
+    assert codes_of(result["gain"].reasons) == (TrustCode.NEEDS_TWO_SPEEDS,)
     assert within(result["gain"], TRUE_GAIN)
     assert 0.002 < result["gain"].std < 0.012
     assert result["roll_tilt_rad"].status is Status.PROVISIONAL
@@ -87,7 +89,7 @@ def test_ac_coupling_leaves_only_the_gain() -> None:
     result = last(simulated(tables, 16.0, setup, ESTIMATORS)[0])
     for name in ("zero_g_offset_mps2", "roll_tilt_rad", "gain_per_degc"):
         assert result[name].status is Status.INVALID
-        assert codes_of(result[name].reasons) == (Code.AC_COUPLED,)
+        assert codes_of(result[name].reasons) == (TrustCode.AC_COUPLED,)
     assert result["gain"].status is Status.PROVISIONAL
     assert within(result["gain"], TRUE_GAIN, 2.0)
     assert within(result["pitch_tilt_rad"], math.radians(-1.5))
@@ -98,27 +100,27 @@ def test_saturated_signal_is_rejected() -> None:
     result = last(simulated("[sensor]\nrange_g = 132", 8.0, SETUP, ESTIMATORS)[0])
     for name in ("gain", "pitch_tilt_rad", "sensor_offset_m", "roll_tilt_rad"):
         assert result[name].status is Status.INVALID
-        assert Code.RADIAL_SATURATED in codes_of(result[name].reasons)
+        assert EstimateCode.RADIAL_SATURATED in codes_of(result[name].reasons)
 
 
 def test_radial_axis_alone_gives_the_gain() -> None:
     result = last(simulated("[sensor]\naxes = ['radial']", 8.0, SETUP, ESTIMATORS)[0])
     assert within(result["gain"], 1.0)
-    assert result["sensor_offset_m"].reasons == (Reason(Code.AXIS_MISSING, axis="circumferential"),)
-    assert result["roll_tilt_rad"].reasons == (Reason(Code.AXIS_MISSING, axis="lateral"),)
+    assert result["sensor_offset_m"].reasons == (Reason(TrustCode.AXIS_MISSING, axis="circumferential"),)
+    assert result["roll_tilt_rad"].reasons == (Reason(TrustCode.AXIS_MISSING, axis="lateral"),)
 
 
 def test_first_revolution_does_not_deny_an_axis_that_the_sensor_has() -> None:
     first = last(simulated(FAULTY, 3.0, SETUP, ESTIMATORS)[0][:1])
     for name in ("pitch_tilt_rad", "sensor_offset_m"):
         assert first[name].status is Status.INVALID
-        assert first[name].reasons == (Reason(Code.NEEDS_REVOLUTIONS, needed=2.0, count=1.0),)
+        assert first[name].reasons == (Reason(TrustCode.NEEDS_REVOLUTIONS, needed=2.0, count=1.0),)
 
 
 def test_wrong_stated_offset_is_reported() -> None:
     setup = WheelSetup("FL", 0, 0, 0.32, sensor=SensorClaims(offset_m=0.001))
     result = last(simulated(FAULTY, 12.0, setup, ESTIMATORS)[0])
-    assert result["sensor_offset_m"].reasons == (Reason(Code.OTHER_OFFSET_STATED, stated_m=0.001),)
+    assert result["sensor_offset_m"].reasons == (Reason(TrustCode.OTHER_OFFSET_STATED, stated_m=0.001),)
     assert result["sensor_offset_m"].status is Status.VALID
 
 
@@ -136,7 +138,7 @@ def test_reverse_rolling_gives_offset_and_pitch(offset_mm: float) -> None:
     for result in (last(results[:10]), last(results)):
         offset = result["sensor_offset_m"]
         assert offset.status is Status.VALID
-        assert codes_of(offset.reasons) == (Code.AXIS_AGAINST_ROLLING,)
+        assert codes_of(offset.reasons) == (TrustCode.AXIS_AGAINST_ROLLING,)
         assert within(offset, 1e-3 * offset_mm)
         assert within(result["pitch_tilt_rad"], math.radians(-1.5))
 
@@ -151,7 +153,7 @@ def test_change_of_direction_starts_calibration_again() -> None:
             revolution = replace(revolution, axes_mps2=revolution.axes_mps2 * turned)
         actual = estimator.update(revolution, extended(average, revolution), result.conditions)
         offset = {estimate.name: estimate for estimate in actual}["sensor_offset_m"]
-        assert (Code.AXIS_AGAINST_ROLLING in codes_of(offset.reasons)) is (number >= 31)
+        assert (TrustCode.AXIS_AGAINST_ROLLING in codes_of(offset.reasons)) is (number >= 31)
     assert within(offset, 0.005)
 
 
@@ -167,10 +169,10 @@ def test_axis_without_gravity_gives_no_offset() -> None:
     results, _ = simulated(tables, 4.0, SETUP, (*ESTIMATORS, "ply-steer"))
     result = last(results)
     for name in ("sensor_offset_m", "pitch_tilt_rad"):
-        assert codes_of(result[name].reasons) == (Code.GRAVITY_ABSENT,)
+        assert codes_of(result[name].reasons) == (TrustCode.GRAVITY_ABSENT,)
         assert result[name].status is Status.INVALID
     assert result["ply_steer_peak_rad"].status is Status.INVALID
-    assert Code.MAY_CHANGE_BY in codes_of(result["ply_steer_peak_rad"].reasons)
+    assert TrustCode.MAY_CHANGE_BY in codes_of(result["ply_steer_peak_rad"].reasons)
     assert result["contact_length_m"].status is not Status.INVALID
 
 

@@ -7,11 +7,13 @@ import pytest
 
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.estimates.estimator import Estimate, Status, TireConditions
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.sensor_claims import UNKNOWN_OFFSET_STD_M, SensorClaims
 from gateway.core.estimates.wheel_setup import ReferenceNumbers, TireData, WheelSetup
 from gateway.core.quantity import Basis
 from gateway.core.quantity_catalogue import RING_NUMBERS
 from gateway.core.reasons import Code, Reason, codes_of
+from gateway.core.trust.reasons import TrustCode
 from gateway.core.trust.self_calibration import Equations, Measured
 from gateway.core.trust.signal_evidence import Contradiction, Subject, assess
 from tests.testkit.simulated_wheel import last, restated, simulated
@@ -33,13 +35,13 @@ def test_half_the_rate_makes_speed_invalid() -> None:
     assert result["speed_mps"].status is Status.INVALID
     assert result["gain"].status is Status.INVALID
     (reason,) = result["speed_mps"].reasons
-    assert reason.code is Code.MAY_CHANGE_BY
+    assert reason.code is TrustCode.MAY_CHANGE_BY
     assert reason["effect"] == pytest.approx(1.0, abs=0.01)
     contradiction = reason["why"]
     assert contradiction["ratio"] == pytest.approx(4.0, abs=0.05)
     cause, missed = contradiction["causes"]
-    assert cause.code is Code.RATE_WOULD_FIT
-    assert missed == Reason(Code.CONTACTS_MISSED, every=2.0)
+    assert cause.code is TrustCode.RATE_WOULD_FIT
+    assert missed == Reason(TrustCode.CONTACTS_MISSED, every=2.0)
     assert cause["rate_hz"] == pytest.approx(9600.0, rel=1e-4)
     assert [flag.name for flag in snapshot.flags] == ["steady value"]
 
@@ -52,7 +54,7 @@ def test_first_revolution_already_contradicts_the_rate() -> None:
 def test_metres_taken_for_g_are_named() -> None:
     _, snapshot = restated(PLAIN, 4.0, SETUP, DEFAULT, unit_factor=STANDARD_GRAVITY_MPS2)
     (flag,) = snapshot.flags
-    assert [cause.code for cause in flag.reason["causes"]] == [Code.UNIT_IS_MPS2]
+    assert [cause.code for cause in flag.reason["causes"]] == [TrustCode.UNIT_IS_MPS2]
 
 
 def test_wrong_radius_makes_speed_provisional() -> None:
@@ -61,7 +63,7 @@ def test_wrong_radius_makes_speed_provisional() -> None:
     for name in ("speed_mps", "contact_length_m", *RING_NUMBERS):
         assert result[name].status is Status.PROVISIONAL
     causes = {cause.code: cause for cause in result["speed_mps"].reasons[0]["why"]["causes"]}
-    assert causes[Code.RADIUS_WOULD_FIT]["radius_m"] == pytest.approx(0.32, abs=0.001)
+    assert causes[TrustCode.RADIUS_WOULD_FIT]["radius_m"] == pytest.approx(0.32, abs=0.001)
     assert result["Bs/Cw"].status is Status.VALID
     assert result["leading_edge_rad"].status is Status.VALID
 
@@ -118,7 +120,7 @@ def test_wrong_depth_makes_numbers_provisional(stated_m: float) -> None:
     result = last(results)
     for name in (*RING_NUMBERS, "Bs/Cw"):
         assert result[name].status is Status.PROVISIONAL
-        assert codes_of(result[name].reasons)[:2] == (Code.ERROR_COVERS, Code.OFFSET_CONTRADICTED)
+        assert codes_of(result[name].reasons)[:2] == (TrustCode.ERROR_COVERS, TrustCode.OFFSET_CONTRADICTED)
     for name in RING_NUMBERS:
         assert abs(result[name].value - getattr(truth.numbers(5.0), name)) < 3.0 * result[name].std
     assert result["speed_mps"].status is Status.VALID
@@ -133,7 +135,7 @@ def test_depth_unknown_to_all_widens_the_error() -> None:
     result = last(results)
     for name in RING_NUMBERS:
         assert abs(result[name].value - getattr(truth.numbers(5.0), name)) < 3.0 * result[name].std
-    assert Code.OFFSET_UNKNOWN in codes_of(result["Cw"].reasons)
+    assert TrustCode.OFFSET_UNKNOWN in codes_of(result["Cw"].reasons)
 
 
 def test_unknown_radius_is_measured() -> None:
@@ -148,7 +150,7 @@ def test_zero_offset_is_contradicted_by_two_speeds() -> None:
     tables = PLAIN + "\nzero_g_offset_g = [0, 0, 1.5]\n[motion]\nspeed_kmh = [[0, 40], [12, 90]]"
     results, truth = simulated(tables, 12.0, SETUP, DEFAULT)
     result = last(results)
-    assert Code.ZERO_CONTRADICTED in reasons_by_code(result["Cw"].reasons)
+    assert TrustCode.ZERO_CONTRADICTED in reasons_by_code(result["Cw"].reasons)
     for name in RING_NUMBERS:
         assert result[name].status is Status.PROVISIONAL
         assert abs(result[name].value - getattr(truth.numbers(11.0), name)) < 3.0 * result[name].std
@@ -162,9 +164,9 @@ def test_wrong_load_is_contradicted_by_the_width(load_n: float) -> None:
     result = last(simulated(PLAIN, 4.0, setup, (*DEFAULT, "load"))[0])
     for name in RING_NUMBERS:
         assert result[name].status is Status.PROVISIONAL
-        assert codes_of(result[name].reasons) == (Code.WIDTH_CONTRADICTED,)
+        assert codes_of(result[name].reasons) == (EstimateCode.WIDTH_CONTRADICTED,)
     assert result["pressure_number"].status is Status.PROVISIONAL
-    assert Code.WIDTH_CONTRADICTED in codes_of(result["pressure_number"].reasons)
+    assert EstimateCode.WIDTH_CONTRADICTED in codes_of(result["pressure_number"].reasons)
     assert result["Bs/Cw"].status is Status.VALID
 
 
@@ -210,7 +212,7 @@ def test_ratio_near_a_contradiction_widens_the_errors(ratio: float) -> None:
     assert 3.0 * evidence.steady_std_mps2 > 40.0
     speed = evidence.qualified(SPEED)
     assert speed.status is Status.VALID
-    assert codes_of(speed.reasons) == (Code.STEADY_VALUE_DISAGREES,)
+    assert codes_of(speed.reasons) == (TrustCode.STEADY_VALUE_DISAGREES,)
     assert evidence.qualified(SPEED._replace(name="leading_edge_rad")).reasons == ()
     # The rate may be the wrong statement: it would be off by half as much.
     in_use = evidence.applied_to(CONDITIONS).claims
@@ -247,7 +249,7 @@ def test_effect_within_the_error_leaves_estimate_valid() -> None:
 
 def test_invalid_estimate_stays_as_it_is() -> None:
     evidence = assess(measured(4.0), CONDITIONS, 1000.0, ac_coupled=False)
-    invalid = Estimate.invalid("speed_mps", Reason(Code.NO_CONTACT_EDGES))
+    invalid = Estimate.invalid("speed_mps", Reason(EstimateCode.NO_CONTACT_EDGES))
     assert evidence.qualified(invalid) is invalid
 
 
@@ -280,7 +282,7 @@ def test_without_a_single_cause_rate_radius_and_gain_are_all_doubted(ratio: floa
     """Half the rate, and a radius 3 % too small: the ratio of the steady values is no square of a usual factor."""
     evidence = assess(measured(ratio, gain=1.3), CONDITIONS, 1000.0, ac_coupled=False)
     (contradiction,) = evidence.contradictions
-    assert contradiction.reason["causes"] == (Reason(Code.NO_SINGLE_CAUSE),)
+    assert contradiction.reason["causes"] == (Reason(TrustCode.NO_SINGLE_CAUSE),)
     for name in ("speed_mps", "angular_speed_radps", "rotation_rpm", "distance_m", "Bs"):
         assert evidence.qualified(Estimate(name, 12.6, 0.0014, Status.VALID)).status is Status.INVALID, name
 
@@ -289,7 +291,7 @@ def test_without_a_single_cause_rate_radius_and_gain_are_all_doubted(ratio: floa
 def test_error_of_a_number_does_not_cover_a_wrong_radius(name: str) -> None:
     """A zero-g offset, which the errors cover, is another possible cause."""
     ratios = {Basis.RADIUS: 0.93, Basis.ZERO: math.nan}
-    contradiction = Contradiction(Subject.STEADY, Reason(Code.NO_STEADY_VALUE), ratios)
+    contradiction = Contradiction(Subject.STEADY, Reason(EstimateCode.NO_STEADY_VALUE), ratios)
     estimate = Estimate(name, 1.0, 0.004, Status.VALID)
     change = 0.93**-2.0 - 1.0 if name == "Bs" else 1.0 - 0.93**2.0
     assert contradiction.effect_on(estimate) == pytest.approx(change)
@@ -322,25 +324,25 @@ def test_error_by_the_shape_is_bounded() -> None:
 
 def test_notes_stand_beside_a_contradiction() -> None:
     """What is against an estimate does not hide what else is to be known of it."""
-    contradiction = Contradiction(Subject.STEADY, Reason(Code.NO_SINGLE_CAUSE), {Basis.RADIUS: 1.05})
-    moving, note = Reason(Code.HUB_MOVES, amplitude_mps2=2.0), Reason(Code.NO_CONTACT_EDGES)
+    contradiction = Contradiction(Subject.STEADY, Reason(TrustCode.NO_SINGLE_CAUSE), {Basis.RADIUS: 1.05})
+    moving, note = Reason(TrustCode.HUB_MOVES, amplitude_mps2=2.0), Reason(EstimateCode.NO_CONTACT_EDGES)
     evidence = assess(None, CONDITIONS, 1000.0, ac_coupled=False)._replace(
         contradictions=(contradiction,), offset_is_known=False, hub_motion=moving
     )
     result = evidence.qualified(Estimate("Ts", 2.5, 0.05, Status.VALID, (note,)))
     assert result.status is Status.PROVISIONAL
     assert [reason.code for reason in result.reasons] == [
-        Code.MAY_CHANGE_BY, note.code, Code.OFFSET_UNKNOWN, moving.code,
+        TrustCode.MAY_CHANGE_BY, note.code, TrustCode.OFFSET_UNKNOWN, moving.code,
     ]  # fmt: skip
 
 
 def test_change_without_bound_has_no_size() -> None:
     """A gain of a tenth would need a tenfold radius."""
-    contradiction = Contradiction(Subject.GRAVITY, Reason(Code.NO_SINGLE_CAUSE), {Basis.RADIUS: 10.0})
+    contradiction = Contradiction(Subject.GRAVITY, Reason(TrustCode.NO_SINGLE_CAUSE), {Basis.RADIUS: 10.0})
     evidence = assess(None, CONDITIONS, 1000.0, ac_coupled=False)._replace(contradictions=(contradiction,))
     result = evidence.qualified(SPEED)
     assert result.status is Status.INVALID
-    assert result.reasons[0].code is Code.NOTHING_FOLLOWS
+    assert result.reasons[0].code is TrustCode.NOTHING_FOLLOWS
 
 
 @pytest.mark.parametrize("revolutions", [1, 7, 8])

@@ -10,6 +10,7 @@ import pytest
 from gateway.core.config.vehicle import parse_vehicle
 from gateway.core.estimates.estimator import Estimate, Status, TireConditions
 from gateway.core.estimates.load import LoadEstimator
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.tire_data import (
     SOFTENING_PER_K,
     SOFTENING_STD_PER_K,
@@ -18,7 +19,7 @@ from gateway.core.estimates.tire_data import (
     TireData,
 )
 from gateway.core.estimates.wear import WearEstimator
-from gateway.core.reasons import Code, codes_of
+from gateway.core.reasons import codes_of
 from gateway.forces.calibration_points import calibration_toml
 from gateway.forces.tire_fit import TirePoint, fit_load_calibration, fit_softening, reference_numbers
 from tests.testkit.exact_ring import solution
@@ -48,17 +49,17 @@ def test_load_is_corrected_for_stated_wear_and_temperature() -> None:
     new = by_angle(replace(CONDITIONS, tire=replace(TIRE, wear_m=0.0, wear_std_m=1e-4)))
     worn = by_angle(replace(CONDITIONS, tire=replace(TIRE, wear_m=5e-3, wear_std_m=1e-4)))
     assert worn.value == pytest.approx(new.value * (10.0 / 15.0) ** (3.0 * BETA))
-    assert Code.CORRECTED_FOR_WEAR in codes_of(worn.reasons)
+    assert EstimateCode.CORRECTED_FOR_WEAR in codes_of(worn.reasons)
     warm = by_angle(replace(CONDITIONS, temperature_degc=65.0, tire=replace(TIRE, wear_m=0.0, wear_std_m=1e-4)))
     assert warm.value == pytest.approx(new.value * math.exp(-BETA * 0.006 * 40.0))
-    assert Code.CORRECTED_FOR_BENDING in codes_of(warm.reasons)
+    assert EstimateCode.CORRECTED_FOR_BENDING in codes_of(warm.reasons)
     assert warm.std / warm.value > new.std / new.value
 
 
 def test_stated_wear_makes_the_load_more_certain() -> None:
     unknown = by_angle(CONDITIONS)
     stated = by_angle(replace(CONDITIONS, tire=replace(TIRE, wear_m=0.0, wear_std_m=3e-4)))
-    assert codes_of(unknown.reasons) == (Code.WEAR_UNKNOWN,)
+    assert codes_of(unknown.reasons) == (EstimateCode.WEAR_UNKNOWN,)
     assert stated.reasons == ()
     assert stated.std < 0.3 * unknown.std
 
@@ -68,7 +69,7 @@ def test_unknown_temperature_is_in_the_error_of_the_load() -> None:
     reference, unknown = (by_angle(replace(CONDITIONS, tire=tire, temperature_degc=degc)) for degc in (25.0, None))
     assert unknown.value == reference.value
     assert unknown.std > reference.std
-    assert codes_of(unknown.reasons) == (Code.TEMPERATURE_NOT_COMPENSATED,)
+    assert codes_of(unknown.reasons) == (EstimateCode.TEMPERATURE_NOT_COMPENSATED,)
 
 
 def test_measured_bending_needs_no_temperature_coefficient() -> None:
@@ -121,7 +122,7 @@ def test_wear_against_the_stated_wear_is_provisional() -> None:
     )
     result = WearEstimator().update(REVOLUTION, AVERAGE, conditions)[0]
     assert result.status is Status.PROVISIONAL
-    assert result.reasons[0].code is Code.WEAR_CONTRADICTED
+    assert result.reasons[0].code is EstimateCode.WEAR_CONTRADICTED
 
 
 def points(softening: float, degrees: list[float], error: float, seed: int) -> list[TirePoint]:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from gateway.core.estimates.estimator import Estimate, Status
-from gateway.core.reasons import Code, codes_of
+from gateway.core.estimates.reasons import EstimateCode
+from gateway.core.reasons import codes_of
 from gateway.core.revolutions.contact_edges import find_contact_edges
 from gateway.forces.tire_fit import TirePoint, fit_load_calibration, reference_numbers
 from gateway.ring.rolling_ring import solve_rolling_ring
@@ -105,8 +106,8 @@ def test_contradicting_points_are_not_believed() -> None:
 def test_range_check_and_slope() -> None:
     calibration = fit_load_calibration([point(*position) for position in GRID]).calibration
     assert calibration.outside(0.2, 2.1e5) == ()
-    assert codes_of(calibration.outside(0.2, 3.0e5)) == (Code.PRESSURE_OUTSIDE_CALIBRATION,)
-    assert codes_of(calibration.outside(0.6, 2.1e5)) == (Code.HALF_ANGLE_OUTSIDE_CALIBRATION,)
+    assert codes_of(calibration.outside(0.2, 3.0e5)) == (EstimateCode.PRESSURE_OUTSIDE_CALIBRATION,)
+    assert codes_of(calibration.outside(0.6, 2.1e5)) == (EstimateCode.HALF_ANGLE_OUTSIDE_CALIBRATION,)
     by_difference = math.log(calibration.load_at(0.2002, 2e5) / calibration.load_at(0.2, 2e5)) / math.log(1.001)
     assert calibration.slope_at(0.2001) == pytest.approx(by_difference, rel=1e-3)
 

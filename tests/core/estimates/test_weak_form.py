@@ -13,16 +13,18 @@ from gateway.core.estimates.belt_shape import MAX_ORDER, curvature_orders, order
 from gateway.core.estimates.contact_pressure import road_orders
 from gateway.core.estimates.estimator import Estimate, Status, TireConditions
 from gateway.core.estimates.order_errors import relative_std, wave_std
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
 from gateway.core.estimates.revolution_block import extended
 from gateway.core.estimates.weak_form import WaveformFits, WeakFormEstimator
 from gateway.core.estimates.weak_form import fits_of as fits_of_solution
 from gateway.core.estimates.weak_form_rows import motion_begin
 from gateway.core.estimates.weak_form_solve import solve_balance
-from gateway.core.reasons import Code, codes_of
+from gateway.core.reasons import codes_of
 from gateway.core.revolutions.angle_resampling import angle_grid
 from gateway.core.revolutions.synchronous_average import RunningAverage
 from gateway.forces.damped_modes import signal_orders
+from gateway.papers.reasons import PaperCode
 from gateway.papers.ring_modal import RingModalEstimator, fit_modal
 from gateway.papers.ring_paper import RingPaperEstimator
 from gateway.ring.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
@@ -147,7 +149,7 @@ def test_ratios_need_neither_load_nor_pressure() -> None:
     full, ratios = estimates_of(wave), estimates_of(wave, TireConditions(RADIUS_M))
     for name in ("Bs", "Cw", "Rs", "Ts"):
         assert ratios[name].status is Status.INVALID
-        assert codes_of(ratios[name].reasons) == (Code.NEEDS_LOAD, Code.NEEDS_PRESSURE)
+        assert codes_of(ratios[name].reasons) == (EstimateCode.NEEDS_LOAD, EstimateCode.NEEDS_PRESSURE)
     for name in ("Bs/Cw", "Rs/Cw", "Ts/Cw"):
         assert ratios[name].value == pytest.approx(full[name].value, rel=1e-9)
         assert ratios[name].status is Status.VALID
@@ -331,7 +333,7 @@ def test_exact_ring_gives_bending_but_not_tension() -> None:
     assert abs(paper["Bs"].value / true["Bs"] - 1.0) > 0.15
     assert modal["Cw"].value / true["Cw"] == pytest.approx(0.6, abs=0.05)
     assert modal["Rs"].value == pytest.approx(true["Rs"], rel=0.15)
-    assert codes_of(modal["Bs"].reasons) == (Code.LINEAR_RING_TENSION,)
+    assert codes_of(modal["Bs"].reasons) == (PaperCode.LINEAR_RING_TENSION,)
 
 
 def test_light_loads_give_all_numbers() -> None:

@@ -9,6 +9,7 @@ import pytest
 from gateway.core.estimates.disagreement import disagreement_std
 from gateway.core.estimates.estimator import Estimate, Status, TireConditions
 from gateway.core.estimates.load import LoadEstimator
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.tire_data import LoadCalibration, ReferenceNumbers, TireData
 from gateway.core.estimates.wear import WearEstimator
 from gateway.core.estimates.wheel_setup import WheelSetup
@@ -37,7 +38,7 @@ def test_wear_follows_from_bending(wear_mm: float) -> None:
 
 def test_wear_without_load_uses_the_ratio() -> None:
     result = last(simulated("[tire]\nwear_mm = 4", 14.0, wheel(None), ESTIMATORS)[0])
-    assert Reason(Code.FROM_RATIO, ratio="Bs/Cw") in result["wear_mm"].reasons
+    assert Reason(EstimateCode.FROM_RATIO, ratio="Bs/Cw") in result["wear_mm"].reasons
     assert result["wear_mm"].value == pytest.approx(4.0, abs=0.05)
     assert result["wear_number"].value == pytest.approx(4.0 / 320.0, abs=2e-4)
 
@@ -49,7 +50,7 @@ def test_pressure_is_not_mistaken_for_wear() -> None:
     uncompensated = replace(NEW, reference=replace(NEW.reference, pressure_pa=None))
     results, _ = simulated("", 14.0, wheel(5000.0, uncompensated), ESTIMATORS, "pressure_kpa = 180")
     result = last(results)["wear_mm"]
-    assert Code.PRESSURE_NOT_COMPENSATED in codes_of(result.reasons)
+    assert EstimateCode.PRESSURE_NOT_COMPENSATED in codes_of(result.reasons)
     assert result.value < -0.6
 
 
@@ -113,7 +114,7 @@ def test_unknown_temperature_is_in_the_error_of_the_wear(known: dict[str, object
     # 10 % softer rubber is half a millimetre of a ring of 15 mm.
     softer = {"Bs": Estimate("Bs", 0.9 * 3.08e-3, 3e-6, Status.VALID)}
     result = wear_of(replace(CONDITIONS, given={"weak-form": softer}, **known))
-    assert Code.TEMPERATURE_NOT_COMPENSATED in codes_of(result.reasons)
+    assert EstimateCode.TEMPERATURE_NOT_COMPENSATED in codes_of(result.reasons)
     assert result.value == pytest.approx(0.5, abs=0.03)
     assert result.value < 1.5 * result.std
 
@@ -121,19 +122,19 @@ def test_unknown_temperature_is_in_the_error_of_the_wear(known: dict[str, object
 def test_unknown_pressure_makes_the_wear_provisional() -> None:
     result = wear_of(replace(CONDITIONS, pressure_pa=None))
     assert result.status is Status.PROVISIONAL
-    assert Code.PRESSURE_NOT_COMPENSATED in codes_of(result.reasons)
+    assert EstimateCode.PRESSURE_NOT_COMPENSATED in codes_of(result.reasons)
     assert result.std > 0.1 / 3.0 * 15.0 * 0.85
 
 
 @pytest.mark.parametrize(
     ("change", "code"),
     [
-        ({"tire": replace(NEW, ring_thickness_m=None)}, Code.NEEDS_RING_THICKNESS),
-        ({"tire": replace(NEW, reference=ReferenceNumbers())}, Code.NEEDS_REFERENCE_NUMBER),
-        ({"given": {}}, Code.NEEDS_ESTIMATOR),
-        ({"given": {"ring-paper": GIVEN}}, Code.NEEDS_ESTIMATOR),
-        ({"given": {"weak-form": {}}}, Code.NUMBER_MISSING),
-        ({"tire": replace(NEW, reference=replace(NEW.reference, estimator="nosuch"))}, Code.UNKNOWN_ESTIMATOR),
+        ({"tire": replace(NEW, ring_thickness_m=None)}, EstimateCode.NEEDS_RING_THICKNESS),
+        ({"tire": replace(NEW, reference=ReferenceNumbers())}, EstimateCode.NEEDS_REFERENCE_NUMBER),
+        ({"given": {}}, EstimateCode.NEEDS_ESTIMATOR),
+        ({"given": {"ring-paper": GIVEN}}, EstimateCode.NEEDS_ESTIMATOR),
+        ({"given": {"weak-form": {}}}, EstimateCode.NUMBER_MISSING),
+        ({"tire": replace(NEW, reference=replace(NEW.reference, estimator="nosuch"))}, EstimateCode.UNKNOWN_ESTIMATOR),
     ],
 )
 def test_missing_wear_inputs_are_reported(change: dict[str, object], code: Code) -> None:
@@ -147,7 +148,7 @@ def test_wears_that_disagree_include_their_difference(load: float) -> None:
     """A stated load that is wrong changes Bs and not its ratio to Cw."""
     stated = {**GIVEN, "Bs": Estimate("Bs", 2e-3 * load, 4e-5 * load, Status.VALID)}
     by_number, exact = wear_of(replace(CONDITIONS, given={"weak-form": stated})), wear_of(CONDITIONS)
-    assert (Code.WEARS_DISAGREE in codes_of(by_number.reasons)) == (load > 1.2)
+    assert (EstimateCode.WEARS_DISAGREE in codes_of(by_number.reasons)) == (load > 1.2)
     assert abs(by_number.value - exact.value) <= 1.05 * by_number.std
     assert load > 1.0 or by_number.std == exact.std
 
@@ -161,7 +162,7 @@ def test_wear_drift_follows_the_wear() -> None:
         assert (result.status is Status.INVALID) == (index < 300)
     assert result.value == pytest.approx(0.2, rel=1e-6)
     assert result.std == pytest.approx(5.0 * 0.012)
-    assert result.reasons == (Reason(Code.OVER_REVOLUTIONS, revolutions=1000.0),)
+    assert result.reasons == (Reason(EstimateCode.OVER_REVOLUTIONS, revolutions=1000.0),)
 
 
 CALIBRATION = LoadCalibration(4093.0, 0.20787, 209e3, 1.340, 0.237, 0.382, 0.006, (0.135, 0.311), (190e3, 230e3))
@@ -176,7 +177,7 @@ def test_load_from_angle_and_from_width(load_n: float) -> None:
     assert abs(result["load_by_angle_n"].value - load_n) < 3.0 * result["load_by_angle_n"].std
     assert result["load_by_width_n"].value == pytest.approx(load_n, rel=0.01)
     assert result["load_n"].value == result["load_by_width_n"].value
-    assert Code.FROM_BELT_WIDTH in codes_of(result["load_n"].reasons)
+    assert EstimateCode.FROM_BELT_WIDTH in codes_of(result["load_n"].reasons)
 
 
 def test_load_follows_every_revolution() -> None:
@@ -195,11 +196,11 @@ def test_stated_load_does_not_set_the_estimate() -> None:
     result = last(simulated("", 14.0, wheel(5000.0), ESTIMATORS, "load_n = 6000")[0])
     assert result["load_n"].value == pytest.approx(6000.0, rel=0.01)
     assert result["load_n"].status is Status.PROVISIONAL
-    assert Code.LOAD_CONTRADICTED in codes_of(result["load_n"].reasons)
-    (doubt,) = [reason for reason in result["Bs"].reasons if reason.code is Code.WIDTH_CONTRADICTED]
+    assert EstimateCode.LOAD_CONTRADICTED in codes_of(result["load_n"].reasons)
+    (doubt,) = [reason for reason in result["Bs"].reasons if reason.code is EstimateCode.WIDTH_CONTRADICTED]
     # Value and error have the same number of digits.
     assert re.match(r"Cw is \d\.\d{3} ± \d\.\d{3} times that of the new tire", text(doubt))
-    assert Code.WIDTH_CONTRADICTED not in codes_of(result["load_by_width_n"].reasons)
+    assert EstimateCode.WIDTH_CONTRADICTED not in codes_of(result["load_by_width_n"].reasons)
 
 
 def test_load_near_a_contradiction_widens_errors() -> None:
@@ -209,14 +210,14 @@ def test_load_near_a_contradiction_widens_errors() -> None:
     for name in ("Bs", "Cw", "Rs", "load_by_width_n", "pressure_number"):
         assert result[name].status is Status.VALID, result[name]
         assert result[name].std > 0.013 * result[name].value
-    assert Code.WIDTH_DISAGREES in codes_of(result["Cw"].reasons)
+    assert EstimateCode.WIDTH_DISAGREES in codes_of(result["Cw"].reasons)
 
 
 def test_assumed_load_is_not_compared_with_the_width() -> None:
     """Without a stated load 4000 N are assumed, which a load of 4100 N nearly contradicts."""
     near, far = (last(simulated("", 8.0, wheel(None), ESTIMATORS, f"load_n = {load_n}")[0]) for load_n in (4100, 5000))
     result = near["load_by_width_n"]
-    assert Code.WIDTH_DISAGREES not in codes_of(result.reasons)
+    assert EstimateCode.WIDTH_DISAGREES not in codes_of(result.reasons)
     assert result.std / result.value == pytest.approx(
         far["load_by_width_n"].std / far["load_by_width_n"].value, rel=0.2
     )
@@ -225,17 +226,17 @@ def test_assumed_load_is_not_compared_with_the_width() -> None:
 def test_load_by_angle_is_corrected_for_wear() -> None:
     result = last(simulated("[tire]\nwear_mm = 5", 14.0, wheel(None, CALIBRATED), ESTIMATORS)[0])
     by_angle = result["load_by_angle_n"]
-    (softer,) = (reason for reason in by_angle.reasons if reason.code is Code.CORRECTED_FOR_BENDING)
+    (softer,) = (reason for reason in by_angle.reasons if reason.code is EstimateCode.CORRECTED_FOR_BENDING)
     assert softer["change"] == pytest.approx((10.0 / 15.0) ** 3 - 1.0, abs=0.01)
     assert abs(by_angle.value - 5000.0) < 2.0 * by_angle.std < 1000.0
     assert result["load_n"].value == pytest.approx(5000.0, rel=0.01)
-    assert Code.FROM_BELT_WIDTH in codes_of(result["load_n"].reasons)
+    assert EstimateCode.FROM_BELT_WIDTH in codes_of(result["load_n"].reasons)
 
 
 def test_unknown_wear_is_in_the_error_of_the_load() -> None:
     results, _ = simulated("[tire]\nwear_mm = 6", 8.0, wheel(None, CALIBRATED), ("kinematic", "load"))
     by_angle = last(results)["load_by_angle_n"]
-    assert Code.WEAR_UNKNOWN in codes_of(by_angle.reasons)
+    assert EstimateCode.WEAR_UNKNOWN in codes_of(by_angle.reasons)
     assert by_angle.value > 1.2 * 5000.0
     assert by_angle.value - 5000.0 < 2.0 * by_angle.std
 
@@ -284,12 +285,12 @@ def test_load_that_the_contact_angle_disagrees_with_widens_the_pressure_number()
 @pytest.mark.parametrize(
     ("conditions", "code"),
     [
-        (TireConditions(0.32), Code.NEEDS_PRESSURE),
-        (TireConditions(0.32, pressure_pa=210e3), Code.NEEDS_LOAD_CALIBRATION),
-        (TireConditions(0.32, pressure_pa=210e3), Code.NEEDS_REFERENCE_NUMBER),
+        (TireConditions(0.32), EstimateCode.NEEDS_PRESSURE),
+        (TireConditions(0.32, pressure_pa=210e3), EstimateCode.NEEDS_LOAD_CALIBRATION),
+        (TireConditions(0.32, pressure_pa=210e3), EstimateCode.NEEDS_REFERENCE_NUMBER),
         (
             TireConditions(0.32, pressure_pa=2e5, tire=TireData(reference=ReferenceNumbers(Cw=0.2, estimator="magic"))),
-            Code.UNKNOWN_ESTIMATOR,
+            EstimateCode.UNKNOWN_ESTIMATOR,
         ),
     ],
 )
@@ -305,9 +306,9 @@ def test_calibration_outside_its_range_is_provisional() -> None:
     result = LoadEstimator().update(REVOLUTION, AVERAGE, conditions)[1]
     assert result.status is Status.PROVISIONAL
     assert codes_of(result.reasons) == (
-        Code.HALF_ANGLE_OUTSIDE_CALIBRATION,
-        Code.WEAR_UNKNOWN,
-        Code.TEMPERATURE_NOT_COMPENSATED,
+        EstimateCode.HALF_ANGLE_OUTSIDE_CALIBRATION,
+        EstimateCode.WEAR_UNKNOWN,
+        EstimateCode.TEMPERATURE_NOT_COMPENSATED,
     )
 
 
@@ -324,7 +325,7 @@ def test_loads_that_disagree_include_their_difference(factor: float) -> None:
     assert {load.status for load in loads} == {Status.VALID}
     for load in loads:
         assert abs(load.value - 5000.0) < 3.0 * load.std
-        assert (Code.LOADS_DISAGREE in codes_of(load.reasons)) == (factor > 1.0)
+        assert (EstimateCode.LOADS_DISAGREE in codes_of(load.reasons)) == (factor > 1.0)
     # Two right loads agree: their errors hardly grow.
     assert factor > 1.0 or after["load_n"].std == before["load_n"].std < 0.04 * 5000.0
 

@@ -7,8 +7,8 @@ import pytest
 from scipy.stats import t
 
 from gateway.compare.mean_comparison import FALSE_ALARM, Radius, compared_means
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.weighted_mean import MeanEstimate, WeightedMean, mean_estimate
-from gateway.core.reasons import Code
 
 
 def mean_of(values: np.ndarray, std: float, memory: float = 0.0, scatter_std: float = 0.0) -> MeanEstimate:
@@ -79,7 +79,7 @@ def test_mean_of_what_driving_changes_is_not_weighted_and_contains_the_scatter()
     for value in speed_mps.tolist():
         mean.add(value, 0.02 * value)
     estimate = mean_estimate(mean)
-    assert [reason.code for reason in estimate.reasons] == [Code.ROW_SCATTERS]
+    assert [reason.code for reason in estimate.reasons] == [EstimateCode.ROW_SCATTERS]
     assert estimate.value == mean.value == pytest.approx(18.0)
     assert estimate.std == pytest.approx(mean.std) == pytest.approx(math.hypot(0.02 * 14.3, mean.scatter), rel=0.01)
     steady = mean_of(np.linspace(17.9, 18.1, 11), 0.1)

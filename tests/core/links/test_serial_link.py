@@ -13,9 +13,10 @@ import serial
 
 from gateway.core.clock import ManualClock
 from gateway.core.errors import LinkLostError, SourceError
+from gateway.core.links.reasons import LinkCode
 from gateway.core.links.serial_link import PyserialLink, explain_open_error, port_holders, serial_settings
 from gateway.core.links.source import LinkEventKind, Source, open_source
-from gateway.core.reasons import Code, Level
+from gateway.core.reasons import Level
 from gateway.core.session.core import SessionCore
 from gateway.core.text.wording import notice_text
 from tests.testkit.hub_ends import PtyPort, Reader
@@ -121,7 +122,7 @@ def test_who_reads_the_port_too_is_named(pty_port: PtyPort, read: Read) -> None:
     with held_by_another(pty_port.path, locks=False) as process:
         connected = read(open_source(f"serial:{pty_port.path}", ManualClock())).event(LinkEventKind.CONNECTED)
         (detail,) = connected.details
-        assert detail.code is Code.PORT_SHARED
+        assert detail.code is LinkCode.PORT_SHARED
         assert f"(process {process})" in detail["holders"]
         core = SessionCore(None)
         core.take(connected)

@@ -11,7 +11,7 @@ import zstandard
 from mcap.opcode import Opcode
 
 from gateway.core.errors import TreadlinkError
-from gateway.core.reasons import Code
+from gateway.core.links.reasons import LinkCode
 from gateway.core.recording.mcap_layout import link_items
 from gateway.core.recording.mcap_records import (
     CHUNK_HEAD,
@@ -53,7 +53,7 @@ def test_the_rest_behind_a_gap_counts(whole: Path, tmp_path: Path) -> None:
     read(reader)
     damage = reader.damage
     assert damage is not None
-    assert damage.code is Code.RECORDING_PARTS_DAMAGED
+    assert damage.code is LinkCode.RECORDING_PARTS_DAMAGED
     assert damage["at_byte"] <= size // 4
     assert damage["unread_bytes"] + damage["at_byte"] == pytest.approx(size, abs=2000)
     assert damage["size_bytes"] == size
@@ -70,7 +70,7 @@ def test_all_damaged_chunks_count(whole: Path, tmp_path: Path) -> None:
     reader = RecordingReader(path)
     lost = 1.0 - read(reader) / read(RecordingReader(whole))
     assert reader.damage is not None
-    assert reader.damage.code is Code.RECORDING_PARTS_DAMAGED
+    assert reader.damage.code is LinkCode.RECORDING_PARTS_DAMAGED
     assert reader.damage["unread_bytes"] / len(content) == pytest.approx(lost, abs=0.1)
 
 
@@ -88,7 +88,7 @@ def test_one_damaged_part_keeps_its_own_words(whole: Path, tmp_path: Path) -> No
     reader = RecordingReader(path)
     read(reader)
     assert reader.damage is not None
-    assert reader.damage.code is Code.RECORDING_CUT_OFF
+    assert reader.damage.code is LinkCode.RECORDING_CUT_OFF
 
 
 def test_export_of_a_file_whose_readable_part_is_empty_names_the_damage(whole: Path, tmp_path: Path) -> None:

@@ -13,14 +13,15 @@ import zstandard
 
 from gateway.core.config.vehicle import choose_vehicle
 from gateway.core.errors import ConfigError, RecordingError
+from gateway.core.links.reasons import LinkCode
 from gateway.core.links.source import Chunk
-from gateway.core.reasons import Code
 from gateway.core.recording import inspection
 from gateway.core.recording import reader as reading
 from gateway.core.recording.inspection import inspect_recording
 from gateway.core.recording.mcap_layout import MAX_RECORD_BYTES, RAW_ENCODING, SESSION_METADATA, seal
 from gateway.core.recording.mcap_records import MAGIC, parse_small, walk
 from gateway.core.recording.reader import RecordingReader
+from gateway.core.recording.reasons import RecordingCode
 from gateway.core.recording.writer import RecordingWriter
 from gateway.upkeep import salvage
 from gateway.upkeep.repair import repair_recording
@@ -90,7 +91,7 @@ def test_large_compressed_chunk_is_skipped_and_named(tmp_path: Path, compression
         reader = RecordingReader(path)
         assert [item.data for item in reader.items() if isinstance(item, Chunk)] == [b"after"]
         assert reader.damage is not None
-        assert reader.damage.code is Code.RECORDING_RECORD_TOO_LARGE
+        assert reader.damage.code is RecordingCode.RECORDING_RECORD_TOO_LARGE
         assert reader.damage["largest_bytes"] == MAX_RECORD_BYTES
         inspect_recording(path)
         repair_recording(path, tmp_path / "fixed.mcap")
@@ -148,7 +149,7 @@ def test_what_is_no_record_ends_its_chunk_as_damage(
     reader = RecordingReader(path)
     assert [item.data for item in reader.items() if isinstance(item, Chunk)] == [b"before", b"after"]
     assert reader.damage is not None
-    assert reader.damage.code is Code.RECORDING_RECORD_DAMAGED
+    assert reader.damage.code is LinkCode.RECORDING_RECORD_DAMAGED
     assert looked_at < 2000
 
 

@@ -9,8 +9,8 @@ import pytest
 
 from gateway.core.clock import ManualClock
 from gateway.core.errors import SourceError
+from gateway.core.links.reasons import LinkCode
 from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind, LinkItem, open_source
-from gateway.core.reasons import Code
 from gateway.core.text import wording
 from tests.core.recording import streams
 
@@ -71,7 +71,7 @@ def test_last_item_reports_damage(recording: tuple[Path, list[LinkItem]], tmp_pa
     path.write_bytes(recording[0].read_bytes()[:20_000])
     end = streams.replay(f"replay:{path}?speed=max")[-1]
     assert isinstance(end, LinkEvent)
-    assert [detail.code for detail in end.details] == [Code.RECORDING_CUT_OFF]
+    assert [detail.code for detail in end.details] == [LinkCode.RECORDING_CUT_OFF]
     assert "treadlink repair" in wording.text(end.reason)
     # The event survives a recording of the replay.
     again = streams.write(tmp_path / "again.mcap", [end]).path

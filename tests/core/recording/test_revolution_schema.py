@@ -9,8 +9,9 @@ import pytest
 
 from gateway.core.config.vehicle import parse_vehicle
 from gateway.core.estimates.estimator import TireConditions
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.registry import ESTIMATORS, make_estimator
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.recording.reader import RecordingInfo
 from gateway.core.recording.revolution_fields import estimate_descriptions
 from gateway.core.recording.schemas import schema_of
@@ -92,7 +93,7 @@ def test_every_recorded_field_is_listed(payloads):
 
 def test_estimates_of_the_forward_model_are_listed():
     wave = np.cos(angle_grid())
-    revolution = make_revolution(wave, edges=(-0.2, 0.2), faults=(Reason(Code.SAMPLES_LOST),))
+    revolution = make_revolution(wave, edges=(-0.2, 0.2), faults=(Reason(EstimateCode.SAMPLES_LOST),))
     made = make_estimator("forward").update(revolution, settled(revolution, 1), TireConditions(radius_m=math.nan))
     assert {estimate.name.replace("/", "_over_") for estimate in made} == set(estimate_descriptions(["forward"]))
 

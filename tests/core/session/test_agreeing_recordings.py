@@ -13,11 +13,12 @@ from gateway.diagnosis.campaign_diagnosis import diagnose_agreeing
 from gateway.diagnosis.checks.outvoted_recordings import RecordingsContradictedError
 from gateway.diagnosis.closed_loop import BaselineUnfittedError
 from gateway.diagnosis.data.campaign_data import Campaign
+from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.result import Diagnosis
 from tests.testkit.campaign_recordings import START_NS, write_recording
 from tests.testkit.diagnosis_data import undrawn
 
-REVERSED = Reason(Code.CIRCUMFERENTIAL_REVERSED)
+REVERSED = Reason(DiagnosisCode.CIRCUMFERENTIAL_REVERSED)
 
 
 @pytest.fixture(scope="module")
@@ -66,8 +67,10 @@ def test_recordings_that_cannot_be_read_are_left_out(paths, judged, tmp_path):
     diagnosis = diagnose_agreeing([paths[0], text, other, tmp_path / "gone.mcap", paths[1]], "W0")
     assert [Path(path).stem for path in diagnosis.recordings] == ["0", "1"]
     assert left_out(diagnosis) == {
-        "text": Code.RECORDING_NOT_USED, "other": Code.RECORDING_WITHOUT_WHEEL, "gone": Code.RECORDING_NOT_USED
-    }  # fmt: skip
+        "text": DiagnosisCode.RECORDING_NOT_USED,
+        "other": DiagnosisCode.RECORDING_WITHOUT_WHEEL,
+        "gone": DiagnosisCode.RECORDING_NOT_USED,
+    }
 
 
 def test_reversed_recordings_are_left_out(paths, judged):
@@ -79,15 +82,15 @@ def test_reversed_recordings_are_left_out(paths, judged):
     seen = judged(judge)
     diagnosis = diagnose_agreeing(paths, "W0")
     assert seen == [("0", "1", "2", "3"), ("0", "2", "3")]
-    assert left_out(diagnosis) == {"1": Code.CIRCUMFERENTIAL_REVERSED}
+    assert left_out(diagnosis) == {"1": DiagnosisCode.CIRCUMFERENTIAL_REVERSED}
 
 
 def test_outvoted_recordings_are_left_out_and_the_rest_diagnosed_again(paths, judged):
-    load = Reason(Code.WIDTH_UNLIKE_OTHERS, value=0.3, other=0.2, count=3)
+    load = Reason(DiagnosisCode.WIDTH_UNLIKE_OTHERS, value=0.3, other=0.2, count=3)
     seen = judged(lambda names: {names.index("2"): load} if "2" in names else {})
     diagnosis = diagnose_agreeing(paths, "W0")
     assert seen == [("0", "1", "2", "3"), ("0", "1", "3")]
-    assert left_out(diagnosis) == {"2": Code.WIDTH_UNLIKE_OTHERS}
+    assert left_out(diagnosis) == {"2": DiagnosisCode.WIDTH_UNLIKE_OTHERS}
 
 
 def test_another_stated_radius_is_left_out_before_the_diagnosis(paths, judged, tmp_path):
@@ -95,7 +98,7 @@ def test_another_stated_radius_is_left_out_before_the_diagnosis(paths, judged, t
     wrong = write_recording(tmp_path / "wrong.mcap", duration_s=1.6, change=lambda toml: toml.replace("320.0", "350.0"))
     diagnosis = diagnose_agreeing([*paths[:2], wrong], "W0")
     assert seen == [("0", "1")]
-    assert left_out(diagnosis) == {"wrong": Code.RADIUS_UNLIKE_OTHERS}
+    assert left_out(diagnosis) == {"wrong": DiagnosisCode.RADIUS_UNLIKE_OTHERS}
 
 
 def test_recordings_without_a_fit_are_left_out(paths, judged, monkeypatch):
@@ -108,7 +111,7 @@ def test_recordings_without_a_fit_are_left_out(paths, judged, monkeypatch):
     monkeypatch.setattr(campaign_diagnosis, "baseline_fits", lambda campaign: "3.mcap" not in campaign.recordings[0])
     diagnosis = diagnose_agreeing(paths, "W0")
     assert seen[-1] == ("0", "1", "2")
-    assert left_out(diagnosis) == {"3": Code.BASELINE_UNFITTED}
+    assert left_out(diagnosis) == {"3": DiagnosisCode.BASELINE_UNFITTED}
 
 
 def test_what_is_wrong_with_all_is_an_error(paths, judged, monkeypatch, tmp_path):

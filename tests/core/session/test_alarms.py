@@ -19,6 +19,7 @@ from gateway.core.estimates.results import (
     WheelCounters,
     WheelSnapshot,
 )
+from gateway.core.links.reasons import LinkCode
 from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind
 from gateway.core.reasons import Code, Level, Reason
 from gateway.core.recording.inspection import inspect_recording
@@ -26,6 +27,7 @@ from gateway.core.recording.writer import RecordingWriter
 from gateway.core.session.alarm_log import AlarmLog
 from gateway.core.session.alarms import SILENCES, AlarmName, alarms, present_values, silent_alarms, superseded
 from gateway.core.session.core import SessionCore
+from gateway.core.session.reasons import SessionCode
 from gateway.core.session.recent_loss import WINDOW_S, RecentLoss
 from gateway.core.session.recording_pass import OpenedRecording, RecordingPass
 from gateway.core.session.silence import SilentHub
@@ -46,7 +48,7 @@ LIMITS = Thresholds(
     battery_min_percent=20.0,
 )
 WHEEL = WheelSnapshot("FL", pressure_pa=220e3, temperature_degc=40.0, load_n=5000.0)
-LINK = LinkSnapshot("ble:x", True, Reason(Code.LINK_CONNECTED), 0, 1000, 0, 0, 0, 0, 0, 0, None, {}, 80)
+LINK = LinkSnapshot("ble:x", True, Reason(LinkCode.LINK_CONNECTED), 0, 1000, 0, 0, 0, 0, 0, 0, None, {}, 80)
 
 
 @pytest.mark.parametrize(
@@ -55,30 +57,34 @@ LINK = LinkSnapshot("ble:x", True, Reason(Code.LINK_CONNECTED), 0, 1000, 0, 0, 0
         (
             {"pressure_pa": 170e3},
             AlarmName.PRESSURE,
-            Reason(Code.PRESSURE_BELOW_LIMIT, pressure_pa=170e3, limit_pa=180e3),
+            Reason(SessionCode.PRESSURE_BELOW_LIMIT, pressure_pa=170e3, limit_pa=180e3),
         ),
         (
             {"pressure_pa": 270e3},
             AlarmName.PRESSURE,
-            Reason(Code.PRESSURE_ABOVE_LIMIT, pressure_pa=270e3, limit_pa=260e3),
+            Reason(SessionCode.PRESSURE_ABOVE_LIMIT, pressure_pa=270e3, limit_pa=260e3),
         ),
         (
             {"temperature_degc": 95.0},
             AlarmName.TEMPERATURE,
-            Reason(Code.TEMPERATURE_ABOVE_LIMIT, temperature_degc=95.0, limit_degc=90.0),
+            Reason(SessionCode.TEMPERATURE_ABOVE_LIMIT, temperature_degc=95.0, limit_degc=90.0),
         ),
-        ({"load_n": 6500.0}, AlarmName.LOAD, Reason(Code.LOAD_ABOVE_LIMIT, load_n=6500.0, limit_n=6000.0)),
+        ({"load_n": 6500.0}, AlarmName.LOAD, Reason(SessionCode.LOAD_ABOVE_LIMIT, load_n=6500.0, limit_n=6000.0)),
         (
             {"wear_mm": Estimate("wear_mm", 6.0, 0.1, Status.VALID)},
             AlarmName.WEAR,
-            Reason(Code.WEAR_ABOVE_LIMIT, wear_m=0.006, limit_m=0.005),
+            Reason(SessionCode.WEAR_ABOVE_LIMIT, wear_m=0.006, limit_m=0.005),
         ),
         (
             {"counters": WheelCounters(samples_saturated=3)},
             AlarmName.SATURATED,
-            Reason(Code.SENSOR_RANGE_REACHED, count=3),
+            Reason(SessionCode.SENSOR_RANGE_REACHED, count=3),
         ),
-        ({"sensor_id": "0000a002"}, AlarmName.MISPLACED, Reason(Code.SENSOR_REPLACED, sensor="0000a002", expected="a")),
+        (
+            {"sensor_id": "0000a002"},
+            AlarmName.MISPLACED,
+            Reason(SessionCode.SENSOR_REPLACED, sensor="0000a002", expected="a"),
+        ),
     ],
 )
 def test_wheel_alarm(change: dict[str, object], name: AlarmName, reason: Reason) -> None:
@@ -90,10 +96,10 @@ def test_wheel_alarm(change: dict[str, object], name: AlarmName, reason: Reason)
 @pytest.mark.parametrize(
     ("change", "name", "code"),
     [
-        ({"connected": False, "note": Reason(Code.LINK_LOST)}, AlarmName.LINK, Code.LINK_DOWN),
-        ({"recent_loss": 0.05}, AlarmName.LOSS, Code.FRAME_LOSS_ABOVE_LIMIT),
-        ({"judged": {"verified": 10, "unsigned": 2}}, AlarmName.SECURITY, Code.FRAMES_NOT_TRUSTED),
-        ({"battery_percent": 19}, AlarmName.BATTERY, Code.BATTERY_BELOW_LIMIT),
+        ({"connected": False, "note": Reason(LinkCode.LINK_LOST)}, AlarmName.LINK, SessionCode.LINK_DOWN),
+        ({"recent_loss": 0.05}, AlarmName.LOSS, SessionCode.FRAME_LOSS_ABOVE_LIMIT),
+        ({"judged": {"verified": 10, "unsigned": 2}}, AlarmName.SECURITY, SessionCode.FRAMES_NOT_TRUSTED),
+        ({"battery_percent": 19}, AlarmName.BATTERY, SessionCode.BATTERY_BELOW_LIMIT),
     ],
 )
 def test_link_alarm(change: dict[str, object], name: AlarmName, code: Code) -> None:
@@ -103,7 +109,7 @@ def test_link_alarm(change: dict[str, object], name: AlarmName, code: Code) -> N
 
 
 def test_alarm_is_over_beyond_a_margin_only() -> None:
-    stood = {("FL", AlarmName.PRESSURE): Code.PRESSURE_BELOW_LIMIT}
+    stood = {("FL", AlarmName.PRESSURE): SessionCode.PRESSURE_BELOW_LIMIT}
     for pressure_pa, stands in ((179e3, True), (181e3, True), (183e3, True), (185e3, False)):
         result = alarms([replace(WHEEL, pressure_pa=pressure_pa)], [], LIMITS, standing=stood)
         assert bool(result) is stands
@@ -118,15 +124,15 @@ def test_silent_wheel_has_no_alarm_of_its_speed() -> None:
     fast = RevolutionResult("FL", 0, None, None, (Estimate("speed_mps", 30.0, 0.01, Status.VALID),))
     wheel = replace(WHEEL, last=fast)
     assert [alarm.name for alarm in alarms([wheel], [], limits)] == [AlarmName.SPEED]
-    quiet = Silence(SilentPart.HUB, 20.0, Reason(Code.HUB_OF_WHEEL_SILENT, silence_s=20.0))
+    quiet = Silence(SilentPart.HUB, 20.0, Reason(SessionCode.HUB_OF_WHEEL_SILENT, silence_s=20.0))
     assert alarms([replace(wheel, silences=(quiet,))], [], limits) == ()
     assert ("FL", AlarmName.SPEED) in superseded([replace(wheel, silences=(quiet,))])
 
 
 def test_present_values_say_what_is_normal_again() -> None:
     values = present_values([WHEEL], [LINK], LIMITS)
-    assert values["FL", AlarmName.PRESSURE] == Reason(Code.PRESSURE_NOW, pressure_pa=220e3)
-    assert values["ble:x", AlarmName.BATTERY] == Reason(Code.BATTERY_NOW, level=0.8)
+    assert values["FL", AlarmName.PRESSURE] == Reason(SessionCode.PRESSURE_NOW, pressure_pa=220e3)
+    assert values["ble:x", AlarmName.BATTERY] == Reason(SessionCode.BATTERY_NOW, level=0.8)
 
 
 def test_hubs_of_several_links_are_told_apart() -> None:
@@ -147,12 +153,12 @@ KEY = ("FL", AlarmName.PRESSURE)
 
 
 def low(pressure_pa: float = 210e3) -> Alarm:
-    reason = Reason(Code.PRESSURE_BELOW_LIMIT, pressure_pa=pressure_pa, limit_pa=230e3)
+    reason = Reason(SessionCode.PRESSURE_BELOW_LIMIT, pressure_pa=pressure_pa, limit_pa=230e3)
     return Alarm("FL", AlarmName.PRESSURE, reason)
 
 
 def silent(silence_s: float) -> Alarm:
-    return Alarm("W1", AlarmName.SILENT, Reason(Code.SAMPLES_SILENT, silence_s=silence_s))
+    return Alarm("W1", AlarmName.SILENT, Reason(SessionCode.SAMPLES_SILENT, silence_s=silence_s))
 
 
 def test_alarm_is_raised_and_over_with_time_and_value() -> None:
@@ -161,8 +167,8 @@ def test_alarm_is_raised_and_over_with_time_and_value() -> None:
     assert (raised.subject, raised.level) == ("FL", Level.WARNING)
     assert notice_text(raised) == "FL: ALARM at 3.0 s: pressure 210 kPa is below 230 kPa"
     assert log.update([low(205e3)], 4.0) == []
-    assert log.standing() == {KEY: Code.PRESSURE_BELOW_LIMIT}
-    (over,) = log.update([], 5.5, values=lambda: {KEY: Reason(Code.PRESSURE_NOW, pressure_pa=236e3)})
+    assert log.standing() == {KEY: SessionCode.PRESSURE_BELOW_LIMIT}
+    (over,) = log.update([], 5.5, values=lambda: {KEY: Reason(SessionCode.PRESSURE_NOW, pressure_pa=236e3)})
     assert notice_text(over) == "FL: alarm over at 5.5 s, after 2.5 s: pressure 236 kPa"
     (record,) = log.records()
     assert (record.count, record.first_s, record.last_s, record.total_s) == (1, 3.0, 5.5, 2.5)
@@ -176,16 +182,16 @@ def test_alarm_that_flutters_does_not_flood() -> None:
     for second in range(40):
         notices += log.update([low()] if second % 2 else [], float(second))
     codes = [notice.reason.code for notice in notices]
-    assert codes == 3 * [Code.ALARM_RAISED, Code.ALARM_CLEARED] + [Code.ALARM_COMES_AND_GOES]
+    assert codes == 3 * [SessionCode.ALARM_RAISED, SessionCode.ALARM_CLEARED] + [SessionCode.ALARM_COMES_AND_GOES]
     assert log.records()[0].count == 20
     (again,) = log.update([], 60.0) + log.update([low()], 150.0)
-    assert again.reason.code is Code.ALARM_RAISED
+    assert again.reason.code is SessionCode.ALARM_RAISED
 
 
 def test_lasting_silence_is_repeated_rarely() -> None:
     log = AlarmLog()
     notices = [notice for second in range(7300) for notice in log.update([silent(1.0 + second)], float(second))]
-    stands = [notice.reason["at_s"] for notice in notices if notice.reason.code is Code.ALARM_STANDS]
+    stands = [notice.reason["at_s"] for notice in notices if notice.reason.code is SessionCode.ALARM_STANDS]
     assert stands == [60.0, 600.0, 3600.0, 7200.0]
     lasting = AlarmLog()
     assert sum(len(lasting.update([low()], float(second))) for second in range(100)) == 1
@@ -194,18 +200,18 @@ def test_lasting_silence_is_repeated_rarely() -> None:
 def test_other_reason_of_the_same_alarm_is_reported() -> None:
     log = AlarmLog()
     log.update([silent(2.0)], 0.0)
-    gone = Alarm("W1", AlarmName.SILENT, Reason(Code.SENSOR_SILENT, silence_s=4.0))
+    gone = Alarm("W1", AlarmName.SILENT, Reason(SessionCode.SENSOR_SILENT, silence_s=4.0))
     (notice,) = log.update([gone], 1.0)
-    assert notice.reason["alarm"].code is Code.SENSOR_SILENT
+    assert notice.reason["alarm"].code is SessionCode.SENSOR_SILENT
 
 
 def test_hidden_alarm_is_neither_reported_nor_over() -> None:
     log = AlarmLog()
     log.update([silent(2.0)], 0.0)
     assert log.update([], 1.0, hidden=[("W1", AlarmName.SILENT)]) == []
-    assert log.standing() == {("W1", AlarmName.SILENT): Code.SAMPLES_SILENT}
+    assert log.standing() == {("W1", AlarmName.SILENT): SessionCode.SAMPLES_SILENT}
     (over,) = log.update([], 9.0)
-    assert over.reason["what"] == Reason(Code.SENDS_AGAIN, away_s=11.0)
+    assert over.reason["what"] == Reason(SessionCode.SENDS_AGAIN, away_s=11.0)
 
 
 def test_update_leaves_alarms_that_it_does_not_cover() -> None:
@@ -220,7 +226,7 @@ def test_update_leaves_alarms_that_it_does_not_cover() -> None:
 
 def test_alarms_of_links_are_left_to_their_events() -> None:
     log = AlarmLog()
-    down = Alarm("ble:x", AlarmName.LINK, Reason(Code.LINK_DOWN, state=Reason(Code.LINK_LOST)))
+    down = Alarm("ble:x", AlarmName.LINK, Reason(SessionCode.LINK_DOWN, state=Reason(LinkCode.LINK_LOST)))
     assert log.update([down], 1.0) == []
     assert [record.name for record in log.records()] == [AlarmName.LINK]
 
@@ -235,7 +241,7 @@ def test_an_acknowledged_alarm_is_new_with_another_reason_or_when_raised_again()
         ("acknowledged", 2.0, 1.0),
     ]
     assert log.records()[0].is_acknowledged
-    high = Reason(Code.PRESSURE_ABOVE_LIMIT, pressure_pa=290e3, limit_pa=260e3)
+    high = Reason(SessionCode.PRESSURE_ABOVE_LIMIT, pressure_pa=290e3, limit_pa=260e3)
     log.update([Alarm("FL", AlarmName.PRESSURE, high)], 3.0)
     assert not log.records()[0].is_acknowledged
     log.acknowledge(4.0)

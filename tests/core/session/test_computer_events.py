@@ -10,8 +10,9 @@ from click.testing import CliRunner
 from gateway.core.cli import treadlink
 from gateway.core.clock import ComputerTime, ManualClock, SystemClock
 from gateway.core.config.vehicle import parse_vehicle
+from gateway.core.links.reasons import LinkCode
 from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind, open_source
-from gateway.core.reasons import Code, Level, Reason, codes_of
+from gateway.core.reasons import Level, Reason, codes_of
 from gateway.core.recording.inspection import inspect_recording
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.writer import RecordingWriter
@@ -84,7 +85,7 @@ def recorded(clock, tmp_path):
 
 
 def computer_notices(live):
-    return [notice for notice in live.notices() if notice.reason.code is Code.LINK_EVENT and notice.subject == ""]
+    return [notice for notice in live.notices() if notice.reason.code is LinkCode.LINK_EVENT and notice.subject == ""]
 
 
 def test_set_system_time_is_reported_recorded_and_inspected(recorded, clock) -> None:
@@ -108,7 +109,7 @@ def test_set_system_time_is_reported_recorded_and_inspected(recorded, clock) -> 
     core = SessionCore(None)
     for item in RecordingReader(path).items():
         core.take(item)
-    assert [notice for notice in core.take_notices() if Code.SYSTEM_TIME_SET in codes_of((notice.reason,))]
+    assert [notice for notice in core.take_notices() if LinkCode.SYSTEM_TIME_SET in codes_of((notice.reason,))]
     assert [link.link for link in core.snapshot(0.0).links] == [LINK]
 
 
@@ -133,11 +134,11 @@ def test_time_that_a_service_slews_is_no_jump(rate: float) -> None:
         clock.advance_ns(S // 5)
         clock.set_system_time(round(rate * S / 5))
         told += [detail for event in watch.events() for detail in event.details]
-    assert {detail.code for detail in told} == {Code.SYSTEM_TIME_SLEWED}
+    assert {detail.code for detail in told} == {LinkCode.SYSTEM_TIME_SLEWED}
     assert told[-1]["ahead_s"] == pytest.approx(rate * 2400.0, abs=0.6)
     assert told[0]["span_s"] == pytest.approx(0.5 / abs(rate), rel=0.05)
     clock.set_system_time(3600 * S)
-    assert [detail.code for event in watch.events() for detail in event.details] == [Code.SYSTEM_TIME_SET]
+    assert [detail.code for event in watch.events() for detail in event.details] == [LinkCode.SYSTEM_TIME_SET]
 
 
 def test_a_change_of_the_system_time_places_the_recording_in_estimates_and_datasets(tmp_path) -> None:
@@ -146,7 +147,7 @@ def test_a_change_of_the_system_time_places_the_recording_in_estimates_and_datas
     writer = RecordingWriter(path, start_ns=START_NS, vehicle_toml=vehicle.to_toml())
     for number, item in enumerate(items):
         if number == len(items) // 2:
-            step = Reason(Code.SYSTEM_TIME_SET, step_s=4_838_400.0, ahead_s=4_838_400.0)
+            step = Reason(LinkCode.SYSTEM_TIME_SET, step_s=4_838_400.0, ahead_s=4_838_400.0)
             writer.write(LinkEvent("", item.host_ns, LinkEventKind.COMPUTER, details=(step,)))
         writer.write(item)
     writer.close()
@@ -205,7 +206,7 @@ def frames_until(end_s: float):
 
 
 def paused_event(host_ns: int, pause_s: float) -> LinkEvent:
-    detail = Reason(Code.COMPUTER_PAUSED, paused_s=pause_s)
+    detail = Reason(LinkCode.COMPUTER_PAUSED, paused_s=pause_s)
     return LinkEvent("", host_ns, LinkEventKind.COMPUTER, details=(detail,))
 
 
@@ -218,7 +219,11 @@ def test_pause_of_this_computer_is_named_and_no_silence() -> None:
     until(lambda: source.waits.is_set() and not live._items)
     held_clock.pause_computer(20 * S)
     notices = []
-    until(lambda: notices.extend(live.notices()) or any(Code.COMPUTER_PAUSED in codes_of((n.reason,)) for n in notices))
+    until(
+        lambda: (
+            notices.extend(live.notices()) or any(LinkCode.COMPUTER_PAUSED in codes_of((n.reason,)) for n in notices)
+        )
+    )
     before_s = live.snapshot().elapsed_s
     until(lambda: held_clock.advance_ns(S // 100) or live.snapshot().elapsed_s > before_s + 0.2)
     assert live.snapshot().alarms == ()
@@ -227,7 +232,7 @@ def test_pause_of_this_computer_is_named_and_no_silence() -> None:
     source.close()
     (record,) = live.close().alarm_records
     assert record.name == "silent", "a hub that sends nothing after the pause is silent"
-    (words,) = [notice_text(notice) for notice in notices if Code.COMPUTER_PAUSED in codes_of((notice.reason,))]
+    (words,) = [notice_text(notice) for notice in notices if LinkCode.COMPUTER_PAUSED in codes_of((notice.reason,))]
     assert words.startswith("this computer: it paused for 20.0 s")
 
 

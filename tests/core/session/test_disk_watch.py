@@ -9,11 +9,12 @@ from click.testing import CliRunner
 
 from gateway.core.cli import treadlink
 from gateway.core.estimates.results import DiskRoom
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.recording.split_writer import Split, SplitWriter
 from gateway.core.recording.writer import RecordingWriter
 from gateway.core.session.alarms import AlarmName, disk_alarm
 from gateway.core.session.disk_watch import DiskWatch, disk_notices
+from gateway.core.session.reasons import SessionCode
 from gateway.core.text.wording import text
 
 S = 1_000_000_000
@@ -67,7 +68,7 @@ def test_size_that_is_kept_follows_the_options(tmp_path: Path) -> None:
 
 def test_alarm_comes_before_the_disk_is_full_and_stays_until_there_is_room() -> None:
     (alarm,) = disk_alarm(DiskRoom(10**8, 599.0))
-    assert (alarm.name, alarm.reason.code) == (AlarmName.DISK, Code.DISK_FULL_SOON)
+    assert (alarm.name, alarm.reason.code) == (AlarmName.DISK, SessionCode.DISK_FULL_SOON)
     assert text(alarm.reason) == "the disk has 100.0 MB left and is full in 10 min: free some space"
     standing = {(alarm.position, alarm.name): alarm.reason.code}
     assert list(disk_alarm(DiskRoom(10**8, 700.0), standing))
@@ -75,14 +76,14 @@ def test_alarm_comes_before_the_disk_is_full_and_stays_until_there_is_room() -> 
     assert not list(disk_alarm(DiskRoom(10**8, 901.0), standing))
     assert list(disk_alarm(DiskRoom(10**7, None)))
     (refused,) = disk_alarm(DiskRoom(10**10, None, "cannot create 'b.mcap'"))
-    assert refused.reason == Reason(Code.RECORDING_PART_REFUSED, error="cannot create 'b.mcap'")
+    assert refused.reason == Reason(SessionCode.RECORDING_PART_REFUSED, error="cannot create 'b.mcap'")
     assert not list(disk_alarm(None))
 
 
 def test_space_and_time_are_said_once() -> None:
     rooms = [None, DiskRoom(10**10, None), DiskRoom(10**10, 7200.0), DiskRoom(10**10, 7100.0)]
     said = [n.reason.code for before, now in zip(rooms, rooms[1:], strict=False) for n in disk_notices(before, now)]
-    assert said == [Code.DISK_SPACE, Code.DISK_TIME]
+    assert said == [SessionCode.DISK_SPACE, SessionCode.DISK_TIME]
 
 
 def test_record_says_the_space_at_its_start(tmp_path: Path) -> None:

@@ -31,6 +31,7 @@ from gateway.core.recording.inspection import inspect_recording
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.writer import RecordingWriter
 from gateway.core.session.core import SessionCore
+from gateway.core.session.reasons import SessionCode
 from gateway.core.session.recording_pass import OpenedRecording, RecordingPass
 from gateway.core.text.wording import text
 from gateway.upkeep.repair import repair_recording
@@ -66,15 +67,15 @@ SENDERS: dict[str, Callable[[HubFrames, int], None]] = {
 }
 
 NAMED: dict[str, Code] = {
-    "hello of another sensor": Code.HELLO_KEEPS_CHANGING,
-    "hello of another rate": Code.HELLO_KEEPS_CHANGING,
-    "hello of another start": Code.HUB_RESTARTS_REPEATEDLY,
-    "samples of one block": Code.SAMPLES_REPEATED,
-    "samples of any number": Code.SAMPLE_NUMBERS_JUMP,
-    "log text": Code.HUB_LOG_LEFT_OUT,
-    "command result": Code.HUB_LOG_LEFT_OUT,
-    "command": Code.HUB_SENDS_COMMANDS,
-    "bad payload": Code.FRAMES_WITH_BAD_PAYLOAD,
+    "hello of another sensor": SessionCode.HELLO_KEEPS_CHANGING,
+    "hello of another rate": SessionCode.HELLO_KEEPS_CHANGING,
+    "hello of another start": SessionCode.HUB_RESTARTS_REPEATEDLY,
+    "samples of one block": SessionCode.SAMPLES_REPEATED,
+    "samples of any number": SessionCode.SAMPLE_NUMBERS_JUMP,
+    "log text": SessionCode.HUB_LOG_LEFT_OUT,
+    "command result": SessionCode.HUB_LOG_LEFT_OUT,
+    "command": SessionCode.HUB_SENDS_COMMANDS,
+    "bad payload": SessionCode.FRAMES_WITH_BAD_PAYLOAD,
 }
 """What a flood must be named as; the other messages may come that often."""
 
@@ -195,10 +196,10 @@ def test_limit_admits_hubs_and_configured_wheels_always() -> None:
 
 def test_session_takes_64_wheels_and_reports_the_rest_once() -> None:
     core = live(flood(1000))
-    refused = [notice for notice in core.take_notices() if notice.reason.code is Code.WHEELS_REFUSED]
+    refused = [notice for notice in core.take_notices() if notice.reason.code is SessionCode.WHEELS_REFUSED]
     assert len(refused) == 1
     assert core.false_statements() == [
-        Notice("", Reason(Code.WHEELS_REFUSED, count=1000 - MOST_WHEELS, most=MOST_WHEELS), Level.WARNING)
+        Notice("", Reason(SessionCode.WHEELS_REFUSED, count=1000 - MOST_WHEELS, most=MOST_WHEELS), Level.WARNING)
     ]
     assert len(core.snapshot(1.0).wheels) == MOST_WHEELS
 

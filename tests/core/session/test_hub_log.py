@@ -9,11 +9,13 @@ import pytest
 import firmware_protocol
 from firmware_protocol.codec import decode_payload, encode_payload
 from firmware_protocol.messages import HUB_ITSELF, CommandResult, LogText, MessageType, Outcome
+from gateway.core.links.reasons import LinkCode
 from gateway.core.links.source import Chunk
-from gateway.core.reasons import Code, Notice, Reason
+from gateway.core.reasons import Notice, Reason
 from gateway.core.recording.writer import RecordingWriter
 from gateway.core.session.core import SessionCore
 from gateway.core.session.hub_log import LINES_PER_S
+from gateway.core.session.reasons import SessionCode
 from gateway.core.text.plain import PlainView
 from gateway.core.text.recording_topics import log_level
 from gateway.core.text.text import escaped
@@ -71,9 +73,9 @@ def test_flood_of_lines_is_limited_and_counted() -> None:
         core.take(Chunk("x", START_NS + number * SECOND_NS // 1000, hub.stream[-1]))
     core.finish()
     notices = core.take_notices()
-    reported = [notice for notice in notices if notice.reason.code is Code.HUB_LOG_LEFT_OUT]
+    reported = [notice for notice in notices if notice.reason.code is SessionCode.HUB_LOG_LEFT_OUT]
     assert len(notices) <= 3 * LINES_PER_S + 1
-    lines = sum(notice.reason.code is Code.HUB_LOG for notice in notices)
+    lines = sum(notice.reason.code is SessionCode.HUB_LOG for notice in notices)
     assert lines + sum(int(notice.reason["count"]) for notice in reported) == 3000
     assert lines == 3 * LINES_PER_S - 2
 
@@ -85,7 +87,7 @@ def test_lines_left_out_are_reported_when_the_hub_falls_silent() -> None:
     core.take(Chunk("x", START_NS, b"".join(hub.stream)))
     core.take_notices()
     core.tick(START_NS + 2 * SECOND_NS)
-    assert [notice.reason for notice in core.take_notices()] == [Reason(Code.HUB_LOG_LEFT_OUT, count=5)]
+    assert [notice.reason for notice in core.take_notices()] == [Reason(SessionCode.HUB_LOG_LEFT_OUT, count=5)]
 
 
 def test_answers_to_no_command_are_limited() -> None:
@@ -115,5 +117,5 @@ def test_inspect_shows_levels_and_escapes(tmp_path: Path) -> None:
 
 def test_text_of_an_event_stays_on_its_line() -> None:
     lines: list[str] = []
-    PlainView(lines.append).notice(Notice("x\n# y", Reason(Code.QUOTED_TEXT, text="gone\nSECURITY: forged")))
+    PlainView(lines.append).notice(Notice("x\n# y", Reason(LinkCode.QUOTED_TEXT, text="gone\nSECURITY: forged")))
     assert lines == ["# x\\n# y: gone\\nSECURITY: forged"]

@@ -9,14 +9,15 @@ from gateway.core.clock import ManualClock, SystemClock
 from gateway.core.errors import RecordingError, SourceError, TreadlinkError
 from gateway.core.estimates.results import WheelState
 from gateway.core.links.playback import Playback
+from gateway.core.links.reasons import LinkCode
 from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind
-from gateway.core.reasons import Code
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.run_description import RunDescription, TireIdentity
 from gateway.core.recording.writer import RecordingWriter
 from gateway.core.session.alarms import AlarmName
 from gateway.core.session.core import SessionCore
 from gateway.core.session.live import LiveSession
+from gateway.core.session.reasons import SessionCode
 from gateway.core.session.recording_stage import Stage
 from gateway.core.text.session_summary import ResultSummary
 from gateway.core.text.wording import notice_text
@@ -192,7 +193,7 @@ def test_silence_grows_although_no_byte_arrives(demo):
     assert live.wait(TIMEOUT_S)
     (record,) = live.close().alarm_records
     assert (record.position, record.is_standing) == ("hub 0", True)
-    assert any(notice.reason.code is Code.ALARM_RAISED for notice in live.notices())
+    assert any(notice.reason.code is SessionCode.ALARM_RAISED for notice in live.notices())
 
 
 def test_source_that_waits_for_the_core_is_not_silent(demo):
@@ -272,7 +273,7 @@ def test_mark_without_a_recording_says_so(demo):
     source.gate.set()
     assert live.wait(TIMEOUT_S)
     live.close()
-    (mark,) = [notice for notice in live.notices() if Code.MARK in {inner.code for inner in notice.reason}]
+    (mark,) = [notice for notice in live.notices() if LinkCode.MARK in {inner.code for inner in notice.reason}]
     assert notice_text(mark) == "mark: bump: not kept: nothing is recorded"
     assert not live.mark("late")
     assert notice_text(live.snapshot().notices[-1]) == "mark: late: not kept: nothing is recorded"

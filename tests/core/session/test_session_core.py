@@ -10,12 +10,14 @@ from mcap.reader import make_reader
 
 from gateway.core.clock import ManualClock
 from gateway.core.errors import RecordingError
+from gateway.core.links.reasons import LinkCode
 from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind, open_source
-from gateway.core.reasons import Code, Level, Notice, Reason
+from gateway.core.reasons import Level, Notice, Reason
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.writer import RecordingWriter
 from gateway.core.session.alarms import AlarmName
 from gateway.core.session.core import SessionCore
+from gateway.core.session.reasons import SessionCode
 from gateway.core.session.recording_pass import OpenedRecording, RecordingPass
 from tests.testkit.agreement import assert_agree
 
@@ -111,7 +113,7 @@ def test_full_disk_stops_the_recording_only(demo, recorded, by_wheel):
         Notice(
             "",
             Reason(
-                Code.RECORDING_STOPPED,
+                SessionCode.RECORDING_STOPPED,
                 error="cannot write 'full.mcap': No space left on device",
                 remedy="Free some space.",
             ),
@@ -135,9 +137,11 @@ def test_marks_and_link_events_are_recorded_and_reported(demo, tmp_path):
     assert not core.snapshot(0.0).links[0].connected
     assert AlarmName.LINK in {alarm.name for alarm in core.snapshot(0.0).alarms}
     core.finish()
-    lost = Reason(Code.LINK_EVENT, event=Reason(Code.LINK_LOST), details=(Reason(Code.QUOTED_TEXT, text="unplugged"),))
+    lost = Reason(
+        LinkCode.LINK_EVENT, event=Reason(LinkCode.LINK_LOST), details=(Reason(LinkCode.QUOTED_TEXT, text="unplugged"),)
+    )
     notices = core.take_notices()
-    assert Notice("", Reason(Code.MARK, text="curb hit")) in notices
+    assert Notice("", Reason(LinkCode.MARK, text="curb hit")) in notices
     assert Notice("sim:demo", lost, Level.WARNING) in notices
     remaining = [item for item in RecordingReader(tmp_path / "marks.mcap").items() if isinstance(item, LinkEvent)]
     assert [
@@ -170,7 +174,7 @@ def test_assumed_radius_is_reported_without_configuration(demo):
     results = [result for item in items for result in core.take(item)]
     assert {result.position for result in results} == {f"hub0.wheel{i}" for i in range(4)}
     reasons = [notice.reason for notice in core.take_notices()]
-    assert reasons.count(Reason(Code.WHEEL_NOT_CONFIGURED, radius_m=0.32)) == 4
+    assert reasons.count(Reason(SessionCode.WHEEL_NOT_CONFIGURED, radius_m=0.32)) == 4
 
 
 def test_two_links_with_one_hub_number_are_recorded(demo, tmp_path):
@@ -194,7 +198,7 @@ def test_two_links_with_one_hub_number_are_recorded(demo, tmp_path):
 
 
 def test_event_details_survive_recording(tmp_path):
-    details = (Reason(Code.MTU_TOO_SMALL, mtu=100, needed=247), Reason(Code.LINK_AWAY, away_s=3.5))
+    details = (Reason(LinkCode.MTU_TOO_SMALL, mtu=100, needed=247), Reason(LinkCode.LINK_AWAY, away_s=3.5))
     event = LinkEvent("ble:x", 5, LinkEventKind.RESTORED, rssi_dbm=-70, details=details)
     writer = RecordingWriter(tmp_path / "r.mcap", start_ns=1)
     writer.write(event)

@@ -12,19 +12,22 @@ from gateway.core.config.vehicle import parse_vehicle
 from gateway.core.estimates.estimator import Status
 from gateway.core.estimates.results import SilentPart, WheelState
 from gateway.core.links.bus_frames import BusFrame, pack
+from gateway.core.links.reasons import LinkCode
 from gateway.core.links.source import BusFrames, Chunk, LinkEvent, LinkEventKind, open_source
 from gateway.core.links.time_limit import limited
-from gateway.core.reasons import Code, Reason, codes_of
+from gateway.core.reasons import Reason, codes_of
 from gateway.core.recording.inspection import inspect_recording
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.writer import RecordingWriter
 from gateway.core.session.alarms import AlarmName
 from gateway.core.session.core import SessionCore
 from gateway.core.session.live import LiveSession
+from gateway.core.session.reasons import SessionCode
 from gateway.core.session.recording_pass import OpenedRecording, RecordingPass
 from gateway.core.session.silence import Limit, SilenceWatch, _Stream
 from gateway.core.text.session_summary import ResultSummary
 from gateway.core.text.wording import text
+from gateway.core.wheels.reasons import WheelCode
 from tests.testkit.waiting import TIMEOUT_S
 
 S = 1_000_000_000
@@ -95,12 +98,12 @@ def test_silence_is_raised_once_and_its_end_reported(hub) -> None:
     gone = [item for item in items if not 2.2 * S < item.host_ns - START_NS < 5.7 * S]
     core = run(gone, vehicle)
     results = [notice.reason for notice in core.take_notices() if notice.subject == "hub 0"]
-    raised, over = (reason for reason in results if reason.code is not Code.HUB_LOG)
-    assert raised.code is Code.ALARM_RAISED
+    raised, over = (reason for reason in results if reason.code is not SessionCode.HUB_LOG)
+    assert raised.code is SessionCode.ALARM_RAISED
     # The last message other than samples came at 2 s: 3 s later the hub is known to be silent.
     assert raised["alarm"]["silence_s"] == pytest.approx(2.8, abs=0.05)
-    assert over.code is Code.ALARM_CLEARED
-    assert over["what"].code is Code.SENDS_AGAIN
+    assert over.code is SessionCode.ALARM_CLEARED
+    assert over["what"].code is SessionCode.SENDS_AGAIN
     assert over["what"]["away_s"] == pytest.approx(3.5, abs=0.15)
 
 
@@ -112,7 +115,7 @@ def test_samples_that_stop_are_named_although_no_frame_is_lost() -> None:
     assert snapshot.links[0].silent_s is None
     assert snapshot.wheels[0].state is WheelState.SILENT
     assert snapshot.wheels[0].silence.part is SilentPart.SAMPLES
-    assert alarms_of(core)["W1", AlarmName.SILENT].code is Code.SAMPLES_SILENT
+    assert alarms_of(core)["W1", AlarmName.SILENT].code is SessionCode.SAMPLES_SILENT
 
 
 def test_silent_sensor_is_told_from_a_silent_hub() -> None:
@@ -120,7 +123,7 @@ def test_silent_sensor_is_told_from_a_silent_hub() -> None:
     core = run(items, vehicle)
     assert core.snapshot(0.0).wheels[0].silence.part is SilentPart.SENSOR
     assert set(alarms_of(core)) == {("W1", AlarmName.SILENT)}
-    assert alarms_of(core)["W1", AlarmName.SILENT].code is Code.SENSOR_SILENT
+    assert alarms_of(core)["W1", AlarmName.SILENT].code is SessionCode.SENSOR_SILENT
 
 
 def test_missing_axis_is_named() -> None:
@@ -147,10 +150,10 @@ def test_old_pressure_is_named_and_doubts_what_rests_on_it() -> None:
     assert wheel.state is WheelState.ROLLING
     assert wheel.silence is None
     assert wheel.old_environment.age_s > 5.0
-    assert alarms_of(core)["W1", AlarmName.ENVIRONMENT].code is Code.ENVIRONMENT_SILENT
+    assert alarms_of(core)["W1", AlarmName.ENVIRONMENT].code is SessionCode.ENVIRONMENT_SILENT
     last = {estimate.name: estimate for estimate in results[-1].estimates}
     assert last["Cw"].status is Status.PROVISIONAL
-    assert Code.PRESSURE_OLD in codes_of(last["Cw"].reasons)
+    assert WheelCode.PRESSURE_OLD in codes_of(last["Cw"].reasons)
     assert last["speed_mps"].status is Status.VALID
 
 
@@ -170,7 +173,7 @@ def test_sensor_that_never_sends_is_an_alarm() -> None:
     items, vehicle = lab(duration_s=12)
     absent = vehicle.wheel[0].model_copy(update={"position": "W2", "wheel": 1, "sensor_id": None})
     core = run(items, vehicle.model_copy(update={"wheel": (*vehicle.wheel, absent)}))
-    assert alarms_of(core)["W2", AlarmName.SILENT].code is Code.SENSOR_NEVER_HEARD
+    assert alarms_of(core)["W2", AlarmName.SILENT].code is SessionCode.SENSOR_NEVER_HEARD
     assert ("W1", AlarmName.SILENT) not in alarms_of(core)
 
 
@@ -202,7 +205,7 @@ def test_silent_hub_of_a_lost_link_is_not_over(hub) -> None:
     core.tick(items[-1].host_ns + 5 * S)
     core.take(LinkEvent("sim:lab", items[-1].host_ns + 6 * S, LinkEventKind.LOST))
     core.tick(items[-1].host_ns + 7 * S)
-    assert Code.ALARM_CLEARED not in {notice.reason.code for notice in core.take_notices()}
+    assert SessionCode.ALARM_CLEARED not in {notice.reason.code for notice in core.take_notices()}
     assert [(alarm_record.position, alarm_record.is_standing) for alarm_record in core.snapshot(0.0).alarm_records] == [
         ("hub 0", True),
         ("sim:lab", True),
@@ -334,8 +337,8 @@ def test_watch_without_frames_is_quiet() -> None:
     assert list(watch.silent_hubs()) == []
     assert watch.silent_s("x") is None
     assert watch.elapsed_s() == 0.0
-    watch.turned("x", 0, Reason(Code.LINK_LOST))
-    assert list(watch.down_links()) == [("x", Reason(Code.LINK_LOST))]
+    watch.turned("x", 0, Reason(LinkCode.LINK_LOST))
+    assert list(watch.down_links()) == [("x", Reason(LinkCode.LINK_LOST))]
 
 
 BUS = "can:virtual:car"
@@ -374,7 +377,7 @@ def test_silent_bus_is_an_alarm_until_frames_come_again(drive) -> None:
     core = SessionCore(vehicle, estimators=FEW)
     run_ticking(core, [*items, *blocks(0.0, 3.0)])
     reason = alarms_of(core)[(BUS, "silent")]
-    assert reason.code is Code.BUS_SILENT
+    assert reason.code is SessionCode.BUS_SILENT
     assert reason["silence_s"] == pytest.approx(6.0, abs=0.1)
     assert text(reason).startswith("no frame of the vehicle's bus for 6 s")
     of_bus = next(link for link in core.snapshot(0.0).links if link.link == BUS)
@@ -423,7 +426,7 @@ def test_recording_has_the_alarm_of_the_session(drive, recording) -> None:
     (results,) = [record for record in batch.alarms() if record.position == BUS]
     assert (results.name, results.reason.code, results.count, results.is_standing) == (
         "silent",
-        Code.BUS_SILENT,
+        SessionCode.BUS_SILENT,
         1,
         False,
     )

@@ -15,8 +15,10 @@ from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind
 from gateway.core.reasons import Code, Notice, Reason
 from gateway.core.recording.writer import RecordingWriter
 from gateway.core.session.core import SessionCore
+from gateway.core.session.reasons import SessionCode
 from gateway.core.session.statement_watch import StatementWatch
 from gateway.core.text.wording import notice_text
+from gateway.core.wheels.reasons import WheelCode
 from gateway.diagnosis.campaign_recording import ReadOrder, read_recording
 from tests.core.session.hub_frames import BLOCK, HELLO, HubFrames
 from tests.testkit.commands import invoked
@@ -171,28 +173,33 @@ def steady_value_with_ac(hub: HubFrames) -> None:
 
 
 CASES: list[tuple[Callable[[HubFrames], None], str, Code, dict[str, object]]] = [
-    (other_axes, "FL", Code.HELLO_AXES_DIFFER, {"stated": ("radial",), "count": 26}),
-    (other_rate, "FL", Code.HELLO_RATE_DIFFERS, {"stated_hz": 4800.0, "measured_hz": 9600, "count": 4}),
-    (jumping_numbers, "FL", Code.SAMPLE_NUMBERS_JUMP, {"count": 2}),
-    (zero_scale, "FL", Code.HELLO_SCALE_ZERO, {"axes": ("lateral", "radial"), "count": 1}),
-    (absurd_scale, "FL", Code.HELLO_SCALE_ABSURD, {"axis": "radial", "full_scale_mps2": 32e6, "count": 1}),
-    (scale_against_range, "FL", Code.HELLO_SCALE_AGAINST_RANGE, {"axis": "radial", "range_mps2": 400.0, "count": 1}),
-    (absurd_zero, "FL", Code.HELLO_ZERO_ABSURD, {"offset_counts": -1e5, "count": 1}),
-    (highpass_with_dc, "FL", Code.HELLO_HIGHPASS_WITH_DC, {"highpass_hz": 2.5, "count": 1}),
-    (alternating_sensors, "FL", Code.HELLO_SENSORS_ALTERNATE, {"sensor": "0000a002", "count": 4}),
-    (different_boot_counts, "hub 0", Code.HUB_BOOT_COUNTS_DIFFER, {"own": 6.0, "other": 5.0, "count": 4}),
-    (number_255, "hub 255", Code.HUB_NUMBER_RESERVED, {"count": 1}),
-    (wheel_messages_of_the_hub, "hub 0", Code.HUB_SENDS_AS_WHEEL, {"count": 28}),
-    (time_against_tick, "hub 0", Code.HUB_TIME_AGAINST_TICK, {"tick_us": 8.0, "count": 1}),
-    (only_unknown_types, "FL", Code.ONLY_UNKNOWN_TYPES, {"count": 7}),
-    (changing_hello, "FL", Code.HELLO_KEEPS_CHANGING, {"count": 15}),
-    (repeated_samples, "FL", Code.SAMPLES_REPEATED, {"count": 9}),
-    (repeated_stretch, "FL", Code.SAMPLES_REPEATED, {"count": 20}),
-    (looped_back, "hub 0", Code.HUB_SENDS_COMMANDS, {"count": 2}),
-    (impossible_pressure, "FL", Code.PRESSURE_IMPOSSIBLE, {"pressure_pa": -2e9, "count": 1}),
-    (swapped_bytes, "FL", Code.SAMPLES_BYTES_SWAPPED, {"count": 2}),
-    (steady_value_with_ac, "FL", Code.HELLO_AC_WITH_STEADY_VALUE, {"axis": "radial", "count": 2}),
-    (impossible_temperature, "FL", Code.TEMPERATURE_IMPOSSIBLE, {"count": 1}),
+    (other_axes, "FL", SessionCode.HELLO_AXES_DIFFER, {"stated": ("radial",), "count": 26}),
+    (other_rate, "FL", SessionCode.HELLO_RATE_DIFFERS, {"stated_hz": 4800.0, "measured_hz": 9600, "count": 4}),
+    (jumping_numbers, "FL", SessionCode.SAMPLE_NUMBERS_JUMP, {"count": 2}),
+    (zero_scale, "FL", SessionCode.HELLO_SCALE_ZERO, {"axes": ("lateral", "radial"), "count": 1}),
+    (absurd_scale, "FL", SessionCode.HELLO_SCALE_ABSURD, {"axis": "radial", "full_scale_mps2": 32e6, "count": 1}),
+    (
+        scale_against_range,
+        "FL",
+        SessionCode.HELLO_SCALE_AGAINST_RANGE,
+        {"axis": "radial", "range_mps2": 400.0, "count": 1},
+    ),
+    (absurd_zero, "FL", SessionCode.HELLO_ZERO_ABSURD, {"offset_counts": -1e5, "count": 1}),
+    (highpass_with_dc, "FL", SessionCode.HELLO_HIGHPASS_WITH_DC, {"highpass_hz": 2.5, "count": 1}),
+    (alternating_sensors, "FL", SessionCode.HELLO_SENSORS_ALTERNATE, {"sensor": "0000a002", "count": 4}),
+    (different_boot_counts, "hub 0", SessionCode.HUB_BOOT_COUNTS_DIFFER, {"own": 6.0, "other": 5.0, "count": 4}),
+    (number_255, "hub 255", SessionCode.HUB_NUMBER_RESERVED, {"count": 1}),
+    (wheel_messages_of_the_hub, "hub 0", SessionCode.HUB_SENDS_AS_WHEEL, {"count": 28}),
+    (time_against_tick, "hub 0", SessionCode.HUB_TIME_AGAINST_TICK, {"tick_us": 8.0, "count": 1}),
+    (only_unknown_types, "FL", SessionCode.ONLY_UNKNOWN_TYPES, {"count": 7}),
+    (changing_hello, "FL", SessionCode.HELLO_KEEPS_CHANGING, {"count": 15}),
+    (repeated_samples, "FL", SessionCode.SAMPLES_REPEATED, {"count": 9}),
+    (repeated_stretch, "FL", SessionCode.SAMPLES_REPEATED, {"count": 20}),
+    (looped_back, "hub 0", SessionCode.HUB_SENDS_COMMANDS, {"count": 2}),
+    (impossible_pressure, "FL", SessionCode.PRESSURE_IMPOSSIBLE, {"pressure_pa": -2e9, "count": 1}),
+    (swapped_bytes, "FL", WheelCode.SAMPLES_BYTES_SWAPPED, {"count": 2}),
+    (steady_value_with_ac, "FL", WheelCode.HELLO_AC_WITH_STEADY_VALUE, {"axis": "radial", "count": 2}),
+    (impossible_temperature, "FL", SessionCode.TEMPERATURE_IMPOSSIBLE, {"count": 1}),
 ]
 
 
@@ -224,7 +231,7 @@ def test_still_clock_is_named() -> None:
     for first in range(0, 48_000, 36):
         hub.samples(36 / 9600, first=first)
     codes = {notice.reason.code for notice in streamed(hub)}
-    assert Code.HUB_CLOCK_STILL in codes
+    assert SessionCode.HUB_CLOCK_STILL in codes
     assert batched(hub, 4096) == streamed(hub)
 
 
@@ -276,7 +283,7 @@ def test_session_names_it_at_once_and_counts_at_the_end() -> None:
     hub = HubFrames()
     other_axes(hub)
     core, notices = session(hub)
-    assert [notice.reason.code for notice in notices].count(Code.HELLO_AXES_DIFFER) == 1
+    assert [notice.reason.code for notice in notices].count(SessionCode.HELLO_AXES_DIFFER) == 1
     (final,) = core.false_statements()
     assert final.reason["count"] == 26
     core.take(LinkEvent("x", START_NS, LinkEventKind.RESTORED))
@@ -294,7 +301,7 @@ def test_outputs_show_it(tmp_path) -> None:
     assert said in invoked("inspect", path).output
     assert said in invoked("estimate", path).output
     read = read_recording(ReadOrder(path, 0, "x", None, None, 2))
-    assert [notice.reason.code for notice in read.notices] == [Code.HELLO_RATE_DIFFERS]
+    assert [notice.reason.code for notice in read.notices] == [SessionCode.HELLO_RATE_DIFFERS]
     lines = invoked("replay", path, "--plain", "--speed", "max").output.splitlines()
     notices = [line for line in lines if "HELLO states 4800 Hz" in line]
     # Once when it is found, with the count so far, and once in the summary.
@@ -315,7 +322,7 @@ def test_two_links_are_told_apart() -> None:
         absurd_scale(hub)
         watch.frames(link, FrameDecoder().feed(b"".join(hub.stream)))
     assert [notice.subject for notice in watch.contradictions()] == ["a, hub0.wheel0", "b, hub0.wheel0"]
-    assert [notice.reason.code for notice in watch.new()] == [Code.HELLO_SCALE_ABSURD] * 2
+    assert [notice.reason.code for notice in watch.new()] == [SessionCode.HELLO_SCALE_ABSURD] * 2
     assert watch.new() == []
 
 
@@ -323,4 +330,4 @@ def test_reasons_are_values() -> None:
     hub = HubFrames()
     zero_scale(hub)
     (notice,) = streamed(hub)
-    assert notice.reason == Reason(Code.HELLO_SCALE_ZERO, axes=("lateral", "radial"), count=1)
+    assert notice.reason == Reason(SessionCode.HELLO_SCALE_ZERO, axes=("lateral", "radial"), count=1)

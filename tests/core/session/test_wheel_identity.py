@@ -7,10 +7,12 @@ from click.testing import Result
 
 from gateway.core.config.vehicle import parse_vehicle
 from gateway.core.errors import ConfigError, RecordingError
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.recording.reader import RecordingReader
+from gateway.core.session.reasons import SessionCode
 from gateway.core.session.wheel_identity import misplaced_sensor
 from gateway.diagnosis.campaign import read_campaign
+from gateway.diagnosis.reasons import DiagnosisCode
 from tests.testkit.campaign_recordings import write_recording
 from tests.testkit.commands import invoked
 
@@ -38,10 +40,10 @@ def test_only_another_sensor_is_misplaced() -> None:
     for position, sensor in (("FL", "0000a001"), ("FL", ""), ("RL", "dead")):
         assert misplaced_sensor(position, sensor, CONFIGURED) is None
     assert misplaced_sensor("FL", "0000dead", CONFIGURED) == Reason(
-        Code.SENSOR_REPLACED, sensor="0000dead", expected="0000a001"
+        SessionCode.SENSOR_REPLACED, sensor="0000dead", expected="0000a001"
     )
     assert misplaced_sensor("FL", "0000a002", CONFIGURED) == Reason(
-        Code.SENSOR_SWAPPED, sensor="0000a002", owner="FR", position="FL"
+        SessionCode.SENSOR_SWAPPED, sensor="0000a002", owner="FR", position="FL"
     )
 
 
@@ -62,8 +64,8 @@ def test_recorded_configuration_of_another_sensor_is_noted(tmp_path: Path) -> No
         change=lambda toml: toml.replace("0000b000", "0000dead"),
     )
     (note,) = read_campaign([path]).notes
-    replaced = Reason(Code.SENSOR_REPLACED, sensor="0000b000", expected="0000dead")
-    assert note == Reason(Code.ABOUT_RECORDING, recording="renewed.mcap, W0", reason=replaced)
+    replaced = Reason(SessionCode.SENSOR_REPLACED, sensor="0000b000", expected="0000dead")
+    assert note == Reason(DiagnosisCode.ABOUT_RECORDING, recording="renewed.mcap, W0", reason=replaced)
 
 
 def test_any_sensor_is_accepted_without_serial_number(recording: Path) -> None:
@@ -76,7 +78,7 @@ def test_unconfigured_wheel_is_reported(recording: Path, tmp_path: Path) -> None
     words = "hub0.wheel0: not configured (the configuration has W0 (hub 0, wheel 3)): belt radius 320 mm assumed"
     campaign = read_campaign([recording], vehicle=parse_vehicle(toml, "test"))
     assert campaign.wheel == "hub0.wheel0"
-    assert any(Code.WHEEL_NOT_IN_CONFIGURATION in [inner.code for inner in note] for note in campaign.notes)
+    assert any(SessionCode.WHEEL_NOT_IN_CONFIGURATION in [inner.code for inner in note] for note in campaign.notes)
     assert words in estimate(recording, toml, tmp_path).output
     with pytest.raises(RecordingError) as caught:
         read_campaign([recording], vehicle=parse_vehicle(toml, "test"), wheel="W0")

@@ -6,10 +6,11 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from gateway.core.estimates.estimator import Estimate, Status
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.text.numbers import MISSING, Unit, duration, fixed, kpa, percent, round_to_error, show, split_name
 from gateway.core.text.plain_values import plain
 from gateway.core.text.text import file_size
+from gateway.core.wheels.reasons import WheelCode
 
 
 @pytest.mark.parametrize(
@@ -131,6 +132,6 @@ def test_plain_values_are_those_of_json():
     value = {"nan": math.nan, "array": np.array([[1.0, math.inf]]), "flag": np.bool_(True), "path": "a\udcff"}
     assert plain(value) == {"nan": None, "array": [[1.0, None]], "flag": True, "path": "a\\udcff"}
     assert plain(Unit("deg", 2.0)) == {"symbol": "deg", "factor": 2.0}
-    assert plain((Reason(Code.NO_SAMPLES),))[0]["code"] == "no_samples"
+    assert plain((Reason(WheelCode.NO_SAMPLES),))[0]["code"] == "no_samples"
     with pytest.raises(TypeError, match="no object"):
         plain(object())

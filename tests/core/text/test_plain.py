@@ -4,9 +4,14 @@ import math
 import pytest
 
 from gateway.core.estimates.estimator import Estimate, Status
-from gateway.core.reasons import Code, Notice, Reason
+from gateway.core.estimates.reasons import EstimateCode
+from gateway.core.links.reasons import LinkCode
+from gateway.core.reasons import Notice, Reason
 from gateway.core.text.plain import HEADER_EVERY, LINE_WIDTH, PlainView
 from gateway.core.text.wording import text
+from gateway.core.wheels.reasons import WheelCode
+from gateway.papers.reasons import PaperCode
+from gateway.ring.reasons import RingCode
 
 
 @pytest.fixture
@@ -38,7 +43,9 @@ def test_line_shows_rotation_and_distance(made, plain):
     measured = made.result("RL")
     rolled = (
         Estimate("rotation_rpm", 538.81, 0.02, Status.VALID),
-        Estimate("distance_m", 1234.567, 12.0, Status.PROVISIONAL, (Reason(Code.DISTANCE_INTERRUPTED, count=1.0),)),
+        Estimate(
+            "distance_m", 1234.567, 12.0, Status.PROVISIONAL, (Reason(EstimateCode.DISTANCE_INTERRUPTED, count=1.0),)
+        ),
     )
     view.result(dataclasses.replace(measured, estimates=(*measured.estimates, *rolled)))
     header, line = lines
@@ -55,7 +62,7 @@ def test_header_returns_every_forty_lines(made, plain):
 
 def test_lines_fit_and_columns_stay_aligned(made, plain):
     view, lines = plain
-    long_reason = Reason(Code.UNKNOWN_ESTIMATOR, estimator="a name that is far too long for the line, " * 3)
+    long_reason = Reason(EstimateCode.UNKNOWN_ESTIMATOR, estimator="a name that is far too long for the line, " * 3)
     results = [
         made.result("FL"),
         made.result("hub12.wheel3", status=Status.PROVISIONAL, reasons=(long_reason,)),
@@ -77,9 +84,11 @@ def test_no_escape_code_no_nan(made, plain):
     estimates = (Estimate("Cw", math.nan, math.nan, Status.VALID), Estimate("speed_mps", math.inf, 0.0, Status.VALID))
     view.result(made.result("\x1b[2Jevil", estimates=estimates))
     view.result(
-        made.result(status=Status.INVALID, reasons=(Reason(Code.UNKNOWN_ESTIMATOR, estimator="bad\x07bell\nnext"),))
+        made.result(
+            status=Status.INVALID, reasons=(Reason(EstimateCode.UNKNOWN_ESTIMATOR, estimator="bad\x07bell\nnext"),)
+        )
     )
-    view.notice(Notice("hub 1", Reason(Code.QUOTED_TEXT, text="\x1b]0;title\x07\nthen a second line")))
+    view.notice(Notice("hub 1", Reason(LinkCode.QUOTED_TEXT, text="\x1b]0;title\x07\nthen a second line")))
     written = "".join(lines)
     assert written.isprintable()
     assert "nan" not in written
@@ -90,25 +99,28 @@ def test_no_escape_code_no_nan(made, plain):
 def test_long_reason_is_written_in_full_once(made, plain):
     view, lines = plain
     for count in range(3):
-        reason = Reason(Code.RING_DOES_NOT_FIT, residual=0.6 + 0.1 * count, limit=0.5)
+        reason = Reason(RingCode.RING_DOES_NOT_FIT, residual=0.6 + 0.1 * count, limit=0.5)
         view.result(made.result(index=count, status=Status.PROVISIONAL, reasons=(reason,)))
     full = [line for line in lines if line.startswith("# ")]
-    assert full == [f"# FL rev 0: {text(Reason(Code.RING_DOES_NOT_FIT, residual=0.6, limit=0.5))}"]
+    assert full == [f"# FL rev 0: {text(Reason(RingCode.RING_DOES_NOT_FIT, residual=0.6, limit=0.5))}"]
     assert all(" ~  the ring does not" in line for line in lines if line.startswith("FL"))
 
 
 def test_remark_on_valid_numbers_is_written_once(made, plain):
     view, lines = plain
     for position in ("FL", "FR", "FL"):
-        view.result(made.result(position, reasons=(Reason(Code.LINEAR_RING),)))
-    assert [line for line in lines if line.startswith("#")] == [f"# FL rev 12: {text(Reason(Code.LINEAR_RING))}"]
+        view.result(made.result(position, reasons=(Reason(PaperCode.LINEAR_RING),)))
+    assert [line for line in lines if line.startswith("#")] == [f"# FL rev 12: {text(Reason(PaperCode.LINEAR_RING))}"]
     assert all(line.endswith(" ok") for line in lines if line.startswith("F"))
 
 
 def test_usual_reasons_fit_the_last_column(made, plain):
     view, lines = plain
-    undetermined = Reason(Code.NOT_DETERMINED, relative_error=0.36)
-    old, settling = Reason(Code.PRESSURE_OLD, age_s=12.0), Reason(Code.NOT_SETTLED, revolutions=3.0, needed=8.0)
+    undetermined = Reason(EstimateCode.NOT_DETERMINED, relative_error=0.36)
+    old, settling = (
+        Reason(WheelCode.PRESSURE_OLD, age_s=12.0),
+        Reason(EstimateCode.NOT_SETTLED, revolutions=3.0, needed=8.0),
+    )
     for reason in (settling, old, undetermined):
         view.result(made.result(status=Status.PROVISIONAL, reasons=(reason,)))
         line = next(line for line in reversed(lines) if not line.startswith("#"))
@@ -127,7 +139,7 @@ def test_differing_marks_are_at_the_numbers(made, plain):
     view, lines = plain
     estimates = (
         Estimate("Cw", 0.1953, 0.0012, Status.VALID),
-        Estimate("Ts", 2.5, 2.6, Status.PROVISIONAL, (Reason(Code.NOT_DETERMINED, relative_error=1.04),)),
+        Estimate("Ts", 2.5, 2.6, Status.PROVISIONAL, (Reason(EstimateCode.NOT_DETERMINED, relative_error=1.04),)),
     )
     view.result(made.result(estimates=estimates))
     assert "Cw 0.1953±0.0012 " in lines[1]

@@ -2,9 +2,10 @@
 
 import pytest
 
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.text.probabilities import probability_text
 from gateway.core.text.wording import text
+from gateway.diagnosis.reasons import DiagnosisCode
 
 
 @pytest.mark.parametrize(
@@ -26,7 +27,7 @@ def test_probability_near_one_is_rounded_down(probability: float, shown: str) ->
 
 
 def test_reason_does_not_reach_its_own_limit() -> None:
-    said = text(Reason(Code.PROBABILITY_TOO_LOW, probability=0.98996, needed=0.99))
+    said = text(Reason(DiagnosisCode.PROBABILITY_TOO_LOW, probability=0.98996, needed=0.99))
     assert said == "its probability is 0.989, and 0.99 is needed"
-    said = text(Reason(Code.PROBABILITY_TOO_LOW, probability=0.053, needed=0.99))
+    said = text(Reason(DiagnosisCode.PROBABILITY_TOO_LOW, probability=0.053, needed=0.99))
     assert said == "its probability is 0.053, and 0.99 is needed"

@@ -5,15 +5,17 @@ import pytest
 
 from gateway.console.wheel_panel import shown_numbers
 from gateway.core.estimates.estimator import Estimate, Status
-from gateway.core.reasons import Code, Reason
+from gateway.core.estimates.reasons import EstimateCode
+from gateway.core.reasons import Reason
 from gateway.core.text.numbers import MISSING, show
 from gateway.core.text.readout import read_result
 from gateway.core.text.wording import text
+from gateway.papers.reasons import PaperCode
 
-LINEAR = Reason(Code.LINEAR_RING)
-FEW = Reason(Code.NOT_SETTLED, revolutions=3.0, needed=8.0)
-AT_ZERO = Reason(Code.FIT_AT_ZERO, number="Rs")
-SATURATED = Reason(Code.RADIAL_SATURATED)
+LINEAR = Reason(PaperCode.LINEAR_RING)
+FEW = Reason(EstimateCode.NOT_SETTLED, revolutions=3.0, needed=8.0)
+AT_ZERO = Reason(EstimateCode.FIT_AT_ZERO, number="Rs")
+SATURATED = Reason(EstimateCode.RADIAL_SATURATED)
 
 
 def test_numbers_are_shown_without_ratios(made):
@@ -81,7 +83,7 @@ def test_reasons_are_those_of_the_worst_status(made):
 
 
 def test_faults_come_before_other_reasons(made):
-    faults = (Reason(Code.SAMPLES_LOST), Reason(Code.RADIAL_SATURATED))
+    faults = (Reason(EstimateCode.SAMPLES_LOST), Reason(EstimateCode.RADIAL_SATURATED))
     reading = read_result(made.result(status=Status.INVALID, reasons=(AT_ZERO,), faults=faults))
     assert reading.reasons == faults
     assert reading.note == f"{text(faults[0])}; {text(faults[1])}"

@@ -5,16 +5,21 @@ import numpy as np
 import pytest
 
 from gateway.core.estimates.estimator import Estimate, Status, TireConditions
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.results import AlarmRecord, LinkSnapshot, RevolutionResult, WheelCounters, WheelSnapshot
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.revolutions.effect_correction import CorrectedEffect, CorrectionTable
+from gateway.core.revolutions.reasons import RevolutionCode
+from gateway.core.session.reasons import SessionCode
 from gateway.core.text.session_summary import ResultSummary, effects_line, removed_line, summary_lines
 from gateway.core.text.wording import text
+from gateway.core.trust.reasons import TrustCode
+from gateway.ring.reasons import RingCode
 from tests.testkit.revolution_data import plain_revolution
 
-LOST = Reason(Code.SAMPLES_LOST)
-FEW = Reason(Code.NOT_SETTLED, revolutions=3.0, needed=8.0)
-OUTSIDE = Reason(Code.EFFECTS_OUTSIDE_LOADS, load_n=6500.0, low_n=4000.0, high_n=6000.0)
+LOST = Reason(EstimateCode.SAMPLES_LOST)
+FEW = Reason(EstimateCode.NOT_SETTLED, revolutions=3.0, needed=8.0)
+OUTSIDE = Reason(RevolutionCode.EFFECTS_OUTSIDE_LOADS, load_n=6500.0, low_n=4000.0, high_n=6000.0)
 
 
 def result(
@@ -48,7 +53,7 @@ def test_sums_per_wheel() -> None:
 
 def test_last_usable_estimate_is_kept() -> None:
     summary = ResultSummary()
-    refused = bs(math.nan, Status.INVALID, Reason(Code.RADIAL_SATURATED))
+    refused = bs(math.nan, Status.INVALID, Reason(EstimateCode.RADIAL_SATURATED))
     summary.add(result("FL", 0.1, refused))
     assert summary.wheels()[0].estimates == (refused,)
     good = bs(3e-3, Status.PROVISIONAL)
@@ -127,7 +132,7 @@ def test_mean_speed_carries_the_status_of_the_speed() -> None:
 
 def test_lines_of_many_invalid_estimates_are_narrow() -> None:
     names = [f"ply_steer_{part}_rad" for part in ("peak", "first_half", "adhesion_line", "contact_line", "ahead")]
-    chance = Reason(Code.SIGN_NOT_DETERMINED, errors=1.2)
+    chance = Reason(EstimateCode.SIGN_NOT_DETERMINED, errors=1.2)
     summary = ResultSummary()
     summary.add(result("FL", 0.1, *(Estimate.invalid(name, chance) for name in names)))
     lines = summary_lines(summary.wheels())
@@ -141,15 +146,15 @@ def test_lines_of_many_invalid_estimates_are_narrow() -> None:
 
 def test_shared_reason_is_printed_once() -> None:
     summary = ResultSummary()
-    refused = [Estimate.invalid(name, Reason(Code.NOT_FINITE)) for name in ("Bs", "Cw")]
+    refused = [Estimate.invalid(name, Reason(TrustCode.NOT_FINITE)) for name in ("Bs", "Cw")]
     early = [
-        Estimate(name, 2.0, 0.1, Status.PROVISIONAL, (Reason(Code.FIT_NOT_CONVERGED),))
+        Estimate(name, 2.0, 0.1, Status.PROVISIONAL, (Reason(RingCode.FIT_NOT_CONVERGED),))
         for name in ("Rs_over_Cw", "Ts_over_Cw")
     ]
     summary.add(result("FL", 0.1, *refused, *early))
     lines = [line.split() for line in summary_lines(summary.wheels())]
-    assert ["Bs,", "Cw", "—", "invalid:", *text(Reason(Code.NOT_FINITE)).split()] in lines
-    assert ["Rs/Cw", "2.00", "±", "0.10", "provisional:", *text(Reason(Code.FIT_NOT_CONVERGED)).split()] in lines
+    assert ["Bs,", "Cw", "—", "invalid:", *text(Reason(TrustCode.NOT_FINITE)).split()] in lines
+    assert ["Rs/Cw", "2.00", "±", "0.10", "provisional:", *text(Reason(RingCode.FIT_NOT_CONVERGED)).split()] in lines
     assert ["Ts/Cw", "2.00", "±", "0.10", "provisional"] in lines
 
 
@@ -165,8 +170,8 @@ def test_faults_and_links_are_printed() -> None:
 
 
 def test_alarms_are_listed_with_time_and_value() -> None:
-    low = Reason(Code.PRESSURE_BELOW_LIMIT, pressure_pa=210e3, limit_pa=230e3)
-    hub = Reason(Code.HUB_SILENT, silence_s=20.1, wheels=("FL", "FR"))
+    low = Reason(SessionCode.PRESSURE_BELOW_LIMIT, pressure_pa=210e3, limit_pa=230e3)
+    hub = Reason(SessionCode.HUB_SILENT, silence_s=20.1, wheels=("FL", "FR"))
     alarms = [
         AlarmRecord("FL", "pressure", low, 1, 25.0, 0.5, 25.5, is_standing=True),
         AlarmRecord("hub 0", "silent", hub, 2, 21.4, 3.0, 30.0, is_standing=False),
@@ -179,7 +184,7 @@ def test_alarms_are_listed_with_time_and_value() -> None:
 
 
 def test_alarm_just_before_the_first_chunk_is_from_zero() -> None:
-    low = Reason(Code.PRESSURE_BELOW_LIMIT, pressure_pa=210e3, limit_pa=230e3)
+    low = Reason(SessionCode.PRESSURE_BELOW_LIMIT, pressure_pa=210e3, limit_pa=230e3)
     alarm = AlarmRecord("FL", "pressure", low, 1, 0.0, -0.004, -0.001, is_standing=False)
     assert "from 0.0 s to 0.0 s" in summary_lines([], (), [alarm])[-1]
 

@@ -10,16 +10,17 @@ import pytest
 
 from gateway.core.errors import OutputError
 from gateway.core.estimates.estimator import Estimate, Status, TireConditions
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.results import RevolutionResult
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.text.result_table import COLUMNS_FIXED_AFTER_ROWS, TableFormat, iso_utc, open_table
 from gateway.core.text.text import escaped
 from gateway.core.text.wording import joined, text
 from tests.testkit.revolution_data import plain_revolution
 
-FEW = Reason(Code.NOT_SETTLED, revolutions=3.0, needed=8.0)
-UNKNOWN = Reason(Code.UNKNOWN_ESTIMATOR, estimator='says; "none"')
-FAULTS = (Reason(Code.SAMPLES_LOST), Reason(Code.RADIAL_SATURATED))
+FEW = Reason(EstimateCode.NOT_SETTLED, revolutions=3.0, needed=8.0)
+UNKNOWN = Reason(EstimateCode.UNKNOWN_ESTIMATOR, estimator='says; "none"')
+FAULTS = (Reason(EstimateCode.SAMPLES_LOST), Reason(EstimateCode.RADIAL_SATURATED))
 START_NS = 1_700_000_000_123_456_789
 BS = Estimate("Bs", 3.08e-3, 1.2e-5, Status.PROVISIONAL, (FEW,))
 SPEED = Estimate("speed_mps", 18.0554321987, 0.002, Status.VALID)

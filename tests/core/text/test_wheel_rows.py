@@ -4,12 +4,13 @@ import pytest
 
 from firmware_protocol.messages import Environment
 from gateway.core.estimates.estimator import Estimate, Status
-from gateway.core.reasons import Code, Reason
+from gateway.core.estimates.reasons import EstimateCode
+from gateway.core.reasons import Reason
 from gateway.core.text.wheel_rows import _Quantity
 from gateway.core.wheels.possible_readings import possible_reading
 from gateway.fleet.recording_estimation import _concerns
 
-DOUBT = Reason(Code.TEMPERATURE_NOT_COMPENSATED, difference_k=15.0)
+DOUBT = Reason(EstimateCode.TEMPERATURE_NOT_COMPENSATED, difference_k=15.0)
 
 
 def quantity(valid: int, provisional: int = 0, invalid: int = 0, *, first: int = 0, step: float = 0.0) -> _Quantity:

@@ -11,11 +11,13 @@ from gateway.core.config.vehicle import parse_vehicle
 from gateway.core.estimates.estimator import Status
 from gateway.core.estimates.wheel_setup import CorrectedEffect, CorrectionTable, ReferenceNumbers, TireData, WheelSetup
 from gateway.core.links.source import Chunk
-from gateway.core.reasons import Code, codes_of
+from gateway.core.reasons import codes_of
 from gateway.core.revolutions.effect_correction import EffectParameter
+from gateway.core.revolutions.reasons import RevolutionCode
 from gateway.core.session.core import SessionCore
 from gateway.core.session.recording_pass import OpenedRecording, RecordingPass
 from gateway.core.text.wording import notice_text
+from gateway.core.trust.reasons import TrustCode
 from gateway.diagnosis.data.revolution_orders import waveform_orders
 from gateway.simulator.scenario import vehicle_toml
 from gateway.simulator.scenario_model import Scenario
@@ -82,10 +84,10 @@ class TestTable:
     @pytest.mark.parametrize(
         ("omega", "load", "pressure", "code"),
         [
-            (1.3, 5e3, 2.1e5, Code.EFFECTS_OUTSIDE_SPEEDS),
-            (0.7, 5e3, 2.1e5, Code.EFFECTS_OUTSIDE_SPEEDS),
-            (1, 4e3, 2.1e5, Code.EFFECTS_OUTSIDE_LOADS),
-            (1, 5e3, 2.5e5, Code.EFFECTS_OUTSIDE_PRESSURES),
+            (1.3, 5e3, 2.1e5, RevolutionCode.EFFECTS_OUTSIDE_SPEEDS),
+            (0.7, 5e3, 2.1e5, RevolutionCode.EFFECTS_OUTSIDE_SPEEDS),
+            (1, 4e3, 2.1e5, RevolutionCode.EFFECTS_OUTSIDE_LOADS),
+            (1, 5e3, 2.5e5, RevolutionCode.EFFECTS_OUTSIDE_PRESSURES),
         ],
     )
     def test_table_reports_why_it_does_not_apply(self, table, omega, load, pressure, code):
@@ -140,14 +142,14 @@ class TestTakenOff:
         assert len(outside) > 30
         assert len(inside) > 80
         for item in outside:
-            assert item.revolution.uncorrected.code is Code.EFFECTS_OUTSIDE_SPEEDS
+            assert item.revolution.uncorrected.code is RevolutionCode.EFFECTS_OUTSIDE_SPEEDS
             if 8.2 < item.revolution.start_s < 11.5:
                 assert item.revolution.uncorrected["speed_mps"] == pytest.approx(90 / 3.6, rel=5e-3)
         of_shape = numbers(outside)["Bs"]
         assert of_shape.status is not Status.VALID
-        assert Code.EFFECTS_NOT_SUBTRACTED in codes_of(of_shape.reasons)
+        assert TrustCode.EFFECTS_NOT_SUBTRACTED in codes_of(of_shape.reasons)
         assert numbers(outside)["speed_mps"].status is Status.VALID
-        assert Code.EFFECTS_NOT_SUBTRACTED not in codes_of(numbers(inside)["Bs"].reasons)
+        assert TrustCode.EFFECTS_NOT_SUBTRACTED not in codes_of(numbers(inside)["Bs"].reasons)
         # Corrected and uncorrected revolutions are averaged separately.
         steady, _ = simulated(STEADY, 10.0, replace(SETUP, correction=table), ESTIMATORS, wheel=EFFECT)
         assert numbers(inside)["Bs"].value == pytest.approx(numbers(steady)["Bs"].value, rel=0.1)
@@ -159,7 +161,7 @@ class TestTakenOff:
         results, _ = simulated(STEADY, 6.0, setup, (*ESTIMATORS, "wear"))
         wear = numbers(results)["wear_mm"]
         assert math.isfinite(wear.value)
-        assert codes_of(wear.reasons).count(Code.EFFECTS_NOT_SUBTRACTED) == 1
+        assert codes_of(wear.reasons).count(TrustCode.EFFECTS_NOT_SUBTRACTED) == 1
 
     def test_other_sensor_is_not_corrected(self, table):
         other = replace(table, sensor_id=0xDEAD)

@@ -9,12 +9,15 @@ import pytest
 import treadlink
 from gateway.core.contacts.contact_timing import MOST_UNSEEN
 from gateway.core.estimates.estimator import Estimate, Revolution, Status, not_used
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.wheel_setup import WheelSetup
 from gateway.core.quantity_catalogue import quantity_of
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.revolutions.angle_resampling import angle_grid, elapsed_angles, fit_phase
 from gateway.core.trust.lost_revolutions import LossStreak, SteadyStatus
+from gateway.core.trust.reasons import TrustCode
 from gateway.core.wheels.gap_filling import GapFilling, angles_in_gaps
+from gateway.core.wheels.reasons import WheelCode
 from tests.testkit.exact_ring import solution
 from tests.testkit.revolution_data import exact_wave, make_revolution
 from tests.testkit.simulated_wheel import last, restated
@@ -22,7 +25,7 @@ from tests.testkit.simulated_wheel import last, restated
 STEADY = "[sensor]\nrange_g = 1000\n[motion]\nspeed_kmh = 90"
 SETUP = WheelSetup("FL", 0, 0, 0.32, radius_std_m=0.0032, load_n=5000.0, pressure_pa=210e3)
 CLEAN = make_revolution(exact_wave(solution()))
-LOST = (Reason(Code.SAMPLES_LOST),)
+LOST = (Reason(EstimateCode.SAMPLES_LOST),)
 
 
 def revolution(*faults: Reason) -> Revolution:
@@ -74,9 +77,9 @@ def test_held_average_has_at_least_the_error_that_it_had() -> None:
 @pytest.mark.parametrize(
     ("faults", "reasons"),
     [
-        ((Reason(Code.RADIAL_SATURATED),), (not_used((Reason(Code.RADIAL_SATURATED),)),)),
-        ((*LOST, Reason(Code.SEVERAL_TURNS, turns=2.0)), (not_used(LOST),)),
-        (LOST, (not_used(LOST), Reason(Code.RADIAL_CLIPPED))),
+        ((Reason(EstimateCode.RADIAL_SATURATED),), (not_used((Reason(EstimateCode.RADIAL_SATURATED),)),)),
+        ((*LOST, Reason(WheelCode.SEVERAL_TURNS, turns=2.0)), (not_used(LOST),)),
+        (LOST, (not_used(LOST), Reason(WheelCode.RADIAL_CLIPPED))),
     ],
 )
 def test_anything_but_loss_lowers_the_status_at_once(faults: tuple[Reason, ...], reasons: tuple[Reason, ...]) -> None:
@@ -144,12 +147,15 @@ def test_streak_is_as_long_as_what_the_average_lacks() -> None:
         lengths = [streak.take(revolution(*LOST)) for _ in range(3)]
         assert streak.take(CLEAN) == 0.0
     assert lengths == pytest.approx([0.25, 0.5, 0.75], rel=0.02)
-    assert streak.take(revolution(Reason(Code.RADIAL_SATURATED))) == 0.0
+    assert streak.take(revolution(Reason(EstimateCode.RADIAL_SATURATED))) == 0.0
 
 
 @pytest.mark.parametrize(("errors", "status"), [(2.9, Status.VALID), (2.6, Status.VALID), (2.4, Status.PROVISIONAL)])
 def test_value_is_determined_until_it_is_beyond_the_limit_by_more_than_chance(errors: float, status: Status) -> None:
-    why = (Reason(Code.NOT_DETERMINED, relative_error=1.0 / errors), Reason(Code.MODEL_ERROR_SHARE, share=0.5))
+    why = (
+        Reason(EstimateCode.NOT_DETERMINED, relative_error=1.0 / errors),
+        Reason(EstimateCode.MODEL_ERROR_SHARE, share=0.5),
+    )
     losses = Losses("weak-form")
     (before,) = losses.steadied(number(Status.PROVISIONAL, *why), CLEAN)
     assert before.status is Status.PROVISIONAL  # it was not determined before
@@ -162,12 +168,12 @@ def test_value_is_determined_until_it_is_beyond_the_limit_by_more_than_chance(er
 def test_note_on_an_error_does_not_end_what_is_held() -> None:
     losses = Losses("weak-form")
     losses.steadied(number(Status.VALID), CLEAN)
-    note = Reason(Code.SCALE_BY_WIDTH, ratio=1.0, std=0.02, error=0.03)
+    note = Reason(EstimateCode.SCALE_BY_WIDTH, ratio=1.0, std=0.02, error=0.03)
     (estimate,) = losses.steadied(number(Status.PROVISIONAL, not_used(LOST), note), revolution(*LOST))
     assert (estimate.status, estimate.reasons) == (Status.VALID, (not_used(LOST), note))
 
 
-@pytest.mark.parametrize("reasons", [(), (Reason(Code.OTHER_OFFSET_STATED, stated_m=0.003),)])
+@pytest.mark.parametrize("reasons", [(), (Reason(TrustCode.OTHER_OFFSET_STATED, stated_m=0.003),)])
 def test_status_that_an_estimator_lowers_by_the_same_reasons_is_lowered_at_once(reasons: tuple[Reason, ...]) -> None:
     losses = Losses("weak-form")
     losses.steadied(number(Status.VALID, *reasons), CLEAN)

@@ -11,10 +11,13 @@ from numpy.typing import NDArray
 from firmware_protocol.messages import Coupling, Frame, Hello, MessageType, SampleBlock
 from gateway.core.constants import STANDARD_GRAVITY_MPS2 as G
 from gateway.core.contacts.missing_revolutions import rotation_period_s
+from gateway.core.contacts.reasons import ContactCode
 from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
 from gateway.core.estimates.results import WheelSnapshot
 from gateway.core.estimates.wheel_setup import WheelSetup
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import CoreCode, Reason
+from gateway.core.trust.reasons import TrustCode
+from gateway.core.wheels.reasons import WheelCode
 from gateway.core.wheels.wheels import Pipeline
 from gateway.ring.rolling_ring import RingParameters, solve_rolling_ring
 from tests.core.wheels.rolling_signals import PRESSURE_PA, RADIUS_M, SCALE_MPS2, Rolling, hello
@@ -62,7 +65,7 @@ def run(frames: Sequence[Frame]) -> tuple[WheelSnapshot, set[str]]:
 
 def main_reason(wheel: WheelSnapshot) -> Reason:
     assert wheel.missing is not None
-    assert wheel.missing.code is Code.NO_REVOLUTION
+    assert wheel.missing.code is CoreCode.NO_REVOLUTION
     why = wheel.missing["why"]
     assert isinstance(why, tuple)
     assert isinstance(why[0], Reason)
@@ -74,7 +77,7 @@ def main_reason(wheel: WheelSnapshot) -> Reason:
 def test_unit_g_stated_as_mps2(roll: Roll, to_frames: ToFrames, kmh: float, sign: int) -> None:
     wheel, flags = run(to_frames(roll(kmh, 9.0).radial_mps2 / G * sign))
     reason = main_reason(wheel)
-    assert reason.code is Code.RADIAL_IS_IN_G
+    assert reason.code is ContactCode.RADIAL_IS_IN_G
     assert reason["expected_mps2"] == pytest.approx((kmh / 3.6) ** 2 / RADIUS_M, rel=0.03)
     assert reason["ratio"] == pytest.approx(1.0 / G, rel=0.05)
     assert "no revolution" in flags
@@ -85,7 +88,7 @@ def test_wrong_rate_names_the_fitting_one(roll: Roll, to_frames: ToFrames, facto
     stated_hz = RATE_HZ * factor
     wheel, _ = run(to_frames(roll(65.0, 5.0).radial_mps2, stated_hz))
     reason = main_reason(wheel)
-    assert reason.code is Code.RATE_DOES_NOT_FIT
+    assert reason.code is ContactCode.RATE_DOES_NOT_FIT
     assert reason["rate_hz"] == stated_hz
     assert reason["fitting_hz"] == pytest.approx(RATE_HZ, rel=0.03)
 
@@ -99,14 +102,14 @@ def test_scale_beyond_any_wrong_rate_is_named(roll: Roll, to_frames: ToFrames) -
         for frame in frames
     ]
     wheel, _ = run(scaled)
-    assert main_reason(wheel).code is Code.RADIAL_SCALE_DOES_NOT_FIT
+    assert main_reason(wheel).code is ContactCode.RADIAL_SCALE_DOES_NOT_FIT
 
 
 @pytest.mark.parametrize("kmh", [30.0, 65.0, 100.0])
 def test_rim_sensor_sees_no_contact(to_frames: ToFrames, kmh: float) -> None:
     wheel, flags = run(to_frames(on_the_rim(kmh, 9.0)))
     reason = main_reason(wheel)
-    assert reason.code is Code.NO_CONTACT_SEEN
+    assert reason.code is ContactCode.NO_CONTACT_SEEN
     assert reason["mean_mps2"] == pytest.approx(0.2 * (kmh / 3.6 / RADIUS_M) ** 2, rel=0.01)
     assert reason["lowest_mps2"] > 0.9 * reason["mean_mps2"]  # type: ignore[operator]
     assert "no revolution" in flags
@@ -115,33 +118,33 @@ def test_rim_sensor_sees_no_contact(to_frames: ToFrames, kmh: float) -> None:
 def test_rim_sensor_without_steady_value_sees_no_contact(to_frames: ToFrames) -> None:
     signal = on_the_rim(65.0, 5.0)
     wheel, _ = run(to_frames(signal - signal.mean(), coupling=Coupling.AC))
-    assert main_reason(wheel).code is Code.NO_CONTACT_IN_AC_SIGNAL
+    assert main_reason(wheel).code is ContactCode.NO_CONTACT_IN_AC_SIGNAL
 
 
 def test_sensor_that_points_outward_is_named(to_frames: ToFrames) -> None:
     wheel, _ = run(to_frames(-on_the_rim(65.0, 5.0)))
-    assert main_reason(wheel).code is Code.NO_CONTACT_SEEN
+    assert main_reason(wheel).code is ContactCode.NO_CONTACT_SEEN
     assert wheel.missing is not None
-    outward = [reason for reason in wheel.missing if reason.code is Code.RADIAL_OUTWARD]
+    outward = [reason for reason in wheel.missing if reason.code is ContactCode.RADIAL_OUTWARD]
     assert outward[0]["mean_mps2"] == pytest.approx(-0.2 * (65.0 / 3.6 / RADIUS_M) ** 2, rel=0.01)
 
 
 def test_light_load_gives_no_contact(to_frames: ToFrames) -> None:
     wheel, _ = run(to_frames(lightly_loaded()))
     assert wheel.counters.revolutions == 0
-    assert main_reason(wheel).code is Code.NO_CONTACT_SEEN
+    assert main_reason(wheel).code is ContactCode.NO_CONTACT_SEEN
 
 
 def test_standing_wheel_is_no_fault(to_frames: ToFrames) -> None:
     wheel, flags = run(to_frames(-G + noise(round(9.0 * RATE_HZ))))
-    assert main_reason(wheel).code is Code.WHEEL_STANDS
+    assert main_reason(wheel).code is ContactCode.WHEEL_STANDS
     assert flags == set()
 
 
 def test_slow_wheel_is_no_fault(roll: Roll, to_frames: ToFrames) -> None:
     wheel, flags = run(to_frames(roll(4.0, 12.0).radial_mps2))
     reason = main_reason(wheel)
-    assert reason.code is Code.WHEEL_TOO_SLOW
+    assert reason.code is ContactCode.WHEEL_TOO_SLOW
     assert reason["speed_mps"] == pytest.approx(4.0 / 3.6, rel=0.35)  # gravity is of the same size
     assert flags == set()
 
@@ -150,7 +153,7 @@ def test_short_recording_is_too_short(roll: Roll, to_frames: ToFrames) -> None:
     signal = roll(65.0, 0.25)
     wheel, _ = run(to_frames(signal.radial_mps2))
     reason = main_reason(wheel)
-    assert reason.code is Code.SAMPLES_TOO_SHORT
+    assert reason.code is ContactCode.SAMPLES_TOO_SHORT
     assert reason["needed_s"] > 3.0 * 2.0 * math.pi * RADIUS_M / (65.0 / 3.6)  # type: ignore[operator]
 
 
@@ -160,7 +163,7 @@ def test_stretches_between_gaps_are_too_short(roll: Roll, to_frames: ToFrames) -
     blocks = round(0.5 * RATE_HZ / 36)
     remaining = [frame for frame in frames if frame.type != MessageType.SAMPLES or frame.seq // blocks % 2 == 0]
     wheel, _ = run(remaining)
-    assert main_reason(wheel).code is Code.SAMPLES_INTERRUPTED
+    assert main_reason(wheel).code is ContactCode.SAMPLES_INTERRUPTED
 
 
 def test_loss_within_every_revolution_is_the_reason(roll: Roll, to_frames: ToFrames) -> None:
@@ -168,25 +171,25 @@ def test_loss_within_every_revolution_is_the_reason(roll: Roll, to_frames: ToFra
     # A revolution takes 30 blocks; two are received, five lost.
     remaining = [frame for frame in frames if frame.type != MessageType.SAMPLES or frame.seq % 7 < 2]
     wheel, _ = run(remaining)
-    assert main_reason(wheel).code is Code.SAMPLES_INTERRUPTED
+    assert main_reason(wheel).code is ContactCode.SAMPLES_INTERRUPTED
 
 
 def test_saturated_axis_is_named(to_frames: ToFrames) -> None:
     wheel, flags = run(to_frames(on_the_rim(150.0, 7.0)))  # beyond the range of int16 at this scale
     reason = main_reason(wheel)
-    assert reason.code is Code.RADIAL_AT_RANGE_END
+    assert reason.code is ContactCode.RADIAL_AT_RANGE_END
     assert reason["level_mps2"] == pytest.approx(32767 * SCALE_MPS2)
     assert flags == {"stuck"}
 
 
 def test_random_signal_has_no_alike_contacts(to_frames: ToFrames) -> None:
     wheel, _ = run(to_frames(noise(round(7.0 * RATE_HZ), std=100.0)))
-    assert main_reason(wheel).code is Code.CONTACTS_NOT_ALIKE
+    assert main_reason(wheel).code is ContactCode.CONTACTS_NOT_ALIKE
 
 
 def test_dead_sensor_is_the_reason(to_frames: ToFrames) -> None:
     wheel, _ = run(to_frames(np.zeros(round(7.0 * RATE_HZ))))
-    assert main_reason(wheel).code is Code.SENSOR_DEAD
+    assert main_reason(wheel).code is TrustCode.SENSOR_DEAD
 
 
 def test_swapped_axes_are_the_reason(roll: Roll) -> None:
@@ -200,20 +203,20 @@ def test_swapped_axes_are_the_reason(roll: Roll) -> None:
         block = SampleBlock(index, 0b111, counts[index : index + 36])
         frames.append(Frame(MessageType.SAMPLES, 0, 0, len(frames), round(index / RATE_HZ * 1e6), block))
     wheel, flags = run(frames)
-    assert main_reason(wheel).code is Code.SENSOR_TILTED
+    assert main_reason(wheel).code is TrustCode.SENSOR_TILTED
     assert flags == {"mounting"}
 
 
 def test_samples_without_hello_are_named(roll: Roll, to_frames: ToFrames) -> None:
     frames = [frame for frame in to_frames(roll(65.0, 1.0).radial_mps2) if frame.type != MessageType.HELLO]
     reason = main_reason(run(frames)[0])
-    assert reason.code is Code.SAMPLES_WITHOUT_HELLO
+    assert reason.code is CoreCode.SAMPLES_WITHOUT_HELLO
     assert reason["count"] == len(frames) - 1
 
 
 def test_hello_without_samples_is_named(roll: Roll, to_frames: ToFrames) -> None:
     frames = [frame for frame in to_frames(roll(65.0, 0.1).radial_mps2) if frame.type != MessageType.SAMPLES]
-    assert main_reason(run(frames)[0]).code is Code.NO_SAMPLES
+    assert main_reason(run(frames)[0]).code is WheelCode.NO_SAMPLES
 
 
 @pytest.mark.parametrize("kmh", [10.0, 12.0, 30.0, 100.0, 250.0])

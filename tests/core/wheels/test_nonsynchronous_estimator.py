@@ -7,10 +7,12 @@ import pytest
 
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.estimates.estimator import Status
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.wheel_setup import WheelSetup
-from gateway.core.reasons import Code, Reason, codes_of
+from gateway.core.reasons import Reason, codes_of
 from gateway.core.wheels.wheels import Pipeline
 from gateway.forces.nonsynchronous import NonsynchronousEstimator
+from gateway.forces.reasons import ForceCode
 from tests.testkit.revolution_data import settled
 from tests.testkit.simulated_wheel import last, simulated
 
@@ -38,7 +40,7 @@ def test_line_at_wheel_order_is_provisional(roll, to_frames) -> None:
     order_25 = 25 * 65.0 / 3.6 / 0.32 / (2.0 * math.pi)
     result = with_cavity(roll, to_frames, order_25 + 0.3, 3.0)
     assert result[NAMES[1]].status is Status.PROVISIONAL
-    assert result[NAMES[1]].reasons == (Reason(Code.AT_WHEEL_ORDER, order=25),)
+    assert result[NAMES[1]].reasons == (Reason(ForceCode.AT_WHEEL_ORDER, order=25),)
 
 
 def test_smooth_road_gives_sensor_noise() -> None:
@@ -46,7 +48,7 @@ def test_smooth_road_gives_sensor_noise() -> None:
     density = 5e-3 * STANDARD_GRAVITY_MPS2
     assert result[NAMES[0]].value == pytest.approx(density * math.sqrt(795.0), rel=0.08)
     assert result[NAMES[1]].status is Status.INVALID
-    assert codes_of(result[NAMES[1]].reasons) == (Code.NO_LINE,)
+    assert codes_of(result[NAMES[1]].reasons) == (ForceCode.NO_LINE,)
 
 
 def test_road_vibration_is_measured() -> None:
@@ -57,7 +59,7 @@ def test_road_vibration_is_measured() -> None:
 def test_too_few_revolutions_are_invalid() -> None:
     results, _ = simulated("", 3.0, SETUP, ("kinematic", "asynchronous"))
     for estimate in results[-1].estimates[-3:]:
-        assert estimate.reasons[0].code in (Code.NEEDS_UNINTERRUPTED_ROLLING, Code.NOT_SETTLED)
+        assert estimate.reasons[0].code in (ForceCode.NEEDS_UNINTERRUPTED_ROLLING, EstimateCode.NOT_SETTLED)
 
 
 def test_gap_restarts_the_spectrum() -> None:

@@ -11,10 +11,12 @@ from firmware_protocol.codec import encode_frame
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Coupling, Environment, MessageType
 from gateway.core.estimates.estimator import Status
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.registry import DEFAULT_ESTIMATORS
 from gateway.core.estimates.results import WheelState
 from gateway.core.estimates.wheel_setup import WheelSetup
-from gateway.core.reasons import Code, codes_of
+from gateway.core.reasons import codes_of
+from gateway.core.wheels.reasons import WheelCode
 from gateway.core.wheels.tire_estimates import TireEstimates
 from gateway.core.wheels.wheels import Pipeline
 from tests.testkit.agreement import assert_agree, by_wheel, values_of
@@ -218,7 +220,7 @@ def test_lost_frame_loses_no_revolution(roll, to_frames):
         for result in hit:
             # Away from the contacts it says nothing against the revolution.
             codes = {fault.code for fault in result.revolution.faults}
-            assert not codes or Code.SAMPLES_LOST in codes
+            assert not codes or EstimateCode.SAMPLES_LOST in codes
             edges = result.revolution.leading_edge_rad, result.revolution.trailing_edge_rad
             assert np.abs(np.abs(edges) - 0.2398).max() < 0.012
         speeds = np.array([result.revolution.omega_radps for result in results])
@@ -285,7 +287,7 @@ def test_unknown_load_gives_ratios_only(roll, to_frames):
     estimates = {estimate.name: estimate for estimate in results[-1].estimates}
     for name in ("Bs", "Cw", "Rs", "Ts"):
         assert estimates[name].status is Status.INVALID
-        assert Code.NEEDS_LOAD in codes_of(estimates[name].reasons)
+        assert EstimateCode.NEEDS_LOAD in codes_of(estimates[name].reasons)
     assert estimates["Rs/Cw"].value > 0
 
 
@@ -457,7 +459,9 @@ def test_sensors_that_share_a_wheel_number_leave_nothing_valid(roll, to_frames, 
     assert late
     for estimate in (estimate for result in late for estimate in result.estimates):
         assert estimate.status is not Status.VALID, estimate
-    assert any(Code.SENSORS_SHARE_NUMBER in codes_of(e.reasons) for result in late for e in result.estimates)
+    assert any(WheelCode.SENSORS_SHARE_NUMBER in codes_of(e.reasons) for result in late for e in result.estimates)
     results, _ = run(stream(exchanged))
-    assert not any(Code.SENSORS_SHARE_NUMBER in codes_of(e.reasons) for result in results for e in result.estimates)
+    assert not any(
+        WheelCode.SENSORS_SHARE_NUMBER in codes_of(e.reasons) for result in results for e in result.estimates
+    )
     assert any(e.status is Status.VALID for e in results[-1].estimates)

@@ -8,13 +8,15 @@ from hypothesis import strategies as st
 
 from firmware_protocol.messages import Environment
 from gateway.core.estimates.estimator import Estimate, Status
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.sensor_claims import SensorClaims
 from gateway.core.estimates.wheel_setup import WheelSetup
 from gateway.core.quantity import Basis
 from gateway.core.quantity_catalogue import CATALOGUE, quantity_of
-from gateway.core.reasons import Code, Reason, codes_of
+from gateway.core.reasons import Reason, codes_of
 from gateway.core.revolutions.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS
 from gateway.core.trust.qualification import OwnDrift, provisional_where, qualified
+from gateway.core.trust.reasons import TrustCode
 from gateway.core.trust.sensor_limits import Doubt
 from gateway.core.trust.signal_evidence import Evidence
 from gateway.core.wheels.old_pressure import change_since_reading_pa
@@ -26,7 +28,7 @@ from tests.testkit.simulated_wheel import last, simulated
 
 NOTHING = Evidence(0.0, 0.0, True, 0.0, 0.0, 0.3, 0.003)
 NAMES = sorted({quantity.name for quantities in CATALOGUE.values() for quantity in quantities})
-DOUBT = Reason(Code.SAMPLES_LOST)
+DOUBT = Reason(EstimateCode.SAMPLES_LOST)
 
 
 def judged(name: str, value: float, std: float) -> Estimate:
@@ -56,10 +58,10 @@ def test_what_is_not_possible_is_not_valid(name: str, value: float, std: float) 
     assert estimate.status is Status.PROVISIONAL
     (reason,) = estimate.reasons
     if std:
-        assert reason.code is Code.NOT_POSSIBLE
+        assert reason.code is TrustCode.NOT_POSSIBLE
         assert reason["errors"] > 1.0
     else:
-        assert reason.code is Code.NOT_POSSIBLE_AT_ALL
+        assert reason.code is TrustCode.NOT_POSSIBLE_AT_ALL
     assert estimate.value == value
 
 
@@ -86,7 +88,7 @@ def test_doubts_reach_what_rests_on_the_samples_and_the_waveform(name: str) -> N
     assert (doubted.status is Status.PROVISIONAL) == (Basis.SAMPLES in quantity_of(name).rests_on)
     (uncorrected,) = qualified((estimate,), NOTHING, (), DOUBT)
     is_affected = Basis.WAVEFORM in quantity_of(name).rests_on
-    assert (Code.EFFECTS_NOT_SUBTRACTED in codes_of(uncorrected.reasons)) == is_affected
+    assert (TrustCode.EFFECTS_NOT_SUBTRACTED in codes_of(uncorrected.reasons)) == is_affected
 
 
 def test_every_quantity_has_limits() -> None:
@@ -102,7 +104,7 @@ def test_numbers_of_no_tire_leave_nothing_valid_that_their_causes_scale(name: st
     assert {each for each, estimate in judged_ones.items() if estimate.status is Status.VALID} == {"Bs/Cw"}
     for each in {"Bs", "Cw", "Rs", "Ts"} - {name}:
         if judged_ones[each].reasons:
-            assert Code.NOT_POSSIBLE in codes_of(judged_ones[each].reasons)
+            assert TrustCode.NOT_POSSIBLE in codes_of(judged_ones[each].reasons)
 
 
 def test_a_reason_is_given_once() -> None:
@@ -115,7 +117,7 @@ def test_sign_of_an_unverified_lateral_axis_is_noted(verified: bool) -> None:
     setup = WheelSetup("FL", 0, 0, 0.32, sensor=SensorClaims(lateral_is_left=verified))
     result = last(simulated("[tire]\ncord_angle_deg = 20", 4.0, setup, ("kinematic", "ply-steer"))[0])
     for name, estimate in result.items():
-        noted = Code.LATERAL_SIGN_UNVERIFIED in codes_of(estimate.reasons)
+        noted = TrustCode.LATERAL_SIGN_UNVERIFIED in codes_of(estimate.reasons)
         rests = Basis.SIGN in quantity_of(name).rests_on and estimate.status is not Status.INVALID
         assert noted == (rests and not verified), name
     # The size holds.

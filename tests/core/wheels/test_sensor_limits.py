@@ -11,10 +11,13 @@ from numpy.typing import NDArray
 
 from firmware_protocol.messages import Coupling
 from gateway.core.estimates.estimator import Status
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.sensor_claims import SensorClaims
 from gateway.core.estimates.wheel_setup import WheelSetup
 from gateway.core.reasons import Code, Reason, codes_of
+from gateway.core.trust.reasons import TrustCode
 from gateway.core.trust.sensor_limits import SensorLimits, coarse_steps, high_corner, narrow_band, step_counts
+from gateway.core.wheels.reasons import WheelCode
 from gateway.core.wheels.sample_content import SampleContent, chosen
 from gateway.core.wheels.wheels import Pipeline
 from tests.core.session.hub_frames import HELLO
@@ -35,9 +38,9 @@ def test_limits_begin_where_a_number_is_biased_by_a_percent() -> None:
     assert narrow_band(None, 9.0) is narrow_band(60.0 * 9.0, 9.0) is None
     assert narrow_band(59.0 * 9.0, 9.0)["ratio"] == pytest.approx(59.0)
     assert high_corner(None, 9.0) is high_corner(0.9, 9.0) is None
-    assert high_corner(0.95, 9.0).code is Code.SENSOR_AC_CORNER
+    assert high_corner(0.95, 9.0).code is TrustCode.SENSOR_AC_CORNER
     assert coarse_steps(1.0, 0.5) is None
-    assert coarse_steps(1.0, 0.49).code is Code.SENSOR_STEPS
+    assert coarse_steps(1.0, 0.49).code is TrustCode.SENSOR_STEPS
 
 
 def revolution_counts(samples: int, seed: int) -> np.ndarray:
@@ -58,7 +61,7 @@ def test_steps_show_in_few_samples_and_in_no_fine_sensor(step: float, samples: i
 @pytest.mark.parametrize(("corner_hz", "doubted"), [(0.5, False), (2.0, True)])
 def test_high_corner_doubts_numbers_and_not_the_contact(corner_hz: float, doubted: bool) -> None:
     result = statuses(f"[sensor]\nrange_g = 1000\ncoupling = 'ac'\nhighpass_hz = {corner_hz}\n")
-    assert (Code.SENSOR_AC_CORNER in result["Ts"][1]) == doubted
+    assert (TrustCode.SENSOR_AC_CORNER in result["Ts"][1]) == doubted
     assert result["Ts"][0] is not Status.VALID or not doubted
     assert result["contact_length_m"][0] is Status.VALID
     assert result["speed_mps"][0] is Status.VALID
@@ -67,15 +70,15 @@ def test_high_corner_doubts_numbers_and_not_the_contact(corner_hz: float, doubte
 @pytest.mark.parametrize(("step_mg", "doubted"), [(10.0, False), (1000.0, True)])
 def test_steps_that_no_noise_blurs_doubt_the_waveform(step_mg: float, doubted: bool) -> None:
     result = statuses(f"[sensor]\nrange_g = 400\nnoise_mg_rthz = [0.5, 0.5, 0.5]\nresolution_mg = {step_mg}\n")
-    assert (Code.SENSOR_STEPS in result["Ts"][1]) == doubted
+    assert (TrustCode.SENSOR_STEPS in result["Ts"][1]) == doubted
     assert result["contact_length_m"][0] is Status.VALID
 
 
 def test_narrow_band_doubts_all_but_times() -> None:
     setup = replace(SETUP, sensor=SensorClaims(bandwidth_hz=300.0))
     result = statuses("[sensor]\nrange_g = 1000\nbandwidth_hz = 300\n", setup)
-    assert result["contact_length_m"] == (Status.PROVISIONAL, (Code.SENSOR_BAND,))
-    assert Code.SENSOR_BAND in result["Bs"][1]
+    assert result["contact_length_m"] == (Status.PROVISIONAL, (TrustCode.SENSOR_BAND,))
+    assert TrustCode.SENSOR_BAND in result["Bs"][1]
     assert result["speed_mps"][0] is Status.VALID
 
 
@@ -134,11 +137,11 @@ def test_undeclared_clipping_is_a_fault(roll, to_frames, rate_hz: float) -> None
     pipeline = Pipeline((CLIPPED_SETUP,), CLIPPED_SETUP, estimators)
     results = pipeline.frames("link", to_frames(np.minimum(signal, 1350.0), rate_hz), 10**18)
     assert len(results) > 30
-    assert all(Reason(Code.RADIAL_CLIPPED) in result.revolution.faults for result in results)
+    assert all(Reason(WheelCode.RADIAL_CLIPPED) in result.revolution.faults for result in results)
     assert pipeline.average_mps2("FL") is None
     gain = {estimate.name: estimate for estimate in results[-1].estimates}["gain"]
     assert gain.status is Status.INVALID
-    assert codes_of(gain.reasons) == (Code.REVOLUTION_NOT_USED, Code.RADIAL_CLIPPED)
+    assert codes_of(gain.reasons) == (EstimateCode.REVOLUTION_NOT_USED, WheelCode.RADIAL_CLIPPED)
     whole = Pipeline((CLIPPED_SETUP,), CLIPPED_SETUP, estimators).frames("link", to_frames(signal, rate_hz), 10**18)
     assert not any(result.revolution.faults for result in whole)
 
@@ -166,7 +169,7 @@ def wheel(seed: int, noise: float, steady: float) -> Words:
 def test_right_bytes_pass_and_swapped_ones_are_named(seed: int, noise: float, steady: float) -> None:
     words = wheel(seed, noise, steady)
     assert codes_of_stream(words) == set()
-    assert codes_of_stream(words.byteswap()) == {Code.SAMPLES_BYTES_SWAPPED}
+    assert codes_of_stream(words.byteswap()) == {WheelCode.SAMPLES_BYTES_SWAPPED}
 
 
 @given(st.integers(0, 2**31), st.integers(1, 15))
@@ -194,7 +197,7 @@ def test_noise_over_the_full_scale_and_still_samples_pass() -> None:
 )
 def test_a_steady_value_contradicts_ac_coupling(hello: dict[str, object], named: bool) -> None:
     words = wheel(1, 20.0, 7600.0)
-    assert codes_of_stream(words, **hello) == ({Code.HELLO_AC_WITH_STEADY_VALUE} if named else set())
+    assert codes_of_stream(words, **hello) == ({WheelCode.HELLO_AC_WITH_STEADY_VALUE} if named else set())
 
 
 def test_ac_coupled_wheel_and_gravity_alone_pass() -> None:

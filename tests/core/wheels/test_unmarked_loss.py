@@ -12,6 +12,7 @@ from gateway.core.estimates.estimator import Status
 from gateway.core.estimates.results import RevolutionResult
 from gateway.core.estimates.wheel_setup import WheelSetup
 from gateway.core.reasons import Code
+from gateway.core.wheels.reasons import WheelCode
 from gateway.core.wheels.sample_buffer import SampleBuffer
 from gateway.core.wheels.timebase import HostClock
 from gateway.core.wheels.unmarked_loss import UnmarkedLossCheck
@@ -25,7 +26,7 @@ ESTIMATORS = ("kinematic", "weak-form")
 FAST = "[sensor]\nrange_g = 1000\n[motion]\nspeed_kmh = 90"
 BRAKING = "[sensor]\nrange_g = 1000\n[motion]\nspeed_kmh = [[0, 100], [1, 100], [3.6, 10], [4, 10]]"
 ROUGH = "[sensor]\nrange_g = 1000\n[motion]\nspeed_kmh = 60\n[road]\nprofile = 'F'"
-OF_LOSS = (Code.SAMPLES_LOST_UNMARKED, Code.SAMPLES_REPEATED_UNMARKED)
+OF_LOSS = (WheelCode.SAMPLES_LOST_UNMARKED, WheelCode.SAMPLES_REPEATED_UNMARKED)
 
 
 def faults_of(results: tuple[RevolutionResult, ...]) -> dict[int, tuple[Code, float]]:
@@ -47,7 +48,7 @@ def test_one_loss_is_a_fault_of_its_revolution_alone(count: int, axes: str) -> N
         tables, 4.0, SETUP, ESTIMATORS, lost=(span,) if count > 0 else (), repeated=() if count > 0 else (span,)
     )
     ((position, (code, actual)),) = faults_of(results).items()
-    assert code is (Code.SAMPLES_LOST_UNMARKED if count > 0 else Code.SAMPLES_REPEATED_UNMARKED)
+    assert code is (WheelCode.SAMPLES_LOST_UNMARKED if count > 0 else WheelCode.SAMPLES_REPEATED_UNMARKED)
     assert actual == pytest.approx(abs(count), rel=0.1, abs=1.5)
     assert snapshot.flags == ()
     for other, result in enumerate(results):
@@ -123,7 +124,7 @@ def test_wheel_without_load_loses_neither_distance_nor_averages() -> None:
     spanning = [result for result in results if result.revolution.turns > 1]
     assert spanning
     for result in spanning:
-        assert Code.SEVERAL_TURNS in [fault.code for fault in result.revolution.faults]
+        assert WheelCode.SEVERAL_TURNS in [fault.code for fault in result.revolution.faults]
         speed = result.estimates[0]
         assert speed.status is Status.PROVISIONAL
         assert speed.value == pytest.approx(truth.speed_mps(3.7), rel=0.02)
@@ -164,7 +165,7 @@ def test_gaps_at_every_second_contact_do_not_halve_a_valid_speed(reach_turns: fl
         speed, revolution = result.estimates[0], result.revolution
         assert speed.status is Status.PROVISIONAL
         assert speed.value == pytest.approx(25.0, rel=0.02)
-        assert Code.SEVERAL_TURNS in [fault.code for fault in revolution.faults]
+        assert WheelCode.SEVERAL_TURNS in [fault.code for fault in revolution.faults]
     rolled_m = results[-1].estimates[-1].value
     assert rolled_m == pytest.approx(2.0 * math.pi * SETUP.radius_m * 2 * len(results), rel=1e-9)
 

@@ -12,6 +12,7 @@ from gateway.core.estimates.wheel_setup import WheelSetup
 from gateway.core.quantity_catalogue import declared
 from gateway.core.reasons import Code
 from gateway.core.revolutions.axis_relations import Lag
+from gateway.core.trust.reasons import TrustCode
 from gateway.core.trust.wheel_pairs import WheelPairs
 from tests.testkit.exact_ring import solution
 from tests.testkit.revolution_data import exact_wave, make_revolution
@@ -64,7 +65,7 @@ BACK = [-turn for turn in TURNS]
 
 @pytest.mark.parametrize(("left_wheel", "right_wheel"), [("FL", "FR"), ("rear.left", "rear.right")])
 def test_opposite_slip_is_an_alarm_at_both_wheels(left_wheel: str, right_wheel: str) -> None:
-    opposite = dict.fromkeys((left_wheel, right_wheel), Code.LATERAL_SLIP_APART)
+    opposite = dict.fromkeys((left_wheel, right_wheel), TrustCode.LATERAL_SLIP_APART)
     assert alarms(*results(left_wheel, TURNS), *results(right_wheel, BACK, 0.01)) == opposite
     assert alarms(*results(left_wheel, TURNS), *results(right_wheel, TURNS, 0.01)) == {}
 
@@ -107,7 +108,7 @@ def test_rows_of_both_wheels_have_the_contradiction_of_their_slip() -> None:
         assert 9.0 < first * REVOLUTION.period_s < 13.0
         assert set(statuses[first:]) == {Status.PROVISIONAL}
         (reason,) = of_wheel[-1]["ply_steer_peak_rad"].reasons
-        assert reason.code is Code.LATERAL_SLIP_APART
+        assert reason.code is TrustCode.LATERAL_SLIP_APART
         assert all(estimates["speed_mps"].status is Status.VALID for estimates in of_wheel)
 
 
@@ -116,7 +117,7 @@ def test_wheels_that_roll_apart_doubt_each_other(radius_m: float, apart: bool) -
     """At 65 km/h a curve explains 2.6 %: 0.26 g over the widest track."""
     straight = [0.0] * 280
     left_wheel, right = results("FL", straight), results("FR", straight, 0.01, radius_m)
-    expected = dict.fromkeys(("FL", "FR"), Code.WHEELS_ROLL_APART) if apart else {}
+    expected = dict.fromkeys(("FL", "FR"), TrustCode.WHEELS_ROLL_APART) if apart else {}
     assert alarms(*left_wheel, *right) == expected
     last = {key[0]: estimates for key, estimates in rows(*left_wheel, *right).items()}
     for position, item, other in (("FL", 0.32, radius_m), ("FR", radius_m, 0.32)):
@@ -136,7 +137,7 @@ def test_a_slow_stretch_does_not_end_what_a_fast_one_has_shown(slow_radius_m: fl
         *chain(results("FL", fast), results("FR", fast, 0.01, 0.34)),
         *chain(results("FL", straight, begin_s, 0.32, slow), results("FR", straight, begin_s, slow_radius_m, slow)),
     ]
-    assert alarms(*taken) == (dict.fromkeys(("FL", "FR"), Code.WHEELS_ROLL_APART) if goes_on else {})
+    assert alarms(*taken) == (dict.fromkeys(("FL", "FR"), TrustCode.WHEELS_ROLL_APART) if goes_on else {})
     assert alarms(*taken[320:]) == {}
 
 
@@ -180,23 +181,23 @@ def test_lag_of_an_axis_that_one_wheel_alone_has_is_a_reason_on_what_rests_on_it
     wheels = [
         rolled(position, seed, lag) for position, seed, lag in zip(("FL", "FR", "RL"), (4, 5, 6), late, strict=True)
     ]
-    assert Code.AXIS_LATE not in [code for _, codes in wheels for code in codes]
+    assert TrustCode.AXIS_LATE not in [code for _, codes in wheels for code in codes]
     taken = [*chain.from_iterable(results for results, _ in wheels)]
     is_apart = len(set(late)) > 1
-    assert alarms(*taken) == ({"FR": Code.AXIS_LATER_THAN_OTHERS} if is_apart else {})
+    assert alarms(*taken) == ({"FR": TrustCode.AXIS_LATER_THAN_OTHERS} if is_apart else {})
     judged = rows(*taken)
     for results, _ in wheels:
         last = judged[results[-1].position, results[-1].host_ns]
         with_reason = {
             name
             for name, each in last.items()
-            if Code.AXIS_LATER_THAN_OTHERS in [reason.code for reason in each.reasons]
+            if TrustCode.AXIS_LATER_THAN_OTHERS in [reason.code for reason in each.reasons]
         }
         assert (set(ALONG) <= with_reason) is (is_apart and results[-1].position == "FR")
         assert with_reason.isdisjoint({"speed_mps", "ply_steer_contact_line_rad"})
         if with_reason:
             assert all(last[name].status is not Status.VALID for name in with_reason)
-            (reason,) = [each for each in last[ALONG[0]].reasons if each.code is Code.AXIS_LATER_THAN_OTHERS]
+            (reason,) = [each for each in last[ALONG[0]].reasons if each.code is TrustCode.AXIS_LATER_THAN_OTHERS]
             assert reason["axis"] == "circumferential"
             assert abs(reason["late_s"] - SAMPLES / 9600.0) < 3.0 * reason["std_s"] < 0.1e-3
 
@@ -214,4 +215,4 @@ def test_lag_that_only_one_renewal_shows_is_none(late_ms: tuple[float, ...], is_
     ]
     latest = max(item.host_ns for item in taken) + 11 * 10**9
     taken += [replace(item, host_ns=latest) for item in taken[len(late_ms) - 1 :: len(late_ms)]]
-    assert alarms(*taken) == ({"FR": Code.AXIS_LATER_THAN_OTHERS} if is_late else {})
+    assert alarms(*taken) == ({"FR": TrustCode.AXIS_LATER_THAN_OTHERS} if is_late else {})

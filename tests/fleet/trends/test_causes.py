@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Code, CoreCode, Reason
 from gateway.core.text.wording import text
+from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.causes import Change, Finding, with_causes
 from gateway.fleet.trends.fleet_analysis import analyse
 from gateway.fleet.trends.regression import fit
@@ -45,19 +46,21 @@ def test_recordings_at_several_speeds_part_gain_and_zero(gain, zero_mps2):
     share = np.linspace(0.0, 1.0, 100)
     speed = np.random.default_rng(5).uniform(8.0, 30.0, 100)
     findings = findings_of(with_steady_value(speed, 1.0 + gain * share, zero_mps2 * share))
-    expected = ({Code.TREND_SENSOR_GAIN} if gain else set()) | ({Code.TREND_SENSOR_ZERO} if zero_mps2 else set())
+    expected = ({CoreCode.TREND_SENSOR_GAIN} if gain else set()) | (
+        {CoreCode.TREND_SENSOR_ZERO} if zero_mps2 else set()
+    )
     assert set(findings) == expected
     if gain:
-        assert findings[Code.TREND_SENSOR_GAIN]["share"] == pytest.approx(gain, abs=0.005)
+        assert findings[CoreCode.TREND_SENSOR_GAIN]["share"] == pytest.approx(gain, abs=0.005)
     if zero_mps2:
-        assert findings[Code.TREND_SENSOR_ZERO]["change_mps2"] == pytest.approx(zero_mps2, abs=2.0)
+        assert findings[CoreCode.TREND_SENSOR_ZERO]["change_mps2"] == pytest.approx(zero_mps2, abs=2.0)
 
 
 def test_at_one_speed_gain_or_zero_is_said():
     share = np.linspace(0.0, 1.0, 100)
     findings = findings_of(with_steady_value(np.full(100, 20.0), 1.0 + 0.19 * share, np.zeros(100)))
-    assert set(findings) == {Code.TREND_SENSOR_STEADY}
-    steady = findings[Code.TREND_SENSOR_STEADY]
+    assert set(findings) == {FleetCode.TREND_SENSOR_STEADY}
+    steady = findings[FleetCode.TREND_SENSOR_STEADY]
     assert steady["share"] == pytest.approx(0.19, abs=0.005)
     assert steady["change_mps2"] == pytest.approx(0.19 * 20.0**2 / RADIUS_M, rel=0.03)
 
@@ -84,8 +87,8 @@ def test_a_fast_leak_is_one_finding_with_what_follows_from_it():
     columns["contact_length_m"] = columns["contact_length_m"] * longer
     columns["Rs"] = columns["Rs"] * longer**1.5
     findings = findings_of(replace(tire, columns=columns, time_ns=time_ns))
-    assert set(findings) == {Code.TREND_LOSS_CHANGED}
-    leak = findings[Code.TREND_LOSS_CHANGED]
+    assert set(findings) == {FleetCode.TREND_LOSS_CHANGED}
+    leak = findings[FleetCode.TREND_LOSS_CHANGED]
     assert leak["after_pa"] == pytest.approx(5000.0 * 365.25 / 12.0, rel=0.1)
     assert "contact_length_m" in leak["consequences"]
     assert "this also changes" in text(leak)
@@ -93,7 +96,7 @@ def test_a_fast_leak_is_one_finding_with_what_follows_from_it():
 
 
 def test_consequences_of_a_refill_are_no_finding():
-    changed = Reason(Code.TREND_LEVEL_CHANGED)
+    changed = Reason(CoreCode.TREND_LEVEL_CHANGED)
     onsets = {"pressure_at_20_degc": [Change(40)]}
     findings = [
         Finding(changed, name, Change(position)) for name, position in (("Rs", 41), ("Rs", 60), ("wear_mm", 40))
@@ -104,8 +107,8 @@ def test_consequences_of_a_refill_are_no_finding():
 
 def test_a_finding_is_named_with_the_cause_that_it_follows():
     # A leak lengthens the contact; later another load does, and changes a number.
-    longer = [Reason(Code.TREND_CONTACT_CHANGED, date=date) for date in ("May", "July")]
-    leaks, narrower = Reason(Code.TREND_LEVEL_CHANGED), Reason(Code.TREND_LEVEL_CHANGED)
+    longer = [Reason(CoreCode.TREND_CONTACT_CHANGED, date=date) for date in ("May", "July")]
+    leaks, narrower = Reason(CoreCode.TREND_LEVEL_CHANGED), Reason(CoreCode.TREND_LEVEL_CHANGED)
     findings = [
         Finding(leaks, "pressure_at_20_degc", Change(30, -0.1, 0.01)),
         Finding(longer[0], "contact_length_m", Change(30, 0.05, 0.01)),
@@ -154,7 +157,7 @@ def test_another_load_is_one_finding(is_calibrated):
     else:
         columns["estimated_load_n"] = np.full(100, np.nan)
     findings = findings_of(replace(tire, columns=columns))
-    code = Code.TREND_LOAD_STEPS if is_calibrated else Code.TREND_CONTACT_CHANGED
+    code = FleetCode.TREND_LOAD_STEPS if is_calibrated else CoreCode.TREND_CONTACT_CHANGED
     assert set(findings) == {code}
     others = {"Bs", "Cw", "Rs", "Ts", "contact_fraction"}
     assert set(findings[code]["consequences"]) == others | ({"contact_length_m"} if is_calibrated else set())
@@ -185,7 +188,7 @@ def test_a_change_too_small_for_a_finding_hides_none(gain, name):
         "gain": tire.columns["gain"] + gain * after,
         "Cw": tire.columns["Cw"] * np.where(after, 1.2, 1.0),
     }
-    changed = findings_of(replace(tire, columns=columns))[Code.TREND_LEVEL_CHANGED]
+    changed = findings_of(replace(tire, columns=columns))[CoreCode.TREND_LEVEL_CHANGED]
     assert changed["name"] == name
     assert ("Cw" in dict(changed.values).get("consequences", ())) == (name == "gain")
 
@@ -201,13 +204,13 @@ def test_a_doubted_change_hides_none():
     }
     doubts = {"estimated_load_n": ("the load is outside the calibration",) * 100}
     findings = findings_of(replace(tire, columns=columns, doubts=doubts))
-    assert set(findings) == {Code.TREND_LEVEL_CHANGED}
-    assert findings[Code.TREND_LEVEL_CHANGED]["name"] == "Cw"
+    assert set(findings) == {CoreCode.TREND_LEVEL_CHANGED}
+    assert findings[CoreCode.TREND_LEVEL_CHANGED]["name"] == "Cw"
 
 
 def test_numbers_of_the_sensor_are_no_consequences_of_the_pressure():
-    noise = Reason(Code.TREND_SENSOR_NOISE, factor=6.0)
-    leak = Reason(Code.TREND_LOSES_PRESSURE, loss_pa=3e3, std_pa=100.0)
+    noise = Reason(FleetCode.TREND_SENSOR_NOISE, factor=6.0)
+    leak = Reason(FleetCode.TREND_LOSES_PRESSURE, loss_pa=3e3, std_pa=100.0)
     findings = [Finding(leak, "pressure_at_20_degc"), Finding(noise, "noise_mps2")]
     assert with_causes(findings, {}) == [leak, noise]
 
@@ -218,8 +221,8 @@ def test_noise_that_grows_evenly_to_six_times_is_found():
     growth = 1.0 + 5.0 * tire.months / tire.months[-1]
     columns = {**tire.columns, "noise_mps2": tire.columns["noise_mps2"] * growth}
     findings = findings_of(replace(tire, columns=columns))
-    assert set(findings) == {Code.TREND_SENSOR_NOISE}
-    assert findings[Code.TREND_SENSOR_NOISE]["factor"] == pytest.approx(6.0, rel=0.35)
+    assert set(findings) == {FleetCode.TREND_SENSOR_NOISE}
+    assert findings[FleetCode.TREND_SENSOR_NOISE]["factor"] == pytest.approx(6.0, rel=0.35)
 
 
 def test_a_bend_is_no_autocorrelation():

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from gateway.core.estimates.estimator import Status
-from gateway.core.reasons import Code
+from gateway.core.reasons import Code, CoreCode
+from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.fleet_analysis import analyse
 from gateway.fleet.trends.tire_history import TireHistory
 from gateway.fleet.trends.trend_result import FleetTrends, Quantity, TireTrend
@@ -59,7 +60,7 @@ def test_leak_is_separated_from_temperature():
     result = number(leaking, Quantity.PRESSURE_LOSS)
     assert result.unit == "kPa/month"
     assert result.value == pytest.approx(3.0, abs=3.0 * result.std)
-    assert Code.TREND_LOSES_PRESSURE in codes(leaking)
+    assert FleetCode.TREND_LOSES_PRESSURE in codes(leaking)
     assert codes(tight) == set()
     assert abs(number(tight, Quantity.PRESSURE_LOSS).value) < 3.0 * number(tight, Quantity.PRESSURE_LOSS).std + 1e-9
 
@@ -70,7 +71,7 @@ def test_refills_do_not_hide_a_leak():
     (result,) = trends_of(changed(tire, "pressure_pa", refilled)).tires
     loss = number(result, Quantity.PRESSURE_LOSS)
     assert loss.value == pytest.approx(4.0, abs=3.0 * loss.std)
-    assert any(reason.code is Code.TREND_STEPS and reason["count"] == 2 for reason in loss.reasons)
+    assert any(reason.code is FleetCode.TREND_STEPS and reason["count"] == 2 for reason in loss.reasons)
 
 
 def test_a_leak_refilled_every_month_is_found():
@@ -80,8 +81,8 @@ def test_a_leak_refilled_every_month_is_found():
     (result,) = trends_of(changed(tire, "pressure_pa", tire.columns["pressure_pa"] - lost)).tires
     loss = number(result, Quantity.PRESSURE_LOSS)
     assert loss.value == pytest.approx(9.0, abs=3.0 * loss.std)
-    assert Code.TREND_LOSES_PRESSURE in codes(result)
-    assert any(reason.code is Code.TREND_STEPS and reason["count"] == 15 for reason in loss.reasons)
+    assert FleetCode.TREND_LOSES_PRESSURE in codes(result)
+    assert any(reason.code is FleetCode.TREND_STEPS and reason["count"] == 15 for reason in loss.reasons)
 
 
 def test_small_refills_do_not_hide_a_leak():
@@ -92,8 +93,8 @@ def test_small_refills_do_not_hide_a_leak():
     loss = number(result, Quantity.PRESSURE_LOSS)
     assert loss.low < 2.8 < loss.high
     assert loss.low > 1.4
-    assert Code.TREND_LOSES_PRESSURE in codes(result)
-    assert any(reason.code is Code.TREND_REFILLS_HIDE for reason in loss.reasons)
+    assert FleetCode.TREND_LOSES_PRESSURE in codes(result)
+    assert any(reason.code is FleetCode.TREND_REFILLS_HIDE for reason in loss.reasons)
 
 
 def test_noise_of_a_tire_that_is_driven_faster_each_time_is_the_speeds():
@@ -103,7 +104,7 @@ def test_noise_of_a_tire_that_is_driven_faster_each_time_is_the_speeds():
     noise = 0.05 * np.exp((speed / 30.0) ** 2)
     faster = changed(changed(tire, "speed_mean_mps", speed + 1e-3 * np.sin(np.arange(100))), "noise_mps2", noise)
     (result,) = trends_of(faster).tires
-    assert Code.TREND_SENSOR_NOISE not in codes(result)
+    assert FleetCode.TREND_SENSOR_NOISE not in codes(result)
 
 
 def test_a_pressure_that_never_changes_shows_no_loss():
@@ -111,7 +112,7 @@ def test_a_pressure_that_never_changes_shows_no_loss():
     (result,) = trends_of(changed(tire, "pressure_pa", np.full(100, 220e3))).tires
     for quantity in (Quantity.PRESSURE_LOSS, Quantity.PRESSURE_NOW):
         assert number(result, quantity).status is Status.INVALID
-        assert number(result, quantity).reasons[0].code is Code.TREND_PRESSURE_CONSTANT
+        assert number(result, quantity).reasons[0].code is FleetCode.TREND_PRESSURE_CONSTANT
 
 
 def test_a_temperature_that_never_changes_makes_no_leak():
@@ -121,14 +122,14 @@ def test_a_temperature_that_never_changes_makes_no_leak():
     (result,) = trends_of(stuck).tires
     loss = number(result, Quantity.PRESSURE_LOSS)
     assert loss.status is Status.PROVISIONAL
-    assert loss.reasons[0].code is Code.TREND_TEMPERATURE_STUCK
-    assert Code.TREND_LOSES_PRESSURE not in codes(result)
+    assert loss.reasons[0].code is FleetCode.TREND_TEMPERATURE_STUCK
+    assert FleetCode.TREND_LOSES_PRESSURE not in codes(result)
 
 
 def test_a_distance_that_stands_still_is_said():
     tire = history()
     (result,) = trends_of(replace(tire, km=np.full(100, 20_000.0))).tires
-    assert number(result, Quantity.WEAR_RATE).reasons[0].code is Code.TREND_DISTANCE_CONSTANT
+    assert number(result, Quantity.WEAR_RATE).reasons[0].code is FleetCode.TREND_DISTANCE_CONSTANT
 
 
 def test_stated_pressure_shows_no_loss():
@@ -137,7 +138,7 @@ def test_stated_pressure_shows_no_loss():
     loss = number(result, Quantity.PRESSURE_LOSS)
     assert loss.status is Status.INVALID
     assert math.isnan(loss.value)
-    assert loss.reasons[0].code is Code.TREND_PRESSURE_NOT_MEASURED
+    assert loss.reasons[0].code is FleetCode.TREND_PRESSURE_NOT_MEASURED
 
 
 def test_stiffness_with_age_and_temperature():
@@ -145,14 +146,14 @@ def test_stiffness_with_age_and_temperature():
     age, warmth = number(tire, "Cw_rate"), number(tire, "Bs_temperature")
     assert age.value == pytest.approx(1.0, abs=3.0 * age.std)
     assert warmth.value == pytest.approx(-0.6, abs=3.0 * warmth.std)
-    assert Code.TREND_STIFFNESS_DRIFTS in codes(tire)
+    assert FleetCode.TREND_STIFFNESS_DRIFTS in codes(tire)
     assert abs(number(tire, "Rs_rate").value) < 3.0 * number(tire, "Rs_rate").std
 
 
 def test_constant_temperature_has_no_coefficient():
     tire = history()
     (result,) = trends_of(changed(tire, "temperature_degc", np.full(100, 30.0))).tires
-    assert number(result, "Bs_temperature").reasons[0].code is Code.TREND_TEMPERATURE_CONSTANT
+    assert number(result, "Bs_temperature").reasons[0].code is FleetCode.TREND_TEMPERATURE_CONSTANT
     assert number(result, "Bs_rate").status is Status.VALID
 
 
@@ -169,7 +170,7 @@ def test_fall_of_wear_begins_a_new_tire():
 
 def test_noisy_sensor_is_found():
     noisy, fine = trends_of(history(1, noise_growth=0.1), history(2, vehicle="fine")).tires
-    assert codes(noisy) == {Code.TREND_SENSOR_NOISE}
+    assert codes(noisy) == {FleetCode.TREND_SENSOR_NOISE}
     assert noisy.findings[0]["factor"] == pytest.approx(math.exp(0.8), rel=0.1)
     assert codes(fine) == set()
 
@@ -177,10 +178,10 @@ def test_noisy_sensor_is_found():
 @pytest.mark.parametrize(
     ("name", "change", "code"),
     [
-        ("samples_lost", 3000.0, Code.TREND_SENSOR_LOSSES),
-        ("samples_saturated", 600.0, Code.TREND_SENSOR_CLIPS),
-        ("mounting_offset_m", 0.004, Code.TREND_SENSOR_MOVES),
-        ("gain", 0.05, Code.TREND_SENSOR_GAIN),
+        ("samples_lost", 3000.0, FleetCode.TREND_SENSOR_LOSSES),
+        ("samples_saturated", 600.0, FleetCode.TREND_SENSOR_CLIPS),
+        ("mounting_offset_m", 0.004, FleetCode.TREND_SENSOR_MOVES),
+        ("gain", 0.05, CoreCode.TREND_SENSOR_GAIN),
     ],
 )
 def test_degrading_sensor_is_found(name, change, code):
@@ -193,7 +194,7 @@ def test_degrading_sensor_is_found(name, change, code):
 def test_fast_wear_is_a_finding_of_the_fleet():
     fleet = [history(seed, vehicle=f"car {seed}", wear_mm_per_1000km=0.02) for seed in range(5)]
     *others, fast = trends_of(*fleet, history(9, vehicle="fast", wear_mm_per_1000km=0.08)).tires
-    assert codes(fast) == {Code.TREND_WEARS_FAST}
+    assert codes(fast) == {FleetCode.TREND_WEARS_FAST}
     assert all(not tire.findings for tire in others)
 
 
@@ -206,7 +207,7 @@ def test_load_is_measured_or_as_stated():
     tire = history()
     (stated,) = trends_of(changed(tire, "estimated_load_n", np.full(100, math.nan))).tires
     assert number(stated, Quantity.LOAD).status is Status.PROVISIONAL
-    assert number(stated, Quantity.LOAD).reasons[0].code is Code.TREND_LOAD_STATED
+    assert number(stated, Quantity.LOAD).reasons[0].code is FleetCode.TREND_LOAD_STATED
     assert number(stated, Quantity.LOAD_RATE).status is Status.INVALID
 
 
@@ -222,7 +223,7 @@ def test_a_rate_per_month_needs_days(days, known):
         return
     assert rates == known
     reason = monthly["Bs_rate"].reasons[0]
-    assert (reason.code, reason["needed_s"]) == (Code.TREND_SPAN_SHORT, pytest.approx(7.0 * 86_400.0))
+    assert (reason.code, reason["needed_s"]) == (FleetCode.TREND_SPAN_SHORT, pytest.approx(7.0 * 86_400.0))
     assert reason["span_s"] == pytest.approx(86_400.0 * days)
     assert number(result, Quantity.PRESSURE_NOW).status is Status.VALID
     assert number(result, "Bs_temperature").status is Status.VALID
@@ -234,7 +235,7 @@ def test_wear_per_1000_km_needs_a_distance():
     short, long = (trends_of(item).tires[0] for item in (near, far))
     rate = number(short, Quantity.WEAR_RATE)
     assert rate.status is Status.INVALID
-    assert rate.reasons[0].code is Code.TREND_DISTANCE_SHORT
+    assert rate.reasons[0].code is FleetCode.TREND_DISTANCE_SHORT
     assert rate.reasons[0]["distance_m"] == pytest.approx(2000.0)
     assert number(short, Quantity.WEAR_NOW).status is Status.VALID
     assert number(long, Quantity.WEAR_RATE).status is Status.VALID
@@ -249,7 +250,7 @@ def test_recordings_of_unknown_tires_give_no_valid_number():
         for each in entry.numbers:
             assert each.status is not Status.VALID
             if each.status is Status.PROVISIONAL:
-                assert each.reasons[0].code is Code.TREND_TIRE_UNIDENTIFIED
+                assert each.reasons[0].code is FleetCode.TREND_TIRE_UNIDENTIFIED
     assert trends.pairs[0].numbers[0].status is Status.PROVISIONAL
     assert any("(not identified)" in line for line in trend_lines(trends))
 
@@ -269,7 +270,7 @@ def test_recorded_distance_is_provisional():
     (tire,) = trends_of(history(has_odometer=False)).tires
     rate = number(tire, Quantity.WEAR_RATE)
     assert rate.status is Status.PROVISIONAL
-    assert rate.reasons[0].code is Code.TREND_RECORDED_DISTANCE
+    assert rate.reasons[0].code is FleetCode.TREND_RECORDED_DISTANCE
 
 
 def test_few_recordings_determine_nothing():
@@ -285,7 +286,7 @@ def test_reason_of_missing_values_is_passed_on():
     tire = history()
     (result,) = trends_of(tire).tires
     reason = number(result, "zero_rate").reasons[0]
-    assert (reason.code, reason["why"]) == (Code.TREND_NO_VALUES, "needs two speeds")
+    assert (reason.code, reason["why"]) == (FleetCode.TREND_NO_VALUES, "needs two speeds")
 
 
 def test_outliers_are_named_with_their_recordings():
@@ -297,7 +298,7 @@ def test_outliers_are_named_with_their_recordings():
     assert {outlier.name for outlier in trends.outliers} == {"Bs"}
     assert all(outlier.deviation > 5.0 for outlier in trends.outliers)
     rate = number(trends.tires[0], "Bs_rate")
-    assert any(reason.code is Code.TREND_OUTLIERS_LEFT_OUT for reason in rate.reasons)
+    assert any(reason.code is FleetCode.TREND_OUTLIERS_LEFT_OUT for reason in rate.reasons)
 
 
 def test_false_outliers_are_below_one_percent():

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from gateway.core.estimates.estimator import Status
-from gateway.core.reasons import Code
+from gateway.core.reasons import Code, CoreCode
 from gateway.core.text.wording import text
 from gateway.core.types import FloatArray
+from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.fleet_analysis import analyse
 from gateway.fleet.trends.late_changes import find_shape
 from gateway.fleet.trends.tire_history import TireHistory
@@ -18,16 +19,16 @@ from tests.testkit.tire_histories import history, number
 
 COUNT = 60
 CHANGES = {
-    Code.TREND_LEVEL_CHANGED,
-    Code.TREND_SLOPE_CHANGED,
-    Code.TREND_LOSS_CHANGED,
-    Code.TREND_WEAR_CHANGED,
-    Code.TREND_PASSED,
-    Code.TREND_PRESSURE_FELL,
+    CoreCode.TREND_LEVEL_CHANGED,
+    FleetCode.TREND_SLOPE_CHANGED,
+    FleetCode.TREND_LOSS_CHANGED,
+    FleetCode.TREND_WEAR_CHANGED,
+    FleetCode.TREND_PASSED,
+    FleetCode.TREND_PRESSURE_FELL,
 }
 # What the loss of pressure is found from.
 OF_PRESSURE = ("pressure_pa", "pressure_measured", "temperature_degc")
-NOTES = {Code.TREND_NEWEST_LEFT, Code.TREND_RATE_SINCE, Code.TREND_NOW_SINCE}
+NOTES = {FleetCode.TREND_NEWEST_LEFT, FleetCode.TREND_RATE_SINCE, FleetCode.TREND_NOW_SINCE}
 
 
 def changed(tire: TireHistory, **columns: FloatArray) -> TireHistory:
@@ -67,12 +68,12 @@ def test_a_leak_that_begins_late_is_followed():
     assert loss.value == pytest.approx(20.0, abs=3.0 * loss.std)
     assert loss.std < 3.0
     assert now.low < 196.0 < now.high
-    (finding,) = findings(single, Code.TREND_LOSS_CHANGED)
+    (finding,) = findings(single, FleetCode.TREND_LOSS_CHANGED)
     assert finding["after_pa"] == pytest.approx(20e3, rel=0.15)
     assert finding["before_pa"] == pytest.approx(0.0, abs=300.0)
     assert finding["last"] == "car_0059.mcap"
-    assert Code.TREND_RATE_SINCE in codes_of(loss)
-    assert Code.TREND_NOW_SINCE in codes_of(now)
+    assert FleetCode.TREND_RATE_SINCE in codes_of(loss)
+    assert FleetCode.TREND_NOW_SINCE in codes_of(now)
     assert not [outlier for outlier in trends.outliers if outlier.name == "pressure_at_20_degc"]
 
 
@@ -81,9 +82,11 @@ def test_a_bend_is_no_refill(rate_kpa):
     tire = history(3, COUNT)
     (single,) = trends_of(lower(tire, 1e3 * rate_kpa * late(tire, 4.0))).tires
     loss = number(single, Quantity.PRESSURE_LOSS)
-    assert Code.TREND_STEPS not in codes_of(loss)
+    assert FleetCode.TREND_STEPS not in codes_of(loss)
     assert (loss.status, loss.value) == (Status.VALID, pytest.approx(rate_kpa, abs=3.0 * loss.std))
-    assert {Code.TREND_LOSS_CHANGED, Code.TREND_LOSES_PRESSURE} <= {finding.code for finding in single.findings}
+    assert {FleetCode.TREND_LOSS_CHANGED, FleetCode.TREND_LOSES_PRESSURE} <= {
+        finding.code for finding in single.findings
+    }
 
 
 def test_few_newest_recordings_make_provisional_numbers():
@@ -91,7 +94,7 @@ def test_few_newest_recordings_make_provisional_numbers():
     (single,) = trends_of(lower(tire, 60e3 * late(tire, 0.6))).tires
     for quantity in (Quantity.PRESSURE_LOSS, Quantity.PRESSURE_NOW):
         assert number(single, quantity).status is Status.PROVISIONAL
-    assert findings(single, Code.TREND_LOSS_CHANGED)
+    assert findings(single, FleetCode.TREND_LOSS_CHANGED)
 
 
 @pytest.mark.parametrize("last", [2, 3])
@@ -100,14 +103,14 @@ def test_the_last_recordings_together_are_a_change(last):
     low = np.where(np.arange(COUNT) >= COUNT - last, 30e3, 0.0)
     trends = trends_of(lower(tire, low))
     (single,) = trends.tires
-    (finding,) = findings(single, Code.TREND_LEVEL_CHANGED)
+    (finding,) = findings(single, CoreCode.TREND_LEVEL_CHANGED)
     assert (finding["name"], finding["count"]) == ("pressure_at_20_degc", last)
     assert finding["change"] == pytest.approx(-30.0, abs=2.0)
     assert finding["first"] == f"car_{COUNT - last:04d}.mcap"
     now, loss = number(single, Quantity.PRESSURE_NOW), number(single, Quantity.PRESSURE_LOSS)
     assert (now.status, now.value) == (Status.PROVISIONAL, pytest.approx(190.0, abs=2.0))
     assert loss.status is Status.PROVISIONAL
-    assert Code.TREND_NEWEST_LEFT in codes_of(loss)
+    assert FleetCode.TREND_NEWEST_LEFT in codes_of(loss)
 
 
 def test_a_last_recording_that_deviates_alone_is_an_outlier_and_said():
@@ -118,7 +121,7 @@ def test_a_last_recording_that_deviates_alone_is_an_outlier_and_said():
     assert "pressure_at_20_degc" in {outlier.name for outlier in trends.outliers}
     now = number(single, Quantity.PRESSURE_NOW)
     assert now.status is Status.PROVISIONAL
-    assert now.reasons[0].code is Code.TREND_LAST_DEVIATES
+    assert now.reasons[0].code is FleetCode.TREND_LAST_DEVIATES
     assert now.reasons[0]["deviation"] < -20.0
 
 
@@ -134,7 +137,7 @@ def test_recordings_in_a_row_that_deviate_are_a_finding():
     tire = history(5, COUNT)
     wrong = tire.columns["Bs"] * np.where((np.arange(COUNT) >= 30) & (np.arange(COUNT) < 33), 0.8, 1.0)
     trends = trends_of(changed(tire, Bs=wrong))
-    (finding,) = findings(trends.tires[0], Code.TREND_PASSED)
+    (finding,) = findings(trends.tires[0], FleetCode.TREND_PASSED)
     assert (finding["name"], finding["count"]) == ("Bs", 3)
     assert (finding["first"], finding["last"]) == ("car_0030.mcap", "car_0032.mcap")
     assert {outlier.recording for outlier in trends.outliers} == {"car_0030.mcap", "car_0031.mcap", "car_0032.mcap"}
@@ -148,7 +151,7 @@ def test_wear_that_grows_at_the_end_is_followed():
     assert now.value == pytest.approx(0.05 * 9.6 + 1.5, abs=0.2)
     # 1 mm in a month of 1,200 km, on top of 0.05 mm in 1,000 km
     assert rate.value == pytest.approx(0.05 + 1.0 / 1.2, abs=3.0 * rate.std)
-    (finding,) = findings(single, Code.TREND_WEAR_CHANGED)
+    (finding,) = findings(single, FleetCode.TREND_WEAR_CHANGED)
     assert finding["before_m"] == pytest.approx(5e-5, abs=3e-5)
 
 
@@ -162,7 +165,7 @@ def test_a_sensor_that_fails_at_the_end_is_found(name, factor):
     is_added = name in ("samples_lost", "mounting_offset_m")
     worse = column + np.where(is_late, factor, 0.0) if is_added else column * np.where(is_late, factor, 1.0)
     (single,) = trends_of(changed(tire, **{name: worse})).tires
-    (finding,) = findings(single, Code.TREND_LEVEL_CHANGED)
+    (finding,) = findings(single, CoreCode.TREND_LEVEL_CHANGED)
     assert finding["name"] == name
     assert abs(int(str(finding["count"])) - int(is_late.sum())) <= 1
 
@@ -173,7 +176,7 @@ def test_series_that_are_not_tested_keep_all_values():
     (single,) = trends_of(changed(tire, samples_lost=lost)).tires
     rate = number(single, "loss_rate")
     assert rate.count == COUNT
-    assert Code.TREND_OUTLIERS_LEFT_OUT not in codes_of(rate)
+    assert FleetCode.TREND_OUTLIERS_LEFT_OUT not in codes_of(rate)
 
 
 def test_a_noise_that_goes_with_the_speed_is_provisional():
@@ -182,9 +185,9 @@ def test_a_noise_that_goes_with_the_speed_is_provisional():
     noise = 0.05 * np.exp((speed / 30.0) ** 2)
     single = trends_of(changed(tire, speed_mean_mps=speed + 1e-3 * np.sin(np.arange(100)), noise_mps2=noise)).tires[0]
     rate = number(single, "noise_rate")
-    if Code.TREND_RATE_SINCE not in codes_of(rate):
+    if FleetCode.TREND_RATE_SINCE not in codes_of(rate):
         assert rate.status is Status.PROVISIONAL
-        assert rate.reasons[0].code is Code.TREND_SPEED_WITH_TIME
+        assert rate.reasons[0].code is FleetCode.TREND_SPEED_WITH_TIME
 
 
 @pytest.mark.parametrize(("share", "first_rate", "second_rate"), [(0.25, 0.5, 0.5), (0.4, 0.2, 0.2), (0.5, 0.08, 0.24)])
@@ -212,7 +215,7 @@ def test_faster_wear_is_no_second_tire():
 def test_a_puncture_within_hours_is_a_finding():
     tire = history(10, 12, months=0.01)
     (single,) = trends_of(lower(tire, 110e3 * tire.months / 0.01)).tires
-    (finding,) = findings(single, Code.TREND_PRESSURE_FELL)
+    (finding,) = findings(single, FleetCode.TREND_PRESSURE_FELL)
     # At 20 degC; the tire is 10 K warmer.
     assert finding["fall_pa"] == pytest.approx(110e3 * 293.0 / 303.0, rel=0.03)
     assert number(single, Quantity.PRESSURE_LOSS).status is Status.INVALID
@@ -221,7 +224,7 @@ def test_a_puncture_within_hours_is_a_finding():
 def test_frequent_refills_are_stated_as_a_limit():
     (single,) = trends_of(history(11, COUNT)).tires
     loss = number(single, Quantity.PRESSURE_LOSS)
-    (limit,) = [reason for reason in loss.reasons if reason.code is Code.TREND_REFILLS_OFTEN]
+    (limit,) = [reason for reason in loss.reasons if reason.code is FleetCode.TREND_REFILLS_OFTEN]
     # 3.5 times a scatter of 0.5 kPa in a week
     assert limit["hidden_pa"] == pytest.approx(8e3, abs=2e3)
     assert "topped up every week" in text(limit)

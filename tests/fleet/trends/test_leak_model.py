@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from gateway.core.estimates.estimator import Status
-from gateway.core.reasons import Code
+from gateway.core.reasons import CoreCode
+from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.fleet_analysis import analyse
 from gateway.fleet.trends.leak_model import Leak, flow, newest_leak, straightened
 from gateway.fleet.trends.refilled_pressure import scatter_of
@@ -105,13 +106,13 @@ def test_trends_report_the_leak_once_with_its_date(leaking: int, is_stuck: bool)
     loss = number(result, Quantity.PRESSURE_LOSS)
     assert loss.status is Status.VALID
     assert abs(loss.value - true_kpa) < 3.5 * loss.std
-    kinds = (Code.TREND_LOSS_CHANGED, Code.TREND_LEVEL_CHANGED, Code.TREND_LOSES_PRESSURE)
+    kinds = (FleetCode.TREND_LOSS_CHANGED, CoreCode.TREND_LEVEL_CHANGED, FleetCode.TREND_LOSES_PRESSURE)
     of_pressure = [
         finding
         for finding in result.findings
         if finding.code in kinds and dict(finding.values).get("name") in (None, "pressure_at_20_degc")
     ]
-    assert [finding.code for finding in of_pressure] == [Code.TREND_LOSS_CHANGED]
+    assert [finding.code for finding in of_pressure] == [FleetCode.TREND_LOSS_CHANGED]
     assert of_pressure[0]["date"] == str(np.datetime64(int(times_ns[-leaking]), "ns").astype("datetime64[D]"))
     series = next(series for series in result.series if series.name == "pressure_at_20_degc")
     assert len(series.values) == len(series.expected) == COUNT

@@ -9,6 +9,7 @@ from gateway.core.estimates.estimator import Status
 from gateway.core.quantity import Statement
 from gateway.core.reasons import Code, Reason
 from gateway.core.text.wording import text
+from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.fleet_analysis import analyse
 from gateway.fleet.trends.moved_tires import findings_of_moves
 from gateway.fleet.trends.tire_history import MONTH_NS, TireHistory
@@ -45,7 +46,7 @@ def test_provisional_values_make_a_provisional_trend(doubtful, status):
     for quantity in (Quantity.WEAR_RATE, Quantity.WEAR_NOW, Quantity.LOAD, Quantity.LOAD_SCATTER):
         single = number(trends, quantity)
         assert single.status is status
-        marks = [reason for reason in single.reasons if reason.code is Code.TREND_PROVISIONAL]
+        marks = [reason for reason in single.reasons if reason.code is FleetCode.TREND_PROVISIONAL]
         assert len(marks) == (status is Status.PROVISIONAL)
         assert all(mark["why"] == "contradicted" for mark in marks)
     assert number(trends, "Bs_rate").status is Status.VALID
@@ -53,7 +54,7 @@ def test_provisional_values_make_a_provisional_trend(doubtful, status):
 
 def test_a_drift_of_provisional_values_is_no_finding():
     drifting = history(3, COUNT, stiffening=0.03)
-    assert Code.TREND_STIFFNESS_DRIFTS in codes(trends_of(drifting)[0])
+    assert FleetCode.TREND_STIFFNESS_DRIFTS in codes(trends_of(drifting)[0])
     (trends,) = trends_of(replace(drifting, doubts={"Cw": ("clipped",) * COUNT}))
     assert number(trends, "Cw_rate").status is Status.PROVISIONAL
     assert codes(trends) == []
@@ -65,7 +66,7 @@ def test_alarms_rejected_revolutions_and_damage_are_findings():
     damaged[3] = 1.0
     result = tire(revolutions=np.full(COUNT, 100.0), revolutions_valid=valid, damaged=damaged)
     (single,) = trends_of(replace(result, alarms=alarms, faults=("the samples are lost",) * COUNT))
-    assert codes(single) == [Code.TREND_ALARMS, Code.TREND_FEW_VALID, Code.TREND_DAMAGED]
+    assert codes(single) == [FleetCode.TREND_ALARMS, FleetCode.TREND_FEW_VALID, FleetCode.TREND_DAMAGED]
     assert [(finding["count"], finding["of"]) for finding in single.findings] == [(20, 40), (20, 40), (1, 40)]
     assert (single.findings[0]["name"], single.findings[1]["why"]) == ("steady value", "the samples are lost")
 
@@ -73,10 +74,10 @@ def test_alarms_rejected_revolutions_and_damage_are_findings():
 @pytest.mark.parametrize(
     ("statement", "before", "after", "code"),
     [
-        (Statement.LOAD, "4000", "5000", Code.TREND_STATED_LOAD),
-        (Statement.RADIUS, "0.32", "0.3", Code.TREND_STATED_RADIUS),
-        (Statement.REFERENCE, '{"Bs": 1}', '{"Bs": 2}', Code.TREND_STATED_REFERENCE),
-        (Statement.THICKNESS, "0.015", "0.012", Code.TREND_STATED_THICKNESS),
+        (Statement.LOAD, "4000", "5000", FleetCode.TREND_STATED_LOAD),
+        (Statement.RADIUS, "0.32", "0.3", FleetCode.TREND_STATED_RADIUS),
+        (Statement.REFERENCE, '{"Bs": 1}', '{"Bs": 2}', FleetCode.TREND_STATED_REFERENCE),
+        (Statement.THICKNESS, "0.015", "0.012", FleetCode.TREND_STATED_THICKNESS),
     ],
 )
 def test_a_changed_statement_is_no_new_tire_and_no_wear(statement, before, after, code):
@@ -87,7 +88,7 @@ def test_a_changed_statement_is_no_new_tire_and_no_wear(statement, before, after
     rate = number(single, Quantity.WEAR_RATE)
     assert rate.value == pytest.approx(0.05, abs=4.0 * rate.std)
     assert rate.std < 0.05
-    assert Code.TREND_STATED_LEVELS in [reason.code for reason in rate.reasons]
+    assert FleetCode.TREND_STATED_LEVELS in [reason.code for reason in rate.reasons]
     assert codes(single) == [code]
 
 
@@ -109,24 +110,24 @@ def test_bending_that_falls_by_the_measured_wear_is_no_drift():
     result = history(3, COUNT, wear_mm_per_1000km=0.16, softening=0.0, scatter=0.3)
     remainder = 1.0 - result.columns["wear_mm"] / 15.0
     worn = replace(result, columns={**result.columns, "Bs": result.columns["Bs"] * remainder**3})
-    assert codes(trends_of(worn)[0]) == [Code.TREND_STIFFNESS_DRIFTS]  # its thickness is not known
+    assert codes(trends_of(worn)[0]) == [FleetCode.TREND_STIFFNESS_DRIFTS]  # its thickness is not known
     reference = replace(worn, columns={**worn.columns, "ring_thickness_m": np.full(COUNT, 0.015)})
     (single,) = trends_of(reference)
     assert codes(single) == []
     rate = number(single, "Bs_rate")
-    (note,) = [reason for reason in rate.reasons if reason.code is Code.TREND_WEAR_SOFTENS]
+    (note,) = [reason for reason in rate.reasons if reason.code is FleetCode.TREND_WEAR_SOFTENS]
     assert 100.0 * note["share"] == pytest.approx(rate.value, abs=0.3)
     hardened = replace(
         reference, columns={**reference.columns, "Bs": reference.columns["Bs"] * np.exp(0.04 * reference.months)}
     )
-    assert codes(trends_of(hardened)[0]) == [Code.TREND_STIFFNESS_DRIFTS]
+    assert codes(trends_of(hardened)[0]) == [FleetCode.TREND_STIFFNESS_DRIFTS]
 
 
 def test_a_pressure_that_sticks_midway_is_left_out():
     result = history(3, COUNT, leak_pa=4000.0)
     stuck = np.where(HALF, 230e3, result.columns["pressure_pa"])
     (single,) = trends_of(replace(result, columns={**result.columns, "pressure_pa": stuck}))
-    assert Code.TREND_PRESSURE_STUCK in codes(single)
+    assert FleetCode.TREND_PRESSURE_STUCK in codes(single)
     loss = number(single, Quantity.PRESSURE_LOSS)
     assert (loss.count, loss.value) == (20, pytest.approx(4.0, abs=4.0 * loss.std))
 
@@ -134,7 +135,7 @@ def test_a_pressure_that_sticks_midway_is_left_out():
 def test_a_temperature_that_no_tire_has_is_left_out():
     hot = np.where(HALF, 200.0, history(3, COUNT).columns["temperature_degc"])
     (single,) = trends_of(tire(temperature_degc=hot))
-    assert codes(single) == [Code.TREND_TEMPERATURE_IMPOSSIBLE]
+    assert codes(single) == [FleetCode.TREND_TEMPERATURE_IMPOSSIBLE]
     assert single.findings[0]["count"] == 20
     assert number(single, Quantity.PRESSURE_LOSS).count == 20
     assert number(single, Quantity.WEAR_RATE).count == 20
@@ -144,7 +145,7 @@ def test_a_wheel_that_stands_is_said_to_stand():
     nothing = {name: np.full(COUNT, np.nan) for name in tire().columns}
     standing = {**nothing, "revolutions": np.zeros(COUNT), "pressure_measured": np.ones(COUNT)}
     (single,) = trends_of(replace(tire(), columns=standing))
-    assert {reason.code for each in single.numbers for reason in each.reasons} == {Code.TREND_NO_REVOLUTION}
+    assert {reason.code for each in single.numbers for reason in each.reasons} == {FleetCode.TREND_NO_REVOLUTION}
 
 
 def tire_at(position: str, sensor_id: str, begin_months: float, *, vehicle: str = "car", seed: int = 1) -> TireHistory:
@@ -159,7 +160,7 @@ def test_two_sensors_that_change_wheels_are_one_finding() -> None:
     trends = analyse([*before, *after], recordings=200)
     moved = [(tire.position, tire.sensor_id, tire.findings[0]) for tire in trends.tires if tire.findings]
     date = str(np.datetime64(BEGIN_NS + round(3.1 * MONTH_NS), "ns").astype("datetime64[D]"))
-    expected = Reason(Code.TREND_TIRES_EXCHANGED, origin="FL", target="FR", date=date, sensor="a1", other="a2")
+    expected = Reason(FleetCode.TREND_TIRES_EXCHANGED, origin="FL", target="FR", date=date, sensor="a1", other="a2")
     assert moved == [("FR", "a1", expected)]
     assert "a1" in text(expected)
     assert "a2" in text(expected)
@@ -168,7 +169,7 @@ def test_two_sensors_that_change_wheels_are_one_finding() -> None:
 def test_a_sensor_that_moves_alone_is_named() -> None:
     (moved,) = findings_of_moves([tire_at("FL", "a1", 0.0), tire_at("RL", "a1", 4.0), tire_at("RL", "a2", 0.0)]).items()
     assert moved[0] == ("car", "RL", "a1")
-    assert [(reason.code, reason["origin"]) for reason in moved[1]] == [(Code.TREND_TIRE_MOVED, "FL")]
+    assert [(reason.code, reason["origin"]) for reason in moved[1]] == [(FleetCode.TREND_TIRE_MOVED, "FL")]
     assert "RL" in text(moved[1][0])
 
 
@@ -183,7 +184,7 @@ def test_moves_at_other_times_or_vehicles_are_no_exchange() -> None:
     ]
     for histories in (later, other):
         codes = [reason.code for findings in findings_of_moves(histories).values() for reason in findings]
-        assert codes == [Code.TREND_TIRE_MOVED] * 2
+        assert codes == [FleetCode.TREND_TIRE_MOVED] * 2
 
 
 def test_an_unknown_sensor_and_one_that_stays_have_no_finding() -> None:

@@ -1,0 +1,53 @@
+"""Reasons of contacts, each with the template of its text."""
+
+from gateway.core.reasons import Code, Codes
+
+
+class ContactCode(Codes):
+    """Reasons of contacts."""
+
+    # Revolutions that do not come
+    CONTACTS_NOT_ALIKE = Code(
+        "no three contacts in a row are those of one rolling wheel (radial axis: mean {mean_mps2:.0f m/s²}, standard "
+        "deviation {std_mps2:.0f m/s²})"
+    )
+    NO_CONTACT_IN_AC_SIGNAL = Code(
+        "no contact with the road is seen: the AC-coupled radial axis falls by {depth_mps2:.0f m/s²}, but its rotation "
+        "has a centripetal acceleration of {expected_mps2:.0f m/s²}. A sensor on the rim, or a wheel without load?"
+    )
+    NO_CONTACT_SEEN = Code(
+        "no contact with the road is seen: the radial axis has a mean of {mean_mps2:.0f m/s²} and never falls below "
+        "{lowest_mps2:.0f m/s²}. A sensor on the rim, or a wheel without load?"
+    )
+    RADIAL_AT_RANGE_END = Code(
+        "{share:.0%} of the samples are at the end of the sensor's range, {level_mps2:.0f m/s²}: a larger range is "
+        "needed"
+    )
+    RADIAL_IS_IN_G = Code(
+        "the radial axis is {ratio:.3f} of the centripetal acceleration of its rotation ({level_mps2:.0f m/s²} of "
+        "{expected_mps2:.0f m/s²}): its unit is g, not m/s² (a rate of {fitting_hz:.0f Hz} would fit as well)"
+    )
+    RADIAL_IS_IN_MPS2 = Code(
+        "the radial axis is {ratio:.2f} times the centripetal acceleration of its rotation ({level_mps2:.0f m/s²} for "
+        "{expected_mps2:.0f m/s²}): its unit is m/s², not g (a rate of {fitting_hz:.0f Hz} would fit as well)"
+    )
+    RADIAL_OUTWARD = Code("the mean of the radial axis is {mean_mps2:.0f m/s²}: it points outward, so reverse its sign")
+    RADIAL_SCALE_DOES_NOT_FIT = Code(
+        "the radial axis is {ratio:.3g} times the centripetal acceleration of its rotation ({level_mps2:.3g m/s²} for "
+        "{expected_mps2:.0f m/s²}), too far for a wrong rate: the scale or the unit of the axis is wrong"
+    )
+    RATE_DOES_NOT_FIT = Code(
+        "the radial axis is {ratio:.3g} times the centripetal acceleration of its rotation ({level_mps2:.0f m/s²} for "
+        "{expected_mps2:.0f m/s²}): the rate is not {rate_hz:.0f Hz}; {fitting_hz:.0f Hz} would fit"
+    )
+    SAMPLES_INTERRUPTED = Code(
+        "samples were lost again and again: at most {duration_s:.1f s} without a gap, {needed_s:.1f s} are needed"
+    )
+    SAMPLES_TOO_SHORT = Code("three revolutions take {needed_s:.1f s}, but the samples last {duration_s:.1f s}")
+    WHEEL_STANDS = Code(
+        "the wheel stands still: the radial axis is {mean_mps2:.1f m/s²} with a standard deviation of "
+        "{std_mps2:.1f m/s²}"
+    )
+    WHEEL_TOO_SLOW = Code(
+        "the wheel rolls at about {speed_mps:.0f km/h}; contacts differ from gravity at {limit_mps:.0f km/h} and more"
+    )

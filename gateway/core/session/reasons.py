@@ -1,0 +1,286 @@
+"""Reasons of sessions, each with the template of its text."""
+
+from gateway.core.reasons import Code, Codes
+
+
+class SessionCode(Codes):
+    """Reasons of sessions."""
+
+    # Revolutions that do not come
+    ALL_FRAMES_REFUSED = Code("all {count} frames were rejected, because their signatures could not be verified")
+    NO_FRAME_RECEIVED = Code("no frame was received that can be used, so there is nothing to estimate")
+
+    # Alarms as events
+    ALARM_CLEARED = Code("alarm over at {at_s:.1f s}, after {duration_s:.1f s}: {what}")
+    ALARM_COMES_AND_GOES = Code(
+        "ALARM at {at_s:.1f s}: {alarm}. It comes and goes: it is reported again after a minute without change"
+    )
+    ALARM_RAISED = Code("ALARM at {at_s:.1f s}: {alarm}")
+    ALARM_STANDS = Code("ALARM still at {at_s:.1f s}: {alarm}")
+
+    # Thresholds
+    BATTERY_BELOW_LIMIT = Code("battery at {level:.0f %}, below {limit:.0f %}")
+    BATTERY_NOW = Code("battery at {level:.0f %}")
+    FRAME_LOSS_ABOVE_LIMIT = Code("{share:.2f %} of the latest frames lost, above {limit:.2f %}")
+    FRAME_LOSS_NOW = Code("{share:.2f %} of the latest frames lost")
+    LINK_DOWN = Code("link is down: {state}")
+    LOAD_ABOVE_LIMIT = Code("load {load_n:.0f N} is above {limit_n:.0f N}")
+    LOAD_NOW = Code("load {load_n:.0f N}")
+    PRESSURE_ABOVE_LIMIT = Code("pressure {pressure_pa:.0f kPa} is above {limit_pa:.0f kPa}")
+    PRESSURE_BELOW_LIMIT = Code("pressure {pressure_pa:.0f kPa} is below {limit_pa:.0f kPa}")
+    PRESSURE_NOW = Code("pressure {pressure_pa:.0f kPa}")
+    SENSOR_RANGE_REACHED = Code("{count} samples at the end of the sensor's range")
+    SPEED_ABOVE_LIMIT = Code("speed {speed_mps:.0f km/h} is above {limit_mps:.0f km/h}")
+    SPEED_NOW = Code("speed {speed_mps:.0f km/h}")
+    TEMPERATURE_ABOVE_LIMIT = Code("inner liner at {temperature_degc:.0f degC}, above {limit_degc:.0f degC}")
+    TEMPERATURE_NOW = Code("inner liner at {temperature_degc:.0f degC}")
+    WEAR_ABOVE_LIMIT = Code("wear {wear_m:.1f mm} is above {limit_m:.1f mm}")
+    WEAR_NOW = Code("wear {wear_m:.1f mm}")
+
+    # Silence
+    AXIS_SILENT = Code(
+        "the {axis} axis is silent for {silence_s:.0f s}, though the hello declares it: samples without it are not used"
+    )
+    BUS_NOT_MAPPED = Code(
+        "no signal of this bus is mapped: its frames are recorded, but nothing is shown or compared (list the signals "
+        "in [vehicle_signals] of the vehicle file)"
+    )
+    BUS_SILENT = Code("no frame of the vehicle's bus for {silence_s:.0f s}. Ignition off, cable loose, or bus off?")
+    ENVIRONMENT_SILENT = Code("no pressure or temperature for {silence_s:.0f s}: the last values are that old")
+    HUB_OF_WHEEL_SILENT = Code("no frame of its hub for {silence_s:.0f s}")
+    HUB_SILENT = Code("no frame for {silence_s:.0f s} (wheels: {wheels}). Battery empty, out of range, or stopped?")
+    POSITION_MISSING = Code(
+        "the receiver has had no position for {silence_s:.0f} s. In a tunnel or building, or its antenna unplugged?"
+    )
+    RECEIVER_SILENT = Code(
+        "no sentence of the receiver for {silence_s:.0f} s. Unplugged, switched off, or another baud rate?"
+    )
+    SAMPLES_MISSING = Code("no samples for {silence_s:.0f s}")
+    SAMPLES_SILENT = Code(
+        "no samples for {silence_s:.0f s}, only other messages of its sensor. Stopped by a command, or a fault of its "
+        "firmware?"
+    )
+    SENDS_AGAIN = Code("sends again after {away_s:.1f s}")
+    SENSOR_NEVER_HEARD = Code(
+        "nothing received from its sensor in {silence_s:.0f s}, or only what was rejected. Is it switched on, and are "
+        "hub and wheel number as configured?"
+    )
+    SENSOR_SILENT = Code(
+        "its sensor is silent for {silence_s:.0f s}, its hub is not. Battery empty, out of range or broken?"
+    )
+
+    # Events of links and devices
+    LINK_NOT_OPEN = Code("not open yet")
+
+    # Live outputs
+    SINK_DOWN = Code("nothing is published, {waiting} items wait: {state}")
+    SINK_DROPS = Code("items are dropped, {dropped} so far: {state}")
+
+    # Health of links
+    FIRMWARE_TOO_NEW = Code(
+        "the firmware uses protocol {major}.x and treadlink {own}.x, so no frame can be read. Update treadlink"
+    )
+    FIRMWARE_TOO_OLD = Code(
+        "the firmware uses protocol {major}.x and treadlink {own}.x, so no frame can be read. Update the hub's firmware"
+    )
+    FRAMES_DAMAGED = Code(
+        "{share:.0f %} of the frames arrive damaged and are left out. Check cable, ground, distance and baud rate"
+    )
+    FRAMES_RESUMED = Code("frames arrive now")
+    FRAMES_WITH_BAD_PAYLOAD = Code(
+        "frames with a valid checksum whose content violates the protocol are skipped: a fault of the firmware. "
+        "`treadlink protocol check` names the fields"
+    )
+    FRAMES_WITH_UNKNOWN_FLAGS = Code("frames with unknown flags are skipped and counted")
+    HUB_RESTARTED = Code("restarted (boot count {boot_count}); its counters and times start again")
+    HUB_RESTARTS_REPEATEDLY = Code("restarts again and again. Check its supply. Further restarts are not reported")
+    LINK_NO_DATA_YET = Code(
+        "open, but no data yet. Is the hub powered, awake and set to send? Are TX and RX connected correctly?"
+    )
+    LINK_RESUMED = Code("data arrives again")
+    LINK_SILENT = Code(
+        "open, but no data for {silence_s:.0f s}. Is the hub powered, awake and set to send? Are TX and RX "
+        "connected correctly?"
+    )
+    NEWER_FRAME_LAYOUT = Code(
+        "frames of a layout newer than protocol {own} are skipped and counted: the firmware is newer. Update treadlink"
+    )
+    NEWER_PROTOCOL = Code(
+        "its firmware uses protocol {version}, newer than treadlink's {own}. What both support is read, the rest "
+        "is skipped and counted. Update treadlink"
+    )
+    NO_FRAMES = Code("data arrives, but it contains no frame: {content}")
+    NO_FRAMES_ANY_MORE = Code("data arrives, but no frame any more, after {frames} frames: {content}")
+    NO_HELLO = Code(
+        "samples arrive, but no valid HELLO for {silence_s:.0f s}: without rate and scale nothing can be estimated. A "
+        "hub sends a HELLO every 2 s. Restart the hub; `treadlink protocol check` says what is wrong with a HELLO"
+    )
+    OLDER_PROTOCOL = Code(
+        "its firmware uses protocol {version}, older than treadlink's {own}: it takes only unsigned commands"
+    )
+
+    # Content of a line without frames
+    CHECK_SOURCE_ADDRESS = Code("Check the address of the source")
+    CHOOSE_HUB_PORT = Code("Choose the hub's port; `treadlink doctor` lists the ports")
+    LINE_ALL_FRAMES_DAMAGED = Code(
+        "frames start, but all are damaged: a bad cable or ground, an overrun, or firmware with a wrong CRC "
+        "(`treadlink protocol` prints test vectors)"
+    )
+    LINE_CONSTANT = Code(
+        "every byte is {byte}: the line is held at one level. Is the hub powered, and are its data wire and "
+        "ground connected?"
+    )
+    LINE_GPS_RECEIVER = Code("this is a GPS receiver (NMEA text), not a hub. {remedy}")
+    LINE_NOT_A_HUB = Code("this is not a hub. {remedy}")
+    LINE_SYNC_SWAPPED = Code(
+        "this is not a hub as it is: the two sync bytes of its frames are swapped (5A A5 instead of A5 5A). A fault"
+        " of the firmware"
+    )
+    LINE_TEXT = Code("this is another device, which sends text: '{line}'. {remedy}")
+    LINE_UBLOX_RECEIVER = Code("this is a u-blox receiver, not a hub. {remedy}")
+    LINE_WRONG_BAUD_RATE = Code(
+        "wrong baud rate, or another device on the port. Set the hub's rate, for example ?baudrate=115200; the "
+        "default is {default_baud}"
+    )
+
+    # Wheels and their sensors
+    SENSOR_REPLACED = Code("sensor {sensor} is here, but the configuration names {expected}: a new sensor or tire?")
+    SENSOR_SWAPPED = Code(
+        "sensor {sensor} of {owner} is here: wheels swapped? Estimates use load and tire of {position}"
+    )
+    WHEEL_ADDRESS = Code("{position} (hub {hub}, wheel {wheel})")
+    WHEEL_NOT_CONFIGURED = Code(
+        "not configured: belt radius {radius_m:g mm} assumed, load unknown; give --config VEHICLE.toml"
+    )
+    WHEEL_NOT_IN_CONFIGURATION = Code(
+        "not configured (the configuration has {configured}): belt radius {radius_m:g mm} assumed, load unknown"
+    )
+
+    # False statements of a hub
+    HELLO_AXES_DIFFER = Code(
+        "samples have the axes {sent}, but HELLO states {stated}: {count} blocks are not used. A fault of the firmware"
+    )
+    HELLO_HIGHPASS_WITH_DC = Code(
+        "HELLO states DC coupling and a high-pass at {highpass_hz:g Hz} ({count} so far). The high-pass is ignored; if "
+        "there is one, the firmware must state AC"
+    )
+    HELLO_KEEPS_CHANGING = Code(
+        "HELLO keeps changing without a restart ({count} so far): each change of sensor, rate or axes starts the wheel "
+        "anew. A faulty hub, two sensors under one number, or forged frames"
+    )
+    HELLO_RATE_DIFFERS = Code(
+        "HELLO states {stated_hz:g Hz}, but samples come at {measured_hz:.0f Hz} by the hub's clock ({count} "
+        "so far, each over {duration_s:g s}). One of the two is wrong: a fault of the firmware"
+    )
+    HELLO_SCALE_ABSURD = Code(
+        "HELLO states a full scale of {full_scale_mps2:.3g m/s²} for the {axis} axis, which no tire sensor has "
+        "({count} so far). Its accelerations are wrong"
+    )
+    HELLO_SCALE_AGAINST_RANGE = Code(
+        "HELLO states a range of {range_mps2:.4g m/s²} for the {axis} axis, but scale and saturation give "
+        "{full_scale_mps2:.4g m/s²} ({count} so far). Its accelerations may be wrong"
+    )
+    HELLO_SCALE_ZERO = Code(
+        "HELLO states a scale of 0 for {axes} ({count} so far): such an axis cannot be used. A fault of the firmware"
+    )
+    HELLO_SENSORS_ALTERNATE = Code(
+        "sensors {sensor} and {other} announce themselves in turn as this wheel ({count} so far): estimates of two "
+        "sensors are mixed. Give each a wheel number of its own"
+    )
+    HELLO_ZERO_ABSURD = Code(
+        "HELLO states {offset_counts:.6g} counts at zero acceleration for the {axis} axis, more than a sample can have "
+        "({count} so far). Its accelerations are wrong"
+    )
+    HUB_BOOT_COUNTS_DIFFER = Code(
+        "its wheels state different boot counts, {own:.0f} and {other:.0f} ({count} so far): each change is taken "
+        "for a restart. A fault of the firmware"
+    )
+    HUB_CLOCK_STILL = Code(
+        "the hub's clock does not advance while samples arrive ({count} so far, each over {duration_s:g s}): "
+        "times and the sampling rate cannot be checked. A fault of the firmware"
+    )
+    HUB_NUMBER_RESERVED = Code(
+        "the hub has the number 255, which commands use for every hub ({count} HELLOs): it cannot be commanded alone"
+    )
+    HUB_SENDS_AS_WHEEL = Code(
+        "the hub sends messages of a wheel under its own number, 255: {count} frames are not used. A fault of the "
+        "firmware"
+    )
+    HUB_SENDS_COMMANDS = Code(
+        "commands arrive from the hub ({count} frames), which only a gateway sends: is the line looped back?"
+    )
+    HUB_TIME_AGAINST_TICK = Code(
+        "TIME_SYNC states {hub_us:.0f} us in a frame of tick {tick_us:.0f} us ({count} so far). A fault of the firmware"
+    )
+    ONLY_UNKNOWN_TYPES = Code(
+        "sends nothing but frames of unknown types ({count} so far). Update treadlink, or check the firmware"
+    )
+    PRESSURE_IMPOSSIBLE = Code(
+        "the sensor states {pressure_pa:.0f kPa} ({count} so far), which no tire has: these readings are not used"
+    )
+    SAMPLES_REPEATED = Code("sends the same samples again: {count} blocks are not used. A fault of the firmware")
+    SAMPLE_NUMBERS_JUMP = Code(
+        "sample numbers jump against the hub's clock, last by {last_s:+.3g s} ({count} so far): a restart of the "
+        "sensor that HELLO does not show, or a fault of the firmware. The jumps are not counted as lost"
+    )
+    TEMPERATURE_IMPOSSIBLE = Code(
+        "the sensor states {temperature_degc:.0f degC} ({count} so far), which no tire has: these readings are not used"
+    )
+    WHEELS_REFUSED = Code(
+        "{count} wheel numbers beyond the {most} that a session takes are not used. A faulty hub, or forged frames: "
+        "configure the wheels, and sign frames"
+    )
+
+    # Sessions and commands
+    COMMAND_FAILED = Code("the command failed")
+    COMMAND_NOT_VERIFIED = Code("command not signed, or signed with another key")
+    COMMAND_OUTCOME = Code("outcome {outcome}")
+    COMMAND_REFUSED = Code("did not execute {command}: {outcome}")
+    COMMAND_REPEATED = Code("command repeated: its counter is not above that of an earlier one")
+    COMMAND_UNKNOWN = Code("unknown command")
+    COMMAND_VALUE_REFUSED = Code("value refused")
+    CORE_STUCK = Code(
+        "has not returned for {stuck_s:.0f s}: there are no results until it does, the recording goes on. Leave it "
+        "out, or mend it"
+    )
+    CORE_GOES_ON = Code("has returned after {stuck_s:.0f s}")
+    DECODING_BEHIND = Code(
+        "this computer is too slow to decode and estimate. Dropped data is counted; a recording has all of it"
+    )
+    EFFECTS_SUBTRACTED = Code("subtracted from its axes at {ranges}: {effects}")
+    HUB_LOG = Code("log ({severity}): {text}")
+    HUB_LOG_LEFT_OUT = Code("{count} more lines of its hubs left out: at most ten a second are shown")
+    LOAD_RANGE = Code("{low_n:.0f} to {high_n:.0f N}")
+    PRESSURE_RANGE = Code("{low_pa:.0f kPa} to {high_pa:.0f kPa}")
+    DISK_FULL_SOON = Code("the disk has {free_bytes:.1f MB} left and is full in {left_s:.0f min}: free some space")
+    DISK_SPACE = Code("the disk has {free_bytes:.1f GB} left")
+    DISK_TIME = Code("the disk has {free_bytes:.1f GB} left, which lasts {left_s:.1f h} at the present pace")
+    RESULTS_LATE = Code(
+        "results come {late_s:.0f s} late: this computer is too slow to decode and estimate. Choose fewer estimators, "
+        "or record and estimate later"
+    )
+    RECORDING_BEHIND = Code("the disk is too slow: bytes are MISSING FROM THE RECORDING. Dropped data is counted")
+    RECORDING_BEGUN = Code("recording to {path}")
+    RECORDING_FINISHED = Code("recording {path} finished")
+    RECORDING_STOPPED = Code("RECORDING STOPPED: {error}. {remedy}")
+    RECORDING_PART_REFUSED = Code("{error}. The recording goes on in the present file, and tries again")
+    THREAD_STOPPED = Code("stopped by an internal error: {error}")
+    TIMES_REFUSED = Code(
+        "frames are refused and counted, because their time is not between 1970 and 2116: that of the first is "
+        "{time_s:utc}"
+    )
+    SPEED_RANGE = Code("{low_mps:.0f km/h} to {high_mps:.0f km/h}")
+    TOPICS_BEHIND = Code(
+        "the disk is too slow: decoded values are left out of the recording, raw bytes are kept. Dropped data is "
+        "counted"
+    )
+    VIEW_BEHIND = Code("the screen is too slow: lines are left out. Dropped data is counted")
+
+    # Security
+    COUNTERS_NOT_SAVED = Code("frames of this session could be replayed to the next one: {error}. {remedy}")
+    COUNTERS_SAVED_LATE = Code(
+        "frames of this session could be replayed to the next one: the counters of the sensors could not be "
+        "written in time"
+    )
+    FRAMES_NOT_TRUSTED = Code("frames not to be trusted: {counts}")
+    FRAMES_VERDICT = Code("{count} {verdict}")

@@ -1,0 +1,157 @@
+"""Reasons of datasets and trends, each with the template of its text."""
+
+from gateway.core.reasons import Code, Codes
+
+
+class FleetCode(Codes):
+    """Reasons of datasets and trends."""
+
+    # Recordings of a dataset
+    ESTIMATION_FAILED = Code("a fault of treadlink, {kind}: {message}")
+    RECORDING_CHANGED = Code("the file changed while it was read")
+    TIRE_UNIDENTIFIED = Code(
+        "{recordings} recordings have neither a vehicle's name nor a sensor's number, and may be of several tires: set "
+        "name in [vehicle]"
+    )
+    RECORDING_NOTHING_READABLE = Code("{damage}. The readable part gives nothing: {why}")
+    WORKER_ENDED = Code("its worker process ended each time that it was tried: killed or crashed")
+    WORKER_MEMORY_ABOVE_LIMIT = Code(
+        "its worker process was ended each time that it was tried: it used more than its limit of "
+        "{limit_bytes:.0f MB} of memory"
+    )
+    WORKER_MEMORY_FULL = Code("its worker process had no memory left")
+
+    # Trends of a dataset
+    TREND_ALARMS = Code("alarm '{name}' in {count} of {of} recordings; the last: {why}")
+    TREND_CLOCK_WRONG = Code(
+        "left out, because the clock of the recorder was wrong: {path} says it began on {date}. Set its clock and "
+        "record again"
+    )
+    TREND_DAMAGED = Code("damaged: {count} of {of} recordings, whose readable part was estimated")
+    TREND_DISTANCE_CONSTANT = Code(
+        "the distance is the same in all recordings; an odometer file needs readings before and after them"
+    )
+    TREND_DISTANCE_SHORT = Code("the recordings span {distance_m:.3g km}: a rate per 1,000 km needs {needed_m:.0f km}")
+    TREND_FEW_VALID = Code("more than half of the revolutions are not used in {count} of {of} recordings: {why}")
+    TREND_FOREIGN_FILE = Code("left out, because it is not a file of this dataset: {path}")
+    TREND_LAST_DEVIATES = Code(
+        "the last recording, {date}, deviates from the trend by {deviation:+.1f} standard deviations"
+    )
+    TREND_LOAD_STATED = Code("as stated, not measured")
+    TREND_LOAD_STEPS = Code("steps of the load: {count}")
+    TREND_LOSES_PRESSURE = Code("loses {loss_pa:.1f kPa} ± {std_pa:.1g kPa} a month")
+    TREND_LOSS_CHANGED = Code(
+        "since {date}, loses {after_pa:.1f kPa} ± {after_std_pa:.1g kPa} a month; before, {before_pa:.1f kPa} ± "
+        "{before_std_pa:.1g kPa}: {count} recordings, {first} to {last}"
+    )
+    TREND_NEWEST_LEFT = Code("without the last {count} recordings, which have left the trend on {date}")
+    TREND_NO_REVOLUTION = Code(
+        "no recording has a revolution: the wheel stood still, or the sensor sent no usable signal"
+    )
+    TREND_NO_VALUES = Code("no recording has a value: {why}")
+    TREND_NOW_SINCE = Code("by the {count} recordings since {date}, which have left the earlier trend")
+    TREND_OUTLIERS_LEFT_OUT = Code("outliers left out: {count}")
+    TREND_PASSED = Code(
+        "from {date} to {until}, {name:series} deviates from its trend by {deviations:.1f} standard deviations and "
+        "more in {count} recordings in a row: {first} to {last}"
+    )
+    TREND_PRESSURE_CONSTANT = Code(
+        "the pressure is {pressure_pa:.1f kPa} in all {count} recordings: the sensor is stuck, or too coarse to show "
+        "a loss"
+    )
+    TREND_PRESSURE_FELL = Code(
+        "the pressure has fallen by {fall_pa:.0f kPa} ± {std_pa:.1g kPa} in {span_s:.1f h}: {first} to {last}"
+    )
+    TREND_PRESSURE_NOT_MEASURED = Code("no sensor has sent a pressure")
+    TREND_PRESSURE_STUCK = Code(
+        "sensor: the pressure is {pressure_pa:.1f kPa} in {count} recordings from {first} to {last}, while the "
+        "temperature varies: it is stuck, and left out of the trends"
+    )
+    TREND_PROVISIONAL = Code("provisional in {count} of {of} recordings: {why}")
+    TREND_RATE_SINCE = Code(
+        "of the {count} recordings since {date}; before, it was {before:.3g}{unit: } ± {std:.2g}{unit: }"
+    )
+    TREND_RECORDED_DISTANCE = Code(
+        "over the recorded {distance_m:.0f km} only, which is less than the tire has rolled (--odometer)"
+    )
+    TREND_REFILLS_HIDE = Code(
+        "refills that the scatter hides are not excluded: the loss is {low_pa:.2g kPa} to {high_pa:.2g kPa} a month"
+    )
+    TREND_REFILLS_OFTEN = Code(
+        "if it is refilled {often:.0f} times a month at most: the scatter hides a loss of {hidden_pa:.0f kPa} a month "
+        "that is topped up every week"
+    )
+    TREND_REPEATED = Code("recordings that repeat another and count once: {count}. {pairs}")
+    TREND_REPEATS = Code("{path} repeats {other}")
+    TREND_SENSOR_CLIPS = Code("sensor: {share:.1%} more of the samples at the end of its range")
+    TREND_SENSOR_LOSSES = Code("sensor: {share:.1%} more of the samples are lost")
+    TREND_SENSOR_MOVES = Code("sensor: its distance from the neutral layer has changed by {change_m:.1f mm}")
+    TREND_SENSOR_NOISE = Code("sensor: its noise has become {factor:.1f} times as large")
+    TREND_SENSOR_STEADY = Code(
+        "sensor: its steady radial value has changed by {share:.1%}: its gain by as much, or its zero by "
+        "{change_mps2:.1f m/s²}. Recordings at several speeds tell which"
+    )
+    TREND_SLOPE_CHANGED = Code(
+        "since {date}, {name:series} has another trend, and is {change:+.3g}{unit: } ± {std:.2g}{unit: } from its "
+        "earlier one at the end: {count} recordings, {first} to {last}"
+    )
+    TREND_SPAN_SHORT = Code(
+        "the recordings span {span_s:.2g days}: a rate per month needs {needed_s:.0f days}, as what changes from hour "
+        "to hour is no trend"
+    )
+    TREND_SPEED_WITH_TIME = Code(
+        "the speed changes with the time, so that the influences of the two cannot be separated"
+    )
+    TREND_STATED_CALIBRATION = Code("the stated [tire.load_calibration] changed on {date}: no change of the load")
+    TREND_STATED_LEVELS = Code(
+        "changes of what is stated of the tire, before and after which the levels are fitted apart: {count}"
+    )
+    TREND_STATED_LOAD = Code(
+        "the stated load changed on {date}, from {before_n:.0f N} to {after_n:.0f N}: no change of the tire"
+    )
+    TREND_STATED_RADIUS = Code(
+        "the stated belt radius changed on {date}, from {before_m:.1f mm} to {after_m:.1f mm}: no change of the tire"
+    )
+    TREND_STATED_REFERENCE = Code("the stated [tire.reference] changed on {date}: no change of the tire")
+    TREND_STATED_THICKNESS = Code("the stated ring_thickness_mm changed on {date}: no change of the tire")
+    TREND_STEPS = Code("steps that are fitted and left out of the trend: {count}")
+    TREND_STIFFNESS_DRIFTS = Code("{name} changes by {share:.2%} ± {std:.2%} a month")
+    TREND_TEMPERATURE_CONSTANT = Code("the temperature varies too little, or is not known")
+    TREND_TEMPERATURE_IMPOSSIBLE = Code(
+        "sensor: a temperature of up to {temperature_degc:.0f} °C in {count} recordings, which no tire has; left out "
+        "of the trends"
+    )
+    TREND_TEMPERATURE_STUCK = Code(
+        "the temperature is {temperature_degc:.1f} °C in all {count} recordings: if the sensor is stuck, the pressure "
+        "of a colder season looks like a loss"
+    )
+    TREND_TEMPERATURE_UNKNOWN = Code("no sensor has sent a temperature, which the comparison of pressures needs")
+    TREND_TOO_FEW = Code("{count} recordings with a value, {needed} are needed")
+    TREND_TIRE_MOVED = Code(
+        "came from {origin} to {target}, first recorded there on {date}; each wheel has a trend of its own"
+    )
+    TREND_TIRE_UNIDENTIFIED = Code(
+        "no vehicle's name and no sensor says that all recordings are of one tire: differences between tires would be "
+        "in it"
+    )
+    TREND_TIRES_EXCHANGED = Code(
+        "wheels or sensors were exchanged: sensor {sensor} came from {origin} to {target}, sensor {other} went the "
+        "other way, first recorded on {date}; each wheel has a trend of its own"
+    )
+    TREND_TIRES_UNIDENTIFIED = Code(
+        "NOT IDENTIFIED: {recordings} recordings have neither a vehicle's name nor a sensor's number, and may be of "
+        "several vehicles. Their numbers are marked ~ and make no finding. Set name in [vehicle], and estimate again"
+    )
+    TREND_UNDETERMINED = Code("the recordings do not determine it")
+    TREND_UNREADABLE_FILE = Code("left out, because it cannot be read: {path}")
+    TREND_VEHICLE_WITHOUT_ODOMETER = Code(
+        "the odometer file does not cover vehicle {vehicle}: its distance is the recorded one"
+    )
+    TREND_WEAR_CHANGED = Code(
+        "since {date}, wears by {after_m:.3f mm} ± {after_std_m:.3f mm} in 1,000 km; before, {before_m:.3f mm} ± "
+        "{before_std_m:.3f mm}: {count} recordings, {first} to {last}"
+    )
+    TREND_WEAR_SOFTENS = Code("of this, {share:.2%} ± {std:.2%} a month is the measured wear's")
+    TREND_WEARS_FAST = Code(
+        "wears by {rate_m:.3f mm} ± {std_m:.3f mm} in 1,000 km; the median of the fleet is {median_m:.3f mm}"
+    )

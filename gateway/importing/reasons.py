@@ -1,0 +1,22 @@
+"""Reasons of imported files, each with the template of its text."""
+
+from gateway.core.reasons import Code, Codes
+
+
+class ImportCode(Codes):
+    """Reasons of imported files."""
+
+    # Files and configuration
+    SCALE_UNLIKELY = Code(
+        "the steady acceleration of the radial column is {found_mps2:.4g m/s²}, {ratio:.3g} times the V²/R of "
+        "{expected_mps2:.4g m/s²} of its revolutions: is it in counts or volts? State `scale`, their size, in each axis"
+    )
+    UNIT_UNLIKELY = Code(
+        "the radial column is stated in {stated}, but {fitting} fits: with {stated}, the steady acceleration is "
+        "{found_mps2:.4g m/s²}, {ratio:.3g} times the V²/R of {expected_mps2:.4g m/s²} of a revolution of "
+        "{period_s:.4g s} and a belt radius of {radius_m:.0f mm}"
+    )
+    SIGNAL_INTERPOLATED = Code(
+        "{share:.0%} of the samples lie on straight lines in every axis: the signal was interpolated. Import it at the "
+        "rate at which it was measured"
+    )

@@ -1,0 +1,15 @@
+"""Reasons of planned sensors, each with the template of its text."""
+
+from gateway.core.reasons import Code, Codes
+
+
+class PlannerCode(Codes):
+    """Reasons of planned sensors."""
+
+    # Planned sensors
+    PLAN_FEW_REVOLUTIONS = Code("{share:.0f} % of the simulated wheels gave no estimates")
+    PLAN_NOISE_UNKNOWN = Code("the noise is not known, so that no errors are planned: state it with --sensors")
+    PLAN_RANGE = Code("the peak of {peak_g:.0f} g exceeds the range of {range_g:.0f} g")
+    PLAN_RATE = Code("{rate_hz:.0f} samples per second are fewer than the {least_hz:.0f} that the protocol carries")
+    PLAN_RATE_UNKNOWN = Code("neither rate nor band is known")
+    PLAN_SURVIVAL = Code("the peak of {peak_g:.0f} g exceeds the {survival_g:.0f} g that the part survives")

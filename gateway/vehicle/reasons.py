@@ -1,0 +1,29 @@
+"""Reasons of vehicle signals, each with the template of its text."""
+
+from gateway.core.reasons import Code, Codes
+
+
+class VehicleCode(Codes):
+    """Reasons of vehicle signals."""
+
+    # Of any estimator
+    SIGNAL_MISSING = Code("it was not received lately")
+    SIGNAL_OUTSIDE_RECORDING = Code(
+        "its values are {away_s:.2f days} {side} the recording's first revolution, as in a log of another date: "
+        "{shift_s:+.0f s}, added to `offset_s` of its source, makes both begin together"
+    )
+
+    # Of what the signal says against what is stated
+    VEHICLE_SPEED_CONTRADICTED = Code(
+        "the speed of the car is {ratio:.3f} ± {std:.3f} times that of belt radius and rotation: {causes}"
+    )
+    WHEEL_SPEED_CONTRADICTED = Code(
+        "the car's wheel turns {ratio:.3f} ± {std:.3f} times as fast as the contacts in the signal say: {causes}"
+    )
+
+    # Events of links and devices
+    LOG_STEPS_BACK = Code("times that step back in the log: {count:.0f}; its lines are out of order, or twice in it")
+    BUS_MESSAGE_TWICE = Code(
+        "message {message} comes from two buses: {first} and {second}. Only that of {first} is decoded; `channel` of "
+        "the source chooses one, as in can:drive.blf?channel=1"
+    )
