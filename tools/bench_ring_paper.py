@@ -15,12 +15,12 @@ from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.estimates.estimator import Revolution, TireConditions
 from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
 from gateway.core.estimates.revolution_block import extended
-from gateway.core.quantity_catalogue import RING_NUMBERS
 from gateway.core.revolutions import contact_edges as contact
 from gateway.core.revolutions.angle_resampling import GRID_SIZE, fit_phase, resample_revolutions
 from gateway.core.revolutions.order_spectrum import order_coefficients
 from gateway.core.revolutions.speed_normalisation import normalise_revolutions
 from gateway.core.revolutions.synchronous_average import RunningAverage
+from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.types import FloatArray
 from gateway.papers.ring_data import waveform_revolution
 from gateway.papers.ring_paper import RingPaperEstimator, fit_ring_numbers

@@ -26,6 +26,8 @@ class Registry(StrEnum):
     """Class that follows `gateway.core.estimates.estimator.Estimator`, by the estimator's name."""
     NUMBERS = "treadlink.numbers"
     """Likewise an estimator of the ring's four numbers, which wear and load can rest on."""
+    QUANTITIES = "treadlink.quantities"
+    """Tuple of `gateway.core.quantity.Quantity` that an estimator gives, by the estimator's name."""
     VEHICLE_KEYS = "treadlink.vehicle-keys"
     """`gateway.core.config.validation.AddedKey` by its name, as `tire.laminate`."""
     ESTIMATE_OUTPUTS = "treadlink.estimate-outputs"

@@ -4,8 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from math import inf
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.reasons import Code, CoreCode
 
 
@@ -28,6 +29,19 @@ class Basis(StrEnum):
     PRESSURE = "pressure"
     SAMPLES = "samples"  # more than the times of the contacts
     WAVEFORM = "waveform"  # what repeats with the wheel's angle, and so contains known effects
+
+
+# Bases of several quantities.
+ON_SAMPLES: Final = frozenset({Basis.SAMPLES})
+"""Contact edges, and what is not locked to the wheel: a high-pass passes both."""
+ON_WAVEFORM: Final = frozenset({Basis.SAMPLES, Basis.WAVEFORM, Basis.COUPLING})
+"""What repeats with the angle of the wheel."""
+ON_WAVEFORM_AND_PRESSURE: Final = ON_WAVEFORM | {Basis.PRESSURE}
+LARGEST_ZERO_MPS2: Final = 6.0 * STANDARD_GRAVITY_MPS2
+"""Zero-g offset that no sensor exceeds."""
+ZEROS_MPS2: Final = (-LARGEST_ZERO_MPS2, LARGEST_ZERO_MPS2)
+TILTS_RAD: Final = (-0.35, 0.35)
+"""A sensor glued by hand is within some degrees."""
 
 
 class Statement(StrEnum):

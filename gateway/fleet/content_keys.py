@@ -25,6 +25,7 @@ _ESTIMATING: Final = (
     "gateway.core:constants.py",
     "gateway.core:quantity.py",
     "gateway.core:quantity_catalogue.py",
+    "gateway.core:ring_quantities.py",
 )
 _ROWS: Final = (
     "gateway.core.session",

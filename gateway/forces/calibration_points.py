@@ -14,9 +14,9 @@ from gateway.core.config.vehicle import LoadCalibrationTable, Reference, Vehicle
 from gateway.core.errors import ConfigError, TreadlinkError
 from gateway.core.estimates.results import RevolutionResult
 from gateway.core.estimates.tire_data import SOFTENING_STD_PER_K, LoadCalibration, ReferenceNumbers
-from gateway.core.quantity_catalogue import RING_NUMBERS
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.revolutions.contact_edges import error_beyond_definition
+from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.session.recording_pass import RecordingPass, open_recording
 from gateway.forces.tire_fit import LoadFit, TirePoint
 

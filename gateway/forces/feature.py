@@ -16,6 +16,16 @@ FEATURE: Final = Feature(
             "tire.side_force_calibration": "gateway.forces.tire_tables:SIDE_FORCE_CALIBRATION",
             "tire.laminate": "gateway.forces.tire_tables:LAMINATE",
         },
+        Registry.QUANTITIES: {
+            "longitudinal-force": "gateway.forces.quantities:LONGITUDINAL_FORCE",
+            "ply-steer": "gateway.forces.quantities:PLY_STEER",
+            "slip-angle": "gateway.forces.quantities:SLIP_ANGLE",
+            "side-force": "gateway.forces.quantities:SIDE_FORCE",
+            "friction": "gateway.forces.quantities:FRICTION",
+            "asynchronous": "gateway.forces.quantities:ASYNCHRONOUS",
+            "cavity": "gateway.forces.quantities:CAVITY",
+            "road": "gateway.forces.quantities:ROAD",
+        },
         Registry.ESTIMATORS: {
             "longitudinal-force": "gateway.forces.longitudinal_force:LongitudinalForceEstimator",
             "ply-steer": "gateway.forces.ply_steer:PlySteerEstimator",

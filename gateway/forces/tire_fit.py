@@ -22,7 +22,7 @@ from gateway.core.estimates.tire_data import (
     LoadCalibration,
     ReferenceNumbers,
 )
-from gateway.core.quantity_catalogue import RING_NUMBERS
+from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.types import FloatArray
 
 # Exponent of the half angle, curvature and exponent of the pressure on the exact ring, and their variation.

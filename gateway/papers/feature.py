@@ -11,6 +11,10 @@ FEATURE: Final = Feature(
         ),
     },
     adds={
+        Registry.QUANTITIES: {
+            "ring-modal": "gateway.core.ring_quantities:RING",
+            "ring-paper": "gateway.core.ring_quantities:RING",
+        },
         Registry.NUMBERS: {
             "ring-modal": "gateway.papers.ring_modal:RingModalEstimator",
             "ring-paper": "gateway.papers.ring_paper:RingPaperEstimator",

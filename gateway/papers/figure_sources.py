@@ -12,7 +12,7 @@ from typing import Any, Final
 from gateway.core.config.validation import read_text
 from gateway.core.errors import ConfigError, RecordingError
 from gateway.core.nearest_name import did_you_mean
-from gateway.core.quantity_catalogue import RING_NUMBERS
+from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.text.numbers import MISSING, fixed, round_to_error
 from gateway.core.text.table_sinks import CsvSink
 from gateway.core.text.text import clean, pad, pad_left, width

@@ -16,9 +16,9 @@ from gateway.compare.order_statistics import BLOCK_REVOLUTIONS, OrderStatistics
 from gateway.core.errors import ConfigError
 from gateway.core.estimates.ring_series import signal_orders
 from gateway.core.nearest_name import did_you_mean
-from gateway.core.quantity_catalogue import RING_NUMBERS
 from gateway.core.revolutions.angle_resampling import GRID_SIZE, angle_grid
 from gateway.core.revolutions.order_spectrum import ORDER_COUNT
+from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.types import FloatArray
 from gateway.forces.lateral_deformation import ORDERS, deformation
 from gateway.papers.measured_tires import SLOPES, MeasuredTire, Waveforms

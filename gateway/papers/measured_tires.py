@@ -13,8 +13,9 @@ from gateway.core.estimates.registry import make_estimator
 from gateway.core.estimates.revolution_block import extended
 from gateway.core.estimates.ring_series import pressure_number
 from gateway.core.estimates.weighted_mean import WeightedMean, mean_estimate
-from gateway.core.quantity_catalogue import RING_NUMBERS, quantity_of
+from gateway.core.quantity_catalogue import quantity_of
 from gateway.core.revolutions.synchronous_average import RunningAverage
+from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.types import FloatArray
 from gateway.forces.lateral_shape import DEFINITIONS, has_lateral, lateral_record
 from gateway.forces.ply_steer import ROLL_NAME

@@ -25,9 +25,9 @@ from gateway.core.estimates.ring_series import (
     signal_orders,
     stiffness_terms,
 )
-from gateway.core.quantity_catalogue import RING_NUMBERS
 from gateway.core.revolutions.angle_resampling import GRID_SIZE, angle_grid
 from gateway.core.revolutions.order_spectrum import highest_order
+from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.types import FloatArray
 from gateway.papers.ring_data import NOISE_MG_PER_RTHZ, RADIUS_M, RATE_HZ, fitted_orders, measured_orders, new_tire
 from gateway.ring.rolling_ring import RingSolution

@@ -15,7 +15,6 @@ from gateway.core.estimates.reference_tire import TABLE_3_LOAD_N, TABLE_3_NUMBER
 from gateway.core.estimates.registry import make_estimator
 from gateway.core.estimates.revolution_block import extended
 from gateway.core.estimates.ring_series import signal_orders
-from gateway.core.quantity_catalogue import RING_NUMBERS
 from gateway.core.revolutions.angle_resampling import GRID_SIZE
 from gateway.core.revolutions.contact_edges import find_contact_edges
 from gateway.core.revolutions.order_spectrum import (
@@ -26,6 +25,7 @@ from gateway.core.revolutions.order_spectrum import (
     sample_std,
 )
 from gateway.core.revolutions.synchronous_average import RunningAverage
+from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.types import FloatArray
 from gateway.ring.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 

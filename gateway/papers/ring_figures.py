@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from gateway.core.estimates.ring_series import pressure_number, signal_waveform
-from gateway.core.quantity_catalogue import RING_NUMBERS
 from gateway.core.revolutions.angle_resampling import angle_grid
+from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.types import FloatArray
 from gateway.papers.ring_data import (
     OMEGA_RADPS,

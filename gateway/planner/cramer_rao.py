@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from gateway.core.quantity_catalogue import RING_NUMBERS
+from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.types import ComplexArray, FloatArray
 from gateway.ring.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.ring.rolling_ring.sensor_waveform import waveform_orders

@@ -19,8 +19,8 @@ from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.estimates.estimator import Status
 from gateway.core.estimates.results import RevolutionResult
 from gateway.core.estimates.wheel_setup import WheelSetup
-from gateway.core.quantity_catalogue import RING_NUMBERS
 from gateway.core.reasons import Code, Reason, codes_of
+from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.trust.sensor_limits import coarse_steps, high_corner, narrow_band
 from gateway.core.wheels.timebase import HostClock
 from gateway.core.wheels.wheel_pipeline import WheelPipeline

@@ -10,7 +10,7 @@ from gateway.core.config.toml_writer import toml_text
 from gateway.core.config.validation import Fault, as_table, as_tables, parse_document, read_text, show
 from gateway.core.errors import SourceError
 from gateway.core.nearest_name import nearest
-from gateway.core.quantity_catalogue import RING_NUMBERS
+from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.wheel_plan import wheel_plans
 

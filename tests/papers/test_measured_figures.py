@@ -8,7 +8,7 @@ import pytest
 
 import gateway
 from gateway.core.errors import ConfigError, RecordingError
-from gateway.core.quantity_catalogue import RING_NUMBERS
+from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.papers.figure_registry import chosen
 from gateway.papers.figure_sources import FigureSource, measured_tires, read_grid
 from gateway.papers.measured_figures import measured_figures

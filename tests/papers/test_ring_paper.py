@@ -17,10 +17,10 @@ from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
 from gateway.core.estimates.revolution_block import extended
 from gateway.core.estimates.ring_series import signal_orders, signal_waveform, stiffness_terms
-from gateway.core.quantity_catalogue import RING_NUMBERS, RING_RATIOS
 from gateway.core.reasons import Code, Reason, codes_of
 from gateway.core.revolutions.angle_resampling import angle_grid, fit_phase
 from gateway.core.revolutions.synchronous_average import RunningAverage
+from gateway.core.ring_quantities import RING_NUMBERS, RING_RATIOS
 from gateway.papers import ring_paper
 from gateway.papers.ring_paper import RingPaperEstimator, fit_ring_numbers
 from gateway.ring.reasons import RingCode

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
-from gateway.core.quantity_catalogue import RING_NUMBERS
+from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.planner.cramer_rao import (
     DEFAULT_PARAMETERS,
     cramer_rao,

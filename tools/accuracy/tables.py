@@ -8,7 +8,7 @@ import numpy as np
 
 from accuracy.cases import REFERENCE_PA, Case
 from accuracy.measure import ABSOLUTE, LONG, Outcome
-from gateway.core.quantity_catalogue import RING_NUMBERS
+from gateway.core.ring_quantities import RING_NUMBERS
 
 QUANTITIES = ("speed_mps", "half_angle_rad", "Bs", "Cw", "Rs", "Ts")
 HEADS = ("speed", "half angle", "Bs", "Cw", "Rs", "Ts")

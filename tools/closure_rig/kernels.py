@@ -6,7 +6,7 @@ from typing import Final
 
 from accuracy.tables import Table
 
-from gateway.core.quantity_catalogue import RING_NUMBERS
+from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.diagnosis import criteria
 from gateway.diagnosis.angle.discrepancy import Discrepancy
 from gateway.diagnosis.angle.likelihood import whiten

@@ -12,7 +12,8 @@ from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.estimates.kinematic import CENTRE_STD_RAD
 from gateway.core.estimates.registry import in_order
 from gateway.core.estimates.results import RevolutionResult
-from gateway.core.quantity_catalogue import CATALOGUE, RING_NUMBERS, RING_RATIOS
+from gateway.core.quantity_catalogue import CATALOGUE
+from gateway.core.ring_quantities import RING_NUMBERS, RING_RATIOS
 from gateway.planner.cramer_rao import DEFAULT_PARAMETERS, cramer_rao, order_variance, waveform_sensitivity
 from validity.cases import Case
 from validity.runs import Run, Store

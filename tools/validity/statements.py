@@ -8,7 +8,7 @@ import numpy as np
 from gateway.core.config.toml_writer import toml_text
 from gateway.core.config.vehicle import VehicleConfig, parse_vehicle
 from gateway.core.estimates.tire_data import LoadCalibration
-from gateway.core.quantity_catalogue import RING_NUMBERS
+from gateway.core.ring_quantities import RING_NUMBERS
 from validity.tires import GAIN_STDS_PERCENT, World
 
 DEFAULT_RADIUS_STD: Final = 0.01

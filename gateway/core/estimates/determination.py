@@ -26,8 +26,8 @@ from gateway.core.estimates.estimator import (
 )
 from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
-from gateway.core.quantity_catalogue import RING_NUMBERS, RING_RATIOS
 from gateway.core.reasons import Reason
+from gateway.core.ring_quantities import RING_NUMBERS, RING_RATIOS
 from gateway.core.types import BoolArray, FloatArray
 
 _CW: Final = 1

@@ -11,7 +11,7 @@ from collections import deque
 from typing import Final, NamedTuple
 
 from gateway.core.estimates.revolution_block import RevolutionBlock
-from gateway.core.quantity_catalogue import LARGEST_ZERO_MPS2
+from gateway.core.quantity import LARGEST_ZERO_MPS2
 
 # Half of the angle at the middle of the contact whose level is taken: a quarter of a car's contact.
 _MIDDLE_RAD: Final = 0.05

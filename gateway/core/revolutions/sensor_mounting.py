@@ -17,7 +17,7 @@ import numpy as np
 
 from gateway.core.compiled import core
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
-from gateway.core.quantity_catalogue import LARGEST_ZERO_MPS2
+from gateway.core.quantity import LARGEST_ZERO_MPS2
 from gateway.core.revolutions.angle_resampling import angle_grid
 from gateway.core.types import BoolArray, ComplexArray, FloatArray, IntArray
 

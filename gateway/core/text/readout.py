@@ -8,8 +8,8 @@ from typing import Final, NamedTuple
 from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.estimates.results import RevolutionResult
 from gateway.core.feature import Registry, added, object_of
-from gateway.core.quantity_catalogue import RING_NUMBERS, RING_RATIOS
 from gateway.core.reasons import Reason
+from gateway.core.ring_quantities import RING_NUMBERS, RING_RATIOS
 from gateway.core.text.numbers import Shown, show
 from gateway.core.text.wording import joined
 

@@ -27,8 +27,8 @@ from gateway.core.estimates.doubt_rules import EVERY_RULE, DoubtRule
 from gateway.core.estimates.estimator import Estimate, Status, TireConditions
 from gateway.core.estimates.lost_steady_value import LostSteadyValue
 from gateway.core.estimates.sensor_claims import UNKNOWN_OFFSET_STD_M, SensorClaims, Tilt
-from gateway.core.quantity import Basis
-from gateway.core.quantity_catalogue import LARGEST_ZERO_MPS2, quantity_of
+from gateway.core.quantity import LARGEST_ZERO_MPS2, Basis
+from gateway.core.quantity_catalogue import quantity_of
 from gateway.core.reasons import Reason
 from gateway.core.trust.reasons import TrustCode
 from gateway.core.trust.self_calibration import (

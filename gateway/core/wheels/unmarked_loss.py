@@ -12,7 +12,7 @@ import statistics
 from collections import deque
 from typing import Final
 
-from gateway.core.quantity_catalogue import LARGEST_ZERO_MPS2
+from gateway.core.quantity import LARGEST_ZERO_MPS2
 
 # Revolutions whose median is the reference, and the least number of them.
 _MEMORY: Final = 9

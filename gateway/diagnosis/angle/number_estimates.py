@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from gateway.core.quantity_catalogue import RING_NUMBERS
+from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.types import FloatArray
 from gateway.diagnosis import criteria
 from gateway.diagnosis.angle.fit import Fit

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
-from gateway.core.quantity_catalogue import RING_NUMBERS
+from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.diagnosis import criteria
 from gateway.diagnosis.angle.discrepancy import Discrepancy
 from gateway.diagnosis.angle.fit import Fit, FitFailedError

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gateway.core.estimates.reference_tire import TABLE_3_LOAD_N, TABLE_3_LOAD_NUMBER, TABLE_3_NUMBERS, TABLE_3_RADIUS_M
-from gateway.core.quantity_catalogue import RING_NUMBERS
+from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.types import FloatArray
 from gateway.diagnosis.effects.effect import FIELD_SIZE, BaselineModel, GroupConditions
 from gateway.diagnosis.effects.ring_options import RingOptions

@@ -20,7 +20,7 @@ from gateway.core.estimates.reference_tire import (
     TABLE_3_RADIUS_M,
 )
 from gateway.core.estimates.ring_series import stiffness_terms
-from gateway.core.quantity_catalogue import RING_NUMBERS
+from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.types import FloatArray
 from gateway.diagnosis.effects.angle_orders import THETA
 from gateway.diagnosis.effects.effect import FIELD_SIZE, BaselineModel, GroupConditions

@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Sequence
 from typing import Final
 
-from gateway.core.quantity_catalogue import RING_NUMBERS
 from gateway.core.reasons import Reason
+from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.text.numbers import fixed
 from gateway.core.text.probabilities import probability_text
 from gateway.core.text.text import clean, counted, crop, filled, pad, width

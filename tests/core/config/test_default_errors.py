@@ -8,7 +8,7 @@ from gateway.bench.commands.doctor_checks import check_config
 from gateway.core.config.vehicle import parse_vehicle
 from gateway.core.estimates.estimator import Status
 from gateway.core.estimates.reasons import EstimateCode
-from gateway.core.quantity_catalogue import RING_NUMBERS
+from gateway.core.ring_quantities import RING_NUMBERS
 from tests.testkit.simulated_wheel import last, simulated
 
 WHEEL = '[[wheel]]\nposition = "FL"\nhub = 0\nwheel = 0\nload_n = {load}\n'

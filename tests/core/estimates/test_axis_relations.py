@@ -6,8 +6,8 @@ from gateway.core.estimates.estimator import Status
 from gateway.core.estimates.lost_steady_value import SteadyValueCheck
 from gateway.core.estimates.results import RevolutionResult, WheelSnapshot
 from gateway.core.estimates.wheel_setup import WheelSetup
-from gateway.core.quantity_catalogue import RING_NUMBERS, RING_RATIOS
 from gateway.core.reasons import Code
+from gateway.core.ring_quantities import RING_NUMBERS, RING_RATIOS
 from gateway.core.trust.reasons import TrustCode
 from tests.testkit.simulated_wheel import last, restated, simulated
 

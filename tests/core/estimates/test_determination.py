@@ -18,8 +18,8 @@ from gateway.core.estimates.determination import (
 )
 from gateway.core.estimates.estimator import Status, TireConditions
 from gateway.core.estimates.reasons import EstimateCode
-from gateway.core.quantity_catalogue import RING_NUMBERS, RING_RATIOS
 from gateway.core.reasons import Reason, codes_of
+from gateway.core.ring_quantities import RING_NUMBERS, RING_RATIOS
 from gateway.papers.reasons import PaperCode
 from gateway.ring.reasons import RingCode
 

@@ -15,8 +15,8 @@ from gateway.core.estimates.registry import estimator_names
 from gateway.core.estimates.sensor_claims import SensorClaims
 from gateway.core.estimates.tire_data import ReferenceNumbers, TireData
 from gateway.core.estimates.wheel_setup import WheelSetup
-from gateway.core.quantity_catalogue import RING_NUMBERS
 from gateway.core.reasons import codes_of
+from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.text.result_table import row_of
 from gateway.core.trust.qualification import OwnDrift
 from tests.testkit.simulated_wheel import simulated

@@ -11,8 +11,8 @@ from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.sensor_claims import UNKNOWN_OFFSET_STD_M, SensorClaims
 from gateway.core.estimates.wheel_setup import ReferenceNumbers, TireData, WheelSetup
 from gateway.core.quantity import Basis
-from gateway.core.quantity_catalogue import RING_NUMBERS
 from gateway.core.reasons import Code, Reason, codes_of
+from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.trust.reasons import TrustCode
 from gateway.core.trust.self_calibration import Equations, Measured
 from gateway.core.trust.signal_evidence import Contradiction, Subject, assess
