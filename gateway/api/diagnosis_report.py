@@ -21,7 +21,7 @@ from gateway.diagnosis.views.html import diagnosis_html, write_html
 from gateway.diagnosis.views.phrases import effect_title
 from gateway.diagnosis.views.terminal import closure_summary_lines
 
-Model = Literal["exact", "series", "paper"]
+Model = Literal["exact", "paper"]
 DiagnosisProgress = Callable[[float, str], None]
 
 

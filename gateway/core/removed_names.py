@@ -10,6 +10,7 @@ REMOVED: Final[Mapping[str, str]] = {
     "`treadlink inspect --verify` reads it.",
     "--estimator water-wedge": "It has no successor: it showed none of the wet contacts of measured drives.",
     "[road] leading_shift_mm": "Remove it: only the estimator water-wedge, which was removed too, reacted to it.",
+    "--model series": "Use `exact`, or `paper`, of which the corrections are effects that a diagnosis identifies.",
     "treadlink diagnose --plan": _NEXT_STEPS,
     "treadlink diagnose --want": _NEXT_STEPS,
     "treadlink diagnose --at": _NEXT_STEPS,

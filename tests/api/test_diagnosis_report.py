@@ -39,12 +39,12 @@ def test_options_are_those_of_the_command(asked, recorded, recording, tmp_path):
     other = tmp_path / "other.mcap"
     other.write_bytes(b"")
     report = gateway.diagnose(
-        [recording, str(other)], wheel="FL", model="series", reverse=[other], folds=3, empirical=True, keys="keys.toml"
+        [recording, str(other)], wheel="FL", model="paper", reverse=[other], folds=3, empirical=True, keys="keys.toml"
     )
     assert isinstance(report, gateway.DiagnosisReport)
     assert asked["paths"] == [recorded, other]
     assert asked["reverse"] == [other]
-    assert asked["model"] is BaselineModel.SERIES
+    assert asked["model"] is BaselineModel.PAPER
     assert (asked["wheel"], asked["folds"], asked["empirical"], len(asked["workers"])) == ("FL", 3, True, 0)
     assert str(asked["key_file"]) == "keys.toml"
 

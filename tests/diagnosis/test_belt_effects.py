@@ -19,7 +19,6 @@ from gateway.diagnosis.effects.belt_geometry import (
 from gateway.diagnosis.effects.catalogue import candidates, catalogue
 from gateway.diagnosis.effects.effect import (
     CIRCUMFERENTIAL,
-    CORRECTED,
     RADIAL,
     BaselineModel,
     ModelledBlock,
@@ -59,10 +58,10 @@ def unlike(simulated: FloatArray, ours: FloatArray, block: ModelledBlock, axes: 
 def test_corrected_models_contain_gravity_and_acceleration() -> None:
     in_every_model = {"gravity", "speed drift"}
     assert in_every_model <= set(candidates(BaselineModel.PAPER))
-    for model in CORRECTED:
-        assert not in_every_model & set(candidates(model))
-        assert {"torsional ripple", "tread pitch"} <= set(candidates(model))
-    assert "run-out" not in candidates(BaselineModel.SERIES)
+    exact = set(candidates(BaselineModel.EXACT))
+    assert not in_every_model & exact
+    assert {"torsional ripple", "tread pitch"} <= exact
+    assert "run-out" not in candidates(BaselineModel.PAPER)
 
 
 def test_inclination_from_curvature_matches_the_solver() -> None:

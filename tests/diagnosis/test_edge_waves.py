@@ -280,4 +280,4 @@ def test_model_without_a_belt_has_no_excitation() -> None:
     assert not tread_effect().contribution(block, TRUTH).any()
     assert not tread_effect().derivative(block, TRUTH).any()
     assert NAME in candidates(BaselineModel.EXACT)
-    assert NAME not in candidates(BaselineModel.SERIES)
+    assert NAME not in candidates(BaselineModel.PAPER)

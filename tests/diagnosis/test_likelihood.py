@@ -10,7 +10,7 @@ from gateway.diagnosis.angle.likelihood import ANGLES, FROM_FIELD, TO_FIELD, as_
 from gateway.diagnosis.data.campaign_data import PROFILE_SIZE, Campaign
 from gateway.diagnosis.data.revolution_scatter import settle
 from gateway.diagnosis.effects.angle_orders import ORDERS
-from gateway.diagnosis.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL, BaselineModel
+from gateway.diagnosis.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL
 from gateway.diagnosis.model.exact_baseline import ExactCore
 from gateway.diagnosis.model.series_baseline import SeriesCore
 from tests.diagnosis.dense_covariance import whitened
@@ -135,7 +135,7 @@ def test_absent_axes_and_orders_are_not_compared() -> None:
     data = whiten(campaign, ExactCore())
     assert [len(factor) for factor in data.factors[0]] == [119, 0, 119]
     assert data.size == 238
-    assert whiten(campaign, SeriesCore(BaselineModel.PAPER)).size == 236
+    assert whiten(campaign, SeriesCore()).size == 236
     assert not data.used[0][LATERAL].any()
 
 

@@ -164,7 +164,7 @@ def test_law_of_a_file_of_before_is_judged_as_an_effect() -> None:
 def test_law_of_a_file_needs_the_exact_ring() -> None:
     table = table_of({NAME: {"stiffening_rad": SPLICE}})
     with pytest.raises(TreadlinkError, match="for this baseline model"):
-        known_effects(table, "file", BaselineModel.SERIES)
+        known_effects(table, "file", BaselineModel.PAPER)
 
 
 def test_splice_in_one_recording_is_no_effect() -> None:

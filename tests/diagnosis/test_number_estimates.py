@@ -228,7 +228,7 @@ def test_distance_to_the_farthest_better_model_is_part_of_the_error() -> None:
 
 def fit_of_series(campaign: Campaign, *others: str) -> Fit:
     """Return the fit of the series with all its corrections and other effects."""
-    model = BaselineModel.SERIES
+    model = BaselineModel.PAPER
     core, effects = make_core(model), angle_effects(candidates(model))
     there = ClosureModel(campaign, core, tuple(effects[name] for name in (*corrections(model), *others)))
     start, _ = there.priors()

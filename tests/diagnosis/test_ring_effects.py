@@ -188,7 +188,7 @@ def test_pressure_shape_changes_with_load() -> None:
 def test_series_corrections_leave_the_exact_ring_unchanged(name: str) -> None:
     effect = ring_effect(name)
     options = effect.options(RingOptions(), np.array(effect.starts((STEADY,))[0]), STEADY)
-    series = SeriesCore(BaselineModel.PAPER)
+    series = SeriesCore()
     moved = series.shape(np.zeros(4), STEADY, options, 0.24).waveform.radial_m
     plain = series.shape(np.zeros(4), STEADY, RingOptions(), 0.24).waveform.radial_m
     assert np.linalg.norm(moved - plain) > 0.01 * np.linalg.norm(plain)
@@ -200,10 +200,9 @@ def test_series_corrections_leave_the_exact_ring_unchanged(name: str) -> None:
 def test_candidates_depend_on_the_baseline_model() -> None:
     results = {model: set(candidates(model)) for model in BaselineModel}
     assert results[BaselineModel.PAPER] >= set(SERIES_ONLY)
-    assert results[BaselineModel.SERIES] & set(SERIES_ONLY) == {"pressure shape", "geometric tension loss"}
     assert not results[BaselineModel.EXACT] & set(SERIES_ONLY)
     assert results[BaselineModel.EXACT] >= set(EXACT)
-    assert not (results[BaselineModel.PAPER] | results[BaselineModel.SERIES]) & set(EXACT)
+    assert not results[BaselineModel.PAPER] & set(EXACT)
 
 
 @pytest.mark.parametrize(("name", "value"), [("belt extension", -1e-6), ("shear flexibility", -1e-6)])

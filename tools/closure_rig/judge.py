@@ -55,7 +55,6 @@ ALWAYS: Final[Mapping[str, frozenset[str]]] = {
     "paper": frozenset(
         ("gravity", "belt kinematics (n^2-1)", "pressure shape", "geometric tension loss", "speed drift")
     ),
-    "series": frozenset(("pressure shape", "geometric tension loss")),
     "exact": frozenset(),
 }
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from gateway.diagnosis.result import Diagnosis
     from gateway.diagnosis.transfer import Transfer
 
-MODELS: Final = ("exact", "series", "paper")
+MODELS: Final = ("exact", "paper")
 
 _LABEL_CELLS: Final = 36
 _ALL_EFFECTS: Final = "all"
@@ -64,7 +64,7 @@ def _list_effects(context: click.Context, _: click.Parameter, chosen: str | None
     type=KnownName(MODELS),
     default="exact",
     show_default=True,
-    help="Baseline model: geometrically exact ring, corrected series solution, or the ring paper's as printed.",
+    help="Baseline model: geometrically exact ring, or the ring paper's series as printed.",
 )
 @path_option(
     "--reverse",

@@ -49,18 +49,13 @@ _KNOWN_PRIOR_SHARE: Final = 0.02
 class BaselineModel(StrEnum):
     """Model that a diagnosis starts from, before any effect is added.
 
-    PAPER is the ring paper's series as printed (Eq. 27: no gravity, no mean). SERIES is the corrected linear series
-    with gravity and angular acceleration. EXACT is the geometrically exact ring, inextensible, undamped, on a flat
-    road, with gravity and angular acceleration; sensor and mounting as declared.
+    PAPER is the ring paper's series as printed (Eq. 27: no gravity, no mean). EXACT is the geometrically exact ring,
+    inextensible, undamped, on a flat road, with gravity and angular acceleration; sensor and mounting as declared.
     """
 
     PAPER = "paper"
-    SERIES = "series"
     EXACT = "exact"
 
-
-CORRECTED: Final = frozenset({BaselineModel.SERIES, BaselineModel.EXACT})
-"""Baseline models with corrected kinematics, gravity and angular acceleration."""
 
 EXACT_ONLY: Final = frozenset({BaselineModel.EXACT})
 

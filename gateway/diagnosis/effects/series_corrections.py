@@ -7,7 +7,6 @@ from typing import Final
 from gateway.core.estimates.reference_tire import TABLE_3_LOAD_NUMBER
 from gateway.core.types import FloatArray
 from gateway.diagnosis.effects.effect import (
-    CORRECTED,
     EXACT_ONLY,
     RADIAL,
     Confounder,
@@ -40,7 +39,7 @@ class BeltKinematics(RingEffect):
         Confounder(("sidewall numbers (Rs, Ts)",)),
     )
     start_values = ((1.0,),)
-    already_in = CORRECTED
+    already_in = EXACT_ONLY
     needs_exact = False
     option = "kinematics"
 

@@ -15,7 +15,7 @@ from gateway.diagnosis.effects.belt_geometry import (
 )
 from gateway.diagnosis.effects.effect import (
     CIRCUMFERENTIAL,
-    CORRECTED,
+    EXACT_ONLY,
     LATERAL,
     RADIAL,
     Confounder,
@@ -57,7 +57,7 @@ class Gravity(LinearSignalEffect):
         Confounder(("imbalance and hub motion",), "it makes orders 0 and 2"),
     )
     start_values = ((1.0,),)
-    already_in = CORRECTED
+    already_in = EXACT_ONLY
     stage = Stage.BELT
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
@@ -93,7 +93,7 @@ class AngularAcceleration(LinearSignalEffect):
         Confounder(("AC coupling",), "it tilts the revolution likewise, whatever the acceleration"),
     )
     start_values = ((1.0,),)
-    already_in = CORRECTED
+    already_in = EXACT_ONLY
     stage = Stage.BELT
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:

@@ -11,9 +11,7 @@ from gateway.diagnosis.model.series_baseline import SeriesCore
 
 def make_core(model: BaselineModel) -> Core:
     """Return a new baseline model."""
-    if model is BaselineModel.EXACT:
-        return ExactCore()
-    return SeriesCore(model)
+    return ExactCore() if model is BaselineModel.EXACT else SeriesCore()
 
 
 def angle_effects(effects: Mapping[str, Effect]) -> dict[str, AngleEffect]:

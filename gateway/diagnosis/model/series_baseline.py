@@ -1,6 +1,6 @@
-"""The ring paper's series as a baseline model: as printed (Eq. 27), and with kinematics and road force corrected.
+"""The ring paper's series as a baseline model: Eq. 27 as printed, or corrected by options.
 
-Both are linear about the undeformed circle, under a contact pressure that is given, not found: uniform but for the
+It is linear about the undeformed circle, under a contact pressure that is given, not found: uniform but for the
 Legendre amounts of the options. What the belt's finite turning in the contact changes is added as a share of the
 difference between the exact ring and the linear ring under the exact ring's own contact pressure.
 """
@@ -22,7 +22,6 @@ from gateway.core.estimates.reference_tire import (
 from gateway.core.estimates.ring_series import stiffness_terms
 from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.types import FloatArray
-from gateway.diagnosis.effects.angle_orders import THETA
 from gateway.diagnosis.effects.effect import FIELD_SIZE, BaselineModel, GroupConditions
 from gateway.diagnosis.effects.ring_options import RingOptions
 from gateway.diagnosis.model.baseline import Shape, differences, moved
@@ -43,8 +42,6 @@ _NOMINAL: Final = GroupConditions(
     time_s=0.0,
 )
 _NOMINAL_TREAD: Final[FloatArray] = np.zeros(1)
-# A contact found by its steepest slopes is 1 to 3 % off, more than its scatter.
-_HALF_ANGLE_STD: Final = 0.03
 
 # Far above what is compared, and below what the exact ring's coarse grid carries.
 _MAX_ORDER: Final = 200
@@ -62,20 +59,19 @@ _TO_SPECTRUM: Final[FloatArray] = 0.5 * FIELD_SIZE * np.where(_ORDER % 2.0, -1.0
 
 
 class SeriesCore:
-    """The linear ring: Bs, Cw, Rs, Ts and, when corrected, the contact's half angle are a state's parameters."""
+    """The linear ring: Bs, Cw, Rs and Ts are a state's parameters."""
 
+    model = BaselineModel.PAPER
+    gravity = drift = mean = False
     # With all corrections, what is left of the exact ring at 3000 to 6000 N: 1e-4 of order 0, up to 8e-3 of orders 1 to
     # 5, 3e-4 to 2e-3 of those up to 25, 6e-5 of R omega^2 of higher ones.
     equation_share = 1e-3
+    names: tuple[str, ...] = RING_NUMBERS
 
-    def __init__(self, model: BaselineModel) -> None:
-        """Take BaselineModel.PAPER or BaselineModel.SERIES."""
-        self.model = model
-        self._corrected = corrected = model is BaselineModel.SERIES
-        self.gravity = self.drift = self.mean = corrected
-        self.names: tuple[str, ...] = (*RING_NUMBERS, "half_angle") if corrected else RING_NUMBERS
+    def __init__(self) -> None:
+        """Begin without any solution of the exact ring."""
         self.prior_mean: FloatArray = np.zeros(len(self.names))
-        self.prior_std: FloatArray = np.array([2.0, 1.5, 1.5, 1.5, _HALF_ANGLE_STD])[: len(self.names)]
+        self.prior_std: FloatArray = np.array([2.0, 1.5, 1.5, 1.5])
         self.steps: FloatArray = np.full(len(self.names), 1e-3)
         self._exact = ExactCore()
         self._tangents = Tangents()
@@ -84,11 +80,10 @@ class SeriesCore:
         self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions, half_angle_rad: float
     ) -> Shape:
         """Return the shape; the exact ring is solved only where `options.tension_loss` asks for it."""
-        half_angle = half_angle_rad * math.exp(parameters[4]) if self._corrected else half_angle_rad
-        orders = _orders(parameters, half_angle, options, 1.0 if self._corrected else options.kinematics)
+        orders = _orders(parameters, half_angle_rad, options)
         if options.tension_loss:
             orders += options.tension_loss * self._turning(parameters)
-        return Shape(self._waveform(orders, conditions.radius_m, options.sensor_offset_m), -half_angle, half_angle)
+        return Shape(_waveform(orders, conditions.radius_m, options.sensor_offset_m), -half_angle_rad, half_angle_rad)
 
     def tangent(
         self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions, half_angle_rad: float
@@ -119,18 +114,15 @@ class SeriesCore:
         """Do nothing: a series has no grid."""
 
     def numbers(self, parameters: FloatArray, conditions: GroupConditions) -> Mapping[str, float]:
-        """Return Bs, Cw, Rs, Ts at the load and pressure of `conditions`; corrected, the half angle's correction."""
+        """Return Bs, Cw, Rs, Ts at the load and pressure of `conditions`."""
         load_number = conditions.load_n / (conditions.pressure_pa * conditions.radius_m**2)
         values = _nominal_numbers(parameters) * (load_number / TABLE_3_LOAD_NUMBER)
-        result = dict(zip(self.names[:4], (float(value) for value in values), strict=True))
-        if self._corrected:
-            result["half_angle_over_measured"] = math.exp(parameters[4])
-        return result
+        return dict(zip(self.names, (float(value) for value in values), strict=True))
 
     def _turning(self, parameters: FloatArray) -> FloatArray:
         """Return the part of the cosine orders of s / (R omega^2), from order 1, due to the belt's finite rotation."""
         # One size and load represent all: in these parameters the shape is the same.
-        nominal = np.concatenate([parameters[:4], _NOMINAL_TREAD])
+        nominal = np.concatenate([parameters, _NOMINAL_TREAD])
         ring = self._exact.solution(nominal, _NOMINAL, RingOptions())
         push = ring.contact_pressure_npm * (2.0 * math.pi * _NOMINAL.radius_m / _NOMINAL.load_n)
         normal = 0.5 * waveform_orders(push * np.cos(ring.theta_rad), _MAX_ORDER).real[1:]
@@ -140,34 +132,27 @@ class SeriesCore:
         result: FloatArray = exact - linear
         return result
 
-    def _waveform(self, orders: FloatArray, radius_m: float, offset_m: float) -> SensorWaveform:
-        """Return what a sensor on the belt feels whose curvature times radius has these cosine orders, 1 up.
 
-        s = V^2 kappa (1 - e kappa) and, circumferential, -(e / R) ds/dtheta.
-        """
-        spectrum = np.zeros((3, FIELD_SIZE // 2 + 1), dtype=np.complex128)
-        field = orders * _TO_SPECTRUM
-        spectrum[0, 1 : _MAX_ORDER + 1] = field
-        spectrum[1, 1 : _MAX_ORDER + 1] = -1j * field / _ORDER
-        spectrum[2, 1 : _MAX_ORDER + 1] = 1j * field * _ORDER
-        change, turn, slope = np.fft.irfft(spectrum, n=FIELD_SIZE, axis=1)
-        curvature = 1.0 + change
-        radial = radius_m * curvature - offset_m * np.square(curvature)
-        along = -offset_m * slope
-        zero = np.zeros(FIELD_SIZE)
-        if not self._corrected:
-            return SensorWaveform(radial - radial.mean(), along, zero, zero, zero, zero)
-        angle = THETA + turn
-        cosine, sine = np.cos(angle), np.sin(angle)
-        # The belt does not stretch: its speed past the axle is R omega along its own direction.
-        spin_along = radius_m * (1.0 - cosine) - offset_m * curvature
-        return SensorWaveform(radial, along, cosine, sine, radius_m * sine, spin_along)
+def _waveform(orders: FloatArray, radius_m: float, offset_m: float) -> SensorWaveform:
+    """Return what a sensor on the belt feels whose curvature times radius has these cosine orders, 1 up.
+
+    s = V^2 kappa (1 - e kappa) and, circumferential, -(e / R) ds/dtheta, both without mean.
+    """
+    spectrum = np.zeros((2, FIELD_SIZE // 2 + 1), dtype=np.complex128)
+    field = orders * _TO_SPECTRUM
+    spectrum[0, 1 : _MAX_ORDER + 1] = field
+    spectrum[1, 1 : _MAX_ORDER + 1] = 1j * field * _ORDER
+    change, slope = np.fft.irfft(spectrum, n=FIELD_SIZE, axis=1)
+    curvature = 1.0 + change
+    radial = radius_m * curvature - offset_m * np.square(curvature)
+    zero = np.zeros(FIELD_SIZE)
+    return SensorWaveform(radial - radial.mean(), -offset_m * slope, zero, zero, zero, zero)
 
 
 def _nominal_numbers(parameters: FloatArray) -> FloatArray:
     """Return the numbers at the nominal load number."""
     with np.errstate(over="ignore"):
-        numbers = np.array(TABLE_3_NUMBERS) * np.exp(parameters[:4])
+        numbers = np.array(TABLE_3_NUMBERS) * np.exp(parameters)
     if not np.isfinite(numbers).all():
         raise ValueError(f"the ring's numbers must be finite, not {numbers}")
     return numbers
@@ -179,14 +164,14 @@ def _compliance_inverse(parameters: FloatArray) -> FloatArray:
     return result
 
 
-def _orders(parameters: FloatArray, half_angle_rad: float, options: RingOptions, corrected: float) -> FloatArray:
+def _orders(parameters: FloatArray, half_angle_rad: float, options: RingOptions) -> FloatArray:
     """Return the cosine orders of s / (R omega^2), orders 1 up (Eq. 27), under uniform pressure and its options.
 
     Args:
         parameters: of the state.
         half_angle_rad: of the contact.
-        options: `pressure_p2`, `pressure_p4` and `pressure_p6`.
-        corrected: 0 reads n^2 under a radial push as printed, 1 reads n^2 - 1 under a vertical one.
+        options: `pressure_p2`, `pressure_p4`, `pressure_p6`; and `kinematics`, which at 0 reads n^2 under a radial push
+            as printed, at 1 n^2 - 1 under a vertical one.
     """
     # The transform of a Legendre polynomial is a spherical Bessel function; even ones alternate in sign.
     push = spherical_jn(0, half_angle_rad * _ALL)
@@ -196,7 +181,7 @@ def _orders(parameters: FloatArray, half_angle_rad: float, options: RingOptions,
         push = push + options.pressure_p4 * spherical_jn(4, half_angle_rad * _ALL)
     if options.pressure_p6:
         push = push - options.pressure_p6 * spherical_jn(6, half_angle_rad * _ALL)
-    load = np.zeros(_MAX_ORDER)
+    load, corrected = np.zeros(_MAX_ORDER), options.kinematics
     if corrected != 0.0:
         load += corrected * _CORRECTED * (_BELOW * push[:-2] + _ABOVE * push[2:])
     if corrected != 1.0:

@@ -26,7 +26,6 @@ from gateway.diagnosis.views.quantities import orders_text, parameter_label, sho
 
 MODELS: Final = {
     "paper": "the ring paper's series as printed",
-    "series": "the corrected linear series",
     "exact": "the exact ring",
 }
 VERDICTS: Final = {
