@@ -101,18 +101,25 @@ def surroundings(wheel: WheelSnapshot) -> list[Run]:
     if wheel.silence is not None:
         load_n = wheel.last.conditions.load_n if wheel.last is not None else load_n
         if not wheel.has_current_environment:
-            return [(f"{MISSING} kPa", Role.VALUE), (f"{MISSING} °C", Role.VALUE), _load(load_n)]
+            return [(f"{MISSING} kPa", Role.VALUE), (f"{MISSING} °C", Role.VALUE), _load(wheel, load_n)]
     since = f" ({age(old.age_s)} old)" if old is not None else ""
     role = Role.VALUE if old is None else Role.WARNING
     return [
-        (f"{kpa(wheel.pressure_pa)} kPa{since}", role),
+        _of_source(wheel, "pressure_pa", f"{kpa(wheel.pressure_pa)} kPa{since}", role),
         (f"{fixed(wheel.temperature_degc, 1)} °C", role),
-        _load(load_n),
+        _load(wheel, load_n),
     ]
 
 
-def _load(load_n: float | None) -> Run:
-    return (f"{fixed(load_n, 0)} N" if load_n is not None else "load not stated", Role.VALUE)
+def _load(wheel: WheelSnapshot, load_n: float | None) -> Run:
+    if load_n is None:
+        return "load not stated", Role.LABEL
+    return _of_source(wheel, "load_n", f"{fixed(load_n, 0)} N", Role.VALUE)
+
+
+def _of_source(wheel: WheelSnapshot, name: str, text: str, role: Role) -> Run:
+    """Return a value as one that is measured, or as one that is stated."""
+    return (f"{text} stated", Role.TEXT) if name in wheel.stated and role is Role.VALUE else (text, role)
 
 
 def silence_text(wheel: WheelSnapshot) -> str:

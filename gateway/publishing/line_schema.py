@@ -10,6 +10,7 @@ from gateway.core.recording.schemas import schema_of
 _NUMBER: Final = {"type": "number"}
 _COUNT: Final = {"type": "integer", "minimum": 0}
 _TEXT: Final = {"type": "string"}
+_SOURCE: Final = {"enum": ["stated", "measured"]}
 _REASON: Final = {"$ref": "#/$defs/reason"}
 _TIME: Final = {"type": "number", "description": "s since 1970-01-01 UTC; that of the recording in a replay"}
 _NAMES: Final = {"type": "array", "items": _TEXT}
@@ -112,7 +113,12 @@ def _wheel() -> dict[str, Any]:
             **dict.fromkeys(counts, _COUNT),
             "alarms": {**_NAMES, "description": "names of the alarms that stand"},
         },
-        {"sensor_id": _TEXT, **dict.fromkeys(numbers, _NUMBER)},
+        {
+            "sensor_id": _TEXT,
+            "load_source": _SOURCE,
+            "pressure_source": _SOURCE,
+            **dict.fromkeys(numbers, _NUMBER),
+        },
         "state of a wheel, once a second",
     )
 

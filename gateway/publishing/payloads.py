@@ -89,6 +89,11 @@ def wheel(item: PublishedState, snapshot: WheelSnapshot) -> JsonObject:
         "state": str(snapshot.state),
         **({"sensor_id": snapshot.sensor_id} if snapshot.sensor_id else {}),
         **finite(numbers),
+        **{
+            f"{name.rpartition('_')[0]}_source": "stated" if name in snapshot.stated else "measured"
+            for name in ("load_n", "pressure_pa")
+            if numbers[name] is not None
+        },
         "revolutions": counters.revolutions,
         "revolutions_rejected": counters.revolutions_rejected,
         "samples": counters.samples,

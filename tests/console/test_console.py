@@ -336,7 +336,8 @@ async def test_resize_draws_for_the_new_size(session):
 SCRIPT = textwrap.dedent(
     """
     from gateway.core.estimates.results import Alarm, LinkSnapshot, SessionSnapshot, WheelSnapshot
-    from gateway.core.reasons import Code, Notice, Reason
+    from gateway.core.reasons import Notice, Reason
+    from gateway.core.session.reasons import SessionCode
     from gateway.console.screen import run_console
 
     LOAD = Reason(SessionCode.LOAD_ABOVE_LIMIT, load_n=6000.0, limit_n=5000.0)

@@ -14,6 +14,7 @@ from gateway.core.session.reasons import SessionCode
 from gateway.publishing import sink_worker
 from gateway.publishing.sink import Item, PublishedAlarm, PublishedRevolution, PublishedState
 from tests.publishing.receivers import PostServer, serving
+from tests.testkit.made_results import made  # noqa: F401 - a fixture
 
 PRESSURE = Reason(SessionCode.PRESSURE_BELOW_LIMIT, pressure_pa=180e3, limit_pa=200e3)
 

@@ -24,6 +24,7 @@ from gateway.publishing.page_server import PageSink
 from gateway.publishing.publisher import open_publisher
 from gateway.publishing.sink import PublishedRevolution, PublishedState, SinkError, SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
+from gateway.publishing.web_page.drive_face import place_on_car
 from tests.testkit.browser import Tab
 from tests.testkit.waiting import TIMEOUT_S, until
 
@@ -362,6 +363,64 @@ def test_address_that_cannot_be_used(uri) -> None:
         open_sink(uri, SinkSetting())
 
 
+def test_drive_face_says_what_to_do_and_what_is_stated(served, items) -> None:
+    show(served, items)
+    with guest(served) as connection:
+        drive = next_of(connection, "state")["drive"]
+    assert (drive["kind"], drive["line"], drive["alarms"]) == ("good", "All is well.", [])
+    front = drive["wheels"][0]
+    assert (front["position"], front["place"], front["kind"], front["state"]) == ("FL", [0, 0], "good", "rolling")
+    assert front["values"]["pressure_pa"]["source"] == "measured"
+    assert front["values"]["load_n"]["source"] == "stated"
+    assert front["values"]["load_n"]["std"] > 0.0
+    assert front["values"]["wear_mm"]["std"] > 0.0
+
+
+def test_drive_face_begins_with_an_alarm_and_lists_the_others(served, items, made) -> None:
+    alarms = (made.alarm("FR"), made.alarm("RL", "silent", "no samples for 7 s. A fault?"))
+    show(served, items, lambda snapshot: dataclasses.replace(snapshot, alarms=alarms))
+    with guest(served) as connection:
+        drive = next_of(connection, "state")["drive"]
+    assert (drive["kind"], drive["line"]) == ("act", "FR: 171.0 kPa is below 180.0 kPa")
+    assert drive["alarms"] == ["RL: no samples for 7 s. A fault?"]
+    assert [wheel["kind"] for wheel in drive["wheels"]] == ["good", "act", "act", "good"]
+
+
+def test_drive_face_of_an_ended_or_silent_session_has_no_number_that_looks_alive(served, items) -> None:
+    silence = Silence(SilentPart.SENSOR, 7.0, Reason(SessionCode.SENSOR_SILENT, silence_s=7.0))
+
+    def silent(snapshot):
+        first = dataclasses.replace(snapshot.wheels[0], silences=(silence,), state=WheelState.SILENT)
+        return dataclasses.replace(snapshot, wheels=(first, *snapshot.wheels[1:]))
+
+    show(served, items, silent)
+    with guest(served) as connection:
+        drive = next_of(connection, "state")["drive"]
+        assert drive["line"] == "FL: silent for 7 s."
+        assert drive["wheels"][0]["speed_mps"] is None
+        assert not any(drive["wheels"][0]["values"].values())
+        show(served, items[-1:], lambda snapshot: dataclasses.replace(snapshot, ended=True))
+        while not (state := next_of(connection, "state"))["ended"]:
+            pass
+    drive = state["drive"]
+    assert (drive["kind"], drive["line"]) == ("unknown", "The session has ended.")
+
+
+@pytest.mark.parametrize(
+    ("position", "place"),
+    [
+        ("FL", (0, 0)),
+        ("RR", (1, 1)),
+        ("rear.left", (1, 0)),
+        ("Front_Right", (0, 1)),
+        ("hub0.wheel2", None),
+        ("drum", None),
+    ],
+)
+def test_place_of_a_wheel_on_a_car(position, place) -> None:
+    assert place_on_car(position) == place
+
+
 # In a browser
 
 
@@ -478,3 +537,27 @@ def test_contrast_is_enough_by_day_and_by_night(browser, served, items, is_dark)
     )
     assert min(ratios.values()) >= 4.5
     assert ratios["--ink"] >= 12.0
+
+
+def test_drive_face_is_one_click_away_remembered_and_in_the_chosen_units(browser, served, items) -> None:
+    show(served, items)
+    tab = browser.tab()
+    tab.open(served.sink.address, 390, 844)
+    tab.until("document.querySelectorAll('.wheel.rolling').length === 4")
+    assert tab.value("document.querySelector('#drive').hidden")
+    tab.value("document.querySelector('#to-drive').click()")
+    tab.until("document.querySelectorAll('.tile.good').length === 4")
+    assert text_of(tab, "#drive-line") == "All is well."
+    assert tab.value("document.querySelector('main').hidden")
+    assert tab.value("document.documentElement.scrollWidth") <= 390
+    first = text_of(tab, ".tile")
+    assert "bar" in first
+    assert "load, stated" in first
+    tab.value("units.value = 'us'; units.dispatchEvent(new Event('change'))")
+    tab.until("document.querySelector('.tile').innerText.includes('psi')")
+    tab.open(served.sink.address, 390, 844)
+    tab.until("document.querySelectorAll('.tile.good').length === 4")
+    assert "psi" in text_of(tab, ".tile")
+    tab.value("document.querySelector('#to-engineer').click(); localStorage.clear()")
+    assert not tab.value("document.querySelector('main').hidden")
+    assert tab.errors == []

@@ -141,6 +141,7 @@ class WheelSnapshot:
         pressure_pa: latest measured or configured inflation pressure.
         temperature_degc: latest measured temperature.
         load_n: configured load, else the estimated one.
+        stated: those of `load_n` and `pressure_pa` that are stated, not measured.
         wear_mm: tread wear; None when no estimator gives it.
         counters: sample and revolution counts.
         flags: present faults of the sensor.
@@ -158,6 +159,7 @@ class WheelSnapshot:
     pressure_pa: float | None = None
     temperature_degc: float | None = None
     load_n: float | None = None
+    stated: frozenset[str] = frozenset()
     wear_mm: Estimate | None = None
     counters: WheelCounters = field(default_factory=WheelCounters)
     flags: tuple[SensorFlag, ...] = ()

@@ -389,6 +389,12 @@ class TireEstimates:
             rules=self._setup.rules,
         )
 
+    def stated(self, conditions: TireConditions) -> frozenset[str]:
+        """Return those of `load_n` and `pressure_pa` that are stated and not measured."""
+        is_measured = any(reading.pressure_pa is not None for _, reading, _ in self._environment)
+        pressure = {"pressure_pa"} if conditions.pressure_pa is not None and not is_measured else set()
+        return frozenset({"load_n"} if conditions.load_n is not None else ()) | pressure
+
     def flags(self) -> tuple[SensorFlag, ...]:
         """Return what the signal contradicts of what is stated."""
         contradictions = self.evidence.contradictions if self.evidence is not None else ()

@@ -61,7 +61,9 @@
     if (isOld && state && !state.ended) {
       const silent = { speed: ["—", "", "km/h", "", ""], edges: [], surroundings: [], car: [], numbers: [], counters: [], note: null };
       const wheels = state.wheels.map((one) => ({ ...one, ...silent, state: age, kind: "silent" }));
-      showState({ ...state, wheels, alarms: [], links: [[[age, "warning"]]], rolling: "" });
+      const unheard = state.drive.wheels.map((one) => ({ ...one, kind: "act", state: age, speed_mps: null, values: {} }));
+      const drive = { kind: "act", line: `This page hears nothing from treadlink: ${age}.`, alarms: [], wheels: unheard };
+      showState({ ...state, drive, wheels, alarms: [], links: [[[age, "warning"]]], rolling: "" });
       waveform = null;
       showWaveform();
     }
@@ -82,9 +84,71 @@
     setRows(byId("alarms"), shown.alarms.map((text) => `ALARM ${text}`));
     byId("acknowledge").hidden = !shown.to_acknowledge;
     if (!shown.wheels.some((one) => one.key === wheel) && shown.wheels.length) choose(shown.wheels[0].key);
+    showDrive(shown.drive);
     showWheels(shown.wheels);
     setRows(byId("links"), [...shown.links, ...shown.outputs]);
     setRows(byId("notices"), [...shown.notices].reverse());
+  };
+
+  // The face for whoever drives: rounded to what an eye takes in, never finer than the error.
+
+  const stored = (name, fallback) => { try { return localStorage.getItem(name) || fallback; } catch { return fallback; } };
+  const store = (name, value) => { try { localStorage.setItem(name, value); } catch { /* private windows forget */ } };
+  let face = stored("face", "engineer"), units = stored("units", "si");
+  const UNITS = {
+    si: { speed_mps: [3.6, 0, 1, "km/h"], pressure_pa: [1e-5, 0, 0.1, "bar"], temperature_degc: [1, 0, 1, "°C"], wear_mm: [1, 0, 0.1, "mm"], load_n: [1e-3, 0, 0.1, "kN"] },
+    us: { speed_mps: [2.236936, 0, 1, "mph"], pressure_pa: [1.450377e-4, 0, 1, "psi"], temperature_degc: [1.8, 32, 1, "°F"], wear_mm: [1, 0, 0.1, "mm"], load_n: [0.2248089, 0, 10, "lbf"] },
+  };
+  const LABELS = { pressure_pa: "pressure", temperature_degc: "temperature", wear_mm: "wear", load_n: "load" };
+  const rounded = (name, { value, std }) => {
+    const [factor, offset, step, unit] = UNITS[units][name];
+    const error = std * factor;
+    let size = step;
+    for (let i = 0; size < error && i < 40; i += 1) size *= i % 3 === 1 ? 2.5 : 2;
+    // Adding 0 turns -0 into 0.
+    return [(Math.round((value * factor + offset) / size) * size + 0).toFixed(size < 0.95 ? 1 : 0), unit];
+  };
+  const tileOf = (one) => {
+    const tile = element("div", `tile ${one.kind}`), top = element("div", "top"), list = element("dl");
+    top.append(element("span", "", one.position), element("span", "is", one.state));
+    for (const [name, label] of Object.entries(LABELS)) {
+      const value = one.values[name], box = element("div");
+      const number = element("dd", value ? value.source : "unknown");
+      if (value) {
+        const [text, unit] = rounded(name, value);
+        number.append(text, element("small", "", ` ${unit}`));
+      } else number.append("—");
+      const source = !value ? "unknown" : value.source === "measured" ? "" : value.source;
+      box.append(element("dt", "", source ? `${label}, ${source}` : label), number);
+      list.append(box);
+    }
+    tile.append(top, list);
+    if (one.place) { tile.style.gridRow = one.place[0] + 1; tile.style.gridColumn = one.place[1] ? 3 : 1; }
+    return tile;
+  };
+  const showDrive = (drive) => {
+    const line = byId("drive-line"), car = byId("car"), key = `${JSON.stringify(drive)} ${units}`;
+    if (car.dataset.key === key) return;
+    car.dataset.key = key;
+    setText(line, drive.line);
+    // One speed for all: the middle one of the wheels.
+    const speeds = drive.wheels.map((one) => one.speed_mps).filter(Boolean).sort((a, b) => a.value - b.value);
+    const speed = byId("drive-speed"), middle = speeds[Math.floor(speeds.length / 2)];
+    const [text, unit] = middle ? rounded("speed_mps", middle) : ["—", UNITS[units].speed_mps[3]];
+    speed.replaceChildren(text, element("small", "", ` ${unit}`));
+    line.className = drive.kind;
+    setRows(byId("more-alarms"), drive.alarms);
+    const places = drive.wheels.map((one) => one.place && one.place.join());
+    const isCar = drive.wheels.length > 1 && places.every(Boolean) && new Set(places).size === places.length;
+    car.className = isCar ? "car" : "";
+    car.replaceChildren(...(isCar ? [element("div", "body")] : []), ...drive.wheels.map((one) => tileOf(isCar ? one : { ...one, place: null })));
+  };
+  const setFace = (chosen) => {
+    face = chosen;
+    byId("drive").hidden = face !== "drive";
+    document.querySelector("main").hidden = face === "drive";
+    for (const name of ["drive", "engineer"]) byId(`to-${name}`).setAttribute("aria-pressed", String(face === name));
+    setTheme(themeChosen || (face === "drive" || dark.matches ? "dark" : "light"));
   };
   const showWheels = (wheels) => {
     const box = byId("wheels");
@@ -306,10 +370,14 @@
     showWaveform();
     showTrend();
   };
-  dark.addEventListener("change", () => setTheme(dark.matches ? "dark" : "light"));
-  byId("theme").addEventListener("click", () => setTheme(themeKey() === "dark" ? "light" : "dark"));
+  let themeChosen = "";
+  dark.addEventListener("change", () => setFace(face));
+  byId("theme").addEventListener("click", () => { themeChosen = themeKey() === "dark" ? "light" : "dark"; setTheme(themeChosen); });
+  for (const name of ["drive", "engineer"]) byId(`to-${name}`).addEventListener("click", () => { store("face", name); setFace(name); });
+  byId("units").value = units;
+  byId("units").addEventListener("change", (event) => { units = event.currentTarget.value; store("units", units); if (state) showDrive(state.drive); });
   addEventListener("resize", () => { showWaveform(); showTrend(); });
-  setTheme(dark.matches ? "dark" : "light");
+  setFace(face);
   setInterval(watch, 500);
   connect();
 })();

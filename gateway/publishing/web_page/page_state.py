@@ -27,6 +27,7 @@ from gateway.core.text.trend_history import TrendHistory, TrendPoint
 from gateway.core.text.wording import notice_text
 from gateway.core.text.wording import text as reason_text
 from gateway.core.types import ComplexArray, FloatArray
+from gateway.publishing.web_page.drive_face import drive_face
 
 JsonObject = dict[str, Any]
 # The rows of links are for a terminal of this many cells: nothing is left out.
@@ -57,6 +58,7 @@ def page_state(snapshot: SessionSnapshot, *, run_form: Mapping[str, str] | None)
             for alarm in snapshot.alarms
         ],
         "to_acknowledge": not all(map(snapshot.is_acknowledged, snapshot.alarms)),
+        "drive": drive_face(snapshot),
         "wheels": [_wheel(wheel, is_alarmed=wheel.position in alarmed) for wheel in snapshot.wheels],
         "links": [_runs(link_row(link, _NAME_CELLS, _CELLS)) for link in snapshot.links],
         "outputs": [_runs(sink_row(sink, _NAME_CELLS, _CELLS)) for sink in snapshot.sinks],
