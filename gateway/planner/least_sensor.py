@@ -18,6 +18,8 @@ NOISES_MG_RTHZ: Final = tuple(
     mantissa * 10.0**decade for decade in (-2, -1, 0, 1, 2) for mantissa in (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
 )
 """Noise densities that are tried, from below."""
+# Trials of a rate, at most: the smallest noise, then bisection.
+_TRIALS: Final = 1 + math.ceil(math.log2(len(NOISES_MG_RTHZ)))
 # Range beyond the peak, in standard deviations of the noise.
 _HEADROOM: Final = 5.0
 # Rates that are tried beyond the least one: a faster sensor may be noisier.
@@ -76,6 +78,7 @@ def least_sensors(
     revolutions: int,
     wheels: int,
     seed: int = 0,
+    on_share: Callable[[float], None] = lambda _share: None,
 ) -> Iterator[LeastSensor]:
     """Yield what a sensor needs at each of `RATES_HZ`, up to one rate beyond the least that reaches every error.
 
@@ -88,14 +91,19 @@ def least_sensors(
         revolutions: after which, one of `AFTER`.
         wheels: simulated drives of each trial.
         seed: of the random numbers.
+        on_share: called with the share of the trials that are done, 0 to 1, were every rate tried.
     """
+    done = 0
     peak_g = max(tire_at(scenario, speed).peak_mps2 for speed in speeds_mps) / STANDARD_GRAVITY_MPS2
 
     def tried(rate_hz: float, noise_mg_rthz: float) -> tuple[float, WorstError]:
         range_g = peak_g + _HEADROOM * 1e-3 * noise_mg_rthz * math.sqrt(0.5 * rate_hz)
         sensor = Accelerometer(name="least", range_g=range_g, rate_hz=rate_hz, noise_mg_rthz=noise_mg_rthz)
         worst: WorstError | None = None
+        nonlocal done
         for speed_mps in speeds_mps:
+            on_share(done / (len(RATES_HZ) * _TRIALS * len(speeds_mps)))
+            done += 1
             plan = plan_sensor(scenario, sensor, speed_mps, wheels=wheels, seed=seed)
             errors = {
                 error.quantity: math.hypot(error.scatter, error.stays)
@@ -112,7 +120,8 @@ def least_sensors(
         return range_g, worst
 
     enough = 0
-    for rate_hz in RATES_HZ:
+    for index, rate_hz in enumerate(RATES_HZ):
+        done = index * _TRIALS * len(speeds_mps)
         least = largest_noise(rate_hz, tried)
         yield least
         enough += least.reached

@@ -77,8 +77,12 @@ def test_sensor_that_is_given_reaches_the_error_and_a_noisier_one_does_not(monke
     monkeypatch.setattr(least_sensor, "NOISES_MG_RTHZ", (1.0, 15.0, 150.0))
     lab, speed_mps = load_scenario("lab"), 80.0 / 3.6
     want = Want("Bs", 3e-5)
-    (least,) = least_sensors(lab, [want], [speed_mps], revolutions=10, wheels=3)
+    shares: list[float] = []
+    (least,) = least_sensors(lab, [want], [speed_mps], revolutions=10, wheels=3, on_share=shares.append)
     assert least.reached
+    assert shares[0] == 0.0
+    assert shares == sorted(set(shares))
+    assert shares[-1] < 1.0
     assert 1.0 < least.noise_mg_rthz < 150.0
     errors = [error_of(lab, least.range_g, noise, speed_mps) for noise in (least.noise_mg_rthz, 150.0)]
     assert errors[0] <= want.error < errors[1]

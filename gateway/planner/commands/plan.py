@@ -88,13 +88,15 @@ def plan(
     road. The exit status is 1 if no sensor can be used at any speed.
 
     The other way round, with --want: the least range and the largest noise, at each sampling rate, with which the
-    errors are reached. The exit status is 1 if no rate reaches them.
+    errors are reached. That takes minutes: each rate is tried with several noises. The exit status is 1 if no rate
+    reaches them.
     """
     from gateway.core.cli.summary_output import SummaryOutput
     from gateway.core.config.validation import read_text
     from gateway.core.errors import ConfigError
     from gateway.core.text.figure_file import check_figure
     from gateway.core.text.output_file import check_outputs, write_whole
+    from gateway.core.text.progress import progress_view
     from gateway.planner.accelerometer import parse_accelerometers, shipped_accelerometers
     from gateway.planner.commands.wanted_errors import parse_speeds_mps, parse_want
     from gateway.planner.least_sensor import least_sensors
@@ -126,20 +128,29 @@ def plan(
         truths = tire_at(loaded, at_mps[0]).truths
         wants = [parse_want(text, truths) for text in want_texts]
         leasts = []
-        for least in least_sensors(loaded, wants, at_mps, revolutions=int(after), wheels=wheels, seed=seed):
-            leasts.append(least)
-            say(least_line(least))
-            if least.reached:
-                say(parts_line(least, chosen))
+        with progress_view() as view:
+            bar = view.bar("simulated drives")
+            for least in least_sensors(
+                loaded, wants, at_mps, revolutions=int(after), wheels=wheels, seed=seed, on_share=bar.show
+            ):
+                leasts.append(least)
+                with view.hidden():
+                    say(least_line(least))
+                    if least.reached:
+                        say(parts_line(least, chosen))
         document, has_result = least_json(leasts), any(least.reached for least in leasts)
     else:
         plans = []
-        for part in chosen:
-            for speed_kmh in speeds_kmh:
+        cases = [(part, speed_kmh) for part in chosen for speed_kmh in speeds_kmh]
+        with progress_view() as view:
+            bar = view.bar("simulated drives")
+            for index, (part, speed_kmh) in enumerate(cases):
+                bar.show(index / len(cases), part.name)
                 planned = plan_sensor(loaded, part, speed_kmh / 3.6, wheels=wheels, seed=seed)
                 plans.append(planned)
-                for line in plan_lines(planned, listed.power):
-                    say(line)
+                with view.hidden():
+                    for line in plan_lines(planned, listed.power):
+                        say(line)
         if figure_path is not None:
             write_plan_figure(figure_path, plans, force=force)
             say.written(figure_path)
