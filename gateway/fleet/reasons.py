@@ -44,6 +44,10 @@ class FleetCode(Codes):
         "since {date}, loses {after_pa:.1f kPa} ± {after_std_pa:.1g kPa} a month; before, {before_pa:.1f kPa} ± "
         "{before_std_pa:.1g kPa}: {count} recordings, {first} to {last}"
     )
+    TREND_NEWEST_FALL = Code(
+        "the last {count} recordings, from {date} on, are below the trend by {deviation:.1f} standard deviations: the "
+        "loss may have grown"
+    )
     TREND_NEWEST_LEFT = Code("without the last {count} recordings, which have left the trend on {date}")
     TREND_NO_REVOLUTION = Code(
         "no recording has a revolution: the wheel stood still, or the sensor sent no usable signal"

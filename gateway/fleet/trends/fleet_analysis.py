@@ -25,9 +25,18 @@ from gateway.core.wheel_position import right_of
 from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.causes import Change, Finding, with_causes
 from gateway.fleet.trends.late_changes import LEAST_AFTER, LateChange, find_shape
-from gateway.fleet.trends.leak_model import newest_leak
+from gateway.fleet.trends.leak_model import (
+    OF_FLOW,
+    bent,
+    is_steady_leak,
+    mended_at,
+    newest_fall,
+    newest_leak,
+    straightened,
+)
 from gateway.fleet.trends.level_steps import LEAST_POINTS, find_steps, runs, with_steps
 from gateway.fleet.trends.moved_tires import findings_of_moves
+from gateway.fleet.trends.neighbouring_wheels import Shared, without_common
 from gateway.fleet.trends.outlier_detection import OutlierSearch, find_outliers
 from gateway.fleet.trends.plausible_readings import PlausibleReadings, plausible_readings
 from gateway.fleet.trends.recording_doubts import doubt_of, findings_of_recordings, weights_by_doubt
@@ -38,7 +47,7 @@ from gateway.fleet.trends.refilled_pressure import (
     pressure_loss,
     scatter_of,
 )
-from gateway.fleet.trends.regression import LEAST_FREEDOM, Fit, weights_of
+from gateway.fleet.trends.regression import LEAST_FREEDOM, Fit, correlation_factor, weights_of
 from gateway.fleet.trends.regression import fit as fitted
 from gateway.fleet.trends.stated_changes import StatedChange, findings_of_changes, places_of, stated_changes
 from gateway.fleet.trends.steady_value import parted_drift, zero_of
@@ -78,6 +87,8 @@ _OFTEN_MONTHS: Final = 7.0 * _DAY_MONTHS
 _LEAST_REFILL_PA: Final = 3000.0
 # Change of the temperature in a month that a sensor that is stuck does not show.
 _UNSEEN_K: Final = 10.0
+# What tight wheels lose a month by permeation, which a comparison with them leaves out.
+_OF_OTHERS_KPA: Final = 2.0
 # What is worth a finding, besides being significant; the rest is in `gateway.fleet.trends.watched_series`.
 _NOTABLE_LOSS_PA: Final = 1000.0
 # Within hours, the sensor's temperature is behind that of a gas that a drive warms: 10 K are 11 kPa.
@@ -160,6 +171,7 @@ class _Tire:
     family: int
     readings: PlausibleReadings
     changes: Sequence[StatedChange]
+    cold: Shared
     numbers: list[TrendNumber] = field(default_factory=list)
     series: list[TrendSeries] = field(default_factory=list)
     outliers: list[TrendOutlier] = field(default_factory=list)
@@ -181,9 +193,14 @@ def analyse(
     """
     family = max(1, len(histories)) * _SERIES_OF_TIRE
     tires = [part for history in histories for part in _tires_of(history, family)]
+    readings = [plausible_readings(tire) for tire in tires]
+    colds = [_cold_kpa(tire, reading) for tire, reading in zip(tires, readings, strict=True)]
+    stuck = [
+        _is_same(reading.temperature_degc[np.isfinite(cold)]) for reading, cold in zip(readings, colds, strict=True)
+    ]
     trends = [
-        _trend_of(_Tire(tire_history, family, plausible_readings(tire_history), stated_changes(tire_history)))
-        for tire_history in tires
+        _trend_of(_Tire(tire, family, reading, stated_changes(tire), cold))
+        for tire, reading, cold in zip(tires, readings, without_common(tires, colds, stuck), strict=True)
     ]
     moves = findings_of_moves(tires)
     return FleetTrends(
@@ -353,12 +370,19 @@ def _wear(tire: _Tire) -> None:
     tire.numbers.append(_at_end(Quantity.WEAR_NOW, "mm", line))
 
 
+def _cold_kpa(history: TireHistory, readings: PlausibleReadings) -> FloatArray:
+    """Return (n,) gauge pressures at one temperature, NaN where they are not measured."""
+    measured = history.column("pressure_measured") > 0.0
+    warm = (readings.temperature_degc + ZERO_CELSIUS_K) / (REFERENCE_DEGC + ZERO_CELSIUS_K)
+    cold_pa = (readings.pressure_pa + STANDARD_ATMOSPHERE_PA) / warm - STANDARD_ATMOSPHERE_PA
+    return np.where(measured, 1e-3 * cold_pa, math.nan)
+
+
 def _pressure(tire: _Tire) -> None:
     history = tire.history
     gauge, degc = tire.readings.pressure_pa, tire.readings.temperature_degc
     measured = history.column("pressure_measured") > 0.0
-    warm = (degc + ZERO_CELSIUS_K) / (REFERENCE_DEGC + ZERO_CELSIUS_K)
-    cold = np.where(measured, (gauge + STANDARD_ATMOSPHERE_PA) / warm - STANDARD_ATMOSPHERE_PA, math.nan)
+    cold = tire.cold.cold_kpa
     if not _has_rolled(history):
         why = Reason(FleetCode.TREND_NO_REVOLUTION)
     elif not measured.any():
@@ -374,9 +398,23 @@ def _pressure(tire: _Tire) -> None:
         why = _missing(history, "", cold)
     unknown = np.full(len(cold), math.nan)
     steps_from = _LEAST_REFILL_PA * 1e-3
-    if _leak(tire, cold * 1e-3, unknown, steps_from):
+    known = np.flatnonzero(np.isfinite(cold))
+    if known.size > LEAST_RECORDINGS:
+        # What the tire lost before its leak was mended says nothing of now.
+        cold = cold.copy()
+        cold[: known[mended_at(history.months[known], cold[known], scatter_of(cold[known]))]] = math.nan
+    if _leak(tire, cold, unknown, steps_from):
         return
-    line = _line(tire, "pressure_at_20_degc", history.months, cold * 1e-3, unknown, steps_from=steps_from)
+    known = np.flatnonzero(np.isfinite(cold))
+    is_steady = known.size > LEAST_RECORDINGS and is_steady_leak(
+        history.months[known], cold[known], scatter_of(cold[known])
+    )
+    at_kpa = float(cold[known[-1]]) if known.size else math.nan
+    along = straightened(cold, at_kpa) if is_steady else cold
+    line = _line(tire, "pressure_at_20_degc", history.months, along, unknown, steps_from=steps_from)
+    if line is not None and is_steady:
+        drawn = tire.series[-1]
+        tire.series[-1] = replace(drawn, values=bent(drawn.values, at_kpa), expected=bent(drawn.expected, at_kpa))
     refilled = None
     if line is not None:
         normal, change = ~line.search.is_outlier, line.change
@@ -409,11 +447,15 @@ def _pressure(tire: _Tire) -> None:
     loss = (
         _with_refills(plain, refilled, line) if plain.status is not Status.INVALID and refilled is not None else plain
     )
-    deviation = _deviation_of_last(line)
-    if loss.status is Status.VALID and deviation is not None and deviation < 0.0:
-        # A leak that began after the last recording but one has no rate yet, and the rate before it is not that of now.
-        last = Reason(FleetCode.TREND_LAST_DEVIATES, deviation=deviation, date=line.dates[-1])
-        loss = replace(loss, status=Status.PROVISIONAL, reasons=(last, *loss.reasons))
+    loss = replace(loss, std=math.hypot(loss.std, tire.cold.trend_std_kpa, OF_FLOW * loss.value))
+    fall = newest_fall(history.months[line.places], line.values, scatter_of(line.values))
+    if loss.status is Status.VALID and fall is not None:
+        # A leak that has begun has no rate yet, and the rate before it is not that of now.
+        begin, deviation = fall
+        below = Reason(
+            FleetCode.TREND_NEWEST_FALL, count=len(line.values) - begin, date=line.dates[begin], deviation=deviation
+        )
+        loss = replace(loss, status=Status.PROVISIONAL, reasons=(below, *loss.reasons))
     tire.numbers.append(loss)
     tire.numbers.append(_at_end(Quantity.PRESSURE_NOW, "kPa", line))
     if loss.status is Status.INVALID:
@@ -441,8 +483,9 @@ def _leak(tire: _Tire, cold_kpa: FloatArray, unknown: FloatArray, steps_from: fl
     degc = tire.readings.temperature_degc[rows]
     is_stuck = _is_same(degc)
     # What an unseen change of the temperature makes of the pressure, by the gas law.
-    drift_kpa = (1e-3 * STANDARD_ATMOSPHERE_PA + values[-1]) * _UNSEEN_K / (REFERENCE_DEGC + ZERO_CELSIUS_K)
-    leak = newest_leak(months, values, scatter_of(values), float(drift_kpa) if is_stuck else 0.0)
+    unseen_kpa = (1e-3 * STANDARD_ATMOSPHERE_PA + values[-1]) * _UNSEEN_K / (REFERENCE_DEGC + ZERO_CELSIUS_K)
+    drift_kpa = _OF_OTHERS_KPA if tire.cold.has_trend else float(unseen_kpa)
+    leak = newest_leak(months, values, scatter_of(values), drift_kpa if is_stuck else 0.0)
     if leak is None:
         return False
     tested, drawn = tire.tested, len(tire.series)
@@ -560,6 +603,10 @@ def _with_refills(plain: TrendNumber, refilled: PressureLoss, line: _Line) -> Tr
     if (often := _hidden_by_frequent_refills(line)) is not None:
         notes = (*notes, often)
     std = max(refilled.std, plain.std)
+    # Weather makes recordings that follow each other alike, and so do refills: which of the two is not known.
+    used = ~line.search.is_outlier
+    if correlation_factor(line.fit.residuals[used], line.fit.coefficients.size) > 1.0:
+        std = math.hypot(std, 0.5 * (refilled.value - plain.value))
     return replace(plain, value=refilled.value, std=std, low=low, high=high, reasons=notes)
 
 

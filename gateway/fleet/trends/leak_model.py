@@ -20,6 +20,9 @@ from gateway.core.types import FloatArray
 LEAST_AFTER: Final = 2
 """Recordings after the begin of a leak; one shows a fall, and no rate."""
 
+OF_FLOW: Final = 0.025
+"""Relative error of a rate by the warm and cold days of the time that it is measured over."""
+
 _AMBIENT_KPA: Final = STANDARD_ATMOSPHERE_PA * 1e-3
 # Ratio of specific heats of air.
 _GAMMA: Final = 1.4
@@ -39,8 +42,22 @@ _LEAST_OVER_FALL: Final = 15.0
 _OF_SCATTER: Final = 1.2
 # Sum of squares over its freedom beyond which a line is not what the recordings after the begin show.
 _MOST_MISFIT: Final = 4.0
+# Change of the ambient pressure by weather and altitude.
+_OF_AMBIENT_KPA: Final = 4.0
+# Relative error of the rate by the pressure itself beyond which a tire is nearly flat.
+_MOST_OF_LEVEL: Final = 0.2
 # Faster losses only: slower ones are told by their likelihood over all refills.
 _LEAST_RATE_KPA: Final = 15.0
+
+
+# Newest recordings in which a leak may have begun, and those that the level before it is fitted to.
+_NEWEST: Final = 10
+_BASE: Final = 25
+# Scatters by which they are below it, along a leak, so that the rate before is not that of now.
+_FALL: Final = 3.0
+# Recordings between two refills that show a rate, and errors by which the rates before and after a refill differ.
+_LEAST_LINE: Final = 4
+_MENDED: Final = 5.0
 
 
 class Leak(NamedTuple):
@@ -110,11 +127,102 @@ def straightened(gauge_kpa: FloatArray, at_kpa: float) -> FloatArray:
     return np.asarray(at_kpa + float(flow(np.array([at_kpa]))[0]) * (np.interp(gauge_kpa, gauge, along) - at))
 
 
-def _bent(along_kpa: FloatArray, at_kpa: float) -> FloatArray:
+def bent(along_kpa: FloatArray, at_kpa: float) -> FloatArray:
     """Return the pressures of straightened ones."""
     gauge, along = _straight()
     at = float(np.interp(at_kpa, gauge, along))
     return np.interp(at + (along_kpa - at_kpa) / float(flow(np.array([at_kpa]))[0]), along, gauge)
+
+
+def _steepness(gauge_kpa: float) -> float:
+    """Return the logarithmic derivative of the flow, per kPa."""
+    below, above = flow(np.array([max(gauge_kpa - 1.0, 0.0), max(gauge_kpa, 0.0) + 1.0])).tolist()
+    return math.log(above / below) / 2.0
+
+
+def newest_fall(months: FloatArray, cold_kpa: FloatArray, scatter_kpa: float) -> tuple[int, float] | None:
+    """Return where the newest recordings begin that are below their trend as after a leak, and by how many scatters.
+
+    Few recordings show a fall before they show a rate. None where no fall is visible.
+
+    Args:
+        months: (n,) times of the recordings, increasing.
+        cold_kpa: (n,) gauge pressures at one temperature.
+        scatter_kpa: of single recordings.
+    """
+    months, values = months[-_BASE:], cold_kpa[-_BASE:]
+    skipped, count = len(cold_kpa) - len(values), len(values)
+    scatter = max(scatter_kpa, _LEAST_SCATTER_KPA)
+    changes = np.diff(values)
+    jumps = changes > _REFILL * math.sqrt(2.0) * scatter
+    # A fall that is long ago, after which the pressure held, was air that was let out.
+    old = max(count - 1 - _NEWEST, 0)
+    jumps[:old] |= changes[:old] < -_REFILL * math.sqrt(2.0) * scatter
+    part = np.concatenate([[0.0], np.cumsum(jumps)])
+    rows = np.column_stack([months - months[-1], part[:, None] == np.unique(part)[None, :]]).astype(np.float64)
+    begins = np.arange(max(count - _NEWEST, _LEAST_BEFORE), count)
+    if count <= rows.shape[1] + 1 or not begins.size:
+        return None
+    # The leak begins with the last recording before it, or just before the first one of it.
+    ramps = [np.maximum(months - months[begin - 1], 0.0) for begin in begins]
+    ramps += [np.maximum(months - months[begin], 0.0) for begin in begins[:-1]]
+    tried = np.column_stack(ramps)
+    basis = np.linalg.qr(rows)[0]
+    residuals = values - basis @ (basis.T @ values)
+    tried = tried - basis @ (basis.T @ tried)
+    lengths = np.sqrt(np.einsum("ij,ij->j", tried, tried))
+    usable = lengths > 1e-6
+    deviations = np.where(usable, -(residuals @ tried) / np.where(usable, lengths, 1.0), 0.0) / scatter
+    best = int(np.argmax(deviations))
+    if deviations[best] <= _FALL:
+        return None
+    return skipped + int([*begins, *begins[:-1]][best]), float(deviations[best])
+
+
+def is_steady_leak(months: FloatArray, cold_kpa: FloatArray, scatter_kpa: float) -> bool:
+    """Return whether a tire leaks from its first recording on so fast that its pressure follows the flow of an orifice.
+
+    Args:
+        months: (n,) times of the recordings, increasing.
+        cold_kpa: (n,) gauge pressures at one temperature.
+        scatter_kpa: of single recordings.
+    """
+    stds = np.full(len(months), max(scatter_kpa, _LEAST_SCATTER_KPA))
+    values = straightened(cold_kpa, float(cold_kpa[-1]))
+    bent_stds = stds * float(flow(cold_kpa[-1:])[0]) / np.maximum(flow(cold_kpa), 1e-3)
+    part = _refills(cold_kpa, stds)
+    coefficients, _, squares = _levels_fit(months, values, bent_stds, part)
+    return -coefficients[0] > _LEAST_RATE_KPA and squares < _levels_fit(months, cold_kpa, stds, part)[2] - _FALL**2
+
+
+def mended_at(months: FloatArray, cold_kpa: FloatArray, scatter_kpa: float) -> int:
+    """Return the first recording after the last refill that ended a leak; 0 where none did.
+
+    Args:
+        months: (n,) times of the recordings, increasing.
+        cold_kpa: (n,) gauge pressures at one temperature.
+        scatter_kpa: of single recordings.
+    """
+    scatter = max(scatter_kpa, _LEAST_SCATTER_KPA)
+    edges = [0, *np.flatnonzero(np.diff(cold_kpa) > _REFILL * math.sqrt(2.0) * scatter) + 1, len(cold_kpa)]
+    for number in range(len(edges) - 2, 0, -1):
+        before, after = (slice(edges[at], edges[at + 1]) for at in (number - 1, number))
+        lines = [_slope(months[part], cold_kpa[part], scatter) for part in (before, after)]
+        if None in lines:
+            continue
+        (old, old_std), (new, new_std) = (line for line in lines if line is not None)
+        if new - old > max(_LEAST_RATE_KPA, _MENDED * math.hypot(old_std, new_std)):
+            return int(edges[number])
+    return 0
+
+
+def _slope(months: FloatArray, values: FloatArray, std: float) -> tuple[float, float] | None:
+    """Return the slope of a line and its error; None of too few points."""
+    if len(months) < _LEAST_LINE:
+        return None
+    around = months - months.mean()
+    square = float(around @ around)
+    return (float(around @ values) / square, std / math.sqrt(square)) if square > 0.0 else None
 
 
 class _Fit(NamedTuple):
@@ -174,7 +282,14 @@ def newest_leak(months: FloatArray, cold_kpa: FloatArray, scatter_kpa: float, dr
     )
     rate, date = float(weights @ rates), float(weights @ dates)
     inflation = max(best.after_squares / max(best.freedom, 1), 1.0) if best.freedom > 0 else 1.0
-    rate_std = _OF_SCATTER * math.sqrt(float(weights @ (inflation * variances + (rates - rate) ** 2)) + drift_kpa**2)
+    now = float(bent(np.array([best.now]), at_kpa)[0])
+    # Near the ambient pressure the flow follows the difference.
+    of_level = _steepness(now) * math.hypot(_OF_AMBIENT_KPA, best.now_std)
+    rate_std = math.sqrt(
+        _OF_SCATTER**2 * float(weights @ (inflation * variances + (rates - rate) ** 2))
+        + drift_kpa**2
+        + rate**2 * (OF_FLOW**2 + of_level**2)
+    )
     gap = float(months[best.begin] - months[best.begin - 1])
     date_std = math.sqrt(
         float(weights @ (dates - date) ** 2) + min(gap**2 / 12.0, (scatter * math.sqrt(1.5) / best.rate) ** 2)
@@ -185,12 +300,13 @@ def newest_leak(months: FloatArray, cold_kpa: FloatArray, scatter_kpa: float, dr
         date_std,
         rate,
         rate_std,
-        float(_bent(np.array([best.now]), at_kpa)[0]),
+        now,
         best.now_std,
-        _bent(best.expected, at_kpa),
+        bent(best.expected, at_kpa),
         best.freedom,
         count - best.begin >= _LEAST_CERTAIN
         and last_only - best.squares >= _LEAST_OVER_FALL
+        and of_level < _MOST_OF_LEVEL
         and (best.freedom <= 0 or best.after_squares <= _MOST_MISFIT * best.freedom),
     )
 

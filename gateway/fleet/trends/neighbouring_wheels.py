@@ -1,0 +1,130 @@
+"""What the pressures of a vehicle's wheels have in common: weather, altitude, a temperature that no sensor measures.
+
+All wheels of a vehicle are warmed and cooled alike, and gauges measure against one ambient pressure. Of every
+recording the change since the one before is compared between the wheels; what one wheel alone does, as a refill, is
+taken out, and the median of the others is what they have in common. A leak of the wheel itself is no part of it.
+"""
+
+import math
+from collections import defaultdict
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gateway.core.types import FloatArray
+from gateway.fleet.trends.regression import correlation_factor
+from gateway.fleet.trends.tire_history import TireHistory
+
+# Wheels besides the one that is compared: of two, a leak of one would be half of what they have in common.
+_LEAST_OTHERS: Final = 2
+_LEAST_RECORDINGS: Final = 8
+# Share of the recordings of a wheel that the others must have too.
+_COMPARED: Final = 0.9
+_MAD_TO_STD: Final = 1.4826
+# Change of one wheel against the others, in scatters, that is its own; of most of the wheels, that is a refill of all.
+_OWN: Final = 5.0
+_LEAST_SCATTER_KPA: Final = 0.3
+# What is common is left in only where taking it out adds more scatter than this: refills of wheels, not weather.
+_REDUCED: Final = 1.05
+# Recordings by which those are apart that weather makes different.
+_LAGS: Final = (1, 3, 6)
+
+
+class Shared(NamedTuple):
+    """What a wheel's pressure has in common with the others'.
+
+    Attributes:
+        cold_kpa: (n,) pressures without it.
+        has_trend: whether the trend of the others is taken out too.
+        trend_std_kpa: standard error of a loss a month by the trend that is common and not taken out.
+    """
+
+    cold_kpa: FloatArray
+    has_trend: bool = False
+    trend_std_kpa: float = 0.0
+
+
+def without_common(
+    histories: Sequence[TireHistory], cold_kpa: Sequence[FloatArray], stuck: Sequence[bool]
+) -> list[Shared]:
+    """Return the pressures of tires without what the wheels of their vehicles have in common.
+
+    Args:
+        histories: of the tires.
+        cold_kpa: (n,) gauge pressure at one temperature of each, NaN where unknown.
+        stuck: whether a tire's temperature is not measured; the trend of the others is then taken out too.
+    """
+    by_vehicle: dict[str, list[int]] = defaultdict(list)
+    for number, history in enumerate(histories):
+        by_vehicle[history.vehicle].append(number)
+    results = [Shared(cold) for cold in cold_kpa]
+    for numbers in by_vehicle.values():
+        if len(numbers) <= _LEAST_OTHERS:
+            continue
+        for number in numbers:
+            others = [other for other in numbers if other != number and stuck[other] == stuck[number]]
+            if histories[number].is_identified:
+                common = _common(histories, cold_kpa, number, others)
+                if common is not None:
+                    results[number] = _reduced(histories[number], cold_kpa[number], common, stuck[number])
+    return results
+
+
+def _common(
+    histories: Sequence[TireHistory], cold_kpa: Sequence[FloatArray], number: int, others: Sequence[int]
+) -> FloatArray | None:
+    """Return (n,) what the other wheels have in common at the recordings of one, NaN where it is not known."""
+    paths = histories[number].paths
+    rows = []
+    for other in others:
+        by_path = dict(zip(histories[other].paths, cold_kpa[other].tolist(), strict=True))
+        row = np.array([by_path.get(path, np.nan) for path in paths])
+        if np.isfinite(row).sum() >= _LEAST_RECORDINGS:
+            rows.append(row)
+    if len(rows) < _LEAST_OTHERS:
+        return None
+    own = cold_kpa[number]
+    usable = np.flatnonzero(np.isfinite(np.stack(rows)).all(axis=0) & np.isfinite(own))
+    measured = np.flatnonzero(np.isfinite(own))
+    if len(usable) < max(_LEAST_RECORDINGS, _COMPARED * len(measured)) or usable[-1] != measured[-1]:
+        return None
+    values = np.stack([row[usable] for row in rows])
+    changes = np.diff(values, axis=1)
+    middle = np.median(np.vstack([changes, np.diff(own[usable])]), axis=0)
+    apart = changes - middle
+    scatter = max(_MAD_TO_STD * float(np.median(np.abs(apart))), _LEAST_SCATTER_KPA)
+    of_all = max(_MAD_TO_STD * float(np.median(np.abs(middle - np.median(middle)))), _LEAST_SCATTER_KPA)
+    alone = np.where(np.abs(apart) > _OWN * scatter, apart, 0.0)
+    # A refill of all wheels is each one's own.
+    filled = middle > _OWN * max(of_all, scatter)
+    alone[:, filled] = changes[:, filled]
+    values -= np.concatenate([np.zeros((len(values), 1)), np.cumsum(alone, axis=1)], axis=1)
+    values -= np.median(values, axis=1, keepdims=True)
+    common = np.full(len(paths), np.nan)
+    common[usable] = np.median(values, axis=0)
+    return common
+
+
+def _reduced(history: TireHistory, cold_kpa: FloatArray, common: FloatArray, is_stuck: bool) -> Shared:
+    """Return pressures without what is common where that scatters less."""
+    usable = np.flatnonzero(np.isfinite(common))
+    months = history.months[usable]
+    part = common[usable]
+    trend_std = 0.0
+    if not is_stuck:
+        # The trend of a measured pressure is the wheel's own; that of a weather which comes and goes cannot be told.
+        part = part - np.polyval(np.polyfit(months, part, 1), months)
+        factor = correlation_factor(part, 2)
+        trend_std = float(part.std()) * math.sqrt(factor / len(part)) / float(months.std())
+    if not _wander(cold_kpa[usable] - part) < _REDUCED * _wander(cold_kpa[usable]):
+        return Shared(cold_kpa)
+    reduced = np.full(len(cold_kpa), np.nan)
+    reduced[usable] = cold_kpa[usable] - part + float(part[-1]) * is_stuck
+    return Shared(reduced, is_stuck, trend_std)
+
+
+def _wander(values: FloatArray) -> float:
+    """Return how far values differ from others that are some recordings apart; refills are few."""
+    changes = [values[lag:] - values[:-lag] for lag in _LAGS]
+    return float(sum(np.median(np.abs(change - np.median(change))) for change in changes))
