@@ -304,6 +304,8 @@ def run_order(work: Callable[..., Estimated], order: EstimationOrder, on_bytes: 
 def _remedy(reason: Reason) -> str:
     if reason.code in (FleetCode.WORKER_MEMORY_ABOVE_LIMIT, FleetCode.WORKER_MEMORY_FULL):
         return "Give the workers more memory with --memory, and fewer workers if there is not enough."
+    if reason.code is FleetCode.WORKER_SILENT:
+        return "See that the worker's computer runs and reaches the scheduler, and run the same command again."
     return "Run it alone with `treadlink estimate` to see why."
 
 

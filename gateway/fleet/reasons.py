@@ -20,6 +20,10 @@ class FleetCode(Codes):
         "{limit_bytes:.0f MB} of memory"
     )
     WORKER_MEMORY_FULL = Code("its worker process had no memory left")
+    WORKER_SILENT = Code(
+        "worker {worker} has sent nothing for {silent_s:.0f} s: paused, hanging or cut off. Its recordings go once to "
+        "another worker"
+    )
 
     # Trends of a dataset
     TREND_ALARMS = Code("alarm '{name}' in {count} of {of} recordings; the last: {why}")

@@ -4,24 +4,30 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Any, Final
 
-from gateway.core.clock import SystemClock
+from gateway.core.clock import Clock, SystemClock
 from gateway.core.errors import OutputError, TreadlinkError
 from gateway.core.reasons import Reason
+from gateway.core.text.wording import text
 from gateway.fleet.content_keys import diagnosis_version, estimators_version
 from gateway.fleet.reasons import FleetCode
-from gateway.fleet.worker_tasks import RunningTask, Work, WorkerTasks
+from gateway.fleet.worker_tasks import RunningTask, TaskResult, Work, WorkerTasks
+
+_log = logging.getLogger(__name__)
 
 _CONNECT_S: Final = 10.0
 _CLOSE_S: Final = 5.0
 # Longer than a busy scheduler takes, or a short cut of the network.
 _ANSWER_S: Final = 60.0
+# A worker sends signs of life to its scheduler every few seconds, also while it estimates.
+_SILENT_NS: Final = 60_000_000_000
+_LOOK_NS: Final = 5_000_000_000
 _TOPIC: Final = "treadlink-campaign"
 _REPORT_NS: Final = 500_000_000
 
@@ -64,7 +70,7 @@ def scheduler_tasks(address: str) -> Iterator[SchedulerTasks]:
         ) from error
     try:
         _check_workers(client)
-        yield SchedulerTasks(client)
+        yield SchedulerTasks(client, SystemClock())
     finally:
         client.close(timeout=_CLOSE_S)
 
@@ -121,6 +127,10 @@ def _other_version(message: str) -> TreadlinkError:
     )
 
 
+def _silence(worker: str) -> Reason:
+    return Reason(FleetCode.WORKER_SILENT, worker=worker, silent_s=_SILENT_NS * 1e-9)
+
+
 def _lost_connection() -> TreadlinkError:
     return TreadlinkError(
         "the connection to the dask scheduler was lost: it ended or restarted, or the network is down",
@@ -128,27 +138,67 @@ def _lost_connection() -> TreadlinkError:
     )
 
 
+class _SignsOfLife:
+    """Time for which each worker has sent nothing to its scheduler."""
+
+    def __init__(self, clock: Clock) -> None:
+        self.silent: set[str] = set()
+        self.alive: set[str] = set()
+        self._clock = clock
+        self._looked_ns: int | None = None
+        # The scheduler's time of the last sign, and for how long it has not changed.
+        self._workers: dict[str, tuple[float, int]] = {}
+
+    def is_due(self) -> bool:
+        """Return whether it is time to look."""
+        return self._looked_ns is None or self._clock.now_ns() - self._looked_ns >= _LOOK_NS
+
+    def look(self, last_seen: Mapping[str, float]) -> list[str]:
+        """Take the scheduler's times of the last signs by worker; return the workers that are silent from now on."""
+        now_ns = self._clock.now_ns()
+        # A pause of this computer is no silence of the workers.
+        passed_ns = 0 if self._looked_ns is None else min(now_ns - self._looked_ns, 2 * _LOOK_NS)
+        self._looked_ns = now_ns
+        before, self._workers = self._workers, {}
+        for worker, seen in last_seen.items():
+            seen_before, silent_ns = before.get(worker, (None, 0))
+            self._workers[worker] = seen, silent_ns + passed_ns if seen == seen_before else 0
+        silent_before = self.silent
+        self.silent = {worker for worker, (_, silent_ns) in self._workers.items() if silent_ns >= _SILENT_NS}
+        self.alive = self._workers.keys() - self.silent
+        return sorted(self.silent - silent_before)
+
+
 class SchedulerTasks(WorkerTasks):
     """Tasks at the workers of a dask scheduler."""
 
-    def __init__(self, client: Any) -> None:
-        """Take the client of dask.distributed."""
+    def __init__(self, client: Any, clock: Clock) -> None:
+        """Take the client of dask.distributed, and the clock by which workers are silent."""
         super().__init__()
         self._client = client
         self._number = 0
+        self._signs = _SignsOfLife(clock)
         client.subscribe_topic(_TOPIC, self._take_position)
 
     def places(self) -> int:
-        """Return the number of threads of all workers."""
-        try:
-            return sum(self._client.nthreads(callback_timeout=_ANSWER_S).values())
-        except OSError as error:  # no connection, or no answer in time
-            raise _lost_connection() from error
+        """Return the number of threads of all workers but the silent ones."""
+        threads: dict[str, int] = self._asked(self._client.scheduler.ncores)
+        return sum(number for worker, number in threads.items() if worker not in self._signs.silent)
 
     def read_bytes(self, token: str) -> int:
         """Return how far a running task has read its file."""
         task = self._running.get(token)
         return 0 if task is None else task.read_bytes
+
+    def wait(self, timeout_s: float) -> TaskResult | None:
+        """Return the next result; None after the time.
+
+        Raises:
+            TreadlinkError: the workers cannot do it at all, or the task has raised it.
+        """
+        if self._signs.is_due() and (result := self._take_from_silent_workers()) is not None:
+            return result
+        return super().wait(timeout_s)
 
     def cancel(self) -> None:
         """Take back all tasks."""
@@ -157,12 +207,45 @@ class SchedulerTasks(WorkerTasks):
         if futures:
             self._client.cancel(futures, force=True)
 
+    def _asked(self, question: Callable[..., Any], **options: Any) -> Any:
+        """Return an answer of the scheduler.
+
+        Raises:
+            TreadlinkError: there is no connection, or no answer in time.
+        """
+        try:
+            return self._client.sync(question, callback_timeout=_ANSWER_S, **options)
+        except OSError as error:
+            raise _lost_connection() from error
+
+    def _take_from_silent_workers(self) -> TaskResult | None:
+        """Name workers that have become silent and give their tasks to others; return one that is not tried again."""
+        identity = self._asked(self._client.scheduler.identity)
+        for worker in self._signs.look({name: about["last_seen"] for name, about in identity["workers"].items()}):
+            _log.warning("%s", text(_silence(worker)))
+        if not self._signs.silent or not self._signs.alive:
+            return None
+        tasks = {task.key: task for task in self._running.values()}
+        keys_by_worker = self._asked(self._client.scheduler.processing)
+        for worker in sorted(self._signs.silent):
+            for task in (tasks[key] for key in keys_by_worker.get(worker, ()) if key in tasks):
+                del self._running[task.token]
+                self._client.cancel([task.future], force=True)
+                task.read_bytes = 0
+                if (result := self._try_again(task, _silence(worker))) is not None:
+                    return result
+        return None
+
     def _begin(self, task: RunningTask) -> Any:
         self._number += 1
         # The argument `key` is dask's: one for each attempt, or it would return the result of the first.
-        key = f"treadlink-{task.token}-{self._number}"
+        task.key = f"treadlink-{task.token}-{self._number}"
         work = partial(_work, task.work, task.token, _own_code())
-        return self._client.submit(work, task.order, key=key, pure=False, retries=0)
+        chosen: dict[str, Any] = {}
+        if self._signs.silent and self._signs.alive:
+            # Others may do it when all of these have ended.
+            chosen = {"workers": sorted(self._signs.alive), "allow_other_workers": True}
+        return self._client.submit(work, task.order, key=task.key, pure=False, retries=0, **chosen)
 
     def _outcome(self, task: RunningTask) -> Any:
         from distributed import KilledWorker

@@ -33,7 +33,7 @@ class TaskResult(NamedTuple):
 
 
 class RunningTask:
-    """A task that a worker has, or will have."""
+    """A task that a worker has, or will have; `key` names its attempt to a scheduler."""
 
     def __init__(self, token: str, work: Work, order: Any, returns: type) -> None:
         """Take the work, its order and the type of its result."""
@@ -43,11 +43,12 @@ class RunningTask:
         self.returns = returns
         self.attempts = 0
         self.read_bytes = 0
+        self.key = ""
         self.future: Any = None
 
 
 class WorkerTasks(ABC):
-    """Tasks at the workers, by token. A task whose worker ends or has no memory left is tried once more."""
+    """Tasks at the workers, by token. A task whose worker ends, is silent or has no memory left is tried once more."""
 
     def __init__(self) -> None:
         """Begin without a task."""
@@ -103,8 +104,12 @@ class WorkerTasks(ABC):
                     "Use a scheduler and workers of your own.",
                 )
             return TaskResult(token, outcome, None, task.attempts)
+        return self._try_again(task, outcome)
+
+    def _try_again(self, task: RunningTask, ended: Reason) -> TaskResult | None:
+        """Give a task to a worker again, or return why its worker did not do it."""
         if task.attempts == ATTEMPTS:
-            return TaskResult(token, None, outcome, task.attempts)
+            return TaskResult(task.token, None, ended, task.attempts)
         self._start(task)
         return None
 

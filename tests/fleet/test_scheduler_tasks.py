@@ -8,15 +8,17 @@ import subprocess
 import sys
 import threading
 from collections import Counter
+from concurrent.futures import Future
 from pathlib import Path
 
 import pytest
 
+from gateway.core.clock import ManualClock
 from gateway.core.errors import TreadlinkError
 from gateway.fleet import recording_estimation
 from gateway.fleet.reasons import FleetCode
 from gateway.fleet.recording_estimation import Estimated
-from gateway.fleet.scheduler_tasks import scheduler_tasks
+from gateway.fleet.scheduler_tasks import SchedulerTasks, scheduler_tasks
 from tests.fleet.test_campaign_run import is_whole, names
 from tests.testkit.commands import invoked
 
@@ -128,6 +130,97 @@ def test_a_worker_that_ends_is_a_reason():
         tasks.submit("fault", work, "fault")
         with pytest.raises(TreadlinkError, match="the workers cannot estimate: ImportError"):
             tasks.wait(60.0)
+
+
+class StandInScheduler:
+    """A client of a scheduler whose workers are told what to send; it does no task, and says which worker has it."""
+
+    def __init__(self, *workers):
+        self.last_seen = dict.fromkeys(workers, 0.0)
+        self.processing_keys = {worker: [] for worker in workers}
+        self.cancelled = []
+        self.scheduler = self
+        self.subscribe_topic = lambda *_: None
+
+    def sync(self, question, callback_timeout):
+        return question()
+
+    def identity(self):
+        return {"workers": {worker: {"last_seen": seen} for worker, seen in self.last_seen.items()}}
+
+    def processing(self):
+        return self.processing_keys
+
+    def ncores(self):
+        return dict.fromkeys(self.last_seen, 1)
+
+    def cancel(self, futures, force):
+        self.cancelled += futures
+
+    def submit(self, work, order, *, key, workers=None, allow_other_workers=False, **_):
+        chosen = min(workers or self.processing_keys, key=lambda worker: len(self.processing_keys[worker]))
+        self.processing_keys[chosen].append(key)
+        return Future()
+
+
+def passed(tasks, client, clock, seconds, *alive):
+    """Let time pass in which some workers send signs of life; return the results."""
+    results = []
+    for _ in range(seconds):
+        clock.advance_ns(10**9)
+        for worker in alive:
+            client.last_seen[worker] += 1.0
+        results.append(tasks.wait(0.0))
+    return [result for result in results if result is not None]
+
+
+def test_a_silent_worker_is_named_and_its_task_given_to_another(caplog):
+    client, clock = StandInScheduler("paused", "well"), ManualClock()
+    tasks = SchedulerTasks(client, clock)
+    tasks.submit("drive", work, "fine")
+    assert client.processing_keys["paused"] == ["treadlink-drive-1"]
+    tasks._take_position((1.0, ["drive", 5]))
+    assert passed(tasks, client, clock, 55, "well") == []
+    assert not caplog.records
+    assert tasks.places() == 2
+    assert passed(tasks, client, clock, 15, "well") == []
+    assert "worker paused has sent nothing for 60 s: paused, hanging or cut off" in caplog.text
+    assert client.processing_keys["well"] == ["treadlink-drive-2"]
+    assert len(client.cancelled) == 1
+    assert tasks.read_bytes("drive") == 0, "the other begins anew"
+    assert tasks.places() == 1, "a silent worker is no place for another task"
+    passed(tasks, client, clock, 300, "well")
+    assert len(caplog.records) == 1
+    # It wakes up: it is a place again, and named again when it falls silent again.
+    passed(tasks, client, clock, 10, "well", "paused")
+    assert tasks.places() == 2
+    # Now the other is silent: two attempts are enough.
+    (result,) = passed(tasks, client, clock, 70, "paused")
+    assert (result.token, result.ended.code, result.attempts) == ("drive", FleetCode.WORKER_SILENT, 2)
+    assert "worker well has sent nothing" in caplog.text
+
+
+def test_the_only_worker_is_named_when_it_is_silent_and_keeps_its_task(caplog):
+    client, clock = StandInScheduler("paused"), ManualClock()
+    tasks = SchedulerTasks(client, clock)
+    tasks.submit("drive", work, "fine")
+    passed(tasks, client, clock, 200)
+    assert caplog.text.count("has sent nothing for 60 s") == 1
+    assert client.processing_keys["paused"] == ["treadlink-drive-1"]
+    client.last_seen["new"], client.processing_keys["new"] = 0.0, []
+    passed(tasks, client, clock, 10, "new")
+    assert client.processing_keys["new"] == ["treadlink-drive-2"]
+
+
+def test_a_pause_of_this_computer_is_no_silence_of_workers(caplog):
+    client, clock = StandInScheduler("well", "other"), ManualClock()
+    tasks = SchedulerTasks(client, clock)
+    tasks.submit("drive", work, "fine")
+    passed(tasks, client, clock, 20, "well", "other")
+    clock.advance_ns(3_600 * 10**9)
+    passed(tasks, client, clock, 40, "well", "other")
+    assert not caplog.records
+    assert not client.cancelled
 
 
 def test_workers_of_another_version_are_named_before_the_first_recording(recordings, tmp_path, monkeypatch):

@@ -111,8 +111,8 @@ def campaign(
     again; a changed file replaces its rows.
 
     A recording that cannot be estimated is a row of the table failures and does not stop the others. One whose worker
-    process is killed or runs out of memory is tried once more. The exit status is 1 if there is a failure, a damaged
-    recording, or a wheel that sent samples and has no revolution.
+    process is killed, runs out of memory, or sends a scheduler nothing for a minute is tried once more. The exit
+    status is 1 if there is a failure, a damaged recording, or a wheel that sent samples and has no revolution.
     """
     if scheduler is not None and jobs is not None:
         raise click.UsageError("--jobs is for this machine; the workers of --scheduler are started elsewhere.")
