@@ -140,8 +140,8 @@ class CampaignRun:
         self._sizes = {path: _size(path) for path in paths}
         self.progress.total_bytes = sum(self._sizes.values())
         end = threading.Event()
-        waiting: queue.Queue[_Hashed | None] = queue.Queue(_READ_AHEAD)
-        reader = threading.Thread(target=_read_ahead, args=(paths, waiting, end), daemon=True)
+        waiting: queue.Queue[_Hashed | Exception | None] = queue.Queue(_READ_AHEAD)
+        reader = threading.Thread(target=_read_ahead, args=(paths, waiting, end), name="identify files", daemon=True)
         reader.start()
         try:
             self._loop(key, waiting)
@@ -153,7 +153,7 @@ class CampaignRun:
             self._follow_renamed(paths)
         return self.progress
 
-    def _loop(self, key: str, waiting: queue.Queue[_Hashed | None]) -> None:
+    def _loop(self, key: str, waiting: queue.Queue[_Hashed | Exception | None]) -> None:
         all_read = False
         while not self.stop.is_set() and not (all_read and not self._jobs):
             self.progress.workers = self._tasks.places() if self._tasks is not None else 0
@@ -162,6 +162,8 @@ class CampaignRun:
                     hashed = waiting.get(timeout=0.0 if self._jobs else _POLL_S)
                 except queue.Empty:
                     break
+                if isinstance(hashed, Exception):
+                    raise hashed
                 if hashed is None:
                     all_read = True
                 else:
@@ -372,10 +374,10 @@ def _in_folder(path: Path) -> Iterator[Path]:
             yield file
 
 
-def _read_ahead(paths: Sequence[Path], waiting: queue.Queue[_Hashed | None], end: threading.Event) -> None:
-    """Identify files, some ahead of the workers."""
+def _read_ahead(paths: Sequence[Path], waiting: queue.Queue[_Hashed | Exception | None], end: threading.Event) -> None:
+    """Identify files, some ahead of the workers; an error that is no file's is raised by the thread that waits."""
 
-    def put(hashed: _Hashed | None) -> None:
+    def put(hashed: _Hashed | Exception | None) -> None:
         while not end.is_set():
             try:
                 waiting.put(hashed, timeout=_POLL_S)
@@ -391,6 +393,9 @@ def _read_ahead(paths: Sequence[Path], waiting: queue.Queue[_Hashed | None], end
         except RecordingError as error:
             put(_Hashed(path, None, error))
             continue
+        except Exception as error:
+            put(error)
+            return
         if content is not None:
             put(_Hashed(path, content, None))
     put(None)

@@ -1,7 +1,9 @@
 """A port in front of a WebSocket server that admits web pages by their Origin; the server's library cannot."""
 
+import os
 import secrets
 import socket
+import struct
 import threading
 from contextlib import suppress
 from typing import Final
@@ -9,7 +11,12 @@ from typing import Final
 from gateway.core.clock import SystemClock
 from gateway.publishing.admission import HEAD_S, Admission
 
+_PAUSE_S: Final = 0.1
+# A viewer that takes nothing for this long, or a server, is left.
+_SEND_S: Final = 10
 _MOST_HEAD_BYTES: Final = 16 << 10
+# The option takes a `struct timeval`, and milliseconds on Windows. Reading has no limit: a viewer may only listen.
+_SEND_LIMIT: Final = struct.pack("i", _SEND_S * 1000) if os.name == "nt" else struct.pack("ll", _SEND_S, 0)
 _CHUNK_BYTES: Final = 64 << 10
 _HEAD_END: Final = b"\r\n\r\n"
 _REFUSAL: Final = (
@@ -50,6 +57,7 @@ class OriginGate:
         self._allowed = allowed
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         self._listener = socket.create_server((host, port), family=family)
+        self._closing = threading.Event()
         self._open: set[socket.socket] = set()
         self._lock = threading.Lock()
         self._admission = Admission()
@@ -63,6 +71,7 @@ class OriginGate:
 
     def close(self) -> None:
         """Stop listening and end all connections."""
+        self._closing.set()
         with suppress(OSError):
             self._listener.shutdown(socket.SHUT_RDWR)
         self._listener.close()
@@ -71,16 +80,21 @@ class OriginGate:
                 _end(end)
 
     def _accept(self) -> None:
-        while True:
+        while not self._closing.is_set():
             try:
                 viewer, address = self._listener.accept()
-            except OSError:
-                return
+            except OSError:  # also without a free descriptor, which comes back
+                self._closing.wait(_PAUSE_S)
+                continue
             peer = str(address[0])
             if not self._admission.admit(peer):
                 viewer.close()
                 continue
-            threading.Thread(target=self._serve, args=(viewer, peer), name="viewer", daemon=True).start()
+            try:
+                threading.Thread(target=self._serve, args=(viewer, peer), name="viewer", daemon=True).start()
+            except RuntimeError:  # no room for another thread
+                self._admission.release(peer)
+                viewer.close()
 
     def _serve(self, viewer: socket.socket, peer: str) -> None:
         ends = [viewer]
@@ -95,8 +109,9 @@ class OriginGate:
             ends.append(server)
             with self._lock:
                 self._open.add(server)
-            viewer.settimeout(None)
-            server.settimeout(None)
+            for end in ends:
+                end.settimeout(None)
+                end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _SEND_LIMIT)
             server.sendall(head)
             back = threading.Thread(target=_pass_on, args=(server, viewer), name="viewer", daemon=True)
             back.start()

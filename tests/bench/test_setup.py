@@ -5,6 +5,7 @@ import subprocess
 import sys
 import threading
 import tomllib
+from io import BytesIO, TextIOWrapper
 from pathlib import Path
 
 import pytest
@@ -14,9 +15,11 @@ from gateway.bench.heard_sensors import HeardSensor, SensorAddress, SensorListen
 from gateway.bench.rolled_turns import rolled_radius
 from gateway.core.clock import ManualClock
 from gateway.core.config.vehicle import load_vehicle
+from gateway.core.errors import ConfigError
 from gateway.core.links.source import Chunk, open_source
 from tests.testkit.commands import invoked
 from tests.testkit.hub_ends import PtyPort
+from tests.testkit.waiting import until
 
 START_NS = ManualClock().now_ns()
 # Both stand; the left wheel is turned at 5 s, the right one at 10 s; from 16 s on the car is pushed over 5 m.
@@ -274,3 +277,47 @@ def test_each_answer_is_checked_at_once_and_numbers_replace_taps(scenario, tmp_p
         for words, line in zip(["FL", "'3'", "'2'", "'abc' is no number", "'bar' is no number"], refused, strict=True)
     ]
     assert [(wheel.position, wheel.wheel) for wheel in load_vehicle(out).wheel] == [("FL", 1), ("FR", 0)]
+
+
+class Broken:
+    """A source that brings what it is given, then raises."""
+
+    link = "broken"
+
+    def __init__(self, items=(), error=None) -> None:
+        self.given, self.error, self.taken = items, error, 0
+
+    def items(self, stop):
+        for item in self.given:
+            self.taken += 1
+            yield item
+        if self.error is not None:
+            raise self.error
+
+    def close(self) -> None:
+        pass
+
+
+def dialogue_of(monkeypatch, source, lines=None) -> setup_dialogue.Dialogue:
+    monkeypatch.setattr(setup_dialogue, "open_source", lambda *_: source)
+    monkeypatch.setattr(setup_dialogue, "with_commands", lambda source, _: source)
+    if lines is not None:
+        monkeypatch.setattr(sys, "stdin", lines)
+    return setup_dialogue.Dialogue(["broken"], setup_dialogue.Answers(), asks=lines is not None)
+
+
+def test_what_ends_a_thread_of_the_dialogue_ends_the_dialogue(monkeypatch, chunks) -> None:
+    with dialogue_of(monkeypatch, Broken(error=KeyError("in a plug-in"))) as dialogue, pytest.raises(KeyError):
+        dialogue.run()
+    undecodable = TextIOWrapper(BytesIO(b"\xff\n"), "utf-8")
+    source = Broken([chunk for at_s, chunk in chunks if at_s < 4.0])
+    with dialogue_of(monkeypatch, source, undecodable) as dialogue, pytest.raises(ConfigError, match="is no text"):
+        dialogue.run()
+
+
+def test_a_link_that_floods_waits_for_the_dialogue(monkeypatch) -> None:
+    monkeypatch.setattr(setup_dialogue, "_MOST_EVENTS", 10)
+    source = Broken([Chunk("broken", START_NS, b"x")] * 1000)
+    with dialogue_of(monkeypatch, source) as dialogue:
+        until(lambda: dialogue._events.full())
+        assert source.taken <= 11

@@ -328,3 +328,12 @@ def test_recordings_are_found_in_folders(recordings):
     (recordings / "empty").mkdir()
     with pytest.raises(RecordingError, match="no recording in"):
         find_recordings([recordings / "empty"])
+
+
+def test_error_of_the_thread_that_identifies_files_ends_the_campaign(campaign, recordings, monkeypatch):
+    def failing(path, end):
+        raise ZeroDivisionError("while hashing")
+
+    monkeypatch.setattr("gateway.fleet.campaign_run.read_content", failing)
+    with pytest.raises(ZeroDivisionError, match="while hashing"):
+        campaign(recordings)

@@ -3,6 +3,7 @@
 import json
 import logging
 import socket
+import struct
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -12,12 +13,13 @@ import pytest
 from websockets.sync.client import connect
 
 from gateway.core.clock import SystemClock
-from gateway.publishing import admission
+from gateway.publishing import admission, origin_gate
 from gateway.publishing.admission import MOST_CONNECTIONS, MOST_OF_A_PEER, Admission
 from gateway.publishing.foxglove_server import FoxgloveSink
 from gateway.publishing.page_server import PageSink
 from gateway.publishing.prometheus import PrometheusEndpoint
-from gateway.publishing.sink import Sink
+from gateway.publishing.sink import PublishedState, Sink
+from gateway.publishing.sink_worker import SinkWorker
 from tests.testkit.waiting import TIMEOUT_S, until
 
 STOP = threading.Event()
@@ -158,3 +160,77 @@ def test_one_client_cannot_flood_marks_and_recordings(page) -> None:
     # The flood takes well under a second, or a few on a busy computer: five marks a second, four recordings in ten.
     assert len(refused) > 400
     assert SESSION.asked.count("record") <= 8
+
+
+def test_the_gate_accepts_again_after_an_error(monkeypatch) -> None:
+    """Without a free descriptor, accept fails for a while."""
+    really_accept, errors = socket.socket.accept, [OSError(24, "Too many open files")] * 2
+
+    def accept(self):
+        if errors:
+            raise errors.pop()
+        return really_accept(self)
+
+    monkeypatch.setattr(socket.socket, "accept", accept)
+    sink = FoxgloveSink("127.0.0.1", 0)
+    sink.open(STOP)
+    try:
+        with connect(f"ws://127.0.0.1:{sink.port}", subprotocols=["foxglove.sdk.v1"], open_timeout=TIMEOUT_S) as viewer:
+            assert viewer.recv(TIMEOUT_S)
+        assert not errors
+    finally:
+        sink.close()
+
+
+def fill(connection: socket.socket) -> None:
+    """Send until the other side ends the connection."""
+    while True:
+        connection.sendall(bytes(1 << 20))
+
+
+def test_a_viewer_that_takes_nothing_is_left(monkeypatch) -> None:
+    monkeypatch.setattr(origin_gate, "_SEND_LIMIT", struct.pack("ll", 0, 100_000))
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        gate = origin_gate.OriginGate("127.0.0.1", 0, server.getsockname(), frozenset())
+        try:
+            with socket.create_connection(("127.0.0.1", gate.port)) as viewer:
+                viewer.sendall(b"GET / HTTP/1.1\r\nUpgrade: websocket\r\n\r\n")
+                sender, _ = server.accept()
+                sender.settimeout(TIMEOUT_S)
+                with sender, pytest.raises(ConnectionError):
+                    fill(sender)
+                until(lambda: not gate._open)
+        finally:
+            gate.close()
+
+
+@pytest.mark.parametrize("kind", ["foxglove", "prometheus"])
+def test_a_client_that_reads_nothing_holds_nobody(items, kind: str) -> None:
+    """It asks, and takes no answer; items go on, and another client is served."""
+    sink = LISTENERS[kind]()
+    worker = SinkWorker(kind, sink, SystemClock())
+    worker.start()
+    until(lambda: sink.port)
+    request = {
+        "foxglove": b"GET / HTTP/1.1\r\nHost: x\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        b"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n"
+        b"Sec-WebSocket-Protocol: foxglove.sdk.v1\r\n\r\n",
+        "prometheus": b"GET /metrics HTTP/1.1\r\nHost: x\r\n\r\n",
+    }[kind]
+    with socket.socket() as deaf:
+        deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1024)
+        deaf.connect(("127.0.0.1", sink.port))
+        deaf.sendall(request)
+        for item in items:
+            worker.offer(item)
+        counted = sum(not isinstance(item, PublishedState) for item in items)
+        until(lambda: worker.snapshot().published == counted)
+        if kind == "prometheus":
+            until(lambda: b"treadlink_" in urlopen(f"http://127.0.0.1:{sink.port}/metrics", timeout=TIMEOUT_S).read())
+        else:
+            with connect(f"ws://127.0.0.1:{sink.port}", subprotocols=["foxglove.sdk.v1"]) as viewer:
+                assert viewer.recv(TIMEOUT_S)
+    worker.abandon()
+    assert worker.join(TIMEOUT_S)
+    worker.discard()
+    assert worker.snapshot().dropped == 0

@@ -191,6 +191,28 @@ def test_unsaved_counters_are_reported_once(
     assert core.snapshot(1.0).links[0].judged["verified"] > 500
 
 
+def test_counters_that_a_slow_disk_saves_late_are_named(
+    signed: tuple[list[Chunk], str], key_file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chunks, toml = signed
+    vehicle, disk = parse_vehicle(toml, "test"), threading.Event()
+    core = SessionCore(vehicle, guard=open_guard(vehicle, key_file, remembers=True))
+    monkeypatch.setattr("gateway.core.session.frame_guard._JOIN_S", 0.05)
+    monkeypatch.setattr("os.fsync", lambda _: disk.wait(20.0))
+    try:
+        for number, chunk in enumerate(chunks[:100]):
+            core.take(chunk)
+            core.tick(number * 10**10)
+        saving = [thread for thread in threading.enumerate() if thread.name == "save counters"]
+        core.finish()
+    finally:
+        disk.set()
+    assert len(saving) == 1, "one at a time"
+    saving[0].join(20.0)
+    assert SessionCode.COUNTERS_SAVED_LATE in codes_of(core.take_notices())
+    assert core.snapshot(1.0).links[0].judged["verified"] > 500
+
+
 def test_missing_keys_stop_estimates_with_a_reason(signed: tuple[list[Chunk], str], tmp_path: Path) -> None:
     chunks, toml = signed
     (tmp_path / "none").touch(0o600)

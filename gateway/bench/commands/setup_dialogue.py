@@ -4,6 +4,7 @@ import queue
 import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Final, Self
 
@@ -14,7 +15,7 @@ from gateway.bench.rolled_turns import rolled_radius
 from gateway.core.clock import SystemClock
 from gateway.core.config.toml_writer import toml_text
 from gateway.core.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, parse_vehicle
-from gateway.core.errors import ConfigError, SourceError, TreadlinkError
+from gateway.core.errors import ConfigError, SourceError
 from gateway.core.links.source import Chunk, LinkEvent, LinkItem, Source, open_source
 from gateway.core.text.text import clean
 from gateway.core.text.wording import notice_text, text
@@ -29,11 +30,14 @@ _STOPPED_WINDOWS: Final = 20
 _SILENT_S: Final = 15.0
 _USUAL: Final = {1: "W1", 2: "FL,FR", 4: "FL,FR,RL,RR"}
 _LEFT_OUT: Final = "-"
+# Items that wait while something is worked on; a link that brings more waits itself.
+_MOST_EVENTS: Final = 4096
+_WAIT_S: Final = 0.1
 _ANY_RADIUS: Final = {"radius_mm": ASSUMED_RADIUS_MM}
 _REQUIRED: Final = object()
 
-Event = LinkItem | str | TreadlinkError | None
-"""An item of a link, a line of the user, an error of a link, or the end of the user's lines."""
+Event = LinkItem | str | Exception | None
+"""An item of a link, a line of the user, an error of either, or the end of the user's lines."""
 
 
 @dataclass(slots=True)
@@ -75,7 +79,7 @@ class Dialogue:
         """
         self._answers = answers
         self._asks = asks
-        self._events: queue.Queue[Event] = queue.Queue()
+        self._events: queue.Queue[Event] = queue.Queue(_MOST_EVENTS)
         self._stop = threading.Event()
         self._listener = SensorListener()
         self._lines: list[str] = []
@@ -363,7 +367,7 @@ class Dialogue:
                     heard_ns = self._clock.now_ns()
             elif isinstance(event, str):
                 self._lines.append(event)
-            elif isinstance(event, TreadlinkError):
+            elif isinstance(event, Exception):
                 raise event
             elif isinstance(event, LinkEvent):
                 click.echo(f"  {event.link}: {clean(text(event.reason))}")
@@ -379,17 +383,26 @@ class Dialogue:
         self._listener.take(chunk)
         return any(sensor.heard_ns == chunk.host_ns for sensor in self._listener.sensors.values())
 
+    def _put(self, event: Event) -> None:
+        while not self._stop.is_set():
+            with suppress(queue.Full):
+                self._events.put(event, timeout=_WAIT_S)
+                return
+
     def _read(self, source: Source) -> None:
         try:
             for item in source.items(self._stop):
-                self._events.put(item)
-        except TreadlinkError as error:
-            self._events.put(error)
+                self._put(item)
+        except Exception as error:  # raised by the thread that waits
+            self._put(error)
 
     def _read_lines(self) -> None:
-        for line in sys.stdin:
-            self._events.put(line)
-        self._events.put(None)
+        try:
+            for line in sys.stdin:
+                self._put(line)
+            self._put(None)
+        except UnicodeDecodeError as error:
+            self._put(ConfigError(f"an answer is no text: {error.reason}", "Type it in the encoding of the terminal."))
 
 
 def _names(line: str) -> tuple[str, ...]:
