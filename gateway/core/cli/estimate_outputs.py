@@ -53,9 +53,9 @@ class AddedOutput:
     """Declaration of an output; its module imports nothing heavy, as `--help` needs it.
 
     Attributes:
-        factory: `module:callable`, called with the file that the user names, None for none, and whether to overwrite
-            it; returns an `EstimateOutput`, or None where nothing is asked for. It fails before the work if the file
-            cannot be written.
+        factory: `module:callable`, called where there is no option, or the user gives it, with the file that the user
+            names, None for none, and whether to overwrite it; returns an `EstimateOutput`, or None where nothing is
+            to be written. It fails before the work if the file cannot be written.
         parameter: of the option; empty without one.
         option: adds it to a command; None without one.
     """
@@ -99,5 +99,9 @@ def open_outputs(values: dict[str, Path | None], *, force: bool) -> list[Estimat
     Raises:
         OutputError: a file cannot be written.
     """
-    opened = [object_of(output.factory)(values.get(output.parameter), force=force) for output in added_outputs()]
+    opened = [
+        object_of(output.factory)(values.get(output.parameter), force=force)
+        for output in added_outputs()
+        if not output.parameter or values.get(output.parameter) is not None
+    ]
     return [output for output in opened if output is not None]

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
 
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.contacts.contact_tracking import Read
@@ -97,8 +96,8 @@ def rotation_period_s(radial_mps2: FloatArray, rate_hz: float) -> float | None:
         return None
     signal = radial_mps2[: n * step].reshape(n, step).mean(axis=1)
     signal = signal - signal.mean()
-    size = next_fast_len(2 * n, real=True)
-    power: FloatArray = irfft(np.square(np.abs(rfft(signal, size))), size)[: n // 2]
+    size = 1 << (2 * n).bit_length()
+    power: FloatArray = np.fft.irfft(np.square(np.abs(np.fft.rfft(signal, size))), size)[: n // 2]
     if not power[0] > 0.0:
         return None
     correlation = power / power[0] * (n / (n - np.arange(len(power))))

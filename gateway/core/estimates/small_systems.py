@@ -4,13 +4,10 @@ Both take a fraction of the time of numpy's, whose overhead exceeds the work on 
 work among threads where the environment does not forbid it, which makes systems this small a hundred times slower.
 """
 
-from functools import lru_cache
-
 import numpy as np
-from scipy.linalg.lapack import dgels, dgeqrf, dtrtrs
 
 from gateway.core.compiled import core
-from gateway.core.types import BoolArray, FloatArray
+from gateway.core.types import FloatArray
 
 
 def upper_factor(columns: FloatArray) -> FloatArray:
@@ -18,15 +15,8 @@ def upper_factor(columns: FloatArray) -> FloatArray:
 
     The signs of its rows are not fixed.
     """
-    upper, *_ = dgeqrf(columns)
-    result: FloatArray = np.where(_is_upper(columns.shape[1]), upper[: columns.shape[1]], 0.0)
-    return result
-
-
-@lru_cache(maxsize=16)
-def _is_upper(count: int) -> BoolArray:
-    """Return which elements of a square matrix are on or above its diagonal, (count, count)."""
-    return np.tri(count, dtype=np.bool_).T
+    upper: FloatArray = np.linalg.qr(columns, mode="r")
+    return upper
 
 
 def solve_lower(factors: FloatArray, right: FloatArray, *, transposed: bool = False) -> FloatArray:
@@ -49,6 +39,8 @@ def solve_lower(factors: FloatArray, right: FloatArray, *, transposed: bool = Fa
 
 def _solved_by_lapack(factor: FloatArray, right: FloatArray, transposed: bool, out: FloatArray) -> bool:
     """Set L^-1 right or L^-T right, (n, k); return whether L is regular."""
+    from scipy.linalg.lapack import dtrtrs
+
     out[:], info = dtrtrs(factor, right, lower=True, trans=transposed)
     return not info
 
@@ -83,6 +75,8 @@ def least_squares(matrices: FloatArray, right: FloatArray) -> FloatArray:
 
 def _fitted_by_lapack(matrix: FloatArray, right: FloatArray, out: FloatArray) -> bool:
     """Set x of least |matrix x - right|^2, (n, k); return whether the columns are independent."""
+    from scipy.linalg.lapack import dgels
+
     _, solution, info = dgels(matrix, right)
     out[:] = solution[: matrix.shape[1]]
     # Of a matrix of zeros LAPACK says nothing.

@@ -14,15 +14,16 @@ import math
 from collections.abc import Sequence
 from copy import copy
 from functools import cache, lru_cache
-from typing import Any, Final, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dpttrf, dpttrs
-from scipy.sparse import csr_array
 
 from gateway.core.compiled import core
 from gateway.core.types import BoolArray, FloatArray
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 GRID_SIZE: Final = 1024
 
@@ -333,6 +334,9 @@ def spline_coefficients(parts: Sequence[NDArray[Any]], order: Literal[3, 5], sca
         order: of the spline.
         scale: converts the samples to accelerations, None when they are.
     """
+    # Only without the compiled core; importing it takes longer than to start without it.
+    from scipy.linalg.lapack import dpttrs
+
     length = _line_length(max(map(len, parts)), order)
     lines = np.empty((len(parts), parts[0].shape[1], length))
     for line, part in zip(lines, parts, strict=True):
@@ -396,10 +400,12 @@ def _filter_factors(order: Literal[3, 5], length: int) -> list[tuple[FloatArray,
     """
     factors = []
     for pole in _POLES[order]:
-        diagonal = np.full(length, 1.0 + pole * pole)
-        diagonal[[0, -1]] *= 0.5
-        diagonal, beside, _ = dpttrf(diagonal, np.full(length - 1, -pole))
-        factors.append((diagonal, beside))
+        ends, within = 0.5 * (1.0 + pole * pole), 1.0 + pole * pole
+        diagonal, beside = [ends], []
+        for row in [within] * (length - 2) + [ends]:
+            beside.append(-pole / diagonal[-1])
+            diagonal.append(row + pole * beside[-1])
+        factors.append((np.array(diagonal), np.array(beside)))
     return factors
 
 
@@ -452,6 +458,8 @@ def read_spline(coefficients: FloatArray, positions: FloatArray, order: Literal[
 @lru_cache(maxsize=128)
 def _empty_matrix(rows: int, columns: int) -> csr_array:
     """Return a matrix to copy and fill: to make one takes longer than to read a revolution with it."""
+    from scipy.sparse import csr_array
+
     return csr_array((rows, columns))
 
 

@@ -10,7 +10,6 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import pdtrc
 
 from gateway.core.types import BoolArray, FloatArray, IntArray
 
@@ -109,6 +108,8 @@ class BridgedGaps:
 
     def result(self) -> Bridging | None:
         """Return the lines that chance does not make; None without any. Lines at the very end are left out."""
+        from scipy.special import pdtrc
+
         gaps = np.concatenate(self._lines) if self._lines else np.empty((0, 2), dtype=np.int64)
         counts = [self._total, *self._counts.tolist()]
         # Outside of lines, most differences show the noise.

@@ -18,7 +18,6 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import betainc
 
 from gateway.core.revolutions.short_medians import median
 
@@ -130,6 +129,9 @@ def _beyond_chance(within: int, of: int, share: float) -> bool:
     # Numbers up to the expected one are likely, and so are those that are all there are, if the share to that power is.
     if within <= share * of or share**within >= _CHANCE:
         return False
+    # Few revolutions come here, and importing it takes as long as a second of samples.
+    from scipy.special import betainc
+
     # The binomial probability of at least this number.
     return float(betainc(within, of - within + 1.0, share)) < _CHANCE
 
