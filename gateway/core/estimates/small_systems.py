@@ -15,7 +15,7 @@ def upper_factor(columns: FloatArray) -> FloatArray:
 
     The signs of its rows are not fixed.
     """
-    upper: FloatArray = np.linalg.qr(columns, mode="r")
+    upper: FloatArray = np.asarray(np.linalg.qr(columns, mode="r"))
     return upper
 
 

@@ -5,6 +5,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
 from typing import IO, Any, Final, Protocol
 
+import numpy as np
+
 from gateway.core.optional_packages import require_packages
 from gateway.core.table_columns import Column
 from gateway.core.text.text import escaped, json_text
@@ -175,12 +177,32 @@ class ParquetSink:
         if not self._cells:
             return
         names: list[str] = self._schema.names
-        columns: list[list[Cell]] = [list(column) for column in zip(*self._cells, strict=True)]
+        columns = list(zip(*self._cells, strict=True))
         columns[names.index("host_utc")] = columns[names.index("host_ns")]
         self._cells = []
-        self._writer.write_table(
-            pa.table(
-                [pa.array(column, field.type) for column, field in zip(columns, self._schema, strict=True)],
-                self._schema,
-            )
-        )
+        arrays = [_arrow_array(column, field.type) for column, field in zip(columns, self._schema, strict=True)]
+        self._writer.write_table(pa.Table.from_arrays(arrays, schema=self._schema))
+
+
+def _arrow_array(cells: Sequence[Cell], arrow_type: Any) -> Any:
+    """Return cells as an Arrow array of text, booleans, or numbers and times of 64 bits; None is null.
+
+    Of its buffers, since `pyarrow.array` imports pandas where it is installed, which takes longer than a second of
+    samples does.
+    """
+    import pyarrow as pa
+
+    validity = None
+    if None in cells:
+        validity = pa.py_buffer(np.packbits([cell is not None for cell in cells], bitorder="little"))
+    if pa.types.is_string(arrow_type):
+        texts = [b"" if cell is None else str(cell).encode() for cell in cells]
+        ends = np.cumsum([0, *map(len, texts)], dtype=np.int32)
+        buffers = [validity, pa.py_buffer(ends), pa.py_buffer(b"".join(texts))]
+        return pa.Array.from_buffers(arrow_type, len(cells), buffers)
+    numbers = [0 if cell is None else cell for cell in cells] if validity is not None else cells
+    if pa.types.is_boolean(arrow_type):
+        values = np.packbits(np.array(numbers, np.bool_), bitorder="little")
+    else:
+        values = np.array(numbers, np.float64 if pa.types.is_floating(arrow_type) else np.int64)
+    return pa.Array.from_buffers(arrow_type, len(cells), [validity, pa.py_buffer(values)])

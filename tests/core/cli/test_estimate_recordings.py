@@ -2,9 +2,12 @@
 
 import csv
 import io
+import subprocess
+import sys
 
 import pytest
 
+from gateway.core.compiled import core
 from gateway.core.errors import RecordingError
 from gateway.core.recording.reader import RecordingReader
 from tests.testkit.campaign_recordings import START_NS, write_recording
@@ -84,3 +87,17 @@ def test_coverage_without_a_table_is_refused(recordings, tmp_path):
         assert result.exit_code == 2
         assert "give --csv, --json or --parquet" in result.output
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(core is None, reason="the core is not compiled; LAPACK does its work")
+def test_an_estimate_imports_no_package_that_it_does_not_need(recordings, tmp_path):
+    pytest.importorskip("pyarrow")
+    words = ["estimate", str(recordings[0]), "--parquet", str(tmp_path / "out.parquet")]
+    code = (
+        "import sys\nfrom gateway.core.cli import treadlink\n"
+        f"treadlink({words}, standalone_mode=False)\n"
+        "print([name for name in ('scipy', 'pandas', 'matplotlib', 'gateway.diagnosis.result') if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+    assert (tmp_path / "out.parquet").exists()

@@ -3,6 +3,7 @@ import gc
 import json
 import sys
 import tracemalloc
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -138,6 +139,22 @@ def test_metadata_beside_a_table_is_that_of_parquet(tmp_path: Path) -> None:
     assert {f"treadlink.{key}".encode(): text.encode() for key, text in note["treadlink"].items()} == {
         key: value for key, value in schema.metadata.items() if key.startswith(b"treadlink.")
     }
+
+
+def test_parquet_has_text_in_utf8_and_null_where_nothing_is_known(tmp_path: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    empty = replace(result(1, "hinten links, 後輪"), host_ns=0)
+    with open_table(tmp_path / "out", TableFormat.PARQUET) as table:
+        table.write(result(0))
+        table.write(empty)
+    rows = parquet.read_table(tmp_path / "out")
+    rows.validate(full=True)
+    assert rows.column("position").to_pylist() == ["FL", "hinten links, 後輪"]
+    assert rows.column("host_ns").to_pylist() == [START_NS, None]
+    assert rows.column("host_utc").null_count == 1
+    assert rows.column("saturated").to_pylist() == [False, True]
+    assert rows.column("other_estimates").null_count == 2
+    assert rows.column("Ts").null_count == 2
 
 
 def test_host_time_is_iso_and_parquet_timestamp(tmp_path: Path) -> None:
