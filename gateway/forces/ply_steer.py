@@ -149,7 +149,7 @@ class PlySteerEstimator(BlockEstimator):
     also include conicity, and a reason says so. Peak, adhesion line and slope ahead take their sign from the
     contact line; they are invalid where its sign is not significant. conicity_slope_rad is half the change of the
     slope from the first to the second half of the contact, less what ply steer contributes to it in a rolling
-    contact. The standard errors cover scatter, roll calibration, a mounting yaw of 1 deg and the contact edges, but
+    contact. The standard errors cover scatter, roll calibration, the yaw of the mounting and the contact edges, but
     not the definition of the slope, in which the angles differ.
 
     Where the plies are stated (a `BeltLaminate` of the tire), LAMINATE_NAMES follow, with errors from the stated
@@ -380,8 +380,7 @@ def _renew(measured: _Measured, block: RevolutionBlock, state: FloatArray) -> _R
     variance[[0, -1]] *= 2.0
     scatter = np.sqrt(np.maximum(variance, 0.0))
     scatter[_CONICITY] = 0.0
-    yaw_std = math.hypot(MOUNTING_STD_RAD, conditions.tilt.yaw_std_rad)
-    variance += np.square(rows @ _along(record, revolution, conditions) * yaw_std)
+    variance += np.square(rows @ _along(record, revolution, conditions) * conditions.tilt.yaw_std_rad)
     # The slopes scale with the lateral axis's gain over the radius.
     too_short = _truncation_std(record.order_max, edges)
     scale_std = math.hypot(conditions.gain_std, conditions.radius_std_m / conditions.radius_m, too_short)

@@ -41,6 +41,7 @@ from gateway.core.revolutions.sensor_mounting import (
     hub_motion_mps2,
     mounting_rows,
     offset_by_yaw_m,
+    yaw_by_shape,
 )
 from gateway.core.revolutions.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS
 from gateway.core.trust.reasons import TrustCode
@@ -122,6 +123,7 @@ _LEAST_OF_OFFSET: Final = 3
 _LEAST_OF_RELATIONS: Final = 2.5
 # Those from which their lags are compared with those of other wheels: before, acceleration looks like a lag.
 _LEAST_OF_LAGS: Final = 12.0
+_UNKNOWN_YAW: Final = (math.nan, math.nan)
 
 # Places in the running sums: equations of the mounting, of the means, of gravity, then normal matrix and right-hand
 # side of G, z, G' and a, and what a relative error of the steady value adds to the right-hand side.
@@ -290,7 +292,7 @@ class SelfCalibrationEstimator(BlockEstimator):
         self._axes: FloatArray = np.zeros((0, 0))
         self._axes_with: FloatArray = np.zeros(3)
         self._relations = AxisRelations()
-        self._by_yaw_m = 0.0
+        self._by_yaw_m, self._yaw = 0.0, _UNKNOWN_YAW
         self._roll_by_mean = math.nan
         self._last = _START
         self._steps: list[_Step] = []
@@ -414,7 +416,9 @@ class SelfCalibrationEstimator(BlockEstimator):
         )
         if weight < _LEAST_OF_LAGS:
             self._relations = self._relations._replace(lags=(None, None))
-        self._by_yaw_m = offset_by_yaw_m(axes, self._belt, square / weight, block.revolutions[index].order_max)
+        order_max = block.revolutions[index].order_max
+        self._by_yaw_m = offset_by_yaw_m(axes, self._belt, square / weight, order_max)
+        self._yaw = yaw_by_shape(axes, self._belt, square / weight, reaction / weight, order_max)
         means = axes.mean(axis=1)
         self._roll_by_mean = math.atan2(float(means[_LATERAL]), float(means[_RADIAL]))
 
@@ -456,7 +460,7 @@ class SelfCalibrationEstimator(BlockEstimator):
             self._hub, self._axes, self._axes_with = np.zeros(HUB_SIZE), np.zeros((0, 0)), np.zeros(3)
             self._latest = np.zeros(MOUNTING_SIZE)
             self._relations = AxisRelations()
-            self._by_yaw_m = 0.0
+            self._by_yaw_m, self._yaw = 0.0, _UNKNOWN_YAW
             self._ratio = self._offset_ratio(block.conditions[index])
             average = block.averages.at(index)
             self._belt = belt_kinematics(average.radial_mps2, self._ratio, self._centre_rad)
@@ -638,9 +642,10 @@ class SelfCalibrationEstimator(BlockEstimator):
                 if against and pitch is not None:
                     # Of the sensor, not of its turned axis.
                     pitch = _Measurement(-pitch.value, pitch.std)
-            tilt = Tilt.of(self._roll_by_mean, math.nan if pitch is None else pitch.value)
+            tilt = Tilt.of(self._roll_by_mean, math.nan if pitch is None else pitch.value, self._yaw)
             if offset is not None and pitch is not None:
-                offset = _Measurement(offset.value, math.hypot(offset.std, self._by_yaw_m * tilt.yaw_std_rad))
+                by_yaw_m = tilt.offset_error_m(offset.value, self._by_yaw_m)
+                offset = _Measurement(offset.value, math.hypot(offset.std, by_yaw_m))
             measured = Measured(
                 revolutions=count,
                 ac_coupled=revolution.ac_coupled,
