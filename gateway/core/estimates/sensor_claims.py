@@ -12,6 +12,10 @@ from gateway.core.estimates.disagreement import CONTRADICTION
 # calibration in the hello, which leaves 0.1 g. Rate: the hub's quartz, against the computer's clock.
 GAIN_STD: Final = 0.015
 ZERO_G_STD_MPS2: Final = 1.0
+AXIS_GAIN_STD: Final = 0.06
+"""The same of an axis whose gain nothing compares with the steady value: data sheets allow 10 % either way."""
+NONLINEARITY_STD: Final = 0.005
+"""Of full scale; data sheets say 0.1 to 2 %."""
 RATE_STD: Final = 1e-4
 HAND_MOUNTED_STD_M: Final = 1e-3
 """Accuracy of an offset that is measured by hand."""
@@ -89,6 +93,10 @@ class SensorClaims:
         offset_std_m: its standard error.
         gain_std: relative standard error of the scale that the hub states.
         zero_g_std_mps2: standard error of its zero.
+        along_gain_std: as `gain_std`, of the circumferential axis beside the others.
+        lateral_gain_std: likewise of the lateral one.
+        lateral_zero_g_std_mps2: standard error of the zero of the lateral axis; None for that of the others.
+        nonlinearity_std: standard error of a reading at full scale that a gain does not explain, over full scale.
         rate_std: relative standard error of its sampling rate.
         roll_rad: rotation about the circumferential axis; None when it is not stated.
         roll_std_rad: its standard error.
@@ -105,3 +113,21 @@ class SensorClaims:
     roll_std_rad: float = HAND_MOUNTED_STD_RAD
     bandwidth_hz: float | None = None
     lateral_is_left: bool = False
+    along_gain_std: float = AXIS_GAIN_STD
+    lateral_gain_std: float = AXIS_GAIN_STD
+    lateral_zero_g_std_mps2: float | None = None
+    nonlinearity_std: float = NONLINEARITY_STD
+
+    @property
+    def lateral_zero_mps2(self) -> float:
+        """Standard error of the zero of the lateral axis."""
+        return self.zero_g_std_mps2 if self.lateral_zero_g_std_mps2 is None else self.lateral_zero_g_std_mps2
+
+    def nonlinear_offset_m(self, steady_mps2: float, full_scale_mps2: float, radius_m: float) -> float:
+        """Return the error of the mounting offset that a nonlinear radial axis looks like.
+
+        A reading s (1 + q s / F) of full scale F is that of a sensor q R Omega^2 / F of the radius above its place, as
+        both go with the square of the curvature. It is 0 where the full scale is not known.
+        """
+        share = steady_mps2 / full_scale_mps2 if full_scale_mps2 > 0.0 else 0.0
+        return self.nonlinearity_std * min(share, 1.0) * radius_m

@@ -396,7 +396,7 @@ def yaw_by_shape(
     tangent = -float(lateral @ along) / size
     remainder = along + tangent * lateral
     by_band = np.bincount(np.searchsorted(_BANDS, np.tile(orders, 2), side="right"), weights=lateral * remainder)
-    used = max(np.count_nonzero(by_band), 5)
+    used = max(int(np.count_nonzero(by_band)), 5)
     clustered = float(np.square(by_band).sum()) * used / (used - 4) / size**2
     white = float(remainder @ remainder) / (len(remainder) - 4) / size
     return math.atan(tangent), math.hypot(math.sqrt(max(clustered, white)), _YAW_MODEL_RAD)

@@ -20,7 +20,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gateway.core.constants import AXIS_NAMES, STANDARD_GRAVITY_MPS2
-from gateway.core.estimates.disagreement import CONTRADICTION
+from gateway.core.estimates.disagreement import CONTRADICTION, error_of
 from gateway.core.estimates.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
 from gateway.core.estimates.lost_steady_value import LostSteadyValue, SteadyValueCheck
 from gateway.core.estimates.pace import is_due
@@ -108,6 +108,8 @@ _AGAINST: Final = 4.0
 # deg leaves 0.7.
 _LEAST_GRAVITY: Final = 0.5
 _CERTAIN: Final = 3.0
+# Of gravity, motion of the hub and the closure of the belt.
+_GRAVITY_MODEL: Final = 0.01
 # R Omega^2 up to which gravity is looked for: belt stretch and drive add order 1 of up to 1e-3 of it.
 _GRAVITY_SHOWS_MPS2: Final = 1500.0
 # Of earlier revolutions in which gravity was looked for, at each further one.
@@ -635,7 +637,7 @@ class SelfCalibrationEstimator(BlockEstimator):
             revolution, claims = block.revolutions[index], block.conditions[index].claims
             count += 1
             # Relative difference of the gains of two axes; tilts and mounting offset are ratios of axes.
-            axes_std = math.sqrt(2.0) * claims.gain_std
+            axes_std = math.hypot(claims.gain_std, _along_gain_std(self._along_gravity, claims.along_gain_std))
             offset = pitch = None
             if solutions is not None and stds is not None:
                 pitch, offset = _mounting(solutions[row], stds[row], axes_std)
@@ -698,6 +700,13 @@ def _decay(count: int, keep: float) -> tuple[FloatArray, FloatArray]:
     for array in (powers, rows):
         array.setflags(write=False)
     return powers, rows
+
+
+def _along_gain_std(gravity: AlongGravity | None, stated_std: float) -> float:
+    """Return the relative error of the circumferential gain beside the others, as stated or as gravity shows it."""
+    if gravity is None or gravity.is_absent:
+        return stated_std
+    return error_of(abs(gravity.share) - 1.0, math.hypot(gravity.std, _GRAVITY_MODEL), stated_std)
 
 
 def _mounting(
@@ -768,7 +777,7 @@ def _roll_estimate(
         )
     roll_rad, roll_std_rad = roll
     mixed = 0.0 if step.measured is None else step.measured.tilt.mixed
-    by_gains = math.sqrt(2.0) * conditions.claims.gain_std * roll_rad
+    by_gains = math.hypot(conditions.claims.gain_std, conditions.claims.lateral_gain_std) * roll_rad
     widened = _Measurement(roll_rad, math.hypot(roll_std_rad, by_gains, mixed))
     doubt = step.refused or _unsettled(step)
     if doubt is None and roll_std_rad > _ROLL_SEPARATED_RAD:

@@ -33,11 +33,11 @@ def straight():
     return results_at(0.0)
 
 
-@pytest.mark.parametrize("yaw", [3.0, -20.0, 45.0])
+@pytest.mark.parametrize("yaw", [3.0, 10.0, -20.0, 45.0])
 def test_depth_and_ply_steer_of_a_turned_sensor_are_true_within_their_errors(straight, yaw: float) -> None:
     result = results_at(yaw)
     depth = result["sensor_offset_m"]
-    assert abs(depth.value - 0.004) < 3.5 * depth.std
+    assert depth.status is not Status.VALID or abs(depth.value - 0.004) < 3.5 * depth.std
     for name in ("ply_steer_contact_line_rad", "ply_steer_peak_rad", "ply_steer_adhesion_line_rad"):
         estimate = result[name]
         if estimate.status is Status.VALID:
