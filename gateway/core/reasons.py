@@ -186,5 +186,5 @@ class CoreCode(Codes):
         "since {date}, {name:series} is {change:+.3g}{unit: } ± {std:.2g}{unit: } from its earlier trend: {count} "
         "recordings, {first} to {last}"
     )
-    TREND_SENSOR_GAIN = Code("sensor: its gain has changed by {share:.1%}")
-    TREND_SENSOR_ZERO = Code("sensor: its zero has changed by {change_mps2:.1f m/s²}")
+    TREND_SENSOR_GAIN = Code("sensor: its gain has changed by {share:.1%} ± {std:.1%}")
+    TREND_SENSOR_ZERO = Code("sensor: its zero has changed by {change_mps2:.1f m/s²} ± {std:.1f m/s²}")

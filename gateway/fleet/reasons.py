@@ -42,7 +42,6 @@ class FleetCode(Codes):
         "the last recording, {date}, deviates from the trend by {deviation:+.1f} standard deviations"
     )
     TREND_LOAD_STATED = Code("as stated, not measured")
-    TREND_LOAD_STEPS = Code("steps of the load: {count}")
     TREND_LOSES_PRESSURE = Code("loses {loss_pa:.1f kPa} ± {std_pa:.1g kPa} a month")
     TREND_LOSS_CHANGED = Code(
         "since {date}, loses {after_pa:.1f kPa} ± {after_std_pa:.1g kPa} a month; before, {before_pa:.1f kPa} ± "
@@ -91,12 +90,14 @@ class FleetCode(Codes):
     )
     TREND_REPEATED = Code("recordings that repeat another and count once: {count}. {pairs}")
     TREND_REPEATS = Code("{path} repeats {other}")
-    TREND_SENSOR_CLIPS = Code("sensor: {share:.1%} more of the samples at the end of its range")
-    TREND_SENSOR_LOSSES = Code("sensor: {share:.1%} more of the samples are lost")
-    TREND_SENSOR_MOVES = Code("sensor: its distance from the neutral layer has changed by {change_m:.1f mm}")
-    TREND_SENSOR_NOISE = Code("sensor: its noise has become {factor:.1f} times as large")
+    TREND_SENSOR_CLIPS = Code("sensor: {share:.1%} ± {std:.1%} more of the samples at the end of its range")
+    TREND_SENSOR_LOSSES = Code("sensor: {share:.1%} ± {std:.1%} more of the samples are lost")
+    TREND_SENSOR_MOVES = Code(
+        "sensor: its distance from the neutral layer has changed by {change_m:.1f mm} ± {std:.1g mm}"
+    )
+    TREND_SENSOR_NOISE = Code("sensor: its noise has become {factor:.1f} ± {std:.1f} times as large")
     TREND_SENSOR_STEADY = Code(
-        "sensor: its steady radial value has changed by {share:.1%}: its gain by as much, or its zero by "
+        "sensor: its steady radial value has changed by {share:.1%} ± {std:.1%}: its gain by as much, or its zero by "
         "{change_mps2:.1f m/s²}. Recordings at several speeds tell which"
     )
     TREND_SLOPE_CHANGED = Code(
@@ -160,6 +161,7 @@ class FleetCode(Codes):
         "{before_std_m:.3f mm}: {count} recordings, {first} to {last}"
     )
     TREND_WEAR_SOFTENS = Code("of this, {share:.2%} ± {std:.2%} a month is the measured wear's")
+    TREND_WEARS_SHORT = Code("wears by {wear_m:.1f mm} ± {std_m:.1g mm} in {distance_m:.0f km}")
     TREND_WEARS_FAST = Code(
         "wears by {rate_m:.3f mm} ± {std_m:.3f mm} in 1,000 km; the median of the fleet is {median_m:.3f mm}"
     )

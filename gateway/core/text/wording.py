@@ -85,7 +85,11 @@ class _Template(string.Formatter):
             value = escaped(value)
         number, _, unit = format_spec.partition(" ")
         if unit:
-            return f"{_unsigned_zero(format(value * _UNITS[unit], number))} {unit}"
+            shown = format(value * _UNITS[unit], number)
+            if number.endswith("g") and "e+0" in shown:
+                # Few digits of a large number: 20, not 2e+01.
+                shown = f"{float(shown):.0f}"
+            return f"{_unsigned_zero(shown)} {unit}"
         shown = format(value, format_spec)
         if format_spec.endswith("%"):
             shown = f"{shown[:-1]} %"

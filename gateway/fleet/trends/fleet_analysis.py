@@ -15,7 +15,7 @@ import numpy as np
 from gateway.core.constants import STANDARD_ATMOSPHERE_PA, ZERO_CELSIUS_K
 from gateway.core.estimates.estimator import Status
 from gateway.core.estimates.wear import bending_left
-from gateway.core.quantity import Basis, Trend
+from gateway.core.quantity import Basis, Trend, Watch
 from gateway.core.quantity import Quantity as Declared
 from gateway.core.quantity_catalogue import NEW_TIRE_MM, declared
 from gateway.core.reasons import Code, CoreCode, Reason, Value
@@ -93,6 +93,8 @@ _OF_OTHERS_KPA: Final = 2.0
 _NOTABLE_LOSS_PA: Final = 1000.0
 # Within hours, the sensor's temperature is behind that of a gas that a drive warms: 10 K are 11 kPa.
 _NOTABLE_FALL_PA: Final = 20e3
+# Wear within a distance that is too short for a rate.
+_NOTABLE_WEAR_MM: Final = 0.5
 # Inflation of the variance of a trend by a covariate from which the two are usually called collinear.
 _MOST_INFLATION: Final = 10.0
 # Share of a notable change below which numbers do not follow it: readings have a resolution.
@@ -100,6 +102,8 @@ _FOLLOWED: Final = 0.1
 # Recordings from which the newest state has a line of its own, and from which its numbers are valid. A slope needs two
 # values, its scatter three.
 _LEAST_OWN_LINE: Final = 5
+# Steps of the load that the wear is fitted beside.
+_MOST_LOAD_LEVELS: Final = 3
 _LEAST_VALID: Final = 8
 # Recordings in a row that deviate to the same side are no single errors.
 _LEAST_RUN: Final = 2
@@ -129,6 +133,7 @@ class _Line(NamedTuple):
 
     `doubt` says why numbers of the line are provisional, `levels` counts the changes of what is stated within it. The
     columns of `change` are the last ones of the design: what is added from it on, and the level of a line of its own.
+    `of_load` are the columns of steps of the load, which are no part of the series' value.
     """
 
     places: IntArray
@@ -143,6 +148,7 @@ class _Line(NamedTuple):
     dates: tuple[str, ...]
     change: LateChange | None
     has_own_line: bool
+    of_load: slice
 
     @property
     def fit(self) -> Fit:
@@ -280,9 +286,15 @@ def _fall(km: FloatArray, wear: FloatArray) -> int | None:
 
 def _trend_of(tire: _Tire) -> tuple[TireTrend, _Tire]:
     history = tire.history
+    # What the wear follows comes first, what is graver is told first.
+    _load(tire)
+    of_load = tire.numbers, tire.series, tire.findings
+    tire.numbers, tire.series, tire.findings = [], [], []
     _wear(tire)
     _pressure(tire)
-    _load(tire)
+    tire.numbers += of_load[0]
+    tire.series += of_load[1]
+    tire.findings += of_load[2]
     for series in followed_by(Trend.LINE):
         _over_months(tire, series)
     for series in followed_by(Trend.STIFFNESS):
@@ -368,6 +380,11 @@ def _wear(tire: _Tire) -> None:
     )
     tire.numbers.append(rate)
     tire.numbers.append(_at_end(Quantity.WEAR_NOW, "mm", line))
+    worn, std = _along(line, _from_first_to_last(line))
+    if rate.status is Status.INVALID and line.doubt is None and worn > max(_NOTABLE_WEAR_MM, _quantile(line) * std):
+        span_m = 1e3 * _span(history.km[line.places])
+        wears = Reason(FleetCode.TREND_WEARS_SHORT, wear_m=1e-3 * worn, std_m=1e-3 * std, distance_m=span_m)
+        tire.findings.append(Finding(wears, "wear_mm", Change(int(line.places[0]))))
 
 
 def _cold_kpa(history: TireHistory, readings: PlausibleReadings) -> FloatArray:
@@ -620,15 +637,6 @@ def _load(tire: _Tire) -> None:
         tire.numbers += _stated_load(history, _missing(history, "estimated_load_n", measured))
     else:
         tire.numbers += _measured_load(line)
-        if line.steps and line.doubt is None:
-            steps = Reason(FleetCode.TREND_LOAD_STEPS, count=len(line.steps))
-            tire.findings.append(
-                Finding(
-                    steps,
-                    "estimated_load_n",
-                    _relative("estimated_load_n", line, line.steps[0], _size_of_step(line, 0)),
-                )
-            )
 
 
 def _over_months(tire: _Tire, series: Series) -> None:
@@ -700,6 +708,8 @@ def _stiffness(tire: _Tire, series: Series) -> None:
         tire.numbers.append(TrendNumber(temperature, unit="%/K", reasons=(why,)))
         return
     rate = _rate(quantity, "%/month", line)
+    if rate.status is not Status.INVALID and (stuck := _stuck(tire, line)) is not None:
+        rate = replace(rate, status=Status.PROVISIONAL, reasons=(stuck, *rate.reasons))
     drift = rate
     if (
         watch.falls_with_wear
@@ -725,6 +735,14 @@ def _stiffness(tire: _Tire, series: Series) -> None:
         drifts = Reason(FleetCode.TREND_STIFFNESS_DRIFTS, name=name, share=drift.value / 100.0, std=drift.std / 100.0)
         whole = drift.value * _span(history.months), drift.std * _span(history.months)
         tire.findings.append(Finding(drifts, name, _relative(name, line, None, whole)))
+
+
+def _stuck(tire: _Tire, line: _Line) -> Reason | None:
+    """Return that the temperature of a line is not measured, so that what a season makes looks like a trend."""
+    degc = tire.readings.temperature_degc[line.places]
+    if not _is_same(degc):
+        return None
+    return Reason(FleetCode.TREND_TEMPERATURE_STUCK, temperature_degc=float(degc[0]), count=len(degc))
 
 
 def _softened_by_wear(tire: _Tire, name: str, line: _Line, along: FloatArray) -> tuple[float, float] | None:
@@ -795,13 +813,30 @@ def _sensor(tire: _Tire) -> None:
         change, std = _along(line, _from_first_to_last(line))
         worse = not watch.worse or change * watch.worse > 0.0
         # A single change that the series shows is told with its date; a drift beside it by the whole change.
-        is_told = len(tire.findings) == findings_before + 1 and over <= watch.notable
+        is_told = len(tire.findings) == findings_before + 1 and (
+            over <= watch.notable or not _is_significant(rate, line)
+        )
         if is_told or not (worse and abs(change) > watch.notable and abs(change) > _quantile(line) * std):
             continue
-        if rate.status is Status.VALID and shown and watch.drift:
+        if rate.status is Status.VALID and shown and line.steps and not _is_significant(rate, line):
+            # What changes at once has a date.
+            del tire.findings[findings_before:]
+            sizes = [_size_of_step(line, number) for number in range(len(line.steps))]
+            largest = int(np.argmax([abs(size) for size, _ in sizes]))
+            begin, end = line.steps[largest], min([*line.steps[largest + 1 :], len(line.values)])
+            changed = _changed(watch.level, history, name, line, sizes[largest], begin, end)
+            tire.findings.append(Finding(changed, name, _relative(name, line, begin, sizes[largest])))
+        elif rate.status is Status.VALID and shown and watch.drift:
             del tire.findings[findings_before:]
             code, value = watch.drift
-            tire.findings.append(Finding(Reason(code, **{value: _DRIFTS[value](change)}), name))
+            tire.findings.append(
+                Finding(Reason(code, **{value: _DRIFTS[value](change)}, std=_std_of_drift(value, change, std)), name)
+            )
+
+
+def _std_of_drift(value: str, change: float, std: float) -> float:
+    """Return the error of the value of a drift from that of the change."""
+    return abs(_DRIFTS[value](change + std) - _DRIFTS[value](change - std)) / 2.0
 
 
 def _inflation(line: _Line) -> float:
@@ -836,11 +871,14 @@ def _steady_value(tire: _Tire, line: _Line) -> Iterator[Finding]:
     ):
         many = _quantile_of(parted.freedom)
         if abs(parted.gain) > max(many * parted.gain_std, least_gain):
-            yield Finding(Reason(CoreCode.TREND_SENSOR_GAIN, share=parted.gain), "gain")
+            yield Finding(Reason(CoreCode.TREND_SENSOR_GAIN, share=parted.gain, std=parted.gain_std), "gain")
         if abs(parted.zero_mps2) > max(many * parted.zero_std_mps2, zero.notable):
-            yield Finding(Reason(CoreCode.TREND_SENSOR_ZERO, change_mps2=parted.zero_mps2), "zero_g_offset_mps2")
+            moved = Reason(CoreCode.TREND_SENSOR_ZERO, change_mps2=parted.zero_mps2, std=parted.zero_std_mps2)
+            yield Finding(moved, "zero_g_offset_mps2")
     elif abs(change) > _quantile(line) * std and (abs(share) > least_gain or abs(as_zero_mps2) > zero.notable):
-        yield Finding(Reason(FleetCode.TREND_SENSOR_STEADY, share=share, change_mps2=as_zero_mps2), "gain")
+        yield Finding(
+            Reason(FleetCode.TREND_SENSOR_STEADY, share=share, change_mps2=as_zero_mps2, std=std / gain.factor), "gain"
+        )
 
 
 def _std_of(name: str) -> str:
@@ -889,7 +927,11 @@ def _line(
     if has_covariate and other is not None:
         columns.append(_centred(other[index]))
     levels = _levels(index, places_of(tire.changes, name))
-    design = np.column_stack([*columns, *levels])
+    # By a step of the load the contact is another, and what is taken from it for wear as well.
+    steps_of_load = [change.begin for change in tire.onsets.get("estimated_load_n", ()) if change.begin is not None]
+    loads = _levels(index, steps_of_load)[:_MOST_LOAD_LEVELS] if name == "wear_mm" else []
+    design = np.column_stack([*columns, *levels, *loads])
+    of_load = slice(len(columns) + len(levels), design.shape[1])
     chosen, chosen_stds = values[index], stds[index]
     shape = find_shape(
         design,
@@ -930,6 +972,7 @@ def _line(
             dates,
             change,
             len(columns) > 1,
+            of_load,
         )
 
     line = fitted_line(change)
@@ -947,7 +990,7 @@ def _line(
     moved = design[:, 2] * fit.coefficients[2] if has_covariate else np.zeros(len(index))
     if tested:
         tire.tested += len(index)
-        outliers = np.flatnonzero(search.is_outlier).tolist()
+        outliers = [number for number in np.flatnonzero(search.is_outlier).tolist() if _matters(watch, fit, number)]
         tire.outliers += [_outlier(history, name, watch.unit, line, fit, number) for number in outliers]
     tire.series.append(
         TrendSeries(
@@ -966,6 +1009,14 @@ def _line(
         tire.findings += _findings_of_line(tire, name, line)
         tire.onsets[name] = list(_notable_changes(name, line))
     return line
+
+
+def _matters(watch: Watch, fit: Fit, number: int) -> bool:
+    """Return whether an outlier is reported: a sensor's only to the worse, and by what is worth a finding."""
+    residual = float(fit.residuals[number])
+    return watch.trend is not Trend.SENSOR or (
+        residual * (watch.worse or residual) > 0.0 and abs(residual) >= watch.notable
+    )
 
 
 def _columns_of(change: LateChange | None, steps: Sequence[int], count: int) -> list[list[FloatArray]]:
@@ -1063,8 +1114,7 @@ def _findings_of_line(tire: _Tire, name: str, line: _Line) -> Iterator[Finding]:
         least = float(np.abs(fit.residuals[begin:end] / scale).min()) if fit.scale > 0.0 else math.inf
         passed = Reason(FleetCode.TREND_PASSED, name=name, deviations=least, **_recordings(history, line, begin, end))
         yield Finding(passed, name, _relative(name, line, begin, _size_of_run(line, begin, end)))
-    # Steps of the load have their own finding.
-    for number, begin in enumerate(line.steps if name != "estimated_load_n" else ()):
+    for number, begin in enumerate(line.steps):
         size, std = _size_of_step(line, number)
         if abs(size) >= watch.notable and size * (watch.worse or size) > 0.0:
             end = min([after for after in line.steps if after > begin], default=len(line.values))
@@ -1254,6 +1304,7 @@ def _at_end(quantity: str, unit: str, line: _Line) -> TrendNumber:
     row = line.design[-1].copy()
     if line.has_covariate:
         row[2] = 0.0
+    row[line.of_load] = 0.0
     number = _number(quantity, unit, line, row, reasons=_notes_of_steps(line))
     shared = _shared_std(line.stds)
     half, std = math.hypot(number.high - number.value, 2.0 * shared), math.hypot(number.std, shared)

@@ -15,6 +15,8 @@ from gateway.fleet.trends.tire_history import TireHistory
 # measurement; sensors of tires resolve 1 to 2.5 kPa.
 _LEAST_RUN: Final = 4
 _LEAST_EXPECTED_PA: Final = 4000.0
+# No sensor of a tire resolves it.
+_ROUNDING_PA: Final = 1.0
 
 
 class PlausibleReadings(NamedTuple):
@@ -66,8 +68,8 @@ def plausible_readings(history: TireHistory) -> PlausibleReadings:
 
 
 def _runs(values: FloatArray) -> list[slice]:
-    """Return the runs of equal values."""
-    edges = [0, *(np.flatnonzero(np.diff(values) != 0.0) + 1).tolist(), len(values)]
+    """Return the runs of readings that are equal but for rounding."""
+    edges = [0, *(np.flatnonzero(np.abs(np.diff(values)) > _ROUNDING_PA) + 1).tolist(), len(values)]
     return [slice(begin, end) for begin, end in pairwise(edges)]
 
 

@@ -157,7 +157,7 @@ def test_another_load_is_one_finding(is_calibrated):
     else:
         columns["estimated_load_n"] = np.full(100, np.nan)
     findings = findings_of(replace(tire, columns=columns))
-    code = FleetCode.TREND_LOAD_STEPS if is_calibrated else CoreCode.TREND_CONTACT_CHANGED
+    code = CoreCode.TREND_LEVEL_CHANGED if is_calibrated else CoreCode.TREND_CONTACT_CHANGED
     assert set(findings) == {code}
     others = {"Bs", "Cw", "Rs", "Ts", "contact_fraction"}
     assert set(findings[code]["consequences"]) == others | ({"contact_length_m"} if is_calibrated else set())

@@ -1,0 +1,119 @@
+"""One cause is one finding, with size, date and error; what a sensor or a load does is neither wear nor a leak."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gateway.core.estimates.estimator import Status
+from gateway.core.reasons import CoreCode
+from gateway.core.text.wording import text
+from gateway.fleet.reasons import FleetCode
+from gateway.fleet.trends.fleet_analysis import analyse
+from gateway.fleet.trends.tire_history import TireHistory
+from gateway.fleet.trends.trend_result import FleetTrends, Quantity, TireTrend
+from tests.testkit.tire_histories import history, number
+
+COUNT = 60
+INDEX = np.arange(COUNT)
+
+
+def tire_with(seed: int = 3, **columns) -> TireHistory:
+    """Return a tire of sixty recordings with columns multiplied by factors."""
+    tire = history(seed, COUNT, months=4.0)
+    return replace(tire, columns={**tire.columns, **{name: tire.columns[name] * by for name, by in columns.items()}})
+
+
+def trend_of(tire: TireHistory) -> TireTrend:
+    return analyse([tire], recordings=COUNT).tires[0]
+
+
+def fleet(seed: int) -> FleetTrends:
+    """Return the trends of four healthy wheels of one vehicle."""
+    positions = ("FL", "FR", "RL", "RR")
+    wheels = [
+        history(4 * seed + wheel, COUNT, months=4.0, position=position, sensor_id=f"0000c00{wheel}")
+        for wheel, position in enumerate(positions)
+    ]
+    return analyse(wheels, recordings=4 * COUNT)
+
+
+def test_step_of_the_load_is_told_once_and_is_no_wear():
+    step = np.where(INDEX >= 37, 1.18, 1.0)
+    tire = tire_with(estimated_load_n=step, contact_length_m=np.sqrt(step), Bs=step, Cw=step, Rs=step, Ts=step)
+    tire.columns["wear_mm"] += 0.8 * (INDEX >= 37)
+    trend = trend_of(tire)
+    (finding,) = trend.findings
+    assert (finding.code, finding["name"]) == (CoreCode.TREND_LEVEL_CHANGED, "estimated_load_n")
+    assert finding["change"] == pytest.approx(720.0, abs=4.0 * finding["std"])
+    assert finding["count"] == COUNT - 37
+    rate, now = number(trend, Quantity.WEAR_RATE), number(trend, Quantity.WEAR_NOW)
+    assert abs(rate.value - 0.05) < 3.5 * rate.std
+    assert abs(now.value - 0.24) < 0.2
+
+
+def test_stuck_temperature_makes_no_drift_of_the_season():
+    season = 1.0 - 0.02 * np.sin(np.linspace(0.0, 1.5, COUNT))
+    tire = tire_with(Bs=season, Rs=season, Ts=season)
+    tire.columns["temperature_degc"] = np.full(COUNT, 25.0)
+    trend = trend_of(tire)
+    assert not any(finding.code is FleetCode.TREND_STIFFNESS_DRIFTS for finding in trend.findings)
+    assert number(trend, "Rs_rate").status is Status.PROVISIONAL
+
+
+def test_readings_that_differ_by_rounding_are_stuck_and_leave_the_trend():
+    tire = tire_with()
+    tire.columns["pressure_pa"][22:34] = 212_000.0 + np.resize([0.0, 3e-11, -3e-11], 12)
+    trend = trend_of(tire)
+    assert {finding.code for finding in trend.findings} == {FleetCode.TREND_PRESSURE_STUCK}
+    loss = number(trend, Quantity.PRESSURE_LOSS)
+    assert abs(loss.value) < 3.5 * loss.std < 1.5
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        np.where(INDEX >= 30, 10.0, 1.0),
+        np.where(INDEX >= 56, 10.0, 1.0),
+        10.0 ** (INDEX / 59.0),
+        10.0 ** ((INDEX / 59.0) ** 4),
+        np.where((INDEX > 20) & (INDEX < 35), 10.0, 1.0),
+        np.where((INDEX > 30) & (INDEX % 2 == 0), 10.0, 1.0),
+    ],
+)
+def test_tenfold_noise_is_a_finding_whatever_its_shape(shape):
+    findings = trend_of(tire_with(noise_mps2=shape)).findings
+    assert findings
+    assert all("noise" in text(finding) for finding in findings)
+
+
+def test_step_of_the_gain_has_its_date_and_error():
+    tire = tire_with(gain=np.where(INDEX >= 41, 0.98, 1.0))
+    (finding,) = trend_of(tire).findings
+    assert (finding.code, finding["name"]) == (CoreCode.TREND_LEVEL_CHANGED, "gain")
+    assert finding["date"] == str(np.datetime64(int(tire.time_ns[41]), "ns").astype("datetime64[D]"))
+    assert abs(finding["change"] + 2.0) < 4.0 * finding["std"] < 0.8
+
+
+def test_less_noise_of_one_recording_is_no_outlier():
+    quiet = np.ones(COUNT)
+    quiet[17] = 0.4
+    trends = analyse([tire_with(noise_mps2=quiet)], recordings=COUNT)
+    assert not trends.outliers
+    assert [entry.name for entry in analyse([tire_with(noise_mps2=1 / quiet)], recordings=COUNT).outliers]
+
+
+def test_fast_wear_over_a_short_distance_is_a_finding():
+    rng = np.random.default_rng(5)
+    tire = history(6, 40, months=0.5)
+    wear = np.linspace(0.0, 1.7, 40) + rng.normal(0.0, 0.06, 40)
+    tire = replace(tire, km=np.linspace(9000.0, 9210.0, 40), columns={**tire.columns, "wear_mm": wear})
+    (finding,) = analyse([tire], recordings=40).tires[0].findings
+    assert finding.code is FleetCode.TREND_WEARS_SHORT
+    assert abs(finding["wear_m"] - 1.7e-3) < 4.0 * finding["std_m"]
+    assert finding["distance_m"] == pytest.approx(210e3, rel=0.01)
+
+
+@pytest.mark.slow
+def test_at_most_one_false_finding_on_fifty_healthy_fleets():
+    assert sum(len(tire.findings) for seed in range(50) for tire in fleet(900 + seed).tires) <= 1
