@@ -19,6 +19,7 @@ FEATURE: Final = Feature(
         Registry.QUANTITIES: {
             "longitudinal-force": "gateway.forces.quantities:LONGITUDINAL_FORCE",
             "ply-steer": "gateway.forces.quantities:PLY_STEER",
+            "turning": "gateway.forces.quantities:TURNING",
             "slip-angle": "gateway.forces.quantities:SLIP_ANGLE",
             "side-force": "gateway.forces.quantities:SIDE_FORCE",
             "friction": "gateway.forces.quantities:FRICTION",
@@ -29,6 +30,7 @@ FEATURE: Final = Feature(
         Registry.ESTIMATORS: {
             "longitudinal-force": "gateway.forces.longitudinal_force:LongitudinalForceEstimator",
             "ply-steer": "gateway.forces.ply_steer:PlySteerEstimator",
+            "turning": "gateway.forces.turning:TurningEstimator",
             "slip-angle": "gateway.forces.slip_angle:SlipAngleEstimator",
             "side-force": "gateway.forces.side_force:SideForceEstimator",
             "friction": "gateway.forces.friction_use:FrictionUseEstimator",

@@ -42,8 +42,10 @@ _AHEAD_RAD: Final = 0.8
 _LEAST_CONTACT_RAD: Final = 0.08
 
 _SIZE: Final = 2 * len(ORDERS)
-# Cosine and sine of the first order.
-_FIRST: Final = [0, len(ORDERS)]
+# Name of the turns among what estimators of a block share.
+_TURNS: Final = "turns"
+FIRST_ORDER: Final = [0, len(ORDERS)]
+"""Places of cosine and sine of the first order in a record."""
 # The grid starts at -pi, so odd orders change sign.
 _SIGNS: Final[FloatArray] = np.where(np.asarray(ORDERS) % 2, -1.0, 1.0)
 _GRID: Final = 512
@@ -174,11 +176,11 @@ class _Part:
 class LateralAverage:
     """Running average of lateral records, with calibration of the roll tilt."""
 
-    def __init__(self, horizon_revolutions: float, roll: RollCalibration, tracker: TurnTracker | None = None) -> None:
-        """Start empty; `roll` is updated by every revolution, and what the tracker knows of turns removed from it."""
+    def __init__(self, horizon_revolutions: float, roll: RollCalibration) -> None:
+        """Start empty; `roll` is updated by every revolution, less the lateral acceleration of its turn."""
         self._floor = 1.0 / horizon_revolutions
         self.roll = roll
-        self._tracker = tracker
+        self._tracker = TurnTracker()
         self.reset()
 
     def reset(self) -> None:
@@ -191,8 +193,7 @@ class LateralAverage:
         self._weight_square = 1.0
         self._noise = 0.0
         self._order_max = 0
-        if self._tracker is not None:
-            self._tracker.reset()
+        self._tracker.reset()
         # Mean error of the first order by turns, cosine and sine.
         self._turn_std_m = (0.0, 0.0)
 
@@ -205,12 +206,17 @@ class LateralAverage:
         """Add the revolutions `taken` of a block, at least one; none of them may be `why_unusable`."""
         revolutions = [block.revolutions[index] for index in taken]
         raw_m = _coefficients(block.arrays, taken, revolutions)
-        rolls, turns = [], []
-        for row, (index, revolution) in enumerate(zip(taken, revolutions, strict=True)):
-            turns.append(self._turned(block, index, raw_m[row]))
+        # Estimators of one block see the same turns.
+        turns: list[Turn] | None = block.shared.get(_TURNS)
+        if turns is None:
+            turns = [self._turned(block, index, raw_m[row]) for row, index in enumerate(taken)]
+            block.shared[_TURNS] = turns
+        rolls = []
+        for index, revolution, turn in zip(taken, revolutions, turns, strict=True):
             if not revolution.ac_coupled:
                 _, lateral, radial = block.arrays.means_mps2[index].tolist()
-                self.roll.update(lateral, radial)
+                path, std = turn.path_mps2
+                self.roll.update(lateral - path, radial, std)
             rolls.append(
                 Roll(
                     self.roll.roll_rad,
@@ -222,7 +228,7 @@ class LateralAverage:
             )
         tilts = np.array([roll.rad for roll in rolls])
         values = np.concatenate([_unrolled(raw_m, tilts), tilts[:, np.newaxis]], axis=1)
-        values[:, _FIRST] -= [turn.remove_m for turn in turns]
+        values[:, FIRST_ORDER] -= [turn.remove_m for turn in turns]
         carried = [min(revolution.order_max, ORDERS.stop - 1) for revolution in revolutions]
         own_m, own_radial_m = values[:, :_SIZE], values[:, _SIZE : 2 * _SIZE]
         steps = LateralSteps(own_m, own_radial_m, np.empty((len(taken), _SIZE)), rolls, [], [], [], turns, [])
@@ -234,17 +240,16 @@ class LateralAverage:
         return steps
 
     def _turned(self, block: RevolutionBlock, index: int, raw_m: FloatArray) -> Turn:
-        """Return the turn of a revolution by its raw coefficients and the roll so far."""
-        if self._tracker is None:
-            return NO_TURN
+        """Return the turn of a revolution by its raw coefficients."""
         revolution, conditions = block.revolutions[index], block.conditions[index]
         edges = contact_edges(block.averages.edges_rad[index], conditions)
         if isinstance(edges, Reason):
             return NO_TURN
         _, lateral, radial = block.arrays.means_mps2[index].tolist()
         means = None if revolution.ac_coupled else (lateral, radial)
-        lateral_m = _unrolled(raw_m[np.newaxis], np.array([self.roll.roll_rad]))[0, :_SIZE]
-        return self._tracker.take(lateral_m, edges, revolution.omega_radps, conditions.radius_m, means, self.roll)
+        return self._tracker.take(
+            raw_m[:_SIZE], raw_m[_SIZE : 2 * _SIZE], edges, revolution.omega_radps, conditions.radius_m, means
+        )
 
     def _add(
         self, values: FloatArray, revolutions: Sequence[Revolution], rows: slice, carried: int, steps: LateralSteps
@@ -264,10 +269,10 @@ class LateralAverage:
             self._weight_square = (1.0 - weight) ** 2 * self._weight_square + weight * weight / share
             self._noise += weight * (_noise_variance(revolution) - self._noise)
             scalars.append((self.count, weight, self._weight_square, self._noise))
-            before, own = self._turn_std_m, steps.turns[len(steps.turn_std_m)].remove_std_m
+            before, latest = self._turn_std_m, steps.turns[len(steps.turn_std_m)].remove_std_m
             self._turn_std_m = (
-                before[0] + weight * (own[0] - before[0]),
-                before[1] + weight * (own[1] - before[1]),
+                before[0] + weight * (latest[0] - before[0]),
+                before[1] + weight * (latest[1] - before[1]),
             )
             steps.turn_std_m.append(self._turn_std_m)
         part = _Part(self._mean, self._spread, part_values, [weight for _, weight, *_ in scalars], measured)
@@ -500,8 +505,8 @@ def _zero(angles: FloatArray, slope: FloatArray, before: int) -> float:
 class LateralEstimator(BlockEstimator):
     """Estimator of the lateral axis and its running average; no estimates without the axis."""
 
-    def __init__(self, horizon_revolutions: float, tracker: TurnTracker | None = None) -> None:
-        self._average = LateralAverage(horizon_revolutions, RollCalibration(), tracker)
+    def __init__(self, horizon_revolutions: float) -> None:
+        self._average = LateralAverage(horizon_revolutions, RollCalibration())
         super().__init__()
 
     def reset(self) -> None:

@@ -11,6 +11,8 @@ from gateway.core.quantity import (
     TILTS_RAD,
     ZEROS_MPS2,
     Basis,
+    BusFrame,
+    OnBus,
     Quantity,
 )
 
@@ -189,6 +191,54 @@ PLY_STEER: Final = (
         "laminate_b16_n", "B16 of the stated plies", "ply steer paper, Eq. 10", "as ply steer", possible=(-1e7, 1e7)
     ),
     Quantity("laminate_a66_npm", "A66 of the stated plies", "ply steer paper, Eq. 10", possible=(0.0, 1e10)),
+)
+
+_TURNING_FRAME: Final = BusFrame(9, "Turning")
+TURNING: Final = (
+    Quantity(
+        "turn_rate_radps",
+        "yaw rate of the wheel, by its path and by steering",
+        "lateral axis = -2 V turn cos(theta) + V turn, beyond what straights and side force make",
+        "turns to the left",
+        powers={Basis.GAIN: -1.0, Basis.AXES: 1.0},
+        rests_on=_SIGNED,
+        possible=(-6.0, 6.0),
+        live_label="turn rate",
+        is_in_state=True,
+        bus=OnBus(_TURNING_FRAME, "TurnRate", 2e-4, 1e-3, is_signed=True),
+    ),
+    Quantity(
+        "curve_radius_m",
+        "radius of the wheel's path",
+        "V / turn",
+        "center of the curve to the left",
+        powers={Basis.RADIUS: 1.0, Basis.RATE: 1.0, Basis.GAIN: 1.0},
+        rests_on=_SIGNED,
+        possible=(-1e5, 1e5),
+        live_label="curve radius",
+        shown_unit=("m", 1.0),
+    ),
+    Quantity(
+        "camber_rate_radps",
+        "rate of camber of the wheel",
+        "lateral axis = -2 V rate sin(theta), beyond what straights make",
+        "left side rises",
+        powers={Basis.GAIN: -1.0, Basis.AXES: 1.0},
+        rests_on=_SIGNED,
+        possible=(-6.0, 6.0),
+        live_label="",
+    ),
+    Quantity(
+        "lateral_acceleration_mps2",
+        "lateral acceleration of the wheel's path",
+        "V turn",
+        _TO_THE_LEFT,
+        powers={Basis.RADIUS: 1.0, Basis.RATE: 1.0, Basis.GAIN: -1.0, Basis.AXES: 1.0},
+        rests_on=_SIGNED,
+        possible=(-100.0, 100.0),
+        live_label="",
+        bus=OnBus(_TURNING_FRAME, "LateralAcceleration", 2e-3, 2e-2, is_signed=True),
+    ),
 )
 
 SLIP_ANGLE: Final = (

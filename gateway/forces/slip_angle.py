@@ -24,6 +24,7 @@ from gateway.core.revolutions.synchronous_average import RunningMoments
 from gateway.core.types import FloatArray
 from gateway.forces.lateral_deformation import ORDERS, chord_row, lateral_waveform
 from gateway.forces.lateral_shape import (
+    FIRST_ORDER,
     LateralEstimator,
     LateralSteps,
 )
@@ -117,10 +118,14 @@ class SlipAngleEstimator(LateralEstimator):
         asymmetry = lateral_asymmetry(waveform_m)
         scatter, asymmetry_scatter, peak_m = self._scatter(np.array([slope, asymmetry, *own_m]))
         law = conditions.tire.of(SlipCalibration)
+        by_turn, by_turns = (
+            math.hypot(*(chord[FIRST_ORDER] * std_m))
+            for std_m in (steps.turns[row].remove_std_m, steps.turn_std_m[row])
+        )
         if law is not None:
-            zero, std = law.zero_rad, math.hypot(scatter, law.zero_std_rad)
+            zero, std = law.zero_rad, math.hypot(scatter, law.zero_std_rad, by_turn)
         else:
-            zero, std = mean, math.hypot(scatter * math.sqrt(1.0 + 1.0 / count), _LEARNT_ZERO_STD_RAD)
+            zero, std = mean, math.hypot(scatter * math.sqrt(1.0 + 1.0 / count), _LEARNT_ZERO_STD_RAD, by_turn)
         apparent = slope - zero
         by_roll_m = steps.roll[row].std_rad * steps.own_radial_m[row]
         by_roll = 0.5 * (_asymmetry(own_m + by_roll_m) - _asymmetry(own_m - by_roll_m))
@@ -135,8 +140,8 @@ class SlipAngleEstimator(LateralEstimator):
             outside = law.outside(half, conditions.pressure_pa, law.slip_at(slope, 0.0)[0])
             outside_mean = law.outside(half, conditions.pressure_pa, law.slip_at(mean, 0.0)[0])
             angles = (
-                _slip(SLIP_NAME, law, (slope, scatter), outside),
-                _slip(MEAN_NAME, law, (mean, scatter / math.sqrt(count)), outside_mean),
+                _slip(SLIP_NAME, law, (slope, math.hypot(scatter, by_turn)), outside),
+                _slip(MEAN_NAME, law, (mean, math.hypot(scatter / math.sqrt(count), by_turns)), outside_mean),
             )
         status, reasons = _status(scatter, count, law, outside)
         direction = math.copysign(1.0, apparent) if abs(apparent) > _SIGNIFICANT * std else 0.0

@@ -1,39 +1,66 @@
-"""Turn and camber rate of a wheel by the first order of its lateral axis, and by the mean of that axis.
+"""Turn and camber rate of a wheel by the first order of its lateral axis and by the mean of that axis.
 
 The belt passes the hub with V, so the lateral axis reads -2 V (turn cos(theta) + camber rate sin(theta)), and V times
-the turn in its mean (`gateway.ring.turning_wheel`). The tire's own first order is constant over the square of the
-speed: ply steer, conicity, gravity by the sensor's yaw; side force changes it, and changes the orders above with it
-(`gateway.forces.free_belt`). So what a revolution has beyond what its higher orders predict is compared with the same
-of all: cars drive straight most of the time, and revolutions that turn hardly count. Without straights a turn is known
-no better than that prediction.
+the turn in its mean (`gateway.ring.turning_wheel`). A tire's own first order is, over the square of the speed, a
+constant plus what side force makes, which is a constant factor times what the orders above predict
+(`gateway.forces.free_belt`). Its mean is roll times the radial mean, plus an offset. A Kalman filter holds these
+constants and separates them from the turn: cars drive straight most of the time. Each revolution is straight or turns,
+by the likelihood of both; one that turns has a rate of its own, which no other revolution shares. A steady turn from
+the first revolution on is known no better than the constants are before.
 """
 
 import math
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
 
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.estimates.disagreement import disagreement_std
-from gateway.core.revolutions.sensor_mounting import RollCalibration
+from gateway.core.revolutions.sensor_mounting import MOUNTING_STD_RAD, OFFSET_STD_MPS2
 from gateway.core.types import FloatArray
-from gateway.forces.free_belt import FIRST_ORDER_SHARE, FIRST_ORDER_STD_M, first_order_rows
+from gateway.forces.free_belt import FIRST_ORDER_SHARE, FIRST_ORDER_SHARE_STD, FIRST_ORDER_STD_M, first_order_rows
 from gateway.forces.lateral_deformation import ORDERS
 
-# Turn and camber rate that straight driving has, rad/s: a lane that is kept, a road's crown.
-_STRAIGHT_RADPS: Final = 0.008
-# Error of a first order or a mean by the road, m/s^2, that revolutions one after the other share, and their number.
-_ROAD_MPS2: Final = 0.15
-_SHARED_REVOLUTIONS: Final = 4.0
-# Revolutions of a curve, which share bank and camber.
-_CURVE_REVOLUTIONS: Final = 60.0
-# Error of the mean of the lateral axis as an acceleration of the path: 2 deg of bank and camber.
+# Yaw and camber rate of straight driving, rad/s, and the revolutions over which they last: a lane that is kept.
+_STRAIGHT_RADPS: Final = 0.006
+_STRAIGHT_REVOLUTIONS: Final = 15.0
+# Those of a wheel that turns.
+_TURN_RADPS: Final = 0.3
+_CAMBER_RADPS: Final = 0.1
+# Gravity by bank and camber in the mean of the lateral axis, 2 deg, and the revolutions over which it lasts.
 _BANK_MPS2: Final = 0.35
-# Errors by which a turn must differ from straight driving.
-_CLEAR: Final = 3.0
-_MEMORY_REVOLUTIONS: Final = 500.0
-_HORIZON_OF_SCATTER: Final = 50.0
+_BANK_REVOLUTIONS: Final = 60.0
+# Errors within which a side force is usual on straights.
+_USUAL_FORCES: Final = 2.0
+# Factor of a usual rate below which any is as likely.
+_ANY: Final = 10.0
+# Change of a turn's rate from one revolution to the next, over a usual rate.
+_CHANGE_OF_RATE: Final = 0.2
+# Probability that a revolution turns: the first, one after a straight one, one after one that turns.
+_FIRST_TURN, _TURN_BEGINS, _TURN_LASTS = 0.2, 0.01, 0.95
+# Revolutions over which the first is one of several.
+_FIRST_REVOLUTIONS: Final = 4.0
+# Prior of the roll.
+_ROLL_STD_RAD: Final = math.radians(10.0)
+# Constants change by a twentieth of their spread over tires and mountings in 500 revolutions.
+_DRIFT: Final = 0.05 / math.sqrt(500.0)
+# Noise of a first order and of a mean, m/s^2: least, and before it is known by the differences of neighbours.
+_LEAST_NOISE_MPS2, _FIRST_NOISE_MPS2 = 0.02, 0.3
+_HORIZON_OF_NOISE: Final = 50.0
+# Revolutions over which the level of straights is a mean.
+_LEVEL_REVOLUTIONS: Final = 100.0
+# Change of the first order by side force from one revolution to the next, straight and where the wheel turns.
+_STEADY_FORCE_M, _TURNING_FORCE_M = 5e-6, 5e-5
+# First order by side force of straight driving: by ply steer, conicity and toe; its change by wind and road; in curves.
+_USUAL_FORCE_M, _STRAIGHT_FORCE_M, _CURVE_FORCE_M = 5e-4, 2e-4, 3e-3
+# A difference beyond this many times the noise is a turn, not noise.
+_STEP_OF_NOISE: Final = 3.0
+# Places in the states.
+_SHARE, _ROLL = 1, 2
+# Logarithm of the largest odds of one revolution, of those by side force alone, and the least probability.
+_LARGEST, _LARGEST_CHANGE, _LEAST = 200.0, 10.0, 1e-100
 _NUMBERS: Final[FloatArray] = np.asarray(ORDERS, dtype=np.float64)
-_FIRST: Final = [0, len(ORDERS)]
 
 
 class Turn(NamedTuple):
@@ -42,18 +69,24 @@ class Turn(NamedTuple):
     Attributes:
         turn_radps: yaw rate of the wheel, positive to the left.
         turn_std_radps: one standard error.
+        turn_scatter_radps: the part of it that other revolutions do not share.
         camber_radps: rate of camber, positive where the left side rises.
         camber_std_radps: one standard error.
+        camber_scatter_radps: as that of the turn.
         speed_mps: of the wheel.
+        path_mps2: lateral acceleration, as far as the revolution turns; with its error.
         remove_m: (2,) cosine and sine over Omega^2 to subtract from the lateral axis; 0 on straights.
-        remove_std_m: (2,) error that every revolution has in common.
+        remove_std_m: (2,) error of these that every revolution has in common.
     """
 
     turn_radps: float = 0.0
     turn_std_radps: float = math.inf
+    turn_scatter_radps: float = 0.0
     camber_radps: float = 0.0
     camber_std_radps: float = math.inf
+    camber_scatter_radps: float = 0.0
     speed_mps: float = 0.0
+    path_mps2: tuple[float, float] = (0.0, 0.0)
     remove_m: tuple[float, float] = (0.0, 0.0)
     remove_std_m: tuple[float, float] = (0.0, 0.0)
 
@@ -61,54 +94,266 @@ class Turn(NamedTuple):
 NO_TURN: Final = Turn()
 
 
-class _Part:
-    """What the first order has beyond its prediction, cosine or sine: level of the straights and scatter."""
+class _Rate(NamedTuple):
+    """A rate by one revolution.
 
-    def __init__(self, prior_std_m: float) -> None:
-        self._prior_std_m = prior_std_m
-        self.level_m, self._information, self.usual_m = 0.0, 0.0, 0.0
-        self._weight = 0.0
-        self._last_m, self._square_m2, self._count = math.nan, 0.0, 0
+    Attributes:
+        value: mean.
+        variance: of it.
+        turning: mean where it turns.
+        turning_variance: of that.
+        probability: that it turns.
+        shown: that it turns, as far as measurements say so: 0 where they say no more than is usual of cars.
+    """
 
-    @property
-    def level_std_m(self) -> float:
-        """Error of the level, with the chance that the level itself is a steady turn."""
-        return math.hypot(1.0 / math.sqrt(self._prior_std_m**-2 + self._information), self.steady_m)
+    value: float
+    variance: float
+    turning: float
+    turning_variance: float
+    probability: float
+    shown: float
 
-    @property
-    def steady_m(self) -> float:
-        """Error by the chance that the level, which is not as predicted, is itself a steady turn."""
-        expected = math.hypot(self._prior_std_m, FIRST_ORDER_SHARE * self.usual_m)
-        return disagreement_std(self.level_m, expected)
 
-    @property
-    def scatter_m(self) -> float:
-        """Scatter of a revolution, by the differences of neighbours."""
-        return math.sqrt(self._square_m2)
+class _State(NamedTuple):
+    """A state before the first revolution, and how it changes from one to the next.
 
-    def departure(self, beyond_m: float, straight_m: float) -> tuple[float, float]:
-        """Return the departure from the level and its share that is a turn: 0 on straights, 1 in turns."""
-        away = beyond_m - self.level_m
-        spread = math.hypot(straight_m, _CLEAR * self.scatter_m, _CLEAR * self.level_std_m)
-        return away, _share(away, spread)
+    Attributes:
+        mean: of the prior.
+        std: of the prior.
+        drift_std: of its change.
+        decay: share that stays; the rest returns to the prior.
+        of_the_road: whether it begins again where a curve begins or ends.
+    """
 
-    def take(self, beyond_m: float, predicted_m: float, road_m: float, share: float) -> None:
-        """Add a revolution to the level as far as it does not turn."""
-        if math.isfinite(self._last_m):
+    mean: float
+    std: float
+    drift_std: float = 0.0
+    decay: float = 1.0
+    of_the_road: bool = False
+
+
+class _Noise:
+    """Standard deviation of a measured value between revolutions, by the differences of neighbours."""
+
+    def __init__(self) -> None:
+        self._last, self._square, self._count = (math.nan, 0.0), _FIRST_NOISE_MPS2**2, 0
+
+    def take(self, value: float, rolled: float = 0.0, roll: float = 0.0) -> float:
+        """Add a value in m/s^2 of which a roll of 1 makes `rolled`, and return the variance so far."""
+        before, rolled_before = self._last
+        if math.isfinite(before):
             self._count += 1
-            step = 0.5 * (beyond_m - self._last_m) ** 2
-            # A step into a turn is no scatter.
-            step = min(step, 9.0 * self._square_m2) if self._count > _SHARED_REVOLUTIONS else step
-            self._square_m2 += (step - self._square_m2) / min(self._count, _HORIZON_OF_SCATTER)
-        self._last_m = beyond_m
-        keep = 1.0 - 1.0 / _MEMORY_REVOLUTIONS
-        still = (1.0 - share) ** 2
-        added = still / (_SHARED_REVOLUTIONS * (road_m**2 + self._square_m2))
-        self._information = keep * self._information + added
-        self.level_m += added / (self._prior_std_m**-2 + self._information) * (beyond_m - self.level_m)
-        self._weight = keep * self._weight + still
-        if self._weight:
-            self.usual_m += still / self._weight * (predicted_m - self.usual_m)
+            # The first guess counts as one difference.
+            change = value - before - roll * (rolled - rolled_before)
+            step = min(0.5 * change**2, _STEP_OF_NOISE**2 * self._square)
+            self._square += (step - self._square) / min(self._count + 1, _HORIZON_OF_NOISE)
+        self._last = value, rolled
+        return self._square + _LEAST_NOISE_MPS2**2
+
+
+class _Filter:
+    """Constants of a tire and the rate of its wheel: two Kalman filters, of straight driving and of a turn.
+
+    Each goes on from both of the revolution before, by their probabilities. The last state is the rate.
+
+    Attributes:
+        state: (n,) mean over both.
+        turning: probability that the latest revolution turned.
+    """
+
+    def __init__(self, states: Sequence[_State], rate_radps: float, fixed: int | None = None) -> None:
+        """Start at a prior.
+
+        Args:
+            states: the last is the rate.
+            rate_radps: standard deviation of the rate of a wheel that turns.
+            fixed: index of a state that straights do not change, though what they know depends on it.
+        """
+        self._fixed = fixed
+        prior = np.array([state.mean for state in states])
+        stds = np.array([state.std for state in states])
+        self._means, self._covariances = np.stack([prior, prior]), np.stack([np.diag(np.square(stds))] * 2)
+        self._covariances[1, -1, -1] = rate_radps**2
+        decays = np.array([state.decay for state in states])
+        self._any = (_ANY * rate_radps) ** 2
+        # The rate of a turn does not return to 0.
+        self._decays = np.stack([decays, np.append(decays[:-1], 1.0)])
+        moved = np.square([state.drift_std for state in states]) + (1.0 - decays**2) * np.square(stds)
+        self._drift = np.stack([np.diag(moved), np.diag(np.append(moved[:-1], (_CHANGE_OF_RATE * rate_radps) ** 2))])
+        # Where a curve begins or ends, the rate and the road are others.
+        begun_decays = np.array([0.0 if state.of_the_road else 1.0 for state in states])
+        begun = np.square(stds) * (1.0 - begun_decays)
+        self._begun_decays = self._decays * begun_decays
+        self._products = self._decays[:, :, np.newaxis] * self._decays[:, np.newaxis]
+        self._begun_products = self._begun_decays[:, :, np.newaxis] * self._begun_decays[:, np.newaxis]
+        self._begun = np.stack([np.diag(begun), np.diag(np.append(begun[:-1], rate_radps**2))])
+        self.state, self.turning, self._begins = prior, _FIRST_TURN, _FIRST_TURN
+        # Probability of a turn without any measurement.
+        self._blind = _FIRST_TURN
+
+    def take(
+        self, values: FloatArray, rows: FloatArray, noises: FloatArray, forces: tuple[float, float] = (1.0, 1.0)
+    ) -> _Rate:
+        """Update by one or two measured values.
+
+        Args:
+            values: (m,).
+            rows: (m, n) their change with the states.
+            noises: (m,) their variances.
+            forces: likelihoods of side force on a straight and where a turn begins, over that of a turn that goes on.
+        """
+        still, begins = 1.0 - self.turning, self._begins
+        self._blind = _TURN_LASTS * self._blind + self._begins * (1.0 - self._blind)
+        self._begins += (_TURN_BEGINS - self._begins) / _FIRST_REVOLUTIONS
+        on_straight, begin = forces
+        rests, ends = still * (1.0 - begins) * on_straight, self.turning * (1.0 - _TURN_LASTS) * on_straight
+        goes_on, starts = self.turning * _TURN_LASTS, still * begins * begin
+        before = rests + ends + _LEAST, goes_on + starts + _LEAST
+        means, covariances = self._predicted(np.array([ends / before[0], starts / before[1]]))
+        innovations = values - means @ rows.T
+        spreads = covariances @ rows.T
+        sums = rows @ spreads
+        sums.reshape(2, -1)[:, :: len(noises) + 1] += noises
+        inverses, logarithms = _inverses(sums)
+        steps = np.sum((inverses @ innovations[:, :, np.newaxis])[:, :, 0] * innovations, axis=1).tolist()
+        exponent = 0.5 * (steps[0] - steps[1] + logarithms[0] - logarithms[1])
+        odds = before[1] / before[0] * math.exp(min(max(exponent, -_LARGEST), _LARGEST))
+        self.turning = turning = odds / (1.0 + odds)
+        # How far a rate is from that before tells of a turn, and nothing of the constants.
+        by_rate = rows[:, -1]
+        covariances[1, -1, -1] += self._any
+        spreads[1, -1] += self._any * by_rate
+        sums[1] += self._any * by_rate[:, np.newaxis] * by_rate
+        inverses, _ = _inverses(sums)
+        gains = spreads @ inverses
+        if self._fixed is not None:
+            gains[0, self._fixed] = 0.0
+        means += (gains @ innovations[:, :, np.newaxis])[:, :, 0]
+        lost = gains @ spreads.transpose(0, 2, 1)
+        covariances += gains @ sums @ gains.transpose(0, 2, 1) - lost - lost.transpose(0, 2, 1)
+        # Rounding would grow otherwise.
+        self._means, self._covariances = means, 0.5 * (covariances + covariances.transpose(0, 2, 1))
+        self.state = (1.0 - turning) * means[0] + turning * means[1]
+        (straight, turn), (straight_variance, turn_variance) = means[:, -1].tolist(), covariances[:, -1, -1].tolist()
+        variance = (1.0 - turning) * straight_variance + turning * turn_variance
+        variance += turning * (1.0 - turning) * (straight - turn) ** 2
+        shown = max(turning - self._blind, 0.0) / (1.0 - self._blind)
+        return _Rate(float(self.state[-1]), variance, turn, turn_variance, turning, shown)
+
+    def straight(self, index: int) -> float:
+        """Return a state, were the latest revolution straight."""
+        return float(self._means[0, index])
+
+    def variance(self, index: int) -> float:
+        """Return the variance of a state."""
+        straight, turn = self._covariances[:, index, index].tolist()
+        apart = float(self._means[1, index] - self._means[0, index])
+        variance = (1.0 - self.turning) * (straight + self.turning * apart**2) + self.turning * turn
+        return float(variance)
+
+    def _predicted(self, shares: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return means and covariances before a revolution; `shares` are those of the other filter in each."""
+        means = self._means * self._decays
+        apart = self._means[::-1] * self._begun_decays - means
+        share = shares[:, np.newaxis, np.newaxis]
+        covariances = self._covariances * self._products
+        covariances += (
+            share * (self._covariances[::-1] * self._begun_products + self._begun - covariances) + self._drift
+        )
+        scaled = apart * np.sqrt(shares * (1.0 - shares))[:, np.newaxis]
+        covariances += scaled[:, :, np.newaxis] * scaled[:, np.newaxis]
+        return means + shares[:, np.newaxis] * apart, covariances
+
+
+def _inverses(sums: FloatArray) -> tuple[FloatArray, list[float]]:
+    """Return inverses and logarithms of determinants of symmetric matrices (k, m, m), m = 1 or 2.
+
+    Written out, because calls of linear algebra cost more than the rest of a filter.
+    """
+    if sums.shape[-1] == 1:
+        return 1.0 / sums, [math.log(value) for value in sums.ravel().tolist()]
+    rows, logarithms = [], []
+    for (first, across), (_, last) in sums.tolist():
+        determinant = first * last - across * across
+        rows.append(
+            ((last / determinant, -across / determinant), (-across / determinant, first / determinant)),
+        )
+        logarithms.append(math.log(determinant))
+    return np.array(rows), logarithms
+
+
+class _Level:
+    """First order of straights beyond what is predicted: where it is unusual, it may be a steady turn."""
+
+    def __init__(self, usual_m: float) -> None:
+        self._usual_m = usual_m
+        self._mean_m, self._weight = 0.0, 0.0
+
+    def take(self, beyond_m: float, straight: float) -> None:
+        """Add a revolution by its probability to be straight."""
+        self._weight = (1.0 - 1.0 / _LEVEL_REVOLUTIONS) * self._weight + straight
+        self._mean_m += straight / max(self._weight, 1.0) * (beyond_m - self._mean_m)
+
+    def turn_m(self, error_m: float) -> float:
+        """Return the error by the chance that it is a turn; `error_m` is that of a prediction."""
+        return disagreement_std(self._mean_m, math.hypot(self._usual_m, error_m))
+
+
+class _Force:
+    """First order that side force makes by its prediction, smoothed.
+
+    Noise of a prediction is in what the first order has beyond it, with the opposite sign. The error of a smoothed one
+    does not depend on its value, so that it does not look like a factor of side force.
+    """
+
+    def __init__(self) -> None:
+        self._noise = _Noise()
+        self._value, self._variance = 0.0, math.inf
+        # On straights.
+        self._latest_m, self._usual_m, self._usual_variance = 0.0, 0.0, _USUAL_FORCE_M**2
+
+    def take(self, predicted_m: float, square_radps2: float, turning: float) -> tuple[float, float]:
+        """Add a prediction; return the smoothed one and its variance, m/s^2 both.
+
+        Args:
+            predicted_m: over the square of the speed.
+            square_radps2: square of the speed.
+            turning: probability that the revolution before turned.
+        """
+        noise = self._noise.take(predicted_m * square_radps2) / square_radps2**2
+        change = predicted_m - self._value
+        variance = self._variance + _STEADY_FORCE_M**2 + turning * _TURNING_FORCE_M**2
+        if change**2 > _STEP_OF_NOISE**2 * (variance + noise):
+            variance = change**2
+        share = 1.0 if math.isinf(variance) else variance / (variance + noise)
+        self._value += share * change
+        self._variance = share * noise
+        # A force that changes within the revolution is not that of its first order.
+        within = self._variance + 0.25 * max(change**2 - noise, 0.0)
+        return self._value * square_radps2, within * square_radps2**2
+
+    def evidence(self, by_roll_m: float) -> tuple[float, float]:
+        """Return how likely the latest force is on a straight and where a turn begins, over a turn that goes on.
+
+        Args:
+            by_roll_m: what the roll of the sensor makes of the prediction.
+        """
+        self._latest_m = self._value - by_roll_m
+        straight = self._usual_variance + self._variance + _STRAIGHT_FORCE_M**2
+        square = (self._latest_m - self._usual_m) ** 2 / straight
+        # Wind and bank make a usual force of straights last.
+        unusual = max(0.5 * (square - _USUAL_FORCES**2), 0.0)
+        return math.exp(-min(unusual, _LARGEST_CHANGE)), math.sqrt(straight / (straight + _CURVE_FORCE_M**2))
+
+    def learn(self, straight: float) -> None:
+        """Take the latest force for one of straights, by their probability."""
+        share = straight * self._usual_variance / (self._usual_variance + self._variance + _STRAIGHT_FORCE_M**2)
+        self._usual_m += share * (self._latest_m - self._usual_m)
+        self._usual_variance = (1.0 - share) * self._usual_variance + (_DRIFT * _USUAL_FORCE_M) ** 2
+
+
+def _decay(revolutions: float) -> float:
+    return math.exp(-1.0 / revolutions)
 
 
 class TurnTracker:
@@ -119,115 +364,127 @@ class TurnTracker:
 
     def reset(self) -> None:
         """Forget everything."""
-        self._parts = tuple(_Part(std) for std in FIRST_ORDER_STD_M)
-        # Mean of what the first order shows of turns and the means do not: their zero may contain a steady turn.
-        self._hidden_mps2, self._count = 0.0, 0
-        # Share of the predicted change of the cosine by side force that it really has, less 1: information and sum.
-        self._share = (FIRST_ORDER_SHARE**-2, 0.0)
+        cosine, sine = (_State(0.0, std, _DRIFT * std) for std in FIRST_ORDER_STD_M)
+        share = _State(FIRST_ORDER_SHARE, FIRST_ORDER_SHARE_STD, _DRIFT * FIRST_ORDER_SHARE_STD)
+        yaw_mps2 = STANDARD_GRAVITY_MPS2 * MOUNTING_STD_RAD
+        # First order, factor of side force, roll, offset, bank, yaw rate.
+        self._turning = _Filter(
+            [
+                cosine,
+                share,
+                _State(0.0, _ROLL_STD_RAD, _DRIFT * MOUNTING_STD_RAD),
+                _State(0.0, OFFSET_STD_MPS2, _DRIFT * OFFSET_STD_MPS2),
+                _State(0.0, _BANK_MPS2, decay=_decay(_BANK_REVOLUTIONS), of_the_road=True),
+                _State(0.0, _STRAIGHT_RADPS, decay=_decay(_STRAIGHT_REVOLUTIONS), of_the_road=True),
+            ],
+            _TURN_RADPS,
+            # Noise of side force looks like its factor.
+            _SHARE,
+        )
+        # First order, gravity by the yaw of the sensor, camber rate; the factor of side force is that of the turn.
+        self._cambering = _Filter(
+            [
+                sine,
+                _State(0.0, yaw_mps2, _DRIFT * yaw_mps2),
+                _State(0.0, _STRAIGHT_RADPS, decay=_decay(_STRAIGHT_REVOLUTIONS), of_the_road=True),
+            ],
+            _CAMBER_RADPS,
+        )
+        self._forces = _Force(), _Force()
+        self._levels = tuple(_Level(std) for std in FIRST_ORDER_STD_M)
+        self._noises, self._mean_noise = (_Noise(), _Noise()), _Noise()
 
     def take(
         self,
         lateral_m: FloatArray,
+        radial_m: FloatArray,
         edges_rad: tuple[float, float],
         omega_radps: float,
         radius_m: float,
         means_mps2: tuple[float, float] | None,
-        roll: RollCalibration,
     ) -> Turn:
         """Return the turn of the next revolution.
 
         Args:
-            lateral_m: (2 k,) its coefficients over Omega^2, roll removed.
+            lateral_m: (2 k,) its coefficients over Omega^2 as measured.
+            radial_m: (2 k,) what a roll of 1 adds to them.
             edges_rad: of the contact.
             omega_radps: angular speed.
             radius_m: belt radius.
             means_mps2: of its lateral and radial axis; None for an AC-coupled sensor.
-            roll: calibration by the revolutions before, which is not changed.
         """
         square, speed = omega_radps**2, omega_radps * radius_m
-        predicted = _predicted(lateral_m, edges_rad)
-        beyond = lateral_m[_FIRST] - predicted
-        straight_m, road_m = 2.0 * radius_m * _STRAIGHT_RADPS / omega_radps, _ROAD_MPS2 / square
-        information, total = self._share
-        share, share_std = total / information, 1.0 / math.sqrt(information)
-        cosine, sine = self._parts
-        change_m = float(predicted[0]) - cosine.usual_m
-        # What the side force makes beyond its prediction, as far as turns before have shown it.
-        beyond_force = float(beyond[0]) - share * change_m, float(beyond[1])
-        force_std_m = share_std * abs(change_m), 0.0
-        lateral, lateral_std, fit_std = _of_mean(means_mps2, roll)
-        lateral_std = math.hypot(lateral_std, self._hidden_mps2)
-        # A turn by each of them.
-        per_m = square / (2.0 * speed)
-        away, moves, stds = [], [], []
-        for part, value, by_force in zip(self._parts, beyond_force, force_std_m, strict=True):
-            departure, moved = part.departure(value, math.hypot(straight_m, by_force))
-            away.append(departure)
-            moves.append(moved)
-            stds.append(math.hypot(part.level_std_m, road_m, part.scatter_m, by_force))
-        turn, turn_std = -away[0] * per_m, stds[0] * per_m
-        if math.isfinite(lateral):
-            turn, turn_std = _joined((turn, turn_std), (lateral / speed, lateral_std / speed))
-            if part_of_mean := min(abs(turn) / _STRAIGHT_RADPS, 1.0):
-                noise = 2.0 * math.hypot(_BANK_MPS2, fit_std) / square
-                weight = part_of_mean * change_m / (noise**2 * _CURVE_REVOLUTIONS)
-                # The first order and the mean of a turn cancel: what is left of both is of the side force.
-                left = float(beyond[0]) - cosine.level_m + 2.0 * lateral / square
-                self._share = information + weight * change_m, total + weight * left
-        # A turn shows in both; a first order alone may be of a side force that no curve makes, and widens errors.
-        moved = moves[0] if math.isnan(lateral) else 0.0
-        if lateral * away[0] < 0.0:
-            moved = moves[0] * _share(lateral, _CLEAR * lateral_std)
-        cosine.take(beyond_force[0], float(predicted[0]), road_m, max(moves[0], moved))
-        sine.take(beyond_force[1], float(predicted[1]), road_m, moves[1])
-        unexplained = (moves[0] - moved) * away[0]
-        self._count += 1
-        hidden = 0.5 * square * abs(unexplained)
-        self._hidden_mps2 += (hidden - self._hidden_mps2) / min(self._count, _HORIZON_OF_SCATTER)
+        first, predicted = _first_orders(np.stack([lateral_m, radial_m]), edges_rad)
+        # A turn that is not known moves the roll; that of straights is near enough for what is linear in it.
+        roll, share = self._turning.straight(_ROLL), float(self._turning.state[_SHARE])
+        per_rate = -2.0 * speed
+        # Equations in m/s^2; cosines, then sines.
+        (lateral_first, by_roll), (_, force_by_roll) = (first * square).tolist(), (predicted * square).tolist()
+        by_force, values, noises = [], [], []
+        for part, (force, noise) in enumerate(zip(self._forces, self._noises, strict=True)):
+            smooth, variance = force.take(float(predicted[0, part]), square, self._turning.turning)
+            by_force.append(smooth - roll * force_by_roll[part])
+            values.append(lateral_first[part] - smooth)
+            noises.append(noise.take(values[-1], by_roll[part], roll) + (1.0 + share) ** 2 * variance)
+        # The prediction is of the lateral axis as measured; force times factor is linear about its latest value.
+        measured, variances = [values[0] - share * roll * force_by_roll[0]], noises[:1]
+        roll_row = by_roll[0] - (1.0 + share) * force_by_roll[0]
+        rows = [[square, by_force[0], roll_row, 0.0, 0.0, per_rate]]
+        if means_mps2 is not None:
+            lateral, radial = means_mps2
+            measured.append(lateral)
+            variances.append(self._mean_noise.take(lateral, radial, roll))
+            rows.append([0.0, 0.0, radial, 1.0, 1.0, speed])
+        likelihoods = self._forces[0].evidence(roll * float(predicted[1, 0]))
+        turn = self._turning.take(np.array(measured), np.array(rows), np.array(variances), likelihoods)
+        self._forces[0].learn(1.0 - turn.probability)
+        sine = values[1] - roll * (by_roll[1] - force_by_roll[1]) - share * by_force[1]
+        camber = self._cambering.take(
+            np.array([sine]),
+            np.array([[square, 1.0, per_rate]]),
+            np.array([noises[1] + self._turning.variance(_SHARE) * by_force[1] ** 2]),
+        )
+        beyond = measured[0] - roll_row * roll - share * by_force[0], sine
+        errors = self._turning.variance(_SHARE) * np.square(by_force) + noises
+        remove, remove_std = [], []
+        for part, rate in enumerate((turn, camber)):
+            shown, shared_m = _removal(rate, noises[part] / per_rate**2, per_rate / square)
+            level = self._levels[part]
+            level.take(beyond[part] / square, 1.0 - rate.probability)
+            steady_m = (1.0 - rate.probability) * level.turn_m(math.sqrt(errors[part]) / square)
+            remove.append(shown)
+            remove_std.append(math.hypot(shared_m, steady_m))
         return Turn(
-            turn,
-            turn_std,
-            -away[1] * per_m,
-            stds[1] * per_m,
+            turn.value,
+            math.sqrt(turn.variance),
+            math.sqrt(min(noises[0] / per_rate**2, turn.variance)),
+            camber.value,
+            math.sqrt(camber.variance),
+            math.sqrt(min(noises[1] / per_rate**2, camber.variance)),
             speed,
-            (-moved * turn / per_m, moves[1] * away[1]),
             (
-                math.hypot(moved * turn_std / per_m, unexplained, cosine.steady_m),
-                math.hypot(moves[1] * sine.level_std_m, sine.steady_m),
+                turn.shown * turn.turning * speed,
+                turn.shown * math.sqrt(turn.turning_variance) * speed,
             ),
+            (remove[0], remove[1]),
+            (remove_std[0], remove_std[1]),
         )
 
 
-def _share(departure: float, spread: float) -> float:
-    """Return the share of a departure that is one: 0 well within the spread, 1 well beyond."""
-    power = (departure / spread) ** 8
-    return power / (1.0 + power)
+def _removal(rate: _Rate, noise_radps: float, per_m: float) -> tuple[float, float]:
+    """Return the first order of a turn over Omega^2 with the error that revolutions share."""
+    shared = max(rate.turning_variance - noise_radps, 0.0)
+    variance = rate.shown * (shared + (1.0 - rate.shown) * rate.turning**2)
+    return rate.shown * rate.turning * per_m, math.sqrt(variance) * abs(per_m)
 
 
-def _predicted(lateral_m: FloatArray, edges_rad: tuple[float, float]) -> FloatArray:
-    """Return the first order that the orders above give, (2,) cosine and sine in m."""
+def _first_orders(lateral_m: FloatArray, edges_rad: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
+    """Return cosine and sine of the first order of records (m, 2 k), and what the orders above predict, (m, 2) each."""
     leading, trailing = edges_rad
     half, centre = 0.5 * (trailing - leading), 0.5 * (trailing + leading)
-    turns = np.exp(1j * _NUMBERS * centre)
     k = len(_NUMBERS)
-    about = (lateral_m[:k] - 1j * lateral_m[k:]) * turns
-    cosine, sine = first_order_rows(half) @ np.concatenate([about.real, -about.imag])
-    back = (cosine - 1j * sine) / turns[0]
-    return np.array([back.real, -back.imag])
-
-
-def _of_mean(means_mps2: tuple[float, float] | None, roll: RollCalibration) -> tuple[float, float, float]:
-    """Return the lateral acceleration by the mean, its error as one of the path, and that of the fit alone."""
-    if means_mps2 is None or not roll.count:
-        return math.nan, math.nan, math.nan
-    lateral, radial = means_mps2
-    expected, fit_std = roll.expected(radial)
-    return lateral - expected, math.hypot(_BANK_MPS2, fit_std), fit_std
-
-
-def _joined(first: tuple[float, float], second: tuple[float, float]) -> tuple[float, float]:
-    """Return the weighted mean of two values, with an error that covers their disagreement."""
-    weights = first[1] ** -2, second[1] ** -2
-    value = (weights[0] * first[0] + weights[1] * second[0]) / sum(weights)
-    apart = disagreement_std(first[0] - second[0], math.hypot(first[1], second[1]))
-    return value, math.hypot(sum(weights) ** -0.5, 0.5 * apart)
+    turns = np.exp(1j * _NUMBERS * centre)
+    about = (lateral_m[:, :k] - 1j * lateral_m[:, k:]) * turns
+    parts = np.concatenate([about.real, -about.imag], axis=1) @ first_order_rows(half).T
+    back = (parts[:, 0] - 1j * parts[:, 1]) / turns[0]
+    return lateral_m[:, [0, k]], np.stack([back.real, -back.imag], axis=1)

@@ -64,11 +64,11 @@ class HubMotion(NamedTuple):
         both = np.multiply(self.turn_radps, self.camber_radps)
         return self._cambered(self.camber_radps2, both, self.turn_radps2)
 
-    def _cambered(self, forward: ArrayLike, left: ArrayLike, upward: ArrayLike) -> FloatArray:
+    def _cambered(self, forward: ArrayLike, leftward: ArrayLike, upward: ArrayLike) -> FloatArray:
         """Return components along the heading, to the left and along the road's normal along the wheel's axes."""
         cosine, sine = np.cos(self.camber_rad), np.sin(self.camber_rad)
         parts = np.broadcast_arrays(
-            forward, cosine * left + sine * np.asarray(upward), cosine * upward - sine * np.asarray(left)
+            forward, cosine * leftward + sine * np.asarray(upward), cosine * upward - sine * np.asarray(leftward)
         )
         result: FloatArray = np.stack(parts, axis=-1).astype(np.float64)
         return result

@@ -13,12 +13,11 @@ from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.estimates.estimator import Estimate, Revolution, Status, TireConditions
 from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.registry import make_estimator
-from gateway.core.estimates.revolution_block import RevolutionArrays, RevolutionBlock
+from gateway.core.estimates.revolution_block import one_revolution
 from gateway.core.estimates.sensor_claims import SensorClaims
 from gateway.core.estimates.tire_data import TireData
 from gateway.core.reasons import Reason, codes_of
 from gateway.core.revolutions.sensor_mounting import RollCalibration
-from gateway.core.revolutions.synchronous_average import OneAverage
 from gateway.forces.belt_laminate import BeltLaminate, StatedPly
 from gateway.forces.lateral_belt import LateralBelt, LateralSolution
 from gateway.forces.lateral_shape import LateralAverage, lateral_record, slopes
@@ -251,11 +250,9 @@ def test_scatter_matches_the_stated_error() -> None:
     assert scatter == pytest.approx(np.linalg.norm(rows, axis=1) * bound, rel=0.25)
     # The estimate's own error, without mounting and edges.
     average = LateralAverage(100.0, RollCalibration())
-    arrays = RevolutionArrays(revolutions)
-    steps = average.update(
-        RevolutionBlock(revolutions, arrays, OneAverage(settled(revolutions[0])), ()), range(len(revolutions))
-    )
-    record = steps.records[-1]()
+    for revolution in revolutions:
+        block = one_revolution(revolution, settled(revolution), CONDITIONS)
+        record = average.update(block, [0]).records[-1]()
     stated = np.sqrt(np.sum((rows @ record.covariance) * rows, axis=1))
     assert stated == pytest.approx(scatter / math.sqrt(len(revolutions)), rel=0.3)
 
@@ -340,7 +337,7 @@ def test_reset_forgets() -> None:
 def test_two_directions_separate_ply_steer_and_conicity() -> None:
     """In reverse the coupling changes sign, the cone does not."""
     ring = radial()
-    cone = LateralBelt(conicity_rad=0.02)
+    cone = LateralBelt(conicity_rad=0.01)
     forward = angles_deg(estimate(rolled(ring, cone)))
     reverse = angles_deg(estimate(rolled(ring, replace(cone, coupling_length_m=-cone.coupling_length_m))))
     apart = separate_plysteer_conicity(forward, reverse, 0.003, 0.004)

@@ -2,10 +2,10 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from operator import attrgetter
-from typing import Final, NamedTuple, Self
+from typing import Any, Final, NamedTuple, Self
 
 import numpy as np
 
@@ -128,12 +128,14 @@ class RevolutionBlock:
         arrays: the same, stacked.
         averages: the running average after each.
         conditions: of each.
+        shared: what the first of several estimators has computed for the others, by name.
     """
 
     revolutions: Sequence[Revolution]
     arrays: RevolutionArrays
     averages: AverageSteps
     conditions: Sequence[TireConditions]
+    shared: dict[str, Any] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.revolutions)

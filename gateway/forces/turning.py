@@ -1,0 +1,61 @@
+"""Estimator of the turn of a wheel: yaw rate, curve radius, camber rate and lateral acceleration of a revolution."""
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+from gateway.core.estimates.determination import DETERMINED, SETTLED_REVOLUTIONS
+from gateway.core.estimates.estimator import Estimate, Status, TireConditions, sign_not_determined
+from gateway.core.estimates.reasons import EstimateCode
+from gateway.core.reasons import Reason
+from gateway.forces.lateral_shape import LateralEstimator, LateralSteps
+
+NAMES: Final = ("turn_rate_radps", "curve_radius_m", "camber_rate_radps", "lateral_acceleration_mps2")
+# Memory of the average, of which this estimator uses the roll alone.
+_HORIZON_REVOLUTIONS: Final = 100.0
+
+
+class TurningEstimator(LateralEstimator):
+    """Turn of each revolution (`gateway.forces.turn_tracker`); no estimates without a lateral axis.
+
+    Gives the estimates of NAMES. A steady turn from the first revolution on is known no better than the tire's own
+    first order is predicted by the orders above, and the errors say so. The radius is invalid on straights, where its
+    sign is not determined.
+    """
+
+    name = "turning"
+
+    def __init__(self) -> None:
+        super().__init__(_HORIZON_REVOLUTIONS)
+
+    def _names(self, conditions: TireConditions) -> Sequence[str]:  # noqa: ARG002 - part of the interface
+        return NAMES
+
+    def _averaged(
+        self,
+        conditions: TireConditions,
+        edges_rad: tuple[float, float],  # noqa: ARG002 - part of the interface
+        steps: LateralSteps,
+        row: int,
+    ) -> tuple[Estimate, ...]:
+        turn, count = steps.turns[row], steps.effective_counts[row]
+        if not math.isfinite(turn.turn_std_radps):
+            return tuple(Estimate.invalid(name, Reason(EstimateCode.NO_CONTACT_EDGES)) for name in NAMES)
+        doubts: tuple[Reason, ...] = ()
+        if count < SETTLED_REVOLUTIONS * (1.0 - 1e-9):
+            doubts = (Reason(EstimateCode.NOT_SETTLED, revolutions=count, needed=SETTLED_REVOLUTIONS),)
+        status = Status.PROVISIONAL if doubts else Status.VALID
+        rate, scatter = turn.turn_radps, turn.turn_scatter_radps
+        std = math.hypot(turn.turn_std_radps, conditions.gain_std * rate)
+        camber_std = math.hypot(turn.camber_std_radps, conditions.gain_std * turn.camber_radps)
+        speed = turn.speed_mps
+        if abs(rate) > DETERMINED * std:
+            radius = Estimate(NAMES[1], speed / rate, speed / rate**2 * std, status, doubts, speed / rate**2 * scatter)
+        else:
+            radius = Estimate.invalid(NAMES[1], sign_not_determined(rate, std))
+        return (
+            Estimate(NAMES[0], rate, std, status, doubts, scatter),
+            radius,
+            Estimate(NAMES[2], turn.camber_radps, camber_std, status, doubts, turn.camber_scatter_radps),
+            Estimate(NAMES[3], speed * rate, speed * std, status, doubts, speed * scatter),
+        )
