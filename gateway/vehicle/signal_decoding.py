@@ -67,10 +67,13 @@ class SignalDecoder:
         self._keys_of_bus = keys
         self.dbc_text = bus.dbc_text if bus is not None else None
         self.maps_bus = bus is not None
+        self._joins: list[VehicleJoin] = []
+        self._outside: list[tuple[str, Reason]] = []
 
     def witness(self) -> VehicleJoin:
         """Return what compares revolutions with the signals, as far as they are decoded."""
-        return VehicleJoin(self.history)
+        self._joins.append(VehicleJoin(self.history))
+        return self._joins[-1]
 
     def take(self, item: VehicleData) -> dict[str, float]:
         """Decode an item into the history; return the latest value of each signal in it."""
@@ -78,12 +81,16 @@ class SignalDecoder:
         for key, host_ns, value in self._values(item):
             self.history.add(key, host_ns, value)
             latest[key] = value
+        if latest:
+            reasons = (join.take_outside() for join in self._joins)
+            self._outside += [(item.link, reason) for reason in reasons if reason is not None]
         return latest
 
     def take_notices(self) -> list[tuple[str, Reason]]:
         """Return what is to be said of receivers and buses since the last call, with their links."""
         of_receivers = [(link, reason) for link, each in self._receivers.items() for reason in each.take_notices()]
-        return [*of_receivers, *(self._bus.take_notices() if self._bus is not None else ())]
+        outside, self._outside = self._outside, []
+        return [*of_receivers, *outside, *(self._bus.take_notices() if self._bus is not None else ())]
 
     def _values(self, item: VehicleData) -> Iterator[SignalValue]:
         if isinstance(item, BusFrames):

@@ -66,6 +66,10 @@ class VehicleJoin:
         self.history = history
         self._wheels: dict[str, _Wheel] = {}
         self._begin_ns: int | None = None
+        # The time of the latest revolution, and signals of which nothing had come when it was asked for.
+        self._latest_ns = 0
+        self._unheard: set[str] = set()
+        self._is_outside_told = False
 
     def joined(self, result: RevolutionResult) -> RevolutionResult:
         """Return a result with the signals at the middle of its revolution as further estimates.
@@ -76,6 +80,7 @@ class VehicleJoin:
         at_ns = result.host_ns - round(0.5e9 * revolution.period_s)
         if self._begin_ns is None:
             self._begin_ns = at_ns
+        self._latest_ns = max(self._latest_ns, at_ns)
         wheel = self._wheels.setdefault(result.position, _Wheel({}))
         added: list[Estimate] = []
         for signal in self.history.of_wheel(result.position):
@@ -101,6 +106,7 @@ class VehicleJoin:
         """Return why a signal has no value: its log may be of another date than the recording."""
         span_ns, begin_ns = self.history.span_ns(key), at_ns if self._begin_ns is None else self._begin_ns
         if span_ns is None:
+            self._unheard.add(key)
             return Reason(VehicleCode.SIGNAL_MISSING)
         first_ns, last_ns = span_ns
         away_ns, side = max((begin_ns - last_ns, "before"), (first_ns - at_ns, "after"))
@@ -108,6 +114,16 @@ class VehicleJoin:
             return Reason(VehicleCode.SIGNAL_MISSING)
         shift_s = round((begin_ns - first_ns) * 1e-9)
         return Reason(VehicleCode.SIGNAL_OUTSIDE_RECORDING, away_s=away_ns * 1e-9, side=side, shift_s=shift_s)
+
+    def take_outside(self) -> Reason | None:
+        """Return, once, that values which came after the revolutions that lack them are of another date."""
+        heard = [key for key in self._unheard if self.history.span_ns(key) is not None]
+        self._unheard.difference_update(heard)
+        for reason in (self._missing(key, self._latest_ns) for key in heard if not self._is_outside_told):
+            if reason.code is VehicleCode.SIGNAL_OUTSIDE_RECORDING:
+                self._is_outside_told = True
+                return reason
+        return None
 
     def alarms(self) -> Iterator[Alarm]:
         """Yield an alarm for each contradiction that stands."""

@@ -4,6 +4,7 @@ import ast
 import subprocess
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -192,11 +193,14 @@ def test_unsaved_counters_are_reported_once(
 
 
 def test_counters_that_a_slow_disk_saves_late_are_named(
-    signed: tuple[list[Chunk], str], key_file: Path, monkeypatch: pytest.MonkeyPatch
+    signed: tuple[list[Chunk], str], key_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     chunks, toml = signed
+    selected = KeyFile(tmp_path / "keys")
+    selected.add(KeyFile(key_file).keys)
+    selected.save()
     vehicle, disk = parse_vehicle(toml, "test"), threading.Event()
-    core = SessionCore(vehicle, guard=open_guard(vehicle, key_file, remembers=True))
+    core = SessionCore(vehicle, guard=open_guard(vehicle, selected.path, remembers=True))
     monkeypatch.setattr("gateway.core.session.frame_guard._JOIN_S", 0.05)
     monkeypatch.setattr("os.fsync", lambda _: disk.wait(20.0))
     try:
@@ -232,6 +236,26 @@ def test_other_policies_pass_all_frames(signed: tuple[list[Chunk], str], key_fil
     assert set(judged) == ({"unsigned"} if policy == "warn" else set())
     assert (SecurityCode.FRAME_UNSIGNED in codes_of(notices)) == (policy == "warn")
     assert run(bare, toml, key_file)[1] == []
+
+
+def test_frames_that_warn_lets_pass_beside_verified_ones_are_never_called_rejected(
+    signed: tuple[list[Chunk], str], key_file: Path
+) -> None:
+    chunks, toml = signed
+    mixed = [
+        replace(chunk, data=b"".join(downgraded(part) if part[6] in (2, 3) else part for part in frames_of(chunk)))
+        for chunk in chunks
+    ]
+    toml = toml.replace('policy = "require"', 'policy = "warn"')
+    assert 'policy = "warn"' in toml
+    core, results, notices = run(mixed, toml, key_file)
+    assert len({result.position for result in results}) == 4
+    said = [notice.reason for notice in notices if "consequence" in dict(notice.reason.values)]
+    assert {reason["consequence"] for reason in said} == {Reason(SecurityCode.FRAMES_USED)}
+    judged = core.snapshot(3.0).links[0].judged
+    assert judged["verified"] > 500
+    assert sum(judged.values()) - judged["verified"] > 500
+    assert missing_frames(core.frame_counts()) == ()
 
 
 def test_signed_frames_carry_the_same_samples(signed: tuple[list[Chunk], str], key_file: Path) -> None:

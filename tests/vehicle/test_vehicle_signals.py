@@ -210,6 +210,17 @@ def test_log_of_another_date_says_how_far_it_is_and_offers_the_offset(wheel, day
     assert values(again[3])["steering_angle_rad"].status == "valid"
 
 
+def test_log_that_is_read_after_the_revolutions_of_another_date_is_named_once(wheel) -> None:
+    items, vehicle = drive(wheel)
+    bus = [replace(item, host_ns=item.host_ns + 3 * 86_400 * 10**9) for item in items if isinstance(item, BusFrames)]
+    core = SessionCore(vehicle, signals=decoder(vehicle), estimators=FAST)
+    for item in [*wheel[0], *bus]:
+        core.take(item)
+    said = [notice for notice in core.take_notices() if notice.reason.code is VehicleCode.SIGNAL_OUTSIDE_RECORDING]
+    assert [notice.subject for notice in said] == [vehicle_bus.LINK]
+    assert "3.00 days after the recording's first revolution" in text(said[0].reason)
+
+
 @pytest.fixture
 def recording(wheel, tmp_path) -> Path:
     return written(wheel, tmp_path)

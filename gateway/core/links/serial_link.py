@@ -262,6 +262,8 @@ def explain_open_error(port: str, error: Exception, present: list[str], device: 
             remedy = f"{port} is a name of Windows; here ports are named /dev/... {remedy}"
         elif os.name == "nt" and port.startswith("/dev/"):
             remedy = f"{port} is a name of Linux or macOS; here ports are named COM3. {remedy}"
+        elif os.name == "posix" and "/" not in port:
+            remedy = f"A port is given with its folder: /dev/{port}. {remedy}"
         return SourceError(f"there is no port {port}", remedy, cause=errno.ENOENT)
     if number in (errno.EACCES, errno.EPERM):
         group = _group_of(port)

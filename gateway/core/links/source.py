@@ -365,16 +365,20 @@ def plugin_fault(_plugin: Plugin, loaded: object) -> Reason | None:
 
 
 # Addresses without a scheme, as other programs take them: a port with its baud rate, and host:port.
-_PORT: Final = re.compile(r"(?:serial:(?://(?=/))?)?(/dev/[^?]+?|COM\d+)(?::(\d{3,}))?(\?.*)?", re.IGNORECASE)
+_PORT: Final = re.compile(
+    r"(?:(?:serial:(?://(?=/))?)?(?P<path>/dev/[^?]+?|COM\d+)|serial:(?P<name>[\w.-]+))(?::(?P<baudrate>\d{3,}))?"
+    r"(?P<options>\?.*)?",
+    re.IGNORECASE,
+)
 _HOST: Final = re.compile(r"(?:localhost|[A-Za-z0-9-]+(?:\.[A-Za-z0-9-]+)+|\[[0-9A-Fa-f:.]+\]):\d{1,5}(?:\?.*)?")
 
 
 def _with_scheme(uri: str) -> str:
     """Return a source with the scheme that `/dev/ttyUSB0` and `host:5000` leave out, and a baud rate as option."""
     if port := _PORT.fullmatch(uri):
-        path, baudrate, options = port.groups(default="")
+        path, name, baudrate, options = port.groups(default="")
         mark = "&" if options else "?"
-        return f"serial:{path}{options}" + (f"{mark}baudrate={baudrate}" if baudrate else "")
+        return f"serial:{path or name}{options}" + (f"{mark}baudrate={baudrate}" if baudrate else "")
     return f"tcp://{uri}" if _HOST.fullmatch(uri) else uri
 
 

@@ -1,6 +1,8 @@
 """Sources as people write them: ports and hosts without a scheme, any name of a file, and typing errors."""
 
+import os
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from click.testing import CliRunner
@@ -9,6 +11,7 @@ from gateway.core.cli import treadlink
 from gateway.core.clock import ManualClock
 from gateway.core.errors import ConfigError, SourceError
 from gateway.core.estimates.registry import make_estimator
+from gateway.core.links.serial_link import explain_open_error
 from gateway.core.links.source import is_live, open_source, parse_source_uri
 from gateway.publishing.sink import SinkError, SinkSetting, open_sink, parse_sink_uri
 from tests.testkit.commands import invoked
@@ -30,6 +33,9 @@ from tests.testkit.commands import invoked
         ("[::1]:5000", "tcp", "[::1]:5000", {}),
         ("serial:COM3", "serial", "COM3", {}),
         ("serial:COM3:115200", "serial", "COM3", {"baudrate": "115200"}),
+        ("COM3:921600", "serial", "COM3", {"baudrate": "921600"}),
+        ("serial:PORT:921600", "serial", "PORT", {"baudrate": "921600"}),
+        ("serial:ttyUSB0:921600?rate=4800", "serial", "ttyUSB0", {"rate": "4800", "baudrate": "921600"}),
         ("serial:/dev/ttyUSB0:115200", "serial", "/dev/ttyUSB0", {"baudrate": "115200"}),
         ("serial:///dev/ttyUSB0:115200?rate=4800", "serial", "/dev/ttyUSB0", {"rate": "4800", "baudrate": "115200"}),
         ("replay:run #3 100%.mcap?speed=max", "replay", "run #3 100%.mcap", {"speed": "max"}),
@@ -47,6 +53,24 @@ def test_port_without_a_scheme_is_a_live_link() -> None:
     assert is_live("COM3:921600")
     assert open_source("/dev/ttyNOSUCH:115200", ManualClock()).link == "serial:/dev/ttyNOSUCH"
     assert open_source("192.168.4.1:5000", ManualClock()).link == "tcp:192.168.4.1:5000"
+
+
+@pytest.mark.parametrize(
+    ("uri", "system", "words"),
+    [
+        ("COM3:921600", "posix", "COM3 is a name of Windows; here ports are named /dev/..."),
+        ("serial:PORT:921600", "posix", "A port is given with its folder: /dev/PORT."),
+        ("COM3:921600", "nt", "No serial port is present"),
+        ("/dev/ttyUSB0:921600", "nt", "/dev/ttyUSB0 is a name of Linux or macOS; here ports are named COM3."),
+    ],
+)
+def test_port_of_another_system_is_named_as_that(uri: str, system: str, words: str, monkeypatch) -> None:
+    address = parse_source_uri(uri)
+    assert address.options["baudrate"] == "921600"
+    monkeypatch.setattr("gateway.core.links.serial_link.os", SimpleNamespace(name=system, path=os.path))
+    error = explain_open_error(address.target, FileNotFoundError(2, "not there"), [])
+    assert str(error) == f"there is no port {address.target}"
+    assert words in error.remedy
 
 
 @pytest.mark.parametrize(("uri", "meant"), [("sreial:/dev/ttyUSB0", "serial:"), ("repaly:x.mcap", "replay:")])
