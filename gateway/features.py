@@ -4,6 +4,7 @@ from typing import Final
 
 FEATURES: Final = (
     "gateway.compare.feature",
+    "gateway.glossary.feature",
     "gateway.exporting.feature",
     "gateway.diagnosis.feature",
     "gateway.fleet.feature",

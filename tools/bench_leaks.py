@@ -100,8 +100,8 @@ def leaky_fleet(seed: int, after: int) -> LeakyFleet:
                 at_begin = moles.copy()
             if time <= old[1] < time + step:
                 moles[leaking] = (placard + _NORMAL_KPA) / 293.15
-            for at, which in fills:
-                if time <= at < time + step and (follows or at < begin):
+            for fill_time, which in fills:
+                if time <= fill_time < time + step and (follows or fill_time < begin):
                     wanted = (placard + rng.uniform(-1.0, 6.0, 4) + outside) / kelvin
                     filled = np.maximum(moles, wanted)
                     moles = np.where((np.arange(4) == which) | (which == 4), filled, moles)

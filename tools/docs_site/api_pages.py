@@ -32,6 +32,7 @@ PACKAGES: Final[dict[str, str]] = {
     "gateway.publishing": "live outputs: JSON lines, MQTT, Foxglove, CAN",
     "gateway.fleet": "campaigns over thousands of recordings, their dataset and its trends",
     "gateway.compare": "comparison of recordings",
+    "gateway.glossary": "words of the program",
     "gateway.security": "signed frames and their keys, commands to hubs",
     "gateway.makers": "check of a firmware against the protocol",
     "gateway.bench": "set-up of hubs and sensors",

@@ -24,6 +24,8 @@ MAX_POINTS: Final = 480
 """Revolutions of a wheel that are drawn."""
 MAX_WAVEFORMS: Final = 64
 """Waveforms of a wheel at even times, and again for alarms and marks."""
+MEASURED: Final = ("pressure_pa", "temperature_degc")
+"""Conditions that are drawn."""
 _WAVEFORM_INTERVAL_S: Final = 60.0
 _WAVEFORM_POINTS: Final = 240
 # Time without revolutions from which they are drawn apart.
@@ -167,9 +169,10 @@ class DriveWheel:
 def _measured(result: RevolutionResult) -> dict[str, tuple[float, float, bool]]:
     """Return pressure and temperature of a revolution where they were measured."""
     conditions = result.conditions
+    pressure, temperature = MEASURED
     measured = {
-        "pressure_pa": (conditions.pressure_pa, conditions.pressure_std_pa),
-        "temperature_degc": (conditions.temperature_degc, math.nan),
+        pressure: (conditions.pressure_pa, conditions.pressure_std_pa),
+        temperature: (conditions.temperature_degc, math.nan),
     }
     return {name: (value, std, True) for name, (value, std) in measured.items() if value is not None}
 

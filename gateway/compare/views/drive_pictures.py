@@ -6,14 +6,13 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from gateway.compare.views.drive import Drive, DriveWheel
+from gateway.compare.views.drive import MEASURED, Drive, DriveWheel
 from gateway.compare.views.drive_verdict import Event
+from gateway.core.quantity_catalogue import declared
 from gateway.core.text.numbers import split_name
-from gateway.core.text.readout import DISTANCE, SPEED, WEAR
+from gateway.core.text.readout import DISTANCE, SPEED
 from gateway.core.types import BoolArray, FloatArray
 
-_FIRST: Final = (SPEED, "pressure_pa", "temperature_degc", WEAR, "load_by_width_n", "contact_length_m")
-"""Quantities whose pictures are open at first."""
 # Digits of a number below its standard error: more than an eye can see of a picture.
 _DIGITS_BELOW_ERROR: Final = 1
 _DIGITS: Final = 6
@@ -88,7 +87,7 @@ def pictures_json(drive: Drive, events: Sequence[Event], start_ns: int) -> dict[
         "begin_ms": start_ns // 1_000_000 if start_ns > FIRST_DATE_NS else None,
         "wheels": [{"name": position, "t": times[index]} for index, position in enumerate(drive.wheels)],
         "quantities": quantities,
-        "first": [name for name in _FIRST if name in names] or names[:1],
+        "first": [name for name in _first() if name in names] or names[:1],
         "events": [
             {
                 "kind": event.kind,
@@ -105,6 +104,12 @@ def pictures_json(drive: Drive, events: Sequence[Event], start_ns: int) -> dict[
             for waveform in _waveforms(index, wheel, start_ns)
         ],
     }
+
+
+def _first() -> list[str]:
+    """Return the quantities whose pictures are open at first: speed, air, and what has a name outside this program."""
+    named = [quantity.name for quantity in declared() if quantity.entity]
+    return [SPEED, *MEASURED, *(name for name in named if name != SPEED)]
 
 
 def _columns(line: Line) -> dict[str, Any]:

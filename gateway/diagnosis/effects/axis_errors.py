@@ -56,11 +56,11 @@ class _OfAxis(LinearSignalEffect):
         axis_sign, other_sign = (
             -1.0 if block.conditions.reverse and axis == CIRCUMFERENTIAL else 1.0 for axis in (self.axis, self.other)
         )
-        own, other = axis_sign * block.signal_mps2[self.axis], other_sign * block.signal_mps2[self.other]
-        rows[0, self.axis] = axis_sign * self.unit(own, other)
+        axis_mps2, other = axis_sign * block.signal_mps2[self.axis], other_sign * block.signal_mps2[self.other]
+        rows[0, self.axis] = axis_sign * self.unit(axis_mps2, other)
         return rows
 
-    def unit(self, own: FloatArray, other: FloatArray) -> FloatArray:
+    def unit(self, axis_mps2: FloatArray, other: FloatArray) -> FloatArray:
         """Return the error of a unit by the axis and the other axis."""
         raise NotImplementedError
 
@@ -78,9 +78,9 @@ class GainBelowZero(_OfAxis):
         self.summary = f"The {AXIS_NAMES[axis]} axis has another gain below zero than above."
         self.equation = f"{AXIS_NAMES[axis]} a + e min(a, 0)"
 
-    def unit(self, own: FloatArray, other: FloatArray) -> FloatArray:
+    def unit(self, axis_mps2: FloatArray, other: FloatArray) -> FloatArray:
         """Return the negative part."""
-        return np.minimum(own, 0.0)
+        return np.minimum(axis_mps2, 0.0)
 
 
 class AxisSquare(_OfAxis):
@@ -101,9 +101,9 @@ class AxisSquare(_OfAxis):
         self.summary = f"The sensitivity of the {AXIS_NAMES[axis]} axis changes with the acceleration itself."
         self.equation = f"{AXIS_NAMES[axis]} a + q a^2"
 
-    def unit(self, own: FloatArray, other: FloatArray) -> FloatArray:
+    def unit(self, axis_mps2: FloatArray, other: FloatArray) -> FloatArray:
         """Return the square."""
-        return np.square(own)
+        return np.square(axis_mps2)
 
 
 class AxisCube(_OfAxis):
@@ -124,9 +124,9 @@ class AxisCube(_OfAxis):
         self.summary = f"The {AXIS_NAMES[axis]} axis hardens or saturates on both sides."
         self.equation = f"{AXIS_NAMES[axis]} a + q a^3"
 
-    def unit(self, own: FloatArray, other: FloatArray) -> FloatArray:
+    def unit(self, axis_mps2: FloatArray, other: FloatArray) -> FloatArray:
         """Return the cube."""
-        result: FloatArray = own**3
+        result: FloatArray = axis_mps2**3
         return result
 
 
@@ -153,9 +153,9 @@ class GainByAxis(_OfAxis):
             Confounder(("sensor nonlinearity",), "of the radial axis: it changes that axis too"),
         )
 
-    def unit(self, own: FloatArray, other: FloatArray) -> FloatArray:
+    def unit(self, axis_mps2: FloatArray, other: FloatArray) -> FloatArray:
         """Return the product of the axes."""
-        return own * other
+        return axis_mps2 * other
 
 
 class CrossAxis(_OfAxis):
@@ -171,7 +171,7 @@ class CrossAxis(_OfAxis):
         self.summary = f"The {AXIS_NAMES[axis]} axis also reads a share of the {AXIS_NAMES[other]} acceleration."
         self.equation = f"{AXIS_NAMES[axis]} + k {AXIS_NAMES[other]}"
 
-    def unit(self, own: FloatArray, other: FloatArray) -> FloatArray:
+    def unit(self, axis_mps2: FloatArray, other: FloatArray) -> FloatArray:
         """Return the other axis."""
         return other
 

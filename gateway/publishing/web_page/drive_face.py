@@ -8,6 +8,7 @@ from typing import Any, Final
 from gateway.console.wheel_panel import state_text
 from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.estimates.results import Alarm, SessionSnapshot, WheelSnapshot, WheelState
+from gateway.core.text.readout import SPEED, WEAR
 from gateway.core.text.text import clean, counted
 from gateway.core.text.wording import text as reason_text
 
@@ -80,7 +81,7 @@ def _wheel(wheel: WheelSnapshot, snapshot: SessionSnapshot) -> JsonObject:
         "place": place_on_car(wheel.position),
         "kind": kind,
         "state": "alarm" if is_alarmed and is_heard else state_text(wheel),
-        "speed_mps": _value(_estimate(wheel, "speed_mps")) if is_rolling else None,
+        SPEED: _value(_estimate(wheel, SPEED)) if is_rolling else None,
         "values": {
             "pressure_pa": _number(
                 wheel.pressure_pa if is_current else None,
@@ -88,7 +89,7 @@ def _wheel(wheel: WheelSnapshot, snapshot: SessionSnapshot) -> JsonObject:
                 _source(wheel, "pressure_pa"),
             ),
             "temperature_degc": _number(wheel.temperature_degc if is_current else None, 0.0, "measured"),
-            "wear_mm": _value(wheel.wear_mm) if is_heard else None,
+            WEAR: _value(wheel.wear_mm) if is_heard else None,
             "load_n": _number(
                 wheel.load_n if is_heard else None,
                 _load_std_n(wheel),

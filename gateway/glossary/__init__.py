@@ -1,0 +1,1 @@
+"""Words of this program, explained from the declarations that it works with."""

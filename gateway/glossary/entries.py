@@ -1,0 +1,131 @@
+"""Entries of the glossary: quantities, effects of a diagnosis, reasons and statuses, from their declarations."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+import re
+from collections.abc import Iterator
+from math import isinf
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from gateway.core.estimates.registry import DEFAULT_ESTIMATORS
+from gateway.core.quantity import Basis, Quantity
+from gateway.core.quantity_catalogue import declared, given_by, unit_of
+from gateway.core.reasons import Code, Codes
+from gateway.core.text.numbers import split_name
+
+if TYPE_CHECKING:
+    from gateway.diagnosis.effects.effect import Effect
+
+_STATUSES: Final = {
+    "valid": "the value can be used; its standard error contains everything that is stated or known to be uncertain",
+    "provisional": "the value can be used with care; the reason beside it says what may be wrong (mark ~)",
+    "invalid": "there is no value that can be used; the reason beside it says why (mark x)",
+}
+_STATEMENTS: Final = {
+    Basis.RADIUS: "belt radius",
+    Basis.RATE: "sampling rate",
+    Basis.GAIN: "gain of the sensor",
+    Basis.LOAD: "load",
+    Basis.PRESSURE: "pressure",
+    Basis.OFFSET: "depth of the sensor",
+    Basis.ZERO: "zero of the sensor",
+    Basis.AXES: "alignment of the axes",
+    Basis.ALONG: "circumferential axis",
+    Basis.COUPLING: "AC coupling",
+    Basis.HUB: "motion of the hub",
+    Basis.SIGN: "side that the lateral axis points to",
+}
+
+
+class Entry(NamedTuple):
+    """A word and what it means.
+
+    Attributes:
+        kind: `quantity`, `effect`, `reason` or `status`.
+        word: as the program writes it.
+        names: what a user may call it; the first is its name in files.
+        lines: label and text of each thing that is known of it; the first has no label.
+    """
+
+    kind: str
+    word: str
+    names: tuple[str, ...]
+    lines: tuple[tuple[str, str], ...]
+
+
+def entries() -> Iterator[Entry]:
+    """Yield every entry: statuses, quantities, effects, reasons."""
+    for word, meaning in _STATUSES.items():
+        yield Entry("status", word, (word,), (("", meaning),))
+    by_default = given_by(DEFAULT_ESTIMATORS)
+    for quantity in declared():
+        yield _of_quantity(quantity, is_default=quantity.name in by_default)
+    from gateway.diagnosis.effects.catalogue import catalogue
+
+    for effect in catalogue().values():
+        yield _of_effect(effect)
+    for code in reason_codes():
+        yield Entry("reason", str(code), (str(code),), (("", _template(code)),))
+
+
+def reason_codes() -> list[Code]:
+    """Return the codes of every room, by their name; each room declares them in its module `reasons`."""
+    for module in pkgutil.walk_packages(importlib.import_module("gateway").__path__, "gateway."):
+        if module.name.endswith(".reasons"):
+            importlib.import_module(module.name)
+    return sorted((code for room in Codes.__subclasses__() for code in room.members()), key=str)
+
+
+def matching(word: str) -> list[Entry]:
+    """Return the entries of that name, else those whose name contains it."""
+    wanted = _plain(word)
+    everything = list(entries())
+    exact = [entry for entry in everything if wanted in map(_plain, entry.names)]
+    return exact or [entry for entry in everything if any(wanted in _plain(name) for name in entry.names)]
+
+
+def _plain(name: str) -> str:
+    return " ".join(re.split(r"[\s_-]+", name.strip().lower()))
+
+
+def _of_quantity(quantity: Quantity, *, is_default: bool) -> Entry:
+    label, shown = split_name(quantity.name)
+    low, high = (f"{limit * shown.factor:.4g}" if not isinf(limit) else "" for limit in sorted(quantity.possible))
+    limits = f"{low or 'any'} to {high or 'any'} {shown.symbol}".rstrip() if low or high else ""
+    named = [_STATEMENTS[basis] for basis in Basis if basis in _STATEMENTS and _depends(quantity, basis)]
+    lines = (
+        ("", quantity.description),
+        ("in files", f"{quantity.name}, {unit_of(quantity.name) or 'a pure number'}"),
+        ("shown in", shown.symbol),
+        ("equation", quantity.equation),
+        ("positive", quantity.sign),
+        ("possible", limits),
+        ("error contains those of", ", ".join(named)),
+        ("given by", "estimators that run by default" if is_default else "an estimator to choose with --estimator"),
+    )
+    names = (quantity.name, label, *((quantity.live_label,) if quantity.live_label else ()), quantity.entity)
+    return Entry("quantity", label, tuple(name for name in names if name), tuple(line for line in lines if line[1]))
+
+
+def _depends(quantity: Quantity, basis: Basis) -> bool:
+    return basis in quantity.rests_on or quantity.powers.get(basis, 0.0) != 0.0
+
+
+def _of_effect(effect: Effect) -> Entry:
+    lines = (
+        ("", effect.summary),
+        ("equation", effect.equation),
+        ("source", effect.source),
+        ("parameters", ", ".join(parameter.name for parameter in effect.parameters)),
+        ("seen in", effect.observed_in),
+        ("confused with", "; ".join(", ".join(confounder.names) for confounder in effect.confounders)),
+    )
+    names = tuple(name for name in (effect.name, effect.title) if name)
+    return Entry("effect", effect.title or effect.name, names, tuple(line for line in lines if line[1]))
+
+
+def _template(code: Code) -> str:
+    """Return the text of a code with the names of its values."""
+    return re.sub(r"\{([^:}!]*)[^}]*\}", lambda match: f"<{match[1].strip() or 'value'}>", code.text_template)

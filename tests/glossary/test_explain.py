@@ -1,0 +1,57 @@
+"""`treadlink explain` knows every declared word, by the name of a screen or of a file."""
+
+import pytest
+
+from gateway.core.errors import ConfigError
+from gateway.core.quantity_catalogue import declared
+from gateway.core.text.numbers import split_name
+from gateway.diagnosis.effects.catalogue import catalogue
+from gateway.glossary.entries import entries, matching, reason_codes
+from tests.testkit.commands import invoked
+from tools.reason_codes import all_codes
+
+
+def test_every_quantity_is_explained_by_its_name_and_its_label():
+    for quantity in declared():
+        for name in (quantity.name, split_name(quantity.name)[0].upper()):
+            assert any(quantity.name in entry.names for entry in matching(name)), name
+
+
+def test_every_effect_and_reason_has_an_entry():
+    names = {(entry.kind, entry.names[0]) for entry in entries()}
+    assert {("effect", name) for name in catalogue()} <= names
+    assert set(reason_codes()) == set(all_codes())
+    assert {("reason", str(code)) for code in all_codes()} <= names
+
+
+def test_no_line_is_empty_and_no_template_is_left():
+    for entry in entries():
+        assert entry.lines
+        for _, text in entry.lines:
+            assert text.strip()
+        if entry.kind == "reason":
+            assert not set("{}") & set(entry.lines[0][1]), entry
+
+
+def test_a_quantity_says_what_its_error_contains():
+    shown = invoked("explain", "contact", "length").output
+    assert "contact length  (quantity)" in shown
+    assert "in files: contact_length_m, m" in shown
+    assert "error contains those of: belt radius" in shown
+
+
+def test_a_part_of_a_name_lists_what_contains_it():
+    lines = invoked("explain", "ply steer").output.splitlines()
+    assert "ply steer peak  (quantity)" in lines
+    assert len(lines) > 3
+
+
+def test_an_unknown_word_is_compared_with_the_known_ones():
+    error = invoked("explain", "cww").exception
+    assert isinstance(error, ConfigError)
+    assert "Did you mean Cw?" in error.remedy
+
+
+@pytest.mark.parametrize("status", ["valid", "provisional", "invalid"])
+def test_statuses_are_explained(status):
+    assert f"{status}  (status)" in invoked("explain", status).output
