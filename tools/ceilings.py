@@ -38,7 +38,7 @@ class Ceiling(NamedTuple):
 
 CEILINGS: Final[dict[str, Ceiling]] = {
     "lines of the core": Ceiling(32_000, 41_400),
-    "lines of gateway": Ceiling(95_000, 121_000),
+    "lines of gateway": Ceiling(95_000, 123_000),
     "lines of tests": Ceiling(58_000, 71_400),
     "lines of tools": Ceiling(17_000, 21_900),
     "words of docs": Ceiling(60_000, 66_500),
