@@ -195,6 +195,19 @@ OF_LOSS: Final = frozenset(
 """Faults of a revolution by loss on the link, which says nothing against the tire or the sensor."""
 
 
+# Share of lost samples up to which nothing of a revolution rests on what stands in its gaps: single samples, no frames.
+_EVIDENCE_MISSING: Final = 0.01
+
+
+def is_evidence(revolution: Revolution) -> bool:
+    """Return whether a revolution says anything for or against what is stated of sensor, tire and configuration.
+
+    One with a fault does not, nor one with gaps, however well they are filled: what stands there is of revolutions at
+    other speeds, and it is alike in all of them, so that no number of such revolutions averages its error out.
+    """
+    return not revolution.faults and revolution.missing_fraction <= _EVIDENCE_MISSING
+
+
 def not_used(faults: Iterable[Reason]) -> Reason:
     """Return the reason of an estimate that a revolution with these faults did not change."""
     return Reason(EstimateCode.REVOLUTION_NOT_USED, faults=tuple(faults))

@@ -10,6 +10,7 @@ import math
 from collections import deque
 from typing import Final, NamedTuple
 
+from gateway.core.estimates.estimator import is_evidence
 from gateway.core.estimates.revolution_block import RevolutionBlock
 from gateway.core.quantity import LARGEST_ZERO_MPS2
 
@@ -57,7 +58,7 @@ class SteadyValueCheck:
     def update_block(self, block: RevolutionBlock) -> list[LostSteadyValue | None]:
         """Take revolutions; return what is left of the steady value after each, None where it is not lost.
 
-        Revolutions with faults and those of AC-coupled sensors change nothing.
+        Revolutions that are no evidence and those of AC-coupled sensors change nothing.
         """
         radial = block.arrays.radial_mps2
         n = radial.shape[1]
@@ -67,7 +68,7 @@ class SteadyValueCheck:
         states: list[LostSteadyValue | None] = []
         radii = [condition.radius_m for condition in block.conditions]
         for revolution, radius_m, mean, floor in zip(block.revolutions, radii, means, floors, strict=True):
-            if not (revolution.ac_coupled or revolution.faults or revolution.saturated):
+            if is_evidence(revolution) and not (revolution.ac_coupled or revolution.saturated):
                 self._take(mean, floor, radius_m * revolution.omega_radps**2)
             states.append(self._present() if self._is_lost and not revolution.ac_coupled else None)
         return states

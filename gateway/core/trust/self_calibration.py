@@ -21,7 +21,15 @@ import numpy as np
 
 from gateway.core.constants import AXIS_NAMES, STANDARD_GRAVITY_MPS2
 from gateway.core.estimates.disagreement import CONTRADICTION
-from gateway.core.estimates.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
+from gateway.core.estimates.estimator import (
+    AngleAverage,
+    Estimate,
+    Revolution,
+    Status,
+    TireConditions,
+    is_evidence,
+    not_used,
+)
 from gateway.core.estimates.lost_steady_value import LostSteadyValue, SteadyValueCheck
 from gateway.core.estimates.pace import is_due
 from gateway.core.estimates.reasons import EstimateCode
@@ -282,6 +290,8 @@ class SelfCalibrationEstimator(BlockEstimator):
         # Squared residuals with gravity ahead, with gravity back and without any, and the number of equations.
         self._with_gravity: FloatArray = np.zeros(4)
         self._along_gravity: AlongGravity | None = None
+        # Whether the direction waits for a revolution that shows it.
+        self._is_to_look = False
         self._hub: FloatArray = np.zeros(HUB_SIZE)
         # Equations of the mounting, of the latest revolutions.
         self._latest: FloatArray = np.zeros(MOUNTING_SIZE)
@@ -317,6 +327,7 @@ class SelfCalibrationEstimator(BlockEstimator):
             refused = _refused(revolution, block.conditions[index]) if lost is None else steady_value_lost(lost)
             count = self._last.revolutions + len(taken) + 1
             due = self._belt is None or is_due(count) or count == _LEAST_REVOLUTIONS + 1 or count % _LONGEST == 0
+            due = due or (self._is_to_look and is_evidence(revolution))
             if refused is not None or due:
                 steps += self._take(block, taken)
                 taken = []
@@ -390,7 +401,9 @@ class SelfCalibrationEstimator(BlockEstimator):
         self._belt = belt_kinematics(average.radial_mps2, self._ratio, self._centre_rad)
         if block.revolutions[index].ac_coupled:
             self._last = self._last._replace(floor=_floor_gain(average, conditions))
-        self._look_at_direction(block, index)
+        self._is_to_look = not is_evidence(block.revolutions[index])
+        if not self._is_to_look:
+            self._look_at_direction(block, index)
         if not block.revolutions[index].ac_coupled:
             self._relate(block, index, (average.leading_edge_rad, average.trailing_edge_rad))
         return None
@@ -528,16 +541,28 @@ class SelfCalibrationEstimator(BlockEstimator):
         sums = powers[:, np.newaxis] * before + decay @ rows
         powers, decay = _decay(len(taken), _KEEP_OF_HUB)
         hub = powers[:, np.newaxis] * self._hub + decay @ hub
-        axes, weights = block.arrays.axes_mps2[selection], decay[-1] * is_timed
-        total = (weights @ axes.reshape(len(taken), -1)).reshape(axes.shape[1:])
-        self._axes = total + powers[-1] * self._axes if self._axes.size else total
-        reaction = omega_dot * first_conditions.radius_m
-        self._axes_with = powers[-1] * self._axes_with + weights @ np.array([np.ones(len(taken)), omega**2, reaction]).T
         self._hub = hub[-1]
+        self._add_axes(block, [index for index in taken if is_evidence(block.revolutions[index])])
         powers, decay = _decay(len(taken), _KEEP_OF_LATEST)
         latest = powers[:, np.newaxis] * self._latest + decay @ rows[:, _MOUNTING]
         self._latest = latest[-1]
         return self._record(block, taken, belt, sums, hub, latest, warm, expected)
+
+    def _add_axes(self, block: RevolutionBlock, evident: Sequence[int]) -> None:
+        """Add the axes of revolutions to those whose relations are looked at."""
+        if not evident:
+            return
+        powers, decay = _decay(len(evident), _KEEP_OF_HUB)
+        selection = slice(None) if len(evident) == len(block) else np.array(evident)
+        is_timed = np.array([not block.revolutions[index].assumed_steady for index in evident])
+        axes, weights = block.arrays.axes_mps2[selection], decay[-1] * is_timed
+        total = (weights @ axes.reshape(len(evident), -1)).reshape(axes.shape[1:])
+        self._axes = total + powers[-1] * self._axes if self._axes.size else total
+        omega = block.arrays.omega_radps[selection]
+        reaction = block.arrays.omega_dot_radps2[selection] * block.conditions[evident[0]].radius_m
+        self._axes_with = (
+            powers[-1] * self._axes_with + weights @ np.array([np.ones(len(evident)), omega**2, reaction]).T
+        )
 
     def _warm(self, conditions: TireConditions) -> float:
         degc = conditions.temperature_degc
@@ -573,6 +598,7 @@ class SelfCalibrationEstimator(BlockEstimator):
         is_resumed = np.isnan(self._changes[_JERK_LASTS:][selection]) & (self._last.revolutions > 0)
         # Behind a revolution with faults, neither the time of the contact between them nor the acceleration is sure.
         usable = np.isfinite(remainder) & np.isfinite(expected) & ~self._after_fault[:-1][selection]
+        usable &= [is_evidence(block.revolutions[index]) for index in taken]
         # Factors of G, z, G' and a, then the left-hand side, of both equations.
         both = np.zeros((len(taken), 2, 5))
         by_mean, by_gravity = both[:, 0], both[:, 1]

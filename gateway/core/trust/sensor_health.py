@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from firmware_protocol.messages import Axis, Environment
 from gateway.core.constants import AXIS_NAMES, STANDARD_ATMOSPHERE_PA, ZERO_CELSIUS_K
-from gateway.core.estimates.estimator import Revolution
+from gateway.core.estimates.estimator import Revolution, is_evidence
 from gateway.core.estimates.results import SensorFlag
 from gateway.core.reasons import Reason
 from gateway.core.trust.reasons import TrustCode
@@ -155,7 +155,7 @@ class SensorHealth:
         self._frequency_hz: FloatArray = np.arange(_LOWEST_HZ, 0.4 * rate_hz, _STEP_HZ)
         # Averaged squared amplitudes behind and before the contact.
         self._spectra: FloatArray = np.full((2, len(self._frequency_hz)), math.nan)
-        self._used = 0
+        self._used = self._next_used = 0
         self._ringing: tuple[float, float] | None = None
         self._pressure_pa: float | None = None
         self._temperatures: tuple[float, float] = (math.inf, -math.inf)
@@ -186,13 +186,13 @@ class SensorHealth:
     def revolutions(self, revolutions: Sequence[Revolution]) -> list[Reason | None]:
         """Add revolutions; return the fault, after each, that makes every shape doubtful, None without one.
 
-        Those with faults are skipped; of the others every fourth is enough for a loose sensor.
+        Those that are no evidence are skipped; of the others every fourth is enough for a loose sensor.
         """
-        used = [
-            index
-            for index, revolution in enumerate(revolutions)
-            if not (revolution.faults or revolution.index % _USED_EVERY)
-        ]
+        used: list[int] = []
+        for index, revolution in enumerate(revolutions):
+            if revolution.index >= self._next_used and is_evidence(revolution):
+                self._next_used = revolution.index + _USED_EVERY
+                used.append(index)
         steady = [float(revolutions[index].radial_mps2.mean()) for index in used]
         fast = [(index, mean) for index, mean in zip(used, steady, strict=True) if mean > _LEAST_MEAN_MPS2]
         doubts: list[Reason | None] = []

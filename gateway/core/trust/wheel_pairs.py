@@ -244,9 +244,9 @@ class WheelPairs:
                 continue
             self._axis_lags.compare(result)
             revolution, conditions = result.revolution, result.conditions
-            direction = next(
-                (e.value for e in result.estimates if e.name in self._names and e.status is not Status.INVALID), 0.0
-            )
+            # An average that a revolution did not change is no further evidence.
+            slips = () if revolution.faults else result.estimates
+            direction = next((e.value for e in slips if e.name in self._names and e.status is not Status.INVALID), 0.0)
             right = right_of(result.position)
             if right is not None:
                 self._lefts[right] = result.position

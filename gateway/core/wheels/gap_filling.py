@@ -12,6 +12,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from firmware_protocol.messages import Axis
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.estimates.revolution_block import LEAST_MEASURED
 from gateway.core.revolutions.angle_resampling import Phase, beside_gap, elapsed_angles
 from gateway.core.types import BoolArray, FloatArray
@@ -87,14 +89,17 @@ class GapFilling:
         if not self._earlier or measured.mean() < LEAST_MEASURED:
             return False
         total, count = np.zeros_like(axes_mps2), np.zeros(len(inside))
+        turned = elapsed_angles(len(inside)) - math.pi
+        # Of the radial axis, whose direction is known, gravity does not grow with the speed.
+        gravity = np.zeros_like(axes_mps2)
+        gravity[Axis.RADIAL] = -STANDARD_GRAVITY_MPS2 * np.cos(turned)
         for axes, omega, apart in self._earlier:
-            scaled = axes * (omega_radps / omega) ** 2
+            scaled = (axes - gravity) * (omega_radps / omega) ** 2
             total += scaled if apart is None else np.where(apart, 0.0, scaled)
             count += 1.0 if apart is None else ~apart
         if count[inside].min() < _LEAST:
             return False
-        shape = total / np.maximum(count, 1.0)
-        turned = elapsed_angles(len(inside)) - math.pi
+        shape = total / np.maximum(count, 1.0) + gravity
         line = np.stack([np.ones_like(turned), turned], axis=1)
         rows = line[measured & (count > 0.0)]
         # Not by a common solver of all columns: an axis that is absent is no number, and must stay the only one.

@@ -7,17 +7,22 @@ import numpy as np
 import pytest
 
 import treadlink
+from firmware_protocol.messages import Axis
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.contacts.contact_timing import MOST_UNSEEN
 from gateway.core.estimates.estimator import Estimate, Revolution, Status, not_used
 from gateway.core.estimates.reasons import EstimateCode
-from gateway.core.estimates.wheel_setup import WheelSetup
+from gateway.core.estimates.revolution_block import RevolutionArrays
+from gateway.core.estimates.wheel_setup import SensorClaims, WheelSetup
 from gateway.core.quantity_catalogue import quantity_of
 from gateway.core.reasons import Reason
 from gateway.core.revolutions.angle_resampling import angle_grid, elapsed_angles, fit_phase
 from gateway.core.trust.lost_revolutions import LossStreak, SteadyStatus
 from gateway.core.trust.reasons import TrustCode
+from gateway.core.trust.sensor_health import SensorHealth
 from gateway.core.wheels.gap_filling import GapFilling, angles_in_gaps
 from gateway.core.wheels.reasons import WheelCode
+from gateway.core.wheels.tire_estimates import TireEstimates
 from tests.testkit.exact_ring import solution
 from tests.testkit.revolution_data import exact_wave, make_revolution
 from tests.testkit.simulated_wheel import last, restated
@@ -229,7 +234,9 @@ SHAPE = np.stack([np.sin(angle_grid(N)), np.cos(3.0 * angle_grid(N)), 1.0 - np.e
 
 def axes(omega_radps: float, constant: float = 0.0, ramp: float = 0.0) -> np.ndarray:
     turned = elapsed_angles(N)
-    return SHAPE * omega_radps**2 + constant + ramp * turned
+    row = SHAPE * omega_radps**2 + constant + ramp * turned
+    row[Axis.RADIAL] += STANDARD_GRAVITY_MPS2 * np.cos(angle_grid(N))
+    return row
 
 
 def gap(first: int, end: int) -> np.ndarray:
@@ -247,6 +254,17 @@ def test_gap_is_filled_at_its_speed_with_the_constant_and_ramp_of_its_revolution
     damaged[:, 20:60] = 999.0
     assert filling.take(damaged, 60.0, gap(20, 60), "state", 0.0)
     np.testing.assert_allclose(damaged, true, atol=1e-6)
+
+
+def test_gravity_in_a_gap_is_that_of_any_speed() -> None:
+    """A wheel that sets off turns several times as fast as some revolutions ago."""
+    filling = GapFilling()
+    for omega in (10.0, 12.0, 14.0, 16.0):
+        filling.take(axes(omega), omega, None, "state", 0.0)
+    damaged = axes(30.0)
+    damaged[:, 20:60] = 999.0
+    assert filling.take(damaged, 30.0, gap(20, 60), "state", 0.0)
+    np.testing.assert_allclose(damaged, axes(30.0), atol=1e-6)
 
 
 def test_absent_axis_stays_absent_and_alone() -> None:
@@ -344,3 +362,45 @@ def test_gaps_in_every_contact_from_the_first_on_leave_an_average() -> None:
     results, _ = restated(STEADY, 7.5, SETUP, ("kinematic",), gaps=tuple((i, i + 1) for i in range(100, 71_000, 50)))
     faults = [fault.code for result in results[12:] for fault in result.revolution.faults]
     assert faults == []
+
+
+def witnesses_after(revolutions: list[Revolution]) -> tuple[dict[str, object], SensorHealth]:
+    """Return what the watchers of a wheel hold against what is stated, after revolutions of it."""
+    tire = TireEstimates(replace(SETUP, sensor=SensorClaims(offset_m=0.0, offset_std_m=1e-4)), ("kinematic",))
+    tire.take_block(RevolutionArrays(revolutions), [r.start_s for r in revolutions], [0] * len(revolutions), [()] * 96)
+    health = SensorHealth((0, 1, 2), np.ones(3), np.zeros(3), 9600.0, is_dc=True)
+    health.revolutions(revolutions)
+    return {flag.name: flag.reason for flag in tire.flags()}, health
+
+
+def distorted(kind: str, missing: float) -> list[Revolution]:
+    """Return sound revolutions, then some of which a part was lost, with what stands there wrong in one way."""
+    sound = exact_wave(solution())
+    n = len(sound)
+    revolutions = []
+    for index in range(96):
+        wave = sound.copy()
+        is_lossy = index >= 16
+        if is_lossy and kind == "gravity":
+            wave += 8.0 * np.cos(angle_grid(n))
+        elif is_lossy and kind == "steady value":
+            wave *= 0.85
+        elif is_lossy and kind == "coupling":
+            wave -= 0.9 * wave.mean()
+        elif is_lossy and kind == "loose":
+            behind = np.clip(angle_grid(n) - 0.3, 0.0, None)
+            wave += 0.2 * sound.mean() * np.sin(60.0 * behind) * np.exp(-behind / 0.4) * (behind > 0.0)
+        made = make_revolution(wave, missing_fraction=missing if is_lossy else 0.0)
+        axes_mps2 = np.stack([np.full(n, math.nan), np.full(n, math.nan), wave])
+        omega_dot = 0.01 * (1 + index % 2)
+        revolutions.append(replace(made, index=index, axes_mps2=axes_mps2, omega_dot_radps2=omega_dot, rate_hz=9600.0))
+    return revolutions
+
+
+@pytest.mark.parametrize("kind", ["gravity", "steady value", "coupling", "loose"])
+def test_revolutions_with_gaps_are_no_evidence(kind: str) -> None:
+    for missing in (0.0, 0.003, 0.05, 0.4):
+        flags, health = witnesses_after(distorted(kind, missing))
+        is_raised = bool(health.doubt()) if kind == "loose" else kind in flags
+        # Single samples leave a revolution to speak for itself.
+        assert is_raised is (missing < 0.01), (missing, flags)

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from gateway.core.estimates.estimator import Estimate, Revolution, Status, TireConditions
+from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.results import RevolutionResult
 from gateway.core.estimates.wheel_setup import WheelSetup
 from gateway.core.quantity_catalogue import declared
-from gateway.core.reasons import Code
+from gateway.core.reasons import Code, Reason
 from gateway.core.revolutions.axis_relations import Lag
 from gateway.core.trust.reasons import TrustCode
 from gateway.core.trust.wheel_pairs import WheelPairs
@@ -74,6 +75,14 @@ def test_order_of_the_revolutions_does_not_matter() -> None:
     left_wheel, right = results("FL", TURNS), results("FR", BACK, 0.02)
     alternating = list(chain.from_iterable(zip(left_wheel, right, strict=True)))
     assert alarms(*alternating) == alarms(*right, *left_wheel) == alarms(*left_wheel, *right) != {}
+
+
+def test_slip_that_lost_revolutions_repeat_says_nothing() -> None:
+    """An average stays as it was through them, so they are no further pairs of revolutions."""
+    lost = replace(REVOLUTION, faults=(Reason(EstimateCode.SAMPLES_LOST),))
+    left_wheel, right = results("FL", [1.0] * 40, revolution=lost), results("FR", [-1.0] * 40, 0.01, revolution=lost)
+    assert alarms(*left_wheel, *right) == {}
+    assert alarms(*results("FL", [1.0] * 40), *results("FR", [-1.0] * 40, 0.01)) != {}
 
 
 def test_few_revolutions_or_another_axle_say_nothing() -> None:
