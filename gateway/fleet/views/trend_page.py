@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
@@ -41,11 +42,11 @@ from gateway.fleet.views.trend_tables import (
     LABELS,
     day,
     number_of,
-    plain_number,
     shown,
     tire_name,
     tires_text,
     unit_in,
+    value_texts,
     vehicles_of,
 )
 
@@ -72,6 +73,7 @@ _TABLES: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
 MOST_POINTS: Final = 300
 """Points of a series that are drawn; outliers always are."""
 
+_LEAST_SPAN: Final = 1e-3
 _WIDTH_INCH: Final = 10.0
 _COLUMNS: Final = 3
 _ROW_INCH: Final = 2.3
@@ -105,7 +107,17 @@ def _chosen(series: Sequence[TrendSeries]) -> list[TrendSeries]:
     return [line for line in series if SERIES[line.name].watch.is_drawn or line.name in instead]
 
 
+def _as_ratio(series: TrendSeries) -> TrendSeries:
+    """Return a series of logarithms in percent as ratios to the begin of its trend; others as they are."""
+    if not SERIES[series.name].watch.is_logarithm:
+        return series
+    base = series.expected[0]
+    values, expected = (np.exp((row - base) / 100.0) for row in (series.values, series.expected))
+    return replace(series, values=values, expected=expected, unit="ratio")
+
+
 def _draw(panel: Axes, series: TrendSeries) -> None:
+    series = _as_ratio(series)
     normal = np.flatnonzero(~series.is_outlier)
     if len(normal) > MOST_POINTS:
         normal = normal[np.linspace(0, len(normal) - 1, MOST_POINTS).astype(int)]
@@ -125,9 +137,14 @@ def _draw(panel: Axes, series: TrendSeries) -> None:
         )
     for step in series.steps:
         panel.axvline(0.5 * (series.abscissa[step - 1] + series.abscissa[step]), color=QUIET, lw=0.8, ls=":")
-    panel.set_title(drawable(f"{label_of(series.name)}, {series.unit}"), fontsize=9.5)
+    panel.set_title(drawable(f"{label_of(series.name).removeprefix('ln ')}, {series.unit}"), fontsize=9.5)
     panel.set_xlabel("km" if series.against == "km" else "months")
     panel.ticklabel_format(useOffset=False, axis="y")
+    low, high = panel.get_ylim()
+    span = _LEAST_SPAN * max(abs(low), abs(high))
+    if high - low < span:
+        # Nearly equal values would be labelled with more digits than they have meaning.
+        panel.set_ylim(0.5 * (low + high - span), 0.5 * (low + high + span))
 
 
 class Cell(NamedTuple):
@@ -181,7 +198,7 @@ def trends_page(trends: FleetTrends) -> str:
         day=day,
         label_of=label_of,
         labels=LABELS,
-        number_text=plain_number,
+        value_texts=value_texts,
         text=text,
         tire_name=tire_name,
         with_unit=_with_unit,

@@ -29,7 +29,7 @@ from gateway.fleet.trends.trend_result import (
     by_temperature,
     rate_of,
 )
-from gateway.fleet.trends.watched_series import followed_by, label_of
+from gateway.fleet.trends.watched_series import SERIES, followed_by, label_of
 
 FORMAT: Final = "treadlink trends"
 FORMAT_VERSION: Final = 1
@@ -252,6 +252,13 @@ def plain_number(value: float, unit: str) -> str:
     size = abs(value)
     decimals = 0 if size >= 1000 else 1 if size >= 100 else 2 if size >= 1 else 4
     return f"{fixed(value, decimals)} {unit}".rstrip()
+
+
+def value_texts(outlier: TrendOutlier) -> tuple[str, str]:
+    """Return value and expected value of an outlier; those of a logarithm as a ratio."""
+    if outlier.name in SERIES and SERIES[outlier.name].watch.is_logarithm:
+        return f"{math.exp((outlier.value - outlier.expected) / 100.0):.3g} times", "1"
+    return plain_number(outlier.value, outlier.unit), plain_number(outlier.expected, outlier.unit)
 
 
 def _utc(time_ns: int) -> str:

@@ -121,3 +121,15 @@ def test_lines_say_why_numbers_are_marked():
     assert lines[lines.index("marked ~:") + 1] == (
         "  a FL 0000a000, wear: provisional in 40 of 40 recordings: contradicted"
     )
+
+
+def test_page_shows_ratios_meaningful_digits_and_folded_notes():
+    tire = history(4, 60, vehicle="van")
+    tire.columns["noise_mps2"][21] *= 4.0  # type: ignore[index]
+    tire.columns["estimated_load_n"][:] = 4234.2759517023 + 1e-6 * tire.columns["wear_mm"]  # type: ignore[index]
+    page = trends_page(analyse([tire], recordings=60))
+    (ratio,) = re.findall(r"([\d.]+) times</td>", page)
+    assert float(ratio) == pytest.approx(4.0, rel=0.15)
+    assert "ln noise" not in page
+    assert "4234.27" not in page
+    assert re.search(r"<details class=\"small\"><summary>Notes: \d+</summary>", page)
