@@ -148,7 +148,7 @@ class PlySteerEstimator(BlockEstimator):
     also include conicity, and a reason says so. Peak, adhesion line and slope ahead take their sign from the
     contact line; they are invalid where its sign is not significant. conicity_slope_rad is half the change of the
     slope from the first to the second half of the contact, less what ply steer contributes to it in a rolling
-    contact. The standard errors cover scatter, roll calibration, a mounting yaw of 1 deg and the contact edges, but
+    contact. The standard errors cover scatter, roll calibration, the yaw of the mounting and the contact edges, but
     not the definition of the slope, in which the angles differ.
 
     Where the plies are stated (a `BeltLaminate` of the tire), LAMINATE_NAMES follow, with errors from the stated
@@ -175,7 +175,7 @@ class PlySteerEstimator(BlockEstimator):
         lateral, unusable, taken = lateral_rows(block)
         count = self._average.count
         if taken:
-            expected = block.conditions[taken[0]].claims.zero_g_std_mps2
+            expected = block.conditions[taken[0]].claims.lateral_zero_mps2
             self._average.roll.expect_offset(max(OFFSET_STD_MPS2, expected))
         steps = self._average.update(block, taken) if taken else None
         results: list[tuple[Estimate, ...]] = [()] * len(block)
@@ -379,11 +379,10 @@ def _renew(measured: _Measured, block: RevolutionBlock, state: FloatArray) -> _R
     variance[[0, -1]] *= 2.0
     scatter = np.sqrt(np.maximum(variance, 0.0))
     scatter[_CONICITY] = 0.0
-    yaw_std = math.hypot(MOUNTING_STD_RAD, conditions.tilt.yaw_std_rad)
-    variance += np.square(rows @ _along(record, revolution, conditions) * yaw_std)
+    variance += np.square(rows @ _along(record, revolution, conditions) * conditions.tilt.yaw_std_rad)
     # The slopes scale with the lateral axis's gain over the radius.
     too_short = _truncation_std(record.order_max, edges)
-    scale_std = math.hypot(conditions.gain_std, conditions.radius_std_m / conditions.radius_m, too_short)
+    scale_std = math.hypot(conditions.lateral_gain_std, conditions.radius_std_m / conditions.radius_m, too_short)
     variance += np.square(rows @ record.lateral_m * scale_std)
     reference_order, error = _PEAK_TRUNCATION
     variance[[0, -1]] += np.square(
@@ -460,7 +459,7 @@ def _roll_error(roll: Roll, conditions: TireConditions) -> float:
 
 def _zero_is_measured(roll: Roll, claims: SensorClaims) -> bool:
     """Return whether different speeds have separated the constant of the lateral mean from the roll."""
-    return roll.offset_std_mps2 <= _OFFSET_MEASURED * max(claims.zero_g_std_mps2, OFFSET_STD_MPS2)
+    return roll.offset_std_mps2 <= _OFFSET_MEASURED * max(claims.lateral_zero_mps2, OFFSET_STD_MPS2)
 
 
 def _headed(estimates: tuple[Estimate, ...], definition: str) -> tuple[Estimate, ...]:
@@ -564,7 +563,7 @@ def _roll_estimate(roll: Roll, conditions: TireConditions, unusable: Reason | No
     if not roll.count:
         return Estimate.invalid(ROLL_NAME, Reason(TrustCode.AC_COUPLED))
     claims, stated = conditions.claims, conditions.claims.roll_rad
-    by_gains = math.sqrt(2.0) * conditions.gain_std * roll.rad
+    by_gains = math.hypot(conditions.gain_std, conditions.claims.lateral_gain_std) * roll.rad
     std = math.hypot(_roll_error(roll, conditions), by_gains, conditions.tilt.mixed)
     doubt = unusable
     if doubt is None and roll.count < SETTLED_REVOLUTIONS:
@@ -584,13 +583,13 @@ def _offset_estimate(roll: Roll, claims: SensorClaims, unusable: Reason | None) 
     if not roll.count:
         return Estimate.invalid(OFFSET_NAME, Reason(TrustCode.AC_COUPLED))
     value, std = roll.offset_mps2, roll.offset_std_mps2
-    expected = max(claims.zero_g_std_mps2, OFFSET_STD_MPS2)
+    expected = max(claims.lateral_zero_mps2, OFFSET_STD_MPS2)
     if unusable is not None:
         return Estimate(OFFSET_NAME, value, std, Status.PROVISIONAL, (unusable,))
     if not _zero_is_measured(roll, claims):
         return Estimate(OFFSET_NAME, value, std, Status.PROVISIONAL, (Reason(ForceCode.LATERAL_ZERO_NOT_SEPARATED),))
     if abs(value) > _SIGNIFICANT * math.hypot(std, expected):
-        reason = Reason(ForceCode.LATERAL_ZERO_CONTRADICTED, stated_std_mps2=claims.zero_g_std_mps2)
+        reason = Reason(ForceCode.LATERAL_ZERO_CONTRADICTED, stated_std_mps2=claims.lateral_zero_mps2)
         return Estimate(OFFSET_NAME, value, std, Status.PROVISIONAL, (reason,))
     return Estimate(OFFSET_NAME, value, std, Status.VALID)
 

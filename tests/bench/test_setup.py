@@ -24,22 +24,7 @@ from tests.testkit.waiting import until
 START_NS = ManualClock().now_ns()
 # Both stand; the left wheel is turned at 5 s, the right one at 10 s; from 16 s on the car is pushed over 5 m.
 PUSHED_M = 5.0
-TURNED = """
-[scenario]
-name = "pushed car"
-duration_s = 28.0
-seed = 6
-
-[[wheel]]
-position = "FL"
-wheel = 0
-motion = { speed_kmh = [[0, 0], [5, 0], [5.5, 2], [6.5, 2], [7, 0], [16, 0], [17, 3], [22, 3], [23, 0]] }
-
-[[wheel]]
-position = "FR"
-wheel = 1
-motion = { speed_kmh = [[0, 0], [10, 0], [10.5, 2], [12, 2], [12.5, 0], [16, 0], [17, 3], [22, 3], [23, 0]] }
-"""
+TURNED = Path(__file__).with_name("turned_wheels.toml").read_text()
 RADIUS_M = 0.320
 
 

@@ -225,33 +225,7 @@ def test_missing_pyarrow_names_the_extra(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 def test_all_faults_of_a_map_are_listed() -> None:
-    text = """
-    [file]
-    format = "xls"
-    delimiter = ","
-    decimal = ";"
-    [sampling]
-    rate_hz = -5
-    time_column = "t"
-    start_utc = "yesterday"
-    [axis.circumferential]
-    column = "x"
-    unit = "G"
-    sign = 2
-    [axis.lateral]
-    column = "x"
-    unit = "furlong"
-    [axis.vertical]
-    column = "z"
-    [sensor]
-    coupling = "DC"
-    highpass_hz = 5.0
-    [environment]
-    pressure_unit = "kpa"
-    [conditions]
-    radius_mm = 0.3
-    load_std_n = 5
-    """
+    text = (Path(__file__).parent / "data" / "every_fault.toml").read_text()
     with pytest.raises(ConfigError) as caught:
         parse_map(text, "m.toml")
     lines = str(caught.value).splitlines()

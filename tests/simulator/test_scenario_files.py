@@ -56,35 +56,7 @@ speed_kmh = [[0, 10], [5, 20]]
 
 
 def test_faults_are_listed_with_key_value_range() -> None:
-    text = """
-[scenario]
-seed = -1
-faults = ["flip:rate=3"]
-[motion]
-speed_kmh = [[0, 10], [5, 20]]
-repeat = true
-[tire]
-wear_mm = 14.0
-speling = 1
-[sensor]
-rate_hz = 100.0
-noise_mg_rthz = [1.0, 2.0]
-bandwidth_hz = 9000.0
-[[hub]]
-hub = 3
-[[hub]]
-hub = 3
-[[wheel]]
-position = "W"
-wheel = 0
-load_n = [[0, 1000], [0, 2000]]
-pressure_kpa = "high"
-[[wheel]]
-position = "W"
-wheel = 0
-[wheel.tire]
-drum_radius_mm = -100.0
-"""
+    text = Path(__file__).with_name("every_fault.toml").read_text()
     with pytest.raises(ConfigError) as caught:
         parse_scenario(text, "my.toml")
     message = str(caught.value)

@@ -14,43 +14,7 @@ from gateway.core.links.source import BusFrames, LinkItem
 
 DBC = Path(__file__).parent / "data" / "car.dbc"
 LINK = "can:virtual:car"
-MAPPING = """
-[vehicle_signals]
-dbc = "car.dbc"
-
-[[vehicle_signals.signal]]
-quantity = "wheel_speed"
-wheel = "{wheel}"
-message = "ESP_Wheels"
-signal = "WheelSpeed_FL"
-
-[[vehicle_signals.signal]]
-quantity = "vehicle_speed"
-message = "CCVS1"
-signal = "WheelBasedVehicleSpeed"
-
-[[vehicle_signals.signal]]
-quantity = "steering_angle"
-message = "SAS_Angle"
-signal = "SteeringWheelAngle"
-factor = -1
-
-[[vehicle_signals.signal]]
-quantity = "brake_pressure"
-message = "ESP_Dynamics"
-signal = "BrakePressure"
-
-[[vehicle_signals.signal]]
-quantity = "acceleration_x"
-message = "ESP_Dynamics"
-signal = "AccelerationX"
-
-[[vehicle_signals.signal]]
-quantity = "acceleration_z"
-wheel = "{wheel}"
-message = "HubAccelerometers"
-signal = "AccelZ_FL"
-"""
+MAPPING = (Path(__file__).parent / "data" / "vehicle_signals.toml").read_text()
 
 
 def database() -> Any:

@@ -20,10 +20,12 @@ from gateway.core.config.validation import AddedTable, Section, above, add_keys,
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.errors import ConfigError
 from gateway.core.estimates.wheel_setup import (
+    AXIS_GAIN_STD,
     GAIN_STD,
     HAND_MOUNTED_STD_M,
     HAND_MOUNTED_STD_RAD,
     LOAD_STD,
+    NONLINEARITY_STD,
     PRESSURE_STD,
     RADIUS_STD,
     RATE_STD,
@@ -353,8 +355,26 @@ class Mounting(Section):
 class Sensor(Section):
     """`[wheel.sensor]`: accuracy of the scale and the zero that the hub states, and the sensor's band."""
 
-    gain_std_percent: float = within(GAIN_STD * 1e2, 0, 50, "standard error of the sensor's gain in percent")
+    gain_std_percent: float = within(GAIN_STD * 1e2, 0, 50, "standard error of the gain of all axes in percent")
+    circumferential_gain_std_percent: float = within(
+        AXIS_GAIN_STD * 1e2,
+        0,
+        50,
+        "standard error of the gain of the circumferential axis beside that of all in percent",
+    )
+    lateral_gain_std_percent: float = within(
+        AXIS_GAIN_STD * 1e2, 0, 50, "standard error of the gain of the lateral axis beside that of all in percent"
+    )
+    nonlinearity_std_percent: float = within(
+        NONLINEARITY_STD * 1e2,
+        0,
+        20,
+        "standard error of the radial axis by nonlinearity, in percent of full scale",
+    )
     zero_g_std_mps2: float = within(ZERO_G_STD_MPS2, 0, 500, "standard error of the sensor's zero-g offset in m/s^2")
+    lateral_zero_g_std_mps2: float | None = within(
+        None, 0, 500, "standard error of the zero-g offset of the lateral axis in m/s^2; default: zero_g_std_mps2"
+    )
     bandwidth_hz: float | None = within(None, 10, 1e6, "-3 dB bandwidth of the sensor in Hz; default: not known")
     rate_std_percent: float = within(
         CLOCK_STD_PERCENT,
@@ -516,6 +536,10 @@ class VehicleConfig(Section):
                 rate_std=wheel.sensor.rate_std_percent * 1e-2,
                 bandwidth_hz=wheel.sensor.bandwidth_hz,
                 lateral_is_left=wheel.mounting.lateral_is_left,
+                along_gain_std=wheel.sensor.circumferential_gain_std_percent * 1e-2,
+                lateral_gain_std=wheel.sensor.lateral_gain_std_percent * 1e-2,
+                lateral_zero_g_std_mps2=wheel.sensor.lateral_zero_g_std_mps2,
+                nonlinearity_std=wheel.sensor.nonlinearity_std_percent * 1e-2,
             ),
             tire=tire.data(),
         )

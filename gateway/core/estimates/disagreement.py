@@ -28,3 +28,18 @@ def disagreement_std(difference: float, std: float) -> float:
     squared = min((difference / std) ** 2, CONTRADICTION**2)
     odds = math.exp(0.5 * (squared - CONTRADICTION**2))
     return math.sqrt(unexplained * odds / (1.0 + odds))
+
+
+def error_of(value: float, std: float, expected_std: float) -> float:
+    """Return the root mean square of a quantity that should be zero within an expected error, and was measured.
+
+    Args:
+        value: as measured.
+        std: its standard error, positive.
+        expected_std: what is expected of it, likewise.
+    """
+    both = math.hypot(std, expected_std)
+    if abs(value) > CONTRADICTION * both:
+        return math.hypot(value, std)
+    likely = value * (expected_std / both) ** 2
+    return math.hypot(max(abs(likely), disagreement_std(value, both)), std * expected_std / both)

@@ -109,6 +109,11 @@ class TireConditions:
     given: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)
     rules: frozenset[DoubtRule] = EVERY_RULE
 
+    @property
+    def lateral_gain_std(self) -> float:
+        """Relative standard error of the gain of the lateral axis."""
+        return math.hypot(self.gain_std, self.claims.lateral_gain_std)
+
 
 @dataclass(frozen=True, slots=True)
 class Revolution:
@@ -149,6 +154,7 @@ class Revolution:
         assumed_steady: True when the angular acceleration could not be measured, without a revolution before, and is 0.
         follows: True when it begins with the contact that ended the revolution before.
         rate_std: relative standard error of the sampling rate by a hub's clock or sample numbers that are not steady.
+        full_scale_mps2: end of the range of the radial axis; NaN when not known.
     """
 
     index: int
@@ -177,6 +183,7 @@ class Revolution:
     assumed_steady: bool = False
     follows: bool = False
     rate_std: float = 0.0
+    full_scale_mps2: float = float("nan")
 
 
 def sign_not_determined(value: float, std: float) -> Reason:

@@ -3,10 +3,12 @@
 from dataclasses import dataclass, field
 
 from gateway.core.estimates.doubt_rules import EVERY_RULE, DoubtRule
+from gateway.core.estimates.sensor_claims import AXIS_GAIN_STD as AXIS_GAIN_STD
 from gateway.core.estimates.sensor_claims import GAIN_STD as GAIN_STD
 from gateway.core.estimates.sensor_claims import HAND_MOUNTED_STD_M as HAND_MOUNTED_STD_M
 from gateway.core.estimates.sensor_claims import HAND_MOUNTED_STD_RAD as HAND_MOUNTED_STD_RAD
 from gateway.core.estimates.sensor_claims import LOAD_STD as LOAD_STD
+from gateway.core.estimates.sensor_claims import NONLINEARITY_STD as NONLINEARITY_STD
 from gateway.core.estimates.sensor_claims import PRESSURE_STD as PRESSURE_STD
 from gateway.core.estimates.sensor_claims import RADIUS_STD as RADIUS_STD
 from gateway.core.estimates.sensor_claims import RATE_STD as RATE_STD

@@ -30,6 +30,11 @@ MOUNTING_SIZE: Final = 6 * len(_BANDS) + 4
 HUB_ORDER: Final = 2
 """Order of the circumferential and the radial axis that has motion of the hub at the wheel's frequency."""
 HUB_SIZE: Final = 7
+# Least number of orders that tell a yaw.
+_YAW_ORDERS: Final = 16
+# What a belt that stretches, shear in the contact, and a hub that moves unevenly make of a yaw: up to 7 deg where there
+# is hardly a lateral signal.
+_YAW_MODEL_RAD: Final = math.radians(2.5)
 
 # Prior of the constant in the mean of the lateral axis: zero-g offset after the calibration in the hello (0.1 g) and
 # gravity times camber (1 m/s^2 is 6 deg).
@@ -354,6 +359,47 @@ def offset_by_yaw_m(axes_mps2: FloatArray, belt: BeltKinematics, square_radps2: 
     if not determinant > 1e-9 * normal[0, 0] * normal[1, 1]:
         return 0.0
     return float(normal[1, 1] * right[0] - normal[0, 1] * right[1]) / float(determinant)
+
+
+def yaw_by_shape(
+    axes_mps2: FloatArray, belt: BeltKinematics, square_radps2: float, reaction_mps2: float, order_max: int
+) -> tuple[float, float]:
+    """Return the yaw of the sensor by which the lateral axis is in the circumferential one, and its standard error.
+
+    With c along the belt, of known shape, a sensor that is turned by the yaw a about its radial axis reads c / cos(a) -
+    l tan(a) where its lateral axis reads l. Depth, pitch and the size of gravity are fitted with it. The error is that
+    of white residuals or of the disagreement of the bands, as that of `MountingRows`, with what the equations do not
+    describe; NaN where they do not tell.
+
+    Args:
+        axes_mps2: (3, n) average over revolutions on the angle grid, circumferential, lateral and radial.
+        belt: kinematics of the belt.
+        square_radps2: mean square of the angular speed of these revolutions.
+        reaction_mps2: their mean angular acceleration times the belt radius.
+        order_max: highest order that the sampling carries.
+    """
+    count = min(HIGHEST_ORDER, order_max)
+    if count < _YAW_ORDERS or not np.isfinite(axes_mps2).all():
+        return math.nan, math.nan
+    orders = np.delete(np.arange(1, count + 1), HUB_ORDER - 1)
+    spectra = np.fft.rfft(axes_mps2, axis=1)[:, orders] * (2.0 / axes_mps2.shape[1])
+    known = STANDARD_GRAVITY_MPS2 * belt.known_spectra[0] + reaction_mps2 * belt.known_spectra[1]
+    rows = np.stack([spectra[0], spectra[1], square_radps2 * belt.along[orders], spectra[2], known[orders]])
+    along, lateral, *fitted = np.concatenate([rows.real, rows.imag], axis=1)
+    basis, triangle = np.linalg.qr(np.array(fitted).T)
+    if not np.abs(np.diagonal(triangle)).min() > 0.0:
+        return math.nan, math.nan
+    along, lateral = (side - basis @ (basis.T @ side) for side in (along, lateral))
+    size = float(lateral @ lateral)
+    if not size > 0.0:
+        return math.nan, math.nan
+    tangent = -float(lateral @ along) / size
+    remainder = along + tangent * lateral
+    by_band = np.bincount(np.searchsorted(_BANDS, np.tile(orders, 2), side="right"), weights=lateral * remainder)
+    used = max(int(np.count_nonzero(by_band)), 5)
+    clustered = float(np.square(by_band).sum()) * used / (used - 4) / size**2
+    white = float(remainder @ remainder) / (len(remainder) - 4) / size
+    return math.atan(tangent), math.hypot(math.sqrt(max(clustered, white)), _YAW_MODEL_RAD)
 
 
 def hub_motion_mps2(hub: FloatArray, offset_m: FloatArray, tilt: FloatArray) -> FloatArray:

@@ -20,7 +20,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gateway.core.constants import AXIS_NAMES, STANDARD_GRAVITY_MPS2
-from gateway.core.estimates.disagreement import CONTRADICTION
+from gateway.core.estimates.disagreement import CONTRADICTION, error_of
 from gateway.core.estimates.estimator import (
     AngleAverage,
     Estimate,
@@ -49,6 +49,7 @@ from gateway.core.revolutions.sensor_mounting import (
     hub_motion_mps2,
     mounting_rows,
     offset_by_yaw_m,
+    yaw_by_shape,
 )
 from gateway.core.revolutions.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS
 from gateway.core.trust.reasons import TrustCode
@@ -115,6 +116,8 @@ _AGAINST: Final = 4.0
 # deg leaves 0.7.
 _LEAST_GRAVITY: Final = 0.5
 _CERTAIN: Final = 3.0
+# Of gravity, motion of the hub and the closure of the belt.
+_GRAVITY_MODEL: Final = 0.01
 # R Omega^2 up to which gravity is looked for: belt stretch and drive add order 1 of up to 1e-3 of it.
 _GRAVITY_SHOWS_MPS2: Final = 1500.0
 # Of earlier revolutions in which gravity was looked for, at each further one.
@@ -130,6 +133,7 @@ _LEAST_OF_OFFSET: Final = 3
 _LEAST_OF_RELATIONS: Final = 2.5
 # Those from which their lags are compared with those of other wheels: before, acceleration looks like a lag.
 _LEAST_OF_LAGS: Final = 12.0
+_UNKNOWN_YAW: Final = (math.nan, math.nan)
 
 # Places in the running sums: equations of the mounting, of the means, of gravity, then normal matrix and right-hand
 # side of G, z, G' and a, and what a relative error of the steady value adds to the right-hand side.
@@ -300,7 +304,7 @@ class SelfCalibrationEstimator(BlockEstimator):
         self._axes: FloatArray = np.zeros((0, 0))
         self._axes_with: FloatArray = np.zeros(3)
         self._relations = AxisRelations()
-        self._by_yaw_m = 0.0
+        self._by_yaw_m, self._yaw = 0.0, _UNKNOWN_YAW
         self._roll_by_mean = math.nan
         self._last = _START
         self._steps: list[_Step] = []
@@ -427,7 +431,9 @@ class SelfCalibrationEstimator(BlockEstimator):
         )
         if weight < _LEAST_OF_LAGS:
             self._relations = self._relations._replace(lags=(None, None))
-        self._by_yaw_m = offset_by_yaw_m(axes, self._belt, square / weight, block.revolutions[index].order_max)
+        order_max = block.revolutions[index].order_max
+        self._by_yaw_m = offset_by_yaw_m(axes, self._belt, square / weight, order_max)
+        self._yaw = yaw_by_shape(axes, self._belt, square / weight, reaction / weight, order_max)
         means = axes.mean(axis=1)
         self._roll_by_mean = math.atan2(float(means[_LATERAL]), float(means[_RADIAL]))
 
@@ -469,7 +475,7 @@ class SelfCalibrationEstimator(BlockEstimator):
             self._hub, self._axes, self._axes_with = np.zeros(HUB_SIZE), np.zeros((0, 0)), np.zeros(3)
             self._latest = np.zeros(MOUNTING_SIZE)
             self._relations = AxisRelations()
-            self._by_yaw_m = 0.0
+            self._by_yaw_m, self._yaw = 0.0, _UNKNOWN_YAW
             self._ratio = self._offset_ratio(block.conditions[index])
             average = block.averages.at(index)
             self._belt = belt_kinematics(average.radial_mps2, self._ratio, self._centre_rad)
@@ -657,16 +663,17 @@ class SelfCalibrationEstimator(BlockEstimator):
             revolution, claims = block.revolutions[index], block.conditions[index].claims
             count += 1
             # Relative difference of the gains of two axes; tilts and mounting offset are ratios of axes.
-            axes_std = math.sqrt(2.0) * claims.gain_std
+            axes_std = math.hypot(claims.gain_std, _along_gain_std(self._along_gravity, claims.along_gain_std))
             offset = pitch = None
             if solutions is not None and stds is not None:
                 pitch, offset = _mounting(solutions[row], stds[row], axes_std)
                 if against and pitch is not None:
                     # Of the sensor, not of its turned axis.
                     pitch = _Measurement(-pitch.value, pitch.std)
-            tilt = Tilt.of(self._roll_by_mean, math.nan if pitch is None else pitch.value)
+            tilt = Tilt.of(self._roll_by_mean, math.nan if pitch is None else pitch.value, self._yaw)
             if offset is not None and pitch is not None:
-                offset = _Measurement(offset.value, math.hypot(offset.std, self._by_yaw_m * tilt.yaw_std_rad))
+                by_yaw_m = tilt.offset_error_m(offset.value, self._by_yaw_m)
+                offset = _Measurement(offset.value, math.hypot(offset.std, by_yaw_m))
             measured = Measured(
                 revolutions=count,
                 ac_coupled=revolution.ac_coupled,
@@ -719,6 +726,13 @@ def _decay(count: int, keep: float) -> tuple[FloatArray, FloatArray]:
     for array in (powers, rows):
         array.setflags(write=False)
     return powers, rows
+
+
+def _along_gain_std(gravity: AlongGravity | None, stated_std: float) -> float:
+    """Return the relative error of the circumferential gain beside the others, as stated or as gravity shows it."""
+    if gravity is None or gravity.is_absent:
+        return stated_std
+    return error_of(abs(gravity.share) - 1.0, math.hypot(gravity.std, _GRAVITY_MODEL), stated_std)
 
 
 def _mounting(
@@ -789,7 +803,7 @@ def _roll_estimate(
         )
     roll_rad, roll_std_rad = roll
     mixed = 0.0 if step.measured is None else step.measured.tilt.mixed
-    by_gains = math.sqrt(2.0) * conditions.claims.gain_std * roll_rad
+    by_gains = math.hypot(conditions.claims.gain_std, conditions.claims.lateral_gain_std) * roll_rad
     widened = _Measurement(roll_rad, math.hypot(roll_std_rad, by_gains, mixed))
     doubt = step.refused or _unsettled(step)
     if doubt is None and roll_std_rad > _ROLL_SEPARATED_RAD:

@@ -273,6 +273,7 @@ def assess(
     *,
     ac_coupled: bool,
     lost: LostSteadyValue | None = None,
+    full_scale_mps2: float = math.nan,
 ) -> Evidence:
     """Return the evidence on one wheel.
 
@@ -282,6 +283,7 @@ def assess(
         steady_mps2: R Omega^2 of the stated radius at the present speed, positive.
         ac_coupled: whether the sensor passes no steady value, as stated.
         lost: what is left of the steady value where that contradicts the stated coupling.
+        full_scale_mps2: end of the range of the radial axis; NaN when not known.
     """
     claims = conditions.claims
     if conditions.rules is not EVERY_RULE:
@@ -359,6 +361,7 @@ def assess(
     if gravity is not None and gravity.is_absent:
         contradictions.append(Contradiction(Subject.AXES, gravity_absent(gravity), {Basis.AXES: _OF_ANOTHER_AXIS}))
     offset_m, offset_std_m, offset_is_known = _offset(measured, conditions, offset_error, contradictions)
+    offset_std_m = math.hypot(offset_std_m, claims.nonlinear_offset_m(steady_mps2, full_scale_mps2, radius.value))
     if ac_coupled:
         # The mean was restored from the belt radius; the rest of the signal has the sensor's gain.
         steady_std = steady_mps2 * math.hypot(radius_std, claims.gain_std, unsure)
@@ -428,7 +431,8 @@ def _zero_beyond_statement(measured: Measured, claims: SensorClaims) -> float:
     if not math.isfinite(zero_mps2):
         return 0.0
     # The tilt by the shape, and the gains of two axes, take their share of the mean.
-    by_tilt = measured.steady_mps2 * math.hypot(PITCH_MODEL_RAD, math.sqrt(2.0) * claims.gain_std * tilt)
+    gains = math.hypot(claims.gain_std, claims.along_gain_std)
+    by_tilt = measured.steady_mps2 * math.hypot(PITCH_MODEL_RAD, gains * tilt)
     std = math.hypot(claims.zero_g_std_mps2, by_tilt)
     return abs(zero_mps2) if abs(zero_mps2) > CONTRADICTION * std else disagreement_std(zero_mps2, std)
 
@@ -438,7 +442,7 @@ def _swapped_offset(measured: Measured, claims: SensorClaims) -> tuple[float, fl
     offset_m = measured.relations.swapped_offset_m
     if not (measured.relations.is_swapped and math.isfinite(offset_m)):
         return None
-    return offset_m, math.hypot(OFFSET_MODEL_M, math.sqrt(2.0) * claims.gain_std * offset_m)
+    return offset_m, math.hypot(OFFSET_MODEL_M, math.hypot(claims.gain_std, claims.along_gain_std) * offset_m)
 
 
 def _related(measured: Measured, steady_mps2: float, radius_m: float) -> Iterator[Contradiction]:

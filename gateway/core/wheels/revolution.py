@@ -244,6 +244,7 @@ def _in_angle(
     spectra = np.fft.rfft(radial, axis=1)
     orders[:] = spectrum_coefficients(spectra)
     noises = band_noises(spectra, periods)
+    full_scale_mps2 = float(reading.range_mps2[Axis.RADIAL])
     for row_index, (revolution, phase, period, noise_coefficient) in enumerate(
         zip(revolutions, phases, periods, noises, strict=True)
     ):
@@ -277,6 +278,7 @@ def _in_angle(
             period_std_s=math.hypot(revolution.timed.period_std, revolution.missing_samples) / revolution.rate_hz,
             rate_hz=revolution.rate_hz,
             rate_std=revolution.rate_std,
+            full_scale_mps2=full_scale_mps2,
             follows=revolution.follows,
             uncorrected=revolution.uncorrected,
             turns=revolution.turns,

@@ -285,6 +285,7 @@ class TireEstimates:
                 condition.radius_m * revolution.omega_radps**2,
                 ac_coupled=revolution.ac_coupled,
                 lost=lost,
+                full_scale_mps2=revolution.full_scale_mps2,
             )
             for (measurement, lost), condition, revolution in zip(measured, stated, revolutions, strict=True)
         ]

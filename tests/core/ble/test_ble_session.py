@@ -4,6 +4,7 @@ import queue
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 
@@ -49,33 +50,7 @@ from tests.testkit.hub_ends import TIMEOUT_S, Reader
 Read = Callable[[Source], Reader]
 NOW_NS = 1_700_000_000_000_000_000
 # One hub a wheel, as collectors are mounted.
-SCENARIO = """
-[motion]
-speed_kmh = 90.0
-[sensor]
-rate_hz = 4800.0
-axes = ["radial"]
-[[hub]]
-hub = 0
-battery_percent = 61.0
-[[hub]]
-hub = 1
-battery_percent = 62.0
-[[wheel]]
-position = "FL"
-hub = 0
-wheel = 0
-load_n = 4500.0
-pressure_kpa = 220.0
-temperature_degc = 30.0
-[[wheel]]
-position = "FR"
-hub = 1
-wheel = 0
-load_n = 4000.0
-pressure_kpa = 220.0
-temperature_degc = 30.0
-"""
+SCENARIO = Path(__file__).with_name("one_wheel.toml").read_text()
 
 
 @contextmanager

@@ -21,49 +21,7 @@ from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.errors import ConfigError
 from gateway.forces.belt_laminate import BeltLaminate
 
-EXAMPLE = """
-[vehicle]
-name = "Demo car"
-[tire]
-size = "205/55R16"
-radius_mm = 320
-pressure_kpa = 210.0
-pressure_std_kpa = 2.0
-ring_thickness_mm = 15.0
-[tire.reference]
-Bs = 3.08e-3
-Cw = 0.195
-[[axle]]
-wheels = ["FL", "FR"]
-weight_kg = 900.0
-[[wheel]]
-position = "FL"
-hub = 0
-wheel = 0
-sensor_id = "0000A001"
-[[wheel]]
-position = "FR"
-hub = 0
-wheel = 1
-[wheel.tire]
-radius_mm = 300.0
-temperature_degc = 35.0
-[wheel.tire.reference]
-Bs = 1e-3
-[[wheel]]
-position = "RL"
-hub = 1
-wheel = 0
-load_n = 5000.0
-load_std_n = 50.0
-[wheel.mounting]
-offset_mm = 5.0
-roll_deg = 180e-1
-[thresholds]
-pressure_min_kpa = 180.0
-speed_max_kmh = 180.0
-frame_loss_max_percent = 1.0
-"""
+EXAMPLE = Path(__file__).with_name("demo_car.toml").read_text()
 
 
 def faults_of(text: str) -> list[str]:
@@ -103,42 +61,7 @@ def test_axle_error_combines_scale_and_split() -> None:
 
 
 def test_every_fault_is_listed_at_once() -> None:
-    lines = faults_of(
-        """
-        [vehicle]
-        colour = "red"
-        [tire]
-        radius_mm = 0.32
-        radius_m = 0.32
-        pressure_kpa = 2.1
-        [tire.reference]
-        Bs = -1
-        [[axle]]
-        wheels = ["FL", "Fr", "FL"]
-        weight_kg = true
-        [[wheel]]
-        position = "FL"
-        hub = 0
-        wheel = 0
-        sensor_id = "zz"
-        load_n = 5000.0
-        [[wheel]]
-        position = "FR"
-        hub = 0
-        wheel = 0
-        sensor_id = "a1"
-        load_std_n = 5
-        [[wheel]]
-        position = "FR"
-        hub = "one"
-        wheel = 255
-        sensor_id = "00A1"
-        load_n = 4.5
-        [thresholds]
-        pressure_min_kpa = 300
-        pressure_max_kpa = 200
-        """
-    )
+    lines = faults_of(Path(__file__).with_name("every_fault.toml").read_text())
     expected = [
         ('vehicle.colour: "red" found', "known keys: name"),
         ("tire.radius_mm: 0.32 found", "100 to 1200", "if the value is in m, write 320"),

@@ -50,8 +50,8 @@ def test_two_speeds_separate_gain_and_offset() -> None:
 def test_tilts_and_mounting_offset_are_recovered() -> None:
     result = last(simulated(TWO_SPEEDS, 20.0, SETUP, ESTIMATORS)[0])
     assert within(result["roll_tilt_rad"], math.radians(2))
-    # A yaw, which nothing measures, turns a part of the pitch into it.
-    assert math.radians(0.03) < result["roll_tilt_rad"].std < math.radians(0.06)
+    # The gain of the lateral axis scales it, and a yaw turns a part of the pitch into it.
+    assert math.radians(0.03) < result["roll_tilt_rad"].std < math.radians(0.15)
     assert within(result["pitch_tilt_rad"], math.radians(-1.5))
     assert result["pitch_tilt_rad"].std < math.radians(0.05)
     assert within(result["sensor_offset_m"], 0.005)

@@ -3,6 +3,7 @@
 import math
 import tomllib
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -166,32 +167,7 @@ def test_tires_of_two_kinds_say_nothing_about_the_softening() -> None:
 
 
 def test_configuration_states_softening_wear_and_temperature() -> None:
-    text = """
-    [tire]
-    radius_mm = 320
-    wear_mm = 2.5
-    wear_std_mm = 0.2
-    [tire.reference]
-    Bs = 3.0e-3
-    softening_percent_per_k = 0.4
-    softening_std_percent_per_k = 0.05
-    [tire.load_calibration]
-    load_n = 4000
-    half_angle_rad = 0.2
-    pressure_kpa = 210
-    angle_exponent = 1.4
-    pressure_exponent = 0.5
-    relative_std_percent = 1.0
-    half_angle_min_rad = 0.15
-    half_angle_max_rad = 0.3
-    pressure_min_kpa = 200
-    pressure_max_kpa = 220
-    temperature_degc = 31.0
-    [[wheel]]
-    position = "FL"
-    hub = 0
-    wheel = 0
-    """
+    text = Path(__file__).with_name("worn_tire.toml").read_text()
     vehicle = parse_vehicle(text, "test")
     tire = vehicle.wheel_setups()[0].tire
     assert (tire.wear_m, tire.wear_std_m) == pytest.approx((2.5e-3, 2e-4))

@@ -34,31 +34,7 @@ wheel = 0
 load_n = 4000.0
 """
 # What the estimates of the slip angle and of the laminate need.
-STATED = """
-[tire.slip_calibration]
-belt_share = 0.2
-belt_share_std = 0.01
-zero_deg = 0.1
-zero_std_deg = 0.01
-slip_min_deg = -2
-slip_max_deg = 2
-half_angle_min_rad = 0.1
-half_angle_max_rad = 0.3
-pressure_min_kpa = 180
-pressure_max_kpa = 240
-[tire.laminate]
-rubber_mpa = 6
-[[tire.laminate.ply]]
-angle_deg = -24
-thickness_mm = 1.2
-cord_gpa = 200
-cord_share_percent = 22
-[[tire.laminate.ply]]
-angle_deg = 24
-thickness_mm = 1.2
-cord_gpa = 200
-cord_share_percent = 22
-"""
+STATED = Path(__file__).with_name("all_estimates.toml").read_text()
 
 
 class Held:
