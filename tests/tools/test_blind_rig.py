@@ -5,8 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from blind_rig.__main__ import judged
-from blind_rig.cases import CASES
+from blind_rig.__main__ import CASES, judged
+from blind_rig.cases import Drive
+from blind_rig.elements import rolled_by_elements
 from blind_rig.ring import NODES, Ring, rolled
 
 from gateway.ring.rolling_ring import RingParameters, solve_rolling_ring
@@ -23,6 +24,29 @@ def test_ring_agrees_with_the_gateways() -> None:
     assert wave[0].mean() == pytest.approx(expected.radial_m.mean(), rel=1e-3)
     assert np.abs(wave[0] - expected.radial_m).max() < 0.03 * ring.radius_m
     assert np.sqrt(np.mean((wave[0] - expected.radial_m) ** 2)) < 2e-3 * ring.radius_m
+
+
+def test_finite_elements_agree_with_the_chain() -> None:
+    chain, elements = (roll(Ring(), 4500.0, 60.0, 0.004) for roll in (rolled, rolled_by_elements))
+    assert np.sqrt(np.mean((chain.inertia_m - elements.inertia_m) ** 2)) < 1e-4 * Ring().radius_m
+    assert np.abs(chain.gravity_mps2 - elements.gravity_mps2).max() < 1e-3
+
+
+def test_sixty_cases_change_the_signal() -> None:
+    """Each chain gives something else than the shape, and its own name counts once."""
+    assert len({case.name for case in CASES}) == len(CASES) >= 60
+    time_s = np.arange(9600) / 9600.0
+    angle = 60.0 * time_s
+
+    def shape(angles: np.ndarray) -> np.ndarray:
+        return np.stack([80.0 * np.sin(angles), 3.0 * np.cos(angles), 1200.0 + 800.0 * np.cos(9.0 * angles)])
+
+    drive = Drive(time_s, angle, np.full(9600, 60.0), shape)
+    for case in CASES:
+        if case.chain:
+            changed = case.chain(drive, shape(angle))
+            assert np.isfinite(changed).all()
+            assert np.abs(changed - shape(angle)).max() > 0.01, case.name
 
 
 def test_wrong_and_missing_names_are_counted() -> None:

@@ -21,9 +21,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from blind_rig.cases import ALONG, CASES, LATERAL, RADIAL, RATE_HZ, Array, Case, Drive
-from blind_rig.ring import NODES, rolled
+from blind_rig.cases import ALONG, LATERAL, RADIAL, RATE_HZ, Array, Case, Drive
+from blind_rig.cases import CASES as FIRST
+from blind_rig.elements import rolled_by_elements
+from blind_rig.ring import rolled
+from blind_rig.second import SECOND
 
+CASES: Final = (*FIRST, *SECOND)
 _SECONDS: Final = 8.0
 _RUNS: Final = ((45.0, 4500.0), (95.0, 4500.0), (70.0, 6500.0))
 _NOISE_MPS2: Final = 3.2
@@ -53,8 +57,9 @@ pressure_kpa = {pressure_kpa}
 def _signal(case: Case, kmh: float, load_n: float, rng: np.random.Generator) -> Array:
     ring = case.ring
     omega = kmh / 3.6 / ring.radius_m
-    shape = rolled(ring, load_n, omega, case.depth_m)
-    grid = (np.arange(NODES + 1) - NODES // 2) * (2.0 * math.pi / NODES)
+    shape = (rolled_by_elements if case.elements else rolled)(ring, load_n, omega, case.depth_m)
+    nodes = shape.inertia_m.shape[1]
+    grid = (np.arange(nodes + 1) - nodes // 2) * (2.0 * math.pi / nodes)
     closed = [np.concatenate([curve, curve[:, :1]], axis=1) for curve in (shape.inertia_m, shape.gravity_mps2)]
     time_s = np.arange(round(_SECONDS * RATE_HZ)) / RATE_HZ
     drift = 0.003 * float(rng.uniform(-1.0, 1.0))

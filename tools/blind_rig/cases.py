@@ -56,6 +56,7 @@ class Case:
         turn: motion of the sensor against a steady turn.
         chain: of the sensor.
         size: effect, parameter and true value that is compared.
+        elements: whether finite elements roll the ring, in place of the rig's chain.
     """
 
     name: str
@@ -67,6 +68,7 @@ class Case:
     turn: Turn | None = None
     chain: Chain | None = None
     size: tuple[str, str, float] | None = None
+    elements: bool = False
 
 
 def _below_zero(share: float, axis: int, _: Drive, f: Array) -> Array:
