@@ -1,16 +1,20 @@
 """Validity of what the gateway states: random tires with known truth, stated rightly and wrongly.
 
-Every tire goes through the whole chain: ring, sensor, hub, frames, pipeline, estimators. Each estimate is compared with
-the truth. Falsely valid is an estimate called valid that is more than 3.5 of its errors from the truth. Falsely invalid
-is one not called valid though everything stated is true and the data determine it.
+Every tire goes through the whole chain: ring, sensor, hub, link, frames, pipeline, estimators. Each estimate from the
+fourth revolution on is compared with the truth. Falsely valid is one called valid that is more than 3.5 of its errors
+from the truth. The cases are every parameter of the simulator, the vehicle file and the messages by itself, with sizes
+that people meet (tools/validity/ranges.tsv), random pairs, conditions, and kinds that a stranger invented.
 
-Run: python tools/bench_validity.py [--count 40] [--case NAME] [--quantity NAME] [--estimator NAME] [--json FILE]
+Run: python tools/bench_validity.py [--count 8] [--minutes 5] [--case NAME] [--json FILE]
+
+As it is, each case runs on one of eight tires, which takes 5 minutes. The same file of --json goes on where it ended.
 """
 
 import argparse
 import functools
 import json
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
@@ -19,19 +23,16 @@ from typing import TypeVar
 from validity.bench import Order, judge_tire
 from validity.cases import CASES, named
 from validity.independent import agreement_table
-from validity.judging import QUANTITIES
+from validity.judging import QUANTITIES, Judged
 from validity.left_out import add_counts, count_tire, left_out_table
 from validity.summary import (
-    as_json,
     case_table,
     each_table,
-    estimator_table,
-    from_json,
+    from_rows,
     invalid_reasons,
     kind_table,
-    misstatement_table,
     quantity_table,
-    reference_table,
+    to_rows,
     well_table,
     worst,
 )
@@ -54,41 +55,23 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options.agreement:
         print(agreement_table(options.rolled).text(markdown=options.markdown))
         return
-    count = 8 if options.quick else options.count
-    tires = options.tire if options.tire else range(options.first, options.first + count)
-    cases = tuple(case.name for case in named(options.case))
-    rolled = options.rolled if options.source == "fe" else None
-    usual = DEFAULT if rolled is None else tuple(name for name in DEFAULT if name not in ROLLED_WITHOUT)
-    chosen = tuple(options.estimator or usual)
-    orders = [
-        Order(options.seed, tire, cases, chosen, options.cache, options.pairs, rolled, options.source == "steady")
-        for tire in tires
-    ]
+    orders = _orders(options)
     if options.left_out:
-        counts = functools.reduce(add_counts, _all(count_tire, orders, options.jobs))
+        counts = functools.reduce(add_counts, (count for _, count in _all(count_tire, orders, options)))
         print(left_out_table(counts).text(markdown=options.markdown))
         return
-    if options.kept:
-        judged = [entry for path in options.kept for entry in from_json(json.loads(path.read_text(encoding="utf-8")))]
-    else:
-        judged = [entry for result in _all(judge_tire, orders, options.jobs) for entry in result]
-    judged = [entry for entry in judged if not options.quantity or entry.quantity in options.quantity]
-    if options.json:
-        options.json.write_text(json.dumps(as_json(judged)), encoding="utf-8")
+    judged = [entry for entry in _judged(orders, options) if not options.quantity or entry.quantity in options.quantity]
     valid = [entry for entry in judged if entry.valid]
+    runs = {(entry.kind, entry.tire, entry.case) for entry in judged}
     print(
-        f"{len({entry.tire for entry in judged})} tires, {len({entry.case for entry in judged})} cases, "
-        f"{len(judged)} estimates: "
+        f"{len({(entry.kind, entry.tire) for entry in judged})} tires, {len(runs)} runs, {len(judged)} estimates: "
         f"{len(valid)} valid, {sum(entry.falsely_valid for entry in valid)} of them falsely.\n"
     )
     tables = [
         kind_table(judged),
         quantity_table(judged),
         well_table([entry for entry in judged if entry.table == "true"]),
-        misstatement_table([entry for entry in judged if entry.table == "one"]),
         case_table(judged),
-        estimator_table(judged),
-        reference_table(judged),
         worst(judged, options.worst),
         invalid_reasons(judged, options.worst),
     ]
@@ -99,13 +82,59 @@ def main(arguments: Sequence[str] | None = None) -> None:
             print(table.text(markdown=options.markdown))
 
 
+def _orders(options: argparse.Namespace) -> list[Order]:
+    """Return the orders of the tires; of all cases each tire gets its share, cases that are named run on every tire."""
+    rolled = options.rolled if options.source == "fe" else None
+    usual = DEFAULT if rolled is None else tuple(name for name in DEFAULT if name not in ROLLED_WITHOUT)
+    tires = options.tire if options.tire else range(options.first, options.first + options.count)
+    names = {
+        tire: tuple(
+            case.name
+            for number, case in enumerate(named(options.case))
+            if options.case or (number + tire) % options.share == 0
+        )
+        for tire in tires
+    }
+    return [
+        Order(options.seed, tire, names[tire], tuple(options.estimator or usual), options.cache, options.pairs,
+              rolled, options.source == "steady")
+        for tire in tires
+    ]  # fmt: skip
+
+
+def _judged(orders: Sequence[Order], options: argparse.Namespace) -> Iterator[Judged]:
+    """Yield what is in the files, and of the other tires what runs now; --json keeps it, tire by tire."""
+    paths = [*(options.kept or ()), *([options.json] if options.json and options.json.is_file() else [])]
+    done = set()
+    for path in paths:
+        with path.open(encoding="utf-8") as lines:
+            for line in lines:
+                entry = json.loads(line)
+                done.add(entry["order"])
+                yield from from_rows(entry["judged"])
+    if options.kept:
+        return
+    waiting = [order for order in orders if repr(order) not in done]
+    for order, judged in _all(judge_tire, waiting, options):
+        if options.json:
+            with options.json.open("a", encoding="utf-8") as lines:
+                lines.write(json.dumps({"order": repr(order), "judged": to_rows(judged)}) + "\n")
+        yield from judged
+
+
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quantity", action="append", choices=QUANTITIES, help="judge these instead of all")
-    parser.add_argument("--case", action="append", choices=[case.name for case in CASES], help="instead of all")
+    parser.add_argument(
+        "--case", action="append", metavar="NAME", help="instead of all; a pair as 'NAME + NAME'; ? lists them"
+    )
     parser.add_argument("--estimator", action="append", choices=tuple(ESTIMATORS), help="run these instead")
-    parser.add_argument("--count", type=int, default=40, help="number of tires")
-    parser.add_argument("--pairs", type=int, default=0, help="random pairs of misstatements of each tire")
+    parser.add_argument("--count", type=int, default=8, help="number of tires")
+    parser.add_argument("--share", type=int, default=8, help="each tire gets one case of so many, in turn")
+    parser.add_argument(
+        "--pairs", type=int, default=0, help="random pairs of each tire, and as many beside normal errors"
+    )
+    parser.add_argument("--minutes", type=float, default=1e6, help="begin no tire after this time")
     parser.add_argument("--first", type=int, default=0, help="number of the first tire")
     parser.add_argument("--tire", type=int, action="append", help="this tire only; repeat for several")
     parser.add_argument("--seed", type=int, default=1, help="of everything")
@@ -117,35 +146,44 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     )
     parser.add_argument("--rolled", type=Path, help="with --source fe: folder that tools/independent_tire wrote")
     parser.add_argument("--agreement", action="store_true", help="with --rolled: compare these tires with the ring")
-    parser.add_argument("--quick", action="store_true", help="8 tires")
     parser.add_argument("--worst", type=int, default=20, help="rows of the tables of offenders")
     parser.add_argument("--left-out", action="store_true", help="without each rule of doubt in turn, 18 times as long")
     parser.add_argument("--each", action="store_true", help="print every estimate instead of the tables")
-    parser.add_argument("--json", type=Path, help="write every judged estimate to this file")
-    parser.add_argument("--kept", type=Path, action="append", help="tables of what --json wrote; runs nothing")
+    parser.add_argument("--json", type=Path, help="keep every judged estimate in this file, and go on where it ended")
+    parser.add_argument("--kept", type=Path, action="append", help="tables of such files; runs nothing")
     parser.add_argument("--markdown", action="store_true", help="tables to paste into docs")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--cache", type=Path, help="folder that keeps ring solutions between runs; trust its files")
     options = parser.parse_args(arguments)
+    if options.case == ["?"]:
+        parser.exit(0, "".join(f"{case.kind:11}{case.name:46}{case.about}\n" for case in CASES))
     if (options.source == "fe" or options.agreement) and options.rolled is None:
         parser.error("--source fe and --agreement need --rolled DIR; see tools/independent_tire")
+    try:
+        named(options.case)
+    except ValueError as error:
+        parser.error(str(error))
     return options
 
 
-def _all(work: Callable[[Order], T], orders: Sequence[Order], jobs: int) -> Iterator[T]:
-    """Yield the judgements of all tires in order; progress goes to the terminal's error stream."""
-    if jobs == 1:
+def _all(work: Callable[[Order], T], orders: Sequence[Order], options: argparse.Namespace) -> Iterator[tuple[Order, T]]:
+    """Yield the results of the tires as they end; progress goes to the terminal's error stream."""
+    end_s = time.monotonic() + 60.0 * options.minutes
+    if options.jobs == 1:
         for number, order in enumerate(orders, 1):
-            yield work(order)
+            if time.monotonic() > end_s:
+                break
+            yield order, work(order)
             print(f"\r{number} of {len(orders)} tires", end="", file=sys.stderr, flush=True)
     else:
-        with ProcessPoolExecutor(jobs) as pool:
-            waiting = {pool.submit(work, order): index for index, order in enumerate(orders)}
-            results: dict[int, T] = {}
-            for done in as_completed(waiting):
-                results[waiting[done]] = done.result()
-                print(f"\r{len(results)} of {len(orders)} tires", end="", file=sys.stderr, flush=True)
-        yield from (results[index] for index in range(len(orders)))
+        with ProcessPoolExecutor(options.jobs) as pool:
+            waiting = {pool.submit(work, order): order for order in orders}
+            for number, done in enumerate(as_completed(waiting), 1):
+                if time.monotonic() > end_s:
+                    pool.shutdown(wait=False, cancel_futures=True)
+                if not done.cancelled():
+                    yield waiting[done], done.result()
+                print(f"\r{number} of {len(orders)} tires", end="", file=sys.stderr, flush=True)
     print(file=sys.stderr)
 
 

@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from independent_tire.steady import NotSteadyError
 
+from gateway.core.errors import ConfigError
 from gateway.core.estimates.doubt_rules import EVERY_RULE, DoubtRule
 from gateway.core.estimates.tire_data import LoadCalibration
 from gateway.forces.tire_fit import TirePoint, fit_load_calibration
@@ -18,7 +20,7 @@ from validity.finite_elements import record_refereed, refereed_world
 from validity.independent import record_rolled, rolled_tires, rolled_world
 from validity.judging import Judged, judge
 from validity.runs import Run, Store, record, results_of
-from validity.statements import LOAD_STD, Statement, draw_statement, moved_to
+from validity.statements import LOAD_STD, NotApplicableError, Statement, draw_statement, moved_to
 from validity.tires import World, draw_world
 
 Recorder = Callable[[World, Sequence[int]], Run]
@@ -26,6 +28,7 @@ Recorder = Callable[[World, Sequence[int]], Run]
 # Loads and pressures of the calibration, over the tire's own.
 _CALIBRATED: Final = ((0.7, 1.0), (1.0, 1.0), (1.3, 1.0), (1.0, 1.15))
 _CALIBRATION_REVOLUTIONS: Final = 24
+REVOLUTIONS: Final = 32
 # The first revolutions are timed without an average to compare them with.
 _SKIPPED: Final = 5
 # Of so many tires one has no reference.
@@ -57,11 +60,6 @@ class Order:
     refereed: bool = False
 
 
-def size_of(case: Case, tire: int) -> float:
-    """Return the size of a misstatement that a tire gets: all sizes in turn, each case from another one on."""
-    return case.sizes[(tire + zlib.crc32(case.name.encode())) % len(case.sizes)]
-
-
 def judge_tire(order: Order) -> list[Judged]:
     """Return the judged estimates of one tire in all cases, one size each."""
     return [item for told in told_runs(order) for item in told.judged()]
@@ -88,15 +86,16 @@ def told_runs(order: Order) -> Iterator[ToldRun]:
     """Yield one tire in all cases; one in which it has no equilibrium is left out."""
     Store.folder = order.store
     plain, record_world = _tire_of(order)
+    plain = replace(plain, revolutions=REVOLUTIONS)
     said = draw_statement(plain, np.random.default_rng([order.seed, order.tire, 1]))
     if order.tire % _WITHOUT_REFERENCE == _WITHOUT_REFERENCE - 1:
         said = replace(said, reference=None)
     runs: dict[World, Run] = {}
     calibrations: dict[World, LoadCalibration | None] = {}
     for case in (*named(order.cases), *drawn(order.pairs, order.seed, order.tire)):
-        if case.tire and order.rolled is not None:
+        if case.ring_only and (order.rolled is not None or order.refereed):
             continue
-        size = size_of(case, order.tire)
+        size = case.size(order.seed, order.tire)
         rng = np.random.default_rng([order.seed, order.tire, zlib.crc32(case.name.encode())])
         try:
             world, statement = case.change(plain, said, size, rng)
@@ -108,7 +107,9 @@ def told_runs(order: Order) -> Iterator[ToldRun]:
             if world not in runs:
                 runs = {plain: runs[plain]} if plain in runs else {}
                 runs[world] = record_world(world, (order.seed, order.tire))
-        except RingNotConvergedError:
+            statement.vehicle(world)
+        except (RingNotConvergedError, NotApplicableError, NotSteadyError, ConfigError):
+            # No such tire stands, or the gateway rejects what is stated of it.
             continue
         yield ToldRun(order, case, size, runs[world], statement)
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -15,10 +16,11 @@ from gateway.core.estimates.results import RevolutionResult
 from gateway.core.quantity_catalogue import CATALOGUE
 from gateway.core.ring_quantities import RING_NUMBERS, RING_RATIOS
 from gateway.planner.cramer_rao import DEFAULT_PARAMETERS, cramer_rao, order_variance, waveform_sensitivity
+from gateway.simulator.tire_model import TireModel
 from validity.cases import Case
 from validity.runs import Run, Store
 from validity.statements import Statement
-from validity.tires import ZERO_G_STD_MPS2
+from validity.tires import REFERENCE_DEGC, ZERO_G_STD_MPS2
 
 # Estimators whose quantities are judged, all of them of which the truth is there; the numbers are those of the first
 # that runs.
@@ -34,6 +36,8 @@ OWNERS: Final = {quantity.name: owner for owner in _OWNED for quantity in CATALO
 }
 QUANTITIES: Final = (*OWNERS, *RING_NUMBERS, *RING_RATIOS)
 BEYOND: Final = 3.5
+# The hub's microseconds have 32 bit.
+_TICKS_WRAP_S: Final = 2.0**32 * 1e-6
 # The first revolutions have no neighbours to be compared with.
 _FIRST: Final = 3
 # A number counts as one that the data determine when the smallest possible error is this share of it.
@@ -44,6 +48,11 @@ _SLOPE_PER_ROLL: Final = 0.14
 # Not settled by one run at one speed, whatever the estimator; nor is conicity there to be found.
 _NOT_EXPECTED: Final = frozenset({"gain", "zero_g_offset_mps2", "conicity_slope_rad"})
 _LATERAL_ORDERS: Final = 20
+_CLOCKED_PPM: Final = 200.0
+_OF_ONE_CONTACT: Final = (
+    "leading_edge_rad", "trailing_edge_rad", "half_angle_rad", "contact_length_m", "contact_fraction",
+    "pressure_number", "load_n", "load_by_angle_n", "load_by_width_n",
+)  # fmt: skip
 _PULL_LIMIT: Final = 9999.0
 
 
@@ -161,9 +170,16 @@ class _Distance:
         return 2.0 * math.pi * self._run.world.radius_m * turns
 
 
+def _true_s(run: Run, statement: Statement, result: RevolutionResult) -> float:
+    """Return the true time at which a revolution begins; the program's runs with the hub's clock."""
+    hub = run.truth.plan.hub
+    since_s = float(np.mod(result.revolution.start_s * statement.rate_factor - hub.uptime_s + 1.0, _TICKS_WRAP_S)) - 1.0
+    return float(statement.true_time_s(since_s / (statement.rate_factor * (1.0 + 1e-6 * hub.clock_ppm))))
+
+
 def _turn_of(run: Run, statement: Statement, result: RevolutionResult) -> int:
-    """Return the number of the true turn that a revolution is; the program's time runs with the stated rate."""
-    begin_s = result.revolution.start_s * statement.rate_factor
+    """Return the number of the true turn that a revolution is."""
+    begin_s = _true_s(run, statement, result)
     return min(int(np.argmin(np.abs(run.bottoms_s - begin_s))), len(run.bottoms_s) - 2)
 
 
@@ -194,7 +210,7 @@ def _beyond_centre(edge_std_rad: float) -> float:
 def truths(run: Run, statement: Statement, result: RevolutionResult) -> dict[str, float]:
     """Return the true value of every judged quantity in one revolution."""
     world, truth = run.world, run.truth
-    begin_s = result.revolution.start_s * statement.rate_factor
+    begin_s = _true_s(run, statement, result)
     bottoms = run.bottoms_s
     turn = _turn_of(run, statement, result)
     middle_s = 0.5 * float(bottoms[turn] + bottoms[turn + 1])
@@ -206,8 +222,11 @@ def truths(run: Run, statement: Statement, result: RevolutionResult) -> dict[str
     slopes = run.slopes()
     turns_hz = 1.0 / float(bottoms[turn + 1] - bottoms[turn])
     load_n, pressure_pa = truth.load_n(middle_s), truth.pressure_pa(middle_s)
-    roll_rad, pitch_rad, _ = map(math.radians, world.tilt_deg)
-    return {
+    # The tilt of a sensor is that of its sensitive axes, which its cross-axis error turns as well.
+    turned_rad = 0.01 * truth.plan.sensor.cross_axis_percent
+    roll_rad, pitch_rad = (math.radians(tilt) + turned_rad for tilt in world.tilt_deg[:2])
+    gain, zero_mps2 = _axis_errors(run, statement, middle_s, 2)
+    known = {
         "speed_mps": 2.0 * math.pi * world.radius_m * turns_hz,
         "angular_speed_radps": 2.0 * math.pi * turns_hz,
         "rotation_rpm": 60.0 * turns_hz,
@@ -216,8 +235,8 @@ def truths(run: Run, statement: Statement, result: RevolutionResult) -> dict[str
         "half_angle_rad": half,
         "contact_length_m": 2.0 * half * world.radius_m,
         "contact_fraction": half / math.pi,
-        "gain": (1.0 + world.gain_error[2]) * statement.unit_factor,
-        "zero_g_offset_mps2": world.zero_g_mps2[2] * statement.unit_factor,
+        "gain": gain,
+        "zero_g_offset_mps2": zero_mps2,
         "sensor_offset_m": world.offset_m,
         "wear_mm": world.wear_mm,
         "roll_tilt_rad": roll_rad,
@@ -228,9 +247,9 @@ def truths(run: Run, statement: Statement, result: RevolutionResult) -> dict[str
         "load_by_angle_n": load_n,
         "load_by_width_n": load_n,
         "pressure_number": load_n / (2.0 * pressure_pa * half * world.radius_m**2),
-        **_forces(run),
+        **_forces(run, load_n, pressure_pa),
         "sensor_roll_rad": roll_rad,
-        "lateral_offset_mps2": world.zero_g_mps2[1],
+        "lateral_offset_mps2": _axis_errors(run, statement, middle_s, 1)[1],
         "ply_steer_peak_rad": slopes.peak_rad,
         "ply_steer_first_half_rad": slopes.first_half_rad,
         "ply_steer_adhesion_line_rad": slopes.adhesion_line_rad,
@@ -239,13 +258,60 @@ def truths(run: Run, statement: Statement, result: RevolutionResult) -> dict[str
         **{name: getattr(numbers, name) for name in RING_NUMBERS},
         **{name: getattr(numbers, name[:2]) / numbers.Cw for name in RING_RATIOS},
     }
+    if abs(truth.plan.sensor.rate_error_ppm) > _CLOCKED_PPM:
+        # Samples between two stamps of the hub are taken for later or earlier, so its centre is not known.
+        known |= dict.fromkeys(("leading_edge_rad", "trailing_edge_rad"), math.nan)
+    road = truth.plan.road
+    loads = [truth.load_n(float(time_s)) for time_s in (bottoms[turn], bottoms[turn + 1])]
+    if road.profile or road.leading_jitter_mm or road.trailing_jitter_mm or abs(loads[1] - loads[0]) > 0.01 * load_n:
+        # The contact of a revolution is another one at its begin and its end, and each differs from the mean.
+        known |= dict.fromkeys(_OF_ONE_CONTACT, math.nan)
+    return known
 
 
-def _forces(run: Run) -> dict[str, float]:
-    """Return the horizontal forces of a wheel that rolls freely on a tire without losses; NaN of any other."""
-    none = run.world.damping_nspm2 == (0.0, 0.0) and not run.world.drift_per_s
-    names = ("longitudinal_force_n", "axle_torque_nm", "longitudinal_ratio")
-    return dict.fromkeys(names, 0.0 if none else math.nan)
+def _axis_errors(run: Run, statement: Statement, time_s: float, axis: int) -> tuple[float, float]:
+    """Return what an axis reads over what it should, by sensor and statement, and its reading of no acceleration."""
+    world, sensor = run.world, run.truth.plan.sensor
+    warmer_k = run.truth.plan.temperature_degc.at(time_s) - REFERENCE_DEGC
+    gain = 1.0 + world.gain_error[axis] + 0.01 * sensor.gain_drift_percent_per_k[axis] * warmer_k
+    zero_mps2 = world.zero_g_mps2[axis]
+    zero_mps2 += 1e-3 * STANDARD_GRAVITY_MPS2 * sensor.zero_g_drift_mg_per_k[axis] * warmer_k
+    factor = statement.unit_factor
+    for name, size, told_axis in statement.told:
+        if told_axis == axis and name == "hello:scale_mps2":
+            factor *= 1.0 + 0.01 * size
+        elif told_axis == axis and name == "hello:offset_counts":
+            zero_mps2 -= size
+    return gain * factor, zero_mps2 * factor
+
+
+def _forces(run: Run, load_n: float, pressure_pa: float) -> dict[str, float]:
+    """Return the forces of a wheel at one speed; NaN where the truth is not known."""
+    plan = run.truth.plan
+    tire = plan.tire
+    plain = plan.load_n.is_constant and plan.pressure_pa.is_constant and plan.slip_angle_rad.is_constant
+    names = ("longitudinal_force_n", "axle_torque_nm", "longitudinal_ratio", "rolling_resistance")
+    if not (plain and _at_one_speed(run)):
+        return dict.fromkeys(names, math.nan)
+    if not tire.depends_on_speed and tire.axle_torque_nm is None:
+        return dict.fromkeys(names, 0.0)
+    if type(tire) is not TireModel:
+        return dict.fromkeys(names, math.nan)
+    omega = run.truth.omega_radps(0.0)
+    solved = Store.get(("forces", tire, load_n, pressure_pa, omega), lambda: _solved(tire, load_n, pressure_pa, omega))
+    return dict(zip(names, solved, strict=True))
+
+
+@lru_cache(maxsize=4)
+def _solved(tire: TireModel, load_n: float, pressure_pa: float, omega_radps: float) -> tuple[float, ...]:
+    ring = tire.solve(load_n, pressure_pa, omega_radps)
+    force_n = ring.longitudinal_force_n
+    return force_n, ring.axle_torque_nm, force_n / load_n, ring.rolling_resistance
+
+
+def _at_one_speed(run: Run) -> bool:
+    speeds = run.truth.plan.motion.at(np.linspace(0.0, run.world.seconds, 20)).speed_mps
+    return float(np.ptp(speeds)) == 0.0 and not run.truth.plan.vibration.ripple_percent
 
 
 def determinable(run: Run) -> dict[str, bool]:

@@ -5,28 +5,35 @@ from __future__ import annotations
 import hashlib
 import math
 import pickle
-from collections.abc import Callable, Iterator, Sequence
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
+from itertools import groupby
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from firmware_protocol.decoder import FrameDecoder
-from firmware_protocol.messages import Environment, Frame, Hello, SampleBlock
+from firmware_protocol.messages import Coupling, Environment, Frame, Hello, SampleBlock
 from gateway.core.estimates.doubt_rules import EVERY_RULE, DoubtRule
 from gateway.core.estimates.results import RevolutionResult
 from gateway.core.estimates.wheel_setup import WheelSetup
+from gateway.core.links.source import Chunk
 from gateway.core.types import FloatArray
 from gateway.core.wheels.wheels import Pipeline
-from gateway.simulator.hub import HubSimulator
+from gateway.simulator.hub import HubSimulator, TimedFrame
+from gateway.simulator.link_faults import FAULTS, apply_faults, parse_faults
+from gateway.simulator.road_profile import largest_swing, roughness_m3
 from gateway.simulator.simulated_wheel import WheelSimulator
 from gateway.simulator.simulation import BLOCK_S
 from gateway.simulator.tire_model import TireModel
 from gateway.simulator.tire_table import LATERAL, TABLE_ANGLES, Range, TireTable, WaveformTable
 from gateway.simulator.truth import WheelTruth, slopes_of
 from gateway.simulator.wheel_plan import WheelPlan
+from validity.spoils import SPOILS, Signal
 from validity.statements import Statement
 from validity.tires import World
 
@@ -35,6 +42,10 @@ T = TypeVar("T")
 # Pass band of a sensor's decimation filter, as shares of the sampling rate: linear phase, as digital sensors have.
 _PASS: Final = (0.40, 0.48)
 _LINK: Final = "sim:bench"
+# Corner that is stated of an AC coupling which is none.
+_AC_HZ: Final = 0.5
+# Option of a fault that its size is; of those that are not named, the rate.
+_SIZE_OF: Final = {"reboot": "at", "silence": "at"}
 _START_NS: Final = 1_760_000_000_000_000_000
 
 
@@ -77,7 +88,14 @@ class FilteredTable:
 
     def waveform(self, *conditions: float) -> WaveformTable:
         """Return the waveform under given conditions, orders beyond the pass band removed."""
-        wave = self._table.waveform(*conditions)
+        return self._filtered(self._table.waveform(*conditions))
+
+    def by_load(self, *conditions: float) -> tuple[FloatArray, list[WaveformTable]]:
+        """Return the loads that are solved, and the waveform under each, likewise."""
+        loads, waves = self._table.by_load(*conditions)
+        return loads, [self._filtered(wave) for wave in waves]
+
+    def _filtered(self, wave: WaveformTable) -> WaveformTable:
         for column in (0, 1, LATERAL):
             spectrum = np.fft.rfft(wave[:-1, column].astype(np.float64))
             wave[:-1, column] = np.fft.irfft(spectrum * self._gain, n=TABLE_ANGLES)
@@ -107,6 +125,7 @@ class Run:
     Attributes:
         world: the truth it was made from.
         frames: decoded frames.
+        arrivals_s: true time at which each arrives.
         truth: of the simulated wheel.
         bottoms_s: times at which the sensor is directly below the axle.
         lateral: whether the lateral axis has a signal.
@@ -114,15 +133,17 @@ class Run:
 
     world: World
     frames: tuple[Frame, ...]
+    arrivals_s: tuple[float, ...]
     truth: WheelTruth
     bottoms_s: FloatArray
     lateral: bool = True
 
     def slopes(self) -> Slopes:
-        """Return the slopes of the belt in the contact, at the middle of the run; NaN without a lateral axis."""
-        if not self.lateral:
-            return Slopes(*(math.nan,) * len(Slopes._fields))
+        """Return the slopes of the belt in the contact; NaN without a lateral axis and where the load changes."""
         plan = self.truth.plan
+        steady = plan.load_n.is_constant and plan.pressure_pa.is_constant
+        if not self.lateral or not steady or "lateral" not in plan.sensor.axes:
+            return Slopes(*(math.nan,) * len(Slopes._fields))
         middle_s = 0.5 * self.world.seconds
         omega = self.truth.omega_radps(middle_s) if plan.tire.depends_on_speed else 0.0
         conditions = (plan.tire, self.world.load_n, self.world.pressure_pa, omega)
@@ -189,22 +210,48 @@ def record_wheel(
     bench_plan = BenchPlan(**{field.name: getattr(plan, field.name) for field in fields(plan)}, waveforms=table)
     wheel = WheelSimulator(bench_plan, np.random.default_rng(list(seed)))
     hub = HubSimulator(bench_plan.hub, [wheel], "bench")
+    sent: list[TimedFrame] = []
+    for block in range(math.ceil(world.seconds / BLOCK_S)):
+        sent += hub.advance(min((block + 1) * BLOCK_S, world.seconds))
     decoder = FrameDecoder()
     frames: list[Frame] = []
-    for block in range(math.ceil(world.seconds / BLOCK_S)):
-        sent = hub.advance(min((block + 1) * BLOCK_S, world.seconds))
-        frames += decoder.feed(b"".join(frame.data for frame in sent))
+    arrivals_s: list[float] = []
+    for chunk in _delivered(sent, dict(world.link), seed):
+        frames += decoder.feed(chunk.data)
+        arrivals_s += [1e-9 * chunk.host_ns] * (len(frames) - len(arrivals_s))
     truth = WheelTruth(bench_plan, wheel.phase_rad)
-    return Run(world, tuple(frames), truth, truth.bottom_times_s(0.0, world.seconds), lateral)
+    bottoms_s = truth.bottom_times_s(0.0, world.seconds)
+    return Run(world, tuple(frames), tuple(arrivals_s), truth, bottoms_s, lateral)
+
+
+def _delivered(sent: Sequence[TimedFrame], link: dict[str, float], seed: Sequence[int]) -> Iterator[Chunk]:
+    """Yield what a link delivers of frames that are sent, with its faults; without any, each frame at once."""
+    rng = np.random.default_rng([*seed, 9])
+    step_s, late_s = 1e-3 * link.get("chunk_ms", 0.0), 1e-3 * link.get("jitter_ms", 0.0)
+    chunks: list[Chunk] = []
+    for _, group in groupby(sent, key=lambda frame: math.ceil(frame.time_s / step_s) if step_s else frame.time_s):
+        frames = list(group)
+        arrival_s = math.ceil(frames[-1].time_s / step_s) * step_s if step_s else frames[-1].time_s
+        arrival_ns = round(1e9 * (arrival_s + late_s * float(rng.exponential())))
+        # A link keeps the order of its bytes.
+        arrival_ns = max(arrival_ns, chunks[-1].host_ns if chunks else 0)
+        chunks.append(Chunk(_LINK, arrival_ns, b"".join(frame.data for frame in frames)))
+    texts = [f"{name}:{_SIZE_OF.get(name, 'rate')}={size!r}" for name, size in link.items() if name in FAULTS]
+    yield from apply_faults(parse_faults(texts), chunks)
 
 
 def ring_waveforms(plan: WheelPlan, world: World) -> TireTable:
     """Return the waveforms of the plan's tire at the speeds of the run."""
-    speeds = plan.motion.at(np.array([0.0, world.seconds])).speed_mps / plan.radius_m
+    speeds = plan.motion.at(np.linspace(0.0, world.seconds, 200)).speed_mps / plan.radius_m
+    swing = 0.0
+    if plan.road.profile is not None:
+        density = roughness_m3(plan.road.profile)
+        swing = largest_swing(plan.quarter_car(), world.load_n, density, plan.road.waviness, plan.motion.highest_mps)
     extents = (
-        Range(plan.load_n.low, plan.load_n.high),
+        Range(plan.load_n.low * (1.0 - swing), plan.load_n.high * (1.0 + swing)),
         Range(plan.pressure_pa.low, plan.pressure_pa.high),
         Range(float(speeds.min()), float(speeds.max())),
+        Range(plan.slip_angle_rad.low, plan.slip_angle_rad.high),
     )
     return Store.get(("table", plan.tire, extents), lambda: TireTable(plan.tire, *extents))
 
@@ -217,9 +264,39 @@ def results_of(
     names = [name for name in estimators if name not in statement.left_out]
     pipeline = Pipeline(setups, WheelSetup("", 0, 0, setups[0].radius_m), names)
     results: list[RevolutionResult] = []
-    for frame in _received(_channels(run.frames, run.world, statement), *statement.lost):
-        results += pipeline.frames(_LINK, (_as_stated(frame, statement),), _START_NS + 1000 * frame.tick_us)
+    frames = _channels(_spoiled(run, statement), run.world, statement)
+    for frame, arrival_s in _received(zip(frames, run.arrivals_s, strict=True), *statement.lost):
+        arrival_ns = _START_NS + round(1e9 * arrival_s / statement.rate_factor)
+        results += pipeline.frames(_LINK, (_as_stated(frame, statement),), arrival_ns)
     return results + pipeline.finish()
+
+
+def _spoiled(run: Run, statement: Statement) -> Sequence[Frame]:
+    """Return the frames with what the sensor does to its samples."""
+    blocks = [frame.message for frame in run.frames if isinstance(frame.message, SampleBlock)]
+    hello = next((frame.message for frame in run.frames if isinstance(frame.message, Hello)), None)
+    if not (statement.spoils or statement.wander[0]) or hello is None or not blocks:
+        return run.frames
+    scale = np.array([item for item in hello.scale_mps2 if item])
+    counts = np.concatenate([block.counts for block in blocks])
+    number = np.concatenate([block.first_sample + np.arange(len(block.counts)) for block in blocks])
+    time_s = number / run.truth.plan.sample_rate_hz
+    values = counts * scale
+    if statement.wander[0]:
+        true_s = statement.true_time_s(time_s)
+        values = np.stack([CubicSpline(time_s, axis)(np.clip(true_s, 0.0, time_s[-1])) for axis in values.T], axis=1)
+    signal = Signal(time_s, run.truth.angle_rad(time_s), values, run.truth.plan.sample_rate_hz)
+    for name, size in statement.spoils:
+        rng = np.random.default_rng(zlib.crc32(name.encode()))
+        signal = signal._replace(values_mps2=SPOILS[name](signal, size, rng))
+    spoiled = np.clip(np.round(signal.values_mps2 / scale), -32768, 32767).astype(np.int16)
+    parts = iter(np.split(spoiled, np.cumsum([len(block.counts) for block in blocks])[:-1]))
+    return [
+        frame._replace(message=frame.message._replace(counts=next(parts)))
+        if isinstance(frame.message, SampleBlock)
+        else frame
+        for frame in run.frames
+    ]
 
 
 def _channels(frames: Sequence[Frame], world: World, statement: Statement) -> Iterator[Frame]:
@@ -231,7 +308,7 @@ def _channels(frames: Sequence[Frame], world: World, statement: Statement) -> It
     before = np.zeros((max(late), 3), np.int16)
     for frame in frames:
         message = frame.message
-        if isinstance(message, SampleBlock):
+        if isinstance(message, SampleBlock) and message.counts.shape[1] == len(statement.axes):
             counts = np.concatenate([before, message.counts[:, statement.axes]])
             before, count = counts[len(counts) - len(before) :], len(message.counts)
             begin = len(counts) - count
@@ -240,15 +317,15 @@ def _channels(frames: Sequence[Frame], world: World, statement: Statement) -> It
         yield frame
 
 
-def _received(frames: Iterator[Frame], share: float, in_a_row: int) -> Iterator[Frame]:
+def _received(frames: Iterable[tuple[Frame, float]], share: float, in_a_row: int) -> Iterator[tuple[Frame, float]]:
     """Yield the frames that a link delivers which loses a share of those with samples, some in a row."""
     rng, losing = np.random.default_rng(1), 0
-    for frame in frames:
+    for frame, arrival_s in frames:
         if share and isinstance(frame.message, SampleBlock):
             losing = losing - 1 if losing else in_a_row * int(rng.random() < share / (in_a_row * (1.0 - share)))
             if losing:
                 continue
-        yield frame
+        yield frame, arrival_s
 
 
 def _as_stated(frame: Frame, statement: Statement) -> Frame:
@@ -263,4 +340,28 @@ def _as_stated(frame: Frame, statement: Statement) -> Frame:
         )
     elif isinstance(message, Environment) and message.pressure_pa is not None:
         message = message._replace(pressure_pa=message.pressure_pa * statement.pressure_factor)
+    for name, size, axis in statement.told:
+        message = _told(message, name, size, axis)
     return frame._replace(message=message, tick_us=round(frame.tick_us / statement.rate_factor))
+
+
+def _told(message: Any, name: str, size: Any, axis: int | None) -> Any:
+    """Return a message with one of its fields edited, if it is that message."""
+    kind, _, field = name.partition(":")
+    if type(message).__name__.lower() != kind or getattr(message, field) in (None, 0.0):
+        return message
+    before = getattr(message, field)
+    if field == "coupling":
+        return message._replace(coupling=Coupling.AC, highpass_hz=_AC_HZ)
+    if field == "temperature_degc":
+        return message._replace(temperature_degc=before + size)
+    if field == "saturation_counts":
+        return message._replace(saturation_counts=round(0.01 * size * before))
+    if axis is None:
+        return message._replace(**{field: before * (1.0 + 0.01 * size)})
+    values = list(before)
+    if field == "offset_counts":
+        values[axis] += size / message.scale_mps2[axis] if message.scale_mps2[axis] else 0.0
+    else:
+        values[axis] *= 1.0 + 0.01 * size
+    return message._replace(**{field: tuple(values)})

@@ -1,5 +1,7 @@
 """Statements about a tire and its sensor: what the configuration and the sensor's own messages say."""
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -7,9 +9,11 @@ import numpy as np
 
 from gateway.core.config.toml_writer import toml_text
 from gateway.core.config.vehicle import VehicleConfig, parse_vehicle
-from gateway.core.estimates.tire_data import LoadCalibration
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.estimates.tire_data import SOFTENING_PER_K, LoadCalibration
 from gateway.core.ring_quantities import RING_NUMBERS
-from validity.tires import GAIN_STDS_PERCENT, World
+from validity.ranges import STATED, declared
+from validity.tires import GAIN_STDS_PERCENT, REFERENCE_DEGC, World
 
 DEFAULT_RADIUS_STD: Final = 0.01
 STATED_RADIUS_STD: Final = 0.003
@@ -44,6 +48,11 @@ class Statement:
         axes: channel that each of the three axes is taken from; two are swapped where they are not in order.
         late_s: delay of each axis.
         lost: share of the frames of samples that the link loses, and how many of them in a row.
+        edits: of the vehicle file, as (path, way, size); a size `off` or in percent counts from what is stated, and
+            from the truth where nothing is.
+        told: edits of the hub's messages, as (`message:field`, size, axis).
+        spoils: names of what the sensor does to its samples, with sizes.
+        wander: relative size and frequency in Hz of slow changes of the sampling rate.
     """
 
     radius_mm: float
@@ -65,6 +74,16 @@ class Statement:
     axes: tuple[int, int, int] = (0, 1, 2)
     late_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
     lost: tuple[float, int] = (0.0, 1)
+    edits: tuple[tuple[str, str, Any], ...] = ()
+    told: tuple[tuple[str, Any, int | None], ...] = ()
+    spoils: tuple[tuple[str, float], ...] = ()
+    wander: tuple[float, float] = (0.0, 1.0)
+
+    def true_time_s(self, time_s: Any) -> Any:
+        """Return the true time of a time by the sensor's samples."""
+        size, frequency_hz = self.wander
+        turning = 2.0 * math.pi * frequency_hz
+        return time_s * self.rate_factor + size / turning * np.sin(turning * time_s * self.rate_factor)
 
     def vehicle(self, world: World) -> VehicleConfig:
         """Return the configuration; what is None is left out."""
@@ -93,7 +112,11 @@ class Statement:
             wheel["load_std_n"] = self.load_std_n
         wheel["mounting"] = _stated(mounting)
         wheel["sensor"] = _stated(sensor)
-        return parse_vehicle(toml_text({"tire": _stated(tire), "wheel": [wheel]}), "bench")
+        document = {"tire": _stated(tire), "wheel": wheel}
+        for path, way, size in self.edits:
+            _edit(document, path, way, size, world)
+        tables = {name: [table] if name in ("wheel", "axle") else table for name, table in document.items()}
+        return parse_vehicle(toml_text(tables), "bench")
 
 
 def draw_statement(world: World, rng: np.random.Generator) -> Statement:
@@ -151,6 +174,52 @@ def moved_to(statement: Statement, before: World, after: World) -> Statement:
     scale = after.load_n / before.load_n
     load_std_n = None if statement.load_std_n is None else statement.load_std_n * scale
     return replace(statement, load_n=statement.load_n * scale, load_std_n=load_std_n, offset_mm=depth)
+
+
+class NotApplicableError(Exception):
+    """A statement is to be changed that is not made of this tire."""
+
+
+# What is true of values that are usually not stated.
+_TRUE: Final[dict[str, Callable[[World], float]]] = {
+    "tire.temperature_degc": lambda world: world.temperature_degc,
+    "tire.wear_mm": lambda world: world.wear_mm,
+    "tire.reference.temperature_degc": lambda _: REFERENCE_DEGC,
+    "tire.reference.softening_percent_per_k": lambda _: 100.0 * SOFTENING_PER_K,
+    "tire.load_calibration.temperature_degc": lambda _: REFERENCE_DEGC,
+    "axle.weight_kg": lambda world: world.load_n / STANDARD_GRAVITY_MPS2,
+    "wheel.mounting.roll_deg": lambda world: world.tilt_deg[0],
+    "wheel.mounting.pitch_deg": lambda world: world.tilt_deg[1],
+    "wheel.mounting.offset_mm": lambda world: 1e3 * world.offset_m,
+    "tire.radius_std_mm": lambda world: 1e3 * DEFAULT_RADIUS_STD * world.radius_m,
+    "wheel.sensor.gain_std_percent": lambda world: world.gain_std_percent,
+}
+
+
+def _edit(document: dict[str, Any], path: str, way: str, size: Any, world: World) -> None:
+    """Change one value of a vehicle file.
+
+    Raises:
+        NotApplicableError: it is not stated, nor has it a default, nor is the truth of it known.
+    """
+    *names, key = path.split(".")
+    if names[0] == "axle":
+        document["axle"] = {"wheels": ["W"]}
+        document["wheel"] = {name: item for name, item in document["wheel"].items() if not name.startswith("load")}
+    table = document
+    for name in names:
+        if name in ("reference", "load_calibration") and name not in table:
+            raise NotApplicableError(path)
+        table = table.setdefault(name, {})
+    if way in ("is", "choice"):
+        table[key] = size
+    else:
+        before = table.get(key, _TRUE[path](world) if path in _TRUE else dict(declared())[f"{STATED}{path}"].default)
+        if not isinstance(before, int | float):
+            raise NotApplicableError(path)
+        table[key] = before + size if way == "off" else before * (1.0 + 0.01 * size)
+    if table[key] is None:
+        del table[key]
 
 
 def _stated(table: dict[str, Any]) -> dict[str, Any]:

@@ -1,19 +1,21 @@
 """Tables of the judgement."""
 
 import math
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from typing import Any, Final
 
 import numpy as np
 from accuracy.tables import Table
 
-from validity.cases import CASES
-from validity.judging import BEYOND, REFERENCES, Judged
+from validity.cases import AIM_OF_A_QUANTITY_PERCENT, AIMS_PERCENT, CASES
+from validity.judging import BEYOND, Judged
 
 # Limits of what counts as false, in the errors of the estimate: a widening that meets one shows at another.
 LIMITS: Final = (2.5, BEYOND, 5.0)
+# Share within one standard error of a normal distribution.
+_ONE_SIGMA: Final = 0.6827
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,27 +67,29 @@ def _grouped(judged: Iterable[Judged], key: Callable[[Judged], tuple[str, ...]])
 
 
 def kind_table(judged: Sequence[Judged]) -> Table:
-    """Return the falsely valid shares of each kind of case, by the limit of what counts as false."""
+    """Return the falsely valid shares of each kind of case beside its aim, the share valid, and the pulls."""
     rows = []
     for (kind,), entries in _grouped(judged, lambda entry: (entry.table,)).items():
         valid = [entry for entry in entries if entry.valid]
-        pulls = np.array([entry.pull for entry in valid])
+        pulls = np.array([abs(entry.pull) for entry in valid])
+        aim = AIMS_PERCENT.get(kind)  # type: ignore[call-overload]
         rows.append(
-            (kind, str(len({(entry.case, entry.tire) for entry in entries})), str(len(entries)), str(len(valid)),
+            (kind, str(len({(entry.case, entry.tire) for entry in entries})), str(len(valid)),
+             _percent(len(valid), len(entries)),
              *(_share(sum(entry.is_false(limit) for entry in valid), len(valid)) for limit in LIMITS),
-             _number(float(np.sqrt(np.mean(np.square(pulls)))) if len(pulls) else math.nan))
+             "-" if aim is None else f"{aim:g} %",
+             _number(float(np.quantile(pulls, _ONE_SIGMA))) if len(pulls) else "-")
         )  # fmt: skip
-    heads = ("cases", "runs", "judged", "valid", *(f"false at {limit:g}" for limit in LIMITS), "rms pull")
-    return Table(
-        "By kind of case",
-        "all revolutions; false: valid, but off by more than so many of its standard errors",
-        heads,
-        tuple(rows),
+    heads = ("cases", "runs", "valid", "share valid", *(f"false at {limit:g}" for limit in LIMITS), "aim", "pull")
+    about = (
+        f"from the fourth revolution on; false: valid, but off by more than so many of its errors, aim at {BEYOND:g}; "
+        "pull: 68 % are below"
     )
+    return Table("By kind of case", about, heads, tuple(rows))
 
 
 def quantity_table(judged: Sequence[Judged]) -> Table:
-    """Return the falsely valid share of each quantity in each kind of case."""
+    """Return the falsely valid share of each quantity in each kind of case, the worst first."""
     kinds = tuple(dict.fromkeys(entry.table for entry in judged))
     rows = []
     for (estimator, quantity), entries in _grouped(judged, lambda entry: (entry.estimator, entry.quantity)).items():
@@ -94,9 +98,16 @@ def quantity_table(judged: Sequence[Judged]) -> Table:
             valid = [entry for entry in entries if entry.table == kind and entry.valid]
             false = sum(entry.falsely_valid for entry in valid)
             cells.append(f"{_share(false, len(valid))} of {len(valid)}" if valid else "-")
-        rows.append((estimator, quantity, *cells))
-    heads = ("estimator", "quantity", *kinds)
-    return Table("By quantity", "falsely valid of the valid", heads, tuple(rows))
+        counted = share(entry for entry in entries if entry.table != "hidden")
+        pulls = [abs(entry.pull) for entry in entries if entry.valid and entry.table != "hidden"]
+        rows.append(
+            (estimator, quantity, *cells, _share(counted.falsely_valid, counted.valid),
+             _percent(counted.valid, counted.judged), _number(float(np.quantile(pulls, _ONE_SIGMA))) if pulls else "-")
+        )  # fmt: skip
+    rows.sort(key=lambda row: -float(row[-3].split()[0].replace("-", "0")))
+    heads = ("estimator", "quantity", *kinds, "all but hidden", "share valid", "pull")
+    about = f"falsely valid of the valid; aim: {AIM_OF_A_QUANTITY_PERCENT:g} % of all but hidden; pull: 68 % are below"
+    return Table("By quantity", about, heads, tuple(rows))
 
 
 def _share(part: int, whole: int) -> str:
@@ -142,67 +153,26 @@ def _number(value: float) -> str:
     return f"{value:.2f}" if abs(value) < 10.0 else f"{value:.0f}"
 
 
-def misstatement_table(judged: Sequence[Judged]) -> Table:
-    """Return the falsely valid share of every quantity in every case."""
-    present = dict.fromkeys(entry.case for entry in judged)
-    names = [case.name for case in CASES if case.name in present and case.kind == "one"]
-    groups = _grouped(judged, lambda entry: (entry.estimator, entry.quantity))
-    rows = []
-    for (estimator, quantity), result in groups.items():
-        cells = []
-        for name in names:
-            counts = share(entry for entry in result if entry.case == name)
-            cells.append(f"{counts.falsely_valid}/{counts.valid}" if counts.valid else ("." if counts.judged else ""))
-        rows.append((estimator, quantity, *cells))
-    return Table(
-        "Where one thing is not as stated",
-        "falsely valid / valid; a point where nothing was valid",
-        ("estimator", "quantity", *names),
-        tuple(rows),
-    )
-
-
 def case_table(judged: Sequence[Judged]) -> Table:
-    """Return the falsely valid by case over all quantities: at which sizes, and the quantities that are hit most."""
+    """Return the cases with falsely valid estimates, most first: at which sizes, and the quantities hit most."""
+    about = {case.name: case for case in CASES}
     rows = []
-    by_case = _grouped(judged, lambda entry: (entry.case,))
-    for case in CASES:
-        result = by_case.get((case.name,), [])
-        if not result:
-            continue
+    for (name,), result in _grouped(judged, lambda entry: (entry.case,)).items():
         counts = share(result)
         false = [entry for entry in result if entry.falsely_valid]
-        sizes = (f"{size:+g}: {n}" for size in case.sizes if (n := sum(entry.size == size for entry in false)))
-        hit = _grouped(false, lambda entry: (entry.estimator, entry.quantity))
-        most = sorted(hit, key=lambda key: -len(hit[key]))[:3]
-        unit = f" ({case.unit})" if case.unit else ""
+        if not false or name not in about:
+            continue
+        runs = {(entry.tire, entry.size) for entry in result}
+        hit = sorted({(entry.tire, entry.size) for entry in false}, key=lambda run: run[1])
+        most = Counter(entry.quantity for entry in false).most_common(3)
         rows.append(
-            (case.name + unit, case.about, str(counts.valid), str(counts.falsely_valid), ", ".join(sizes),
-             ", ".join(f"{quantity} {len(hit[estimator, quantity])}" for estimator, quantity in most))
+            (name, about[name].kind, str(counts.valid), str(counts.falsely_valid), f"{len(hit)} of {len(runs)}",
+             ", ".join(f"{size:.3g}" for _, size in hit[:4]),
+             ", ".join(f"{quantity} {count}" for quantity, count in most))
         )  # fmt: skip
-    heads = ("case", "what is not as stated", "valid", "falsely", "at size: falsely", "most often")
-    return Table("By case", "over all quantities", heads, tuple(rows))
-
-
-def estimator_table(judged: Sequence[Judged]) -> Table:
-    """Return each estimator's shares: all that is stated true, misstated, and against the aims."""
-    well = {case.name for case in CASES if case.well}
-    rows = []
-    for (estimator,), result in _grouped(judged, lambda entry: (entry.estimator,)).items():
-        good = share(entry for entry in result if entry.case in well)
-        bad = share(entry for entry in result if entry.case not in well)
-        rows.append(
-            (
-                estimator,
-                _percent(good.able - good.falsely_invalid, good.able),
-                _percent(good.falsely_valid, good.valid),
-                _percent(bad.falsely_valid, bad.valid),
-                _percent(bad.valid, bad.judged),
-            )
-        )
-    heads = ("estimator", "well: valid", "well: falsely valid", "misstated: falsely valid", "misstated: valid")
-    return Table("By estimator", "aims: at least 95 % valid where all is well, at most 1 % falsely valid", heads,
-                 tuple(rows))  # fmt: skip
+    rows.sort(key=lambda row: -int(row[3]))
+    heads = ("case", "kind", "valid", "falsely", "runs", "at sizes", "most often")
+    return Table("By case", "over all quantities; the others have none falsely valid", heads, tuple(rows))
 
 
 def _percent(part: int, whole: int) -> str:
@@ -224,29 +194,8 @@ def worst(judged: Sequence[Judged], count: int) -> Table:
              f"{entry.value:.5g}", f"{entry.std:.2g}", f"{entry.truth:.5g}", _number(entry.pull))
         )  # fmt: skip
     heads = ("case", "size", "tire", "estimator", "quantity", "times", "value", "std", "truth", "pull")
-    return Table("Most often falsely valid", "the largest of each; --tire N --case NAME repeats it", heads, tuple(rows))
-
-
-def reference_table(judged: Sequence[Judged]) -> Table:
-    """Return the errors of the estimators whose models are known to be biased, where all that is stated is true."""
-    well = {case.name for case in CASES if case.well}
-    rows = []
-    groups = _grouped(
-        (entry for entry in judged if entry.estimator in REFERENCES),
-        lambda entry: (entry.estimator, entry.quantity),
-    )
-    for (estimator, quantity), result in groups.items():
-        last = [entry for entry in result if entry.case in well and entry.last]
-        errors = np.array([entry.value / entry.truth - 1.0 for entry in last if math.isfinite(entry.value)])
-        every = share(result)
-        if len(errors):
-            rows.append(
-                (estimator, quantity, f"{100.0 * math.sqrt(float(np.mean(errors**2))):.0f}",
-                 f"{100.0 * float(errors.mean()):+.0f}", f"{sum(entry.valid for entry in last)} of {len(last)}",
-                 f"{every.falsely_valid} of {every.valid}")
-            )  # fmt: skip
-    heads = ("estimator", "quantity", "rms error, %", "mean error, %", "valid", "falsely valid, all cases")
-    return Table("Reference estimators", "errors at the end, where all is well", heads, tuple(rows))
+    about = "the largest of each; --seed S --tire N --case NAME repeats it"
+    return Table("Most often falsely valid", about, heads, tuple(rows))
 
 
 def each_table(judged: Sequence[Judged]) -> Table:
@@ -280,19 +229,23 @@ def invalid_reasons(judged: Sequence[Judged], count: int) -> Table:
     )
 
 
-def from_json(entries: Iterable[dict[str, Any]]) -> list[Judged]:
-    """Return the judgements that `as_json` wrote."""
-    names = {field.name for field in fields(Judged)}
+_FIELDS: Final = tuple(field.name for field in fields(Judged))
+
+
+def from_rows(rows: Iterable[Sequence[Any]]) -> list[Judged]:
+    """Return the judgements that `to_rows` wrote."""
     results = []
-    for entry in entries:
-        values = {key: math.nan if value is None else value for key, value in entry.items() if key in names}
-        results.append(Judged(**{**values, "reasons": tuple(entry["reasons"])}))
+    for row in rows:
+        values = {name: math.nan if value is None else value for name, value in zip(_FIELDS, row, strict=True)}
+        results.append(Judged(**{**values, "reasons": tuple(values["reasons"])}))
     return results
 
 
-def as_json(judged: Sequence[Judged]) -> list[dict[str, Any]]:
-    """Return the judgements as plain values."""
-    return [
-        {key: (None if isinstance(value, float) and not math.isfinite(value) else value) for key, value in d.items()}
-        for d in ({**asdict(entry), "pull": entry.pull, "falsely_valid": entry.falsely_valid} for entry in judged)
-    ]
+def to_rows(judged: Sequence[Judged]) -> list[list[Any]]:
+    """Return the judgements as plain values; reasons only of those that `invalid_reasons` lists."""
+    rows = []
+    for entry in judged:
+        row = [getattr(entry, name) for name in _FIELDS]
+        row[-1] = list(entry.reasons) if entry.last and not entry.valid else []
+        rows.append([None if isinstance(value, float) and not math.isfinite(value) else value for value in row])
+    return rows

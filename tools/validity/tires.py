@@ -87,8 +87,9 @@ class World:
         conicity_deg: of the belt.
         lateral: lateral stiffnesses of the belt, by the scenario's keys.
         revolutions: length of the run.
-        extra: what else the scenario states, as (table, key, value); a tuple of a value is a series of (share of the
-            run, value).
+        extra: what else the scenario states, as (table, key, value); a tuple of pairs is a series of (share of the run,
+            value).
+        link: faults of the link and how it delivers, as (name, size).
     """
 
     kind: str
@@ -121,6 +122,7 @@ class World:
     conicity_deg: float = 0.0
     revolutions: int = REVOLUTIONS
     extra: tuple[tuple[str, str, Any], ...] = ()
+    link: tuple[tuple[str, float], ...] = ()
 
     @property
     def load_number(self) -> float:
@@ -188,9 +190,15 @@ class World:
             "sensor": sensor,
         }
         for table, key, value in self.extra:
-            timed = [[share * self.seconds, v] for share, v in value] if isinstance(value, tuple) else value
+            timed = [[share * self.seconds, v] for share, v in value] if _is_series(value) else value
             (wheel if table == "wheel" else tables.setdefault(table, {}))[key] = timed
+        if "hub" in tables:
+            tables["hub"] = [{"hub": 0, **tables["hub"]}]  # type: ignore[assignment]
         return wheel_plans(parse_scenario(toml_text({**tables, "wheel": [wheel]}), "validity"))[0]
+
+
+def _is_series(value: Any) -> bool:
+    return isinstance(value, tuple) and isinstance(value[0], tuple)
 
 
 def with_resistance(world: World, coefficient: float) -> World:
