@@ -39,9 +39,9 @@ class Ceiling(NamedTuple):
 CEILINGS: Final[dict[str, Ceiling]] = {
     "lines of the core": Ceiling(32_000, 41_400),
     "lines of gateway": Ceiling(95_000, 123_000),
-    "lines of tests": Ceiling(58_000, 71_400),
-    "lines of tools": Ceiling(17_000, 22_700),
-    "words of docs": Ceiling(60_000, 65_500),
+    "lines of tests": Ceiling(58_000, 71_700),
+    "lines of tools": Ceiling(17_000, 22_800),
+    "words of docs": Ceiling(60_000, 65_000),
     "options": Ceiling(120, 92),
     "reason codes": Ceiling(430, 660),
     "functions over complexity 20": Ceiling(0, 36),
