@@ -51,7 +51,7 @@ class Raising:
     quantities = (Quantity("share_of_nothing", "1 / 0"),)
 
     def update(self, revolution, average, conditions):
-        raise ZeroDivisionError("of the plug-in")
+        raise ZeroDivisionError(f"of the plug-in \x1b[31m {revolution.index}")
 
     def reset(self):
         pass
@@ -123,6 +123,21 @@ def plugin_checks(*folders: Path) -> dict[str, tuple[str, str]]:
     return {c["name"]: (c["level"], c["text"]) for c in checks if c["name"].startswith("plug-in")}
 
 
+@pytest.mark.parametrize("command", ["record", "live"])
+def test_estimator_that_raises_is_told_once_counted_and_escaped(bad: Path, tmp_path: Path, command: str) -> None:
+    """Its message has a number of its own and a code of a terminal each time."""
+    out = ["--out", str(tmp_path / "r.mcap")] if command == "record" else ["--plain"]
+    source = "sim:lab?speed=max&duration=4"
+    done = treadlink(command, source, "--estimator", "raising", "--estimator", "kinematic", *out, folders=(bad,))
+    printed = done.stdout + done.stderr
+    assert "\x1b" not in printed
+    assert done.stderr.count("Traceback") == 1
+    assert done.stderr.count("estimator raising failed") == 2
+    assert "estimator raising failed (10 times)" in done.stderr
+    assert len(done.stderr) < 4000
+    assert "ZeroDivisionError: of the plug-in" in printed
+
+
 def test_doctor_lists_plugins(example: Path) -> None:
     assert plugin_checks(example) == {
         "plug-in udp": ("ok", "sources of treadlink-example 0.1.0"),
@@ -184,7 +199,7 @@ def test_failing_estimator_stops_nothing_else(bad: Path, recording: Path, tmp_pa
     rows = [json.loads(line) for line in table.read_text().splitlines()]
     assert rows[-1]["speed_mps_status"] == "valid"
     assert rows[-1]["share_of_nothing_status"] == "invalid"
-    assert rows[-1]["share_of_nothing_reasons"][0]["values"]["error"] == "ZeroDivisionError: of the plug-in"
+    assert rows[-1]["share_of_nothing_reasons"][0]["values"]["error"].startswith("ZeroDivisionError: of the plug-in ")
 
 
 def test_refused_plugin_that_is_asked_for_is_an_error(bad: Path, tmp_path: Path) -> None:

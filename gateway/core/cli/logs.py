@@ -25,7 +25,7 @@ _HANDLER_NAME: Final = "treadlink"
 class _Repeats(logging.Filter):
     """Passes a record that repeats another one soon when it is the first, tenth, hundredth, ..., with its number.
 
-    What repeats has the same place in the code, level and error; a traceback is printed with the first only.
+    What repeats has the same place in the code, level and kind of error; a traceback is printed with the first only.
     """
 
     def __init__(self) -> None:
@@ -37,7 +37,7 @@ class _Repeats(logging.Filter):
         error = record.exc_info[1] if record.exc_info else None
         if error is None and record.levelno < logging.WARNING:
             return True
-        key = (record.name, record.lineno, record.levelno, str(record.msg), str(record.args), repr(error)[:200])
+        key = (record.name, record.lineno, record.levelno, str(record.msg), str(record.args), type(error))
         if len(self._counts) >= _MOST_KINDS and key not in self._counts:
             self._counts.clear()
         count, last_s = self._counts.get(key, (0, 0.0))
