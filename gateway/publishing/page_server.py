@@ -188,6 +188,8 @@ class PageSink(Sink):
 
     async def _serve(self, listener: socket.socket, started: threading.Event) -> None:
         self._closing = asyncio.Event()
+        # Such as a connection for which the system has no descriptor: asyncio tries again, and would print a traceback.
+        asyncio.get_running_loop().set_exception_handler(_tell_error)
         server = await serve(
             self._page,
             sock=listener,
@@ -465,6 +467,10 @@ def _is_loopback(host: str) -> bool:
         return ip_address(host).is_loopback
     except ValueError:
         return False
+
+
+def _tell_error(_: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    _logger.warning("the page: %s: %s", context["message"], context.get("exception"))
 
 
 def _shown_host(host: str, listener: socket.socket) -> str:

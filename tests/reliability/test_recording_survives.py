@@ -1,10 +1,12 @@
 """Recordings survive kills, power cuts, full disks, removed folders and clock steps."""
 
 import shutil
+import socket
 import struct
 import subprocess
 import sys
 import time
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import numpy as np
@@ -121,6 +123,29 @@ def test_full_disk_stops_the_recording_only(tmp_path: Path, command: str) -> Non
     whole, _ = simulated("sim:lab?speed=max&duration=8")
     assert link_bytes(whole).startswith(got)
     assert len(got) > 150_000
+
+
+CROWDED = LIMITED.replace("RLIMIT_FSIZE, (300_000, 300_000)", "RLIMIT_NOFILE, (64, 64)")
+
+
+def test_recording_goes_on_over_its_parts_while_strangers_hold_connections(tmp_path: Path) -> None:
+    """They take what the system gives; the page bounds them, and the next file has its descriptors."""
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    arguments = ["live", "sim:lab?duration=5", "--plain", "--record", str(tmp_path / "r.mcap"), "--split", "1s"]
+    command = [sys.executable, "-c", CROWDED, *arguments, "--publish", f"web://127.0.0.1:{port}"]
+    output = subprocess.PIPE
+    with subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT, text=True) as process, ExitStack() as held:
+        while process.poll() is None and len(list(tmp_path.iterdir())) < 4:
+            with suppress(OSError):
+                held.enter_context(socket.create_connection(("127.0.0.1", port), 0.05))
+        printed = process.communicate(timeout=60)[0]
+    assert process.returncode == 0, printed
+    assert "Traceback" not in printed
+    parts = sorted(tmp_path.iterdir(), key=lambda path: path.stat().st_mtime_ns)
+    assert len(parts) >= 4
+    whole, _ = simulated("sim:lab?speed=max&duration=5")
+    assert link_bytes([item for path in parts for item in RecordingReader(path).items()]) == link_bytes(whole)
 
 
 def test_full_file_system(tmp_path: Path, lab) -> None:
