@@ -7,6 +7,8 @@ Prints three tables:
     on standard output. This is time of the clock: only a quiet machine gives figures to keep;
   * CPU time of the work on a chunk that completes revolutions, from its bytes to their estimates, in process, at full
     speed.
+
+With `--against GIT_REV` only the first table, of an older version too: both get the same bytes, alternating.
 """
 
 import argparse
@@ -24,9 +26,10 @@ import threading
 import time
 import tty
 from collections.abc import Callable, Iterable, Iterator
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -36,9 +39,15 @@ from gateway.core.links.source import Chunk, open_source
 from gateway.core.recording.writer import RecordingWriter
 from gateway.core.session.core import SessionCore
 from gateway.core.session.latency import Latency
+from tools.bench_throughput import THIS_TREE, best, checked_out, commit_of, ratios_line
 
 WARM_UP_S = 4.0
 COLUMNS, ROWS = 120, 40
+KINDS: Final[dict[str, dict[str, bool]]] = {
+    "live --plain": {},
+    "live --plain --record": {"record": True},
+    f"live, screen {COLUMNS} x {ROWS}": {"screen": True},
+}
 LATENCIES_S = (0.0, 0.1, 0.5)
 # About the pace of the four wheels; the rest of a chunk of 10 ms.
 _PIECE_BYTES, _PIECE_NS = 512, 1_500_000
@@ -67,6 +76,7 @@ def timed_pieces(uri: str) -> Iterator[tuple[float, bytes]]:
                 yield 1e-9 * (item.host_ns + _PIECE_NS * number), item.data[first : first + _PIECE_BYTES]
 
 
+@cache
 def hub_pieces(scenario: str, seconds: float) -> Timed:
     """Return the pieces of a simulated hub, made beforehand."""
     return list(timed_pieces(f"sim:{scenario}?speed=max&duration={seconds}"))
@@ -97,11 +107,13 @@ def measure_process(
     *options: str,
     record: bool = False,
     screen: bool = False,
+    tree: Path = THIS_TREE,
     held: Callable[[int], contextlib.AbstractContextManager[None]] = contextlib.nullcontext,
 ) -> tuple[float, str, Timed, Timed]:
     """Return the share of one core of a live session, its last link line, and what was written to it and by it.
 
-    `held` is entered with the number of its process after the warm-up and left at the end of the measurement.
+    The modules are those of a tree. `held` is entered with the number of its process after the warm-up and left at the
+    end of the measurement.
     """
     master, slave = os.openpty()
     tty.setraw(slave)
@@ -111,11 +123,12 @@ def measure_process(
     with tempfile.TemporaryDirectory() as folder:
         config = Path(folder) / "vehicle.toml"
         config.write_text(toml or "")
-        command = [sys.executable, "-m", "gateway.core.cli", "live", f"serial://{port}?baudrate=921600"]
+        package = "gateway.core.cli" if (tree / "gateway" / "core").is_dir() else "gateway.cli"
+        command = [sys.executable, "-P", "-m", package, "live", f"serial://{port}?baudrate=921600"]
         command += ["--config", str(config), "--duration", str(WARM_UP_S + seconds + 2), *options]
         if record:
             command += ["--record", str(Path(folder) / "bench.mcap")]
-        process, output = on_terminal(command) if screen else as_lines([*command, "--plain"])
+        process, output = on_terminal(command, tree) if screen else as_lines([*command, "--plain"], tree)
         stop = threading.Event()
         written: Timed = []
         printed: Timed = []
@@ -236,19 +249,19 @@ def print_latencies(scenario: str, seconds: float, *, by_work: bool) -> None:
         print(f"    {link}")
 
 
-def as_lines(command: list[str]) -> tuple[subprocess.Popen[bytes], int]:
+def as_lines(command: list[str], tree: Path) -> tuple[subprocess.Popen[bytes], int]:
     """Start a command whose output is a pipe; return its reading end too."""
     read_end, write_end = os.pipe()
-    process = subprocess.Popen(command, stdout=write_end)
+    process = subprocess.Popen(command, stdout=write_end, env={**os.environ, "PYTHONPATH": str(tree)})
     os.close(write_end)
     return process, read_end
 
 
-def on_terminal(command: list[str]) -> tuple[subprocess.Popen[bytes], int]:
+def on_terminal(command: list[str], tree: Path) -> tuple[subprocess.Popen[bytes], int]:
     """Start a command on a terminal of COLUMNS x ROWS; return the terminal's other end too."""
     other_end, terminal = os.openpty()
     fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", ROWS, COLUMNS, 0, 0))
-    environment = {**os.environ, "TERM": "xterm-256color"}
+    environment = {**os.environ, "TERM": "xterm-256color", "PYTHONPATH": str(tree)}
     process = subprocess.Popen(
         command, stdin=terminal, stdout=terminal, stderr=terminal, env=environment, start_new_session=True
     )
@@ -281,22 +294,36 @@ def measure_work(scenario: str, seconds: float) -> dict[str, np.ndarray]:
     return {name: np.array(values) for name, values in times.items()}
 
 
+def print_against(revision: str, scenario: str, seconds: float, rounds: int) -> None:
+    """Print the shares of a core of an older version and of this one, and their ratio."""
+    print(f"{commit_of(revision)} against now, {commit_of('HEAD')} with what is not committed; least of {rounds}")
+    with checked_out(revision) as trees:
+        for kind, options in KINDS.items():
+            runs: list[list[dict[str, float]]] = [[] for _ in trees]
+            for _ in range(rounds):
+                for of_tree, tree in zip(runs, trees.values(), strict=True):
+                    share, *_ = measure_process(scenario, seconds, tree=tree, **options)
+                    of_tree.append({"cpu_s": share * seconds})
+            shares = " to ".join(f"{best(of_tree)['cpu_s'] / seconds:.1%}" for of_tree in runs)
+            print(f"  {kind:22} {shares} of one core: {ratios_line(*runs)}", flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scenario", default="demo")
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--work", action="store_true", help="only the CPU time of the work")
     parser.add_argument("--latency", action="store_true", help="only CPU and latency by --latency")
+    parser.add_argument("--against", metavar="GIT_REV", help="only the share of a core, of this older version too")
+    parser.add_argument("--rounds", type=int, default=5, help="runs of each, with --against")
     arguments = parser.parse_args()
     print(f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}")
     size = "4 wheels x 3 axes x 9600 Hz, " if arguments.scenario == "demo" else ""
     print(f"{size}scenario '{arguments.scenario}', {arguments.seconds:g} s of real time")
-    kinds = {
-        "live --plain": {},
-        "live --plain --record": {"record": True},
-        f"live, screen {COLUMNS} x {ROWS}": {"screen": True},
-    }
-    for kind, options in kinds.items() if not (arguments.work or arguments.latency) else ():
+    if arguments.against:
+        print_against(arguments.against, arguments.scenario, arguments.seconds, arguments.rounds)
+        return
+    for kind, options in KINDS.items() if not (arguments.work or arguments.latency) else ():
         share, link, _, _ = measure_process(arguments.scenario, arguments.seconds, **options)
         print(f"  {kind:22} {share:6.1%} of one core   {link}")
     print_latencies(arguments.scenario, arguments.seconds, by_work=arguments.work)

@@ -1,4 +1,4 @@
-"""CPU of the start of `treadlink`: the help of every command, a completion, and the interpreter alone.
+"""CPU of the start of `treadlink`: help of every command, a completion, short runs, and the interpreter alone.
 
 Each figure is user and system time of a fresh process, the least of several.
 """
@@ -9,8 +9,11 @@ import platform
 import resource
 import subprocess
 import sys
+import tempfile
+from pathlib import Path
 
 from gateway.core.cli import COMMANDS
+from tools.bench_throughput import CASES, record
 
 
 def cpu_s(arguments: list[str], environment: dict[str, str] | None = None) -> float:
@@ -38,6 +41,16 @@ def main() -> None:
     completion = {"_TREADLINK_COMPLETE": "bash_complete", "COMP_WORDS": "treadlink e", "COMP_CWORD": "1"}
     completed_s = min(cpu_s(["-m", "gateway.core.cli"], completion) for _ in runs)
     print(f"  {'completion of a command':28} {completed_s:.3f}")
+    with tempfile.TemporaryDirectory() as folder:
+        recording = next(iter(record(Path(folder), 5.0, CASES[:1]).values()))
+        estimation = ["estimate", str(recording)]
+        runs_of = {
+            "doctor": ["doctor"],
+            "estimate, 5 s of four wheels": estimation,
+            "the same with --parquet": [*estimation, "--parquet", f"{folder}/out.parquet", "--force"],
+        }
+        for name, words in runs_of.items():
+            print(f"  {name:28} {min(cpu_s(['-m', 'gateway.core.cli', *words]) for _ in runs):.3f}")
 
 
 if __name__ == "__main__":

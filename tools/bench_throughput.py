@@ -34,6 +34,7 @@ from typing import Any, Final
 SCENARIO: Final = Path("gateway/simulator/scenarios/demo.toml")
 DEFAULT: Final = "default"
 # Names of what each stage calls, in this and older versions; a name that a version does not have is skipped.
+THIS_TREE: Final = Path(__file__).resolve().parent.parent
 STAGES: Final = {
     "segmentation": (
         "gateway.core.contacts.segmenter:Segmenter.advance",
@@ -267,17 +268,16 @@ def record(folder: Path, seconds: float, cases: tuple[Case, ...]) -> dict[tuple[
 @contextmanager
 def checked_out(revision: str | None) -> Iterator[dict[str, Path]]:
     """Yield the trees to measure by their names: the old one, when one is given, and this one."""
-    this_tree = Path(__file__).resolve().parent.parent
     if revision is None:
-        yield {"now": this_tree}
+        yield {"now": THIS_TREE}
         return
     with tempfile.TemporaryDirectory() as folder:
-        archive = subprocess.run(["git", "archive", revision], cwd=this_tree, check=True, capture_output=True)
+        archive = subprocess.run(["git", "archive", revision], cwd=THIS_TREE, check=True, capture_output=True)
         subprocess.run(["tar", "-x", "-C", folder], input=archive.stdout, check=True)
         hook = Path(folder, "hatch_build.py")
         if hook.exists():
             subprocess.run([sys.executable, str(hook)], check=True)
-        yield {revision: Path(folder), "now": this_tree}
+        yield {revision: Path(folder), "now": THIS_TREE}
 
 
 def commit_of(revision: str) -> str:
