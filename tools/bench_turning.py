@@ -17,6 +17,7 @@ import numpy as np
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.estimates.estimator import Status
 from gateway.core.estimates.results import RevolutionResult
+from gateway.core.trust.lateral_signs import TURN_RATE, LateralSign
 from gateway.core.types import FloatArray
 from gateway.forces.lateral_belt import solve_lateral_belt
 from gateway.ring.turning_wheel import HubMotion, turning_acceleration
@@ -31,7 +32,9 @@ COMPARED = ("ply_steer_ahead_rad", "ply_steer_contact_line_rad", "ply_steer_peak
 FALSE_ERRORS = 3.5
 # Change of the yaw rate that begins or ends a curve.
 SAME_RADPS = 0.02
-# Lateral acceleration and duration of a curve whose sign must be right.
+# Scatter of the ratio of two wheels' speeds in a revolution.
+SPEED_RATIO_STD = 5e-4
+# Lateral acceleration and duration of a curve that must show the sign of a lateral axis.
 CLEAR_CURVE = (0.1 * STANDARD_GRAVITY_MPS2, 3.0)
 
 
@@ -102,21 +105,25 @@ def pulls(results: list[RevolutionResult], yaw: FloatArray, rate_hz: float) -> t
     return errors, standard
 
 
-def sign_is_right(results: list[RevolutionResult], yaw: FloatArray, rate_hz: float) -> bool:
-    """Return whether the sum of turn rates over the clear curves has their sign, curve by curve."""
-    changes = np.flatnonzero(np.abs(np.diff(yaw)) > SAME_RADPS) + 1
-    for piece in np.split(np.arange(len(yaw)), changes):
-        rate = float(yaw[piece].mean()) if len(piece) else 0.0
-        if abs(rate) < 2.0 * SAME_RADPS or len(piece) < CLEAR_CURVE[1] * rate_hz * 0.9:
-            continue
-        inside = [
-            next(e.value for e in result.estimates if e.name == "turn_rate_radps")
-            for result in results
-            if piece[0] <= result.revolution.start_s * rate_hz <= piece[-1]
-        ]
-        if np.nansum(inside) * rate <= 0.0:
-            return False
-    return True
+def shown_sign(case: Case, rng: np.random.Generator) -> tuple[int, int]:
+    """Return the sign of a lateral axis that the first curve of two wheels shows, and the true one."""
+    drive = Drive(case, rng)
+    seconds = 2.0 * math.pi * RADIUS_M / drive.speed_mps
+    curve, duration_s = CLEAR_CURVE[0] * float(rng.choice([-1.0, 1.0])), CLEAR_CURVE[1]
+    drive.parts = [(round(time / seconds), size) for time, size in ((5.0, 0.0), (duration_s, curve), (4.0, 0.0))]
+    moving, _, yaw = drive.signals()
+    axis = int(rng.choice([-1, 1]))
+    moving[:, 1] *= axis
+    track_m, radii = rng.uniform(1.2, 2.0), 1.0 + rng.normal(0.0, 0.01)
+    sign, rate_hz = LateralSign(), case.sensor.rate_hz
+    for result in through_pipeline(moving, case.sensor, ["turning"]):
+        turn = next(estimate for estimate in result.estimates if estimate.name == TURN_RATE)
+        begin = round(result.revolution.start_s * rate_hz)
+        rate = float(yaw[begin : begin + round(result.revolution.period_s * rate_hz)].mean())
+        ratio = radii * (1.0 + rate * track_m / drive.speed_mps + rng.normal(0.0, SPEED_RATIO_STD))
+        if turn.status is not Status.INVALID:
+            sign.take(turn.value, drive.speed_mps, ratio)
+    return sign.sign, axis
 
 
 def main() -> None:
@@ -127,7 +134,8 @@ def main() -> None:
     arguments = parser.parse_args()
     errors: list[float] = []
     standard: list[float] = []
-    right, valid, false = 0, dict.fromkeys(COMPARED, 0), dict.fromkeys(COMPARED, 0)
+    signs = {1: 0, 0: 0, -1: 0}
+    valid, false = dict.fromkeys(COMPARED, 0), dict.fromkeys(COMPARED, 0)
     for number, case in enumerate(random_cases(arguments.drives, arguments.seed)):
         drive = Drive(case, np.random.default_rng((arguments.seed, number)))
         moving, still, yaw = drive.signals()
@@ -136,7 +144,8 @@ def main() -> None:
         rate_errors, rate_pulls = pulls(results, yaw, case.sensor.rate_hz)
         errors += rate_errors
         standard += rate_pulls
-        right += sign_is_right(results, yaw, case.sensor.rate_hz)
+        shown, axis = shown_sign(case, np.random.default_rng((arguments.seed, number, 1)))
+        signs[shown * axis] += 1
         for result, other in zip(results, straight, strict=False):
             reference = {estimate.name: estimate.value for estimate in other.estimates}
             for estimate in result.estimates:
@@ -150,7 +159,7 @@ def main() -> None:
     )
     over = np.mean(np.abs(standard) > FALSE_ERRORS)
     print(f"           pulls {np.std(standard):.2f}, beyond {FALSE_ERRORS} errors {100.0 * over:.2f} %")
-    print(f"sign right in all curves of 0.1 g for 3 s: {right} of {arguments.drives} drives")
+    print(f"sign of the axis by a curve of 0.1 g for 3 s: {signs[1]} right, {signs[0]} open, {signs[-1]} wrong")
     for name in COMPARED:
         print(f"{name:28s} valid {valid[name]:6d}  false {100.0 * false[name] / max(valid[name], 1):.2f} %")
 

@@ -156,6 +156,16 @@ def provisional_where(
     )
 
 
+def verified(estimates: Iterable[Estimate]) -> tuple[Estimate, ...]:
+    """Return estimates without the note that their sign is not verified."""
+    return tuple(
+        estimate._replace(reasons=tuple(reason for reason in estimate.reasons if reason != _SIGN_UNVERIFIED))
+        if _SIGN_UNVERIFIED in estimate.reasons
+        else estimate
+        for estimate in estimates
+    )
+
+
 def _unsigned(estimates: tuple[Estimate, ...], names: frozenset[str]) -> tuple[Estimate, ...]:
     """Return estimates with the note that the sign of those of the names is not verified, if they are not invalid."""
     return tuple(

@@ -75,6 +75,10 @@ class TrustCode(Codes):
     )
 
     # Of the lateral axis
+    LATERAL_AXIS_REVERSED = Code(
+        "the lateral axis points to the right, or the positions are not as stated: in curves the wheel rolls faster "
+        "than {other} where the axis says that it is the inner one"
+    )
     LATERAL_SIGN_UNVERIFIED = Code("the sign is not verified (state lateral_is_left of the mounting)")
     LATERAL_SLIP_APART = Code(
         "slips to the other side than {other} in {opposite:.0f} revolutions and to the same side in {same:.0f}: the "

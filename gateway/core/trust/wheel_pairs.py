@@ -6,7 +6,8 @@ whenever the other slips to the left has a lateral axis that points the other wa
 
 Both wheels roll the same way but in a curve, where speeds that differ by a share d at the speed v mean a lateral
 acceleration of d v^2 over the track. What no curve explains is a belt radius or a rate that is not as stated, until the
-speeds agree within their errors. One wheel alone shows neither.
+speeds agree within their errors. One wheel alone shows neither. Where wheels measure their turn rate, a curve verifies
+the sign of their lateral axes (`gateway.core.trust.lateral_signs`).
 
 `gateway.core.trust.axis_lags` compares the axes of all wheels.
 
@@ -31,13 +32,14 @@ from gateway.core.quantity_catalogue import declared
 from gateway.core.reasons import Reason
 from gateway.core.trust.axis_lags import ALARM as AXIS_LAG
 from gateway.core.trust.axis_lags import AxisLags
-from gateway.core.trust.qualification import provisional_where
+from gateway.core.trust.lateral_signs import TURN_RATE, LateralSign
+from gateway.core.trust.qualification import provisional_where, verified
 from gateway.core.trust.reasons import TrustCode
 from gateway.core.trust.signal_evidence import Contradiction, Evidence, Subject
 from gateway.core.wheel_position import right_of
 
 ALARM: Final = "lateral axis"
-"""Name of the alarm of a pair that slips to opposite sides."""
+"""Name of the alarm of an axis that points to the right, and of a pair that slips to opposite sides."""
 
 ALARMS: Final = frozenset({ALARM, AXIS_LAG, str(Subject.WHEEL_SPEED)})
 """Names of the alarms of wheels that are compared."""
@@ -61,7 +63,7 @@ _CHANGES: Final = 256
 
 
 class _Turn(NamedTuple):
-    """A revolution of one wheel: end, middle and half of its period, ns, direction of its slip, and rolling speed."""
+    """A revolution of one wheel: end, middle and half of its period, ns, direction of its slip, speed and turn rate."""
 
     end_ns: float
     middle_ns: float
@@ -69,6 +71,7 @@ class _Turn(NamedTuple):
     direction: float
     speed_mps: float
     speed_std: float
+    rate_radps: float
 
 
 class _Both(NamedTuple):
@@ -79,12 +82,14 @@ class _Both(NamedTuple):
     ratio: float
     speed_mps: float
     std: float
+    rates_radps: tuple[float, float]
 
 
 class _Verdict(NamedTuple):
     """What is known from a time on: pairs of revolutions that slip apart and together, and the ratio of the speeds.
 
-    The counts are 0 where the slip says nothing, the ratio NaN where the speeds do not.
+    The counts are 0 where the slip says nothing, the ratio NaN where the speeds do not. Signs are those of the lateral
+    axes, left and right, as `LateralSign` has them.
     """
 
     at_ns: float = -math.inf
@@ -92,10 +97,11 @@ class _Verdict(NamedTuple):
     same: int = 0
     ratio: float = math.nan
     std: float = math.nan
+    signs: tuple[int, int] = (0, 0)
 
     @property
-    def says(self) -> tuple[bool, bool]:
-        return self.opposite > 0, math.isfinite(self.ratio)
+    def says(self) -> tuple[bool, bool, tuple[int, int]]:
+        return self.opposite > 0, math.isfinite(self.ratio), self.signs
 
     def reason_of_slip(self, other: str) -> Reason:
         return Reason(TrustCode.LATERAL_SLIP_APART, other=other, opposite=self.opposite, same=self.same)
@@ -136,6 +142,7 @@ class _Pair:
         speeds: latest pairs of revolutions without faults.
         compared: how many there were.
         apart: ratio of the speeds and its error where they are apart, NaN where they are not.
+        signs: of the lateral axes, by side.
         verdicts: each from its time on.
     """
 
@@ -149,6 +156,7 @@ class _Pair:
     speeds: deque[_Both] = field(default_factory=lambda: deque(maxlen=_COMPARED))
     compared: int = 0
     apart: tuple[float, float] = _NOT_APART
+    signs: tuple[LateralSign, LateralSign] = field(default_factory=lambda: (LateralSign(), LateralSign()))
     verdicts: deque[_Verdict] = field(default_factory=lambda: deque((_NOTHING,), maxlen=_CHANGES))
 
     def take(self, side: int, turn: _Turn) -> None:
@@ -165,6 +173,7 @@ class _Pair:
                     right.speed_mps / left.speed_mps,
                     left.speed_mps,
                     math.hypot(left.speed_std, right.speed_std),
+                    (left.rate_radps, right.rate_radps),
                 )
                 bisect.insort(self.both, both)
         self.waiting[side].append(turn)
@@ -177,6 +186,8 @@ class _Pair:
         self.same += both.side > 0.0
         self.opposite += both.side < 0.0
         if math.isfinite(both.ratio):
+            for sign, rate in zip(self.signs, both.rates_radps, strict=True):
+                sign.take(rate, both.speed_mps, both.ratio)
             self.speeds.append(both)
             self.compared += 1
             if self.compared % _EVERY == 0:
@@ -185,7 +196,8 @@ class _Pair:
         slips_apart = count >= _LEAST and self.opposite > _OPPOSITE * count
         last = self.verdicts[-1]
         opposite, same = (self.opposite, self.same) if slips_apart else (0, 0)
-        verdict = _Verdict(both.end_ns, opposite, same, *self.apart)
+        signs = self.signs[0].sign, self.signs[1].sign
+        verdict = _Verdict(both.end_ns, opposite, same, *self.apart, signs)
         if verdict.says != last.says:
             self.verdicts.append(verdict)
 
@@ -258,6 +270,7 @@ class WheelPairs:
                 0.0 if math.isnan(direction) else direction,
                 math.nan if revolution.faults else conditions.radius_m * revolution.omega_radps,
                 math.hypot(conditions.radius_std_m / conditions.radius_m, conditions.claims.rate_std),
+                next((e.value for e in result.estimates if e.name == TURN_RATE), math.nan),
             )
             self._pairs.setdefault(right or result.position, _Pair()).take(int(right is None), turn)
 
@@ -274,11 +287,15 @@ class WheelPairs:
         self._at_ns[right] = max(self._at_ns.get(right, -math.inf), result.host_ns)
         is_changed |= pair.verdict(self._at_ns[right]).says != before
         verdict = pair.verdict(known_ns)
-        if not any(verdict.says):
+        slips_apart, rolls_apart, signs = verdict.says
+        if not (slips_apart or rolls_apart or any(signs)):
             return result, is_changed
         is_right = result.position == right
         other, estimates = left if is_right else right, result.estimates
-        slips_apart, rolls_apart = verdict.says
+        if signs[is_right] > 0:
+            estimates = verified(estimates)
+        elif signs[is_right] < 0:
+            estimates = provisional_where(estimates, Basis.SIGN, Reason(TrustCode.LATERAL_AXIS_REVERSED, other=other))
         if slips_apart:
             estimates = provisional_where(estimates, Basis.SIGN, verdict.reason_of_slip(other))
         if rolls_apart:
@@ -293,9 +310,11 @@ class WheelPairs:
         yield from self._axis_lags.alarms()
         for right, left in self._lefts.items():
             verdict = self._pairs[right].verdict(self._at_ns.get(right, -math.inf))
-            slips_apart, rolls_apart = verdict.says
-            for position, other in ((left, right), (right, left)):
-                if slips_apart:
+            slips_apart, rolls_apart, signs = verdict.says
+            for position, other, sign in ((left, right, signs[0]), (right, left, signs[1])):
+                if sign < 0:
+                    yield Alarm(position, ALARM, Reason(TrustCode.LATERAL_AXIS_REVERSED, other=other))
+                elif slips_apart:
                     yield Alarm(position, ALARM, verdict.reason_of_slip(other))
                 if rolls_apart:
                     contradiction = verdict.contradiction(other, is_right=position == right)

@@ -1,0 +1,87 @@
+"""The sign of lateral axes by the outer wheel of a curve, which rolls faster."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gateway.core.estimates.estimator import Estimate, Status, TireConditions
+from gateway.core.estimates.results import RevolutionResult
+from gateway.core.reasons import Reason
+from gateway.core.trust.lateral_signs import TURN_RATE, LateralSign
+from gateway.core.trust.reasons import TrustCode
+from gateway.core.trust.wheel_pairs import ALARM, WheelPairs
+from tests.testkit.exact_ring import solution
+from tests.testkit.revolution_data import exact_wave, make_revolution
+
+REVOLUTION = make_revolution(exact_wave(solution()))
+RADIUS_M, TRACK_M = 0.32, 1.55
+SPEED_MPS = RADIUS_M * REVOLUTION.omega_radps
+NOTE = Reason(TrustCode.LATERAL_SIGN_UNVERIFIED)
+# Straights and a curve to the left of 0.1 g for 3 s.
+CURVE = np.concatenate([np.zeros(60), np.full(round(3.0 / REVOLUTION.period_s), 0.98 / SPEED_MPS), np.zeros(160)])
+
+
+def results(position: str, rates_radps: np.ndarray, axis: float, lever_m: float, seed: int) -> list[RevolutionResult]:
+    """Return revolutions of a wheel `lever_m` to the right, whose axis reads the turn rate times `axis`."""
+    rng = np.random.default_rng(seed)
+    read = axis * rates_radps + rng.normal(0.0, 0.006, len(rates_radps)) + 0.004
+    speeds = 0.995 * (SPEED_MPS + rates_radps * lever_m) * (1.0 + rng.normal(0.0, 5e-4, len(rates_radps)))
+    return [
+        RevolutionResult(
+            position,
+            round(1e9 * (index + 1) * REVOLUTION.period_s),
+            replace(REVOLUTION, omega_radps=float(speed) / RADIUS_M),
+            TireConditions(RADIUS_M, radius_std_m=0.003 * RADIUS_M),
+            (
+                Estimate("ply_steer_peak_rad", 0.01, 0.001, Status.VALID, (NOTE,)),
+                Estimate(TURN_RATE, float(rate), 0.01, Status.VALID),
+            ),
+        )
+        for index, (rate, speed) in enumerate(zip(read, speeds, strict=True))
+    ]
+
+
+def judged(
+    rates_radps: np.ndarray, left_axis: float, right_axis: float
+) -> tuple[dict[str, set[Reason]], dict[str, Status], WheelPairs]:
+    """Return reasons and status of the ply steer of the last revolution of either wheel, and the comparison."""
+    pairs = WheelPairs()
+    taken = [
+        *results("FL", rates_radps, left_axis, -0.5 * TRACK_M, 1),
+        *results("FR", rates_radps, right_axis, 0.5 * TRACK_M, 2),
+    ]
+    reasons, statuses = {}, {}
+    for result, _ in pairs.compared(taken):
+        reasons[result.position] = set(result.estimates[0].reasons)
+        statuses[result.position] = result.estimates[0].status
+    return reasons, statuses, pairs
+
+
+@pytest.mark.parametrize("rates_radps", [CURVE, -CURVE])
+def test_first_curve_verifies_the_sign_of_both_axes(rates_radps: np.ndarray) -> None:
+    reasons, _, pairs = judged(rates_radps, 1.0, 1.0)
+    assert reasons == {"FL": set(), "FR": set()}
+    assert list(pairs.alarms()) == []
+
+
+def test_axis_that_points_to_the_right_is_an_alarm_at_its_wheel() -> None:
+    reasons, statuses, pairs = judged(CURVE, 1.0, -1.0)
+    assert reasons["FL"] == set()
+    assert reasons["FR"] == {NOTE, Reason(TrustCode.LATERAL_AXIS_REVERSED, other="FL")}
+    assert statuses == {"FL": Status.VALID, "FR": Status.PROVISIONAL}
+    assert [(alarm.position, alarm.name) for alarm in pairs.alarms()] == [("FR", ALARM)]
+
+
+def test_straights_say_nothing_of_the_sign() -> None:
+    reasons, _, _ = judged(np.zeros(len(CURVE)), 1.0, -1.0)
+    assert reasons == {"FL": {NOTE}, "FR": {NOTE}}
+
+
+def test_rates_without_a_difference_of_speeds_say_nothing() -> None:
+    rng = np.random.default_rng(3)
+    sign = LateralSign()
+    for rate in rng.normal(0.0, 0.1, 400):
+        sign.take(float(rate), 18.0, 1.0 + float(rng.normal(0.0, 1e-3)))
+    sign.take(float("nan"), 18.0, 1.0)
+    assert sign.sign == 0
