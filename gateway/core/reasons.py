@@ -11,7 +11,7 @@ a series of trends.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, TypeAlias
@@ -26,17 +26,19 @@ class Code:
 
     Attributes:
         text_template: text with the values it needs. Only `gateway.core.text.wording` fills it.
+        words: templates of the values that are one of a few kinds, by the value's name and the kind.
         name: of the attribute of its room's `Codes`.
         codes: that class.
     """
 
-    __slots__ = ("codes", "name", "text_template")
+    __slots__ = ("codes", "name", "text_template", "words")
 
     name: str
     codes: type[Codes]
 
-    def __init__(self, text_template: str) -> None:
+    def __init__(self, text_template: str, **words: Mapping[str, str]) -> None:
         self.text_template = text_template
+        self.words = words
 
     def __str__(self) -> str:
         return self.name.lower()

@@ -63,7 +63,7 @@ def _stated(
     if vehicle is not None and wheel is not None:
         radius_m = vehicle.tire_of(wheel).radius_m
         if radius_m is not None:
-            yield Quantity.RADIUS, Reason(DiagnosisCode.STATED_RADIUS, radius_m=radius_m, source=source)
+            yield Quantity.RADIUS, Reason(DiagnosisCode.STATED, quantity="radius_m", value=radius_m, source=source)
         loads_n = [group.conditions.load_n for group in groups if group.load_known]
         if loads_n:
             yield Quantity.LOAD, _stated_load(loads_n, source)
@@ -73,19 +73,22 @@ def _stated(
         yield Quantity.PRESSURE, _stated_pressure(pressures_pa, by)
     mounting = wheel.mounting if wheel is not None else Mounting()
     if mounting.offset_m is not None:
-        yield Quantity.OFFSET, Reason(DiagnosisCode.STATED_OFFSET, offset_m=mounting.offset_m, source=source)
+        yield Quantity.OFFSET, Reason(DiagnosisCode.STATED, quantity="offset_m", value=mounting.offset_m, source=source)
     elif measured_m := [group.declared_offset_m for group in groups if group.conditions.offset_known]:
         by = Reason(CoreCode.FROM_SENSOR)
         yield (
             Quantity.OFFSET,
-            Reason(DiagnosisCode.STATED_OFFSET, offset_m=sum(measured_m) / len(measured_m), source=by),
+            Reason(DiagnosisCode.STATED, quantity="offset_m", value=sum(measured_m) / len(measured_m), source=by),
         )
     if mounting.roll_deg:
-        yield Quantity.ROLL, Reason(DiagnosisCode.STATED_ROLL, roll_rad=math.radians(mounting.roll_deg), source=source)
+        yield (
+            Quantity.ROLL,
+            Reason(DiagnosisCode.STATED, quantity="roll_rad", value=math.radians(mounting.roll_deg), source=source),
+        )
     if mounting.pitch_deg:
         yield (
             Quantity.PITCH,
-            Reason(DiagnosisCode.STATED_PITCH, pitch_rad=math.radians(mounting.pitch_deg), source=source),
+            Reason(DiagnosisCode.STATED, quantity="pitch_rad", value=math.radians(mounting.pitch_deg), source=source),
         )
 
 
@@ -93,16 +96,16 @@ def _stated_load(loads_n: Sequence[float], source: Reason) -> Reason:
     """Return the stated load to 1 N, so that recordings of one load agree whatever the rounding of their means."""
     low_n, high_n = float(round(min(loads_n))), float(round(max(loads_n)))
     if low_n == high_n:
-        return Reason(DiagnosisCode.STATED_LOAD, load_n=low_n, source=source)
-    return Reason(DiagnosisCode.STATED_LOAD_RANGE, low_n=low_n, high_n=high_n, source=source)
+        return Reason(DiagnosisCode.STATED, quantity="load_n", value=low_n, source=source)
+    return Reason(DiagnosisCode.STATED_RANGE, quantity="load_n", low=low_n, high=high_n, source=source)
 
 
 def _stated_pressure(pressures_pa: Sequence[float], source: Reason) -> Reason:
     """Return the pressure to 1 kPa, for the same reason."""
     low_pa, high_pa = round(min(pressures_pa) * 1e-3) * 1e3, round(max(pressures_pa) * 1e-3) * 1e3
     if low_pa == high_pa:
-        return Reason(DiagnosisCode.STATED_PRESSURE, pressure_pa=low_pa, source=source)
-    return Reason(DiagnosisCode.STATED_PRESSURE_RANGE, low_pa=low_pa, high_pa=high_pa, source=source)
+        return Reason(DiagnosisCode.STATED, quantity="pressure_pa", value=low_pa, source=source)
+    return Reason(DiagnosisCode.STATED_RANGE, quantity="pressure_pa", low=low_pa, high=high_pa, source=source)
 
 
 def _assumed(vehicle: VehicleConfig | None, wheel: Wheel | None, groups: Sequence[Group]) -> Iterator[Remark]:

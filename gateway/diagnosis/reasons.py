@@ -63,14 +63,24 @@ class DiagnosisCode(Codes):
     ASSUMED_PRESSURE = Code("pressure {pressure_pa:.0f kPa} (neither stated nor measured)")
     ASSUMED_TEMPERATURE = Code("temperature steady (neither stated nor measured)")
     OF_RECORDINGS = Code("{statement}: {recordings}")
-    STATED_LOAD = Code("load {load_n:.0f N} ({source})")
-    STATED_LOAD_RANGE = Code("load {low_n:.0f} to {high_n:.0f N} ({source})")
-    STATED_OFFSET = Code("mounting offset {offset_m:z.1f mm} below the neutral layer ({source})")
-    STATED_PITCH = Code("mounting pitch {pitch_rad:g deg} ({source})")
-    STATED_PRESSURE = Code("pressure {pressure_pa:.0f kPa} ({source})")
-    STATED_PRESSURE_RANGE = Code("pressure {low_pa:.0f} to {high_pa:.0f kPa} ({source})")
-    STATED_RADIUS = Code("belt radius {radius_m:g mm} ({source})")
-    STATED_ROLL = Code("mounting roll {roll_rad:g deg} ({source})")
+    STATED = Code(
+        "{quantity} ({source})",
+        quantity={
+            "load_n": "load {value:.0f N}",
+            "offset_m": "mounting offset {value:z.1f mm} below the neutral layer",
+            "pitch_rad": "mounting pitch {value:g deg}",
+            "pressure_pa": "pressure {value:.0f kPa}",
+            "radius_m": "belt radius {value:g mm}",
+            "roll_rad": "mounting roll {value:g deg}",
+        },
+    )
+    STATED_RANGE = Code(
+        "{quantity} ({source})",
+        quantity={
+            "load_n": "load {low:.0f} to {high:.0f N}",
+            "pressure_pa": "pressure {low:.0f kPa} to {high:.0f kPa}",
+        },
+    )
 
     # Diagnosis: effects that are not identified
     IMPLAUSIBLE_PARAMETER = Code(
@@ -141,11 +151,9 @@ class DiagnosisCode(Codes):
     UNTESTED_ELSEWHERE = Code("no recording of another speed, load or pressure can test it")
 
     # Diagnosis: deciding recordings
-    RECORD_AT_SPEED = Code("record again at {speed_ratio:g} times the speed")
+    RECORD_AT = Code("record again at {ratio:g} times the {quantity}")
     RECORD_REVERSED = Code("record again rolling in the opposite direction")
     RECORD_WARMER = Code("record again with the tire {difference_k:g K} warmer")
-    RECORD_AT_LOAD = Code("record again at {load_ratio:g} times the load")
-    RECORD_AT_PRESSURE = Code("record again at {pressure_ratio:g} times the pressure")
     RECORD_AT_REST = Code(
         "record at rest with the axle level and the tire lifted: the lateral axis then reads the zero-g offset alone"
     )

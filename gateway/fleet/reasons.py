@@ -56,6 +56,10 @@ class FleetCode(Codes):
         "no recording has a revolution: the wheel stood still, or the sensor sent no usable signal"
     )
     TREND_NO_VALUES = Code("no recording has a value: {why}")
+    TREND_NOT_MEASURED = Code(
+        "no sensor has sent a {quantity}",
+        quantity={"temperature": "temperature, which the comparison of pressures needs"},
+    )
     TREND_NOW_SINCE = Code("by the {count} recordings since {date}, which have left the earlier trend")
     TREND_OUTLIERS_LEFT_OUT = Code("outliers left out: {count}")
     TREND_PASSED = Code(
@@ -69,7 +73,6 @@ class FleetCode(Codes):
     TREND_PRESSURE_FELL = Code(
         "the pressure has fallen by {fall_pa:.0f kPa} ± {std_pa:.1g kPa} in {span_s:.1f h}: {first} to {last}"
     )
-    TREND_PRESSURE_NOT_MEASURED = Code("no sensor has sent a pressure")
     TREND_PRESSURE_STUCK = Code(
         "sensor: the pressure is {pressure_pa:.1f kPa} in {count} recordings from {first} to {last}, while the "
         "temperature varies: it is stuck, and left out of the trends"
@@ -111,7 +114,14 @@ class FleetCode(Codes):
     TREND_SPEED_WITH_TIME = Code(
         "the speed changes with the time, so that the influences of the two cannot be separated"
     )
-    TREND_STATED_CALIBRATION = Code("the stated [tire.load_calibration] changed on {date}: no change of the load")
+    TREND_STATED_CHANGED = Code(
+        "the stated {statement} changed on {date}: no change of the {what}",
+        statement={
+            "calibration": "[tire.load_calibration]",
+            "reference": "[tire.reference]",
+            "thickness": "ring_thickness_mm",
+        },
+    )
     TREND_STATED_LEVELS = Code(
         "changes of what is stated of the tire, before and after which the levels are fitted apart: {count}"
     )
@@ -121,8 +131,6 @@ class FleetCode(Codes):
     TREND_STATED_RADIUS = Code(
         "the stated belt radius changed on {date}, from {before_m:.1f mm} to {after_m:.1f mm}: no change of the tire"
     )
-    TREND_STATED_REFERENCE = Code("the stated [tire.reference] changed on {date}: no change of the tire")
-    TREND_STATED_THICKNESS = Code("the stated ring_thickness_mm changed on {date}: no change of the tire")
     TREND_STEPS = Code("steps that are fitted and left out of the trend: {count}")
     TREND_STIFFNESS_DRIFTS = Code("{name} changes by {share:.2%} ± {std:.2%} a month")
     TREND_TEMPERATURE_CONSTANT = Code("the temperature varies too little, or is not known")
@@ -134,7 +142,6 @@ class FleetCode(Codes):
         "the temperature is {temperature_degc:.1f} °C in all {count} recordings: if the sensor is stuck, the pressure "
         "of a colder season looks like a loss"
     )
-    TREND_TEMPERATURE_UNKNOWN = Code("no sensor has sent a temperature, which the comparison of pressures needs")
     TREND_TOO_FEW = Code("{count} recordings with a value, {needed} are needed")
     TREND_TIRE_MOVED = Code(
         "came from {origin} to {target}, first recorded there on {date}; each wheel has a trend of its own"

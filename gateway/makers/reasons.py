@@ -20,34 +20,35 @@ class FirmwareCode(Codes):
         "the {samples} samples from number {first} are those from number {earlier} again, noise included: a buffer was "
         "sent before it was filled"
     )
-    BOOT_COUNT_GOES_BACK = Code(
-        "the hub has restarted, and boot_count went from {before:.0f} back to {after:.0f}: it must be higher after "
-        "every start"
-    )
-    BOOT_COUNT_STANDS = Code(
-        "the hub has restarted, but boot_count is {after:.0f} as before: count every start, where it survives a "
-        "loss of power"
+    BOOT_COUNT_NOT_HIGHER = Code(
+        "the hub has restarted, but boot_count went from {before:.0f} to {after:.0f}: count every start, where it "
+        "survives a loss of power"
     )
     BYTES_BETWEEN_FRAMES = Code(
         "{bytes} bytes between {frames} frames: frames are sent back to back, with nothing between them"
-    )
-    CHECK_AC_HAS_NO_SCALE = Code(
-        "the sensor is AC-coupled, so that its steady value, and the scale with it, cannot be seen"
     )
     CHECK_AT_REST = Code(
         "the wheel does not roll; at rest its axes read {share:.2f} g together, where 1 g and the zero errors are "
         "expected"
     )
-    CHECK_DOES_NOT_ROLL = Code("the wheel does not roll: roll it, or move the sensor on a turntable, at 10 m/s or more")
     CHECK_FRAMES_LOST = Code(
         "{lost} frames are missing by their counters ({damaged} of them beside damaged bytes), {frames} arrived"
     )
-    CHECK_HUB_TAKES_NO_COMMANDS = Code("the hub answered no command, as one that takes none")
-    CHECK_NO_COMMANDS = Code("no command can be sent: a file, or a source that is only read")
-    CHECK_NO_COMMANDS_WANTED = Code("commands were left out, as asked for")
+    CHECK_NOT_DONE = Code(
+        "{why}",
+        why={
+            "ac_has_no_scale": (
+                "the sensor is AC-coupled, so that its steady value, and the scale with it, cannot be seen"
+            ),
+            "does_not_roll": "the wheel does not roll: roll it, or move the sensor on a turntable, at 10 m/s or more",
+            "hub_takes_no_commands": "the hub answered no command, as one that takes none",
+            "no_commands": "no command can be sent: a file, or a source that is only read",
+            "no_commands_wanted": "commands were left out, as asked for",
+            "no_radial_axis": "the sensor has no radial axis",
+            "stopped_early": "the check ended before it came to this: give it more time with --for",
+        },
+    )
     CHECK_NO_KEY = Code("there is no key of {identity}: give --keys FILE")
-    CHECK_NO_RADIAL_AXIS = Code("the sensor has no radial axis")
-    CHECK_STOPPED_EARLY = Code("the check ended before it came to this: give it more time with --for")
     CHECK_TOO_SHORT = Code("{duration_s:.1f s} are too short: {needed_s:g s} are needed")
     COMMAND_ANSWERED_DAMAGED = Code("a command with a wrong CRC was answered: it must be dropped without an answer")
     COMMAND_ANSWER_LATE = Code("no answer to {command} within {waited_s:g s}, although the hub answers commands")
@@ -62,29 +63,40 @@ class FirmwareCode(Codes):
         "counts jump by the whole range, and are smooth with the highest bit inverted: they are offset binary; "
         "int16 is two's complement"
     )
-    CRC_ALWAYS_ZERO = Code("always 0")
-    CRC_BIG_ENDIAN = Code("big endian")
-    CRC_BZIP2 = Code("not reflected (CRC-32/BZIP2)")
-    CRC_CASTAGNOLI = Code("CRC-32C (Castagnoli)")
-    CRC_FROM_ZERO = Code("with the initial value 0")
-    CRC_FROM_ZERO_NOT_INVERTED = Code("with the initial value 0 and without the final inversion")
-    CRC_MPEG2 = Code("not reflected (CRC-32/MPEG-2)")
-    CRC_NOT_INVERTED = Code("without the final inversion")
-    CRC_OF_HEADER = Code("over the header only")
-    CRC_OF_PAYLOAD = Code("over the payload only")
-    CRC_OF_WORDS = Code("not reflected, over words (the default of an STM32's CRC unit)")
-    CRC_WITHOUT_SYNC = Code("without the sync")
     DROPS_NOT_NUMBERED = Code(
         "frames_dropped rose by {dropped:.0f}, but only {missing:.0f} numbers are missing: a frame that cannot be "
         "sent must use its number"
     )
-    FRAME_CRC_VARIANT = Code("the CRC of the frames is {how}: CRC-32 of zlib over all bytes before it, little endian")
+    FRAME_CRC_VARIANT = Code(
+        "the CRC of the frames is {how}: CRC-32 of zlib over all bytes before it, little endian",
+        how={
+            "always_zero": "always 0",
+            "big_endian": "big endian",
+            "bzip2": "not reflected (CRC-32/BZIP2)",
+            "castagnoli": "CRC-32C (Castagnoli)",
+            "from_zero": "with the initial value 0",
+            "from_zero_not_inverted": "with the initial value 0 and without the final inversion",
+            "mpeg2": "not reflected (CRC-32/MPEG-2)",
+            "not_inverted": "without the final inversion",
+            "of_header": "over the header only",
+            "of_payload": "over the payload only",
+            "of_words": "not reflected, over words (the default of an STM32's CRC unit)",
+            "without_sync": "without the sync",
+        },
+    )
     FRAME_CRC_WRONG = Code(
         "frames start, but the CRC of none is right: CRC-32 of zlib over all bytes before it, little endian "
         "(`treadlink protocol vectors`)"
     )
     FRAME_FLAGS_UNKNOWN = Code("flags are {flags}: only bit 0 is defined, all others are 0")
-    FRAME_LENGTH_COUNTS = Code("length counts {how}: it is that of the payload alone")
+    FRAME_LENGTH_COUNTS = Code(
+        "length counts {how}: it is that of the payload alone",
+        how={
+            "frame": "header, payload and CRC",
+            "with_crc": "payload and CRC",
+            "with_header": "header and payload",
+        },
+    )
     FRAME_TYPE_UNKNOWN = Code("type {type} is not defined")
     FRAME_VERSION_WRONG = Code(
         "the version byte is {version}: 0x10, the version in which the layout of the frame appeared"
@@ -92,9 +104,6 @@ class FirmwareCode(Codes):
     FRAME_WITHOUT_TAG = Code("bit 0 of flags is set, but the payload has no room for a tag")
     HELLO_ABSENT_AXES_FILLED = Code("range, scale and zero of axes that the mask lacks should be 0: {axes}")
     HELLO_OTHER_MAJOR = Code("HELLO states protocol {major}.{minor}, its frame 1.0")
-    LENGTH_OF_FRAME = Code("header, payload and CRC")
-    LENGTH_WITH_CRC = Code("payload and CRC")
-    LENGTH_WITH_HEADER = Code("header and payload")
     LINK_NEARLY_FULL = Code(
         "the samples take {needed:.0f} bytes/s, {share:.0%} of the {capacity:.0f} bytes/s that the link carries"
     )
@@ -102,8 +111,7 @@ class FirmwareCode(Codes):
     LOG_LEVEL_RESERVED = Code("log level {level} is reserved")
     LOG_NOT_UTF8 = Code("a log text is not UTF-8")
     LOG_TOO_OFTEN = Code("{lines} log texts within a second, at most 10 are allowed")
-    MESSAGE_TOO_OFTEN = Code("{type} came {count} times in {span_s:.1f s}, {due:.0f} are due")
-    MESSAGE_TOO_RARE = Code("{type} came {count} times in {span_s:.1f s}, {due:.0f} are due")
+    MESSAGE_RATE_WRONG = Code("{type} came {count} times in {span_s:.1f s}, {due:.0f} are due")
     PAYLOAD_LENGTH_WRONG = Code(
         "the payload of {type} has {length} bytes, its layout {layout}: a C struct must be packed"
     )
@@ -114,8 +122,10 @@ class FirmwareCode(Codes):
     )
     SAMPLES_BEFORE_HELLO = Code("SAMPLES come before the first HELLO of the wheel")
     SAMPLES_DROPPED_BY_HUB = Code("the hub has dropped {holes:.0f} samples, as first_sample and HUB_STATUS say")
-    SAMPLES_NOT_STARTED = Code("no SAMPLES within {waited_s:g s} after SET_STREAM 1 was done")
-    SAMPLES_NOT_STOPPED = Code("SAMPLES still come {waited_s:g s} after SET_STREAM 0 was done")
+    SAMPLES_NOT_SWITCHED = Code(
+        "{state} {waited_s:g s} after SET_STREAM was done",
+        state={"on": "no SAMPLES within", "off": "SAMPLES still come"},
+    )
     SAMPLE_NUMBERS_HOLES = Code(
         "first_sample leaves out {holes:.0f} samples, but no frame is missing and samples_dropped of HUB_STATUS "
         "does not rise"

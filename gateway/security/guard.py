@@ -36,15 +36,6 @@ _REPEAT_FACTOR: Final = 100
 _EARLY_FRAMES: Final = 1000
 
 
-_CODES: Final = {
-    Verdict.UNSIGNED: SecurityCode.FRAME_UNSIGNED,
-    Verdict.FORGED: SecurityCode.FRAME_WRONG_TAG,
-    Verdict.REPLAYED: SecurityCode.FRAME_REPLAYED,
-    Verdict.TOO_LATE: SecurityCode.FRAME_LATE,
-    Verdict.EARLY: SecurityCode.FRAME_BEFORE_HELLO,
-}
-
-
 class ConfiguredWheel(NamedTuple):
     """A wheel of the configuration.
 
@@ -151,10 +142,11 @@ class Guard:
         self._check_values = {identity: key.check_value() for identity, key in keys.items()}
         self._notices: list[Notice] = []
         self._gates: dict[str, LinkGate] = {}
-        missing = SecurityCode.KEY_MISSING_FRAMES_IGNORED if requires else SecurityCode.KEY_MISSING_FRAMES_NOT_VERIFIED
+        frames = "ignored" if requires else "not_verified"
         for configured in wheels.values():
             if configured.sensor is not None and configured.sensor not in keys:
-                self.report(Notice(configured.position, Reason(missing, sensor=configured.sensor), Level.WARNING))
+                missing = Reason(SecurityCode.KEY_MISSING, sensor=configured.sensor, frames=frames)
+                self.report(Notice(configured.position, missing, Level.WARNING))
 
     def gate(self, link: str) -> LinkGate:
         """Return the gate of a link, one per name."""
@@ -384,7 +376,7 @@ class _RefusalReports:
         if verdict is Verdict.NO_KEY:
             return Reason(SecurityCode.FRAME_NO_KEY, signer=_signer(claimed), count=count, consequence=consequence)
         if verdict is not Verdict.NOT_ADMITTED:
-            return Reason(_CODES[verdict], count=count, consequence=consequence)
+            return Reason(SecurityCode.FRAME_NOT_TRUSTED, fault=str(verdict), count=count, consequence=consequence)
         sensor = claimed or ""
         owner = self._guard.owners.get(sensor)
         if owner is not None:

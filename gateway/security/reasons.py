@@ -12,33 +12,33 @@ class SecurityCode(Codes):
     # Security
     FRAMES_IGNORED = Code("ignored, but recorded")
     FRAMES_USED = Code("not refused for that (policy warn)")
-    FRAME_BEFORE_HELLO = Code("signed frames arrive, but no verified hello ({count} so far); {consequence}")
     FRAME_EARLIER_START = Code(
         "{signer} sends under boot count {start}, but {latest} was accepted before ({count} frames so far): an old "
         "recording is replayed, or the hub was replaced or has lost its boot count. If the hub is yours, set its boot "
         "count above {latest}, or give a new key: treadlink keys new {identity} --replace; {consequence}"
     )
-    FRAME_LATE = Code(
-        "a frame arrived long after later ones ({count} so far): a recording of the sensor may be replayed; "
-        "{consequence}"
+    FRAME_NOT_TRUSTED = Code(
+        "{fault}; {consequence}",
+        fault={
+            "too late": (
+                "a frame arrived long after later ones ({count} so far): a recording of the sensor may be replayed"
+            ),
+            "before hello": "signed frames arrive, but no verified hello ({count} so far)",
+            "replayed": "a frame arrived twice ({count} so far): a recording of the sensor may be replayed",
+            "unsigned": "a frame is not signed ({count} so far): anyone could have sent it",
+            "wrong tag": (
+                "a signed frame has a wrong tag ({count} so far): forged, from an earlier start, or signed with "
+                "another key"
+            ),
+        },
     )
     FRAME_NO_KEY = Code(
         "frames are signed by {signer}, whose key is missing ({count} so far); `treadlink keys import` admits "
         "it; {consequence}"
     )
-    FRAME_REPLAYED = Code(
-        "a frame arrived twice ({count} so far): a recording of the sensor may be replayed; {consequence}"
-    )
-    FRAME_UNSIGNED = Code("a frame is not signed ({count} so far): anyone could have sent it; {consequence}")
-    FRAME_WRONG_TAG = Code(
-        "a signed frame has a wrong tag ({count} so far): forged, from an earlier start, or signed with another "
-        "key; {consequence}"
-    )
-    KEY_MISSING_FRAMES_IGNORED = Code(
-        "no key for sensor {sensor}: its frames will be ignored; add its key with `treadlink keys import`"
-    )
-    KEY_MISSING_FRAMES_NOT_VERIFIED = Code(
-        "no key for sensor {sensor}: its frames cannot be verified; add its key with `treadlink keys import`"
+    KEY_MISSING = Code(
+        "no key for sensor {sensor}: its frames {frames}; add its key with `treadlink keys import`",
+        frames={"ignored": "will be ignored", "not_verified": "cannot be verified"},
     )
     NO_KEYS = Code("the policy is to verify frames, but '{file}' has no key: import keys with `treadlink keys import`")
     SENSOR_NOT_ADMITTED = Code(

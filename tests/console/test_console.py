@@ -13,7 +13,7 @@ from gateway.core.estimates.results import Alarm, AlarmRecord
 from gateway.core.reasons import Reason
 from gateway.core.session.reasons import SessionCode
 
-LOAD = Reason(SessionCode.LOAD_ABOVE_LIMIT, load_n=6000.0, limit_n=5000.0)
+LOAD = Reason(SessionCode.VALUE_ABOVE_LIMIT, quantity="load_n", value=6000.0, limit=5000.0)
 
 SIZES = [(80, 24), (120, 40), (200, 60)]
 
@@ -340,7 +340,7 @@ SCRIPT = textwrap.dedent(
     from gateway.core.session.reasons import SessionCode
     from gateway.console.screen import run_console
 
-    LOAD = Reason(SessionCode.LOAD_ABOVE_LIMIT, load_n=6000.0, limit_n=5000.0)
+    LOAD = Reason(SessionCode.VALUE_ABOVE_LIMIT, quantity="load_n", value=6000.0, limit=5000.0)
 
     class Session:
         calls = 0

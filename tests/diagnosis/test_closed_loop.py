@@ -355,8 +355,8 @@ def test_what_differs_is_noted() -> None:
     noted = transfer(stated, other)
     assert [note.code for note in noted.notes[:5]] == [
         CoreCode.EFFECTS_OF_OTHER_SENSOR,
-        RevolutionCode.EFFECTS_OF_OTHER_VEHICLE,
-        RevolutionCode.EFFECTS_OF_OTHER_TIRE,
+        RevolutionCode.EFFECTS_OF_OTHER,
+        RevolutionCode.EFFECTS_OF_OTHER,
         CoreCode.EFFECTS_OF_OTHER_RADIUS,
         CoreCode.EFFECTS_OF_OTHER_OFFSET,
     ]

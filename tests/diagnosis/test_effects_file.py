@@ -196,8 +196,8 @@ class TestBelonging:
         check_effects((TABLE,), other)
         doubts = effects_doubts((TABLE,), other)
         assert [doubt.reason.code for doubt in doubts] == [
-            RevolutionCode.EFFECTS_OF_OTHER_VEHICLE,
-            RevolutionCode.EFFECTS_OF_OTHER_TIRE,
+            RevolutionCode.EFFECTS_OF_OTHER,
+            RevolutionCode.EFFECTS_OF_OTHER,
         ]
         assert {doubt.subject for doubt in doubts} == {"FL"}
         assert effects_notices((TABLE,), other)[1:] == doubts

@@ -47,8 +47,8 @@ from tests.diagnosis.planted_campaign import (
 OMEGA = conditions().omega_radps
 NOISY = 7.0
 SPEED_SQUARED: Callable[[GroupConditions], float] = lambda group_conditions: (group_conditions.omega_radps / OMEGA) ** 2  # noqa: E731
-SLOWER = Reason(DiagnosisCode.RECORD_AT_SPEED, speed_ratio=0.25)
-FASTER = Reason(DiagnosisCode.RECORD_AT_SPEED, speed_ratio=1.5)
+SLOWER = Reason(DiagnosisCode.RECORD_AT, quantity="speed", ratio=0.25)
+FASTER = Reason(DiagnosisCode.RECORD_AT, quantity="speed", ratio=1.5)
 REVERSED = Reason(DiagnosisCode.RECORD_REVERSED)
 WARMER = Reason(DiagnosisCode.RECORD_WARMER, difference_k=20.0)
 CASES: list[tuple[Callable[[GroupConditions], float], Reason]] = [
@@ -56,14 +56,17 @@ CASES: list[tuple[Callable[[GroupConditions], float], Reason]] = [
     (SPEED_SQUARED, SLOWER),
     (
         lambda group_conditions: 1.0 if group_conditions.omega_radps != 0.6 * OMEGA else -3.0,
-        Reason(DiagnosisCode.RECORD_AT_SPEED, speed_ratio=0.6),
+        Reason(DiagnosisCode.RECORD_AT, quantity="speed", ratio=0.6),
     ),
     (lambda group_conditions: -1.0 if group_conditions.reverse else 1.0, REVERSED),
     (lambda group_conditions: (group_conditions.temperature_degc - 5.0) / 20.0, WARMER),
-    (lambda group_conditions: group_conditions.load_n / LOAD_N, Reason(DiagnosisCode.RECORD_AT_LOAD, load_ratio=1.4)),
+    (
+        lambda group_conditions: group_conditions.load_n / LOAD_N,
+        Reason(DiagnosisCode.RECORD_AT, quantity="load", ratio=1.4),
+    ),
     (
         lambda group_conditions: group_conditions.pressure_pa / PRESSURE_PA,
-        Reason(DiagnosisCode.RECORD_AT_PRESSURE, pressure_ratio=0.7),
+        Reason(DiagnosisCode.RECORD_AT, quantity="pressure", ratio=0.7),
     ),
 ]
 

@@ -13,7 +13,7 @@ from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.report import findings
 from gateway.diagnosis.report.experiment_design import deciding_recording
 
-AGAIN = Reason(DiagnosisCode.RECORD_AT_SPEED, speed_ratio=1.5)
+AGAIN = Reason(DiagnosisCode.RECORD_AT, quantity="speed", ratio=1.5)
 
 
 def against(confounder: str) -> Reason:

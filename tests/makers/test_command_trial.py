@@ -25,6 +25,7 @@ from firmware_protocol.messages import (
 )
 from firmware_protocol.signing import is_signed, sign
 from gateway.core.links.source import Chunk
+from gateway.core.reasons import Reason
 from gateway.makers.check.clauses import CheckReport, Clause, Verdict
 from gateway.makers.check.command_trial import CLAUSES, CommandTrial
 from gateway.makers.check.firmware_check import FirmwareCheck
@@ -234,14 +235,14 @@ def test_a_hub_that_takes_no_commands_is_not_at_fault() -> None:
     assert set(verdicts(report).values()) == {Verdict.NOT_EXERCISED}
     result = next(result for result in report.clauses if result.clause is Clause.COMMAND_ANSWER)
     assert result.why is not None
-    assert result.why.code is FirmwareCode.CHECK_HUB_TAKES_NO_COMMANDS
+    assert result.why == Reason(FirmwareCode.CHECK_NOT_DONE, why="hub_takes_no_commands")
 
 
 def test_a_check_that_ends_early_says_so() -> None:
     report = tried(RawHub(), seconds=2.0)
     result = next(result for result in report.clauses if result.clause is Clause.COMMAND_RATE)
     assert result.why is not None
-    assert result.why.code is FirmwareCode.CHECK_STOPPED_EARLY
+    assert result.why == Reason(FirmwareCode.CHECK_NOT_DONE, why="stopped_early")
 
 
 def test_a_trial_that_has_ended_waits_for_no_answer() -> None:
@@ -369,4 +370,4 @@ def test_every_wrong_hub_is_named_by_its_clause(make: Callable[[], Hub], clause:
 
 
 # What did not come has no bytes.
-ABSENT = {FirmwareCode.SAMPLES_NOT_STARTED, FirmwareCode.MESSAGE_TOO_RARE, FirmwareCode.SET_RATE_NOT_STATED}
+ABSENT = {FirmwareCode.SAMPLES_NOT_SWITCHED, FirmwareCode.MESSAGE_RATE_WRONG, FirmwareCode.SET_RATE_NOT_STATED}

@@ -155,7 +155,7 @@ def test_no_frames_is_no_pass() -> None:
     report = check([(0.0, b"$GPGGA,123519,4807.038,N\r\n" * 40)])
     assert with_verdict(report, Verdict.FAILED) == {Clause.SYNC}
     assert with_verdict(report, Verdict.PASSED) == set()
-    assert report.clauses[0].findings[0].reason.code is SessionCode.LINE_GPS_RECEIVER
+    assert report.clauses[0].findings[0].reason.code is SessionCode.LINE_NOT_A_HUB
 
 
 def test_the_link_must_carry_the_samples() -> None:

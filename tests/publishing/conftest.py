@@ -16,7 +16,7 @@ from gateway.publishing.sink import Item, PublishedAlarm, PublishedRevolution, P
 from tests.publishing.receivers import PostServer, serving
 from tests.testkit.made_results import made  # noqa: F401 - a fixture
 
-PRESSURE = Reason(SessionCode.PRESSURE_BELOW_LIMIT, pressure_pa=180e3, limit_pa=200e3)
+PRESSURE = Reason(SessionCode.VALUE_BELOW_LIMIT, quantity="pressure_pa", value=180e3, limit=200e3)
 
 
 @pytest.fixture(scope="session")

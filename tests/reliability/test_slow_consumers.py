@@ -10,7 +10,7 @@ from gateway.core.cli.stop_signals import StopRequest
 from gateway.core.clock import ManualClock
 from gateway.core.errors import RecordingError, TreadlinkError
 from gateway.core.links.source import Chunk
-from gateway.core.reasons import Notice
+from gateway.core.reasons import Notice, Reason
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.writer import RecordingWriter
 from gateway.core.session import live as live_module
@@ -52,7 +52,7 @@ def test_disk_stuck_too_long_loses_topics_first(lab, monkeypatch) -> None:
     done = threading.Event()
     live = start(Items(items, before_end=lambda: done.wait(TIMEOUT_S)), vehicle, writer, patient=False)
     notices: list[Notice] = []
-    while not any(notice.reason.code is SessionCode.RECORDING_BEHIND for notice in notices):
+    while not any(notice.reason == Reason(SessionCode.STAGE_BEHIND, stage="recording") for notice in notices):
         notices += live.notices()
         assert not live.wait(0.01)
     results = []
@@ -95,7 +95,7 @@ def test_slow_estimates_do_not_affect_the_recording(lab, tmp_path, monkeypatch) 
     # One batch is in the hands of the core, another one waits.
     assert snapshot.links[0].queue_dropped[Stage.DECODING] >= len(chunks) - 2 * 50 - 1
     assert len(chunks) > 150
-    assert any(notice.reason.code is SessionCode.DECODING_BEHIND for notice in snapshot.notices)
+    assert any(notice.reason == Reason(SessionCode.STAGE_BEHIND, stage="decoding") for notice in snapshot.notices)
     assert link_bytes(RecordingReader(path).items()) == link_bytes(items)
 
 

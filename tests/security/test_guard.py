@@ -316,7 +316,9 @@ def test_policy_warn_passes_and_reports() -> None:
     assert gate(sender.hello())
     assert gate.counts == {Verdict.VERIFIED: 1, Verdict.UNSIGNED: 2}
     (notice,) = watching.take_notices()
-    assert notice.reason == Reason(SecurityCode.FRAME_UNSIGNED, count=1, consequence=Reason(SecurityCode.FRAMES_USED))
+    assert notice.reason == Reason(
+        SecurityCode.FRAME_NOT_TRUSTED, fault="unsigned", count=1, consequence=Reason(SecurityCode.FRAMES_USED)
+    )
 
 
 def test_missing_keys_are_reported_at_the_start() -> None:

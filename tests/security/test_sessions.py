@@ -32,7 +32,7 @@ from gateway.core.session.recording_pass import RecordingPass, open_recording
 from gateway.core.text.wording import notice_text, text
 from gateway.security.cmac import SecurityError
 from gateway.security.freshness import Ledger
-from gateway.security.guard import open_guard
+from gateway.security.guard import Verdict, open_guard
 from gateway.security.key_file import KeyFile, counters_file
 from gateway.security.reasons import SecurityCode
 from tests.testkit.agreement import values_of
@@ -116,8 +116,9 @@ def test_attacker_does_not_change_estimates(signed: tuple[list[Chunk], str], key
     assert link.frames_lost == link.duplicates == link.reordered == 0
     (alarm,) = [alarm for alarm in attacked.snapshot(1.0).alarms if alarm.name == "security"]
     assert "wrong tag" in text(alarm.reason)
-    assert {SecurityCode.FRAME_WRONG_TAG, SecurityCode.FRAME_UNSIGNED} < set(codes_of(warned))
-    assert {SecurityCode.FRAME_REPLAYED, SecurityCode.FRAME_LATE} & set(codes_of(warned))
+    faults = {n.reason["fault"] for n in warned if n.reason.code is SecurityCode.FRAME_NOT_TRUSTED}
+    assert {Verdict.FORGED, Verdict.UNSIGNED} < faults
+    assert {Verdict.REPLAYED, Verdict.TOO_LATE} & faults
     assert not [alarm for alarm in alone.snapshot(1.0).alarms if alarm.name == "security"]
 
 
@@ -223,7 +224,7 @@ def test_missing_keys_stop_estimates_with_a_reason(signed: tuple[list[Chunk], st
     core, results, notices = run(chunks, toml, tmp_path / "none")
     assert results == []
     assert core.snapshot(1.0).links[0].judged.keys() == {"no key", "before hello"}
-    assert codes_of(notices).count(SecurityCode.KEY_MISSING_FRAMES_IGNORED) == 4
+    assert codes_of(notices).count(SecurityCode.KEY_MISSING) == 4
 
 
 @pytest.mark.parametrize("policy", ["off", "warn"])
@@ -234,7 +235,7 @@ def test_other_policies_pass_all_frames(signed: tuple[list[Chunk], str], key_fil
     assert len(results) > 40
     judged = core.snapshot(1.0).links[0].judged
     assert set(judged) == ({"unsigned"} if policy == "warn" else set())
-    assert (SecurityCode.FRAME_UNSIGNED in codes_of(notices)) == (policy == "warn")
+    assert (SecurityCode.FRAME_NOT_TRUSTED in codes_of(notices)) == (policy == "warn")
     assert run(bare, toml, key_file)[1] == []
 
 

@@ -39,7 +39,7 @@ def reasons_markdown() -> str:
                     (
                         code(str(item)),
                         ", ".join(code(name) for name in sorted(fields(item))),
-                        _readable(item.text_template),
+                        "; ".join((_readable(item.text_template), *_kinds(item))),
                     )
                     for item in members
                 ),
@@ -59,6 +59,13 @@ def _sections(codes: type[Codes]) -> Iterator[tuple[str, list[Code]]]:
             members.append(getattr(codes, member[1]))
     if members:
         yield title, members
+
+
+def _kinds(item: Code) -> Iterator[str]:
+    """Yield the texts of the values that are one of a few kinds."""
+    for name, kinds in item.words.items():
+        texts = ", ".join(f"{code(kind)} {_readable(template)}" for kind, template in kinds.items())
+        yield f"*{name}*: {texts}"
 
 
 def _readable(template: str) -> str:

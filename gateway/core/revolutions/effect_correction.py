@@ -117,17 +117,15 @@ class CorrectionTable:
         low, high = self.omega_range_radps
         if not low <= omega_radps <= high:
             speed, slowest, fastest = (omega * self.radius_m for omega in (omega_radps, low, high))
-            return Reason(RevolutionCode.EFFECTS_OUTSIDE_SPEEDS, speed_mps=speed, low_mps=slowest, high_mps=fastest)
+            return _outside("speed_mps", speed, slowest, fastest)
         if load_n is not None and self.load_range_n is not None:
             low, high = self.load_range_n
             if not low <= load_n <= high:
-                return Reason(RevolutionCode.EFFECTS_OUTSIDE_LOADS, load_n=load_n, low_n=low, high_n=high)
+                return _outside("load_n", load_n, low, high)
         if pressure_pa is not None and self.pressure_range_pa is not None:
             low, high = self.pressure_range_pa
             if not low <= pressure_pa <= high:
-                return Reason(
-                    RevolutionCode.EFFECTS_OUTSIDE_PRESSURES, pressure_pa=pressure_pa, low_pa=low, high_pa=high
-                )
+                return _outside("pressure_pa", pressure_pa, low, high)
         return None
 
     def differences(self, signal: CorrectedSignal) -> tuple[Reason, ...]:
@@ -139,11 +137,9 @@ class CorrectionTable:
                 Reason(CoreCode.EFFECTS_OF_OTHER_SENSOR, found_on=f"{expected:08x}", sensor=f"{recorded:08x}")
             )
         if "" not in (signal.vehicle, self.vehicle) and signal.vehicle != self.vehicle:
-            reasons.append(
-                Reason(RevolutionCode.EFFECTS_OF_OTHER_VEHICLE, found_on=self.vehicle, vehicle=signal.vehicle)
-            )
+            reasons.append(_of_other("vehicle", self.vehicle, signal.vehicle))
         if "" not in (signal.tire, self.tire) and signal.tire != self.tire:
-            reasons.append(Reason(RevolutionCode.EFFECTS_OF_OTHER_TIRE, found_on=self.tire, tire=signal.tire))
+            reasons.append(_of_other("tire", self.tire, signal.tire))
         radii_m = [value for value in signal.radii_m if abs(value / self.radius_m - 1.0) > RADIUS_TOLERANCE]
         if radii_m:
             reasons.append(Reason(CoreCode.EFFECTS_OF_OTHER_RADIUS, found_m=self.radius_m, radius_m=max(radii_m)))
@@ -178,3 +174,11 @@ class CorrectionTable:
         spectrum[:, 0] *= 0.0 if ac_coupled else 2.0
         waveform: FloatArray = np.fft.irfft(spectrum, n=GRID_SIZE, axis=-1)
         return waveform
+
+
+def _outside(quantity: str, value: float, low: float, high: float) -> Reason:
+    return Reason(RevolutionCode.EFFECTS_OUTSIDE_RANGE, quantity=quantity, value=value, low=low, high=high)
+
+
+def _of_other(kind: str, found_on: str, name: str) -> Reason:
+    return Reason(RevolutionCode.EFFECTS_OF_OTHER, kind=kind, found_on=found_on, name=name)

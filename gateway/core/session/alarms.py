@@ -206,21 +206,20 @@ class _Limit(NamedTuple, Generic[_Of]):
         name: of its alarm.
         stated: returns the limit, None where none is stated.
         value: returns the present value, None where it is unknown.
-        reason: of the alarm, from value and limit.
-        now: the value alone.
+        quantity: of value and limit, in the alarm's reason.
         is_lower: whether the alarm is below the limit.
     """
 
     name: AlarmName
     stated: Callable[[Thresholds], float | None]
     value: Callable[[_Of], float | None]
-    reason: Callable[[float, float], Reason]
-    now: Callable[[float], Reason]
+    quantity: str
     is_lower: bool = False
 
     def crossed(self, value: float, limit: float, stood: Code | None) -> Reason | None:
         """Return the reason of the alarm, None when there is none; `stood` is that of the alarm that stood before."""
-        reason = self.reason(value, limit)
+        code = SessionCode.VALUE_BELOW_LIMIT if self.is_lower else SessionCode.VALUE_ABOVE_LIMIT
+        reason = Reason(code, quantity=self.quantity, value=value, limit=limit)
         margin = _MARGIN * abs(limit) if stood is reason.code else 0.0
         over = limit - value if self.is_lower else value - limit
         return reason if over > -margin else None
@@ -238,44 +237,38 @@ _WHEEL_LIMITS: Final = (
         AlarmName.PRESSURE,
         lambda limits: limits.pressure_min_pa,
         lambda wheel: wheel.pressure_pa,
-        lambda value, limit: Reason(SessionCode.PRESSURE_BELOW_LIMIT, pressure_pa=value, limit_pa=limit),
-        lambda value: Reason(SessionCode.PRESSURE_NOW, pressure_pa=value),
+        "pressure_pa",
         is_lower=True,
     ),
     _Limit[WheelSnapshot](
         AlarmName.PRESSURE,
         lambda limits: limits.pressure_max_pa,
         lambda wheel: wheel.pressure_pa,
-        lambda value, limit: Reason(SessionCode.PRESSURE_ABOVE_LIMIT, pressure_pa=value, limit_pa=limit),
-        lambda value: Reason(SessionCode.PRESSURE_NOW, pressure_pa=value),
+        "pressure_pa",
     ),
     _Limit[WheelSnapshot](
         AlarmName.TEMPERATURE,
         lambda limits: limits.temperature_max_degc,
         lambda wheel: wheel.temperature_degc,
-        lambda value, limit: Reason(SessionCode.TEMPERATURE_ABOVE_LIMIT, temperature_degc=value, limit_degc=limit),
-        lambda value: Reason(SessionCode.TEMPERATURE_NOW, temperature_degc=value),
+        "temperature_degc",
     ),
     _Limit[WheelSnapshot](
         AlarmName.LOAD,
         lambda limits: limits.load_max_n,
         lambda wheel: wheel.load_n if wheel.silence is None else None,
-        lambda value, limit: Reason(SessionCode.LOAD_ABOVE_LIMIT, load_n=value, limit_n=limit),
-        lambda value: Reason(SessionCode.LOAD_NOW, load_n=value),
+        "load_n",
     ),
     _Limit[WheelSnapshot](
         AlarmName.SPEED,
         lambda limits: limits.speed_max_mps,
         _speed_mps,
-        lambda value, limit: Reason(SessionCode.SPEED_ABOVE_LIMIT, speed_mps=value, limit_mps=limit),
-        lambda value: Reason(SessionCode.SPEED_NOW, speed_mps=value),
+        "speed_mps",
     ),
     _Limit[WheelSnapshot](
         AlarmName.WEAR,
         lambda limits: limits.wear_max_m,
         lambda wheel: wheel.wear_mm.value * 1e-3 if wheel.wear_mm is not None else None,
-        lambda value, limit: Reason(SessionCode.WEAR_ABOVE_LIMIT, wear_m=value, limit_m=limit),
-        lambda value: Reason(SessionCode.WEAR_NOW, wear_m=value),
+        "wear_m",
     ),
 )
 _LINK_LIMITS: Final = (
@@ -283,15 +276,13 @@ _LINK_LIMITS: Final = (
         AlarmName.LOSS,
         lambda limits: limits.frame_loss_max,
         lambda link: link.recent_loss,
-        lambda value, limit: Reason(SessionCode.FRAME_LOSS_ABOVE_LIMIT, share=value, limit=limit),
-        lambda value: Reason(SessionCode.FRAME_LOSS_NOW, share=value),
+        "frame_loss",
     ),
     _Limit[LinkSnapshot](
         AlarmName.BATTERY,
         lambda limits: limits.battery_min_percent / 100.0 if limits.battery_min_percent is not None else None,
         lambda link: link.battery_percent / 100.0 if link.battery_percent is not None else None,
-        lambda value, limit: Reason(SessionCode.BATTERY_BELOW_LIMIT, level=value, limit=limit),
-        lambda value: Reason(SessionCode.BATTERY_NOW, level=value),
+        "battery",
         is_lower=True,
     ),
 )
@@ -313,7 +304,7 @@ def present_values(
 
 def _present(sources: Iterable[tuple[str, _Of, Iterable[_Limit[_Of]]]], limits: Thresholds) -> dict[AlarmKey, Reason]:
     return {
-        (position, kind.name): kind.now(value)
+        (position, kind.name): Reason(SessionCode.VALUE_NOW, quantity=kind.quantity, value=value)
         for position, of, kinds in sources
         for kind, value, _ in _known(of, kinds, limits)
     }

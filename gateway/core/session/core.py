@@ -54,12 +54,6 @@ _WAITING_NOTICES: Final = 8192
 # A link that is silent for this long brings no samples for which its last revolutions could wait.
 _SILENT_NS: Final = 400_000_000
 
-_BEHIND: Final[Mapping[Stage, Code]] = {
-    Stage.RECORDING: SessionCode.RECORDING_BEHIND,
-    Stage.TOPICS: SessionCode.TOPICS_BEHIND,
-    Stage.DECODING: SessionCode.DECODING_BEHIND,
-    Stage.VIEW: SessionCode.VIEW_BEHIND,
-}
 _BAD_EVENTS: Final = (LinkEventKind.LOST, LinkEventKind.RETRYING)
 # Details that cost frames.
 _BAD_DETAILS: Final = (LinkCode.PORT_SHARED, LinkCode.MTU_TOO_SMALL)
@@ -367,7 +361,7 @@ class SessionCore:
                 self._report(link, [Notice(link, refused, Level.ERROR)], self.newest_ns or self._ticked_ns)
                 continue
             level = Level.ERROR if stage in _LOSSES else Level.WARNING
-            self.notify(Notice(link, Reason(_BEHIND[stage]), level))
+            self.notify(Notice(link, Reason(SessionCode.STAGE_BEHIND, stage=stage.name.lower()), level))
         state.queue_dropped = stages
 
     def finish(self) -> list[RevolutionResult]:

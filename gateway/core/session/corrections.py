@@ -117,11 +117,13 @@ def effects_notices(tables: Sequence[CorrectionTable], vehicle: VehicleConfig | 
 
 def _ranges(table: CorrectionTable) -> Iterator[Reason]:
     low, high = (omega_radps * table.radius_m for omega_radps in table.omega_range_radps)
-    yield Reason(SessionCode.SPEED_RANGE, low_mps=low, high_mps=high)
+    yield Reason(SessionCode.VALUE_RANGE, quantity="speed_mps", low=low, high=high)
     if table.load_range_n is not None:
-        yield Reason(SessionCode.LOAD_RANGE, low_n=table.load_range_n[0], high_n=table.load_range_n[1])
+        low, high = table.load_range_n
+        yield Reason(SessionCode.VALUE_RANGE, quantity="load_n", low=low, high=high)
     if table.pressure_range_pa is not None:
-        yield Reason(SessionCode.PRESSURE_RANGE, low_pa=table.pressure_range_pa[0], high_pa=table.pressure_range_pa[1])
+        low, high = table.pressure_range_pa
+        yield Reason(SessionCode.VALUE_RANGE, quantity="pressure_pa", low=low, high=high)
 
 
 def _mm(length_m: Value) -> str:

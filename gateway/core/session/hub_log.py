@@ -9,13 +9,6 @@ from gateway.core.text.recording_topics import log_level
 
 LINES_PER_S: Final = 10
 _SECOND_NS: Final = 1_000_000_000
-_OUTCOMES: Final = {
-    Outcome.UNKNOWN_COMMAND: SessionCode.COMMAND_UNKNOWN,
-    Outcome.VALUE_REFUSED: SessionCode.COMMAND_VALUE_REFUSED,
-    Outcome.FAILED: SessionCode.COMMAND_FAILED,
-    Outcome.NOT_VERIFIED: SessionCode.COMMAND_NOT_VERIFIED,
-    Outcome.REPEATED: SessionCode.COMMAND_REPEATED,
-}
 
 
 class HubLog:
@@ -64,8 +57,7 @@ def refusal(result: CommandResult) -> Reason | None:
     """Return why a hub did not execute a command, None when it did."""
     if result.outcome == Outcome.DONE:
         return None
-    code_of = {outcome.value: code for outcome, code in _OUTCOMES.items()}
-    code = code_of.get(result.outcome)
-    outcome = Reason(SessionCode.COMMAND_OUTCOME, outcome=result.outcome) if code is None else Reason(code)
+    is_defined = result.outcome in set(Outcome)
+    outcome = Outcome(result.outcome).name.lower() if is_defined else f"outcome {result.outcome}"
     name = MessageType(result.command).name if result.command in COMMANDS else f"command {result.command}"
     return Reason(SessionCode.COMMAND_REFUSED, command=name, outcome=outcome)

@@ -33,10 +33,10 @@ def identify_content(link: str, sample: bytes) -> Reason:
     remedy = Reason(SessionCode.CHOOSE_HUB_PORT if is_serial else SessionCode.CHECK_SOURCE_ADDRESS)
     if sum(byte in _TEXT_BYTES for byte in sample) >= _TEXT_SHARE * len(sample):
         if _NMEA.search(sample):
-            return Reason(SessionCode.LINE_GPS_RECEIVER, remedy=remedy)
+            return Reason(SessionCode.LINE_NOT_A_HUB, device="gps", remedy=remedy)
         return Reason(SessionCode.LINE_TEXT, line=_first_line(sample), remedy=remedy)
     if sample.count(_UBLOX_SYNC) > 2 + 5 * _CHANCE_OF_TWO_BYTES * len(sample):
-        return Reason(SessionCode.LINE_UBLOX_RECEIVER, remedy=remedy)
+        return Reason(SessionCode.LINE_NOT_A_HUB, device="u-blox", remedy=remedy)
     if swapped_syncs(sample) > 3 + 5 * _CHANCE_OF_TWO_BYTES / 16 * len(sample):
         return Reason(SessionCode.LINE_SYNC_SWAPPED)
     starts = sum(match[1][0] >> 4 == wire.VERSION_MAJOR for match in _HEADER.finditer(sample))
@@ -44,7 +44,7 @@ def identify_content(link: str, sample: bytes) -> Reason:
         return Reason(SessionCode.LINE_ALL_FRAMES_DAMAGED)
     if is_serial:
         return Reason(SessionCode.LINE_WRONG_BAUD_RATE, default_baud=DEFAULT_BAUDRATE)
-    return Reason(SessionCode.LINE_NOT_A_HUB, remedy=remedy)
+    return Reason(SessionCode.LINE_NOT_A_HUB, device="unknown", remedy=remedy)
 
 
 def swapped_syncs(data: bytes) -> int:

@@ -165,11 +165,12 @@ class LinkHealth:
     def _review_versions(self, data: bytes, counters: LinkCounters) -> list[Notice]:
         """Report intact frames that this version cannot read."""
         notices: list[Notice] = []
-        is_known = self._is_reported(SessionCode.FIRMWARE_TOO_OLD) or self._is_reported(SessionCode.FIRMWARE_TOO_NEW)
+        is_known = self._is_reported(SessionCode.FIRMWARE_UNREADABLE)
         if counters.other_major >= _UNREADABLE_FRAMES and not is_known and (majors := other_major_versions(data)):
             major = min(majors, key=lambda version: abs(version - wire.VERSION_MAJOR))
-            code = SessionCode.FIRMWARE_TOO_OLD if major < wire.VERSION_MAJOR else SessionCode.FIRMWARE_TOO_NEW
-            notices += self._once(self._link, Reason(code, major=major, own=wire.VERSION_MAJOR))
+            older = "firmware" if major < wire.VERSION_MAJOR else "treadlink"
+            reason = Reason(SessionCode.FIRMWARE_UNREADABLE, major=major, own=wire.VERSION_MAJOR, older=older)
+            notices += self._once(self._link, reason)
         if counters.newer_minor >= _UNREADABLE_FRAMES:
             notices += self._once(self._link, Reason(SessionCode.NEWER_FRAME_LAYOUT, own=_OWN_VERSION))
         if counters.unknown_flags >= _UNREADABLE_FRAMES:

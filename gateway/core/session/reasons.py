@@ -19,23 +19,38 @@ class SessionCode(Codes):
     ALARM_STANDS = Code("ALARM still at {at_s:.1f s}: {alarm}")
 
     # Thresholds
-    BATTERY_BELOW_LIMIT = Code("battery at {level:.0f %}, below {limit:.0f %}")
-    BATTERY_NOW = Code("battery at {level:.0f %}")
-    FRAME_LOSS_ABOVE_LIMIT = Code("{share:.2f %} of the latest frames lost, above {limit:.2f %}")
-    FRAME_LOSS_NOW = Code("{share:.2f %} of the latest frames lost")
+    VALUE_ABOVE_LIMIT = Code(
+        "{quantity}",
+        quantity={
+            "pressure_pa": "pressure {value:.0f kPa} is above {limit:.0f kPa}",
+            "temperature_degc": "inner liner at {value:.0f degC}, above {limit:.0f degC}",
+            "load_n": "load {value:.0f N} is above {limit:.0f N}",
+            "speed_mps": "speed {value:.0f km/h} is above {limit:.0f km/h}",
+            "wear_m": "wear {value:.1f mm} is above {limit:.1f mm}",
+            "frame_loss": "{value:.2f %} of the latest frames lost, above {limit:.2f %}",
+        },
+    )
+    VALUE_BELOW_LIMIT = Code(
+        "{quantity}",
+        quantity={
+            "pressure_pa": "pressure {value:.0f kPa} is below {limit:.0f kPa}",
+            "battery": "battery at {value:.0f %}, below {limit:.0f %}",
+        },
+    )
+    VALUE_NOW = Code(
+        "{quantity}",
+        quantity={
+            "pressure_pa": "pressure {value:.0f kPa}",
+            "temperature_degc": "inner liner at {value:.0f degC}",
+            "load_n": "load {value:.0f N}",
+            "speed_mps": "speed {value:.0f km/h}",
+            "wear_m": "wear {value:.1f mm}",
+            "frame_loss": "{value:.2f %} of the latest frames lost",
+            "battery": "battery at {value:.0f %}",
+        },
+    )
     LINK_DOWN = Code("link is down: {state}")
-    LOAD_ABOVE_LIMIT = Code("load {load_n:.0f N} is above {limit_n:.0f N}")
-    LOAD_NOW = Code("load {load_n:.0f N}")
-    PRESSURE_ABOVE_LIMIT = Code("pressure {pressure_pa:.0f kPa} is above {limit_pa:.0f kPa}")
-    PRESSURE_BELOW_LIMIT = Code("pressure {pressure_pa:.0f kPa} is below {limit_pa:.0f kPa}")
-    PRESSURE_NOW = Code("pressure {pressure_pa:.0f kPa}")
     SENSOR_RANGE_REACHED = Code("{count} samples at the end of the sensor's range")
-    SPEED_ABOVE_LIMIT = Code("speed {speed_mps:.0f km/h} is above {limit_mps:.0f km/h}")
-    SPEED_NOW = Code("speed {speed_mps:.0f km/h}")
-    TEMPERATURE_ABOVE_LIMIT = Code("inner liner at {temperature_degc:.0f degC}, above {limit_degc:.0f degC}")
-    TEMPERATURE_NOW = Code("inner liner at {temperature_degc:.0f degC}")
-    WEAR_ABOVE_LIMIT = Code("wear {wear_m:.1f mm} is above {limit_m:.1f mm}")
-    WEAR_NOW = Code("wear {wear_m:.1f mm}")
 
     # Silence
     AXIS_SILENT = Code(
@@ -77,11 +92,9 @@ class SessionCode(Codes):
     SINK_DROPS = Code("items are dropped, {dropped} so far: {state}")
 
     # Health of links
-    FIRMWARE_TOO_NEW = Code(
-        "the firmware uses protocol {major}.x and treadlink {own}.x, so no frame can be read. Update treadlink"
-    )
-    FIRMWARE_TOO_OLD = Code(
-        "the firmware uses protocol {major}.x and treadlink {own}.x, so no frame can be read. Update the hub's firmware"
+    FIRMWARE_UNREADABLE = Code(
+        "the firmware uses protocol {major}.x and treadlink {own}.x, so no frame can be read. Update {older}",
+        older={"firmware": "the hub's firmware", "treadlink": "treadlink"},
     )
     FRAMES_DAMAGED = Code(
         "{share:.0f %} of the frames arrive damaged and are left out. Check cable, ground, distance and baud rate"
@@ -130,14 +143,19 @@ class SessionCode(Codes):
         "every byte is {byte}: the line is held at one level. Is the hub powered, and are its data wire and "
         "ground connected?"
     )
-    LINE_GPS_RECEIVER = Code("this is a GPS receiver (NMEA text), not a hub. {remedy}")
-    LINE_NOT_A_HUB = Code("this is not a hub. {remedy}")
+    LINE_NOT_A_HUB = Code(
+        "this is {device}. {remedy}",
+        device={
+            "gps": "a GPS receiver (NMEA text), not a hub",
+            "u-blox": "a u-blox receiver, not a hub",
+            "unknown": "not a hub",
+        },
+    )
     LINE_SYNC_SWAPPED = Code(
         "this is not a hub as it is: the two sync bytes of its frames are swapped (5A A5 instead of A5 5A). A fault"
         " of the firmware"
     )
     LINE_TEXT = Code("this is another device, which sends text: '{line}'. {remedy}")
-    LINE_UBLOX_RECEIVER = Code("this is a u-blox receiver, not a hub. {remedy}")
     LINE_WRONG_BAUD_RATE = Code(
         "wrong baud rate, or another device on the port. Set the hub's rate, for example ?baudrate=115200; the "
         "default is {default_baud}"
@@ -232,26 +250,32 @@ class SessionCode(Codes):
     )
 
     # Sessions and commands
-    COMMAND_FAILED = Code("the command failed")
-    COMMAND_NOT_VERIFIED = Code("command not signed, or signed with another key")
-    COMMAND_OUTCOME = Code("outcome {outcome}")
-    COMMAND_REFUSED = Code("did not execute {command}: {outcome}")
-    COMMAND_REPEATED = Code("command repeated: its counter is not above that of an earlier one")
-    COMMAND_UNKNOWN = Code("unknown command")
-    COMMAND_VALUE_REFUSED = Code("value refused")
+    COMMAND_REFUSED = Code(
+        "did not execute {command}: {outcome}",
+        outcome={
+            "unknown_command": "unknown command",
+            "value_refused": "value refused",
+            "failed": "the command failed",
+            "not_verified": "command not signed, or signed with another key",
+            "repeated": "command repeated: its counter is not above that of an earlier one",
+        },
+    )
     CORE_STUCK = Code(
         "has not returned for {stuck_s:.0f s}: there are no results until it does, the recording goes on. Leave it "
         "out, or mend it"
     )
     CORE_GOES_ON = Code("has returned after {stuck_s:.0f s}")
-    DECODING_BEHIND = Code(
-        "this computer is too slow to decode and estimate. Dropped data is counted; a recording has all of it"
-    )
     EFFECTS_SUBTRACTED = Code("subtracted from its axes at {ranges}: {effects}")
     HUB_LOG = Code("log ({severity}): {text}")
     HUB_LOG_LEFT_OUT = Code("{count} more lines of its hubs left out: at most ten a second are shown")
-    LOAD_RANGE = Code("{low_n:.0f} to {high_n:.0f N}")
-    PRESSURE_RANGE = Code("{low_pa:.0f kPa} to {high_pa:.0f kPa}")
+    VALUE_RANGE = Code(
+        "{quantity}",
+        quantity={
+            "load_n": "{low:.0f} to {high:.0f N}",
+            "pressure_pa": "{low:.0f kPa} to {high:.0f kPa}",
+            "speed_mps": "{low:.0f km/h} to {high:.0f km/h}",
+        },
+    )
     DISK_FULL_SOON = Code("the disk has {free_bytes:.1f MB} left and is full in {left_s:.0f min}: free some space")
     DISK_SPACE = Code("the disk has {free_bytes:.1f GB} left")
     DISK_TIME = Code("the disk has {free_bytes:.1f GB} left, which lasts {left_s:.1f h} at the present pace")
@@ -259,22 +283,26 @@ class SessionCode(Codes):
         "results come {late_s:.0f s} late: this computer is too slow to decode and estimate. Choose fewer estimators, "
         "or record and estimate later"
     )
-    RECORDING_BEHIND = Code("the disk is too slow: bytes are MISSING FROM THE RECORDING. Dropped data is counted")
     RECORDING_BEGUN = Code("recording to {path}")
     RECORDING_FINISHED = Code("recording {path} finished")
     RECORDING_STOPPED = Code("RECORDING STOPPED: {error}. {remedy}")
     RECORDING_PART_REFUSED = Code("{error}. The recording goes on in the present file, and tries again")
     THREAD_STOPPED = Code("stopped by an internal error: {error}")
+    STAGE_BEHIND = Code(
+        "{stage}. Dropped data is counted",
+        stage={
+            "recording": "the disk is too slow: bytes are MISSING FROM THE RECORDING",
+            "topics": "the disk is too slow: decoded values are left out of the recording, raw bytes are kept",
+            "decoding": (
+                "this computer is too slow to decode and estimate. Dropped data is counted; a recording has all of it"
+            ),
+            "view": "the screen is too slow: lines are left out",
+        },
+    )
     TIMES_REFUSED = Code(
         "frames are refused and counted, because their time is not between 1970 and 2116: that of the first is "
         "{time_s:utc}"
     )
-    SPEED_RANGE = Code("{low_mps:.0f km/h} to {high_mps:.0f km/h}")
-    TOPICS_BEHIND = Code(
-        "the disk is too slow: decoded values are left out of the recording, raw bytes are kept. Dropped data is "
-        "counted"
-    )
-    VIEW_BEHIND = Code("the screen is too slow: lines are left out. Dropped data is counted")
 
     # Security
     COUNTERS_NOT_SAVED = Code("frames of this session could be replayed to the next one: {error}. {remedy}")

@@ -104,7 +104,12 @@ def text(reason: Reason) -> str:
     """Return a reason as a phrase without a full stop."""
     values = dict(reason.values)
     try:
-        said = _FORMATTER.vformat(reason.code.text_template, (), values)
+        worded = {
+            name: _FORMATTER.vformat(templates[str(values[name])], (), values)
+            for name, templates in reason.code.words.items()
+            if str(values[name]) in templates
+        }
+        said = _FORMATTER.vformat(reason.code.text_template, (), {**values, **worded})
         if "consequences" in values:
             said += _FORMATTER.vformat("; this also changes {consequences:series}", (), values)
         return said
@@ -130,8 +135,9 @@ def as_json(reason: Reason) -> dict[str, Any]:
 
 
 def fields(code: Code) -> set[str]:
-    """Return the names of the values that a code's template needs."""
-    return {name for _, name, _, _ in string.Formatter().parse(code.text_template) if name}
+    """Return the names of the values that a code's templates need."""
+    templates = (code.text_template, *(template for kinds in code.words.values() for template in kinds.values()))
+    return {name for template in templates for _, name, _, _ in string.Formatter().parse(template) if name}
 
 
 def _plain(value: Value) -> Any:

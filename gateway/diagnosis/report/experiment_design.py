@@ -29,18 +29,32 @@ _ROUGH: Final = 0.02
 _AT_REST: Final = {frozenset(("camber", "zero-g offset")): Reason(DiagnosisCode.RECORD_AT_REST)}
 NOTHING: Final = Reason(DiagnosisCode.NO_RECORDING_DECIDES)
 
+
+def _at(quantity: str, ratio: float) -> Reason:
+    return Reason(DiagnosisCode.RECORD_AT, quantity=quantity, ratio=ratio)
+
+
 _OTHERS: Final[tuple[tuple[Reason, Callable[[GroupConditions], GroupConditions]], ...]] = (
-    (Reason(DiagnosisCode.RECORD_AT_SPEED, speed_ratio=1.5), lambda c: replace(c, omega_radps=1.5 * c.omega_radps)),
-    (Reason(DiagnosisCode.RECORD_AT_SPEED, speed_ratio=0.25), lambda c: replace(c, omega_radps=0.25 * c.omega_radps)),
-    (Reason(DiagnosisCode.RECORD_AT_SPEED, speed_ratio=0.6), lambda c: replace(c, omega_radps=0.6 * c.omega_radps)),
+    (
+        _at("speed", 1.5),
+        lambda c: replace(c, omega_radps=1.5 * c.omega_radps),
+    ),
+    (
+        _at("speed", 0.25),
+        lambda c: replace(c, omega_radps=0.25 * c.omega_radps),
+    ),
+    (
+        _at("speed", 0.6),
+        lambda c: replace(c, omega_radps=0.6 * c.omega_radps),
+    ),
     (Reason(DiagnosisCode.RECORD_REVERSED), lambda c: replace(c, reverse=not c.reverse)),
     (
         Reason(DiagnosisCode.RECORD_WARMER, difference_k=20.0),
         lambda c: replace(c, temperature_degc=c.temperature_degc + 20.0),
     ),
-    (Reason(DiagnosisCode.RECORD_AT_LOAD, load_ratio=1.4), lambda c: replace(c, load_n=1.4 * c.load_n)),
+    (_at("load", 1.4), lambda c: replace(c, load_n=1.4 * c.load_n)),
     (
-        Reason(DiagnosisCode.RECORD_AT_PRESSURE, pressure_ratio=0.7),
+        _at("pressure", 0.7),
         lambda c: replace(c, pressure_pa=0.7 * c.pressure_pa),
     ),
 )

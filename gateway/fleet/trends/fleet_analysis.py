@@ -403,9 +403,9 @@ def _pressure(tire: _Tire) -> None:
     if not _has_rolled(history):
         why = Reason(FleetCode.TREND_NO_REVOLUTION)
     elif not measured.any():
-        why = Reason(FleetCode.TREND_PRESSURE_NOT_MEASURED)
+        why = Reason(FleetCode.TREND_NOT_MEASURED, quantity="pressure")
     elif not np.isfinite(cold).any():
-        why = Reason(FleetCode.TREND_TEMPERATURE_UNKNOWN)
+        why = Reason(FleetCode.TREND_NOT_MEASURED, quantity="temperature")
     elif np.isfinite(cold).sum() > LEAST_FREEDOM + 1 and _is_same(gauge[np.isfinite(cold)]):
         # A gas that is warmed and cooled does not keep its pressure: a repeated value is no measurement of a loss.
         usable = np.isfinite(cold)

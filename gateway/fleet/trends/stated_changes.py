@@ -16,12 +16,6 @@ from gateway.fleet.trends.watched_series import SERIES
 _MOST_LOADS: Final = 3
 _MOST_NAMED: Final = 3
 
-_CODES: Final = {
-    Statement.THICKNESS: FleetCode.TREND_STATED_THICKNESS,
-    Statement.REFERENCE: FleetCode.TREND_STATED_REFERENCE,
-    Statement.CALIBRATION: FleetCode.TREND_STATED_CALIBRATION,
-}
-
 
 class StatedChange(NamedTuple):
     """A change of a statement.
@@ -80,7 +74,8 @@ def _of_radius(change: StatedChange, date: str) -> Reason:
 
 
 def _plain(change: StatedChange, date: str) -> Reason:
-    return Reason(_CODES[change.statement], date=date)
+    what = "load" if change.statement is Statement.CALIBRATION else "tire"
+    return Reason(FleetCode.TREND_STATED_CHANGED, statement=str(change.statement), date=date, what=what)
 
 
 _FINDINGS: Final[Mapping[Statement, Callable[[StatedChange, str], Reason]]] = {

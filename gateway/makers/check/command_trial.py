@@ -109,7 +109,7 @@ class CommandTrial:
     def finish(self) -> None:
         """End the trial, and say why what was not tried was not."""
         if not self._done:
-            self._leave(Reason(FirmwareCode.CHECK_STOPPED_EARLY))
+            self._leave(Reason(FirmwareCode.CHECK_NOT_DONE, why="stopped_early"))
         self._done = True
 
     def _go_on(self, seen: SeenFrame | None) -> None:
@@ -140,7 +140,7 @@ class CommandTrial:
         time = SetTime(self._now_ns)
         answer = yield from self._execute(Clause.COMMAND_ANSWER, time, is_first=True)
         if answer is None:
-            self._leave(Reason(FirmwareCode.CHECK_HUB_TAKES_NO_COMMANDS))
+            self._leave(Reason(FirmwareCode.CHECK_NOT_DONE, why="hub_takes_no_commands"))
             return
         yield from self._time(time.host_ns)
         yield from self._damaged()
@@ -253,12 +253,14 @@ class CommandTrial:
             late = yield self._in(_QUIET_S), self._is_samples
             if late is not None:
                 self._ledger.fail(
-                    Clause.COMMAND_STREAM, late, Reason(FirmwareCode.SAMPLES_NOT_STOPPED, waited_s=_ON_ITS_WAY_S)
+                    Clause.COMMAND_STREAM,
+                    late,
+                    Reason(FirmwareCode.SAMPLES_NOT_SWITCHED, state="off", waited_s=_ON_ITS_WAY_S),
                 )
             status = yield self._in(_ANSWER_S), lambda seen: isinstance(seen.message, HubStatus)
             if status is None:
                 reason = Reason(
-                    FirmwareCode.MESSAGE_TOO_RARE, type="HUB_STATUS", count=0, span_s=_ANSWER_S, due=_ANSWER_S
+                    FirmwareCode.MESSAGE_RATE_WRONG, type="HUB_STATUS", count=0, span_s=_ANSWER_S, due=_ANSWER_S
                 )
                 self._ledger.fail(Clause.COMMAND_STREAM, f"hub {self._hub}", reason)
         self.pausing = self._hub
@@ -266,7 +268,7 @@ class CommandTrial:
         yield from self._send(Clause.COMMAND_STREAM, frame, Outcome.DONE)
         samples = yield self._in(_ANSWER_S), self._is_samples
         if samples is None:
-            reason = Reason(FirmwareCode.SAMPLES_NOT_STARTED, waited_s=_ANSWER_S)
+            reason = Reason(FirmwareCode.SAMPLES_NOT_SWITCHED, state="on", waited_s=_ANSWER_S)
             self._ledger.fail(Clause.COMMAND_STREAM, f"hub {self._hub}", reason)
         expected = Outcome.REPEATED if is_signed else Outcome.DONE
         yield from self._send(Clause.COMMAND_REPEATED, frame, expected)

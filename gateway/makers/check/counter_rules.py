@@ -132,11 +132,10 @@ class CounterRules:
         if previous is None or restart is None:
             return False
         self._ledger.check(Clause.BOOT_COUNT)
-        values = {"before": float(previous), "after": float(hello.boot_count)}
-        if hello.boot_count < previous:
-            self._ledger.fail(Clause.BOOT_COUNT, seen, Reason(FirmwareCode.BOOT_COUNT_GOES_BACK, **values))
-        elif hello.boot_count == previous and counts_anew:
-            self._ledger.fail(Clause.BOOT_COUNT, seen, Reason(FirmwareCode.BOOT_COUNT_STANDS, **values))
+        if hello.boot_count < previous or (hello.boot_count == previous and counts_anew):
+            before, after = float(previous), float(hello.boot_count)
+            reason = Reason(FirmwareCode.BOOT_COUNT_NOT_HIGHER, before=before, after=after)
+            self._ledger.fail(Clause.BOOT_COUNT, seen, reason)
         if hello.boot_count == previous or counts_anew:
             return False
         self._start_anew(seen.hub)

@@ -7,7 +7,7 @@ from typing import Final
 from zlib import crc32
 
 from firmware_protocol import wire
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Reason
 from gateway.core.session.line_content import swapped_syncs
 from gateway.core.session.reasons import SessionCode
 from gateway.makers.check.clauses import Clause
@@ -44,24 +44,24 @@ def _words(data: bytes) -> bytes:
     return b"".join(data[offset : offset + 4][::-1] for offset in range(0, len(data), 4))
 
 
-_VARIANTS: Final[Mapping[Code, Callable[[bytes], int]]] = {
-    FirmwareCode.CRC_BIG_ENDIAN: lambda data: swapped(crc32(data)),
-    FirmwareCode.CRC_NOT_INVERTED: lambda data: crc32(data) ^ _MASK,
-    FirmwareCode.CRC_FROM_ZERO: lambda data: crc32(data, _MASK),
-    FirmwareCode.CRC_FROM_ZERO_NOT_INVERTED: lambda data: crc32(data, _MASK) ^ _MASK,
-    FirmwareCode.CRC_WITHOUT_SYNC: lambda data: crc32(data[2:]),
-    FirmwareCode.CRC_OF_PAYLOAD: lambda data: crc32(data[wire.HEADER_BYTES :]),
-    FirmwareCode.CRC_OF_HEADER: lambda data: crc32(data[: wire.HEADER_BYTES]),
-    FirmwareCode.CRC_MPEG2: _forward,
-    FirmwareCode.CRC_BZIP2: lambda data: _forward(data) ^ _MASK,
-    FirmwareCode.CRC_OF_WORDS: lambda data: _forward(_words(data)),
-    FirmwareCode.CRC_CASTAGNOLI: lambda data: _reflected(0x82F63B78, _MASK, data) ^ _MASK,
-    FirmwareCode.CRC_ALWAYS_ZERO: lambda _: 0,
+_VARIANTS: Final[Mapping[str, Callable[[bytes], int]]] = {
+    "big_endian": lambda data: swapped(crc32(data)),
+    "not_inverted": lambda data: crc32(data) ^ _MASK,
+    "from_zero": lambda data: crc32(data, _MASK),
+    "from_zero_not_inverted": lambda data: crc32(data, _MASK) ^ _MASK,
+    "without_sync": lambda data: crc32(data[2:]),
+    "of_payload": lambda data: crc32(data[wire.HEADER_BYTES :]),
+    "of_header": lambda data: crc32(data[: wire.HEADER_BYTES]),
+    "mpeg2": _forward,
+    "bzip2": lambda data: _forward(data) ^ _MASK,
+    "of_words": lambda data: _forward(_words(data)),
+    "castagnoli": lambda data: _reflected(0x82F63B78, _MASK, data) ^ _MASK,
+    "always_zero": lambda _: 0,
 }
-_LENGTHS: Final[Mapping[Code, int]] = {
-    FirmwareCode.LENGTH_OF_FRAME: wire.OVERHEAD_BYTES,
-    FirmwareCode.LENGTH_WITH_HEADER: wire.HEADER_BYTES,
-    FirmwareCode.LENGTH_WITH_CRC: wire.CRC_BYTES,
+_LENGTHS: Final[Mapping[str, int]] = {
+    "frame": wire.OVERHEAD_BYTES,
+    "with_header": wire.HEADER_BYTES,
+    "with_crc": wire.CRC_BYTES,
 }
 
 
@@ -71,7 +71,7 @@ def diagnosis(data: bytes) -> tuple[Clause, Reason, bytes, int] | None:
     None where nothing looks like a frame.
     """
     first: tuple[int, bytes] | None = None
-    alike: dict[tuple[Clause, Code], int] = {}
+    alike: dict[tuple[Clause, str], int] = {}
     for tried, (offset, frame) in enumerate(_candidates(data)):
         if tried == _MOST_TRIED:
             break
@@ -81,7 +81,7 @@ def diagnosis(data: bytes) -> tuple[Clause, Reason, bytes, int] | None:
             alike[key] = alike.get(key, 0) + 1
             if alike[key] >= _LEAST_ALIKE:
                 code = FirmwareCode.FRAME_LENGTH_COUNTS if key[0] is Clause.LENGTH else FirmwareCode.FRAME_CRC_VARIANT
-                return key[0], Reason(code, how=Reason(key[1])), frame, offset
+                return key[0], Reason(code, how=key[1]), frame, offset
     if swapped_syncs(data) >= _LEAST_ALIKE:
         offset = data.find(wire.SYNC[::-1])
         return Clause.SYNC, Reason(SessionCode.LINE_SYNC_SWAPPED), data[offset : offset + wire.MAX_FRAME_BYTES], offset
@@ -98,7 +98,7 @@ def _candidates(data: bytes) -> Iterator[tuple[int, bytes]]:
             yield offset, data[offset:end]
 
 
-def _length_faults(data: bytes, offset: int) -> Iterator[tuple[Clause, Code]]:
+def _length_faults(data: bytes, offset: int) -> Iterator[tuple[Clause, str]]:
     for how, more in _LENGTHS.items():
         length = data[offset + wire.LENGTH_OFFSET] - more
         end = offset + wire.OVERHEAD_BYTES + length
@@ -106,7 +106,7 @@ def _length_faults(data: bytes, offset: int) -> Iterator[tuple[Clause, Code]]:
             yield Clause.LENGTH, how
 
 
-def _crc_faults(frame: bytes) -> Iterator[tuple[Clause, Code]]:
+def _crc_faults(frame: bytes) -> Iterator[tuple[Clause, str]]:
     if len(frame) < wire.OVERHEAD_BYTES or len(frame) != wire.OVERHEAD_BYTES + frame[wire.LENGTH_OFFSET]:
         return
     body = frame[: -wire.CRC_BYTES]

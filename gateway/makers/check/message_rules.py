@@ -20,7 +20,7 @@ from firmware_protocol.messages import (
     SampleBlock,
 )
 from gateway.core.constants import AXIS_NAMES
-from gateway.core.reasons import Reason
+from gateway.core.reasons import Reason, Value
 from gateway.makers.check.clauses import Clause, Ledger
 from gateway.makers.check.counter_rules import CounterRules
 from gateway.makers.check.seen_frame import SeenFrame, SourceKey, signed_step, source_name
@@ -209,15 +209,10 @@ class MessageRules:
                 count = of_hub[source].counts.get(type_, 0) if source in of_hub else 0
                 missing = self._counters.lost(source)
                 expected = span_s / period_s
-                if count + missing < 0.8 * expected - 1.0 or (count == 0 and expected >= 1.0):
-                    reason = Reason(
-                        FirmwareCode.MESSAGE_TOO_RARE, type=type_.name, count=count, span_s=span_s, due=expected
-                    )
-                    self._ledger.fail(clause, source_name(source), reason)
-                elif type_ is not MessageType.HELLO and count > _SLACK * expected + 2.0:
-                    reason = Reason(
-                        FirmwareCode.MESSAGE_TOO_OFTEN, type=type_.name, count=count, span_s=span_s, due=expected
-                    )
+                is_rare = count + missing < 0.8 * expected - 1.0 or (count == 0 and expected >= 1.0)
+                if is_rare or (type_ is not MessageType.HELLO and count > _SLACK * expected + 2.0):
+                    values: dict[str, Value] = {"count": count, "span_s": span_s, "due": expected}
+                    reason = Reason(FirmwareCode.MESSAGE_RATE_WRONG, type=type_.name, **values)
                     self._ledger.fail(clause, source_name(source), reason)
 
     def _throughput(self, capacity_bytes_per_s: float | None) -> None:

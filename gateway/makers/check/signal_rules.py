@@ -112,7 +112,7 @@ class SignalRules:
             self._ledger.fail(Clause.ROWS, source_name(source), misread)
             return
         if Axis.RADIAL not in axes:
-            self._ledger.leave(Clause.SCALE, Reason(FirmwareCode.CHECK_NO_RADIAL_AXIS))
+            self._ledger.leave(Clause.SCALE, Reason(FirmwareCode.CHECK_NOT_DONE, why="no_radial_axis"))
             return
         radial = values[:, axes.index(Axis.RADIAL)]
         self._axes(source, axes, values, np.ptp(counts, axis=0) == 0.0, hello)
@@ -122,7 +122,7 @@ class SignalRules:
             return
         self._ledger.check(Clause.COUPLING)
         if hello.coupling == Coupling.AC:
-            self._ledger.leave(Clause.SCALE, Reason(FirmwareCode.CHECK_AC_HAS_NO_SCALE))
+            self._ledger.leave(Clause.SCALE, Reason(FirmwareCode.CHECK_NOT_DONE, why="ac_has_no_scale"))
             return
         expected = self._radius_m * (2.0 * math.pi / period_s) ** 2
         self._levels.setdefault(source, []).append((abs(float(radial.mean())), expected))
@@ -192,8 +192,8 @@ class SignalRules:
             share = float(np.linalg.norm(mean)) / STANDARD_GRAVITY_MPS2
             self._ledger.leave(Clause.SCALE, Reason(FirmwareCode.CHECK_AT_REST, share=share))
         else:
-            self._ledger.leave(Clause.SCALE, Reason(FirmwareCode.CHECK_DOES_NOT_ROLL))
-        self._ledger.leave(Clause.COUPLING, Reason(FirmwareCode.CHECK_DOES_NOT_ROLL))
+            self._ledger.leave(Clause.SCALE, Reason(FirmwareCode.CHECK_NOT_DONE, why="does_not_roll"))
+        self._ledger.leave(Clause.COUPLING, Reason(FirmwareCode.CHECK_NOT_DONE, why="does_not_roll"))
 
 
 def _misread(blocks: list[NDArray[np.int16]]) -> Reason | None:

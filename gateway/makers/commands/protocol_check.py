@@ -89,10 +89,10 @@ def check_link(
     if trial is not None:
         trial.finish()
     else:
-        code = FirmwareCode.CHECK_NO_COMMANDS if sends_commands else FirmwareCode.CHECK_NO_COMMANDS_WANTED
+        why = Reason(FirmwareCode.CHECK_NOT_DONE, why="no_commands" if sends_commands else "no_commands_wanted")
         for check in checks.values():
             for clause in CLAUSES:
-                check.ledger.leave(clause, Reason(code))
+                check.ledger.leave(clause, why)
     if not checks:
         of_link(source)
     return [check.finish() for check in checks.values()]

@@ -57,23 +57,27 @@ LINK = LinkSnapshot("ble:x", True, Reason(LinkCode.LINK_CONNECTED), 0, 1000, 0, 
         (
             {"pressure_pa": 170e3},
             AlarmName.PRESSURE,
-            Reason(SessionCode.PRESSURE_BELOW_LIMIT, pressure_pa=170e3, limit_pa=180e3),
+            Reason(SessionCode.VALUE_BELOW_LIMIT, quantity="pressure_pa", value=170e3, limit=180e3),
         ),
         (
             {"pressure_pa": 270e3},
             AlarmName.PRESSURE,
-            Reason(SessionCode.PRESSURE_ABOVE_LIMIT, pressure_pa=270e3, limit_pa=260e3),
+            Reason(SessionCode.VALUE_ABOVE_LIMIT, quantity="pressure_pa", value=270e3, limit=260e3),
         ),
         (
             {"temperature_degc": 95.0},
             AlarmName.TEMPERATURE,
-            Reason(SessionCode.TEMPERATURE_ABOVE_LIMIT, temperature_degc=95.0, limit_degc=90.0),
+            Reason(SessionCode.VALUE_ABOVE_LIMIT, quantity="temperature_degc", value=95.0, limit=90.0),
         ),
-        ({"load_n": 6500.0}, AlarmName.LOAD, Reason(SessionCode.LOAD_ABOVE_LIMIT, load_n=6500.0, limit_n=6000.0)),
+        (
+            {"load_n": 6500.0},
+            AlarmName.LOAD,
+            Reason(SessionCode.VALUE_ABOVE_LIMIT, quantity="load_n", value=6500.0, limit=6000.0),
+        ),
         (
             {"wear_mm": Estimate("wear_mm", 6.0, 0.1, Status.VALID)},
             AlarmName.WEAR,
-            Reason(SessionCode.WEAR_ABOVE_LIMIT, wear_m=0.006, limit_m=0.005),
+            Reason(SessionCode.VALUE_ABOVE_LIMIT, quantity="wear_m", value=0.006, limit=0.005),
         ),
         (
             {"counters": WheelCounters(samples_saturated=3)},
@@ -97,9 +101,9 @@ def test_wheel_alarm(change: dict[str, object], name: AlarmName, reason: Reason)
     ("change", "name", "code"),
     [
         ({"connected": False, "note": Reason(LinkCode.LINK_LOST)}, AlarmName.LINK, SessionCode.LINK_DOWN),
-        ({"recent_loss": 0.05}, AlarmName.LOSS, SessionCode.FRAME_LOSS_ABOVE_LIMIT),
+        ({"recent_loss": 0.05}, AlarmName.LOSS, SessionCode.VALUE_ABOVE_LIMIT),
         ({"judged": {"verified": 10, "unsigned": 2}}, AlarmName.SECURITY, SessionCode.FRAMES_NOT_TRUSTED),
-        ({"battery_percent": 19}, AlarmName.BATTERY, SessionCode.BATTERY_BELOW_LIMIT),
+        ({"battery_percent": 19}, AlarmName.BATTERY, SessionCode.VALUE_BELOW_LIMIT),
     ],
 )
 def test_link_alarm(change: dict[str, object], name: AlarmName, code: Code) -> None:
@@ -109,7 +113,7 @@ def test_link_alarm(change: dict[str, object], name: AlarmName, code: Code) -> N
 
 
 def test_alarm_is_over_beyond_a_margin_only() -> None:
-    stood = {("FL", AlarmName.PRESSURE): SessionCode.PRESSURE_BELOW_LIMIT}
+    stood = {("FL", AlarmName.PRESSURE): SessionCode.VALUE_BELOW_LIMIT}
     for pressure_pa, stands in ((179e3, True), (181e3, True), (183e3, True), (185e3, False)):
         result = alarms([replace(WHEEL, pressure_pa=pressure_pa)], [], LIMITS, standing=stood)
         assert bool(result) is stands
@@ -131,8 +135,8 @@ def test_silent_wheel_has_no_alarm_of_its_speed() -> None:
 
 def test_present_values_say_what_is_normal_again() -> None:
     values = present_values([WHEEL], [LINK], LIMITS)
-    assert values["FL", AlarmName.PRESSURE] == Reason(SessionCode.PRESSURE_NOW, pressure_pa=220e3)
-    assert values["ble:x", AlarmName.BATTERY] == Reason(SessionCode.BATTERY_NOW, level=0.8)
+    assert values["FL", AlarmName.PRESSURE] == Reason(SessionCode.VALUE_NOW, quantity="pressure_pa", value=220e3)
+    assert values["ble:x", AlarmName.BATTERY] == Reason(SessionCode.VALUE_NOW, quantity="battery", value=0.8)
 
 
 def test_hubs_of_several_links_are_told_apart() -> None:
@@ -153,7 +157,7 @@ KEY = ("FL", AlarmName.PRESSURE)
 
 
 def low(pressure_pa: float = 210e3) -> Alarm:
-    reason = Reason(SessionCode.PRESSURE_BELOW_LIMIT, pressure_pa=pressure_pa, limit_pa=230e3)
+    reason = Reason(SessionCode.VALUE_BELOW_LIMIT, quantity="pressure_pa", value=pressure_pa, limit=230e3)
     return Alarm("FL", AlarmName.PRESSURE, reason)
 
 
@@ -167,12 +171,14 @@ def test_alarm_is_raised_and_over_with_time_and_value() -> None:
     assert (raised.subject, raised.level) == ("FL", Level.WARNING)
     assert notice_text(raised) == "FL: ALARM at 3.0 s: pressure 210 kPa is below 230 kPa"
     assert log.update([low(205e3)], 4.0) == []
-    assert log.standing() == {KEY: SessionCode.PRESSURE_BELOW_LIMIT}
-    (over,) = log.update([], 5.5, values=lambda: {KEY: Reason(SessionCode.PRESSURE_NOW, pressure_pa=236e3)})
+    assert log.standing() == {KEY: SessionCode.VALUE_BELOW_LIMIT}
+    (over,) = log.update(
+        [], 5.5, values=lambda: {KEY: Reason(SessionCode.VALUE_NOW, quantity="pressure_pa", value=236e3)}
+    )
     assert notice_text(over) == "FL: alarm over at 5.5 s, after 2.5 s: pressure 236 kPa"
     (record,) = log.records()
     assert (record.count, record.first_s, record.last_s, record.total_s) == (1, 3.0, 5.5, 2.5)
-    assert record.reason["pressure_pa"] == 205e3
+    assert record.reason["value"] == 205e3
     assert not record.is_standing
 
 
@@ -241,7 +247,7 @@ def test_an_acknowledged_alarm_is_new_with_another_reason_or_when_raised_again()
         ("acknowledged", 2.0, 1.0),
     ]
     assert log.records()[0].is_acknowledged
-    high = Reason(SessionCode.PRESSURE_ABOVE_LIMIT, pressure_pa=290e3, limit_pa=260e3)
+    high = Reason(SessionCode.VALUE_ABOVE_LIMIT, quantity="pressure_pa", value=290e3, limit=260e3)
     log.update([Alarm("FL", AlarmName.PRESSURE, high)], 3.0)
     assert not log.records()[0].is_acknowledged
     log.acknowledge(4.0)

@@ -19,7 +19,7 @@ from tests.testkit.revolution_data import plain_revolution
 
 LOST = Reason(EstimateCode.SAMPLES_LOST)
 FEW = Reason(EstimateCode.NOT_SETTLED, revolutions=3.0, needed=8.0)
-OUTSIDE = Reason(RevolutionCode.EFFECTS_OUTSIDE_LOADS, load_n=6500.0, low_n=4000.0, high_n=6000.0)
+OUTSIDE = Reason(RevolutionCode.EFFECTS_OUTSIDE_RANGE, quantity="load_n", value=6500.0, low=4000.0, high=6000.0)
 
 
 def result(
@@ -170,7 +170,7 @@ def test_faults_and_links_are_printed() -> None:
 
 
 def test_alarms_are_listed_with_time_and_value() -> None:
-    low = Reason(SessionCode.PRESSURE_BELOW_LIMIT, pressure_pa=210e3, limit_pa=230e3)
+    low = Reason(SessionCode.VALUE_BELOW_LIMIT, quantity="pressure_pa", value=210e3, limit=230e3)
     hub = Reason(SessionCode.HUB_SILENT, silence_s=20.1, wheels=("FL", "FR"))
     alarms = [
         AlarmRecord("FL", "pressure", low, 1, 25.0, 0.5, 25.5, is_standing=True),
@@ -184,7 +184,7 @@ def test_alarms_are_listed_with_time_and_value() -> None:
 
 
 def test_alarm_just_before_the_first_chunk_is_from_zero() -> None:
-    low = Reason(SessionCode.PRESSURE_BELOW_LIMIT, pressure_pa=210e3, limit_pa=230e3)
+    low = Reason(SessionCode.VALUE_BELOW_LIMIT, quantity="pressure_pa", value=210e3, limit=230e3)
     alarm = AlarmRecord("FL", "pressure", low, 1, 0.0, -0.004, -0.001, is_standing=False)
     assert "from 0.0 s to 0.0 s" in summary_lines([], (), [alarm])[-1]
 

@@ -45,7 +45,11 @@ def test_reasons_have_the_values_of_their_template():
 
 @pytest.mark.parametrize("code", all_codes())
 def test_every_template_prints_its_values(code: Code) -> None:
-    assert text(Reason(code, **dict.fromkeys(fields(code), 1)))
+    values = dict.fromkeys(fields(code), 1)
+    assert text(Reason(code, **values)) != str(code)
+    for name, kinds in code.words.items():
+        shown = {text(Reason(code, **{**values, name: kind})) for kind in kinds}
+        assert len(shown | {str(code)}) == len(kinds) + 1
 
 
 def test_non_finite_values_are_null_in_json() -> None:

@@ -84,10 +84,10 @@ class TestTable:
     @pytest.mark.parametrize(
         ("omega", "load", "pressure", "code"),
         [
-            (1.3, 5e3, 2.1e5, RevolutionCode.EFFECTS_OUTSIDE_SPEEDS),
-            (0.7, 5e3, 2.1e5, RevolutionCode.EFFECTS_OUTSIDE_SPEEDS),
-            (1, 4e3, 2.1e5, RevolutionCode.EFFECTS_OUTSIDE_LOADS),
-            (1, 5e3, 2.5e5, RevolutionCode.EFFECTS_OUTSIDE_PRESSURES),
+            (1.3, 5e3, 2.1e5, RevolutionCode.EFFECTS_OUTSIDE_RANGE),
+            (0.7, 5e3, 2.1e5, RevolutionCode.EFFECTS_OUTSIDE_RANGE),
+            (1, 4e3, 2.1e5, RevolutionCode.EFFECTS_OUTSIDE_RANGE),
+            (1, 5e3, 2.5e5, RevolutionCode.EFFECTS_OUTSIDE_RANGE),
         ],
     )
     def test_table_reports_why_it_does_not_apply(self, table, omega, load, pressure, code):
@@ -142,9 +142,9 @@ class TestTakenOff:
         assert len(outside) > 30
         assert len(inside) > 80
         for item in outside:
-            assert item.revolution.uncorrected.code is RevolutionCode.EFFECTS_OUTSIDE_SPEEDS
+            assert item.revolution.uncorrected.code is RevolutionCode.EFFECTS_OUTSIDE_RANGE
             if 8.2 < item.revolution.start_s < 11.5:
-                assert item.revolution.uncorrected["speed_mps"] == pytest.approx(90 / 3.6, rel=5e-3)
+                assert item.revolution.uncorrected["value"] == pytest.approx(90 / 3.6, rel=5e-3)
         of_shape = numbers(outside)["Bs"]
         assert of_shape.status is not Status.VALID
         assert TrustCode.EFFECTS_NOT_SUBTRACTED in codes_of(of_shape.reasons)

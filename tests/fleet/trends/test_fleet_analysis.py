@@ -138,7 +138,7 @@ def test_stated_pressure_shows_no_loss():
     loss = number(result, Quantity.PRESSURE_LOSS)
     assert loss.status is Status.INVALID
     assert math.isnan(loss.value)
-    assert loss.reasons[0].code is FleetCode.TREND_PRESSURE_NOT_MEASURED
+    assert loss.reasons[0].code is FleetCode.TREND_NOT_MEASURED
 
 
 def test_stiffness_with_age_and_temperature():

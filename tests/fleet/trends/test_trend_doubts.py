@@ -76,8 +76,8 @@ def test_alarms_rejected_revolutions_and_damage_are_findings():
     [
         (Statement.LOAD, "4000", "5000", FleetCode.TREND_STATED_LOAD),
         (Statement.RADIUS, "0.32", "0.3", FleetCode.TREND_STATED_RADIUS),
-        (Statement.REFERENCE, '{"Bs": 1}', '{"Bs": 2}', FleetCode.TREND_STATED_REFERENCE),
-        (Statement.THICKNESS, "0.015", "0.012", FleetCode.TREND_STATED_THICKNESS),
+        (Statement.REFERENCE, '{"Bs": 1}', '{"Bs": 2}', FleetCode.TREND_STATED_CHANGED),
+        (Statement.THICKNESS, "0.015", "0.012", FleetCode.TREND_STATED_CHANGED),
     ],
 )
 def test_a_changed_statement_is_no_new_tire_and_no_wear(statement, before, after, code):
