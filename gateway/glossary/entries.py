@@ -67,7 +67,9 @@ def entries() -> Iterator[Entry]:
     for effect in catalogue().values():
         yield _of_effect(effect)
     for code in reason_codes():
-        yield Entry("reason", str(code), (str(code),), (("", _template(code)),))
+        kinds = ((f"{name} {kind}", text) for name, texts in code.words.items() for kind, text in texts.items())
+        lines = tuple((label, _shown(text)) for label, text in (("", code.text_template), *kinds))
+        yield Entry("reason", str(code), (str(code),), lines)
 
 
 def reason_codes() -> list[Code]:
@@ -75,7 +77,8 @@ def reason_codes() -> list[Code]:
     for module in pkgutil.walk_packages(importlib.import_module("gateway").__path__, "gateway."):
         if module.name.endswith(".reasons"):
             importlib.import_module(module.name)
-    return sorted((code for room in Codes.__subclasses__() for code in room.members()), key=str)
+    rooms = (room for room in Codes.__subclasses__() if room.__module__.startswith("gateway."))
+    return sorted((code for room in rooms for code in room.members()), key=str)
 
 
 def matching(word: str) -> list[Entry]:
@@ -126,6 +129,6 @@ def _of_effect(effect: Effect) -> Entry:
     return Entry("effect", effect.title or effect.name, names, tuple(line for line in lines if line[1]))
 
 
-def _template(code: Code) -> str:
-    """Return the text of a code with the names of its values."""
-    return re.sub(r"\{([^:}!]*)[^}]*\}", lambda match: f"<{match[1].strip() or 'value'}>", code.text_template)
+def _shown(template: str) -> str:
+    """Return a template with the names of its values."""
+    return re.sub(r"\{([^:}!]*)[^}]*\}", lambda match: f"<{match[1].strip() or 'value'}>", template)
