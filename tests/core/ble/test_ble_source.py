@@ -167,6 +167,24 @@ def test_second_hub_of_the_name_is_not_connected(bluez: BluezStandIn, hub: Perip
     assert ADDRESSES[0] in text(reader.event(LinkEventKind.RESTORED).reason)
 
 
+def test_hub_that_is_renamed_stays_the_same_and_its_name_is_no_ticket(
+    bluez: BluezStandIn, hub: Peripheral, read: Read
+) -> None:
+    reader = read(opened("Treadlink-FL", "scan=0.2"))
+    reader.event(LinkEventKind.CONNECTED)
+    bluez.run(bluez.service.lose(hub))
+    bluez.run(bluez.service.forget(hub))
+    reader.event(LinkEventKind.LOST)
+    hub.name = "\x1b[2JFR"
+    stranger = bluez.add(Peripheral(ADDRESSES[1], "Treadlink-FL"))
+    hub.advertising = True
+    restored = reader.event(LinkEventKind.RESTORED)
+    assert ADDRESSES[0] in text(restored.reason)
+    assert not stranger.connected
+    send(bluez, hub, [b"again"])
+    assert data(reader, 5) == b"again"
+
+
 def test_requested_disconnect_is_marked(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
     reader = read(opened("Treadlink-FL"))
     reader.event(LinkEventKind.CONNECTED)
