@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from gateway.core.feature import CommandLine, Feature
+from gateway.core.feature import CommandLine, Feature, Registry
 
 FEATURE: Final = Feature(
     commands={
@@ -10,4 +10,5 @@ FEATURE: Final = Feature(
             "gateway.planner.commands.plan:plan", "Say what a sensor will be able to measure before it is bought."
         ),
     },
+    adds={Registry.ESTIMATE_OUTPUTS: {"uncertainty-budget": "gateway.planner.budget_option:BUDGET"}},
 )

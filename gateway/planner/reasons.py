@@ -1,4 +1,4 @@
-"""Reasons of planned sensors, each with the template of its text."""
+"""Reasons of planned sensors and uncertainty budgets, each with the template of its text."""
 
 from gateway.core.reasons import Code, Codes
 
@@ -6,6 +6,11 @@ from gateway.core.reasons import Code, Codes
 class PlannerCode(Codes):
     """Reasons of planned sensors."""
 
+    # Uncertainty budgets
+    STATE_BETTER = Code(
+        "{quantity} ±{std:.2g}{unit}: {part:.2g} of it is the {source}, stated to {stated:.2g}{of}; {how} to "
+        "{better:.2g}{of} it would be ±{improved:.2g}"
+    )
     # Planned sensors
     PLAN_FEW_REVOLUTIONS = Code("{share:.0f} % of the simulated wheels gave no estimates")
     PLAN_NOISE_UNKNOWN = Code("the noise is not known, so that no errors are planned: state it with --sensors")

@@ -383,8 +383,8 @@ def yaw_by_shape(
         return math.nan, math.nan
     orders = np.delete(np.arange(1, count + 1), HUB_ORDER - 1)
     spectra = np.fft.rfft(axes_mps2, axis=1)[:, orders] * (2.0 / axes_mps2.shape[1])
-    known = STANDARD_GRAVITY_MPS2 * belt.known_spectra[0] + reaction_mps2 * belt.known_spectra[1]
-    rows = np.stack([spectra[0], spectra[1], square_radps2 * belt.along[orders], spectra[2], known[orders]])
+    predicted = STANDARD_GRAVITY_MPS2 * belt.known_spectra[0] + reaction_mps2 * belt.known_spectra[1]
+    rows = np.stack([spectra[0], spectra[1], square_radps2 * belt.along[orders], spectra[2], predicted[orders]])
     along, lateral, *fitted = np.concatenate([rows.real, rows.imag], axis=1)
     basis, triangle = np.linalg.qr(np.array(fitted).T)
     if not np.abs(np.diagonal(triangle)).min() > 0.0:

@@ -220,10 +220,7 @@ def _beyond(estimate: Estimate) -> Reason | None:
     if not beyond > 0.0 or beyond <= (_BEYOND if limit else _BEYOND_ZERO) * estimate.std:
         return None
     quantity = quantity_of(estimate.name)
-    name = quantity.label or quantity.name
-    if not estimate.std > 0.0:
-        return Reason(TrustCode.NOT_POSSIBLE_AT_ALL, quantity=name)
-    return Reason(TrustCode.NOT_POSSIBLE, quantity=name, errors=beyond / estimate.std)
+    return Reason(TrustCode.NOT_POSSIBLE, quantity=quantity.label or quantity.name)
 
 
 def provisional(estimate: Estimate, why: Reason, share: float = 0.0) -> Estimate:

@@ -1,0 +1,108 @@
+"""Uncertainty budgets of recordings: lines of the summary, and a JSON file."""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Self
+
+from gateway.core.config.vehicle import VehicleConfig
+from gateway.core.estimates.results import AlarmRecord, RevolutionResult, WheelSnapshot
+from gateway.core.estimates.wheel_setup import WheelSetup
+from gateway.core.quantity_catalogue import quantity_of, unit_of
+from gateway.core.reasons import Notice
+from gateway.core.recording.recorded_file import RecordedFile
+from gateway.core.text.numbers import finite_or_none
+from gateway.core.text.output_file import OutputFile, check_target
+from gateway.core.text.wording import text
+from gateway.planner.uncertainty_budget import REVOLUTIONS, Budget, budgets
+
+
+def open_budgets(path: Path | None, *, force: bool) -> BudgetFile | None:
+    """Return the output where it is asked for.
+
+    Raises:
+        OutputError: the file exists or cannot be made.
+    """
+    if path is None:
+        return None
+    check_target(path, force=force)
+    return BudgetFile(path, force=force)
+
+
+class BudgetFile:
+    """JSON file of the budgets of all recordings of a command."""
+
+    def __init__(self, path: Path, *, force: bool) -> None:
+        self._path, self._force = path, force
+        self._entries: list[dict[str, Any]] = []
+
+    def begin(self, file: RecordedFile, vehicle: VehicleConfig | None) -> _Collector:
+        """Return what collects the latest revolutions of a recording."""
+        return _Collector.of(vehicle, str(file.info.path), self._entries)
+
+    def write(self) -> None:
+        """Write the file.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        with OutputFile(self._path, force=self._force) as output:
+            output.file.write(json.dumps(self._entries, indent=1).encode() + b"\n")
+
+
+class _Collector:
+    """Keeps the latest revolutions of each wheel that the vehicle has."""
+
+    def __init__(self, setups: Mapping[str, WheelSetup], recording: str, entries: list[dict[str, Any]]) -> None:
+        self._setups, self._recording, self._entries = setups, recording, entries
+        self._latest: dict[str, deque[RevolutionResult]] = {}
+
+    @classmethod
+    def of(cls, vehicle: VehicleConfig | None, recording: str, entries: list[dict[str, Any]]) -> Self:
+        """Return a collector for the wheels of a vehicle; of none without a vehicle."""
+        setups = () if vehicle is None else vehicle.wheel_setups()
+        return cls({setup.position: setup for setup in setups}, recording, entries)
+
+    def add(self, result: RevolutionResult) -> None:
+        """Take one revolution."""
+        if result.position in self._setups:
+            self._latest.setdefault(result.position, deque(maxlen=REVOLUTIONS)).append(result)
+
+    def finish(
+        self, states: Sequence[WheelSnapshot], alarms: Sequence[AlarmRecord], notices: Sequence[Notice]
+    ) -> Sequence[str]:
+        """Make the budgets; return a line for each quantity that a better statement would help."""
+        del states, alarms, notices
+        lines = []
+        for position, results in sorted(self._latest.items()):
+            for budget in budgets(self._setups[position], [*results]):
+                self._entries.append({"recording": self._recording, "position": position, **_entry(budget)})
+                line = budget.line()
+                # Those that people follow; the file has all.
+                if line is not None and quantity_of(budget.estimate.name).watch is not None:
+                    lines.append(f"{position}: {text(line)}")
+        return ["", "uncertainty budget", *lines] if lines else []
+
+
+def _entry(budget: Budget) -> dict[str, Any]:
+    estimate, promise = budget.estimate, budget.promise
+    return {
+        "quantity": estimate.name,
+        "unit": unit_of(estimate.name),
+        "value": finite_or_none(estimate.value),
+        "std": estimate.std,
+        "status": str(estimate.status),
+        "parts": {**budget.parts, "scatter": budget.scatter_std, "model": budget.model_std},
+        "better": None
+        if promise is None
+        else {
+            "statement": promise.source.name,
+            "stated": promise.stated,
+            "to": promise.source.better,
+            "how": promise.source.how,
+            "std": promise.std,
+        },
+    }

@@ -1,0 +1,250 @@
+"""Budget of standard errors: what each statement contributes, and what a better one would bring.
+
+The latest revolutions of a wheel are estimated again with the error of one statement taken away. What the variance
+loses is the part of that statement. So a budget knows what a formula does not: that another statement may know a factor
+better, as the belt width of the new tire does. The promise of a better statement is made the same way.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from firmware_protocol.messages import Environment
+from gateway.core.estimates.estimator import Estimate, Status
+from gateway.core.estimates.results import RevolutionResult
+from gateway.core.estimates.revolution_block import RevolutionArrays
+from gateway.core.estimates.wheel_setup import WheelSetup
+from gateway.core.quantity_catalogue import CATALOGUE, quantity_of, unit_of
+from gateway.core.reasons import Reason
+from gateway.core.wheels.tire_estimates import TireEstimates
+from gateway.planner.reasons import PlannerCode
+
+REVOLUTIONS: Final = 64
+"""Latest revolutions that a budget is made of; averages of fifty have settled in them."""
+# What is left of an error that is taken away.
+_AWAY: Final = 1e-3
+# Share of the variance from which a statement is named.
+_NAMED: Final = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A statement with a standard error.
+
+    Attributes:
+        name: as people call it.
+        unit: of its error; empty where that is given over its value.
+        better: error that a careful statement has.
+        how: how it is made.
+        stated: returns its error in a setup; None where nothing is stated.
+        with_error: returns the setup with another error.
+    """
+
+    name: str
+    unit: str
+    better: float
+    how: str
+    stated: Callable[[WheelSetup], float | None]
+    with_error: Callable[[WheelSetup, float], WheelSetup]
+
+    @property
+    def is_relative(self) -> bool:
+        """Whether its error is given over its value."""
+        return not self.unit
+
+
+def _claimed(name: str) -> tuple[Callable[[WheelSetup], float | None], Callable[[WheelSetup, float], WheelSetup]]:
+    """Return what reads and sets an error of the sensor's claims."""
+
+    def with_error(setup: WheelSetup, error: float) -> WheelSetup:
+        changes: dict[str, Any] = {name: error}
+        return replace(setup, sensor=replace(setup.sensor, **changes))
+
+    return lambda setup: getattr(setup.sensor, name), with_error
+
+
+def _pressure_std(setup: WheelSetup) -> float | None:
+    if setup.pressure_pa is None:
+        return setup.pressure_relative_std or None
+    return max(setup.pressure_std_pa / setup.pressure_pa, setup.pressure_relative_std)
+
+
+def _with_pressure_std(setup: WheelSetup, error: float) -> WheelSetup:
+    return replace(setup, pressure_std_pa=0.0, pressure_relative_std=error)
+
+
+def _with_reference(setup: WheelSetup, **errors: Any) -> WheelSetup:
+    tire = setup.tire
+    return replace(setup, tire=replace(tire, reference=replace(tire.reference, **errors)))
+
+
+SOURCES: Final = (
+    Source(
+        "load", "", 0.02, "weighed",
+        lambda setup: setup.load_std_n / setup.load_n if setup.load_n else None,
+        lambda setup, error: replace(setup, load_std_n=error * (setup.load_n or 0.0)),
+    ),
+    Source("pressure", "", 0.01, "checked with a calibrated gauge", _pressure_std, _with_pressure_std),
+    Source(
+        "belt radius", "", 0.003, "rolled over ten turns",
+        lambda setup: setup.radius_std_m / setup.radius_m,
+        lambda setup, error: replace(setup, radius_std_m=error * setup.radius_m),
+    ),
+    Source("sampling rate", "", 1e-5, "compared with a clock", *_claimed("rate_std")),
+    Source("gain", "", 0.003, "calibrated", *_claimed("gain_std")),
+    Source("lateral gain", "", 0.01, "calibrated", *_claimed("lateral_gain_std")),
+    Source("circumferential gain", "", 0.01, "calibrated", *_claimed("along_gain_std")),
+    Source("linearity", "", 0.001, "calibrated", *_claimed("nonlinearity_std")),
+    Source("zero-g offset", "m/s²", 0.2, "calibrated", *_claimed("zero_g_std_mps2")),
+    Source("sensor depth", "m", 2e-4, "measured in a cut tire", *_claimed("offset_std_m")),
+    Source(
+        "softening by temperature", "/K", 5e-4, "calibrated at two temperatures",
+        lambda setup: setup.tire.reference.softening_std_per_k,
+        lambda setup, error: _with_reference(setup, softening_std_per_k=error),
+    ),
+    Source(
+        "Bs of the new tire", "", 0.003, "calibrated",
+        lambda setup: setup.tire.reference.Bs_std / setup.tire.reference.Bs if setup.tire.reference.Bs else None,
+        lambda setup, error: _with_reference(setup, Bs_std=error * (setup.tire.reference.Bs or 0.0)),
+    ),
+    Source(
+        "ring thickness", "m", 1e-4, "measured",
+        lambda setup: setup.tire.ring_thickness_std_m or None,
+        lambda setup, error: replace(setup, tire=replace(setup.tire, ring_thickness_std_m=error)),
+    ),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Promise:
+    """What a better statement would bring.
+
+    Attributes:
+        source: the statement.
+        stated: its present error.
+        std: standard error of the quantity with `source.better`.
+    """
+
+    source: Source
+    stated: float
+    std: float
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """Parts of the standard error of one quantity.
+
+    Attributes:
+        estimate: of the latest revolution.
+        parts: standard error by each statement, in the quantity's unit; those without any are left out. Statements that
+            one measurement bounds together, as the steady value does radius and gain, each have what they share.
+        scatter_std: the part that differs between revolutions.
+        model_std: what is left: models, the reference tire, and statements that share an error.
+        promise: of the largest part, where that is worth naming and can be stated better.
+    """
+
+    estimate: Estimate
+    parts: Mapping[str, float]
+    scatter_std: float
+    model_std: float
+    promise: Promise | None = None
+
+    def line(self) -> Reason | None:
+        """Return the line that says which statement helps most; None where none does."""
+        promise = self.promise
+        if promise is None:
+            return None
+        name, unit, source = self.estimate.name, unit_of(self.estimate.name), promise.source
+        factor = 100.0 if source.is_relative else 1.0
+        return Reason(
+            PlannerCode.STATE_BETTER,
+            quantity=quantity_of(name).label or name,
+            unit=f" {unit}" if unit else "",
+            std=self.estimate.std,
+            part=self.parts[source.name],
+            source=source.name,
+            of=" %" if source.is_relative else f" {source.unit}",
+            how=source.how,
+            improved=promise.std,
+            stated=factor * promise.stated,
+            better=factor * source.better,
+        )
+
+
+def budgets(setup: WheelSetup, results: Sequence[RevolutionResult]) -> list[Budget]:
+    """Return the budgets of the latest estimates of a wheel.
+
+    Args:
+        setup: of the wheel, as it was estimated.
+        results: of its latest consecutive revolutions, at least one; `REVOLUTIONS` are enough.
+    """
+    estimators = _estimators_of(results[-1])
+    base = _latest(setup, results, estimators)
+    stated = {source: error for source in SOURCES if (error := source.stated(setup))}
+    without = {
+        source: _latest(source.with_error(setup, _AWAY * error), results, estimators)
+        for source, error in stated.items()
+    }
+    better: dict[str, dict[str, Estimate]] = {}
+    result = []
+    for name, estimate in base.items():
+        if estimate.status is Status.INVALID or not estimate.std > 0.0:
+            continue
+        parts = {source: part for source in stated if (part := _part(estimate, without[source].get(name)))}
+        explained = math.hypot(estimate.scatter_std, *parts.values())
+        largest = max(parts, key=lambda source: parts[source], default=None)
+        promise = None
+        if largest is not None and parts[largest] ** 2 > _NAMED * estimate.std**2 and stated[largest] > largest.better:
+            if largest.name not in better:
+                better[largest.name] = _latest(largest.with_error(setup, largest.better), results, estimators)
+            improved = better[largest.name].get(name)
+            if improved is not None and improved.std < estimate.std:
+                promise = Promise(largest, stated[largest], improved.std)
+        rest = math.sqrt(max(estimate.std**2 - explained**2, 0.0))
+        by_name = {source.name: part for source, part in parts.items()}
+        result.append(Budget(estimate, by_name, estimate.scatter_std, rest, promise))
+    return result
+
+
+def _part(estimate: Estimate, without: Estimate | None) -> float:
+    """Return the standard error that goes with an error; 0 where none does."""
+    if without is None or not math.isfinite(without.std):
+        return 0.0
+    gone = estimate.std**2 - without.std**2
+    return math.sqrt(gone) if gone > 1e-6 * estimate.std**2 else 0.0
+
+
+def _estimators_of(result: RevolutionResult) -> tuple[str, ...]:
+    """Return the estimators of a result: a later one that gives the same quantities prefixes its name to them."""
+    names = {estimate.name for estimate in result.estimates}
+    return tuple(_found(names))
+
+
+def _found(names: set[str]) -> Iterator[str]:
+    taken: set[str] = set()
+    for estimator, quantities in CATALOGUE.items():
+        distinct = {
+            f"{estimator}:{quantity.name}" if quantity.name in taken else quantity.name for quantity in quantities
+        }
+        if distinct <= names:
+            taken |= {quantity.name for quantity in quantities}
+            yield estimator
+        elif distinct & names and not any(quantity.name in taken for quantity in quantities):
+            # One that gives fewer where there is no axis or no statement for the others.
+            yield estimator
+
+
+def _latest(setup: WheelSetup, results: Sequence[RevolutionResult], estimators: Sequence[str]) -> dict[str, Estimate]:
+    """Return the latest estimates of revolutions that are estimated again with a setup, by name."""
+    tire = TireEstimates(setup, estimators)
+    revolutions = [result.revolution for result in results]
+    ends_us = [1e6 * (revolution.start_s + revolution.period_s) for revolution in revolutions]
+    conditions = results[-1].conditions
+    reading = Environment(conditions.pressure_pa, conditions.temperature_degc, None)
+    tire.environment(int(ends_us[0]) - 1, reading, 0.0)
+    hosts_ns = [result.host_ns for result in results]
+    again = tire.take_block(RevolutionArrays(revolutions), ends_us, hosts_ns, [()] * len(results))
+    return {estimate.name: estimate for estimate in again[-1].estimates}

@@ -1,0 +1,112 @@
+"""Budgets of standard errors: the parts, and that a promised gain is what comes when the statement is made."""
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from gateway.core.cli import treadlink
+from gateway.core.config.vehicle import parse_vehicle
+from gateway.core.estimates.wheel_setup import WheelSetup
+from gateway.core.text.wording import text
+from gateway.planner.uncertainty_budget import REVOLUTIONS, SOURCES, Budget, budgets
+from tests.testkit.simulated_wheel import last, simulated
+
+VEHICLE = """[tire]
+radius_mm = 320
+radius_std_mm = {radius}
+pressure_kpa = 210
+pressure_std_kpa = {pressure}
+ring_thickness_mm = 15
+ring_thickness_std_mm = 0.5
+[tire.reference]
+Bs = 3.08e-3
+Bs_std = 1e-5
+pressure_kpa = 210
+temperature_degc = 25
+[[wheel]]
+position = "FL"
+hub = 0
+wheel = 0
+load_n = 5000
+load_std_n = {load}
+[wheel.mounting]
+offset_mm = 0
+offset_std_mm = {depth}
+[wheel.sensor]
+rate_std_percent = {rate}
+lateral_gain_std_percent = {lateral}
+"""
+ESTIMATORS = ("kinematic", "distance", "self-calibration", "weak-form", "wear", "ply-steer")
+CAREFUL = {"radius": 0.5, "pressure": 1, "load": 50, "depth": 0.1, "rate": 1e-3, "lateral": 1}
+SIGNAL = "[sensor]\nrange_g = 1000\n[tire]\ncord_angle_deg = 22\nply_separation_mm = 1.5\n"
+SECONDS = 9.0
+
+
+def setup_of(**stds: float) -> WheelSetup:
+    return parse_vehicle(VEHICLE.format(**CAREFUL | stds), "").wheel_setups()[0]
+
+
+def budgets_of(setup: WheelSetup) -> dict[str, Budget]:
+    results = simulated(SIGNAL, SECONDS, setup, ESTIMATORS)[0]
+    return {budget.estimate.name: budget for budget in budgets(setup, results[-REVOLUTIONS:])}
+
+
+@pytest.mark.parametrize(
+    ("name", "source", "careless"),
+    [
+        ("wear_mm", "load", {"load": 500}),
+        ("Cw", "pressure", {"pressure": 15}),
+        ("speed_mps", "belt radius", {"radius": 6}),
+        ("angular_speed_radps", "sampling rate", {"rate": 1}),
+        ("ply_steer_contact_line_rad", "lateral gain", {"lateral": 8}),
+    ],
+)
+def test_a_promised_gain_is_what_comes_when_the_statement_is_made(name: str, source: str, careless) -> None:
+    setup = setup_of(**careless)
+    budget = budgets_of(setup)[name]
+    promise = budget.promise
+    assert promise is not None
+    assert promise.source.name == source
+    better = promise.source.with_error(setup, promise.source.better)
+    came = last(simulated(SIGNAL, SECONDS, better, ESTIMATORS)[0])[name]
+    before = last(simulated(SIGNAL, SECONDS, setup, ESTIMATORS)[0])[name]
+    assert promise.std == pytest.approx(came.std, rel=0.05)
+    assert came.std < 0.7 * before.std
+
+
+def test_parts_make_up_the_error() -> None:
+    made = budgets_of(setup_of(load=500))
+    for budget in made.values():
+        whole = math.hypot(budget.scatter_std, budget.model_std, *budget.parts.values())
+        assert whole >= 0.999 * budget.estimate.std
+    wear = made["wear_mm"]
+    # A third of the load's error is that of the thickness.
+    assert wear.parts["load"] == pytest.approx(15.0 * 0.1 / 3.0, rel=0.2)
+    line = wear.line()
+    assert line is not None
+    said = text(line)
+    assert said.startswith("wear ±0.5")
+    assert "of it is the load, stated to 10 %; weighed to 2 % it would be ±0.1" in said
+
+
+def test_every_source_reads_what_it_sets() -> None:
+    setup = setup_of()
+    for source in SOURCES:
+        if source.stated(setup) is not None:
+            assert source.stated(source.with_error(setup, 0.0123)) == pytest.approx(0.0123), source.name
+
+
+def test_estimate_writes_budgets(tmp_path: Path) -> None:
+    recording, target = tmp_path / "lab.mcap", tmp_path / "budget.json"
+    assert CliRunner().invoke(treadlink, ["simulate", "lab", "--duration", "4", "--out", str(recording)]).exit_code == 0
+    result = CliRunner().invoke(treadlink, ["estimate", str(recording), "--uncertainty-budget", str(target)])
+    assert result.exit_code == 0, result.output
+    assert "uncertainty budget" in result.output
+    entries = json.loads(target.read_text(encoding="utf-8"))
+    speed = next(entry for entry in entries if entry["quantity"] == "speed_mps")
+    assert speed["unit"] == "m/s"
+    assert speed["parts"]["belt radius"] > 0.9 * speed["std"]
+    assert speed["better"]["statement"] == "belt radius"
