@@ -37,8 +37,7 @@ class TrustCode(Codes):
     )
     GRAVITY_CONTRADICTED = Code("gravity in the radial axis gives a gain of {gain:.2f} ± {std:.2f} of the stated one")
     MAY_CHANGE_BY = Code("may be wrong by {effect:.1%}: {why}")
-    NOT_POSSIBLE = Code("{quantity} is {errors:.1f} standard errors beyond what is possible")
-    NOT_POSSIBLE_AT_ALL = Code("{quantity} is beyond what is possible")
+    NOT_POSSIBLE = Code("{quantity} is beyond what is possible")
     NO_SINGLE_CAUSE = Code("no single cause fits")
     NOTHING_FOLLOWS = Code("not determined: {why}")
     HUB_MOVES = Code(
