@@ -18,7 +18,6 @@ from gateway.core.links.bus_frames import BusFrame, pack
 from gateway.core.links.reasons import LinkCode
 from gateway.core.links.reconnect import Backoff, BriefConnections
 from gateway.core.links.source import (
-    CAN_FILE_SUFFIXES,
     BusFrames,
     LinkEvent,
     LinkEventKind,
@@ -30,6 +29,7 @@ from gateway.core.reasons import Reason
 from gateway.vehicle.can_log import channel_number, frame_of, logged_frames
 from gateway.vehicle.dbc_file import read_dbc
 from gateway.vehicle.log_file import LogFile
+from gateway.vehicle.log_sources import CAN_FILE_SUFFIXES
 from gateway.vehicle.reasons import VehicleCode
 
 if TYPE_CHECKING:

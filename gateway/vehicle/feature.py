@@ -6,6 +6,10 @@ from gateway.core.feature import Feature, Registry
 
 FEATURE: Final = Feature(
     adds={
+        Registry.SOURCES: {
+            "can": "gateway.vehicle.log_sources:CAN",
+            "nmea": "gateway.vehicle.log_sources:NMEA",
+        },
         Registry.VEHICLE_KEYS: {
             "vehicle_signals": "gateway.vehicle.bus_signals:VEHICLE_SIGNALS",
         },

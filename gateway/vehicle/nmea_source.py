@@ -13,7 +13,6 @@ from gateway.core.links.nmea_sentences import SentenceReader, can_read_sentences
 from gateway.core.links.reconnect import ReconnectingSource
 from gateway.core.links.serial_link import serial_port, serial_settings
 from gateway.core.links.source import (
-    NMEA_FILE_SUFFIXES,
     Chunk,
     LinkItem,
     Sentences,
@@ -25,6 +24,7 @@ from gateway.core.links.source import (
 )
 from gateway.core.links.tcp_link import TcpLink, parse_host_port
 from gateway.vehicle.log_file import LogFile
+from gateway.vehicle.log_sources import NMEA_FILE_SUFFIXES
 
 GPSD_PORT: Final = 2947
 """Port at which gpsd serves its clients."""

@@ -127,7 +127,7 @@ def check_plugins() -> Iterator[Check]:
     from gateway.publishing import sink
 
     for group, taken, fault in (
-        (Registry.SOURCES, source.SOURCES, source.plugin_fault),
+        (Registry.SOURCES, source.schemes_of_package(), source.plugin_fault),
         (Registry.ESTIMATORS, registry.ESTIMATORS, registry.plugin_fault),
         (Registry.EFFECTS, (), catalogue.plugin_fault),
         (Registry.IMPORTERS, file_formats.PLUGIN_NAMES_TAKEN, file_formats.plugin_fault),

@@ -14,7 +14,7 @@ from typing import Final, Protocol, runtime_checkable
 
 from gateway.core.clock import Clock
 from gateway.core.errors import SourceError
-from gateway.core.feature import Registry
+from gateway.core.feature import Registry, added, object_of
 from gateway.core.links.bus_frames import unpack
 from gateway.core.links.reasons import LinkCode
 from gateway.core.nearest_name import did_you_mean
@@ -325,24 +325,18 @@ class SourceKind:
     file_suffixes: tuple[str, ...] = ()
 
 
-CAN_FILE_SUFFIXES: Final = (
-    ".blf", ".asc", ".log", ".csv", ".trc", ".mf4", ".asc.gz", ".log.gz", ".csv.gz", ".trc.gz",
-)  # fmt: skip
-"""Ends of the log files of a CAN bus."""
-
-NMEA_FILE_SUFFIXES: Final = (".nmea", ".log", ".txt", ".nmea.gz", ".log.gz", ".txt.gz")
-"""Ends of the log files of a positioning receiver."""
-
 SOURCES: Final[dict[str, SourceKind]] = {
     "serial": SourceKind("gateway.core.links.serial_link:open_serial"),
     "tcp": SourceKind("gateway.core.links.tcp_link:open_tcp"),
     "ble": SourceKind("gateway.core.links.ble_source:open_ble"),
-    "can": SourceKind("gateway.vehicle.can_source:open_can_source", file_suffixes=CAN_FILE_SUFFIXES),
-    "nmea": SourceKind("gateway.vehicle.nmea_source:open_nmea", file_suffixes=NMEA_FILE_SUFFIXES),
     "replay": SourceKind("gateway.core.recording.replay_source:open_replay", live=False),
-    "sim": SourceKind("gateway.simulator.simulator_source:open_simulator", live=False),
 }
-"""Sources of this package by the scheme of their URI; plug-ins add others."""
+"""Sources of the core by the scheme of their URI; features and plug-ins add others."""
+
+
+def schemes_of_package() -> list[str]:
+    """Return the schemes of this package's sources, those of features last; nothing is imported."""
+    return [*SOURCES, *added(Registry.SOURCES)]
 
 
 def source_kind(scheme: str) -> SourceKind | None:
@@ -353,7 +347,10 @@ def source_kind(scheme: str) -> SourceKind | None:
     """
     if scheme in SOURCES:
         return SOURCES[scheme]
-    loaded = load(Registry.SOURCES, scheme, SOURCES, plugin_fault)
+    if (target := added(Registry.SOURCES).get(scheme)) is not None:
+        kind: SourceKind = object_of(target)
+        return kind
+    loaded = load(Registry.SOURCES, scheme, schemes_of_package(), plugin_fault)
     return loaded if isinstance(loaded, SourceKind) else None
 
 
@@ -395,7 +392,7 @@ def parse_source_uri(uri: str) -> SourceAddress:
     except ValueError as error:
         raise SourceError(f"source '{uri}' cannot be read: {error}", "Write special characters as %XX.") from error
     if source_kind(scheme) is None:
-        schemes = [f"{name}:" for name in (*SOURCES, *names(Registry.SOURCES, SOURCES))]
+        schemes = [f"{name}:" for name in (*schemes_of_package(), *names(Registry.SOURCES, schemes_of_package()))]
         remedy = (
             f"It is a file. `treadlink replay {shlex.quote(uri)}` shows a recording, "
             f"`treadlink import --guess {shlex.quote(uri)}` begins the import of a measurement."
