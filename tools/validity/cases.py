@@ -105,15 +105,15 @@ def _own(world: World, key: str, value: Any, axis: int | None) -> World | None:
     if key in _FIELDS:
         name, scale = _FIELDS[key]
         return replace(world, **{name: scale * value})
-    name, place, scale = "", axis, 1.0
+    name, index, scale = "", axis, 1.0
     if key in _AXES:
         name, scale = _AXES[key]
     elif key in _PLACES:
-        name, place = _PLACES[key]
-    if not name or place is None:
+        name, index = _PLACES[key]
+    if not name or index is None:
         return None
     items = list(getattr(world, name))
-    items[place] = scale * value
+    items[index] = scale * value
     return replace(world, **{name: tuple(items)})
 
 
@@ -417,11 +417,11 @@ def named(names: Sequence[str] | None) -> list[Case]:
     Raises:
         ValueError: there is no such case.
     """
-    known = {case.name: case for case in (*CASES, NORMAL)}
-    found = []
+    by_name = {case.name: case for case in (*CASES, NORMAL)}
+    chosen = []
     for name in names or [case.name for case in CASES]:
         first, _, second = name.partition(" + ")
-        if missing := {first, second or first} - known.keys():
-            raise ValueError(f"no case {', '.join(sorted(missing))}; cases are {', '.join(known)}")
-        found.append(together(known[first], known[second]) if second else known[first])
-    return found
+        if missing := {first, second or first} - by_name.keys():
+            raise ValueError(f"no case {', '.join(sorted(missing))}; cases are {', '.join(by_name)}")
+        chosen.append(together(by_name[first], by_name[second]) if second else by_name[first])
+    return chosen
