@@ -80,19 +80,18 @@ def test_server_that_never_answers_is_left_in_time_and_gets_everything(items, ki
         worker.start()
         for item in items:
             worker.offer(item)
-        until(lambda: not server.ways and server.taken and worker.snapshot().waiting == 0)
-        assert worker.snapshot().state == "up"
+        until(lambda: not server.ways and worker.snapshot().waiting == 0 and worker.snapshot().state == "up")
         finish(worker)
         worker.discard()
     finally:
         server.close()
     expected = [item for item in items if isinstance(item, counted)]
     assert (worker.snapshot().dropped, worker.is_left) == (0, False)
-    content = b"\n".join(server.taken)
+    # On a busy computer an answer may come too late: what it confirms is then there twice, as one point or alarm.
+    taken = {line for body in server.taken for line in body.splitlines()}
     if kind == "influx":
-        assert content.count(b"treadlink_revolution") == sum(isinstance(item, PublishedRevolution) for item in expected)
-    else:
-        assert len(server.taken) == len(expected)
+        taken = {line for line in taken if line.startswith((b"treadlink_revolution", b"treadlink_alarm"))}
+    assert len(taken) == len(expected)
 
 
 def test_server_that_swallows_for_good_is_named_and_what_it_does_not_take_is_counted(items, monkeypatch) -> None:
