@@ -37,6 +37,7 @@ class FleetCode(Codes):
     )
     TREND_DISTANCE_SHORT = Code("the recordings span {distance_m:.3g km}: a rate per 1,000 km needs {needed_m:.0f km}")
     TREND_FEW_VALID = Code("more than half of the revolutions are not used in {count} of {of} recordings: {why}")
+    TREND_FINDINGS_MARKED = Code("findings that are marked in {file}, and have not grown since: {count}")
     TREND_FOREIGN_FILE = Code("left out, because it is not a file of this dataset: {path}")
     TREND_LAST_DEVIATES = Code(
         "the last recording, {date}, deviates from the trend by {deviation:+.1f} standard deviations"

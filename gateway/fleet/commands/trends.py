@@ -28,6 +28,13 @@ if TYPE_CHECKING:
 @path_option("--html", "html_path", help="Write a report with figures to this HTML file.")
 @path_option("--json", "json_path", help="Write all results to this JSON file.")
 @path_option("--csv", "csv_path", help="Write a table of all numbers to this CSV file.")
+@click.option(
+    "--mark",
+    "marks",
+    multiple=True,
+    metavar="KEY=MARK",
+    help="Mark a finding: acknowledged, closed, put-off:YYYY-MM-DD, or open. It comes back when it has grown.",
+)
 @where_option
 @force_option
 def trends(
@@ -36,6 +43,7 @@ def trends(
     html_path: Path | None,
     json_path: Path | None,
     csv_path: Path | None,
+    marks: tuple[str, ...],
     where: RunFilter,
     force: bool,
 ) -> None:
@@ -49,6 +57,7 @@ def trends(
 
     \b
       treadlink trends fleet.dataset --odometer odometer.csv --html fleet.html
+      treadlink trends fleet.dataset --mark 3fa91c=acknowledged
       treadlink trends fleet.dataset --json - | jq '.tires[] | select(.findings != [])'
     """
     outputs = (html_path, json_path, csv_path)
@@ -61,6 +70,7 @@ def trends(
         require_report_packages()
     from gateway.fleet.history_reading import read_histories, read_odometer
     from gateway.fleet.trends.fleet_analysis import analyse
+    from gateway.fleet.trends.marked_findings import read_marks, set_marks, without_marked
     from gateway.fleet.views.trend_tables import trend_lines, trends_csv, trends_json
 
     odometer = read_odometer(odometer_path) if odometer_path is not None else None
@@ -68,6 +78,8 @@ def trends(
     fleet_trends = analyse(
         histories.tires, recordings=histories.recordings, failures=histories.failures, notes=histories.notes
     )
+    marked = set_marks(dataset, fleet_trends, marks) if marks else read_marks(dataset)
+    fleet_trends = without_marked(fleet_trends, marked)
     if json_path is not None:
         content = json_text(trends_json(fleet_trends), indent=2)
         write_whole(json_path, content + "\n", force=force)

@@ -28,6 +28,7 @@ from gateway.diagnosis.views.figures import (
     report_style,
     require_report_packages,
 )
+from gateway.fleet.trends.marked_findings import finding_key
 from gateway.fleet.trends.trend_result import (
     FleetTrends,
     Quantity,
@@ -196,6 +197,7 @@ def trends_page(trends: FleetTrends) -> str:
         drawings_left=len(trends.tires) - len(drawn),
         clean=clean,
         day=day,
+        finding_key=finding_key,
         label_of=label_of,
         labels=LABELS,
         value_texts=value_texts,

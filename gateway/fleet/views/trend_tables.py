@@ -17,6 +17,7 @@ from gateway.core.text.plain_values import plain, record
 from gateway.core.text.table_sinks import CsvSink
 from gateway.core.text.text import clean, counted, pad, storable, width
 from gateway.core.text.wording import joined, text
+from gateway.fleet.trends.marked_findings import finding_key
 from gateway.fleet.trends.trend_result import (
     UNKNOWN_VEHICLE,
     FleetTrends,
@@ -177,7 +178,10 @@ def trend_lines(trends: FleetTrends) -> Iterator[str]:
     findings = [(trend, finding) for trend in trends.tires for finding in trend.findings]
     yield ""
     yield "findings:" if findings else "no finding"
-    yield from (f"  {tire_name(trend)}: {clean(text(finding))}" for trend, finding in findings[:_LISTED])
+    yield from (
+        f"  {finding_key(trend, finding)}  {tire_name(trend)}: {clean(text(finding))}"
+        for trend, finding in findings[:_LISTED]
+    )
     if len(findings) > _LISTED:
         yield f"  ... and {len(findings) - _LISTED} more"
     yield from _pair_lines(trends.pairs)
