@@ -41,7 +41,7 @@ CEILINGS: Final[dict[str, Ceiling]] = {
     "lines of gateway": Ceiling(95_000, 123_000),
     "lines of tests": Ceiling(58_000, 71_700),
     "lines of tools": Ceiling(17_000, 22_800),
-    "words of docs": Ceiling(60_000, 65_000),
+    "words of docs": Ceiling(60_000, 65_100),
     "options": Ceiling(120, 92),
     "reason codes": Ceiling(430, 595),
     "functions over complexity 20": Ceiling(0, 36),
