@@ -70,7 +70,7 @@ def _locked(mps2: float, order: float, omega_power: float = 0.0) -> Callable[[Dr
 def _long_sensor(length_m: float, radius_m: float) -> Chain:
     def chain(drive: Drive, _: Array) -> Array:
         places = np.linspace(-0.5, 0.5, 9) * length_m / radius_m
-        mean: Array = np.mean([drive.shape(drive.angle_rad + place) for place in places], axis=0)
+        mean: Array = np.mean([drive.shape(drive.angle_rad + shift_rad) for shift_rad in places], axis=0)
         return mean
 
     return chain

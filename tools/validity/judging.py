@@ -226,7 +226,7 @@ def truths(run: Run, statement: Statement, result: RevolutionResult) -> dict[str
     turned_rad = 0.01 * truth.plan.sensor.cross_axis_percent
     roll_rad, pitch_rad = (math.radians(tilt) + turned_rad for tilt in world.tilt_deg[:2])
     gain, zero_mps2 = _axis_errors(run, statement, middle_s, 2)
-    known = {
+    true_values = {
         "speed_mps": 2.0 * math.pi * world.radius_m * turns_hz,
         "angular_speed_radps": 2.0 * math.pi * turns_hz,
         "rotation_rpm": 60.0 * turns_hz,
@@ -260,13 +260,13 @@ def truths(run: Run, statement: Statement, result: RevolutionResult) -> dict[str
     }
     if abs(truth.plan.sensor.rate_error_ppm) > _CLOCKED_PPM:
         # Samples between two stamps of the hub are taken for later or earlier, so its centre is not known.
-        known |= dict.fromkeys(("leading_edge_rad", "trailing_edge_rad"), math.nan)
+        true_values |= dict.fromkeys(("leading_edge_rad", "trailing_edge_rad"), math.nan)
     road = truth.plan.road
     loads = [truth.load_n(float(time_s)) for time_s in (bottoms[turn], bottoms[turn + 1])]
     if road.profile or road.leading_jitter_mm or road.trailing_jitter_mm or abs(loads[1] - loads[0]) > 0.01 * load_n:
         # The contact of a revolution is another one at its begin and its end, and each differs from the mean.
-        known |= dict.fromkeys(_OF_ONE_CONTACT, math.nan)
-    return known
+        true_values |= dict.fromkeys(_OF_ONE_CONTACT, math.nan)
+    return true_values
 
 
 def _axis_errors(run: Run, statement: Statement, time_s: float, axis: int) -> tuple[float, float]:
