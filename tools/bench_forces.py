@@ -62,7 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         tables = [each_table(measured), summary_table(measured)]
     else:
         orders = [(index, TRACTIONS[index % len(TRACTIONS)]) for index in range(options.count)]
-        measured = _spread(partial(_one, options.seed), orders, options.jobs)
+        measured = _spread(partial(_single, options.seed), orders, options.jobs)
         tables = _tables(measured, options.each)
     for table in tables:
         print(table.text(markdown=options.markdown))
@@ -79,7 +79,7 @@ def _spread(judge: Callable[[T], list[Measured]], orders: Sequence[T], jobs: int
         return [measurement for result in pool.map(judge, orders) for measurement in result]
 
 
-def _one(seed: int, order: tuple[int, float]) -> list[Measured]:
+def _single(seed: int, order: tuple[int, float]) -> list[Measured]:
     return list(simulated(*order, seed))
 
 

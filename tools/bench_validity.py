@@ -104,7 +104,7 @@ def _orders(options: argparse.Namespace) -> list[Order]:
 
 def _judged(orders: Sequence[Order], options: argparse.Namespace) -> Iterator[Judged]:
     """Yield what is in the files, and of the other tires what runs now; --json keeps it, tire by tire."""
-    paths = [*(options.kept or ()), *([options.json] if options.json and options.json.is_file() else [])]
+    paths = [*(options.stored or ()), *([options.json] if options.json and options.json.is_file() else [])]
     done = set()
     for path in paths:
         with path.open(encoding="utf-8") as lines:
@@ -112,7 +112,7 @@ def _judged(orders: Sequence[Order], options: argparse.Namespace) -> Iterator[Ju
                 entry = json.loads(line)
                 done.add(entry["order"])
                 yield from from_rows(entry["judged"])
-    if options.kept:
+    if options.stored:
         return
     waiting = [order for order in orders if repr(order) not in done]
     for order, judged in _all(judge_tire, waiting, options):
@@ -142,7 +142,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
         "--source",
         choices=("exact", "steady", "fe"),
         default="exact",
-        help="ring, or independent tire: rolling steadily, kept",
+        help="ring, or independent tire: rolling steadily, stored",
     )
     parser.add_argument("--rolled", type=Path, help="with --source fe: folder that tools/independent_tire wrote")
     parser.add_argument("--agreement", action="store_true", help="with --rolled: compare these tires with the ring")
@@ -150,7 +150,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--left-out", action="store_true", help="without each rule of doubt in turn, 18 times as long")
     parser.add_argument("--each", action="store_true", help="print every estimate instead of the tables")
     parser.add_argument("--json", type=Path, help="keep every judged estimate in this file, and go on where it ended")
-    parser.add_argument("--kept", type=Path, action="append", help="tables of such files; runs nothing")
+    parser.add_argument("--stored", type=Path, action="append", help="tables of such files; runs nothing")
     parser.add_argument("--markdown", action="store_true", help="tables to paste into docs")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--cache", type=Path, help="folder that keeps ring solutions between runs; trust its files")

@@ -74,7 +74,7 @@ def set_value(world: World, said: Statement, key: str, value: Any, axis: int | N
         return world, replace(said, axes=(first, second, third))
     if ":" in key:
         return world, replace(said, told=(*said.told, (key, value, axis)))
-    after = _own(world, key, value, axis)
+    after = _with_field(world, key, value, axis)
     if after is not None:
         said = moved_to(said, world, after)
         return after, replace(said, thickness_mm=said.thickness_mm + after.thickness_mm - world.thickness_mm)
@@ -100,7 +100,7 @@ _PLACES: Final = {
 }  # fmt: skip
 
 
-def _own(world: World, key: str, value: Any, axis: int | None) -> World | None:
+def _with_field(world: World, key: str, value: Any, axis: int | None) -> World | None:
     """Return the tire with one of its own fields set, None where it has none for a parameter."""
     if key in _FIELDS:
         name, scale = _FIELDS[key]
@@ -168,7 +168,7 @@ def _plain(world: World, said: Statement, _: float, __: np.random.Generator) -> 
     return world, said
 
 
-def _known(world: World, said: Statement, _: float, __: np.random.Generator) -> Told:
+def _without_errors(world: World, said: Statement, _: float, __: np.random.Generator) -> Told:
     none = (0.0, 0.0, 0.0)
     world = replace(world, gain_error=none, zero_g_mps2=none, tilt_deg=none)
     return world, known_exactly(world, said)
@@ -342,7 +342,7 @@ def _altitude(world: World, said: Statement, size: float, _: np.random.Generator
 _ZERO: Final = Span("", "is", (0.0, 0.0))
 _TRUES: Final = (
     Case("plain", _ZERO, _plain, "everything true, on the ring that the estimators assume", "true"),
-    Case("known", _ZERO, _known, "everything stated without an error, and a perfect sensor", "true"),
+    Case("known", _ZERO, _without_errors, "everything stated without an error, and a perfect sensor", "true"),
     Case("ordinary", _ZERO, _ordinary, "everything true; losses, extension, road, drift", "true"),
     Case("depth-unstated", Span("", "is", (0.1, 12.0)), _unstated, "no depth stated", "true"),
 )
