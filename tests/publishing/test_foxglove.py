@@ -92,7 +92,7 @@ def test_viewer_gets_numbers_states_and_log(items, sink) -> None:
     assert document["speed_mps"] == speed.value
     waveform = json.loads(viewer.messages["/wheel/FL/waveform"][0][1])
     assert len(waveform["radial_mps2"]) == len(waveform["theta_rad"]) > 100
-    assert json.loads(viewer.messages["/alarm"][0][1])["reason"]["code"] == "pressure_below_limit"
+    assert json.loads(viewer.messages["/alarm"][0][1])["reason"]["code"] == "value_below_limit"
     assert b"sim:demo: connected" in b"".join(message for _, message in viewer.messages["/log"])
     by_topic = {channel["topic"]: channel for channel in viewer.channels.values()}
     assert by_topic["/log"]["schemaName"] == "foxglove.Log"

@@ -42,7 +42,7 @@ def test_every_line_is_valid_by_the_schema(items, tmp_path) -> None:
     assert (reason["code"], set(reason["values"])) == ("not_settled", {"revolutions", "needed"})
     raised, over = (line for line in lines if line["type"] == "alarm")
     assert (raised["raised"], over["raised"], over["stood_s"]) == (True, False, 1.0)
-    assert raised["reason"]["values"] == {"pressure_pa": 180e3, "limit_pa": 200e3}
+    assert raised["reason"]["values"] == {"quantity": "pressure_pa", "value": 180e3, "limit": 200e3}
 
 
 def test_schema_tells_of_every_part_of_an_estimate() -> None:

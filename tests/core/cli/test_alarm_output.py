@@ -65,10 +65,10 @@ def test_replay_prints_alarms_as_lines(recorded: tuple[Path, str]) -> None:
 def test_recording_keeps_alarms_with_their_values(recorded: tuple[Path, str]) -> None:
     entries = [json.loads(m.data) for m in RecordingReader(recorded[0]).messages() if m.channel.topic == "/log"]
     raised = {entry["values"]["alarm"]["code"]: entry for entry in entries if entry.get("code") == "alarm_raised"}
-    assert set(raised) == {"pressure_below_limit", "samples_silent"}
-    assert raised["pressure_below_limit"]["subject"] == "W1"
-    assert raised["pressure_below_limit"]["level"] == "warning"
-    assert raised["pressure_below_limit"]["values"]["alarm"]["values"] == {"pressure_pa": 210e3, "limit_pa": 230e3}
+    assert set(raised) == {"value_below_limit", "samples_silent"}
+    assert raised["value_below_limit"]["subject"] == "W1"
+    assert raised["value_below_limit"]["level"] == "warning"
+    assert raised["value_below_limit"]["values"]["alarm"]["values"] == {"quantity": "pressure_pa", "value": 210e3, "limit": 230e3}
 
 
 def test_program_log_has_the_alarms(vehicle: Path, tmp_path: Path) -> None:
@@ -84,15 +84,15 @@ def test_estimate_reports_alarms_and_silence(recorded: tuple[Path, str], tmp_pat
     assert "W1 pressure: from 0." in summary
     assert "W1 silent: from 5.0 s to the end: no samples for 4 s" in summary
     first, *_, low, quiet = map(json.loads, rows.read_text().splitlines())
-    assert low["alarm_record"]["code"] == "pressure_below_limit"
+    assert low["alarm_record"]["code"] == "value_below_limit"
     assert quiet["revolution"] is None
     assert (quiet["position"], quiet["alarm_record"]["code"]) == ("W1", "samples_silent")
     assert quiet["alarm_record"]["standing_at_end"]
     assert quiet["alarm_record"]["first_s"] == pytest.approx(5.0, abs=0.1)
     assert first["alarms"] == "pressure 210 kPa is below 230 kPa"
     (reason,) = first["alarm_reasons"]
-    assert (reason["name"], reason["code"]) == ("pressure", "pressure_below_limit")
-    assert reason["values"] == {"pressure_pa": 210e3, "limit_pa": 230e3}
+    assert (reason["name"], reason["code"]) == ("pressure", "value_below_limit")
+    assert reason["values"] == {"quantity": "pressure_pa", "value": 210e3, "limit": 230e3}
     with table.open(newline="") as file:
         assert {row["alarms"] for row in csv.DictReader(file)} == {first["alarms"]}
 
