@@ -68,7 +68,11 @@ def test_recording_keeps_alarms_with_their_values(recorded: tuple[Path, str]) ->
     assert set(raised) == {"value_below_limit", "samples_silent"}
     assert raised["value_below_limit"]["subject"] == "W1"
     assert raised["value_below_limit"]["level"] == "warning"
-    assert raised["value_below_limit"]["values"]["alarm"]["values"] == {"quantity": "pressure_pa", "value": 210e3, "limit": 230e3}
+    assert raised["value_below_limit"]["values"]["alarm"]["values"] == {
+        "quantity": "pressure_pa",
+        "value": 210e3,
+        "limit": 230e3,
+    }
 
 
 def test_program_log_has_the_alarms(vehicle: Path, tmp_path: Path) -> None:
