@@ -222,12 +222,11 @@ class Drive:
         wheel = self.wheels.get(result.position)
         if wheel is None:
             wheel = self.wheels[result.position] = DriveWheel()
-        known = self._marks_taken.get(result.position, 0)
-        reached = known
-        while reached < len(self.marks) and self.marks[reached][0] <= result.host_ns:
-            reached += 1
-        self._marks_taken[result.position] = reached
-        wheel.add(result, [text for _, text in self.marks[known:reached]])
+        begin = end = self._marks_taken.get(result.position, 0)
+        while end < len(self.marks) and self.marks[end][0] <= result.host_ns:
+            end += 1
+        self._marks_taken[result.position] = end
+        wheel.add(result, [text for _, text in self.marks[begin:end]])
 
     def finish(
         self, states: Sequence[WheelSnapshot], alarms: Sequence[AlarmRecord], notices: Sequence[Notice]

@@ -23,7 +23,7 @@
       // One axis of time for all wheels: undefined is drawn through.
       this.times = [...new Set(this.data.wheels.flatMap((wheel) => wheel.t))].sort((a, b) => a - b);
       const index = new Map(this.times.map((time, i) => [time, i]));
-      this.places = this.data.wheels.map((wheel) => wheel.t.map((time) => index.get(time)));
+      this.rows = this.data.wheels.map((wheel) => wheel.t.map((time) => index.get(time)));
       this.whole = [this.times[0], this.times[this.times.length - 1]];
       this.range = [...this.whole];
       this.tools();
@@ -77,13 +77,13 @@
         const columns = [0, 1, 2, 3].map(() => new Array(this.times.length).fill(undefined));
         let previous = null;
         v.forEach((value, at) => {
-          const place = this.places[i][at];
+          const row = this.rows[i][at];
           pictures.cellsOf(value, e ? e[at] : null, isProvisional.has(at)).forEach((cell, part) => {
-            columns[part][place] = cell;
+            columns[part][row] = cell;
             // The times of other wheels within a gap are part of it.
-            if (previous !== null && (cell === null || columns[part][previous] === null)) columns[part].fill(null, previous + 1, place);
+            if (previous !== null && (cell === null || columns[part][previous] === null)) columns[part].fill(null, previous + 1, row);
           });
-          previous = place;
+          previous = row;
         });
         data.push(...columns);
       }

@@ -5,6 +5,7 @@ import json
 import re
 import tomllib
 import types
+from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum
@@ -115,9 +116,9 @@ class Section(BaseModel):
 class AddedTable(Section):
     """Base of a table that a feature adds to a tire."""
 
+    @abstractmethod
     def data(self) -> object:
         """Return what estimators of the feature take from `TireData.of`, in SI."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True, slots=True)

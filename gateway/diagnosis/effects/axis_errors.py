@@ -1,5 +1,6 @@
 """Errors of one axis of the sensor: other gain below zero, powers, what another axis does to it, another place."""
 
+from abc import abstractmethod
 from typing import Final
 
 import numpy as np
@@ -60,9 +61,9 @@ class _OfAxis(LinearSignalEffect):
         rows[0, self.axis] = axis_sign * self.unit(axis_mps2, other)
         return rows
 
+    @abstractmethod
     def unit(self, axis_mps2: FloatArray, other: FloatArray) -> FloatArray:
         """Return the error of a unit by the axis and the other axis."""
-        raise NotImplementedError
 
 
 class GainBelowZero(_OfAxis):
