@@ -75,7 +75,7 @@ def wheel(item: PublishedState, snapshot: WheelSnapshot) -> JsonObject:
     is_current = snapshot.has_current_environment
     numbers = {
         "rate_hz": (snapshot.rate_hz or None) if silence is None else None,
-        **{name: _last_estimate(snapshot, name) for name in in_state()},
+        **{name: _last_value(snapshot, name) for name in in_state()},
         "pressure_pa": snapshot.pressure_pa if is_current else None,
         "temperature_degc": snapshot.temperature_degc if is_current else None,
         "load_n": snapshot.load_n if silence is None else None,
@@ -167,15 +167,7 @@ def _output(snapshot: SessionSnapshot, index: int) -> JsonObject:
     return {"output": sink.sink, "state": str(sink.state), "published": sink.published, "dropped": sink.dropped}
 
 
-def _last_estimate(snapshot: WheelSnapshot, name: str) -> float | None:
-    """Return an estimate of the last revolution unless it is invalid or the wheel silent."""
-    if snapshot.last is None or snapshot.silence is not None:
-        return None
-    return next(
-        (
-            estimate.value
-            for estimate in snapshot.last.estimates
-            if estimate.name == name and estimate.status != "invalid"
-        ),
-        None,
-    )
+def _last_value(snapshot: WheelSnapshot, name: str) -> float | None:
+    """Return the value of an estimate of the last revolution unless it is invalid or the wheel silent."""
+    estimate = snapshot.estimate(name) if snapshot.silence is None else None
+    return estimate.value if estimate is not None else None

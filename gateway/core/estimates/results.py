@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import NamedTuple
 
-from gateway.core.estimates.estimator import Estimate, Revolution, TireConditions
+from gateway.core.estimates.estimator import Estimate, Revolution, Status, TireConditions
 from gateway.core.reasons import Notice, Reason
 from gateway.core.revolutions.axis_relations import Lag
 from gateway.core.types import FloatArray
@@ -165,6 +165,11 @@ class WheelSnapshot:
     flags: tuple[SensorFlag, ...] = ()
     missing: Reason | None = None
     silences: tuple[Silence, ...] = ()
+
+    def estimate(self, name: str) -> Estimate | None:
+        """Return an estimate of the last revolution, None where it is invalid or no estimator gives it."""
+        estimates = self.last.estimates if self.last is not None else ()
+        return next((e for e in estimates if e.name == name and e.status is not Status.INVALID), None)
 
     @property
     def silence(self) -> Silence | None:

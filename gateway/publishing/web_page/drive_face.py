@@ -2,7 +2,6 @@
 
 import math
 import re
-from collections.abc import Sequence
 from typing import Any, Final
 
 from gateway.console.wheel_panel import state_text
@@ -81,7 +80,7 @@ def _wheel(wheel: WheelSnapshot, snapshot: SessionSnapshot) -> JsonObject:
         "place": place_on_car(wheel.position),
         "kind": kind,
         "state": "alarm" if is_alarmed and is_heard else state_text(wheel),
-        SPEED: _value(_estimate(wheel, SPEED)) if is_rolling else None,
+        SPEED: _value(wheel.estimate(SPEED)) if is_rolling else None,
         "values": {
             "pressure_pa": _number(
                 wheel.pressure_pa if is_current else None,
@@ -102,7 +101,7 @@ def _wheel(wheel: WheelSnapshot, snapshot: SessionSnapshot) -> JsonObject:
 def _load_std_n(wheel: WheelSnapshot) -> float:
     if "load_n" in wheel.stated:
         return wheel.last.conditions.load_std_n if wheel.last is not None else 0.0
-    estimate = _estimate(wheel, "load_n")
+    estimate = wheel.estimate("load_n")
     return estimate.std if estimate is not None else 0.0
 
 
@@ -110,14 +109,9 @@ def _source(wheel: WheelSnapshot, name: str) -> str:
     return "stated" if name in wheel.stated else "measured"
 
 
-def _estimate(wheel: WheelSnapshot, name: str) -> Estimate | None:
-    estimates: Sequence[Estimate] = wheel.last.estimates if wheel.last is not None else ()
-    return next((estimate for estimate in estimates if estimate.name == name), None)
-
-
 def _value(estimate: Estimate | None) -> JsonObject | None:
-    """Return an estimate as a value of the page, None for an invalid one."""
-    if estimate is None or estimate.status is Status.INVALID:
+    """Return an estimate as a value of the page."""
+    if estimate is None:
         return None
     return _number(estimate.value, estimate.std, "measured" if estimate.status is Status.VALID else "provisional")
 
