@@ -105,6 +105,9 @@ class TrustCode(Codes):
         "the pressure has not changed while the temperature changed by {temperature_change_k:.0f} K; it may be "
         "off by {error_pa:.0f kPa}"
     )
+    SAMPLES_HELD = Code(
+        "every value stays for {count:.0f} samples: the band ends at {ratio:.0f} times the wheel's frequency"
+    )
     SENSOR_AC_CORNER = Code(
         "AC coupling: the tolerance of its corner, {ratio:.2f} of the wheel's frequency, moves the numbers"
     )

@@ -9,6 +9,7 @@ bias, by what causes it:
   the corner's tolerance times c / sqrt(1 + c^2) remains, c in units of the wheel's frequency.
 - Steps that no noise blurs leave step / sqrt(12) in every sample, of the little that the signal varies away from the
   contact, on which Ts rests.
+- A value held over h samples is a band of 0.44 / h of the sampling rate, where such a hold passes half the power.
 """
 
 import math
@@ -34,6 +35,11 @@ _LARGEST_AC_CORNER: Final = 0.1
 _STEPS_OF_NOISE: Final = 2.0
 # Steps of 0.5 % of R Omega^2 raise Ts by 17 %, as those of 0.1 % by its own error.
 _LEAST_STEP: Final = 1e-3
+# Frequency where a hold passes half the power, times its duration.
+_BAND_OF_HOLD: Final = 0.443
+# Steps of a change that the converter alone does not make, and such changes of a revolution that show a hold.
+_CHANGE_STEPS: Final = 4.0
+_LEAST_CHANGES: Final = 6
 # Revolutions that are looked at for steps.
 _REVOLUTIONS: Final = 8
 # Of the gaps between values: samples of a fast edge lie many steps apart, those away from the contact one.
@@ -89,12 +95,28 @@ def step_counts(counts: NDArray[np.int16]) -> float:
     return step if on_step >= _SHARE_ON_STEP else 1.0
 
 
+def held_samples(counts: NDArray[np.int16], step: float) -> float:
+    """Return over how many samples a value is held, as by a hub that polls a slower sensor; 1 where none shows.
+
+    A coarse sensor rests between steps too, but not while its values change by several steps from sample to sample.
+
+    Args:
+        counts: (n,) samples.
+        step: of the values, in counts.
+    """
+    changes = np.diff(counts.astype(np.int32))
+    at = np.flatnonzero(changes)
+    after = np.diff(at)[np.abs(changes[at[:-1]]) > _CHANGE_STEPS * step]
+    return float(np.median(after)) if len(after) >= _LEAST_CHANGES else 1.0
+
+
 class SensorLimits:
     """Limits of one sensor."""
 
     def __init__(self, hello: Hello, bandwidth_hz: float | None, *, ac_coupled: bool) -> None:
         """Take what the hub and the configuration state."""
         self._bandwidth_hz = bandwidth_hz
+        self._held: list[float] = []
         self._highpass_hz = hello.highpass_hz if ac_coupled and hello.highpass_hz > 0.0 else None
         self._count_mps2 = abs(hello.scale_mps2[Axis.RADIAL])
         self._steps: list[float] = []
@@ -107,19 +129,26 @@ class SensorLimits:
         if not revolution.omega_radps > 0.0:
             return
         wheel_hz = revolution.omega_radps / (2.0 * math.pi)
-        if (band := narrow_band(self._bandwidth_hz, wheel_hz)) is not None:
-            assert self._bandwidth_hz is not None
+        if len(self._steps) < _REVOLUTIONS:
+            step = step_counts(counts)
+            self._steps.append(step)
+            self._held.append(held_samples(counts, step))
+            self._step_mps2 = self._count_mps2 * median(self._steps)
+        held, bandwidth_hz = median(self._held), self._bandwidth_hz
+        if held > 1.0:
+            bandwidth_hz = min(bandwidth_hz or math.inf, _BAND_OF_HOLD * revolution.rate_hz / held)
+        if (band := narrow_band(bandwidth_hz, wheel_hz)) is not None:
+            assert bandwidth_hz is not None
+            if held > 1.0:
+                band = Reason(TrustCode.SAMPLES_HELD, count=held, ratio=bandwidth_hz / wheel_hz)
             contact_rad = revolution.trailing_edge_rad - revolution.leading_edge_rad
             if math.isfinite(contact_rad):
                 self._contact_rad = contact_rad
-            yield Doubt(Basis.SAMPLES, band, wheel_hz / (self._bandwidth_hz * self._contact_rad))
+            yield Doubt(Basis.SAMPLES, band, wheel_hz / (bandwidth_hz * self._contact_rad))
         if (corner := high_corner(self._highpass_hz, wheel_hz)) is not None:
             assert self._highpass_hz is not None
             share = CORNER_TOLERANCE * self._highpass_hz / math.hypot(self._highpass_hz, wheel_hz)
             yield Doubt(Basis.COUPLING, corner, share)
-        if len(self._steps) < _REVOLUTIONS:
-            self._steps.append(step_counts(counts))
-            self._step_mps2 = self._count_mps2 * median(self._steps)
         step_mps2 = self._step_mps2
         if step_mps2 > _LEAST_STEP * radius_m * revolution.omega_radps**2:
             # Of a sample: on the angle grid, more samples than its points are averaged.

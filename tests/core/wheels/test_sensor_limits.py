@@ -16,7 +16,14 @@ from gateway.core.estimates.sensor_claims import SensorClaims
 from gateway.core.estimates.wheel_setup import WheelSetup
 from gateway.core.reasons import Code, Reason, codes_of
 from gateway.core.trust.reasons import TrustCode
-from gateway.core.trust.sensor_limits import SensorLimits, coarse_steps, high_corner, narrow_band, step_counts
+from gateway.core.trust.sensor_limits import (
+    SensorLimits,
+    coarse_steps,
+    held_samples,
+    high_corner,
+    narrow_band,
+    step_counts,
+)
 from gateway.core.wheels.reasons import WheelCode
 from gateway.core.wheels.sample_content import SampleContent, chosen
 from gateway.core.wheels.wheels import Pipeline
@@ -56,6 +63,35 @@ def test_steps_show_in_few_samples_and_in_no_fine_sensor(step: float, samples: i
     assert step_counts(coarse) == pytest.approx(step, abs=1.0)
     assert step_counts(fine.astype(np.int16)) < 5.0
     assert step_counts(np.zeros(samples, np.int16)) == 1.0
+
+
+def contact_counts(samples: int, seed: int) -> np.ndarray:
+    """Counts of a revolution whose contact begins and ends within a twentieth of a turn."""
+    angle = np.arange(samples) / samples + np.random.default_rng(seed).random()
+    depth = np.clip((np.abs((angle % 1.0) - 0.5) - 0.04) / 0.05, 0.0, 1.0)
+    return 9000.0 * depth + 200.0 * np.cos(2.0 * np.pi * angle)
+
+
+@given(hold=st.integers(2, 20), turn=st.integers(25, 60), seed=st.integers(0, 99), step=st.sampled_from([1.0, 32.0]))
+def test_held_values_show_and_those_of_a_coarse_sensor_do_not(hold: int, turn: int, seed: int, step: float) -> None:
+    """Held over as many samples as 1 in `turn` of a revolution, one is sent late now and then."""
+    values = np.rint(np.rint(contact_counts(turn, seed) / step) * step).astype(np.int16)
+    lengths = hold + (np.random.default_rng(seed).random(turn) < 0.3)
+    held = np.concatenate([np.repeat(values, lengths), np.repeat(values, lengths)])
+    assert held_samples(held, step) == pytest.approx(hold, abs=1.0)
+    whole = np.rint(np.rint(contact_counts(turn * hold, seed) / step) * step).astype(np.int16)
+    assert held_samples(np.concatenate([whole, whole]), step) == 1.0
+
+
+def test_held_values_end_the_band() -> None:
+    revolution = simulated("[sensor]\nrange_g = 1000\n" + SPEED, 4.0, SETUP, ESTIMATORS)[0][-1].revolution
+    limits = SensorLimits(hello_message(1, 0), None, ac_coupled=False)
+    held = np.repeat(contact_counts(40, 1), 14).astype(np.int16)
+    (doubt,) = limits.doubts(revolution, held, 0.32)
+    wheel_hz = revolution.omega_radps / (2.0 * math.pi)
+    assert doubt.reason.code is TrustCode.SAMPLES_HELD
+    assert doubt.reason["ratio"] == pytest.approx(0.443 * revolution.rate_hz / 14.0 / wheel_hz)
+    assert doubt.share > 0.01
 
 
 @pytest.mark.parametrize(("corner_hz", "doubted"), [(0.5, False), (2.0, True)])
