@@ -6,6 +6,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gateway.compare.views.drive_path import WheelPath
 from gateway.core.config.vehicle import VehicleConfig
 from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.estimates.results import AlarmRecord, RevolutionResult, WheelSnapshot
@@ -89,6 +90,7 @@ class DriveWheel:
         marked_waveforms: of alarms and marks, at most MAX_WAVEFORMS.
         state: last state, None when it is not known.
         rolled: last estimate of the distance that is not invalid, None without one.
+        path: by its speed and turn rate.
     """
 
     def __init__(self) -> None:
@@ -101,6 +103,7 @@ class DriveWheel:
         self.marked_waveforms: list[Waveform] = []
         self.state: WheelSnapshot | None = None
         self.rolled: Estimate | None = None
+        self.path = WheelPath()
         self._revolutions = 0
         self._span_s: tuple[float, float] | None = None
         self._time_ns = 0
@@ -113,6 +116,7 @@ class DriveWheel:
         self.row.add(result)
         time_ns = result.host_ns or round((result.revolution.start_s + result.revolution.period_s) * 1e9)
         self._note_gap(result, time_ns)
+        self.path.add(result, time_ns)
         usable = [estimate for estimate in result.estimates if estimate.status is not Status.INVALID]
         self.rolled = next((estimate for estimate in usable if estimate.name == DISTANCE), self.rolled)
         for estimate in usable:

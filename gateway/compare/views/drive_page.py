@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from gateway import __version__
 from gateway.compare.views.drive import Drive, Drives, DriveWheel
+from gateway.compare.views.drive_path_picture import path_picture
 from gateway.compare.views.drive_pictures import FIRST_DATE_NS, begin_ns, pictures_json
 from gateway.compare.views.drive_verdict import verdict
 from gateway.core.estimates.estimator import Status
@@ -119,6 +120,7 @@ def _section(identity: str, drive: Drive) -> dict[str, object]:
         "notes": notes,
         "data": _script_data(pictures_json(drive, first.events, start_ns)) if wheels else "",
         "drawn": _drawn(drive.wheels.values()),
+        "path": path_picture({position: wheel.path for position, wheel in drive.wheels.items()}),
     }
 
 
