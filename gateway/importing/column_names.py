@@ -48,7 +48,8 @@ _UNIT_NAMES: Final = {
     "m/s²": "m/s^2", "m/s**2": "m/s^2", "mps^2": "m/s^2", "ms^-2": "m/s^2", "m/s/s": "m/s^2", "m*s^-2": "m/s^2",
     "m s^-2": "m/s^2", "m s-2": "m/s^2", "m·s^-2": "m/s^2", "m·s⁻²": "m/s^2", "mps²": "m/s^2", "G": "g", "gn": "g",
     "kph": "km/h", "kmh": "km/h", "km/hr": "km/h", "1/min": "rpm", "U/min": "rpm", "r/min": "rpm", "min^-1": "rpm",
-    "kpa": "kPa", "°": "deg", "degree": "deg", "degrees": "deg", "sec": "s", "seconds": "s", "µs": "us", "μs": "us",
+    "kpa": "kPa", "°": "deg", "degree": "deg", "degrees": "deg", "sec": "s", "seconds": "s",
+    "msec": "ms", "usec": "us", "µs": "us", "μs": "us",
     "°C": "degC", "°/s": "deg/s", "dps": "deg/s",
 }  # fmt: skip
 _TIME_UNITS: Final = (
@@ -114,7 +115,19 @@ def unit_of(name: str, stated: str) -> str:
         unit = "g"
     if not unit:
         unit = _time_unit(name)
+    if unit in ("S", "MS", "US") and _OF_TIME.search(name):
+        unit = unit.lower()
     return _UNIT_NAMES.get(unit, unit)
+
+
+def are_units(cells: Collection[str]) -> bool:
+    """Return whether the cells of a line are units, at least two of them.
+
+    >>> are_units(["s", "m/s^2", ""]), are_units(["left", "right"])
+    (True, False)
+    """
+    filled = [cell for cell in cells if cell]
+    return len(filled) > 1 and all(unit_of(f"acc ({cell})", "") or cell.lower() in ("s", "-") for cell in filled)
 
 
 def _time_unit(name: str) -> str:

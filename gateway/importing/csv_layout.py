@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from gateway.core.errors import ImportDataError
-from gateway.importing.column_names import rate_in_text, sensitivity_in_text
+from gateway.importing.column_names import are_units, rate_in_text, sensitivity_in_text
 from gateway.importing.csv_columns import column_names
 from gateway.importing.header_conditions import stated_conditions
 from gateway.importing.import_map import DELIMITERS, FileLayout
@@ -99,6 +99,9 @@ def recognise_layout(path: Path) -> TextLayout:
         is_remark = _is_comment(lines[start - 2]) and not _is_comment(lines[start - 1])
         has_units = not is_remark and all(name or not unit for name, unit in zip(*rows[start - 2 : start], strict=True))
     header = above[-2] if has_units else above[-1] if above and above[-1] == start - 1 else None
+    # Names, units, and a line of sources or remarks.
+    if header is not None and above[-3:] == [start - 3, start - 2, start - 1] and are_units(rows[start - 2]):
+        header, has_units = start - 3, True
     names = column_names(rows[header]) if header is not None else [str(k + 1) for k in range(width)]
     data_rows = [row for row in rows[start:] if len(row) == width]
     comma = delimiter != "comma" and any(_DECIMAL_COMMA.fullmatch(cell) for row in data_rows for cell in row)
@@ -108,7 +111,7 @@ def recognise_layout(path: Path) -> TextLayout:
         encoding=encoding,
         skip_rows=start if header is None else header,
         header=header is not None,
-        skip_rows_after_header=1 if has_units else 0,
+        skip_rows_after_header=start - header - 1 if header is not None and has_units else 0,
     )
     columns = dict(zip(names, zip(*data_rows, strict=True), strict=False))
     dates = {name for name, cells in columns.items() if any(_DATE.fullmatch(cell) for cell in cells)}
@@ -117,7 +120,7 @@ def recognise_layout(path: Path) -> TextLayout:
         for name, cells in columns.items()
         if name not in dates and _is_text(cells)
     }
-    units = dict(zip(names, rows[start - 1], strict=True)) if has_units else {}
+    units = dict(zip(names, rows[header + 1], strict=True)) if header is not None and has_units else {}
     order = _date_order([cell for name in dates for cell in columns[name]])
     stated = {f"line {k + 1}": rate_hz for k, line in enumerate(lines[:start]) if (rate_hz := rate_in_text(line))}
     sensitivities = {mv_per_g for line in lines[:start] if (mv_per_g := sensitivity_in_text(line)) is not None}

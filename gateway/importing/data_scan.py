@@ -16,6 +16,7 @@ from gateway.core.revolutions.bridged_gaps import BridgedGaps, Bridging
 from gateway.core.types import FloatArray
 from gateway.importing.columns import Block, BlockReader
 from gateway.importing.decimation import Decimation, decimation_factor
+from gateway.importing.held_samples import Held, HeldSamples
 from gateway.importing.import_map import TIME_UNITS_S, ImportedWheel, ImportMap
 from gateway.importing.sample_rows import SampleRows
 from gateway.importing.time_column import MAX_SOURCE_HZ, MAX_TIME_S, TimeColumn
@@ -36,6 +37,7 @@ class WheelScan:
         high_mps2: largest value of each axis.
         liveliest_mps2: (n,) radial axis of the block with the largest scatter, NaN in gaps.
         bridging: gaps that are bridged by straight lines, None without any.
+        held: runs of samples of the file that repeat exactly, by the numbers of axes present; None without any.
     """
 
     gaps: int
@@ -43,6 +45,7 @@ class WheelScan:
     high_mps2: dict[Axis, float]
     liveliest_mps2: FloatArray
     bridging: Bridging | None
+    held: Held | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,6 +124,8 @@ def _scan(
             if len(present):
                 sums[k] += len(present), present.sum(), np.square(present).sum()
                 ranges[k] = min(ranges[k, 0], present.min()), max(ranges[k, 1], present.max())
+        for wheel, places in zip(wheels, rows.wheels, strict=True):
+            wheel.held.add(values[:, places.axes])
         samples += _take(wheels, rows, rows.feed(values))
     bad.refuse()
     if rows is not None:
@@ -177,6 +182,7 @@ class _WheelRange:
         self._liveliest, self._most = np.empty(0), -1.0
         self._gaps = 0
         self._bridged = BridgedGaps(len(self._axes))
+        self.held = HeldSamples(len(self._axes))
 
     def look(self, values_mps2: FloatArray) -> None:
         present = np.isfinite(values_mps2).all(axis=1)
@@ -204,6 +210,7 @@ class _WheelRange:
             high_mps2=dict(zip(self._axes, self._high.tolist(), strict=True)),
             liveliest_mps2=self._liveliest,
             bridging=self._bridged.result(),
+            held=self.held.result(),
         )
 
 

@@ -27,7 +27,7 @@ _TO_CSV: Final = "Export the columns as CSV in the program that wrote the file, 
 # Files that are often tried, and the way from each to one that can be imported.
 _REMEDIES: Final[dict[str, str]] = {
     **dict.fromkeys((".gz", ".bz2", ".xz", ".zst", ".zip", ".7z", ".tar", ".tgz", ".rar"), _UNPACK),
-    **dict.fromkeys((".xls", ".xlsx", ".ods", ".bin"), _TO_CSV),
+    **dict.fromkeys((".xls", ".ods", ".bin"), _TO_CSV),
     ".mcap": "This is a recording already. Run: treadlink estimate {name}",
     ".toml": "This is a configuration. Give the measurement as FILE and the map with --map.",
 }
@@ -48,6 +48,7 @@ _FIRST_BYTES: Final = {
     b"\x1a\x45\xdf\xa3": FileFormat.IDE,
     b"|CF,2": FileFormat.FAMOS,
     b"\x93NUMPY": FileFormat.NPZ,
+    b"**HEADER": FileFormat.TYDEX,
 }
 _UNIVERSAL: Final = re.compile(rb"\s*-1\s*\r?\n\s*(?:15|18|55|58b?|82|151|164|2411|2412)\b")
 _logger = logging.getLogger(__name__)
@@ -134,6 +135,9 @@ def recognised_format(path: Path) -> FileFormat | None:
         return by_suffix
     with path.open("rb") as file:
         start = file.read(_START_BYTES)
+        # A zip file lists its parts at its end.
+        file.seek(max(path.stat().st_size - _START_BYTES, 0))
+        end = file.read()
     if start.startswith(_MCAP):
         if b"treadlink" in start:
             raise ImportDataError(f"{path}: {_RECORDING[0]}", _RECORDING[1].replace("{name}", path.name))
@@ -141,6 +145,8 @@ def recognised_format(path: Path) -> FileFormat | None:
     by_content = next((each for magic, each in _FIRST_BYTES.items() if start.startswith(magic)), None)
     if by_content is None and start[:4] == b"RIFF" and start[8:12] == b"WAVE":
         by_content = FileFormat.WAV
+    if by_content is None and start.startswith(b"PK\x03\x04") and b"[Content_Types].xml" in start + end:
+        by_content = FileFormat.XLSX
     if by_content is None and _UNIVERSAL.match(start):
         by_content = FileFormat.UFF
     if by_content is None and b"[column names]" in start.lower() and b"[header]" in start.lower():

@@ -24,6 +24,8 @@ SCALED_UNITS: Final = {
     **dict.fromkeys(("µg", "μg", "ug"), ("g", 1e-6)),
 }
 """Units of accelerations that a map states by another one and a scale."""
+# Units that the size of a column may show; they are a factor of 9.8 apart.
+_BY_SIZE: Final = {**{name: ACCELERATION_UNITS_MPS2[name] for name in ("m/s^2", "g", "mg")}, "mm/s^2": 1e-3}
 ROLES: Final = {
     "radial": re.compile(r"radial", re.IGNORECASE),
     "circumferential": re.compile(r"circumf|tangent|longitud", re.IGNORECASE),
@@ -226,15 +228,15 @@ def ordered_axes(columns: Sequence[Seen], rate_hz: float | None) -> list[Axis]:
         if lag is not None and rate_hz is not None:
             expected = (2.0 * math.pi * rate_hz / lag) ** 2 * ASSUMED_RADIUS_MM * 1e-3
             largest = max(abs(steady), abs(depth))
-            for name in () if column.unit else ("m/s^2", "g", "mg"):
-                if largest > 0.0 and fits(largest * ACCELERATION_UNITS_MPS2[name], expected):
+            for name in () if column.unit else _BY_SIZE:
+                if largest > 0.0 and fits(largest * _BY_SIZE[name], expected):
                     unit, why = name, f"by magnitude: V²/R of its revolutions is {expected:.0f} m/s²"
-            size = largest * (column.unit_mps2 or ACCELERATION_UNITS_MPS2.get(unit, 1.0))
+            size = largest * (column.unit_mps2 or _BY_SIZE.get(unit, 1.0))
             if not doubt and (not unit or not (size > 0.0 and fits(size, expected))):
                 shown = f"its mean and contact are {size:.0f}" if unit else f"no unit makes {size:.4g} fit"
                 doubt = f"V²/R of its revolutions is {expected:.0f} m/s², {shown}"
             # The contact's depth holds no reading at zero acceleration.
-            size_mps2 = column.unit_mps2 or ACCELERATION_UNITS_MPS2.get(unit, STANDARD_GRAVITY_MPS2)
+            size_mps2 = column.unit_mps2 or _BY_SIZE.get(unit, STANDARD_GRAVITY_MPS2)
             in_unit = abs(depth) * size_mps2
             if in_unit > 0.0 and ((not unit and column.unit) or no_unit_fits(in_unit / expected)):
                 scale = expected / in_unit
@@ -294,5 +296,5 @@ def is_rolling(values: FloatArray, rate_hz: float, unit_mps2: float | None) -> b
         return False
     expected = (2.0 * math.pi * rate_hz / lag) ** 2 * ASSUMED_RADIUS_MM * 1e-3
     size = max(abs(float(np.nanmean(part))), contact_depth(part, lag), contact_depth(-part, lag))
-    units = (unit_mps2,) if unit_mps2 is not None else (ACCELERATION_UNITS_MPS2[name] for name in ("m/s^2", "g", "mg"))
+    units = (unit_mps2,) if unit_mps2 is not None else _BY_SIZE.values()
     return any(size > 0.0 and fits(size * unit, expected) for unit in units)

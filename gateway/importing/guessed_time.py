@@ -10,6 +10,7 @@ from gateway.core.types import FloatArray, IntArray
 from gateway.importing.guessed_columns import TIME, Guess, Seen, is_rolling
 from gateway.importing.import_map import TIME_UNITS_S
 from gateway.importing.missing_rows import TOLERANCE
+from gateway.importing.time_column import line_through
 from gateway.importing.time_counter import TimeCounter
 
 LIKELY_HZ: Final = (1500.0, 400_000.0)
@@ -24,6 +25,8 @@ _MOST_COMPARED: Final = 4
 # Share of steps that skip no sample in a column of times with gaps.
 _MOSTLY: Final = 0.8
 _FEW_REPEATS: Final = 0.01
+# Steps by which rounding to the coarsest grid that an import takes moves a time.
+_MOST_OFF: Final = 0.7
 # Times that repeat more often are coarser than an import takes, which is 1.2 sample intervals.
 _MOST_REPEATS: Final = 0.2
 
@@ -51,7 +54,8 @@ def _is_named_time(column: Seen) -> bool:
 def _time_units(column: Seen, values: FloatArray) -> list[str]:
     """Return the units in which a column may count time: the stated one, that of times since 1970, or any."""
     if column.unit in TIME_UNITS_S:
-        return [column.unit]
+        # A program may write another unit than it names.
+        return [column.unit, *(unit for unit in ("s", "ms", "us") if unit != column.unit)]
     for unit in ("s", "ms", "us", "ns"):
         if len(values) and _SINCE_1970_S[0] < values[0] * TIME_UNITS_S[unit] < _SINCE_1970_S[1]:
             return [unit]
@@ -90,13 +94,20 @@ def _is_time(
     farthest = 3.0 * max(step, float((steps / (spans + skipped)).max()))
     if float(np.abs(values - trend).max()) > farthest * float(spans.max()):
         return False
+    # Rounding repeats times, but leaves them near their line.
+    if not steps.all() and line_through(places, values)[1] > _MOST_OFF * step:
+        return False
     is_block = float(np.median(spans)) > 1.0
     if is_block and float(np.abs(steps - step * spans).max()) > 0.5 * step:
         return False
     units = _time_units(column, values)
     for unit in units:
         rate_hz = 1.0 / (step * TIME_UNITS_S[unit])
-        is_slow = unit != units[-1] and _SLOWEST_HZ <= rate_hz < LIKELY_HZ[0]
+        is_stated = unit == column.unit
+        # Another unit than the stated one counts where that allows no rate at all.
+        if column.unit in TIME_UNITS_S and not is_stated and step * TIME_UNITS_S[column.unit] > 1.0 / LIKELY_HZ[1]:
+            return False
+        is_slow = not is_stated and unit != units[-1] and _SLOWEST_HZ <= rate_hz < LIKELY_HZ[0]
         if is_slow and rates_hz == LIKELY_HZ and not _roll(beside, 1e3 * rate_hz):
             return False
         if rates_hz[0] <= rate_hz <= rates_hz[1] and (TIME.search(column.name) or step != 1.0):
@@ -114,7 +125,12 @@ def _is_time(
                 guess.time_doubt = f"{int(skipped.sum())} samples are missing in {gaps} gap{'s' * (gaps > 1)}"
             elif unit != units[0]:
                 first_hz = rate_hz * TIME_UNITS_S[unit] / TIME_UNITS_S[units[0]]
-                guess.time_doubt = f"no unit is stated: in {units[0]} it would be {first_hz:.6g} Hz"
+                said = (
+                    f"its name says {units[0]}, in which"
+                    if column.unit in TIME_UNITS_S
+                    else f"no unit is stated: in {units[0]}"
+                )
+                guess.time_doubt = f"{said} it would be {first_hz:.6g} Hz"
             elif 0 < np.count_nonzero(steps == 0.0) < _FEW_REPEATS * len(steps):
                 guess.time_doubt = f"repeats in {column.where(int(rows[np.argmin(steps) + 1]))}"
             first = _since_1970_d(float(values[0])) if unit == "d" else float(values[0])

@@ -21,13 +21,20 @@ _PRESSURE: Final = re.compile(
 _UNIT: Final = re.compile(r"k?N\b|kg\b|kPa\b|bar\b|psi\b", re.IGNORECASE)
 _LOADS_N: Final = {"n": 1.0, "kn": 1e3, "kg": _KG_N}
 _PRESSURES_KPA: Final = {"kpa": 1.0, "bar": 100.0, "psi": 6.894757293168361}
-_DATE: Final = re.compile(r"\b(\d{4})[-/.](\d{1,2})[-/.](\d{1,2})\b|\b(\d{1,2})\.(\d{1,2})\.(\d{4})\b")
+# With slashes, days and months look alike.
+_DATE: Final = re.compile(
+    r"\b(?P<year>\d{4})[-/.](?P<month>\d{1,2})[-/.](?P<day>\d{1,2})\b|"
+    r"\b(?P<day_2>\d{1,2})(?P<mark>[./])(?P<month_2>\d{1,2})(?P=mark)(?P<year_2>\d{4})\b|"
+    r"\b(?P<name>[A-Z][a-z]{2})[a-z]*\.?\s(?P<day_3>\d{1,2}),?\s(?P<year_3>\d{4})\b"
+)
+_CLOCK: Final = re.compile(r"^\W*(?:log|start)?\s*time\W+(\d{1,2}):(\d\d)(?::(\d\d))?\b\s*([ap])?", re.IGNORECASE)
+_MONTHS: Final = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
 
 
 def stated_conditions(lines: Sequence[str]) -> list[tuple[str, str, str]]:
-    """Return tire, load, pressure and date as (key of an import map, its value in TOML, line), the first of each.
+    """Return tire, load, pressure, date and time of day: (key of an import map, its value in TOML, line).
 
-    A load or pressure counts only with its unit.
+    The first of each. A load or pressure counts only with its unit.
     """
     stated: dict[str, tuple[str, str, str]] = {}
     for number, line in enumerate(lines, 1):
@@ -41,13 +48,22 @@ def stated_conditions(lines: Sequence[str]) -> list[tuple[str, str, str]]:
                     value = float(match["value"].replace(",", ".")) * units[unit.lower()]
                     stated.setdefault(key, (key, f"{value:.6g}", line_text))
         if (match := _DATE.search(line)) and (day := _day(match)):
-            stated.setdefault("date", ("date", day, line_text))
+            either = match["mark"] == "/" and int(match["day_2"]) <= 12 and int(match["month_2"]) <= 12
+            stated.setdefault("date", ("date", day, f"{line_text}, day first" if either else line_text))
+        if match := _CLOCK.search(line):
+            hour = int(match[1]) if match[4] is None else int(match[1]) % 12 + 12 * (match[4] in "pP")
+            stated.setdefault("clock", ("clock", f"{hour:02}:{match[2]}:{match[3] or '00'}", line_text))
     return list(stated.values())
 
 
 def _day(match: re.Match[str]) -> str | None:
-    """Return a date as ISO, None where it is none; days before months where dots part them."""
-    year, month, day = (match[1], match[2], match[3]) if match[1] else (match[6], match[5], match[4])
+    """Return a date as ISO, None where it is none; days before months where both are possible."""
+    year, day = (match["year"] or match["year_2"] or match["year_3"], match["day"] or match["day_2"] or match["day_3"])
+    month = match["month"] or match["month_2"] or 0
+    if match["name"]:
+        month = _MONTHS.index(match["name"]) + 1 if match["name"] in _MONTHS else 0
+    if match["mark"] == "/" and int(month) > 12:
+        month, day = day, month
     try:
         return datetime(int(year), int(month), int(day)).date().isoformat()
     except ValueError:

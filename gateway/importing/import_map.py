@@ -76,9 +76,11 @@ class FileFormat(StrEnum):
     NPZ = "npz"
     PARQUET = "parquet"
     TDMS = "tdms"
+    TYDEX = "tydex"
     UFF = "uff"
     VBO = "vbo"
     WAV = "wav"
+    XLSX = "xlsx"
 
 
 SUFFIXES: Final[dict[str, FileFormat]] = {
@@ -100,10 +102,13 @@ SUFFIXES: Final[dict[str, FileFormat]] = {
     ".parquet": FileFormat.PARQUET,
     ".pq": FileFormat.PARQUET,
     ".tdms": FileFormat.TDMS,
+    ".tdx": FileFormat.TYDEX,
     ".uff": FileFormat.UFF,
     ".unv": FileFormat.UFF,
     ".vbo": FileFormat.VBO,
     ".wav": FileFormat.WAV,
+    ".xlsm": FileFormat.XLSX,
+    ".xlsx": FileFormat.XLSX,
 }
 
 

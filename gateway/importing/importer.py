@@ -259,6 +259,19 @@ class _WheelStream:
         self._errors_mps2 = np.zeros(len(self._quantiser.scale_mps2))
         self._lines, self._findings = _bridges(self._scan)
         self._findings += _unit_findings(import_map, wheel, self._scan, file_scan.rate_hz)
+        if (held := self._scan.held) is not None:
+            names = [str(axis.name.lower()) for axis in wheel.axis.present()]
+            every = len(held.axes) == len(names) > 1
+            source_hz = file_scan.rate_hz * (file_scan.decimation.factor if file_scan.decimation else 1)
+            self._findings += (
+                Reason(
+                    ImportCode.SAMPLES_HELD,
+                    samples=held.samples,
+                    runs=held.runs,
+                    axis="every axis" if every else f"the {names[held.axes[0]]} axis",
+                    first_s=held.first / source_hz,
+                ),
+            )
         self._rows = 0
 
     @property

@@ -25,7 +25,10 @@ _COLUMNS: Final = {
 
 
 class ImuColumns(WaveformColumns):
-    """Messages, loaded as a whole. Columns are `topic/linear_acceleration.z`; `topic/time` is that of their stamps."""
+    """Messages, loaded as a whole. Columns are `topic/linear_acceleration.z`; `topic/time` is that of their stamps.
+
+    Where all stamps are one, it is that of logging.
+    """
 
     def __init__(self, path: Path) -> None:
         """Read the messages.
@@ -38,6 +41,7 @@ class ImuColumns(WaveformColumns):
 
         super().__init__(path)
         times_ns: dict[str, list[int]] = {}
+        logged_ns: dict[str, list[int]] = {}
         values: dict[str, list[FloatArray]] = {}
         others: set[str] = set()
         with path.open("rb") as file:
@@ -47,10 +51,17 @@ class ImuColumns(WaveformColumns):
                     continue
                 stamp_ns, numbers = _message(message.data)
                 times_ns.setdefault(channel.topic, []).append(stamp_ns)
+                logged_ns.setdefault(channel.topic, []).append(message.log_time)
                 values.setdefault(channel.topic, []).append(numbers)
         if not values:
             shown = ", ".join(sorted(map(printable, others))[:8]) or "none"
             raise ImportDataError(f"{path} has no messages of {_SCHEMAS[0]}", f"Its messages are: {shown}.")
+        for topic, stamps in times_ns.items():
+            if len(stamps) > 1 and min(stamps) == max(stamps):
+                times_ns[topic] = logged_ns[topic]
+                self.warnings.append(
+                    f"all stamps of {printable(topic)} are {stamps[0]} ns: its times are those of logging"
+                )
         self.start_ns = min(min(stamps) for stamps in times_ns.values())
         for topic, stamps in times_ns.items():
             self._add(printable(topic).strip("/"), np.array(stamps), np.array(values[topic]))

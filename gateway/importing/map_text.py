@@ -43,7 +43,7 @@ def map_text(path: Path, layout: FileLayout, guess: Guess, facts: FileFacts) -> 
     lines += _file_lines(layout, [*filter(None, (column.fault for column in sorted_in))])
     rate_hz = guess.rate_hz
     stated = {key: (value, place) for key, value, place in guess.stated}
-    day = stated.pop("date", None)
+    day, clock = stated.pop("date", None), stated.pop("clock", None)
     lines += ["[sampling]"]
     if guess.time is not None:
         mark = "? " if guess.time_doubt else ""
@@ -68,7 +68,9 @@ def map_text(path: Path, layout: FileLayout, guess: Guess, facts: FileFacts) -> 
         start = datetime.fromtimestamp(guess.since_1970_s, UTC).isoformat(timespec="milliseconds")
         lines.append(f"start_utc = {start.replace('+00:00', 'Z')}   # ? if its times count from 1970 in UTC")
     elif day and facts.start_ns is None and (guess.time_unit != ISO or not guess.is_dated):
-        lines.append(f"# start_utc = {day[0]}T12:00:00Z   # ? date by {day[1]}: state the time of the first row")
+        missing = f"time by {clock[1]}: state the zone" if clock else "state the time of the first row"
+        hour = clock[0] if clock else "12:00:00"
+        lines.append(f"# start_utc = {day[0]}T{hour}Z   # ? date by {day[1]}; {missing}")
     elif facts.start_ns is None and (guess.time_unit != ISO or not guess.is_dated):
         why = "not in the file" if guess.is_dated else "the times have no date"
         lines.append(f"# start_utc = 2024-05-01T12:00:00Z   # ? {why}; else its modification time")
@@ -157,9 +159,10 @@ def _axis_lines(prefix: str, group: Sequence[Axis], missed: Sequence[str], mv_pe
         says_unit = axis is group[0] or axis.seen.is_acceleration
         unit = axis.unit if says_unit else group[0].unit
         why = axis.why if says_unit and axis.why else "as the radial axis" if unit and not says_unit else _NO_UNIT
-        if axis.seen.unit in SCALED_UNITS:
-            unit, scale = SCALED_UNITS[axis.seen.unit]
-            lines += [f'unit = "{unit}"   # the file says {axis.seen.unit}', f"scale = {scale:g}"]
+        if (scaled := axis.seen.unit or unit) in SCALED_UNITS:
+            shown, scale = SCALED_UNITS[scaled]
+            said = f"the file says {scaled}" if axis.seen.unit else f"{scaled} {why}"
+            lines += [f'unit = "{shown}"   # {said}', f"scale = {scale:g}"]
         elif axis.seen.unit in VOLTS and mv_per_g is not None:
             scale = (1.0 if axis.seen.unit == "mV" else 1e3) / mv_per_g
             lines += ['unit = "g"', f"scale = {scale:.6g}   # the file says {axis.seen.unit} and {mv_per_g:g} mV/g"]

@@ -93,6 +93,8 @@ class GapFilledColumns:
         # A step to or from a row without a time compares as false.
         whole = np.rint(np.where(np.isfinite(steps), steps, 1.0))
         regular = np.abs(steps - whole) <= TOLERANCE
+        # A step over two behind a repeated time is a late stamp: no sample is missing.
+        whole[1:][(whole[:-1] == 0.0) & (whole[1:] == 2.0)] = 1.0
         longest = _LONGEST_S / (interval * self._unit_s)
         missing: IntArray = np.where(regular & (whole >= 2.0) & (whole <= longest), whole - 1.0, 0.0).astype(np.intp)
         return missing

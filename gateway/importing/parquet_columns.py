@@ -32,9 +32,7 @@ class ParquetColumns:
     def facts(self) -> FileFacts:
         """Columns of the schema."""
         dates = {name: begin if self._types[name].tz else None for name, begin in self._begins_ns.items()}
-        import pyarrow as pa
-
-        durations = {name: "s" for name, kind in self._types.items() if pa.types.is_duration(kind)}
+        durations = {name: "s" for name, kind in self._types.items() if _is_span(kind)}
         return FileFacts(tuple(self._types), dates=dates, units=durations)
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
@@ -44,7 +42,7 @@ class ParquetColumns:
         for name in names:
             kind = self._types[name]
             numbers = pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind)
-            if not (numbers or self._is_date(name) or pa.types.is_duration(kind) or self._is_list(name)):
+            if not (numbers or self._is_date(name) or _is_span(kind) or self._is_list(name)):
                 raise ImportDataError(
                     f"{self._path}: column '{name}' contains {kind}, not numbers", "Convert it before importing."
                 )
@@ -108,8 +106,9 @@ class ParquetColumns:
             # In integers: a double of the seconds since 1970 is 0.2 us coarse.
             seconds[valid] = (times_ns.drop_null().to_numpy(zero_copy_only=False) - self._begins_ns[name]) * 1e-9
             return seconds
-        if pa.types.is_duration(column.type):
-            seconds_ns = column.cast(pa.duration("ns")).cast(pa.int64()).cast(pa.float64(), safe=False)
+        if _is_span(column.type):
+            kind = pa.duration("ns") if pa.types.is_duration(column.type) else pa.time64("ns")
+            seconds_ns = column.cast(kind).cast(pa.int64()).cast(pa.float64(), safe=False)
             durations: FloatArray = seconds_ns.to_numpy(zero_copy_only=False) * 1e-9
             return durations
         if pa.types.is_boolean(column.type):
@@ -130,3 +129,10 @@ class ParquetColumns:
             value = batch.column(name).cast(pa.timestamp("ns")).cast(pa.int64())[0].as_py()
             return 0 if value is None else int(value)
         return 0
+
+
+def _is_span(kind: Any) -> bool:
+    """Return whether values are durations, or times of day as those from midnight."""
+    import pyarrow as pa
+
+    return bool(pa.types.is_duration(kind) or pa.types.is_time(kind))

@@ -58,6 +58,10 @@ _PARSERS: Final = {
     FileFormat.IMU: _Parser("gateway.importing.imu_columns", "ImuColumns", "MCAP", "mcap.reader"),
     FileFormat.NPZ: _Parser("gateway.importing.npz_columns", "NpzColumns", "numpy", "numpy"),
     FileFormat.VBO: _Parser("gateway.importing.vbo_columns", "VboColumns", "VBO", "numpy"),
+    FileFormat.TYDEX: _Parser("gateway.importing.tydex_columns", "TydexColumns", "TYDEX", "numpy"),
+    FileFormat.XLSX: _Parser(
+        "gateway.importing.xlsx_columns", "XlsxColumns", "Excel", "openpyxl", "openpyxl", "formats"
+    ),
     FileFormat.WAV: _Parser("gateway.importing.wav_columns", "WavColumns", "WAV", "scipy.io.wavfile"),
     FileFormat.IDE: _Parser("gateway.importing.ide_columns", "IdeColumns", "IDE", "idelib", "idelib", "formats"),
     FileFormat.MF4: _Parser("gateway.importing.mdf_columns", "MdfColumns", "MDF", "asammdf", "asammdf", "formats"),

@@ -40,7 +40,7 @@ class UffColumns(WaveformColumns):
         with _well_formed(path) as whole:
             file = pyuff.UFF(str(whole))
             numbers = [k for k, kind in enumerate(file.get_set_types()) if int(kind) == _FUNCTIONS]
-            sets = [file.read_sets(k) for k in numbers]
+            sets = [_dataset(path, file, k) for k in numbers]
         if not sets:
             raise ImportDataError(f"{path} has no dataset 58", "Export the time signals as universal file, dataset 58.")
         for number, dataset in enumerate(sets, 1):
@@ -77,6 +77,18 @@ class UffColumns(WaveformColumns):
                 start_s=float(dataset.get("abscissa_min") or 0.0),
                 stated_rows=stated_rows,
             )
+
+
+def _dataset(path: Path, file: Any, number: int) -> dict[str, Any]:
+    try:
+        dataset: dict[str, Any] = file.read_sets(number)
+    except Exception as error:  # pyuff raises one of its own, behind what it has stumbled over
+        cause = error.__context__ or error
+        raise ImportDataError(
+            f"{path}: dataset {number + 1} is not as dataset 58 prescribes: {cause}",
+            "Numbers in text have columns of 13 or 20 characters. Export it again, as binary (58b) if possible.",
+        ) from error
+    return dataset
 
 
 @contextmanager

@@ -90,7 +90,13 @@ def _ends(path: Path) -> bool:
 def _library_frames(path: Path, offset_ns: int, suffix: str) -> Iterator[BusFrame]:
     import can
 
-    source: Any = can.LogReader(path) if suffix != "asc" else can.ASCReader(_AscLines(path))  # type: ignore[arg-type]
+    source: Any
+    if suffix == "asc":
+        source = can.ASCReader(_AscLines(path))  # type: ignore[arg-type]
+    elif suffix == "log":
+        source = can.CanutilsLogReader(_ListedLines(path))  # type: ignore[arg-type]
+    else:
+        source = can.LogReader(path)
     # Vector counts channels from 1, python-can from 0.
     first_channel = 1 if suffix in ("asc", "blf") else 0
     before_s = source.file.before_s if suffix == "asc" else 0.0
@@ -104,6 +110,27 @@ def _library_frames(path: Path, offset_ns: int, suffix: str) -> Iterator[BusFram
         stated = getattr(reader, "file_size", 0) if suffix == "blf" else 0
     if stated > path.stat().st_size:
         raise ValueError(f"the file is cut: it has {path.stat().st_size} of {stated} bytes")
+
+
+class _ListedLines:
+    """Lines of `candump -l`; one of another form is named by its number."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = _opened(path)
+
+    def __iter__(self) -> Iterator[str]:
+        for number, line in enumerate(self._file, 1):
+            if line.strip() and not _LISTED.match(line):
+                raise ValueError(f"line {number} is no line of candump -l: (time) can0 123#11223344")
+            yield line
+
+    def read(self) -> str:
+        """Return the rest; python-can asks whether a file can be read."""
+        return "".join(self)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
 
 
 class _AscLines:

@@ -10,6 +10,7 @@ from gateway.core.errors import ImportDataError
 from gateway.importing.import_map import parse_map
 from gateway.importing.importer import ImportReport, import_file
 from gateway.importing.map_guess import guess_map
+from gateway.importing.reasons import ImportCode
 from tests.importing.measurements import Decoded, write_csv
 from tests.importing.rolling_wheel import rolling
 
@@ -105,9 +106,49 @@ def write_motec(path: Path) -> Path:
     return path
 
 
+def write_aim(path: Path) -> Path:
+    head = ['"Format","AiM CSV File"', '"Date","Wednesday, May 1, 2024"', '"Time","2:30 PM"', '"Sample Rate","8000"',
+            '"Segment","Session"', '"Beacon Markers","0.2","0.4"', ""]  # fmt: skip
+    names = ['"Time","VerticalAcc","InlineAcc","LateralAcc"', '"s","g","g","g"', ""]
+    rows = [
+        ",".join(f'"{value:.6f}"' for value in (time, *axes[[2, 0, 1]]))
+        for time, axes in zip(WHEEL.times_s, AXES_G, strict=True)
+    ]
+    path.write_text("\r\n".join([*head, *names, *rows]) + "\r\n")
+    return path
+
+
+def write_tydex(path: Path) -> Path:
+    """Write measured values in steps with a factor and both offsets."""
+    lines = ["**HEADER", *(f"{key:<50}{value}" for key, value in (
+        ("RELEASE", "1.3"), ("MEASID", "rig 7"), ("DATE", "01.05.2024"), ("CLCKTIME", "12:00:05"),
+    )), "**CONSTANTS", f"{'FZW':<10}{'wheel load':<30}{'kN':<10}4.2", "**MEASURCHANNELS"]  # fmt: skip
+    lines += [f"{'RUNTIME':<10}{'time':<30}{'s':<10}{1:<10}{0:<10}{0}"]
+    lines += [f"{name.upper():<10}{'acceleration':<30}{'g':<10}{0.01:<10}{-5:<10}{0.25}" for name in NAMES]
+    lines += ["**MEASURDATA"]
+    for time, axes in zip(WHEEL.times_s, AXES_G, strict=True):
+        lines.append(f"{time:.6f} " + " ".join(f"{(value - 0.25) / 0.01 + 5:.1f}" for value in axes))
+    path.write_text("\r\n".join([*lines, "**END", ""]))
+    return path
+
+
+def write_xlsx(path: Path) -> Path:
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook(write_only=True)
+    notes, data = book.create_sheet("Notes"), book.create_sheet("Run 7")
+    notes.append(["tire", "205/55R16"])
+    for row in (["Drum", "north"], ["Range", 50], [], ["t", *NAMES, "pass"], ["s", "g", "g", "g", "-"]):
+        data.append(row)
+    for time, axes in zip(WHEEL.times_s, AXES_G, strict=True):
+        data.append([float(time), *map(float, axes), "ok"])
+    book.save(path)
+    return path
+
+
 WRITERS = {
     "famos.raw": write_famos, "famos.dat": write_famos, "imu.mcap": write_imu, "log.vbo": write_vbo,
     "lists.parquet": write_parquet_lists, "daq.wav": write_wav, "run.npz": write_npz, "motec.csv": write_motec,
+    "aim.csv": write_aim, "rig.tdx": write_tydex, "rig.xlsx": write_xlsx,
 }  # fmt: skip
 
 
@@ -125,7 +166,9 @@ def test_samples_and_rate_arrive(tmp_path: Path, name: str) -> None:
     np.testing.assert_allclose(radial, WHEEL.axes_mps2[:, 2], atol=0.15)
 
 
-@pytest.mark.parametrize(("name", "start"), [("famos.raw", 1714564800.25), ("imu.mcap", 1714640070.0)])
+@pytest.mark.parametrize(
+    ("name", "start"), [("famos.raw", 1714564800.25), ("imu.mcap", 1714640070.0), ("rig.tdx", 1714564805.0)]
+)
 def test_start_of_the_file_is_that_of_the_recording(tmp_path: Path, name: str, start: float) -> None:
     report = imported(WRITERS[name](tmp_path / name))
     assert not report.start_is_file_date
@@ -149,7 +192,10 @@ def test_topics_are_imported_one_by_one(tmp_path: Path) -> None:
         imported(path)
 
 
-@pytest.mark.parametrize(("name", "alias"), [("famos.raw", "x.bin"), ("run.npz", "x.raw"), ("daq.wav", "x")])
+@pytest.mark.parametrize(
+    ("name", "alias"),
+    [("famos.raw", "x.bin"), ("run.npz", "x.raw"), ("daq.wav", "x"), ("rig.xlsx", "x.bin"), ("rig.tdx", "x.txt")],
+)
 def test_content_decides_the_format(tmp_path: Path, name: str, alias: str) -> None:
     path = WRITERS[name](tmp_path / name)
     if name == "run.npz":
@@ -185,3 +231,73 @@ def test_folder_of_parts_is_one_measurement(tmp_path: Path) -> None:
     (folder / "notes.pdf").write_text("no measurement")
     with pytest.raises(ImportDataError, match="several kinds of files"):
         imported(folder)
+
+
+def test_day_and_time_above_the_columns_are_proposed(tmp_path: Path) -> None:
+    assert "# start_utc = 2024-05-01T14:30:00Z   # ? date by line 2; time by line 3" in guess_map(
+        write_aim(tmp_path / "a.csv")
+    )
+
+
+def test_constant_of_tydex_is_the_load(tmp_path: Path) -> None:
+    assert "load_n = 4200   # ? stated in the file: column FZW" in guess_map(write_tydex(tmp_path / "rig.tdx"))
+
+
+def test_cut_tydex_is_told(tmp_path: Path) -> None:
+    path = write_tydex(tmp_path / "rig.tdx")
+    path.write_bytes(path.read_bytes()[:100_000])
+    assert any("no **END" in text for text in imported(path).assumed)
+
+
+def test_sheet_is_the_group_of_its_columns_and_texts_are_told(tmp_path: Path) -> None:
+    openpyxl = pytest.importorskip("openpyxl")
+    path = write_xlsx(tmp_path / "rig.xlsx")
+    book = openpyxl.load_workbook(path)
+    book["Run 7"]["D900"] = "#DIV/0!"
+    other = book.copy_worksheet(book["Run 7"])
+    other.title = "Run 8"
+    book.save(path)
+    text = guess_map(path)
+    assert 'column = "Run 7/acc_z"' in text
+    assert 'column = "Run 8/acc_z"' in text
+    assert text.count("[[wheel]]") == 2
+    assert "sheet Run 7: 4001 cells are no numbers and left empty" in text
+
+
+def test_formulas_without_values_are_no_gaps(tmp_path: Path) -> None:
+    openpyxl = pytest.importorskip("openpyxl")
+    path = write_xlsx(tmp_path / "rig.xlsx")
+    book = openpyxl.load_workbook(path)
+    for (cell,) in book["Run 7"]["D6:D4005"]:
+        cell.value = f"=0.1*{cell.value}"
+    book.save(path)
+    assert "Run 7/acc_z: has no numbers. Formulas need to be saved with values." in guess_map(path)
+
+
+@pytest.mark.parametrize("name", ["famos.raw", "daq.wav", "run.npz", "rig.xlsx"])
+@pytest.mark.parametrize("held", [0.0, 3.5])
+def test_samples_that_repeat_exactly_are_told(tmp_path: Path, monkeypatch, name: str, held: float) -> None:
+    dropped = AXES_G.copy()
+    dropped[1500:1560] = held
+    monkeypatch.setitem(globals(), "AXES_G", dropped)
+    (finding,) = imported(WRITERS[name](tmp_path / name)).wheels[0].findings
+    values = dict(finding.values)
+    assert finding.code is ImportCode.SAMPLES_HELD
+    assert (values["samples"], values["axis"]) == (60, "every axis")
+    assert values["first_s"] == pytest.approx(1500 / RATE_HZ)
+
+
+def test_single_axis_that_stops_is_told(tmp_path: Path, monkeypatch) -> None:
+    dropped = AXES_G.copy()
+    dropped[1500:1560, 1] = 0.0
+    monkeypatch.setitem(globals(), "AXES_G", dropped)
+    (finding,) = imported(write_npz(tmp_path / "run.npz")).wheels[0].findings
+    assert dict(finding.values)["axis"] == "the lateral axis"
+
+
+def test_coarse_steps_and_saturation_are_no_dropouts(tmp_path: Path, monkeypatch) -> None:
+    coarse = np.round(AXES_G / 4.0) * 4.0
+    coarse[:, 2] = np.minimum(AXES_G[:, 2], 125.0)
+    monkeypatch.setitem(globals(), "AXES_G", coarse)
+    findings = imported(write_npz(tmp_path / "run.npz")).wheels[0].findings
+    assert ImportCode.SAMPLES_HELD not in [finding.code for finding in findings]

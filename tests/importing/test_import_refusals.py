@@ -155,7 +155,7 @@ def test_files_of_another_format_are_rejected(tmp_path: Path) -> None:
         ("run.mat", b"", "is empty"),
         ("run.parquet", b"no parquet", "not a readable Parquet file"),
         ("run.parquet", b"", "is empty"),
-        ("run.xlsx", b"PK", "unknown file format '.xlsx'"),
+        ("run.xlsx", b"PK", "not a readable Excel file"),
     ]:
         path = tmp_path / name
         path.write_bytes(content)
@@ -168,7 +168,7 @@ def test_files_of_another_format_are_rejected(tmp_path: Path) -> None:
         ("none.csv", "does not exist", "path"),
         ("folder", "is an empty folder", "order of time"),
         ("run.csv.gz", "unknown file format '.gz'", "Unpack"),
-        ("run.xlsx", "unknown file format '.xlsx'", "Export the columns as CSV"),
+        ("run.ods", "unknown file format '.ods'", "Export the columns as CSV"),
         ("run.mcap", "unknown file format '.mcap'", "treadlink estimate run.mcap"),
         ("run", "without a suffix", r'If it is text, state \[file\] format = "csv"'),
     ],

@@ -2,9 +2,9 @@
 
     python -m tools.reliability.damage_table
 
-Each good file is cut, blanked, swapped, doubled, or written in another code page. A cell is the message; or what is
-said of a file that is read in part; or `all` where every value is that of the good file; or `SILENT` where values or
-their number differ and nothing is said: zeros in binary samples without a checksum look like measured ones.
+Each good file is cut, blanked, swapped, doubled, moved to another zone of time or to another code page. A cell is the
+message; or what is said of a file that is read in part; or `all` where every value is that of the good file; or
+`SILENT` where values or their number differ and nothing is said.
 """
 
 import re
@@ -30,7 +30,7 @@ from gateway.importing.map_guess import guess_map
 from tools.reliability.logger_files import good_files, good_logs
 
 SILENT: Final = "SILENT"
-_TEXTS: Final = (".csv", ".vbo", ".log", ".asc")
+_TEXTS: Final = (".csv", ".vbo", ".log", ".asc", ".tdx", ".uff")
 _SHOWN: Final = 90
 
 
@@ -55,12 +55,19 @@ def _doubled(data: bytes) -> bytes:
     return data[:b] + data[a:b] + data[b:]
 
 
+def _zone(data: bytes) -> bytes:
+    """Return text whose second half states another zone of time, as behind a change of the clock."""
+    half = len(data) // 2
+    return data[:half] + data[half:].replace(b"+02:00", b"+01:00")
+
+
 def _recoded(data: bytes) -> bytes:
     return data.decode("latin-1").encode("utf-16")
 
 
 DAMAGES: Final[dict[str, Callable[[bytes], bytes]]] = {
-    "cut": _cut, "blank": _blanked, "swapped": _swapped, "doubled": _doubled, "UTF-16": _recoded,
+    "cut": _cut, "blank": _blanked, "swapped": _swapped, "doubled": _doubled, "zone": _zone,
+    "UTF-16": _recoded,
 }  # fmt: skip
 
 
@@ -73,7 +80,7 @@ def verdicts() -> dict[str, dict[str, str]]:
                 table[name] = {
                     damage: verdict(name, data, change(data), Path(folder) / damage)
                     for damage, change in DAMAGES.items()
-                    if damage != "UTF-16" or name.endswith(_TEXTS)
+                    if (damage != "UTF-16" or name.endswith(_TEXTS)) and (damage != "zone" or b"+02:00" in data)
                 }
     return table
 
@@ -103,7 +110,9 @@ def _samples(name: str, data: bytes, folder: Path) -> tuple[np.ndarray, str]:
     said += [
         line.split("#")[1].strip(" ?")
         for line in text.splitlines()
-        if (line.startswith(("time_column", "# ?")) and "# ?" in line) or "not read: " in line
+        if (line.startswith(("time_column", "# ?")) and "# ?" in line)
+        or "not read: " in line
+        or (line.startswith("rate_hz") and "; " in line)
     ]
     decoder = FrameDecoder()
     chunks = (item.data for item in RecordingReader(report.recording).items() if isinstance(item, Chunk))

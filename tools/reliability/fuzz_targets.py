@@ -275,24 +275,9 @@ def read_counters(data: bytes) -> bool:
     return True
 
 
-def import_mat(data: bytes) -> bool:
-    """A MATLAB file that is to be imported with a good map."""
-    return _imported(data, "t.mat", _MAP)
-
-
-def import_hdf5(data: bytes) -> bool:
-    """An HDF5 file, also of MATLAB 7.3, that is to be imported with a good map."""
-    return _imported(data, "t.mat" if data.startswith(b"MATLAB") else "t.h5", _MAP)
-
-
-def import_mf4(data: bytes) -> bool:
-    """An MDF file that is to be imported with a good map."""
-    return _imported(data, "t.mf4", _MAP)
-
-
-def import_parquet(data: bytes) -> bool:
-    """A Parquet file that is to be imported with a good map."""
-    return _imported(data, "t.parquet", _MAP)
+def _imports(suffix: str) -> Callable[[bytes], bool]:
+    """Return the import of a file with a good map; a MATLAB file may be one of HDF5."""
+    return lambda data: _imported(data, "t.mat" if data.startswith(b"MATLAB") else f"t.{suffix}", _MAP)
 
 
 def import_logger_file(data: bytes) -> bool:
@@ -664,10 +649,10 @@ TARGETS: dict[str, Target] = {
     ),
     "dump": Target("raw dump through a session", read_dump, _dumps, frame_content),
     "table": Target("import of a CSV table", import_table, lambda: [_good_table()]),
-    "mat": Target("import of a MATLAB file", import_mat, _mats, mat_content),
-    "hdf5": Target("import of an HDF5 or MATLAB 7.3 file", import_hdf5, _hdf5s),
-    "mf4": Target("import of an MDF file", import_mf4, _mdfs, mdf_content),
-    "parquet": Target("import of a Parquet file", import_parquet, _parquets),
+    "mat": Target("import of a MATLAB file", _imports("mat"), _mats, mat_content),
+    "hdf5": Target("import of an HDF5 or MATLAB 7.3 file", _imports("h5"), _hdf5s),
+    "mf4": Target("import of an MDF file", _imports("mf4"), _mdfs, mdf_content),
+    "parquet": Target("import of a Parquet file", _imports("parquet"), _parquets),
     "logger": Target("file of a logger, guessed and imported", import_logger_file, lambda: [*good_files().values()]),
     "bus-log": Target("log of a CAN bus", read_bus_log, lambda: [*good_logs().values()]),
     "map": Target("import map", import_with_map, lambda: [_MAP.encode()]),

@@ -5,7 +5,16 @@ import struct
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import asammdf
+import can
+import h5py
+import nptdms
 import numpy as np
+import openpyxl
+import pyarrow as pa
+import pyarrow.parquet as pq
+from mcap.writer import Writer
+from scipy.io import savemat, wavfile
 
 from gateway.core.types import FloatArray
 
@@ -24,11 +33,12 @@ def axes_g() -> FloatArray:
 
 
 def good_files() -> dict[str, bytes]:
-    """Return a good file of each format by its name; formats whose package is missing are left out."""
+    """Return a good file of each format by its name."""
     axes = axes_g()
     return {
         "run.csv": _csv(axes), "run.raw": _famos(axes), "run.vbo": _vbo(axes), "run.wav": _wav(axes),
-        "run.npz": _npz(axes), "run.mcap": _imu(axes), **_by_packages(axes),
+        "run.npz": _npz(axes), "run.mcap": _imu(axes),
+        "run.tdx": _tydex(axes), "dated.csv": _csv(axes, dated=True), **_by_packages(axes),
     }  # fmt: skip
 
 
@@ -46,8 +56,10 @@ def good_logs() -> dict[str, bytes]:
     return {name: ("\n".join(text) + "\n").encode() for name, text in lines.items()} | {"bus.blf": _blf(stamps)}
 
 
-def _csv(axes: FloatArray) -> bytes:
-    rows = [f"{row / RATE_HZ:.6f},{','.join(f'{value:.4f}' for value in values)}" for row, values in enumerate(axes)]
+def _csv(axes: FloatArray, *, dated: bool = False) -> bytes:
+    times = [f"2024-03-31T12:00:00.{round(row * 1e6 / RATE_HZ):06d}+02:00" for row in range(len(axes))]
+    times = times if dated else [f"{row / RATE_HZ:.6f}" for row in range(len(axes))]
+    rows = [",".join([time, *(f"{v:.4f}" for v in values)]) for time, values in zip(times, axes, strict=True)]
     return ("\n".join(["time_s,ax (g),ay (g),az (g)", *rows]) + "\n").encode()
 
 
@@ -79,9 +91,14 @@ def _vbo(axes: FloatArray) -> bytes:
     ]).encode()  # fmt: skip
 
 
-def _wav(axes: FloatArray) -> bytes:
-    from scipy.io import wavfile
+def _tydex(axes: FloatArray) -> bytes:
+    lines = ["**HEADER", "**MEASURCHANNELS", f"{'RUNTIME':<40}{'s':<10}1"]
+    lines += [*(f"{name:<40}{'g':<10}1" for name in NAMES), "**MEASURDATA"]
+    lines += [f"{row / RATE_HZ:.6f} " + " ".join(f"{v:.4f}" for v in values) for row, values in enumerate(axes)]
+    return ("\r\n".join([*lines, "**END"]) + "\r\n").encode()
 
+
+def _wav(axes: FloatArray) -> bytes:
     file = io.BytesIO()
     wavfile.write(file, int(RATE_HZ), axes.astype(np.float32))
     return file.getvalue()
@@ -94,8 +111,6 @@ def _npz(axes: FloatArray) -> bytes:
 
 
 def _imu(axes: FloatArray) -> bytes:
-    from mcap.writer import Writer
-
     file = io.BytesIO()
     writer = Writer(file)
     writer.start("ros2", "rosbag2")
@@ -111,33 +126,31 @@ def _imu(axes: FloatArray) -> bytes:
 
 def _by_packages(axes: FloatArray) -> dict[str, bytes]:
     """Return files that packages of extras write."""
-    results = {}
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "run"
-        try:
-            import nptdms
-
-            clock = {"wf_increment": 1.0 / RATE_HZ, "unit_string": "g"}
-            with nptdms.TdmsWriter(str(path)) as writer:
-                writer.write_segment([nptdms.ChannelObject("g", n, axes[:, k], clock) for k, n in enumerate(NAMES)])
-            results["run.tdms"] = path.read_bytes()
-        except ModuleNotFoundError:
-            pass
-        try:
-            import pyarrow as pa
-            import pyarrow.parquet as pq
-
-            columns = {"time_s": np.arange(len(axes)) / RATE_HZ, **{n: axes[:, k] for k, n in enumerate(NAMES)}}
-            pq.write_table(pa.table(columns), path, write_page_checksum=True)
-            results["run.parquet"] = path.read_bytes()
-        except ModuleNotFoundError:
-            pass
-    return results
+    times_s = np.arange(len(axes)) / RATE_HZ
+    channels = {name: axes[:, k] for k, name in enumerate(NAMES)}
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        clock = {"wf_increment": 1.0 / RATE_HZ, "unit_string": "g"}
+        with nptdms.TdmsWriter(str(folder / "run.tdms")) as writer:
+            writer.write_segment([nptdms.ChannelObject("g", n, values, clock) for n, values in channels.items()])
+        book = openpyxl.Workbook(write_only=True)
+        sheet = book.create_sheet("Run")
+        for row in [["time_s", *(f"{n} (g)" for n in NAMES)], *np.column_stack((times_s, axes)).tolist()]:
+            sheet.append(row)
+        book.save(folder / "run.xlsx")
+        log = asammdf.MDF()
+        log.append([asammdf.Signal(values, times_s, name=n, unit="g") for n, values in channels.items()])
+        log.save(folder / "run.mf4")
+        log.close()
+        savemat(folder / "run.mat", {"acc": axes, "fs": RATE_HZ})
+        with h5py.File(folder / "run.h5", "w") as file:
+            file["acc"] = axes
+            file.attrs["fs"] = RATE_HZ
+        pq.write_table(pa.table({"time_s": times_s, **channels}), folder / "run.parquet", write_page_checksum=True)
+        return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
 
 
 def _blf(stamps: list[float]) -> bytes:
-    import can
-
     with TemporaryDirectory() as folder:
         path = Path(folder) / "bus.blf"
         with can.BLFWriter(str(path), compression_level=0, max_container_size=512) as log:
