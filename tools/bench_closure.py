@@ -2,12 +2,10 @@
 
 `run` draws tires, sensors and undeclared effects from a seed. The exact ring makes the recordings, once for all
 versions; labels stay sealed until the diagnosis is made. `score` prints and draws how often each version is right.
-`kernels` repeats the inference on recordings with other correlation lengths of the discrepancy. Without any of
-them, ten cases are run and scored.
+Without either, ten cases are run and scored.
 
 Run: python tools/bench_closure.py run --cases DIR --results FILE.jsonl [--gateway DIR] [--count N] [--jobs N]
      python tools/bench_closure.py score FILE.jsonl [OTHER.jsonl] [--figures DIR]
-     python tools/bench_closure.py kernels RECORDING...
 """
 
 import argparse
@@ -19,7 +17,6 @@ from pathlib import Path
 from closure_rig.causes import CAUSES
 from closure_rig.draw import Kind
 from closure_rig.figure import draw_confusion, draw_reliability
-from closure_rig.kernels import kernel_table
 from closure_rig.outside import STRANGERS
 from closure_rig.plan import sampled
 from closure_rig.run import read, run
@@ -30,14 +27,12 @@ _REPOSITORY = Path(__file__).parents[1]
 
 
 def main() -> None:
-    """Run, score or compare kernels."""
+    """Run or score."""
     options = _options(sys.argv[1:])
     if options.command == "run":
         _run(options)
     elif options.command == "score":
         _score(options)
-    elif options.command == "kernels":
-        print(kernel_table(options.recordings).text(markdown=options.markdown))
     else:
         with tempfile.TemporaryDirectory(prefix="closure-rig-") as folder:
             results = f"{folder}/short.jsonl"
@@ -112,9 +107,6 @@ def _options(arguments: Sequence[str]) -> argparse.Namespace:
     )
     scores.add_argument("--all", action="store_true", help="also cases that not every version has run")
     scores.add_argument("--figures", type=Path, help="folder for the reliability curve and the confusion matrix")
-    kernels = commands.add_parser("kernels", help="print the posterior under other correlation lengths")
-    kernels.add_argument("recordings", type=Path, nargs="+", help="of one wheel")
-    kernels.add_argument("--markdown", action="store_true", help="table to paste into docs")
     return parser.parse_args(arguments)
 
 

@@ -148,6 +148,10 @@ class DiagnosisCode(Codes):
     SIZES_DIFFER = Code(
         "it has no one size: fitted to each recording alone, its sizes differ (chi-square {chi2:.3g} of {freedom})"
     )
+    SIZE_CHANGES = Code(
+        "it has no one size: it changes from the first to the second half of a recording (chi-square {chi2:.3g} of "
+        "{freedom})"
+    )
     UNTESTED_ELSEWHERE = Code("no recording of another speed, load or pressure can test it")
 
     # Diagnosis: deciding recordings

@@ -89,16 +89,16 @@ class Fitted:
 
 @dataclass(frozen=True, slots=True)
 class SingleSize:
-    """Size of an effect in one recording alone, everything free.
+    """Size of an effect in one recording alone, or in one group of a single recording, everything free.
 
     Attributes:
-        recording: index.
+        label: of the recording or group.
         parameter: of the effect.
         value: in SI.
         std: standard error, likewise.
     """
 
-    recording: int
+    label: str
     parameter: str
     value: float
     std: float

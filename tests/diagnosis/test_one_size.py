@@ -13,9 +13,9 @@ from gateway.diagnosis.angle.remainder_freedom import beside_remainder
 from gateway.diagnosis.data.campaign_data import Campaign
 from gateway.diagnosis.effects.effect import CIRCUMFERENTIAL, RADIAL, GroupConditions
 from gateway.diagnosis.reasons import DiagnosisCode
-from gateway.diagnosis.report.one_size import disagreement, fitted_alone, of_one_size
+from gateway.diagnosis.report.one_size import change_within, disagreement, fitted_alone, of_one_size
 from gateway.diagnosis.result import Finding, Verdict
-from tests.diagnosis.planted_campaign import Plant, among, campaign_of, conditions, fitted
+from tests.diagnosis.planted_campaign import Plant, among, campaign_of, conditions, fitted, gain
 from tests.diagnosis.test_sensor_depth import at_depth
 
 SPEEDS = tuple(conditions(speed) for speed in (40.0, 90.0, 65.0))
@@ -67,7 +67,7 @@ def _fitted(fit: Fit, name: str):  # type: ignore[no-untyped-def]
 def test_effect_of_one_size_stays_with_its_sizes(plant: Plant, name: str) -> None:
     finding, fit, _ = judged(plant, name)
     assert finding.verdict is Verdict.NAMED
-    assert [size.recording for size in finding.single_sizes] == [0, 1, 2]
+    assert [size.label for size in finding.single_sizes] == ["a", "b", "c"]
     true = next(iter(finding.parameters.values())).value
     assert all(abs(size.value - true) < 4.0 * size.std + 0.03 * abs(true) for size in finding.single_sizes)
     square, freedom = disagreement(fitted_alone(fit), fit.model.effects[0])
@@ -84,6 +84,45 @@ def test_delay_and_shift_have_no_one_size_where_the_other_is_true(plant: Plant, 
     assert finding.reason is not None
     assert finding.reason.code in {DiagnosisCode.SIZES_DIFFER, DiagnosisCode.SMALLER_THAN_LEFT}
     assert disagreement(fitted_alone(judged(plant, name)[1]), among(name)[name])[0] > 50.0
+
+
+def sagging(share: float, campaign: Campaign) -> Campaign:
+    """Return a campaign whose signal falls by a share from the first to the last block of each group."""
+    groups = []
+    for group in campaign.groups:
+        factors = 1.0 + share * np.linspace(0.5, -0.5, len(group.blocks))
+        blocks = tuple(
+            replace(block, orders_mps2=factor * block.orders_mps2)
+            for block, factor in zip(group.blocks, factors.tolist(), strict=True)
+        )
+        groups.append(replace(group, blocks=blocks))
+    return replace(campaign, groups=tuple(groups))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.01])
+def test_size_that_changes_within_a_recording_is_not_one(share: float) -> None:
+    """A supply that sags, its mean taken for a constant gain."""
+    campaign = sagging(share, of_depth(campaign_of(SPEEDS, gain)))
+    fit, data = fitted(campaign, *among("gain").values())
+    (finding,) = of_one_size([Finding("gain", Verdict.NAMED, _fitted(fit, "gain"), 100.0, 1.0)], fit, data)
+    square, freedom = change_within(fit, data, fit.model.effects[0])
+    assert freedom == 3
+    if share:
+        assert finding.reason is not None
+        assert finding.reason.code is DiagnosisCode.SIZE_CHANGES
+        assert square > 50.0
+    else:
+        assert finding.verdict is Verdict.NAMED
+        assert square < 9.0
+
+
+def test_speeds_of_a_single_recording_are_compared() -> None:
+    campaign = of_depth(campaign_of(SPEEDS, turned(0.016, 0.0)))
+    campaign = replace(campaign, groups=tuple(replace(group, recording=0) for group in campaign.groups))
+    fit, _ = fitted(replace(campaign, recordings=("a",)), *among("circumferential delay").values())
+    alone = fitted_alone(fit)
+    assert [single.label for single in alone] == [group.label for group in campaign.groups]
+    assert disagreement(alone, fit.model.effects[0])[0] > 50.0
 
 
 def test_errors_grow_by_what_is_left_and_not_by_noise() -> None:

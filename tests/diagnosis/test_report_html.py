@@ -384,7 +384,10 @@ def test_trends_are_in_display_units():
 def test_sizes_of_single_recordings_stand_beside_that_of_all() -> None:
     finding = Finding(
         "circumferential delay", Verdict.NAMED, {"delay_s": Fitted(2e-4, 1e-6, "s", 1e6, "us")}, 100.0, 1.0,
-        single_sizes=(SingleSize(1, "delay_s", 1.604e-4, 7e-7), SingleSize(0, "other", 1.0, 1.0)),
+        single_sizes=(
+            SingleSize("b/second.mcap", "delay_s", 1.604e-4, 7e-7),
+            SingleSize("a/first.mcap", "other", 1.0, 1.0),
+        ),
     )  # fmt: skip
     assert sizes_alone(finding, "delay_s", ("a/first.mcap", "b/second.mcap")) == [
         ("second.mcap alone", "160.40 ± 0.70 us")

@@ -57,7 +57,10 @@ pressure_kpa = {pressure_kpa}
 def _signal(case: Case, kmh: float, load_n: float, rng: np.random.Generator) -> Array:
     ring = case.ring
     omega = kmh / 3.6 / ring.radius_m
-    shape = (rolled_by_elements if case.elements else rolled)(ring, load_n, omega, case.depth_m)
+    if case.elements:
+        shape = rolled_by_elements(ring, load_n, omega, case.depth_m)
+    else:
+        shape = rolled(ring, load_n, omega, case.depth_m, case.stiffer)
     nodes = shape.inertia_m.shape[1]
     grid = (np.arange(nodes + 1) - nodes // 2) * (2.0 * math.pi / nodes)
     closed = [np.concatenate([curve, curve[:, :1]], axis=1) for curve in (shape.inertia_m, shape.gravity_mps2)]

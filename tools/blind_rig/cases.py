@@ -57,6 +57,7 @@ class Case:
         chain: of the sensor.
         size: effect, parameter and true value that is compared.
         elements: whether finite elements roll the ring, in place of the rig's chain.
+        stiffer: share by which the belt is stiffer in bending, by the angle from the sensor; None where it is alike.
     """
 
     name: str
@@ -69,6 +70,14 @@ class Case:
     chain: Chain | None = None
     size: tuple[str, str, float] | None = None
     elements: bool = False
+    stiffer: Callable[[Array], Array] | None = None
+
+
+def _patch(share: float, place_deg: float, half_deg: float, angle: Array) -> Array:
+    """Return a trapezium: a joint has its full height over its middle and ends steeply."""
+    from_it = np.degrees(np.mod(angle + math.pi, 2.0 * math.pi) - math.pi) - place_deg
+    result: Array = share * np.clip(1.5 * (1.0 - np.abs(from_it) / half_deg), 0.0, 1.0)
+    return result
 
 
 def _below_zero(share: float, axis: int, _: Drive, f: Array) -> Array:

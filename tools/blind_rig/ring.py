@@ -5,12 +5,13 @@ sidewall of springs and dashpots, and a unilateral tread on a flat road or a dru
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_matrix
+from scipy.sparse import csc_matrix, eye_array, kron
 from scipy.sparse.linalg import splu
 
 Array = NDArray[Any]
@@ -19,6 +20,10 @@ NODES: Final = 2880
 GRAVITY_MPS2: Final = 9.80665
 _COLOURS: Final = 5
 _ORDERS: Final = 300
+_WAVES: Final = 140
+# Losses of vibrations, which the steady shape hardly shows: of the belt in bending, and of the sidewall.
+_LOSS_S: Final = 2e-5
+_DAMPING_NSPM2: Final = 80.0
 
 
 @dataclass(frozen=True)
@@ -105,7 +110,7 @@ class _Chain:
         return total + push, push
 
     def tangent(self, x: Array, height: float) -> Any:
-        """Return the factorised tangent of all forces and of the load."""
+        """Return the tangent of all forces and of the load, (2 N + 1, 2 N + 1)."""
         n, tiny = self.nodes, 1e-30
         rows, columns, values = [], [], []
         index = np.arange(n)
@@ -133,10 +138,9 @@ class _Chain:
         rows.append(np.full(2 * n + 1, 2 * n))
         columns.append(np.arange(2 * n + 1))
         values.append(np.append(load_row, push[1].imag.sum() / tiny))
-        matrix = csc_matrix(
+        return csc_matrix(
             (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(2 * n + 1, 2 * n + 1)
         )
-        return splu(matrix)
 
     def solve(self, x: Array, height: float, load_n: float, passes: int = 60) -> tuple[Array, float]:
         """Return the shape under a load and the axle's height.
@@ -147,7 +151,7 @@ class _Chain:
         for _ in range(passes):
             force, push = self.forces(x, height)
             residual = np.append(force.T.ravel(), push[1].sum() - load_n)
-            step = -self.tangent(x, height).solve(residual)
+            step = -splu(self.tangent(x, height)).solve(residual)
             longest = float(np.abs(step).max())
             factor = min(1.0, 2e-3 / longest)
             x = x + factor * step[:-1].reshape(-1, 2).T
@@ -162,6 +166,26 @@ class _Chain:
         for share in (0.1, 0.4, 1.0):
             x, height = self.solve(x, height, share * self.load_n)
         return x, height
+
+    def answer(self, x: Array, height: float, stiffer: Array, count: int) -> Array:
+        """Return what shares of EI (N,), complex, that pass the road `count` times a turn move beside x, (2, N)."""
+        ring, n, h, steady = self.ring, self.nodes, self.h, self.ei
+        pushes = []
+        for self.ei in (0.0 * steady, steady * stiffer, steady):
+            pushes.append(self.forces(x, height)[0])
+        # Beside the steady balance: d/dt is -i count omega, a point of the belt has d/dt + omega d/dtheta.
+        next_to, last = eye_array(n, k=1) + eye_array(n, k=1 - n), eye_array(n, k=-1) + eye_array(n, k=n - 1)
+        slope, curve = (next_to - last) / (2.0 * h), (next_to - 2.0 * eye_array(n) + last) / h**2
+        length, rate = ring.radius_m * h, -1j * count * self.omega
+        added = -ring.mass_kgpm * length * (rate**2 * eye_array(n) + 2.0 * rate * self.omega * slope)
+        damping = max(ring.sidewall_damping_nspm2, _DAMPING_NSPM2)
+        added = added - length * damping * rate * eye_array(n)
+        added = added - length * (damping - ring.sidewall_damping_nspm2) * self.omega * slope
+        bending = float(steady[0]) * h / ring.radius_m**3
+        added = added - _LOSS_S * bending * (rate * eye_array(n) + self.omega * slope) @ curve @ curve
+        matrix = csc_matrix(self.tangent(x, height)[: 2 * n, : 2 * n] + kron(added, eye_array(2)))
+        moved: Array = splu(matrix).solve((pushes[0] - pushes[1]).T.ravel().astype(complex)).reshape(-1, 2).T
+        return moved
 
 
 def _derivative(curve: Array, times: int, orders: int) -> Array:
@@ -182,7 +206,22 @@ def _read(x: Array, tangent: Array, depth_m: float, orders: int) -> Shape:
     return Shape(inertia, gravity)
 
 
-def rolled(ring: Ring, load_n: float, omega_radps: float, depth_m: float) -> Shape:
-    """Return what a sensor reads over a revolution, angle -pi first."""
-    x, _ = _Chain(ring, load_n, omega_radps, NODES).loaded()
-    return _read(x, _derivative(x, 1, _ORDERS), depth_m, _ORDERS)
+def rolled(
+    ring: Ring, load_n: float, omega_radps: float, depth_m: float, stiffer: Callable[[Array], Array] | None = None
+) -> Shape:
+    """Return what a sensor reads over a revolution, angle -pi first; `stiffer` as in a case."""
+    chain = _Chain(ring, load_n, omega_radps, NODES)
+    x, height = chain.loaded()
+    tangent = _derivative(x, 1, _ORDERS)
+    if stiffer is not None:
+        shares = np.fft.fft(np.roll(stiffer(chain.theta), -(NODES // 2))) / NODES
+        moved, turned = np.zeros_like(x), np.zeros_like(x)
+        for count in range(_WAVES):
+            wave = (2.0 if count else 1.0) * shares[count] * np.exp(1j * count * chain.theta)
+            answer = chain.answer(x, height, wave, count)
+            # The sensor meets the wave where it is itself.
+            there = np.exp(-1j * count * chain.theta)
+            moved += (answer * there).real
+            turned += ((np.roll(answer, -1, axis=1) - np.roll(answer, 1, axis=1)) / (2.0 * chain.h) * there).real
+        x, tangent = x + moved, tangent + turned
+    return _read(x, tangent, depth_m, _ORDERS)

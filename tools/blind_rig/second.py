@@ -23,6 +23,7 @@ from blind_rig.cases import (
     _gain,
     _late,
     _lowpass,
+    _patch,
     _shaken,
     _turned,
     _wobble,
@@ -140,6 +141,10 @@ SECOND: Final[tuple[Case, ...]] = (
          chain=partial(_gain, 0.04, ALONG), **_DEEP),
     Case("square of the along axis", (("square of the circumferential axis",),),
          chain=_each(lambda _, a: a + 2e-4 * a**2, ALONG), **_DEEP),
+    Case("splice by the sensor", (("local bending stiffness",),),
+         stiffer=partial(_patch, 0.25, 3.0, 2.0)),
+    Case("splice under the sensor", (("local bending stiffness",),),
+         stiffer=partial(_patch, -0.2, 0.0, 1.6)),
     # Inventions.
     Case("mains", chain=_tone(6.0, 50.0)),
     Case("motor at 37.4 turns", chain=_plus(_locked(8.0, 37.4), RADIAL)),

@@ -1,8 +1,9 @@
 """Effects judged by each recording alone, and by what is left where they act.
 
-An effect has one size: fitted to each recording with everything free, its sizes agree within their errors and a few
-percent of model. And it stands out: what is left of a recording, on its axes and in its orders, is not larger than what
-it explains. Whatever stands in for something that the catalogue lacks fails the one or the other.
+An effect has one size: fitted to each recording with everything free, or to each speed and load of a single one, its
+sizes agree within their errors and a few percent of model; so do those of the halves of each recording. And it stands
+out: what is left of a recording, on its axes and in its orders, is not larger than what it explains. Whatever stands in
+for something that the catalogue lacks fails the one or the other.
 """
 
 import math
@@ -13,10 +14,10 @@ from typing import Final
 import numpy as np
 from scipy.stats import chi2
 
-from gateway.core.reasons import Reason
+from gateway.core.reasons import Code, Reason
 from gateway.core.types import FloatArray, IntArray
 from gateway.diagnosis.angle.fit import Fit, FitFailedError, fit_model
-from gateway.diagnosis.angle.likelihood import Whitened, whiten
+from gateway.diagnosis.angle.likelihood import Whitened, as_real, whiten
 from gateway.diagnosis.angle.remainder_freedom import remainder_covariance
 from gateway.diagnosis.angle.residual import POWER_SHARE, group_residuals
 from gateway.diagnosis.effects.effect import RingEffect, SignalEffect
@@ -41,9 +42,9 @@ _STEPS: Final = 20
 
 @dataclass(frozen=True)
 class Alone:
-    """A recording with its own fit of a set of effects."""
+    """A recording, or a speed and load of a single one, with its own fit of a set of effects."""
 
-    recording: int
+    label: str
     fit: Fit
 
 
@@ -56,16 +57,19 @@ def recordings_of(fit: Fit) -> dict[int, list[int]]:
 
 
 def fitted_alone(fit: Fit) -> tuple[Alone, ...]:
-    """Return the fit of each recording alone with the effects of a set, all parameters free; none of a single one.
+    """Return the fit of each recording alone with the effects of a set, all parameters free.
 
-    Errors are by scatter, widened by what the fit leaves. A recording that cannot be fitted alone is left out.
+    Of a single recording, that of each of its groups. Errors are by scatter, widened by what the fit leaves. A part
+    that cannot be fitted alone is left out.
     """
     model, campaign = fit.model, fit.model.campaign
-    parts = recordings_of(fit)
+    parts = {campaign.recordings[recording]: groups for recording, groups in recordings_of(fit).items()}
+    if len(parts) < 2:
+        parts = {group.label: [index] for index, group in enumerate(campaign.groups)}
     if len(parts) < 2:
         return ()
     alone = []
-    for recording, groups in parts.items():
+    for label, groups in parts.items():
         states = sorted({campaign.groups[index].state for index in groups})
         part = replace(
             campaign,
@@ -84,7 +88,7 @@ def fitted_alone(fit: Fit) -> tuple[Alone, ...]:
         for effect in model.effects:
             start[there.effect(effect.name)] = fit.vector[model.layout.effect(effect.name)]
         try:
-            alone.append(Alone(recording, fit_model(single, whiten(part, model.core), start, most_steps=_STEPS)))
+            alone.append(Alone(label, fit_model(single, whiten(part, model.core), start, most_steps=_STEPS)))
         except (FitFailedError, np.linalg.LinAlgError):
             continue
     return tuple(alone)
@@ -99,28 +103,67 @@ def sizes_alone(alone: Sequence[Alone], effect: AngleEffect) -> tuple[SingleSize
         for place in places.tolist():
             parameter = effect.parameters[place]
             sizes.append(
-                SingleSize(single.recording, parameter.name, float(values[place]), math.sqrt(float(variances[place])))
+                SingleSize(single.label, parameter.name, float(values[place]), math.sqrt(float(variances[place])))
             )
     return tuple(sizes)
 
 
 def disagreement(alone: Sequence[Alone], effect: AngleEffect) -> tuple[float, int]:
     """Return the chi-square of the sizes of single recordings about their mean, and its degrees of freedom."""
-    places = _sizes_of(effect)
-    if not places.size or len(alone) < 2:
-        return 0.0, 0
     values, covariances = [], []
     for single in alone:
-        where = np.arange(single.fit.model.layout.size)[single.fit.model.layout.effect(effect.name)][places]
+        where = _places(single.fit, effect)
         values.append(single.fit.vector[where])
         covariances.append(single.fit.covariance[np.ix_(where, where)])
+    if len(alone) < 2 or not values[0].size:
+        return 0.0, 0
     precisions = [np.linalg.inv(covariance) for covariance in covariances]
     mean = np.linalg.solve(sum(precisions), sum(p @ v for p, v in zip(precisions, values, strict=True)))
     model = np.diag(np.square(_MODEL_SHARE * mean) + 1e-300)
     precisions = [np.linalg.inv(covariance + model) for covariance in covariances]
     mean = np.linalg.solve(sum(precisions), sum(p @ v for p, v in zip(precisions, values, strict=True)))
     total = sum(float((v - mean) @ p @ (v - mean)) for p, v in zip(precisions, values, strict=True))
-    return total, (len(alone) - 1) * places.size
+    return total, (len(alone) - 1) * values[0].size
+
+
+def change_within(fit: Fit, data: Whitened, effect: AngleEffect) -> tuple[float, int]:
+    """Return the chi-square of the changes of an effect's sizes within recordings, and its degrees of freedom.
+
+    A change is that between the first and the last blocks of each recording, half of them each, by one linear step with
+    tire, sensor and all effects free. What the model lacks is the same in both, so that errors are by scatter alone.
+    """
+    where, total, freedom = _places(fit, effect), 0.0, 0
+    for groups in recordings_of(fit).values():
+        halved = [index for index in groups if len(data.counts[index]) > 1]
+        if not halved or not where.size:
+            continue
+        early, late = (_step_of_half(fit, data, halved, first=first) for first in (True, False))
+        moved = (late[0] - early[0])[where]
+        covariance = (early[1] + late[1])[np.ix_(where, where)]
+        covariance += np.diag(2.0 * np.square(_MODEL_SHARE * fit.vector[where]) + 1e-300)
+        total += float(moved @ np.linalg.solve(covariance, moved))
+        freedom += len(where)
+    return total, freedom
+
+
+def _step_of_half(fit: Fit, data: Whitened, groups: Sequence[int], *, first: bool) -> tuple[FloatArray, FloatArray]:
+    """Return the step to the optimum of the first or the last half of the blocks of groups, and its covariance."""
+    size = len(fit.vector)
+    gram, slope = np.zeros((size, size)), np.zeros(size)
+    for index in groups:
+        counts, half = data.counts[index], len(data.counts[index]) // 2
+        chosen = slice(0, half) if first else slice(len(counts) - half, None)
+        weights = counts[chosen] / counts[chosen].sum()
+        apart = (data.orders[index] - fit.model.predict_group(fit.vector, index))[chosen] * data.used[index]
+        residual = as_real(np.tensordot(weights, apart, axes=1))
+        rows = fit.rows[index]
+        share = counts[chosen].sum() / counts.sum()
+        weighted = share * np.einsum("pan,anm->pam", rows, data.precisions[index], optimize=True).reshape(size, -1)
+        gram += weighted @ rows.reshape(size, -1).T
+        slope += weighted @ residual.reshape(-1)
+    inverse = np.linalg.inv(gram + fit.prior_precision)
+    covariance: FloatArray = inverse @ gram @ inverse
+    return inverse @ slope, covariance
 
 
 def of_one_size(findings: Sequence[Finding], fit: Fit, data: Whitened) -> list[Finding]:
@@ -146,7 +189,11 @@ def of_one_size(findings: Sequence[Finding], fit: Fit, data: Whitened) -> list[F
                 single_sizes=sizes_alone(alone, effect),
                 parameters=_beside(finding.parameters, effect, freedom[fit.model.layout.effect(finding.name)]),
             )
-            reason = _against(alone, effect) or _buried(fit, data, effect)
+            reason = (
+                _against(disagreement(alone, effect), DiagnosisCode.SIZES_DIFFER)
+                or _against(change_within(fit, data, effect), DiagnosisCode.SIZE_CHANGES)
+                or _buried(fit, data, effect)
+            )
             if reason is not None:
                 finding = replace(finding, verdict=Verdict.REFUSED, reason=reason)
         judged.append(finding)
@@ -161,11 +208,11 @@ def _beside(parameters: Mapping[str, Fitted], effect: AngleEffect, freedom: Floa
     }
 
 
-def _against(alone: Sequence[Alone], effect: AngleEffect) -> Reason | None:
-    square, freedom = disagreement(alone, effect)
+def _against(disagreeing: tuple[float, int], code: Code) -> Reason | None:
+    square, freedom = disagreeing
     if not freedom or float(chi2.sf(square, freedom)) >= _AGREES:
         return None
-    return Reason(DiagnosisCode.SIZES_DIFFER, chi2=square, freedom=freedom)
+    return Reason(code, chi2=square, freedom=freedom)
 
 
 def _buried(fit: Fit, data: Whitened, effect: AngleEffect) -> Reason | None:
@@ -193,6 +240,12 @@ def _strongest(power: FloatArray) -> tuple[IntArray, IntArray]:
     count = int(np.searchsorted(total, _POWER * total[-1])) + 1
     axes, orders = np.unravel_index(order[:count], power.shape)
     return axes, orders
+
+
+def _places(fit: Fit, effect: AngleEffect) -> IntArray:
+    """Return the places of an effect's sizes among the parameters of a fit."""
+    places: IntArray = fit.model.layout.effect(effect.name).start + _sizes_of(effect)
+    return places
 
 
 def _sizes_of(effect: AngleEffect) -> IntArray:

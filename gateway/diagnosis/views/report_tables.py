@@ -217,11 +217,11 @@ def _step_cell(name: str, before: Fitted | None, after: Fitted | None) -> StepCe
 
 
 def sizes_alone(finding: Finding, parameter: str, recordings: Sequence[str]) -> list[tuple[str, str]]:
-    """Return a parameter of an effect as each recording alone gives it, by recording, in the unit of all of them."""
+    """Return a parameter of an effect as each part of the data alone gives it, by part, in the unit of all of them."""
     fitted = finding.parameters[parameter]
     return [
         (
-            f"{clean(PurePath(recordings[size.recording]).name)} alone",
+            f"{clean(PurePath(size.label).name if size.label in recordings else size.label)} alone",
             show_fitted(parameter, replace(fitted, value=size.value, std=size.std)).joined(),
         )
         for size in finding.single_sizes
