@@ -39,7 +39,7 @@ class ForceCode(Codes):
     )
 
     # Of the lateral axis
-    CONICITY_NOT_SEPARATED = Code("conicity cannot be separated from ply steer and noise here")
+    CONICITY_NOT_SEPARATED = Code("slip, ply steer or noise may look like it: roll in both directions, without slip")
     FROM_AXIS_MEANS = Code("from the means of the lateral and the radial axis")
     FROM_LAMINATE = Code(
         "from tire.laminate: B16 / A66 = {length_m:.2f mm} ± {length_std_m:.2f mm}, belt kept from twisting"

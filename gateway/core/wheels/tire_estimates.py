@@ -12,7 +12,15 @@ from typing import Final
 import numpy as np
 
 from firmware_protocol.messages import Axis, Environment
-from gateway.core.estimates.estimator import AngleAverage, Estimate, Estimator, Status, TireConditions
+from gateway.core.estimates.doubt_rules import DoubtRule
+from gateway.core.estimates.estimator import (
+    AngleAverage,
+    Estimate,
+    Estimator,
+    Revolution,
+    Status,
+    TireConditions,
+)
 from gateway.core.estimates.registry import in_order, make_estimator
 from gateway.core.estimates.results import RevolutionResult, SensorFlag
 from gateway.core.estimates.revolution_block import BlockEstimator, RevolutionArrays, RevolutionBlock, measured_shares
@@ -22,6 +30,7 @@ from gateway.core.quantity_catalogue import rests_on_times_alone
 from gateway.core.reasons import CoreCode, Reason
 from gateway.core.revolutions.coupling_highpass import behind_highpass
 from gateway.core.revolutions.synchronous_average import AverageSteps, RunningAverage
+from gateway.core.trust.contact_trend import ContactTrend
 from gateway.core.trust.lost_revolutions import LossStreak
 from gateway.core.trust.qualification import Qualification, provisional_where
 from gateway.core.trust.self_calibration import SelfCalibrationEstimator
@@ -82,6 +91,14 @@ def _at_rate(conditions: TireConditions, rate_std: float) -> TireConditions:
         return conditions
     claims = conditions.claims
     return replace(conditions, claims=replace(claims, rate_std=math.hypot(claims.rate_std, rate_std)))
+
+
+def _in_trend(conditions: TireConditions, revolution: Revolution, trend: ContactTrend) -> TireConditions:
+    """Return conditions with the error of the load that a trend of the contact shows."""
+    error = trend.take(revolution, conditions.pressure_pa)
+    if not error or conditions.load_n is None or DoubtRule.OWN_DRIFT not in conditions.rules:
+        return conditions
+    return replace(conditions, load_std_n=math.hypot(conditions.load_std_n, error * conditions.load_n))
 
 
 class _PausedSteps:
@@ -177,6 +194,7 @@ class _Series:
         present: dict[str, Estimator] = {**calibrations, **common}
         self.estimators: list[Estimator] = [present.get(name) or make_estimator(name) for name in in_order(estimators)]
         self.loss_streak = LossStreak()
+        self.contact_trend = ContactTrend()
         self.qualifications = {estimator.name: Qualification(estimator.name, setup) for estimator in self.estimators}
 
     def reset(self) -> None:
@@ -184,6 +202,7 @@ class _Series:
         self.average.reset()
         self.calibration.reset()
         self.loss_streak.reset()
+        self.contact_trend.reset()
         for estimator in self.estimators:
             estimator.reset()
             self.qualifications[estimator.name].reset()
@@ -273,7 +292,7 @@ class TireEstimates:
         self._current = series = self._series[uncorrected]
         averages = self._take_in(arrays)
         stated = [
-            _at_rate(self.conditions(end_us), revolution.rate_std)
+            _in_trend(_at_rate(self.conditions(end_us), revolution.rate_std), revolution, series.contact_trend)
             for end_us, revolution in zip(ends_us, revolutions, strict=True)
         ]
         measured = series.calibration.measure(RevolutionBlock(revolutions, arrays, averages, stated))

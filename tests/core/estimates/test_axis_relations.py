@@ -80,7 +80,8 @@ def test_late_lateral_axis_has_no_slopes(speed_kmh: float, samples: int) -> None
     assert reason["late_s"] == pytest.approx(samples / 4800.0, rel=0.15)
     result = last(results)
     for name in SLOPES:
-        assert result[name].status is Status.INVALID, name
+        # A small one beside its own error may stay, as not determined.
+        assert result[name].status is not Status.VALID, name
     assert result["sensor_offset_m"].status is Status.VALID
 
 
