@@ -21,6 +21,7 @@ from gateway.core.revolutions.sensor_mounting import MOUNTING_STD_RAD, OFFSET_ST
 from gateway.core.types import FloatArray
 from gateway.forces.free_belt import FIRST_ORDER_SHARE, FIRST_ORDER_SHARE_STD, FIRST_ORDER_STD_M, first_order_rows
 from gateway.forces.lateral_deformation import ORDERS
+from gateway.forces.switching_step import SwitchingModel, stepped
 
 # Yaw and camber rate of straight driving, rad/s, and the revolutions over which they last: a lane that is kept.
 _STRAIGHT_RADPS: Final = 0.006
@@ -157,37 +158,30 @@ class _Filter:
     Each goes on from both of the revolution before, by their probabilities. The last state is the rate.
 
     Attributes:
-        state: (n,) mean over both.
         turning: probability that the latest revolution turned.
     """
 
-    def __init__(self, states: Sequence[_State], rate_radps: float, fixed: int | None = None) -> None:
+    def __init__(self, states: Sequence[_State], rate_radps: float, fixed: int = -1) -> None:
         """Start at a prior.
 
         Args:
             states: the last is the rate.
             rate_radps: standard deviation of the rate of a wheel that turns.
-            fixed: index of a state that straights do not change, though what they know depends on it.
+            fixed: index of a state that straights do not change, though what they know depends on it; -1 for none.
         """
-        self._fixed = fixed
-        prior = np.array([state.mean for state in states])
-        stds = np.array([state.std for state in states])
-        self._means, self._covariances = np.stack([prior, prior]), np.stack([np.diag(np.square(stds))] * 2)
+        means, stds, changes, decays = np.array([state[:4] for state in states]).T
+        self._means, self._covariances = np.stack([means, means]), np.stack([np.diag(np.square(stds))] * 2)
         self._covariances[1, -1, -1] = rate_radps**2
-        decays = np.array([state.decay for state in states])
-        self._any = (_ANY * rate_radps) ** 2
         # The rate of a turn does not return to 0.
-        self._decays = np.stack([decays, np.append(decays[:-1], 1.0)])
-        moved = np.square([state.drift_std for state in states]) + (1.0 - decays**2) * np.square(stds)
-        self._drift = np.stack([np.diag(moved), np.diag(np.append(moved[:-1], (_CHANGE_OF_RATE * rate_radps) ** 2))])
+        stays = np.stack([decays, np.append(decays[:-1], 1.0)])
+        moved = np.square(changes) + (1.0 - decays**2) * np.square(stds)
+        drift = np.stack([moved, np.append(moved[:-1], (_CHANGE_OF_RATE * rate_radps) ** 2)])
         # Where a curve begins or ends, the rate and the road are others.
-        begun_decays = np.array([0.0 if state.of_the_road else 1.0 for state in states])
-        begun = np.square(stds) * (1.0 - begun_decays)
-        self._begun_decays = self._decays * begun_decays
-        self._products = self._decays[:, :, np.newaxis] * self._decays[:, np.newaxis]
-        self._begun_products = self._begun_decays[:, :, np.newaxis] * self._begun_decays[:, np.newaxis]
-        self._begun = np.stack([np.diag(begun), np.diag(np.append(begun[:-1], rate_radps**2))])
-        self.state, self.turning, self._begins = prior, _FIRST_TURN, _FIRST_TURN
+        begins = np.array([0.0 if state.of_the_road else 1.0 for state in states])
+        begun = np.square(stds) * (1.0 - begins)
+        begun = np.stack([begun, np.append(begun[:-1], rate_radps**2)])
+        self._model = SwitchingModel(np.stack([stays, stays * begins, drift, begun]), (_ANY * rate_radps) ** 2, fixed)
+        self.turning, self._begins = _FIRST_TURN, _FIRST_TURN
         # Probability of a turn without any measurement.
         self._blind = _FIRST_TURN
 
@@ -209,36 +203,19 @@ class _Filter:
         rests, ends = still * (1.0 - begins) * on_straight, self.turning * (1.0 - _TURN_LASTS) * on_straight
         goes_on, starts = self.turning * _TURN_LASTS, still * begins * begin
         before = rests + ends + _LEAST, goes_on + starts + _LEAST
-        means, covariances = self._predicted(np.array([ends / before[0], starts / before[1]]))
-        innovations = values - means @ rows.T
-        spreads = covariances @ rows.T
-        sums = rows @ spreads
-        sums.reshape(2, -1)[:, :: len(noises) + 1] += noises
-        inverses, logarithms = _inverses(sums)
-        steps = np.sum((inverses @ innovations[:, :, np.newaxis])[:, :, 0] * innovations, axis=1).tolist()
-        exponent = 0.5 * (steps[0] - steps[1] + logarithms[0] - logarithms[1])
+        switched = ends / before[0], starts / before[1]
+        # How far a rate is from that before tells of a turn, and nothing of the constants: that of a turn is free.
+        exponent = stepped(self._model, switched, (values, rows, noises), self._means, self._covariances)
         odds = before[1] / before[0] * math.exp(min(max(exponent, -_LARGEST), _LARGEST))
         self.turning = turning = odds / (1.0 + odds)
-        # How far a rate is from that before tells of a turn, and nothing of the constants.
-        by_rate = rows[:, -1]
-        covariances[1, -1, -1] += self._any
-        spreads[1, -1] += self._any * by_rate
-        sums[1] += self._any * by_rate[:, np.newaxis] * by_rate
-        inverses, _ = _inverses(sums)
-        gains = spreads @ inverses
-        if self._fixed is not None:
-            gains[0, self._fixed] = 0.0
-        means += (gains @ innovations[:, :, np.newaxis])[:, :, 0]
-        lost = gains @ spreads.transpose(0, 2, 1)
-        covariances += gains @ sums @ gains.transpose(0, 2, 1) - lost - lost.transpose(0, 2, 1)
-        # Rounding would grow otherwise.
-        self._means, self._covariances = means, 0.5 * (covariances + covariances.transpose(0, 2, 1))
-        self.state = (1.0 - turning) * means[0] + turning * means[1]
-        (straight, turn), (straight_variance, turn_variance) = means[:, -1].tolist(), covariances[:, -1, -1].tolist()
-        variance = (1.0 - turning) * straight_variance + turning * turn_variance
-        variance += turning * (1.0 - turning) * (straight - turn) ** 2
         shown = max(turning - self._blind, 0.0) / (1.0 - self._blind)
-        return _Rate(float(self.state[-1]), variance, turn, turn_variance, turning, shown)
+        turn, turn_variance = float(self._means[1, -1]), float(self._covariances[1, -1, -1])
+        return _Rate(self.mean(-1), self.variance(-1), turn, turn_variance, turning, shown)
+
+    def mean(self, index: int) -> float:
+        """Return the mean of a state."""
+        straight, turn = self._means[:, index].tolist()
+        return float((1.0 - self.turning) * straight + self.turning * turn)
 
     def straight(self, index: int) -> float:
         """Return a state, were the latest revolution straight."""
@@ -250,36 +227,6 @@ class _Filter:
         apart = float(self._means[1, index] - self._means[0, index])
         variance = (1.0 - self.turning) * (straight + self.turning * apart**2) + self.turning * turn
         return float(variance)
-
-    def _predicted(self, shares: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return means and covariances before a revolution; `shares` are those of the other filter in each."""
-        means = self._means * self._decays
-        apart = self._means[::-1] * self._begun_decays - means
-        share = shares[:, np.newaxis, np.newaxis]
-        covariances = self._covariances * self._products
-        covariances += (
-            share * (self._covariances[::-1] * self._begun_products + self._begun - covariances) + self._drift
-        )
-        scaled = apart * np.sqrt(shares * (1.0 - shares))[:, np.newaxis]
-        covariances += scaled[:, :, np.newaxis] * scaled[:, np.newaxis]
-        return means + shares[:, np.newaxis] * apart, covariances
-
-
-def _inverses(sums: FloatArray) -> tuple[FloatArray, list[float]]:
-    """Return inverses and logarithms of determinants of symmetric matrices (k, m, m), m = 1 or 2.
-
-    Written out, because calls of linear algebra cost more than the rest of a filter.
-    """
-    if sums.shape[-1] == 1:
-        return 1.0 / sums, [math.log(value) for value in sums.ravel().tolist()]
-    rows, logarithms = [], []
-    for (first, across), (_, last) in sums.tolist():
-        determinant = first * last - across * across
-        rows.append(
-            ((last / determinant, -across / determinant), (-across / determinant, first / determinant)),
-        )
-        logarithms.append(math.log(determinant))
-    return np.array(rows), logarithms
 
 
 class _Level:
@@ -416,7 +363,7 @@ class TurnTracker:
         square, speed = omega_radps**2, omega_radps * radius_m
         first, predicted = _first_orders(np.stack([lateral_m, radial_m]), edges_rad)
         # A turn that is not known moves the roll; that of straights is near enough for what is linear in it.
-        roll, share = self._turning.straight(_ROLL), float(self._turning.state[_SHARE])
+        roll, share = self._turning.straight(_ROLL), self._turning.mean(_SHARE)
         per_rate = -2.0 * speed
         # Equations in m/s^2; cosines, then sines.
         (lateral_first, by_roll), (_, force_by_roll) = (first * square).tolist(), (predicted * square).tolist()

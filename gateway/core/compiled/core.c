@@ -1142,6 +1142,174 @@ static PyObject *least_squares(PyObject *self, PyObject *const *args, Py_ssize_t
     return PyBool_FromLong(independent);
 }
 
+/* ---- Two filters: gateway/forces/switching_step.py --------------------------------------------------------------- */
+
+/* As in gateway/forces/switching_step.py. */
+#define MOST_STATES 16
+#define MOST_MEASURED 4
+
+/* Inverse of a symmetric positive definite matrix (m, m) and the logarithm of its determinant; NaN of any other. */
+static double inverted(double matrix[MOST_MEASURED][MOST_MEASURED], int m, double inverse[MOST_MEASURED][MOST_MEASURED])
+{
+    double lower[MOST_MEASURED][MOST_MEASURED] = {{0.0}}, back[MOST_MEASURED][MOST_MEASURED] = {{0.0}}, logarithm = 0.0;
+    for (int i = 0; i < m; i++)
+        for (int j = 0; j <= i; j++) {
+            double sum = matrix[i][j];
+            for (int k = 0; k < j; k++)
+                sum -= lower[i][k] * lower[j][k];
+            if (i == j)
+                lower[i][i] = sum > 0.0 ? sqrt(sum) : NAN;
+            else
+                lower[i][j] = sum / lower[j][j];
+        }
+    for (int j = 0; j < m; j++) {
+        logarithm += 2.0 * log(lower[j][j]);
+        for (int i = j; i < m; i++) {
+            double sum = i == j ? 1.0 : 0.0;
+            for (int k = j; k < i; k++)
+                sum -= lower[i][k] * back[k][j];
+            back[i][j] = sum / lower[i][i];
+        }
+    }
+    for (int i = 0; i < m; i++)
+        for (int j = 0; j < m; j++) {
+            inverse[i][j] = 0.0;
+            for (int k = i > j ? i : j; k < m; k++)
+                inverse[i][j] += back[k][i] * back[k][j];
+        }
+    return logarithm;
+}
+
+/* switching_step(change, free_variance, fixed, switched, switched, values, rows, noises, means, covariances)
+ *     -> logarithm of the ratio of likelihoods
+ *
+ * One step of two Kalman filters between which a system switches; `_stepped_by_numpy`.
+ *   change   (4, 2, n) as in SwitchingModel, which has the next two as well
+ *   switched two numbers, by filter
+ *   values, noises  (m,)
+ *   rows     (m, n)
+ *   means    (2, n) and
+ *   covariances  (2, n, n), symmetric: before and after
+ */
+static PyObject *switching_step(PyObject *self, PyObject *const *args, Py_ssize_t nargs)
+{
+    (void)self;
+    Held held = {.count = 0};
+    double free_variance, fixed, shares[2];
+    if (!has_arguments(nargs, 10) || !floats(&args[1], 1, &free_variance) || !floats(&args[2], 1, &fixed) ||
+        !floats(&args[3], 2, shares))
+        return NULL;
+    double *values = numbers(&held, args[5], -1, 0);
+    Py_ssize_t m = values ? count_of(&held) : 0;
+    double *noises = values ? numbers(&held, args[7], m, 0) : NULL;
+    double *all_means = noises ? numbers(&held, args[8], -1, PyBUF_WRITABLE) : NULL;
+    Py_ssize_t in_means = all_means ? count_of(&held) : 0, n = in_means / 2;
+    if (all_means && (n < 1 || n > MOST_STATES || in_means != 2 * n || m < 1 || m > MOST_MEASURED))
+        return refused(&held, "states and measured values do not fit together, or are too many");
+    double *change = all_means ? numbers(&held, args[0], 8 * n, 0) : NULL;
+    double *rows = change ? numbers(&held, args[6], m * n, 0) : NULL;
+    double *covariances = rows ? numbers(&held, args[9], 2 * n * n, PyBUF_WRITABLE) : NULL;
+    if (!covariances)
+        return refused(&held, "");
+    double means[2][MOST_STATES], spread[2][MOST_STATES][MOST_STATES], exponent = 0.0;
+    for (int filter = 0; filter < 2; filter++) {
+        const double *stays = change + filter * n, *begins = stays + 2 * n, *drift = stays + 4 * n, *begun = stays + 6 * n;
+        const double *mean = all_means + filter * n, *other = all_means + (1 - filter) * n;
+        const double *covariance = covariances + filter * n * n, *others = covariances + (1 - filter) * n * n;
+        double share = shares[filter], apart[MOST_STATES];
+        for (int i = 0; i < n; i++) {
+            means[filter][i] = mean[i] * stays[i];
+            apart[i] = other[i] * begins[i] - means[filter][i];
+        }
+        for (int i = 0; i < n; i++)
+            for (int j = 0; j < n; j++) {
+                double goes_on = covariance[i * n + j] * stays[i] * stays[j];
+                double starts = others[i * n + j] * begins[i] * begins[j] + (i == j ? begun[i] : 0.0);
+                spread[filter][i][j] = goes_on + share * (starts - goes_on) + share * (1.0 - share) * apart[i] * apart[j] +
+                                       (i == j ? drift[i] : 0.0);
+            }
+        for (int i = 0; i < n; i++)
+            means[filter][i] += share * apart[i];
+    }
+    for (int filter = 0; filter < 2; filter++) {
+        double(*p)[MOST_STATES] = spread[filter], *mean = means[filter];
+        double innovations[MOST_MEASURED], across[MOST_STATES][MOST_MEASURED], gains[MOST_STATES][MOST_MEASURED];
+        double sums[MOST_MEASURED][MOST_MEASURED], inverse[MOST_MEASURED][MOST_MEASURED], weighted[MOST_MEASURED];
+        for (int k = 0; k < m; k++) {
+            innovations[k] = values[k];
+            for (int i = 0; i < n; i++)
+                innovations[k] -= mean[i] * rows[k * n + i];
+            for (int i = 0; i < n; i++) {
+                across[i][k] = 0.0;
+                for (int j = 0; j < n; j++)
+                    across[i][k] += p[i][j] * rows[k * n + j];
+            }
+        }
+        for (int k = 0; k < m; k++)
+            for (int l = 0; l < m; l++) {
+                sums[k][l] = k == l ? noises[k] : 0.0;
+                for (int i = 0; i < n; i++)
+                    sums[k][l] += rows[k * n + i] * across[i][l];
+            }
+        double square = inverted(sums, (int)m, inverse);
+        for (int k = 0; k < m; k++) {
+            weighted[k] = 0.0;
+            for (int l = 0; l < m; l++)
+                weighted[k] += inverse[k][l] * innovations[l];
+            square += weighted[k] * innovations[k];
+        }
+        exponent += filter ? -0.5 * square : 0.5 * square;
+        for (int i = 0; i < n; i++)
+            for (int k = 0; k < m; k++) {
+                gains[i][k] = 0.0;
+                for (int l = 0; l < m && !(filter == 0 && i == fixed); l++)
+                    gains[i][k] += across[i][l] * inverse[l][k];
+                mean[i] += gains[i][k] * innovations[k];
+            }
+        for (int i = 0; i < n; i++) {
+            double used[MOST_MEASURED];
+            for (int k = 0; k < m; k++) {
+                used[k] = -across[i][k];
+                for (int l = 0; l < m; l++)
+                    used[k] += gains[i][l] * sums[l][k];
+            }
+            for (int j = 0; j <= i; j++) {
+                for (int k = 0; k < m; k++)
+                    p[i][j] += used[k] * gains[j][k] - gains[i][k] * across[j][k];
+                p[j][i] = p[i][j];
+            }
+        }
+        if (filter == 1) {
+            double along = 0.0, moved = 0.0, left[MOST_STATES];
+            for (int k = 0; k < m; k++) {
+                double by_free = 0.0;
+                for (int l = 0; l < m; l++)
+                    by_free += inverse[k][l] * rows[l * n + n - 1];
+                along += by_free * rows[k * n + n - 1];
+                moved += by_free * innovations[k];
+            }
+            for (int i = 0; i < n; i++) {
+                left[i] = i == n - 1 ? 1.0 : 0.0;
+                for (int k = 0; k < m; k++)
+                    left[i] -= gains[i][k] * rows[k * n + n - 1];
+            }
+            double variance = free_variance / (1.0 + free_variance * along);
+            for (int i = 0; i < n; i++) {
+                mean[i] += variance * moved * left[i];
+                for (int j = 0; j < n; j++)
+                    p[i][j] += variance * left[i] * left[j];
+            }
+        }
+    }
+    for (int filter = 0; filter < 2; filter++)
+        for (int i = 0; i < n; i++) {
+            all_means[filter * n + i] = means[filter][i];
+            memcpy(covariances + (filter * n + i) * n, spread[filter][i], n * sizeof(double));
+        }
+    release(&held);
+    return PyFloat_FromDouble(exponent);
+}
+
 /* ---- Module ------------------------------------------------------------------------------------------------------ */
 
 #define METHOD(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, NULL}
@@ -1149,6 +1317,7 @@ static PyObject *least_squares(PyObject *self, PyObject *const *args, Py_ssize_t
 static PyMethodDef methods[] = {
     METHOD(resample), METHOD(spline_lines), METHOD(normalise), METHOD(match), METHOD(refine), METHOD(summits),
     METHOD(solve_lower), METHOD(least_squares), METHOD(mounting_rows), METHOD(mounting_solutions), METHOD(row_sensitivity),
+    METHOD(switching_step),
     {NULL, NULL, 0, NULL},
 };
 

@@ -113,11 +113,20 @@ def _mounting_solutions(rng):
     return [rng.normal(size=(k, 70)), np.empty((k, 3)), np.empty((k, 3))]
 
 
+def _switching_step(rng):
+    n, m = int(rng.integers(1, 18)), int(rng.integers(1, 6))
+    return [
+        rng.uniform(0.0, 1.0, (4, 2, n)), 10.0, int(rng.integers(-1, n)), *rng.uniform(0.0, 1.0, 2).tolist(),
+        rng.normal(size=m), rng.normal(size=(m, n)), rng.uniform(0.1, 1.0, m), rng.normal(size=(2, n)),
+        np.stack([np.eye(n)] * 2),
+    ]  # fmt: skip
+
+
 CALLS: dict[str, Callable[[np.random.Generator], list]] = {
     "resample": _resample, "spline_lines": _spline_lines, "normalise": _normalise, "match": _match,
     "refine": _refine, "summits": _summits, "solve_lower": _solve_lower, "least_squares": _least_squares,
     "mounting_rows": _mounting_rows, "mounting_solutions": _mounting_solutions,
-    "row_sensitivity": _row_sensitivity,
+    "row_sensitivity": _row_sensitivity, "switching_step": _switching_step,
 }  # fmt: skip
 
 

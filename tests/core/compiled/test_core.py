@@ -21,6 +21,7 @@ from gateway.core.contacts import contact_template, contact_tracking, segmentati
 from gateway.core.estimates import small_systems, weak_form_rows
 from gateway.core.revolutions import angle_resampling, sensor_mounting, speed_normalisation
 from gateway.core.revolutions.angle_resampling import Phase, Scale, elapsed_angles
+from gateway.forces import switching_step
 from tests.core.compiled import core_calls
 
 ROOT = Path(__file__).parents[3]
@@ -241,6 +242,33 @@ def test_sensitivity_of_the_balance_is_that_in_numpy(rng, half_angle, numbers):
     for item, function in zip(out, (weak_form_rows._by_angle_by_numpy, weak_form_rows._by_angle_by_core), strict=True):
         function(*given_, item)
     assert_equal(out[1], out[0])
+
+
+@needs_core
+@given(
+    rng=seeds,
+    n=st.integers(1, switching_step.MOST_STATES),
+    m=st.integers(1, switching_step.MOST_MEASURED),
+    free=st.sampled_from([0.0, 1.0, 1e9]),
+    fixed=st.integers(-1, 2),
+    is_broken=st.booleans(),
+)
+def test_a_step_of_switching_filters_is_that_in_numpy(rng, n, m, free, fixed, is_broken):
+    roots = rng.normal(size=(2, n, n))
+    change = np.stack([rng.uniform(0.5, 1.0, (2, n)), *rng.uniform(0.0, 1.0, (3, 2, n))])
+    model = switching_step.SwitchingModel(change, free, min(fixed, n - 1))
+    values = rng.normal(0.0, 10.0, m)
+    if is_broken:
+        values[rng.integers(m)] = math.nan
+    measured = values, rng.normal(size=(m, n)), rng.uniform(0.1, 10.0, m)
+    switched = float(rng.uniform()), float(rng.uniform())
+    results = []
+    for function in (switching_step._stepped_by_numpy, switching_step._stepped_by_core):
+        means, covariances = np.stack([np.arange(n, dtype=float)] * 2), roots @ roots.transpose(0, 2, 1)
+        results.append((function(model, switched, measured, means, covariances), means, covariances))
+    for value, same in zip(*results, strict=True):
+        assert_equal(same, value, np.abs(np.nan_to_num(value)).max() + 1.0)
+    assert np.isnan(results[1][1]).any() == is_broken
 
 
 @needs_core
