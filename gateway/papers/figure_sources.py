@@ -17,7 +17,7 @@ from gateway.core.text.numbers import MISSING, fixed, round_to_error
 from gateway.core.text.table_sinks import CsvSink
 from gateway.core.text.text import clean, pad, pad_left, width
 from gateway.core.types import FloatArray
-from gateway.papers.measured_tires import SLOPES, GridConditions, MeasuredTire, MeasuredWheel
+from gateway.papers.measured_tires import SIDE_FORCE, SLOPES, GridConditions, MeasuredTire, MeasuredWheel
 from gateway.papers.ring_data import ESTIMATORS
 
 # Column of the table -> name in GridConditions, and factor from its unit.
@@ -144,7 +144,7 @@ def _of_recording(source: FigureSource, config_path: Path | None, *, show_progre
     with shown as bar:
         size = max(file.info.size_bytes, 1)
         recording = open_recording(file, config_path, on_position=lambda position: bar.show(position / size))
-        for result in RecordingPass(recording, DEFAULT_ESTIMATORS, signals=recording.signals()):
+        for result in RecordingPass(recording, (*DEFAULT_ESTIMATORS, "side-force"), signals=recording.signals()):
             if source.wheel in (None, result.position):
                 if result.position not in wheels:
                     wheels[result.position] = MeasuredWheel(f"{source.path.stem} {result.position}", source.stated)
@@ -165,7 +165,7 @@ def _of_dataset(root: Path) -> list[MeasuredTire]:
     require_campaign_packages()
     description = read_description(root)
     estimator = next((name for name in reversed(ESTIMATORS) if name in description.estimators), None)
-    quantities = [*RING_NUMBERS, *SLOPES.values(), _WEAR, _CONTACT]
+    quantities = [*RING_NUMBERS, *SLOPES.values(), SIDE_FORCE, _WEAR, _CONTACT]
     names = [*_PLAIN, *(name + part for name in quantities for part in ("", "_std", "_status"))]
     rows = [
         row
@@ -201,6 +201,7 @@ def _of_row(row: Mapping[str, Any], estimator: str | None) -> MeasuredTire:
         edges_rad=(-half_rad, half_rad),
         numbers={estimator: (values, stds)} if estimator is not None else {},
         slopes_rad={definition: with_error(name) for definition, name in SLOPES.items()},
+        side_force_n=with_error(SIDE_FORCE),
     )
 
 
@@ -217,11 +218,11 @@ def table_csv(tires: Sequence[MeasuredTire]) -> bytes:
     file = io.BytesIO()
     sink = CsvSink(file)
     parts = [f"{estimator}_{name}{part}" for estimator in ESTIMATORS for name in RING_NUMBERS for part in ("", "_std")]
-    slopes = [f"{name}{part}" for name in SLOPES.values() for part in ("", "_std")]
+    slopes = [f"{name}{part}" for name in (*SLOPES.values(), SIDE_FORCE) for part in ("", "_std")]
     sink.header(["name", *_TABLE, *parts, *slopes])
     for tire in tires:
         numbers = [value for pair in _numbers(tire) for value in pair]
-        angles = [value for definition in SLOPES for value in tire.slopes_rad[definition]]
+        angles = [value for pair in (*map(tire.slopes_rad.__getitem__, SLOPES), tire.side_force_n) for value in pair]
         sink.row(
             [tire.name, *(value if math.isfinite(value) else None for value in (*_conditions(tire), *numbers, *angles))]
         )

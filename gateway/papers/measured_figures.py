@@ -1,6 +1,7 @@
-"""The papers' figures of measurements: Figs. 7 and 11 to 16 of the ring paper, 13 to 15 of the ply steer paper.
+"""The papers' figures of measurements: Figs. 7, 11 to 16 of the ring paper, 2, 11, 13 to 15 of the ply steer paper.
 
-Figures of a waveform show the first wheel that has one; figures of trends show all wheels and conditions.
+They show all wheels and conditions, but Fig. 13 of the ply steer paper, which shows the first with a lateral axis. Its
+Figs. 14 and 15 show the wheels of which only the pressure or only the load varies.
 """
 
 from __future__ import annotations
@@ -20,19 +21,22 @@ from gateway.core.revolutions.angle_resampling import GRID_SIZE, angle_grid
 from gateway.core.revolutions.order_spectrum import ORDER_COUNT
 from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.types import FloatArray
-from gateway.forces.lateral_deformation import ORDERS, deformation
+from gateway.forces.lateral_deformation import ORDERS, deformation, lateral_waveform
 from gateway.papers.measured_tires import SLOPES, MeasuredTire, Waveforms
 from gateway.papers.ring_data import ESTIMATORS, measured_orders
 from gateway.papers.ring_figures import STYLES, draw_orders, draw_waveform, linear_trend, relative_residual
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
 
 _SHOWN_ORDERS: Final = 30
-# Spectra of the first wheel at each of so many speeds that differ by so much.
-_MOST_SPECTRA: Final = 4
-_SPEED_STEP_KMH: Final = 5.0
+# Names in a legend; more lines have none.
+_MOST_NAMES: Final = 8
+# Wheels in a row of a figure.
+_ROW: Final = 3
+# Loads, and pressures, within it are one condition.
+_SAME_CONDITION: Final = 0.03
 _FEWEST_FOR_TREND: Final = 3
 
 Draw = Callable[["Figure"], str]
@@ -79,20 +83,23 @@ def _titled(draw: Callable[..., str], *arguments: object) -> Draw:
     return drawing
 
 
-def _waveform(tires: Sequence[MeasuredTire]) -> tuple[MeasuredTire, Waveforms]:
-    for tire in tires:
-        if tire.waveforms is not None:
-            return tire, tire.waveforms
-    raise _MissingError("a dataset has no waveforms")
+_Fitted = Sequence[tuple[MeasuredTire, Waveforms, FloatArray]]
 
 
-def _fitted(tires: Sequence[MeasuredTire]) -> tuple[MeasuredTire, Waveforms, FloatArray]:
-    """Return a wheel with the orders of Eq. 27, m."""
-    _waveform(tires)
-    for tire in tires:
+def _waveforms(tires: Sequence[MeasuredTire]) -> list[tuple[MeasuredTire, Waveforms]]:
+    with_waveforms = [(tire, tire.waveforms) for tire in tires if tire.waveforms is not None]
+    if not with_waveforms:
+        raise _MissingError("a dataset has no waveforms")
+    return with_waveforms
+
+
+def _fitted(tires: Sequence[MeasuredTire]) -> _Fitted:
+    """Return the wheels with the orders of Eq. 27, m."""
+    fitted = []
+    for tire, waveforms in _waveforms(tires):
         values, _ = tire.numbers.get(ESTIMATORS[0], (np.full(len(RING_NUMBERS), math.nan), None))
-        if tire.waveforms is not None and np.isfinite(values).all():
-            fitted = signal_orders(
+        if np.isfinite(values).all():
+            orders = signal_orders(
                 np.arange(1, ORDER_COUNT),
                 values.tolist(),
                 load_n=tire.load_n,
@@ -100,69 +107,87 @@ def _fitted(tires: Sequence[MeasuredTire]) -> tuple[MeasuredTire, Waveforms, Flo
                 radius_m=tire.radius_m,
                 half_angle_rad=tire.half_angle_rad,
             )
-            return tire, tire.waveforms, fitted
-    raise _MissingError("Eq. 28 gives no numbers; they need load and pressure")
+            fitted.append((tire, waveforms, orders))
+    if not fitted:
+        raise _MissingError("Eq. 28 gives no numbers; they need load and pressure")
+    return fitted
 
 
 def _make_fig_7(tires: Sequence[MeasuredTire]) -> Draw:
-    _waveform(tires)
-    spectra: dict[int, tuple[MeasuredTire, OrderStatistics]] = {}
-    for tire in tires:
-        orders = tire.waveforms.orders if tire.waveforms is not None else None
-        if orders is not None and np.isfinite(orders.integer_share[2]):
-            spectra.setdefault(round(tire.speed_kmh / _SPEED_STEP_KMH), (tire, orders))
+    spectra = [
+        (tire, waveforms.orders)
+        for tire, waveforms in _waveforms(tires)
+        if waveforms.orders is not None and np.isfinite(waveforms.orders.integer_share[2])
+    ]
     if not spectra:
         raise _MissingError(f"no recording has {BLOCK_REVOLUTIONS} revolutions that follow each other")
-    return _titled(_fig_7, list(spectra.values())[:_MOST_SPECTRA])
+    return _titled(_fig_7, spectra)
 
 
 def _fig_7(spectra: Sequence[tuple[MeasuredTire, OrderStatistics]], figure: Figure) -> str:
     """Radial acceleration over several revolutions and its spectrum."""
     upper, lower = figure.subplots(2, 1, height_ratios=(1, 2))
-    block = spectra[0][1].block_mps2[2][: 4 * GRID_SIZE]
-    upper.plot(np.arange(len(block)) / GRID_SIZE, block, color="black", linewidth=0.8, label=spectra[0][0].name)
-    upper.set(xlim=(0, 4), xlabel="revolutions", ylabel="radial\n(inward), m/s²")
-    upper.legend(loc="upper right", fontsize=8.0)
     shares = []
     for tire, spectrum in spectra:
+        block = spectrum.block_mps2[2][: 4 * GRID_SIZE]
+        upper.plot(np.arange(len(block)) / GRID_SIZE, block, linewidth=0.8)
         omega = tire.speed_kmh / 3.6 / tire.radius_m
         amplitude = 1e3 * spectrum.fine_mps2[2] / omega**2
-        share = f"{100.0 * spectrum.integer_share[2]:.3f} %"
-        shares.append(f"{share} of {tire.name} at {tire.speed_kmh:.0f} km/h")
+        shares.append(f"{100.0 * spectrum.integer_share[2]:.3f} % of {tire.name} at {tire.speed_kmh:.0f} km/h")
         lower.plot(
             spectrum.fine_order[1:], amplitude[1:], linewidth=0.9, label=f"{tire.name}, {tire.speed_kmh:.0f} km/h"
         )
+    upper.set(xlim=(0, 4), xlabel="revolutions", ylabel="radial\n(inward), m/s²")
     lower.set(
         xlim=(0, _SHOWN_ORDERS), xlabel="frequency over that of rotation", ylabel="amplitude / Ω², mm", yscale="log"
     )
-    lower.legend(fontsize=8.0)
+    _legend(lower, len(spectra))
     return (
         f"Power above order 0 that lies on integer orders, over {BLOCK_REVOLUTIONS} revolutions: {', '.join(shares)}; "
         f"white noise alone has {100.0 / BLOCK_REVOLUTIONS:.1f} %."
     )
 
 
-def _fig_11(tire: MeasuredTire, waveforms: Waveforms, fitted: FloatArray, figure: Figure) -> str:
+def _legend(axes: Axes, count: int) -> None:
+    """Name the lines where they are few."""
+    if count <= _MOST_NAMES:
+        axes.legend(fontsize=8.0)
+
+
+def _panels(figure: Figure, count: int) -> list[SubFigure]:
+    """Return a part of the figure for each of several wheels."""
+    columns = min(count, _ROW)
+    rows = math.ceil(count / columns)
+    width, height = figure.get_size_inches()
+    figure.set_size_inches(width * (1.0 + 0.5 * (columns - 1)), height * max(0.75 * rows, 1.0))
+    panels: list[SubFigure] = np.ravel(figure.subfigures(rows, columns, squeeze=False)).tolist()
+    return panels[:count]
+
+
+def _fig_11(fitted: _Fitted, figure: Figure) -> str:
     """Standing-wave amplitudes of the radial acceleration: signal and fitted linear ring."""
-    measured = measured_orders(waveforms.average)
-    draw_orders(figure.subplots(), measured, fitted, tire.name)
-    finite = np.isfinite(measured)
+    residuals = []
+    for (tire, waveforms, orders), panel in zip(fitted, _panels(figure, len(fitted)), strict=True):
+        measured = measured_orders(waveforms.average)
+        draw_orders(panel.subplots(), measured, orders, tire.name)
+        finite = np.isfinite(measured)
+        residuals.append(f"{relative_residual(measured[finite], orders[finite]):.0%} of {_condition(tire)}")
     return (
-        f"{_condition(tire)}: Eq. 27 with the numbers of Eq. 28 fits the orders with a residual of "
-        f"{relative_residual(measured[finite], fitted[finite]):.0%}. A good fit of the orders does not make the "
-        "numbers right."
+        f"Residual of the orders by Eq. 27 with the numbers of Eq. 28: {'; '.join(residuals)}. A good fit of the "
+        "orders does not make the numbers right."
     )
 
 
-def _fig_12(tire: MeasuredTire, waveforms: Waveforms, fitted: FloatArray, figure: Figure) -> str:
+def _fig_12(fitted: _Fitted, figure: Figure) -> str:
     """Radial acceleration over a revolution: signal and fitted linear ring."""
-    average = waveforms.average
-    label = f"{tire.name}, {average.count} revolutions"
-    error = draw_waveform(figure, average.radial_mps2, average.omega_radps, tire.radius_m, fitted, label)
-    return (
-        f"{_condition(tire)}: the four numbers of Eq. 28 give the waveform within {np.sqrt(np.mean(error**2)):.0f} "
-        f"m/s² rms of {np.ptp(average.radial_mps2):.0f} m/s² peak to peak."
-    )
+    errors = []
+    for (tire, waveforms, orders), panel in zip(fitted, _panels(figure, len(fitted)), strict=True):
+        average = waveforms.average
+        label = f"{tire.name}, {average.count} revolutions"
+        error = draw_waveform(panel, average.radial_mps2, average.omega_radps, tire.radius_m, orders, label)
+        size = np.ptp(average.radial_mps2)
+        errors.append(f"{np.sqrt(np.mean(error**2)):.0f} of {size:.0f} m/s² peak to peak of {_condition(tire)}")
+    return f"Root mean square error of the waveform that the four numbers of Eq. 28 give: {'; '.join(errors)}."
 
 
 _ABSCISSAE: Final[dict[str, tuple[str, Callable[[MeasuredTire], float]]]] = {
@@ -189,8 +214,9 @@ def _make_trend(number: str, title: str, against: str, tires: Sequence[MeasuredT
     return draw
 
 
-def _make_slopes(against: str, tires: Sequence[MeasuredTire]) -> Draw:
-    series = {name: [(tire, *tire.slopes_rad[name]) for tire in tires if name in tire.slopes_rad] for name in SLOPES}
+def _make_slopes(against: str, constant: str, tires: Sequence[MeasuredTire]) -> Draw:
+    alike = _alike(tires, against, constant)
+    series = {name: [(tire, *tire.slopes_rad[name]) for tire in alike if name in tire.slopes_rad] for name in SLOPES}
     degrees = {
         name: [(tire, math.degrees(value), math.degrees(std)) for tire, value, std in points]
         for name, points in series.items()
@@ -198,6 +224,26 @@ def _make_slopes(against: str, tires: Sequence[MeasuredTire]) -> Draw:
     draw = _titled(_trend, _usable(degrees, against), "ply steer angle, °", against)
     draw.__doc__ = f"Ply steer angle against {against}"
     return draw
+
+
+def _alike(tires: Sequence[MeasuredTire], against: str, constant: str) -> Sequence[MeasuredTire]:
+    """Return the wheels of one load, or pressure, that have the most values of the other; all if none is known."""
+    abscissa, other = (_ABSCISSAE[name][1] for name in (against, constant))
+    known = [tire for tire in tires if math.isfinite(abscissa(tire)) and math.isfinite(other(tire))]
+
+    def about(middle: MeasuredTire) -> list[MeasuredTire]:
+        return [tire for tire in known if abs(other(tire) / other(middle) - 1.0) <= _SAME_CONDITION]
+
+    def values(alike: Sequence[MeasuredTire]) -> int:
+        steps = np.diff(np.log(sorted(abscissa(tire) for tire in alike)))
+        return int(np.count_nonzero(steps > _SAME_CONDITION))
+
+    if not known:
+        return tires
+    best = max(map(about, known), key=values)
+    if not values(best) and values(known):
+        raise _MissingError(f"no two wheels of one {constant} differ in {against}")
+    return best
 
 
 _Points = dict[str, list[tuple[float, float, float]]]
@@ -239,15 +285,60 @@ def _trend(points: _Points, label: str, against: str, figure: Figure) -> str:
     return f"Against {against}: {trends}. Bars are one standard error."
 
 
-def _make_ply_13(tires: Sequence[MeasuredTire]) -> Draw:
-    _waveform(tires)
-    for tire in tires:
-        if tire.waveforms is not None and tire.waveforms.lateral_m is not None:
-            return _titled(_ply_13, tire, tire.waveforms.lateral_m)
-    raise _MissingError("no sensor has a lateral axis")
+_Lateral = Sequence[tuple[MeasuredTire, Waveforms, FloatArray]]
 
 
-def _ply_13(tire: MeasuredTire, lateral_m: FloatArray, figure: Figure) -> str:
+def _lateral(tires: Sequence[MeasuredTire]) -> _Lateral:
+    """Return the wheels with the coefficients of their lateral axis, m."""
+    lateral = [(tire, wave, wave.lateral_m) for tire, wave in _waveforms(tires) if wave.lateral_m is not None]
+    if not lateral:
+        raise _MissingError("no sensor has a lateral axis")
+    return lateral
+
+
+def _make_ply_2(tires: Sequence[MeasuredTire]) -> Draw:
+    lateral = _lateral(tires)
+    if len(lateral) < 2:
+        raise _MissingError("one recording has no other slip to compare with")
+    return _titled(_ply_2, lateral)
+
+
+def _ply_2(lateral: _Lateral, figure: Figure) -> str:
+    """Lateral acceleration of all recordings."""
+    axes = figure.subplots()
+    sizes = []
+    for tire, waveforms, lateral_m in lateral:
+        wave = waveforms.average.omega_radps**2 * lateral_waveform(lateral_m, GRID_SIZE)
+        axes.plot(np.degrees(angle_grid()), wave, label=tire.name)
+        sizes.append(f"{wave.max():.0f} and {wave.min():.0f} m/s² of {_condition(tire)}")
+    axes.set(xlim=(-60, 60), xlabel="angle from contact centre, °", ylabel="lateral acceleration, m/s²")
+    _legend(axes, len(lateral))
+    return f"Extrema of orders {ORDERS.start} to {ORDERS.stop - 1}, without the sensor's roll: {'; '.join(sizes)}."
+
+
+def _ply_11(lateral: _Lateral, figure: Figure) -> str:
+    """Lateral acceleration, mean of the samples and its orders that the estimator uses."""
+    sizes = []
+    for (tire, waveforms, lateral_m), panel in zip(lateral, _panels(figure, len(lateral)), strict=True):
+        axes = panel.subplots()
+        wave = waveforms.average.omega_radps**2 * lateral_waveform(lateral_m, GRID_SIZE)
+        if waveforms.orders is not None:
+            samples = waveforms.orders.block_mps2[1]
+            whole = samples[: len(samples) // GRID_SIZE * GRID_SIZE].reshape(-1, GRID_SIZE).mean(axis=0)
+            # A block begins in the middle of a contact.
+            whole = np.roll(whole - whole.mean(), GRID_SIZE // 2)
+            axes.plot(np.degrees(angle_grid()), whole, color="0.6", label="samples, without mean")
+        axes.plot(np.degrees(angle_grid()), wave, color="black", label=f"{tire.name}, orders")
+        axes.set(xlim=(-60, 60), xlabel="angle from contact centre, °", ylabel="lateral acceleration, m/s²")
+        axes.legend(fontsize=7.0)
+        sizes.append(f"{wave.max():.0f} and {wave.min():.0f} m/s² of {_condition(tire)}")
+    return (
+        f"Orders {ORDERS.start} to {ORDERS.stop - 1} without the roll have their extrema at the contact edges: "
+        f"{'; '.join(sizes)}. The samples contain the roll."
+    )
+
+
+def _ply_13(tire: MeasuredTire, _: Waveforms, lateral_m: FloatArray, figure: Figure) -> str:
     """Lateral deformation, integrated twice, with the slopes in the contact."""
     axes = figure.subplots()
     shape = deformation(lateral_m, GRID_SIZE)
@@ -278,7 +369,7 @@ def _condition(tire: MeasuredTire) -> str:
 
 
 def _make_fitted(draw: Callable[..., str], tires: Sequence[MeasuredTire]) -> Draw:
-    return _titled(draw, *_fitted(tires))
+    return _titled(draw, _fitted(tires))
 
 
 _FIGURES: Final[dict[str, Callable[[Sequence[MeasuredTire]], Draw]]] = {
@@ -289,7 +380,9 @@ _FIGURES: Final[dict[str, Callable[[Sequence[MeasuredTire]], Draw]]] = {
     "ring-fig-14": partial(_make_trend, "Cw", "Contact width number against pressure number", "pressure number"),
     "ring-fig-15": partial(_make_trend, "Rs", "Radial stiffness number against contact angle", "contact angle"),
     "ring-fig-16": partial(_make_trend, "Ts", "Tangential stiffness number against contact angle", "contact angle"),
-    "ply-steer-fig-13": _make_ply_13,
-    "ply-steer-fig-14": partial(_make_slopes, "pressure"),
-    "ply-steer-fig-15": partial(_make_slopes, "load"),
+    "ply-steer-fig-2": _make_ply_2,
+    "ply-steer-fig-11": lambda tires: _titled(_ply_11, _lateral(tires)),
+    "ply-steer-fig-13": lambda tires: _titled(_ply_13, *_lateral(tires)[0]),
+    "ply-steer-fig-14": partial(_make_slopes, "pressure", "load"),
+    "ply-steer-fig-15": partial(_make_slopes, "load", "pressure"),
 }

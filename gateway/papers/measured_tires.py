@@ -23,6 +23,8 @@ from gateway.papers.ring_data import ESTIMATORS
 
 SLOPES: Final = {definition: f"ply_steer_{definition}_rad" for definition in DEFINITIONS}
 """Quantity of each definition of the ply steer angle."""
+SIDE_FORCE: Final = "side_force_n"
+"""Quantity of the side force."""
 
 # The average is that of the whole recording.
 _HORIZON_REVOLUTIONS: Final = 10_000.0
@@ -76,6 +78,7 @@ class MeasuredTire:
         edges_rad: leading and trailing edge of the contact.
         numbers: (4,) Bs, Cw, Rs, Ts and their standard errors by estimator; NaN where invalid.
         slopes_rad: ply steer angle and its standard error by definition.
+        side_force_n: and its standard error; NaN without a calibration.
         waveforms: None of a dataset.
     """
 
@@ -89,6 +92,7 @@ class MeasuredTire:
     edges_rad: tuple[float, float]
     numbers: Mapping[str, tuple[FloatArray, FloatArray]]
     slopes_rad: Mapping[str, tuple[float, float]]
+    side_force_n: tuple[float, float] = _UNKNOWN
     waveforms: Waveforms | None = None
 
     @property
@@ -117,7 +121,7 @@ class MeasuredWheel:
         self._orders: OrderAccumulator | None = None
         self._last: tuple[Revolution, AngleAverage, TireConditions] | None = None
         self._speed = WeightedMean()
-        self._slopes = {quantity: WeightedMean() for quantity in SLOPES.values()}
+        self._means = {quantity: WeightedMean() for quantity in (*SLOPES.values(), SIDE_FORCE)}
         self._lateral: list[FloatArray] = []
 
     def add(self, revolution: Revolution, conditions: TireConditions, estimates: Sequence[Estimate]) -> None:
@@ -132,8 +136,8 @@ class MeasuredWheel:
         self._speed.add(3.6 * revolution.omega_radps * conditions.radius_m, math.nan)
         roll_rad = 0.0
         for estimate in estimates:
-            if estimate.name in self._slopes and estimate.status is Status.VALID:
-                self._slopes[estimate.name].add(estimate.value, estimate.std)
+            if estimate.name in self._means and estimate.status is Status.VALID:
+                self._means[estimate.name].add(estimate.value, estimate.std)
             if estimate.name == ROLL_NAME and estimate.status is Status.VALID:
                 roll_rad = estimate.value
         if has_lateral(revolution):
@@ -162,7 +166,8 @@ class MeasuredWheel:
             radius_m=conditions.radius_m,
             edges_rad=(average.leading_edge_rad, average.trailing_edge_rad),
             numbers={name: _numbers(name, revolution, average, conditions) for name in ESTIMATORS},
-            slopes_rad={definition: _mean(name, self._slopes[name]) for definition, name in SLOPES.items()},
+            slopes_rad={definition: _mean(name, self._means[name]) for definition, name in SLOPES.items()},
+            side_force_n=_mean(SIDE_FORCE, self._means[SIDE_FORCE]),
             waveforms=Waveforms(
                 average,
                 self._orders.statistics() if self._orders is not None else None,

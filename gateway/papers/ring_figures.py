@@ -41,7 +41,7 @@ from gateway.papers.trend_assumptions import (
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, FigureBase
 
 
 _ORDERS: Final = np.arange(1, 61)
@@ -108,7 +108,7 @@ def _fig_12(figure: Figure) -> str:
 
 
 def draw_waveform(
-    figure: Figure, measured_mps2: FloatArray, omega_radps: float, radius_m: float, fitted_m: FloatArray, label: str
+    figure: FigureBase, measured_mps2: FloatArray, omega_radps: float, radius_m: float, fitted_m: FloatArray, label: str
 ) -> FloatArray:
     """Draw a sensor and Eq. 27 with fitted numbers over a revolution, Fig. 12; return Eq. 27 less sensor, m/s^2."""
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))

@@ -3,6 +3,7 @@
 import csv
 import importlib.util
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -10,7 +11,7 @@ import gateway
 from gateway.core.errors import ConfigError, RecordingError
 from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.papers.figure_registry import chosen
-from gateway.papers.figure_sources import FigureSource, measured_tires, read_grid
+from gateway.papers.figure_sources import FigureSource, measured_tires, read_grid, table_csv
 from gateway.papers.measured_figures import measured_figures
 from tests.testkit.campaign_recordings import write_recording
 from tests.testkit.commands import invoked, run
@@ -18,7 +19,7 @@ from tests.testkit.commands import invoked, run
 pytestmark = pytest.mark.skipif(importlib.util.find_spec("matplotlib") is None, reason="needs matplotlib")
 
 LOADS_N = (3000.0, 5000.0)
-WAVEFORMS = ("ring-fig-7", "ring-fig-11", "ring-fig-12", "ply-steer-fig-13")
+WAVEFORMS = ("ring-fig-7", "ring-fig-11", "ring-fig-12", "ply-steer-fig-11", "ply-steer-fig-13")
 
 
 @pytest.fixture(scope="module")
@@ -93,6 +94,45 @@ def test_one_condition_has_no_trends(tires):
         measured_figures(tires[:1], ["ply-steer-fig-15"])
 
 
+def points_of(tires, name: str) -> list[float]:
+    """Return the abscissae that a figure of the ply steer shows."""
+    from matplotlib.figure import Figure
+
+    figure = Figure()
+    measured_figures(tires, [name])[0][name](figure)
+    return sorted(set(figure.axes[0].containers[0].lines[0].get_xdata()))
+
+
+def test_pressure_and_load_of_one_set_are_parted(tires):
+    # Tables I and II of the ply steer paper: the load is the same in four, the pressure in three.
+    conditions = [(4000.0, 1.8), (4000.0, 2.1), (4000.0, 2.4), (4000.0, 2.7), (3000.0, 2.1), (5000.0, 2.1)]
+    slopes = dict.fromkeys(tires[0].slopes_rad, (0.003, 0.0001))
+    grid = [replace(tires[0], load_n=load, pressure_pa=1e5 * bar, slopes_rad=slopes) for load, bar in conditions]
+    assert points_of(grid, "ply-steer-fig-14") == pytest.approx([1.8, 2.1, 2.4, 2.7])
+    assert points_of(grid, "ply-steer-fig-15") == pytest.approx([3000.0, 4000.0, 5000.0])
+    with pytest.raises(ConfigError, match="no two wheels of one pressure differ in load"):
+        measured_figures([grid[0], grid[4]], ["ply-steer-fig-15"])
+
+
+def test_waveforms_of_all_recordings_are_drawn(tires):
+    from matplotlib.figure import Figure
+
+    figures, _ = measured_figures(tires)
+    for name in ("ring-fig-7", "ring-fig-11", "ring-fig-12", "ply-steer-fig-2", "ply-steer-fig-11"):
+        figure = Figure()
+        caption = figures[name](figure)
+        assert all(tire.name in caption for tire in tires), name
+        if "11" in name or "12" in name:
+            assert len(figure.subfigs) == len(tires)
+
+
+def test_forces_are_beside_the_angles_in_the_table(tires):
+    with_force = replace(tires[0], side_force_n=(-36.9, 1.2))
+    first, second = csv.DictReader(table_csv([with_force, tires[1]]).decode().splitlines())
+    assert (float(first["side_force_n"]), float(first["side_force_n_std"])) == (-36.9, 1.2)
+    assert not second["side_force_n"]
+
+
 def test_unknown_figure_is_named(tires):
     for choose in (lambda names: measured_figures(tires, names), chosen):
         with pytest.raises(ConfigError) as caught:
@@ -120,7 +160,8 @@ def test_dataset_gives_trends_without_waveforms(folder, tmp_path):
     tires = measured_tires([FigureSource(dataset)], None, lambda _: None)
     assert [tire.load_n for tire in tires] == pytest.approx(LOADS_N)
     figures, missing = measured_figures(tires)
-    assert {"ring-fig-14", "ring-fig-15", "ring-fig-16", "ply-steer-fig-15"} <= set(figures)
+    assert {"ring-fig-14", "ring-fig-15", "ring-fig-16"} <= set(figures)
+    assert missing["ply-steer-fig-15"] == "no two wheels of one pressure differ in load"
     assert {missing[name] for name in WAVEFORMS} == {"a dataset has no waveforms"}
 
 
