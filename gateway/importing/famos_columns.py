@@ -59,10 +59,6 @@ class FamosColumns(WaveformColumns):
         if not self.waveforms and not self.unusable:
             raise ImportDataError(f"{path} has no channels", "Export the channels as CSV.")
 
-    def close(self) -> None:
-        """Release the values."""
-        self.waveforms.clear()
-
     def _add(self, keys: dict[str, list[str]], content: bytes, data: dict[int, tuple[int, int]], order: str) -> None:
         name = _text(keys["CN"], 3) or f"channel {len(self.waveforms) + 1}"
         if name in self.waveforms:

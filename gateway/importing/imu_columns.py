@@ -66,10 +66,6 @@ class ImuColumns(WaveformColumns):
         for topic, stamps in times_ns.items():
             self._add(printable(topic).strip("/"), np.array(stamps), np.array(values[topic]))
 
-    def close(self) -> None:
-        """Release the values."""
-        self.waveforms.clear()
-
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
         """Yield the named columns.
 
@@ -89,11 +85,7 @@ class ImuColumns(WaveformColumns):
         times_s = (stamps_ns[order] - (self.start_ns or 0)) * 1e-9
         columns = {name: (numbers[order, index], unit) for name, (index, unit) in _COLUMNS.items()}
         for name, (column, unit) in {"time": (times_s, "s"), **columns}.items():
-            self.waveforms[f"{topic}/{name}"] = _waveform(column, unit, topic, name)
-
-
-def _waveform(values: FloatArray, unit: str, topic: str, name: str) -> Waveform:
-    return Waveform(len(values), lambda first, end: values[first:end], unit=unit, group=topic, name=name)
+            self.waveforms[f"{topic}/{name}"] = Waveform.of(column, unit, topic, name)
 
 
 def _message(data: bytes) -> tuple[int, FloatArray]:

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from gateway.core.errors import ImportDataError
-from gateway.core.types import FloatArray
 from gateway.importing.column_names import rate_of
 from gateway.importing.columns import MAX_MATRIX_COLUMNS, printable
 from gateway.importing.waveform_columns import Waveform, WaveformColumns
@@ -31,10 +30,6 @@ class NpzColumns(WaveformColumns):
             name, (reason, remedy) = next(iter(self.unusable.items()))
             raise ImportDataError(f"{path}: '{name}' {reason}", remedy)
 
-    def close(self) -> None:
-        """Release the arrays."""
-        self.waveforms.clear()
-
     def _add(self, name: str, array: Any) -> None:
         if array.dtype.names:
             for field in array.dtype.names:
@@ -46,13 +41,9 @@ class NpzColumns(WaveformColumns):
             if rate_hz is not None:
                 self.rates_hz[name] = rate_hz
         elif array.ndim == 1:
-            self.waveforms[name] = _waveform(array)
+            self.waveforms[name] = Waveform.of(array)
         elif array.ndim == 2 and array.shape[1] <= MAX_MATRIX_COLUMNS:
             for k in range(array.shape[1]):
-                self.waveforms[f"{name}(:,{k + 1})"] = _waveform(array[:, k])
+                self.waveforms[f"{name}(:,{k + 1})"] = Waveform.of(array[:, k])
         else:
             self.unusable[name] = (f"has the shape {array.shape}", "A column is one quantity: save (samples, axes).")
-
-
-def _waveform(values: FloatArray) -> Waveform:
-    return Waveform(len(values), lambda first, end: values[first:end].astype(np.float64))

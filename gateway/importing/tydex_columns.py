@@ -13,6 +13,7 @@ import numpy as np
 
 from gateway.core.errors import ImportDataError
 from gateway.core.types import FloatArray
+from gateway.importing.vbo_columns import number_table
 from gateway.importing.waveform_columns import Waveform, WaveformColumns
 
 _MISSING: Final = "NOTAVAIL"
@@ -37,12 +38,12 @@ class TydexColumns(WaveformColumns):
             elif line.strip() and not line.startswith("!"):
                 section.append((number, line))
         channels = [line for _, line in sections.get("MEASURCHANNELS", [])]
-        rows = [(number, line.split()) for number, line in sections.get("MEASURDATA", [])]
+        rows = [(number, line.upper().replace(_MISSING, "nan")) for number, line in sections.get("MEASURDATA", [])]
         if not channels or not rows:
             raise ImportDataError(f"{path} has no **MEASURCHANNELS with **MEASURDATA", "Export it again.")
         if "END" not in sections:
             self.warnings.append("the file is cut: it has no **END")
-            rows = rows[:-1] if len(rows[-1][1]) < len(channels) else rows
+            rows = rows[:-1] if len(rows[-1][1].split()) < len(channels) else rows
         self._values(channels, rows)
         for _, line in sections.get("CONSTANTS", []):
             key, unit, value = _fields(line)
@@ -56,19 +57,8 @@ class TydexColumns(WaveformColumns):
                 begun = datetime.strptime(f"{header.get('DATE')} {header.get('CLCKTIME')}", clock).replace(tzinfo=UTC)
                 self.start_ns = int(begun.timestamp()) * 1_000_000_000
 
-    def close(self) -> None:
-        """Release the values."""
-        self.waveforms.clear()
-
-    def _values(self, channels: list[str], rows: list[tuple[int, list[str]]]) -> None:
-        table = np.empty((len(rows), len(channels)))
-        for k, (number, cells) in enumerate(rows):
-            try:
-                table[k] = [np.nan if cell.upper() == _MISSING else float(cell) for cell in cells]
-            except ValueError as error:
-                raise ImportDataError(
-                    f"{self.path}: line {number} is no row of {len(channels)} numbers", "Correct or remove it."
-                ) from error
+    def _values(self, channels: list[str], rows: list[tuple[int, str]]) -> None:
+        table = number_table(self.path, rows, len(channels))
         for line, measured in zip(channels, table.T, strict=True):
             key, unit, numbers = _fields(line)
             try:
@@ -81,8 +71,7 @@ class TydexColumns(WaveformColumns):
             self._add(key, unit, factor * (measured + before) + after)
 
     def _add(self, key: str, unit: str, values: FloatArray) -> None:
-        stated = "" if unit == "-" else unit
-        self.waveforms[key] = Waveform(len(values), lambda first, end: values[first:end], unit=stated)
+        self.waveforms[key] = Waveform.of(values, "" if unit == "-" else unit)
 
 
 def _fields(line: str) -> tuple[str, str, str]:

@@ -46,10 +46,6 @@ class UffColumns(WaveformColumns):
         for number, dataset in enumerate(sets, 1):
             self._add(self._name(dataset, number), dataset)
 
-    def close(self) -> None:
-        """Release the signals."""
-        self.waveforms.clear()
-
     def _name(self, dataset: dict[str, Any], number: int) -> str:
         """Return a name for a dataset that no other has."""
         name = str(dataset.get("id1") or "").strip()

@@ -46,7 +46,7 @@ class VboColumns(WaveformColumns):
         if len(rows) > 1 and (len(rows[-1][1].split()) < len(names) or not content.endswith("\n")):
             self.warnings.append(f"the file is cut in line {rows[-1][0]}, which is left out")
             rows = rows[:-1]
-        table = _table(path, rows, len(names))
+        table = number_table(path, rows, len(names))
         titles = [text for _, text in sections.get("header", [])]
         units = [text for _, text in sections.get("channel units", [])]
         # A blank line parts the sections.
@@ -56,10 +56,6 @@ class VboColumns(WaveformColumns):
         of_names = dict(zip(names[len(names) - len(units) :], units, strict=False)) if len(units) <= len(names) else {}
         for k, name in enumerate(names):
             self._add(name, titles[k] if k < len(titles) else name, table[:, k], of_names.get(name, ""))
-
-    def close(self) -> None:
-        """Release the values."""
-        self.waveforms.clear()
 
     def _add(self, name: str, title: str, values: FloatArray, unit: str) -> None:
         if name.lower() == "time":
@@ -73,13 +69,15 @@ class VboColumns(WaveformColumns):
         elif match := _VELOCITY.fullmatch(title):
             unit = {"kmh": "km/h", "knots": "km/h"}.get(match[1].lower(), match[1].lower())
             values = values * _KNOT_KMH if match[1].lower() == "knots" else values
-        self.waveforms[name] = Waveform(
-            len(values), lambda first, end: values[first:end], unit=unit or unit_of(title, "")
-        )
+        self.waveforms[name] = Waveform.of(values, unit or unit_of(title, ""))
 
 
-def _table(path: Path, lines: list[tuple[int, str]], width: int) -> FloatArray:
-    """Return (n, width) numbers."""
+def number_table(path: Path, lines: list[tuple[int, str]], width: int) -> FloatArray:
+    """Return the (n, width) numbers of numbered lines.
+
+    Raises:
+        ImportDataError: a line has fewer cells, or another than a number.
+    """
     rows = [line.split() for _, line in lines]
     try:
         return np.array([[float(cell) for cell in row[:width]] for row in rows], dtype=np.float64).reshape(-1, width)

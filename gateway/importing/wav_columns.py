@@ -36,10 +36,6 @@ class WavColumns(WaveformColumns):
         for k in range(columns.shape[1]):
             self.waveforms[f"channel {k + 1}"] = _waveform(columns[:, k], full - zero, zero, rate_hz)
 
-    def close(self) -> None:
-        """Release the samples."""
-        self.waveforms.clear()
-
 
 def _waveform(values: FloatArray, full: float, zero: float, rate_hz: float) -> Waveform:
     return Waveform(len(values), lambda first, end: (values[first:end] - zero) / full, 1.0 / rate_hz)

@@ -49,6 +49,11 @@ class Waveform:
     name: str = ""
     stated_rows: int = 0
 
+    @classmethod
+    def of(cls, values: FloatArray, unit: str = "", group: str = "", name: str = "") -> "Waveform":
+        """Return a channel of (n,) values without a step."""
+        return cls(len(values), lambda first, end: values[first:end].astype(np.float64), 0.0, unit, 0.0, group, name)
+
     @property
     def end_s(self) -> float:
         """Time of the end of the last value."""
@@ -78,6 +83,10 @@ class WaveformColumns:
         self.start_ns: int | None = None
         self.rates_hz: dict[str, float] = {}
         self.warnings: list[str] = []
+
+    def close(self) -> None:
+        """Release the values."""
+        self.waveforms.clear()
 
     @property
     def facts(self) -> FileFacts:

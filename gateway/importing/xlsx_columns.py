@@ -43,10 +43,6 @@ class XlsxColumns(WaveformColumns):
                 "Formulas have values only after a spreadsheet program has saved the file.",
             )
 
-    def close(self) -> None:
-        """Release the values."""
-        self.waveforms.clear()
-
     def _read(self, sheet: str, rows: Iterator[Sequence[Any]]) -> None:
         above: list[Sequence[Any]] = []
         for row in rows:
@@ -66,19 +62,11 @@ class XlsxColumns(WaveformColumns):
         columns = self._columns(sheet, len(names), len(above) + 1, itertools.chain((first, second), rows))
         for k, (name, values) in enumerate(zip(names, columns, strict=True)):
             array = np.array(values)
+            column = f"{sheet}/{printable(name)}"
             if np.isfinite(array).any():
-                self.waveforms[f"{sheet}/{printable(name)}"] = Waveform(
-                    len(array),
-                    lambda first, end, array=array: array[first:end],  # type: ignore[misc]
-                    unit=units[k] if k < len(units) else "",
-                    group=sheet,
-                    name=name,
-                )
-            elif len(texts) and k < len(texts[-1]) and texts[-1][k]:
-                self.unusable[f"{sheet}/{printable(name)}"] = (
-                    "has no numbers",
-                    "Formulas need to be saved with values.",
-                )
+                self.waveforms[column] = Waveform.of(array, units[k] if k < len(units) else "", sheet, name)
+            elif texts and k < len(texts[-1]) and texts[-1][k]:
+                self.unusable[column] = ("has no numbers", "Formulas need to be saved with values.")
 
     def _columns(self, sheet: str, width: int, first_number: int, rows: Iterable[Sequence[Any]]) -> list[list[float]]:
         """Return the numbers of each column, NaN for other cells, which are told."""

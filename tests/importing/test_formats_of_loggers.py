@@ -1,6 +1,7 @@
 """Files of loggers and programs, after their public descriptions: channels, units, rates and starts arrive."""
 
 import struct
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -43,7 +44,10 @@ def write_famos(path: Path, *, rows: int | None = None, repeated: bool = False) 
     return path
 
 
-def write_imu(path: Path, topics: tuple[str, ...] = ("/imu",)) -> Path:
+def write_imu(
+    path: Path, topics: tuple[str, ...] = ("/imu",), stamp_of: Callable[[int], int] = lambda log_ns: log_ns
+) -> Path:
+    """Write a message for each sample; `stamp_of` returns its stamp by the time of logging, ns."""
     writer_module = pytest.importorskip("mcap.writer")
     with path.open("wb") as file:
         writer = writer_module.Writer(file)
@@ -52,10 +56,10 @@ def write_imu(path: Path, topics: tuple[str, ...] = ("/imu",)) -> Path:
         for topic in topics:
             channel = writer.register_channel(topic, "cdr", schema)
             for row, axes in enumerate(WHEEL.axes_mps2):
-                stamp_ns = 1_714_640_070_000_000_000 + round(row * 1e9 / RATE_HZ)
-                body = struct.pack("<iII", *divmod(stamp_ns, 10**9), 5) + b"base\0"
+                log_ns = 1_714_640_070_000_000_000 + round(row * 1e9 / RATE_HZ)
+                body = struct.pack("<iII", *divmod(stamp_of(log_ns), 10**9), 5) + b"base\0"
                 body += b"\0" * (-len(body) % 8) + struct.pack("<37d", *[0.0] * 25, *axes, *[0.0] * 9)
-                writer.add_message(channel, stamp_ns, b"\0\1\0\0" + body, stamp_ns, row)
+                writer.add_message(channel, log_ns, b"\0\1\0\0" + body, log_ns, row)
         writer.finish()
     return path
 

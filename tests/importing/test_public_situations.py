@@ -1,6 +1,5 @@
 """Files as issues of other projects describe them, rebuilt: what was wrong with them stays right."""
 
-import struct
 import tomllib
 from pathlib import Path
 
@@ -14,45 +13,35 @@ from gateway.importing.importer import import_file
 from gateway.importing.map_guess import guess_map
 from tests.importing.measurements import simple_map, write_csv
 from tests.importing.rolling_wheel import rolling
+from tests.importing.test_formats_of_loggers import write_imu
 
 RATE_HZ = 6400.0
 WHEEL = rolling(RATE_HZ, 0.6, seed=13)
 AXES = dict(zip("xyz", WHEEL.axes_mps2.T, strict=True))
 
 
-def write_imu(path: Path, stamps_ns: list[int]) -> Path:
-    writer_module = pytest.importorskip("mcap.writer")
-    with path.open("wb") as file:
-        writer = writer_module.Writer(file)
-        writer.start("ros2", "test")
-        channel = writer.register_channel("/a", "cdr", writer.register_schema("sensor_msgs/msg/Imu", "ros2msg", b""))
-        for row, (stamp_ns, axes) in enumerate(zip(stamps_ns, WHEEL.axes_mps2, strict=True)):
-            body = struct.pack("<iII", *divmod(stamp_ns, 10**9), 4) + b"imu\0"
-            body += struct.pack("<37d", *[0.0] * 25, *axes, *[0.0] * 9)
-            writer.add_message(channel, 10**18 + round(row * 1e9 / RATE_HZ), b"\0\1\0\0" + body, stamp_ns, row)
-        writer.finish()
-    return path
-
-
 @pytest.mark.parametrize("each", [6, 7, 40])
 def test_repeated_stamps_are_no_other_rate(tmp_path: Path, each: int) -> None:
-    rows = np.arange(len(WHEEL.times_s))
-    stamps = 10**18 + np.round((rows - (rows % each == 2)) * 1e9 / RATE_HZ).astype(int)
-    path = write_imu(tmp_path / "a.mcap", stamps.tolist())
-    assert "# rate_hz = 6400   # ? 'a/time' repeats in row 3" in guess_map(path)
+    first_ns, step_ns = 1_714_640_070_000_000_000, 125_000
+
+    def stamp_of(log_ns: int) -> int:
+        return log_ns - step_ns * ((log_ns - first_ns) // step_ns % each == 2)
+
+    path = write_imu(tmp_path / "a.mcap", stamp_of=stamp_of)
+    assert "# rate_hz = 8000   # ? 'imu/time' repeats in row 3" in guess_map(path)
     text = simple_map(**{
-        "sampling": 'time_column = "a/time"', "axis.radial": 'column = "a/linear_acceleration.z"\nunit = "m/s^2"',
+        "sampling": 'time_column = "imu/time"', "axis.radial": 'column = "imu/linear_acceleration.z"\nunit = "m/s^2"',
         "axis.lateral": "", "axis.circumferential": "",
     })  # fmt: skip
     with pytest.raises(ImportDataError, match="steps by") as caught:
         import_file(path, parse_map(text, "map"), tmp_path / "out.mcap")
-    assert "state rate_hz (about 6400" in caught.value.remedy
+    assert "state rate_hz (about 8000" in caught.value.remedy
 
 
 def test_stamps_that_are_all_zero_give_way_to_those_of_logging(tmp_path: Path) -> None:
-    text = guess_map(write_imu(tmp_path / "a.mcap", [0] * len(WHEEL.times_s)))
-    assert 'time_column = "a/time"   # 6400 Hz' in text
-    assert "all stamps of /a are 0 ns" in text
+    text = guess_map(write_imu(tmp_path / "a.mcap", stamp_of=lambda _: 0))
+    assert 'time_column = "imu/time"   # 8000 Hz' in text
+    assert "all stamps of /imu are 0 ns" in text
 
 
 def test_unit_of_time_that_cannot_be_is_marked(tmp_path: Path) -> None:
