@@ -29,7 +29,7 @@ $(STAMP): requirements.lock pyproject.toml
 
 demo: $(STAMP)
 	@mkdir -p recordings
-	$(BIN)/treadlink live sim:demo --duration 30 --record recordings/
+	$(BIN)/treadlink live sim:town --duration 30 --record recordings/
 
 # A hub on this computer: the reference collector behind a TCP port, a wheel played from a file as its sensor.
 PORT ?= 5000

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from gateway.core.config.vehicle import parse_vehicle
@@ -13,14 +14,25 @@ WHEEL = '[[wheel]]\nposition = "W"\nwheel = 0\n'
 
 def test_built_in_scenarios_parse_and_have_descriptions() -> None:
     scenarios = builtin_scenarios()
-    assert {"demo", "eq-27", "lab", "standstill_restart"} <= set(scenarios)
+    assert {"demo", "eq-27", "lab", "standstill_restart", "town"} <= set(scenarios)
     for name, text in scenarios.items():
         assert load_scenario(name).wheel
         assert text.endswith((".", "coupled.")), name
     assert [wheel.position for wheel in load_scenario("demo").wheel] == ["FL", "FR", "RL", "RR"]
 
 
-@pytest.mark.parametrize("name", ["demo", "eq-27", "lab", "standstill_restart"])
+def test_town_block_has_four_corners_of_90_degrees() -> None:
+    scenario = load_scenario("town")
+    yaw = scenario.motion.yaw_rate_degps
+    turned_deg = np.concatenate([[0.0], np.cumsum(0.5 * (yaw.values[1:] + yaw.values[:-1]) * np.diff(yaw.times_s))])
+    assert turned_deg[4::4] == pytest.approx([90.0, 180.0, 270.0, 360.0], abs=0.5)
+    # Left wheels lose in the corners what right ones gain.
+    loads = [[wheel.load_n.at(time_s) for wheel in scenario.wheels()] for time_s in (5.0, 10.0)]
+    change = np.sign(np.subtract(*reversed(loads))).tolist()
+    assert change == [-1.0, 1.0, -1.0, 1.0]
+
+
+@pytest.mark.parametrize("name", ["demo", "eq-27", "lab", "standstill_restart", "town"])
 def test_vehicle_of_a_scenario_is_a_valid_configuration(name: str) -> None:
     scenario = load_scenario(name)
     vehicle = parse_vehicle(vehicle_toml(scenario), name)

@@ -233,6 +233,25 @@ def _curve(world: World, said: Statement, size: float, _: np.random.Generator) -
     return _steps(world, "wheel", "load_n", ((0.0, load), (0.3, load), (0.6, after), (1.0, after))), said
 
 
+def _slalom(world: World, said: Statement, size: float, rng: np.random.Generator) -> Told:
+    """Drive a slalom of `size` m/s^2: as a curve to one side and the other, with 0.3 deg of camber for 1 m/s^2."""
+    hz, speed = float(rng.uniform(0.15, 0.5)), world.speed_kmh / 3.6
+    yaw = max(-100.0, min(100.0, math.degrees(size / speed)))
+    for table, key, mean, swing in (
+        ("motion", "yaw_rate_degps", 0.0, yaw),
+        ("wheel", "slip_angle_deg", 0.0, 0.5 * size),
+        ("wheel", "camber_deg", 0.0, 0.3 * size),
+        ("wheel", "load_n", world.load_n, 0.04 * size * world.load_n),
+    ):
+        world = _steps(world, table, key, _waves(world, swing, mean, hz))
+    return world, said
+
+
+def _travel(world: World, said: Statement, size: float, rng: np.random.Generator) -> Told:
+    """Let the suspension camber the wheel by `size` deg to and fro, as on a wavy road."""
+    return _steps(world, "wheel", "camber_deg", _waves(world, size, 0.0, float(rng.uniform(0.8, 2.0)))), said
+
+
 def _wet(world: World, said: Statement, size: float, rng: np.random.Generator) -> Told:
     """Roll on a wet road: friction `size`, a cool tire, and some slip."""
     world, said = set_value(world, said, "tire.lateral_friction", size)
@@ -292,19 +311,19 @@ def _toe(world: World, said: Statement, size: float, rng: np.random.Generator) -
     return set_value(world, said, "wheel.camber_deg", -2.0 * abs(size) * float(rng.uniform(0.5, 1.5)))
 
 
-def _waves(world: World, size: float, mean: float, frequency_hz: float) -> list[tuple[float, float]]:
-    """Return points of a wave about a mean, relative to the run."""
+def _waves(world: World, swing: float, mean: float, frequency_hz: float) -> list[tuple[float, float]]:
+    """Return points of a wave of an amplitude about a mean, over the share of the run."""
     count = max(int(8.0 * frequency_hz * world.seconds), 8)
     share = (np.arange(count + 1) / count).tolist()
-    return [(t, mean * (1.0 + 0.01 * size * math.sin(2.0 * math.pi * frequency_hz * t * world.seconds))) for t in share]
+    return [(t, mean + swing * math.sin(2.0 * math.pi * frequency_hz * t * world.seconds)) for t in share]
 
 
 def _hop(world: World, said: Statement, size: float, _: np.random.Generator) -> Told:
-    return _steps(world, "wheel", "load_n", _waves(world, size, world.load_n, 12.0)), said
+    return _steps(world, "wheel", "load_n", _waves(world, 0.01 * size * world.load_n, world.load_n, 12.0)), said
 
 
 def _jerks(world: World, said: Statement, size: float, rng: np.random.Generator) -> Told:
-    points = _waves(world, size, world.speed_kmh, float(rng.uniform(1.0, 4.0)))
+    points = _waves(world, 0.01 * size * world.speed_kmh, world.speed_kmh, float(rng.uniform(1.0, 4.0)))
     return _steps(world, "motion", "speed_kmh", points), said
 
 
@@ -352,6 +371,8 @@ _CHANGES: Final[dict[str, Change]] = {
     "braking": _braking,
     "rough-road": _rough,
     "curve": _curve,
+    "slalom": _slalom,
+    "suspension": _travel,
     "wet": _wet,
     "hot": _hot,
     "frost": _hot,
