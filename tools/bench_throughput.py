@@ -6,7 +6,7 @@ does (live), with 1 and 4 wheels, at 2 and 9.6 kHz. CPU is user time of one proc
 
 Run: `python tools/bench_throughput.py`; `--against GIT_REV` compares, `--quick` measures recordings of four
 wheels at 9600 Hz only. The stages of batch and live follow. `--scaling` measures 1 to 64 wheels at 2 to 25.6 kHz on
-short recordings, and four wheels over 30 s and 10 min; with `--hours` over 2 h.
+short recordings, and four wheels over 30 s and 10 min.
 `--calls` counts calls a revolution, which do not depend on the load of the machine.
 """
 
@@ -47,12 +47,8 @@ STAGES: Final = {
     "resampling": ("gateway.core.revolutions.angle_resampling:resample_revolutions",),
     "gravity and speed": ("gateway.core.revolutions.speed_normalisation:normalise_revolutions",),
     "clipping": ("gateway.core.revolutions.clipping:is_clipped",),
-    "revolution": (
-        "gateway.core.wheels.revolution:revolution_in_angle",
-        "gateway.core.wheels.revolution:revolutions_in_angle",
-    ),
+    "revolution": ("gateway.core.wheels.revolution:revolutions_in_angle",),
     "sensor health": (
-        "gateway.core.trust.sensor_health:SensorHealth.revolution",
         "gateway.core.trust.sensor_health:SensorHealth.revolutions",
         "gateway.core.trust.sensor_health:SensorHealth.samples",
     ),
@@ -61,18 +57,13 @@ STAGES: Final = {
         "gateway.core.wheels.timebase:SampleClock.stamp",
         "gateway.core.wheels.timebase:SampleClock.stamp_blocks",
         "gateway.core.wheels.timebase:HostClock.host_ns",
-        "gateway.core.wheels.wheels:Pipeline._stamp",
     ),
     "running average": ("gateway.core.revolutions.synchronous_average:RunningAverage.update_block",),
     "evidence": (
         "gateway.core.trust.signal_evidence:assess",
-        "gateway.core.trust.signal_evidence:assess_block",
         "gateway.core.trust.signal_evidence:Evidence.qualified",
     ),
-    "tire estimates": (
-        "gateway.core.wheels.tire_estimates:TireEstimates.take",
-        "gateway.core.wheels.tire_estimates:TireEstimates.take_block",
-    ),
+    "tire estimates": ("gateway.core.wheels.tire_estimates:TireEstimates.take_block",),
     "alarms": (
         "gateway.core.session.alarm_watch:RecordingAlarms.batch",
         "gateway.core.session.alarm_watch:RecordingAlarms.result",
@@ -112,7 +103,6 @@ SCALING: Final = tuple(
     for wheels in (1, 4, 16, 64)
 )
 LENGTHS_S: Final = (30.0, 600.0)
-LONGEST_S: Final = 7200.0
 LENGTHS_CASE: Final = Case("batch", 4, 2000, DEFAULT)
 STAGE_CASES: Final = (Case("batch", 4, 9600, DEFAULT), Case("live", 4, 9600, DEFAULT))
 
@@ -304,20 +294,27 @@ def best(runs: list[dict[str, Any]]) -> dict[str, Any]:
     return min(runs, key=lambda run: float(run["cpu_s"]))
 
 
+def measured_by(
+    trees: dict[str, Path], case: Case, path: Path, rounds: int, *, by_stage: bool
+) -> dict[str, list[dict[str, Any]]]:
+    """Return runs of a case by tree; the trees alternate."""
+    rows = [[run_child(tree, case, path, by_stage=by_stage) for tree in trees.values()] for _ in range(rounds)]
+    return {name: [row[index] for row in rows] for index, name in enumerate(trees)}
+
+
 def print_cases(
     trees: dict[str, Path],
     recordings: dict[tuple[int, int], Path],
     cases: tuple[Case, ...],
     seconds: float,
     rounds: int,
-) -> None:
+) -> list[float]:
+    """Print a row for each case; return how many times as fast this version is in the median, where there are two."""
+    medians = []
     print(f"\n{'case':34}" + "".join(f"{name:>12} x real  ms/rev  peak MB" for name in trees) + "   revolutions")
     for case in cases:
         path = recordings[case.wheels, case.rate_hz]
-        runs: dict[str, list[dict[str, Any]]] = {name: [] for name in trees}
-        for _ in range(rounds):
-            for name, tree in trees.items():
-                runs[name].append(run_child(tree, case, path, by_stage=False))
+        runs = measured_by(trees, case, path, rounds, by_stage=False)
         row, revolutions = f"{case!s:34}", 0
         for name in trees:
             result = best(runs[name])
@@ -327,11 +324,18 @@ def print_cases(
         print(f"{row}   {revolutions}", flush=True)
         if len(trees) > 1:
             print(f"{'':34}{ratios_line(*runs.values())}", flush=True)
+            medians.append(statistics.median(ratios_of(*runs.values())))
+    return medians
+
+
+def ratios_of(before: list[dict[str, Any]], now: list[dict[str, Any]]) -> list[float]:
+    """Return how many times as fast this version is, by round."""
+    return [float(old["cpu_s"]) / float(new["cpu_s"]) for old, new in zip(before, now, strict=True)]
 
 
 def ratios_line(before: list[dict[str, Any]], now: list[dict[str, Any]]) -> str:
     """Return how many times as fast this version is, and the scatter of that from round to round."""
-    ratios = [float(old["cpu_s"]) / float(new["cpu_s"]) for old, new in zip(before, now, strict=True)]
+    ratios = ratios_of(before, now)
     of_best = float(best(before)["cpu_s"]) / float(best(now)["cpu_s"])
     return (
         f"{of_best:.3f} times as fast by the best; by round {statistics.median(ratios):.3f} in the median, "
@@ -356,11 +360,7 @@ def print_scaling(
 
 
 def print_stages(trees: dict[str, Path], path: Path, case: Case, rounds: int) -> None:
-    runs: dict[str, list[dict[str, Any]]] = {name: [] for name in trees}
-    for _ in range(rounds):
-        for name, tree in trees.items():
-            runs[name].append(run_child(tree, case, path, by_stage=True))
-    results = {name: best(runs[name]) for name in trees}
+    results = {name: best(of_tree) for name, of_tree in measured_by(trees, case, path, rounds, by_stage=True).items()}
     print(f"\n{case}: microseconds of CPU a revolution, the clock of the stages included")
     print(f"{'':22}" + "".join(f"{name:>12}" for name in trees))
     used = {stage for run in results.values() for stage, spent_s in run["stages"].items() if spent_s > 0.0}
@@ -373,14 +373,22 @@ def print_stages(trees: dict[str, Path], path: Path, case: Case, rounds: int) ->
     print(f"{'decoding and the rest':22}{rest}")
 
 
+def gated(slowest: float, percent: float) -> str:
+    """Return why a version costs too much, empty where it does not; `slowest` is 0 without another version."""
+    if not slowest:
+        return "--gate needs --against"
+    more = 100.0 * (1.0 / slowest - 1.0)
+    return f"costs {more:.1f} % more CPU; {percent:g} % are allowed" if more > percent else ""
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--against", metavar="GIT_REV", help="measure this older version too, alternating")
     parser.add_argument("--seconds", type=float, help="length of the recordings (default: 60, with --scaling 10)")
     parser.add_argument("--rounds", type=int, help="runs of each case; the best counts (default: 3, with --against 5)")
     parser.add_argument("--quick", action="store_true", help="only four wheels at 9600 Hz in batch, and the stages")
+    parser.add_argument("--gate", type=float, metavar="PERCENT", help="fail where a file or live costs so much more")
     parser.add_argument("--scaling", action="store_true", help="only 1 to 64 wheels at several rates, and lengths")
-    parser.add_argument("--hours", action="store_true", help="with --scaling: 2 h as well")
     parser.add_argument("--calls", action="store_true", help="only count calls a revolution of four wheels at 9600 Hz")
     parser.add_argument("--child", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
@@ -397,15 +405,16 @@ def main() -> None:
         print(f"{commits[0]} against now, {commits[1]} with what is not committed")
     with tempfile.TemporaryDirectory() as folder, checked_out(arguments.against) as trees:
         if arguments.scaling:
-            lengths_s = (*LENGTHS_S, LONGEST_S) if arguments.hours else LENGTHS_S
-            print_scaling(trees, Path(folder), SCALING, lengths_s, seconds, rounds)
+            print_scaling(trees, Path(folder), SCALING, LENGTHS_S, seconds, rounds)
             return
         if arguments.calls:
             print_calls(*record(Path(folder), seconds, CASES[:1]).values())
             return
-        cases = CASES[:2] if arguments.quick else CASES
+        cases = STAGE_CASES if arguments.gate else CASES[:2] if arguments.quick else CASES
         recordings = record(Path(folder), seconds, (*cases, *STAGE_CASES))
-        print_cases(trees, recordings, cases, seconds, rounds)
+        slowest = min(print_cases(trees, recordings, cases, seconds, rounds), default=0.0)
+        if arguments.gate:
+            sys.exit(gated(slowest, arguments.gate) or 0)
         for case in STAGE_CASES:
             print_stages(trees, recordings[case.wheels, case.rate_hz], case, rounds)
 
