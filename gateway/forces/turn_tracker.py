@@ -15,6 +15,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gateway.core.compiled import core
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.estimates.disagreement import disagreement_std
 from gateway.core.revolutions.sensor_mounting import MOUNTING_STD_RAD, OFFSET_STD_MPS2
@@ -361,15 +362,22 @@ class TurnTracker:
             means_mps2: of its lateral and radial axis; None for an AC-coupled sensor.
         """
         square, speed = omega_radps**2, omega_radps * radius_m
-        first, predicted = _first_orders(np.stack([lateral_m, radial_m]), edges_rad)
+        leading, trailing = edges_rad
+        rows_m = first_order_rows(0.5 * (trailing - leading))
+        *predicted, cosine_by_roll_m, sine_by_roll_m = _predicted(
+            lateral_m, radial_m, rows_m, 0.5 * (trailing + leading)
+        )
         # A turn that is not known moves the roll; that of straights is near enough for what is linear in it.
         roll, share = self._turning.straight(_ROLL), self._turning.mean(_SHARE)
         per_rate = -2.0 * speed
         # Equations in m/s^2; cosines, then sines.
-        (lateral_first, by_roll), (_, force_by_roll) = (first * square).tolist(), (predicted * square).tolist()
+        k = len(_NUMBERS)
+        lateral_first = float(lateral_m[0]) * square, float(lateral_m[k]) * square
+        by_roll = float(radial_m[0]) * square, float(radial_m[k]) * square
+        force_by_roll = cosine_by_roll_m * square, sine_by_roll_m * square
         by_force, values, noises = [], [], []
         for part, (force, noise) in enumerate(zip(self._forces, self._noises, strict=True)):
-            smooth, variance = force.take(float(predicted[0, part]), square, self._turning.turning)
+            smooth, variance = force.take(predicted[part], square, self._turning.turning)
             by_force.append(smooth - roll * force_by_roll[part])
             values.append(lateral_first[part] - smooth)
             noises.append(noise.take(values[-1], by_roll[part], roll) + (1.0 + share) ** 2 * variance)
@@ -382,23 +390,25 @@ class TurnTracker:
             measured.append(lateral)
             variances.append(self._mean_noise.take(lateral, radial, roll))
             rows.append([0.0, 0.0, radial, 1.0, 1.0, speed])
-        likelihoods = self._forces[0].evidence(roll * float(predicted[1, 0]))
+        likelihoods = self._forces[0].evidence(roll * cosine_by_roll_m)
         turn = self._turning.take(np.array(measured), np.array(rows), np.array(variances), likelihoods)
         self._forces[0].learn(1.0 - turn.probability)
+        share_variance = self._turning.variance(_SHARE)
         sine = values[1] - roll * (by_roll[1] - force_by_roll[1]) - share * by_force[1]
         camber = self._cambering.take(
             np.array([sine]),
             np.array([[square, 1.0, per_rate]]),
-            np.array([noises[1] + self._turning.variance(_SHARE) * by_force[1] ** 2]),
+            np.array([noises[1] + share_variance * by_force[1] ** 2]),
         )
         beyond = measured[0] - roll_row * roll - share * by_force[0], sine
-        errors = self._turning.variance(_SHARE) * np.square(by_force) + noises
         remove, remove_std = [], []
         for part, rate in enumerate((turn, camber)):
             shown, shared_m = _removal(rate, noises[part] / per_rate**2, per_rate / square)
             level = self._levels[part]
             level.take(beyond[part] / square, 1.0 - rate.probability)
-            steady_m = (1.0 - rate.probability) * level.turn_m(math.sqrt(errors[part]) / square)
+            steady_m = (1.0 - rate.probability) * level.turn_m(
+                math.sqrt(share_variance * by_force[part] ** 2 + noises[part]) / square
+            )
             remove.append(shown)
             remove_std.append(math.hypot(shared_m, steady_m))
         return Turn(
@@ -425,13 +435,33 @@ def _removal(rate: _Rate, noise_radps: float, per_m: float) -> tuple[float, floa
     return rate.shown * rate.turning * per_m, math.sqrt(variance) * abs(per_m)
 
 
-def _first_orders(lateral_m: FloatArray, edges_rad: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
-    """Return cosine and sine of the first order of records (m, 2 k), and what the orders above predict, (m, 2) each."""
-    leading, trailing = edges_rad
-    half, centre = 0.5 * (trailing - leading), 0.5 * (trailing + leading)
+def _predicted_by_numpy(
+    lateral_m: FloatArray, radial_m: FloatArray, rows: FloatArray, centre_rad: float
+) -> tuple[float, float, float, float]:
+    """Return cosine and sine of the first order that the orders above predict, of the lateral and the radial record.
+
+    Args:
+        lateral_m: (2 k,) coefficients.
+        radial_m: (2 k,) coefficients.
+        rows: (2, 2 k) of `first_order_rows`.
+        centre_rad: of the contact.
+    """
     k = len(_NUMBERS)
-    turns = np.exp(1j * _NUMBERS * centre)
-    about = (lateral_m[:, :k] - 1j * lateral_m[:, k:]) * turns
-    parts = np.concatenate([about.real, -about.imag], axis=1) @ first_order_rows(half).T
-    back = (parts[:, 0] - 1j * parts[:, 1]) / turns[0]
-    return lateral_m[:, [0, k]], np.stack([back.real, -back.imag], axis=1)
+    turns = np.exp(1j * _NUMBERS * centre_rad)
+    records = np.stack([lateral_m, radial_m])
+    about = (records[:, :k] - 1j * records[:, k:]) * turns
+    parts = np.concatenate([about.real, -about.imag], axis=1) @ rows.T
+    lateral, radial = ((parts[:, 0] - 1j * parts[:, 1]) / turns[0]).tolist()
+    return lateral.real, -lateral.imag, radial.real, -radial.imag
+
+
+def _predicted_by_core(
+    lateral_m: FloatArray, radial_m: FloatArray, rows: FloatArray, centre_rad: float
+) -> tuple[float, float, float, float]:
+    """As `_predicted_by_numpy`, of C-contiguous arrays."""
+    assert core is not None
+    cosine, sine, by_roll, sine_by_roll = core.first_orders(lateral_m, radial_m, _NUMBERS, rows, centre_rad)
+    return cosine, sine, by_roll, sine_by_roll
+
+
+_predicted = _predicted_by_numpy if core is None else _predicted_by_core

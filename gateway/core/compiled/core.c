@@ -1310,6 +1310,49 @@ static PyObject *switching_step(PyObject *self, PyObject *const *args, Py_ssize_
     return PyFloat_FromDouble(exponent);
 }
 
+/* ---- First orders: gateway/forces/turn_tracker.py ----------------------------------------------------------------- */
+
+/* first_orders(lateral, radial, numbers, rows, centre) -> cosine and sine of the lateral record, then of the radial
+ *
+ * First orders that the orders above predict; `_predicted_by_numpy`.
+ *   lateral, radial  (2 k,) coefficients: cosines, then sines
+ *   numbers  (k,) of the orders
+ *   rows     (2, 2 k) of cosine and sine about the contact's centre
+ *   centre   rad
+ */
+static PyObject *first_orders(PyObject *self, PyObject *const *args, Py_ssize_t nargs)
+{
+    (void)self;
+    Held held = {.count = 0};
+    double centre, result[2][2];
+    if (!has_arguments(nargs, 5) || !floats(&args[4], 1, &centre))
+        return NULL;
+    double *order = numbers(&held, args[2], -1, 0);
+    Py_ssize_t k = order ? count_of(&held) : 0;
+    double *lateral = order ? numbers(&held, args[0], 2 * k, 0) : NULL;
+    double *radial = lateral ? numbers(&held, args[1], 2 * k, 0) : NULL;
+    double *rows = radial ? numbers(&held, args[3], 4 * k, 0) : NULL;
+    if (!rows || !k)
+        return refused(&held, "there are no orders");
+    const double *records[2] = {lateral, radial};
+    double parts[2][2] = {{0.0}}, back_cosine = cos(order[0] * centre), back_sine = sin(order[0] * centre);
+    for (Py_ssize_t i = 0; i < k; i++) {
+        double c = cos(order[i] * centre), s = sin(order[i] * centre);
+        for (int record = 0; record < 2; record++) {
+            double along = records[record][i], across = records[record][k + i];
+            double about_cosine = along * c + across * s, about_sine = across * c - along * s;
+            for (int part = 0; part < 2; part++)
+                parts[record][part] += rows[2 * part * k + i] * about_cosine + rows[(2 * part + 1) * k + i] * about_sine;
+        }
+    }
+    for (int record = 0; record < 2; record++) {
+        result[record][0] = parts[record][0] * back_cosine - parts[record][1] * back_sine;
+        result[record][1] = parts[record][1] * back_cosine + parts[record][0] * back_sine;
+    }
+    release(&held);
+    return Py_BuildValue("dddd", result[0][0], result[0][1], result[1][0], result[1][1]);
+}
+
 /* ---- Module ------------------------------------------------------------------------------------------------------ */
 
 #define METHOD(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, NULL}
@@ -1317,7 +1360,7 @@ static PyObject *switching_step(PyObject *self, PyObject *const *args, Py_ssize_
 static PyMethodDef methods[] = {
     METHOD(resample), METHOD(spline_lines), METHOD(normalise), METHOD(match), METHOD(refine), METHOD(summits),
     METHOD(solve_lower), METHOD(least_squares), METHOD(mounting_rows), METHOD(mounting_solutions), METHOD(row_sensitivity),
-    METHOD(switching_step),
+    METHOD(switching_step), METHOD(first_orders),
     {NULL, NULL, 0, NULL},
 };
 

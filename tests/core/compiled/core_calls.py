@@ -122,11 +122,17 @@ def _switching_step(rng):
     ]  # fmt: skip
 
 
+def _first_orders(rng):
+    k = int(rng.integers(0, 30))
+    return [*rng.normal(size=(2, 2 * k)), rng.normal(size=k), rng.normal(size=(2, 2 * k)), rng.normal()]
+
+
 CALLS: dict[str, Callable[[np.random.Generator], list]] = {
     "resample": _resample, "spline_lines": _spline_lines, "normalise": _normalise, "match": _match,
     "refine": _refine, "summits": _summits, "solve_lower": _solve_lower, "least_squares": _least_squares,
     "mounting_rows": _mounting_rows, "mounting_solutions": _mounting_solutions,
     "row_sensitivity": _row_sensitivity, "switching_step": _switching_step,
+    "first_orders": _first_orders,
 }  # fmt: skip
 
 

@@ -21,7 +21,8 @@ from gateway.core.contacts import contact_template, contact_tracking, segmentati
 from gateway.core.estimates import small_systems, weak_form_rows
 from gateway.core.revolutions import angle_resampling, sensor_mounting, speed_normalisation
 from gateway.core.revolutions.angle_resampling import Phase, Scale, elapsed_angles
-from gateway.forces import switching_step
+from gateway.forces import switching_step, turn_tracker
+from gateway.forces.free_belt import first_order_rows
 from tests.core.compiled import core_calls
 
 ROOT = Path(__file__).parents[3]
@@ -272,6 +273,20 @@ def test_a_step_of_switching_filters_is_that_in_numpy(rng, n, m, free, fixed, is
 
 
 @needs_core
+@given(rng=seeds, leading=st.floats(-0.6, -0.05), trailing=st.floats(0.05, 0.6), is_broken=st.booleans())
+def test_predicted_first_orders_are_those_in_numpy(rng, leading, trailing, is_broken):
+    rows = first_order_rows(0.5 * (trailing - leading))
+    lateral, radial = rng.normal(0.0, 1e-3, (2, rows.shape[1]))
+    if is_broken:
+        radial[rng.integers(len(radial))] = math.nan
+    given_ = lateral, radial, rows, 0.5 * (leading + trailing)
+    first, other = turn_tracker._predicted_by_numpy(*given_), turn_tracker._predicted_by_core(*given_)
+    assert_equal(other, first, 1e-3)
+    assert np.isnan(other[2:]).all() == is_broken
+    assert np.isfinite(other[:2]).all()
+
+
+@needs_core
 @pytest.mark.parametrize("name", core_calls.CALLS)
 def test_what_does_not_fit_together_is_refused(name):
     assert core is not None
@@ -286,7 +301,7 @@ def test_what_does_not_fit_together_is_refused(name):
 
 
 @needs_core
-@pytest.mark.parametrize("name", sorted(set(core_calls.CALLS) - {"summits"}))
+@pytest.mark.parametrize("name", sorted(set(core_calls.CALLS) - {"summits", "first_orders"}))
 def test_a_result_that_is_too_short_is_refused(name):
     assert core is not None
     rng = np.random.default_rng(5)
