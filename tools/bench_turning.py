@@ -1,129 +1,269 @@
-"""Turn rate and ply steer on random drives of straights and curves.
+"""Turn rate, ply steer, roll, side force, grade and the axle's wheels on random drives of straights and curves.
 
-    python -m tools.bench_turning [--drives COUNT] [--seed SEED]
+    python tools/bench_turning.py [--drives COUNT] [--seed SEED] [--first NUMBER]
 
-Each drive has a random tire, sensor and speed, then straights and curves of up to 0.5 g; a fifth begin in a curve. On
-straights the car keeps its lane. In curves the tire slips by what its side force needs. Camber and bank of 2 deg (one
-standard deviation) disturb the mean. What turning adds is that of a rigid rim, which positions differentiated twice
-confirm (tests/ring/test_turning_wheel.py). The ply steer is compared with that of the same samples without it: false is
-valid and more than 3.5 errors off.
+Nothing that makes the signals is the gateway's: a belt of finite elements (tools/independent_tire) rolls along a
+course, and what its sensor reads is the position of that point in space, differentiated twice. Each drive has a
+random tire, sensor, speed, grade and bank, then straights and curves of up to 0.5 g that begin and end within a
+second. A fifth begin in a curve. On straights the car keeps its lane; in curves the tire slips by what its side force
+needs, and cambers. Ply steer, conicity and shift are compared with those of the same tire under the same slip on a
+straight, level road, the roll with the sensor's own: false is valid and more than 3.5 errors off. Two wheels of an
+axle drive a curve of 0.1 g for 3 s, the lateral axis of each to the left or to the right.
 """
 
 import argparse
+import itertools
 import math
+import sys
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-from gateway.core.constants import STANDARD_GRAVITY_MPS2
-from gateway.core.estimates.estimator import Status
-from gateway.core.estimates.results import RevolutionResult
-from gateway.core.trust.lateral_signs import TURN_RATE, LateralSign
-from gateway.core.types import FloatArray
-from gateway.forces.lateral_belt import solve_lateral_belt
-from gateway.ring.turning_wheel import HubMotion, turning_acceleration
-from tools.bench_lateral import Case, random_cases
-from tools.generators.lateral_signals import RADIUS_M, lateral, samples, through_pipeline
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from independent_tire.driving import MARGIN, OVERSAMPLED, Course, DrivenTire
+from independent_tire.rolling import Belt
+from independent_tire.sideways import Sides
+from independent_tire.steady import roll_steadily
+
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.estimates.estimator import Estimate, Status
+from gateway.core.estimates.results import RevolutionResult
+from gateway.core.trust.reasons import TrustCode
+from gateway.core.trust.wheel_pairs import WheelPairs
+from gateway.core.types import FloatArray
+from tools.generators.lateral_signals import Sensor, disturbed, through_pipeline
+
+G = STANDARD_GRAVITY_MPS2
+RADIUS_M, RATE_HZ = 0.32, 9600.0
 SPEEDS_KMH = (50.0, 110.0)
-BANK_RAD = math.radians(2.0)
+SLIPS_RAD = np.radians([-8.0, -5.0, -3.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 3.0, 5.0, 8.0])
+# Drives of one tire, each with a sensor of its own.
+DRIVES_A_TIRE = 10
 # Yaw rate of straights, and the time over which it lasts.
 LANE_RADPS, LANE_S, STEP_S = 0.006, 1.5, 0.1
-COMPARED = ("ply_steer_ahead_rad", "ply_steer_contact_line_rad", "ply_steer_peak_rad", "sensor_roll_rad")
+COMPARED = (
+    "ply_steer_ahead_rad",
+    "ply_steer_contact_line_rad",
+    "ply_steer_peak_rad",
+    "conicity_slope_rad",
+    "belt_shift_m",
+    "sensor_roll_rad",
+)
 FALSE_ERRORS = 3.5
-# Change of the yaw rate that begins or ends a curve.
+# Change of the yaw rate within a revolution that has one rate.
 SAME_RADPS = 0.02
-# Scatter of the ratio of two wheels' speeds in a revolution.
-SPEED_RATIO_STD = 5e-4
-# Lateral acceleration and duration of a curve that must show the sign of a lateral axis.
-CLEAR_CURVE = (0.1 * STANDARD_GRAVITY_MPS2, 3.0)
+CLEAR_CURVE = (0.1 * G, 3.0)
 
 
-def wander(duration_s: float, rate_hz: float, rng: np.random.Generator) -> FloatArray:
-    """Return the yaw rate of a lane that is kept, rad/s: noise of first order."""
-    steps = int(duration_s / STEP_S) + 2
-    keep = math.exp(-STEP_S / LANE_S)
-    values = np.empty(steps)
-    values[0] = rng.normal(0.0, LANE_RADPS)
-    for step in range(1, steps):
-        values[step] = keep * values[step - 1] + rng.normal(0.0, LANE_RADPS * math.sqrt(1.0 - keep**2))
-    return np.interp(np.arange(math.ceil(duration_s * rate_hz) + 1) / rate_hz, STEP_S * np.arange(steps), values)
+@dataclass(frozen=True, slots=True, eq=False)
+class Car:
+    """A tire, its load and pressure."""
+
+    tire: DrivenTire
+    load_n: float
+    pressure_pa: float
+
+    def slip_rad(self, acceleration_mps2: FloatArray) -> FloatArray:
+        """Return the slip angles whose side force carries the wheel's part of the car."""
+        forces = self.tire.forces_n - np.interp(0.0, SLIPS_RAD, self.tire.forces_n)
+        slip: FloatArray = np.interp(self.load_n / G * acceleration_mps2, forces, SLIPS_RAD)
+        return slip
 
 
-class Drive:
-    """A random drive: turn of each revolution, and samples with and without what turning makes."""
-
-    def __init__(self, case: Case, rng: np.random.Generator) -> None:
-        self.case, self.rng = case, rng
-        self.speed_mps = float(rng.uniform(*SPEEDS_KMH)) / 3.6
-        turns_per_s = self.speed_mps / (2.0 * math.pi * RADIUS_M)
-        self.parts: list[tuple[int, float]] = []
-        for _ in range(rng.integers(2, 5)):
-            acceleration = float(rng.uniform(0.1, 0.5) * rng.choice([-1.0, 1.0])) * STANDARD_GRAVITY_MPS2
-            for seconds, size in ((rng.uniform(2.0, 8.0), 0.0), (rng.uniform(3.0, 6.0), acceleration)):
-                self.parts.append((round(seconds * turns_per_s), size))
-        if rng.random() < 0.2:
-            # A fifth begin in the curve.
-            self.parts = self.parts[1:]
-
-    def signals(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return samples with and without turning, (n, 3) each, and the yaw rate at each, (n,)."""
-        case, rng = self.case, self.rng
-        slip = math.radians(0.5)
-        neutral, pulled = (lateral(case.ring, case.belt, angle).side_force_n for angle in (0.0, slip))
-        mass = case.ring.load_n / STANDARD_GRAVITY_MPS2
-        shapes = []
-        for count, size in self.parts:
-            angle = float(np.clip(mass * size / (pulled - neutral) * slip, -0.08, 0.08))
-            shapes.append((count, solve_lateral_belt(case.ring, case.belt, slip_angle_rad=angle)))
-        still = samples(case.ring, shapes, case.sensor, speed_kmh=3.6 * self.speed_mps)
-        omega = self.speed_mps / RADIUS_M
-        phase = omega * np.arange(len(still)) / case.sensor.rate_hz - 0.7 * math.pi
-        turned = np.floor((phase + math.pi) / (2.0 * math.pi))
-        ends = np.cumsum([count for count, _ in self.parts])
-        part = np.minimum(np.searchsorted(ends, turned, side="right"), len(ends) - 1)
-        yaw = np.array([size / self.speed_mps for _, size in self.parts])[part]
-        bank = rng.normal(0.0, BANK_RAD, len(ends))[part]
-        yaw += (yaw == 0.0) * wander(len(yaw) / case.sensor.rate_hz, case.sensor.rate_hz, rng)[: len(yaw)]
-        motion = HubMotion(turn_radps=yaw, left_mps2=self.speed_mps * yaw, bank_rad=bank)
-        moving = still + turning_acceleration(phase, omega, RADIUS_M, motion)
-        moving[:, 1] += motion.force_mps2()[:, 1]
-        return moving, still, yaw
+def random_car(rng: np.random.Generator) -> Car:
+    """Return a random car tire."""
+    bs, cw, rs, ts = np.array([3.0833e-3, 0.1953, 2.9740, 2.5289]) * np.exp(rng.normal(0.0, 0.1, 4))
+    pressure, load = float(rng.uniform(1.8e5, 3e5)), float(rng.uniform(2500.0, 6500.0))
+    belt = Belt(
+        name="driven",
+        radius_m=RADIUS_M,
+        pressure_pa=pressure,
+        tension_width_m=cw * RADIUS_M,
+        bending_nm2=bs * RADIUS_M**4 * 2.1e5,
+        extension_n=2e7,
+        radial_npm2=rs * (0.5 * 2.1e5 + 0.5 * pressure),
+        tangential_npm2=ts * (0.5 * 2.1e5 + 0.5 * pressure),
+        mass_kgpm=3.5,
+        tread_npm2=7e7,
+        speed_mps=80.0 / 3.6,
+        sinking_m=0.02,
+        sidewall_damping_nspm2=float(rng.uniform(0.0, 120.0)),
+        friction=0.8,
+        slip_scale=0.04,
+        elements=480,
+    )
+    sides = Sides(
+        shear_n=float(10 ** rng.uniform(5.5, 6.4)),
+        bending_nm2=float(10 ** rng.uniform(2.5, 3.6)),
+        sidewall_npm2=float(10 ** rng.uniform(5.0, 5.7)),
+        tread_npm2=float(10 ** rng.uniform(6.5, 7.1)),
+        friction=float(rng.uniform(0.7, 1.2)),
+        coupling_m=float(rng.uniform(0.8e-3, 2.5e-3) * rng.choice([-1.0, 1.0])),
+        conicity_rad=math.radians(rng.uniform(-0.6, 0.6)),
+    )
+    return Car(DrivenTire(roll_steadily(belt, load), sides, SLIPS_RAD, 5e-3), load, pressure)
 
 
-def pulls(results: list[RevolutionResult], yaw: FloatArray, rate_hz: float) -> tuple[list[float], list[float]]:
-    """Return the turn rate's errors in rad/s and in standard errors, valid revolutions of one turn only."""
-    errors, standard = [], []
+def random_sensor(rng: np.random.Generator) -> Sensor:
+    """Return a sensor that is glued by hand."""
+    return Sensor(
+        rate_hz=RATE_HZ,
+        noise_mg=float(10 ** rng.uniform(-0.3, 1.2)),
+        roll_rad=math.radians(rng.normal(0.0, 1.0)),
+        yaw_rad=math.radians(rng.normal(0.0, 1.0)),
+        lateral_offset_mps2=float(rng.normal(0.0, 0.7)),
+        road_mps2=float(rng.uniform(0.0, 2.0)),
+        seed=int(rng.integers(2**31)),
+    )
+
+
+def smooth(rng: np.random.Generator, time_s: FloatArray, std: float, lasts_s: float) -> FloatArray:
+    """Return noise of first order that lasts for a time, its corners rounded over `STEP_S`."""
+    count = int(time_s[-1] / STEP_S) + 5
+    keep = math.exp(-STEP_S / lasts_s)
+    values = np.empty(count)
+    values[0] = rng.normal(0.0, std)
+    for index in range(1, count):
+        values[index] = keep * values[index - 1] + rng.normal(0.0, std * math.sqrt(1.0 - keep**2))
+    eased = time_s / STEP_S
+    number = eased.astype(np.int64)
+    share = eased - number
+    share = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+    result: FloatArray = values[number] + share * (values[number + 1] - values[number])
+    return result
+
+
+def course_of(car: Car, parts: list[tuple[float, float]], speed_mps: float, rng: np.random.Generator) -> Course:
+    """Return a course of parts, (seconds, lateral acceleration in m/s^2, 0 of a straight)."""
+    step = 1.0 / (RATE_HZ * OVERSAMPLED)
+    time = step * np.arange(round(sum(seconds for seconds, _ in parts) / step) + 2 * MARGIN)
+    acceleration, bank, at = (
+        np.full(len(time), parts[0][1]),
+        np.full(len(time), rng.normal(0.0, math.radians(2.0))),
+        0.0,
+    )
+    for (seconds, before), (_, after) in itertools.pairwise(parts):
+        at += seconds
+        begins_s = rng.uniform(0.4, 1.0)
+        share = np.clip((time - at) / begins_s + 0.5, 0.0, 1.0)
+        share = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+        acceleration += (after - before) * share
+        bank += share * (rng.normal(0.0, math.radians(2.0)) - bank)
+    speed = speed_mps + smooth(rng, time, 0.4, 4.0)
+    yaw = acceleration / speed + smooth(rng, time, LANE_RADPS, LANE_S)
+    return Course(
+        step,
+        speed,
+        np.cumsum(yaw) * step,
+        car.slip_rad(acceleration),
+        rng.normal(0.0, math.radians(2.0)) * acceleration / G,
+        smooth(rng, time, math.radians(2.5), 8.0),
+        bank,
+    )
+
+
+def results_of(
+    car: Car, sensor: Sensor, felt: FloatArray, names: list[str], position: str = "FL", lateral: float = 1.0
+) -> list[RevolutionResult]:
+    """Return the revolutions of a wheel whose lateral axis has a factor."""
+    values = disturbed(felt, sensor)
+    values[:, 1] *= lateral
+    return through_pipeline(values, sensor, names, load_n=car.load_n, pressure_pa=car.pressure_pa, position=position)
+
+
+def of(result: RevolutionResult, name: str) -> Estimate | None:
+    """Return an estimate by its name."""
+    return next((estimate for estimate in result.estimates if estimate.name == name), None)
+
+
+class Tally:
+    """Errors of a quantity, and how many valid ones are false."""
+
+    def __init__(self) -> None:
+        self.errors: list[float] = []
+        self.standard: list[float] = []
+
+    def add(self, estimate: Estimate | None, truth: float) -> None:
+        """Add an estimate if it is valid."""
+        if estimate is not None and estimate.status is Status.VALID and math.isfinite(truth):
+            self.errors.append(estimate.value - truth)
+            self.standard.append(self.errors[-1] / estimate.std)
+
+    def line(self, name: str) -> str:
+        """Return the figures."""
+        if not self.errors:
+            return f"{name:28s} valid      0"
+        errors, standard = np.array(self.errors), np.array(self.standard)
+        return (
+            f"{name:28s} valid {len(errors):6d}  rms {np.sqrt(np.mean(errors**2)):.4g}  "
+            f"median {np.median(np.abs(errors)):.4g}  pulls {np.sqrt(np.mean(standard**2)):.2f}  "
+            f"false {100.0 * np.mean(np.abs(standard) > FALSE_ERRORS):.2f} %"
+        )
+
+
+def within(result: RevolutionResult, values: FloatArray) -> FloatArray:
+    """Return what varies during a revolution."""
+    begin = round(result.revolution.start_s * RATE_HZ)
+    return values[begin : begin + round(result.revolution.period_s * RATE_HZ)]
+
+
+def drive(car: Car, rng: np.random.Generator, tallies: dict[str, Tally]) -> int:
+    """Drive, and return the number of straight revolutions with a valid curve radius."""
+    parts: list[tuple[float, float]] = []
+    for _ in range(rng.integers(2, 5)):
+        acceleration = float(rng.uniform(0.1, 0.5) * rng.choice([-1.0, 1.0])) * G
+        parts += [(float(rng.uniform(2.0, 8.0)), 0.0), (float(rng.uniform(3.0, 6.0)), acceleration)]
+    if rng.random() < 0.2:
+        parts = parts[1:]
+    sensor = random_sensor(rng)
+    course = course_of(car, parts, float(rng.uniform(*SPEEDS_KMH)) / 3.6, rng)
+    felt, _, yaw = car.tire.felt(course, 0.0)
+    still = car.tire.felt(course.straight(), 0.0, paced_by=course)[0]
+    names = ["kinematic", "self-calibration", "ply-steer", "turning", "side-force"]
+    results = results_of(car, sensor, felt, names)
+    straight = {
+        round(result.revolution.start_s / result.revolution.period_s * 2.0): result
+        for result in results_of(car, sensor, still, ["ply-steer", "side-force"])
+    }
+    radii = 0
     for result in results:
-        revolution = result.revolution
-        begin = round(revolution.start_s * rate_hz)
-        during = yaw[begin : begin + round(revolution.period_s * rate_hz)]
-        turn = next(estimate for estimate in result.estimates if estimate.name == "turn_rate_radps")
-        # The revolution in which a curve begins or ends has no one rate.
-        if turn.status is Status.VALID and len(during) and np.ptp(during) < SAME_RADPS:
-            errors.append(turn.value - float(during.mean()))
-            standard.append(errors[-1] / turn.std)
-    return errors, standard
+        rates = within(result, yaw)
+        if not len(rates):
+            continue
+        if np.ptp(rates) < SAME_RADPS:
+            tallies["turn_rate_radps"].add(of(result, "turn_rate_radps"), float(rates.mean()))
+        radius = of(result, "curve_radius_m")
+        radii += radius is not None and radius.status is Status.VALID and float(np.abs(rates).max()) < LANE_RADPS
+        other = straight.get(round(result.revolution.start_s / result.revolution.period_s * 2.0))
+        for name in COMPARED:
+            same = None if other is None else of(other, name)
+            truth = sensor.roll_rad if name == "sensor_roll_rad" else math.nan if same is None else same.value
+            tallies[name].add(of(result, name), truth)
+    return radii
 
 
-def shown_sign(case: Case, rng: np.random.Generator) -> tuple[int, int]:
-    """Return the sign of a lateral axis that the first curve of two wheels shows, and the true one."""
-    drive = Drive(case, rng)
-    seconds = 2.0 * math.pi * RADIUS_M / drive.speed_mps
-    curve, duration_s = CLEAR_CURVE[0] * float(rng.choice([-1.0, 1.0])), CLEAR_CURVE[1]
-    drive.parts = [(round(time / seconds), size) for time, size in ((5.0, 0.0), (duration_s, curve), (4.0, 0.0))]
-    moving, _, yaw = drive.signals()
-    axis = int(rng.choice([-1, 1]))
-    moving[:, 1] *= axis
-    track_m, radii = rng.uniform(1.2, 2.0), 1.0 + rng.normal(0.0, 0.01)
-    sign, rate_hz = LateralSign(), case.sensor.rate_hz
-    for result in through_pipeline(moving, case.sensor, ["turning"]):
-        turn = next(estimate for estimate in result.estimates if estimate.name == TURN_RATE)
-        begin = round(result.revolution.start_s * rate_hz)
-        rate = float(yaw[begin : begin + round(result.revolution.period_s * rate_hz)].mean())
-        ratio = radii * (1.0 + rate * track_m / drive.speed_mps + rng.normal(0.0, SPEED_RATIO_STD))
-        if turn.status is not Status.INVALID:
-            sign.take(turn.value, drive.speed_mps, ratio)
-    return sign.sign, axis
+def axle(car: Car, rng: np.random.Generator, axes: tuple[float, float]) -> list[RevolutionResult]:
+    """Return the latest results of two wheels that drove a clear curve, with what their pair says."""
+    seconds, curve = CLEAR_CURVE[1], CLEAR_CURVE[0] * float(rng.choice([-1.0, 1.0]))
+    speed = float(rng.uniform(*SPEEDS_KMH)) / 3.6
+    course = course_of(car, [(5.0, 0.0), (seconds + 1.0, curve), (12.0, 0.0)], speed, rng)
+    half_m = 0.5 * float(rng.uniform(1.3, 1.8))
+    taken = []
+    for position, left_m, axis in zip(("FL", "FR"), (half_m, -half_m), axes, strict=True):
+        felt = car.tire.felt(course, left_m)[0]
+        taken += results_of(car, random_sensor(rng), felt, ["ply-steer", "turning"], position, axis)
+    latest = {result.position: result for result, _ in WheelPairs().compared(taken)}
+    return [latest["FL"], latest["FR"]]
+
+
+def shown_axis(result: RevolutionResult) -> int:
+    """Return 1 where the axis is shown to point to the left, -1 to the right, 0 where it is open."""
+    codes = {reason.code for estimate in result.estimates for reason in estimate.reasons}
+    if TrustCode.LATERAL_AXIS_REVERSED in codes:
+        return -1
+    return 0 if TrustCode.LATERAL_SIGN_UNVERIFIED in codes else 1
 
 
 def main() -> None:
@@ -131,37 +271,24 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--drives", type=int, default=200)
     parser.add_argument("--seed", type=int, default=11)
+    parser.add_argument("--first", type=int, default=0, help="number of the first drive")
     arguments = parser.parse_args()
-    errors: list[float] = []
-    standard: list[float] = []
-    signs = {1: 0, 0: 0, -1: 0}
-    valid, false = dict.fromkeys(COMPARED, 0), dict.fromkeys(COMPARED, 0)
-    for number, case in enumerate(random_cases(arguments.drives, arguments.seed)):
-        drive = Drive(case, np.random.default_rng((arguments.seed, number)))
-        moving, still, yaw = drive.signals()
-        results = through_pipeline(moving, case.sensor, ["ply-steer", "turning"])
-        straight = through_pipeline(still, case.sensor, ["ply-steer"])
-        rate_errors, rate_pulls = pulls(results, yaw, case.sensor.rate_hz)
-        errors += rate_errors
-        standard += rate_pulls
-        shown, axis = shown_sign(case, np.random.default_rng((arguments.seed, number, 1)))
-        signs[shown * axis] += 1
-        for result, other in zip(results, straight, strict=False):
-            reference = {estimate.name: estimate.value for estimate in other.estimates}
-            for estimate in result.estimates:
-                if estimate.name in COMPARED and estimate.status is Status.VALID:
-                    away = abs(estimate.value - reference[estimate.name])
-                    valid[estimate.name] += 1
-                    false[estimate.name] += away > FALSE_ERRORS * estimate.std
-    print(f"{arguments.drives} drives, seed {arguments.seed}, {len(errors)} valid turn rates")
-    print(
-        f"turn rate: rms error {np.sqrt(np.mean(np.square(errors))):.4f} rad/s, median {np.median(np.abs(errors)):.4f}"
-    )
-    over = np.mean(np.abs(standard) > FALSE_ERRORS)
-    print(f"           pulls {np.std(standard):.2f}, beyond {FALSE_ERRORS} errors {100.0 * over:.2f} %")
+    tallies = {name: Tally() for name in ("turn_rate_radps", *COMPARED)}
+    signs, radii = {1: 0, 0: 0, -1: 0}, 0
+    car = None
+    for number in range(arguments.first, arguments.first + arguments.drives):
+        if car is None or number % DRIVES_A_TIRE == 0:
+            car = random_car(np.random.default_rng((arguments.seed, number // DRIVES_A_TIRE, 0)))
+        radii += drive(car, np.random.default_rng((arguments.seed, number, 1)), tallies)
+        rng = np.random.default_rng((arguments.seed, number, 2))
+        axes = tuple(float(axis) for axis in rng.choice([-1.0, 1.0], 2))
+        for result, axis in zip(axle(car, rng, (axes[0], axes[1])), axes, strict=True):
+            signs[int(shown_axis(result) * axis)] += 1
+    print(f"{arguments.drives} drives from {arguments.first}, seed {arguments.seed}")
+    for name, tally in tallies.items():
+        print(tally.line(name))
+    print(f"valid curve radius on a straight: {radii}")
     print(f"sign of the axis by a curve of 0.1 g for 3 s: {signs[1]} right, {signs[0]} open, {signs[-1]} wrong")
-    for name in COMPARED:
-        print(f"{name:28s} valid {valid[name]:6d}  false {100.0 * false[name] / max(valid[name], 1):.2f} %")
 
 
 if __name__ == "__main__":

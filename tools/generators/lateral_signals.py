@@ -104,12 +104,18 @@ def samples(
         side[mask] = speed[mask] ** 2 * curve(shape.lateral_m)(wrapped[mask])
         done += count
     side += G * math.sin(sensor.camber_rad)
+    return disturbed(np.stack([along, side, up], axis=1), sensor)
+
+
+def disturbed(felt: FloatArray, sensor: Sensor) -> FloatArray:
+    """Return (m, 3) samples of what a sensor feels: road and hub, its mounting, its offset and noise."""
+    along, side, up = felt.T.copy()
     rng = np.random.default_rng(sensor.seed)
     for axis in (side, up):
         if sensor.road_mps2:
-            axis += _band(rng, len(t), sensor.rate_hz, 0.0, 500.0) * sensor.road_mps2
+            axis += _band(rng, len(felt), sensor.rate_hz, 0.0, 500.0) * sensor.road_mps2
         if sensor.hub_mps2:
-            axis += _band(rng, len(t), sensor.rate_hz, 8.0, 16.0) * sensor.hub_mps2
+            axis += _band(rng, len(felt), sensor.rate_hz, 8.0, 16.0) * sensor.hub_mps2
     # The sensor is turned about the radial axis first, then about its circumferential one.
     along, side = (
         math.cos(sensor.yaw_rad) * along - math.sin(sensor.yaw_rad) * side,
@@ -141,9 +147,10 @@ def through_pipeline(
     pressure_pa: float = 2.1e5,
     coupling: Coupling = Coupling.DC,
     axes: int = 0b111,
+    position: str = "FL",
 ) -> list[RevolutionResult]:
     """Quantise to 16 bit over 2000 g and run the wheel's pipeline."""
-    setup = WheelSetup("FL", 0, 0, RADIUS_M, load_n=load_n, pressure_pa=pressure_pa)
+    setup = WheelSetup(position, 0, 0, RADIUS_M, load_n=load_n, pressure_pa=pressure_pa)
     wheel = WheelPipeline(setup, tuple(estimators))
     scale = (SCALE_MPS2,) * 3
     wheel.hello(
@@ -157,5 +164,6 @@ def through_pipeline(
         piece = counts[first : first + 20 * block]
         piece = piece[: len(piece) // block * block]
         ticks = [round((first + i * block) / sensor.rate_hz * 1e6) for i in range(len(piece) // block)]
+        host.stamp_arrival(ticks, 1_000_000_000 + 1000 * ticks[-1])
         results += wheel.samples(first, ticks, axes, piece, host)
     return results + wheel.finish(host)
