@@ -56,6 +56,8 @@ _LEVEL_REVOLUTIONS: Final = 100.0
 _STEADY_FORCE_M, _TURNING_FORCE_M = 5e-6, 5e-5
 # First order by side force of straight driving: by ply steer, conicity and toe; its change by wind and road; in curves.
 _USUAL_FORCE_M, _STRAIGHT_FORCE_M, _CURVE_FORCE_M = 5e-4, 2e-4, 3e-3
+# Variance of the first order of a revolution in which a curve begins or ends, over that of the change of its force.
+_BEGINS: Final = 4.0
 # A difference beyond this many times the noise is a turn, not noise.
 _STEP_OF_NOISE: Final = 3.0
 # Places in the states.
@@ -271,13 +273,15 @@ class _Force:
         noise = self._noise.take(predicted_m * square_radps2) / square_radps2**2
         change = predicted_m - self._value
         variance = self._variance + _STEADY_FORCE_M**2 + turning * _TURNING_FORCE_M**2
-        if change**2 > _STEP_OF_NOISE**2 * (variance + noise):
+        begins = change**2 > _STEP_OF_NOISE**2 * (variance + noise)
+        if begins:
             variance = change**2
         share = 1.0 if math.isinf(variance) else variance / (variance + noise)
         self._value += share * change
         self._variance = share * noise
-        # A force that changes within the revolution is not that of its first order.
-        within = self._variance + 0.25 * max(change**2 - noise, 0.0)
+        # A force that changes within the revolution is not that of its first order; one that goes on to change is wrong
+        # the same way each time, which must not be learned as the tire's factor.
+        within = self._variance + (_BEGINS if begins else 0.25) * max(change**2 - noise, 0.0)
         return self._value * square_radps2, within * square_radps2**2
 
     def evidence(self, by_roll_m: float) -> tuple[float, float]:

@@ -46,8 +46,8 @@ class TurningEstimator(LateralEstimator):
             doubts = (Reason(EstimateCode.NOT_SETTLED, revolutions=count, needed=SETTLED_REVOLUTIONS),)
         status = Status.PROVISIONAL if doubts else Status.VALID
         rate, scatter = turn.turn_radps, turn.turn_scatter_radps
-        std = math.hypot(turn.turn_std_radps, conditions.gain_std * rate)
-        camber_std = math.hypot(turn.camber_std_radps, conditions.gain_std * turn.camber_radps)
+        std = math.hypot(turn.turn_std_radps, conditions.lateral_gain_std * rate)
+        camber_std = math.hypot(turn.camber_std_radps, conditions.lateral_gain_std * turn.camber_radps)
         speed = turn.speed_mps
         if abs(rate) > DETERMINED * std:
             radius = Estimate(NAMES[1], speed / rate, speed / rate**2 * std, status, doubts, speed / rate**2 * scatter)
