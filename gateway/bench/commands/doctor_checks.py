@@ -257,7 +257,7 @@ def check_config(path: Path) -> Iterator[Check]:
     if assumed := [f"{share} of the {what} ({', '.join(wheels)})" for what, share, wheels in config.assumed_errors()]:
         yield Check(name, Level.OK, f"standard errors that are not stated and assumed: {'; '.join(assumed)}")
     unstated = {
-        "lateral_is_left, so no sign is verified": [
+        "lateral_is_left, so signs are verified by one curve with `--estimator turning` on both wheels of an axle": [
             each.position for each in setups if not each.sensor.lateral_is_left
         ],
         "bandwidth_hz, so no band is doubted": [each.position for each in setups if each.sensor.bandwidth_hz is None],

@@ -88,6 +88,11 @@ class TrustCode(Codes):
         "rate of one of them is not as stated"
     )
 
+    WHEELS_TURN_APART = Code(
+        "turns {ratio:.2f} ± {std:.2f} times as fast as {other}, which is of the same body: the gain of the lateral "
+        "axis of one of them or its position is not as stated"
+    )
+
     # Of the sensor's calibration
     FLAT_CONTACT_ASSUMED = Code("AC-coupled: from the contact, assumed to be flat (flat road)")
     NEEDS_TEMPERATURE_CHANGE = Code("needs a change of temperature")

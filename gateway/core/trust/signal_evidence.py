@@ -102,6 +102,7 @@ class Subject(StrEnum):
     OFFSET = "sensor offset"
     STEADY = "steady value"
     TIMING = "timing of the axes"
+    TURN_RATE = "turn rate"
     VEHICLE_SPEED = "vehicle speed"
     WHEEL_SPEED = "wheel speed"
     ZERO = "zero-g offset"

@@ -7,7 +7,7 @@ whenever the other slips to the left has a lateral axis that points the other wa
 Both wheels roll the same way but in a curve, where speeds that differ by a share d at the speed v mean a lateral
 acceleration of d v^2 over the track. What no curve explains is a belt radius or a rate that is not as stated, until the
 speeds agree within their errors. One wheel alone shows neither. Where wheels measure their turn rate, a curve verifies
-the sign of their lateral axes (`gateway.core.trust.lateral_signs`).
+the sign of their lateral axes, and both have one turn rate (`gateway.core.trust.lateral_signs`).
 
 `gateway.core.trust.axis_lags` compares the axes of all wheels.
 
@@ -32,7 +32,7 @@ from gateway.core.quantity_catalogue import declared
 from gateway.core.reasons import Reason
 from gateway.core.trust.axis_lags import ALARM as AXIS_LAG
 from gateway.core.trust.axis_lags import AxisLags
-from gateway.core.trust.lateral_signs import TURN_RATE, LateralSign
+from gateway.core.trust.lateral_signs import TURN_RATE, LateralGain, LateralSign, Rate
 from gateway.core.trust.qualification import provisional_where, verified
 from gateway.core.trust.reasons import TrustCode
 from gateway.core.trust.signal_evidence import Contradiction, Evidence, Subject
@@ -41,7 +41,7 @@ from gateway.core.wheel_position import right_of
 ALARM: Final = "lateral axis"
 """Name of the alarm of an axis that points to the right, and of a pair that slips to opposite sides."""
 
-ALARMS: Final = frozenset({ALARM, AXIS_LAG, str(Subject.WHEEL_SPEED)})
+ALARMS: Final = frozenset({ALARM, AXIS_LAG, str(Subject.WHEEL_SPEED), str(Subject.TURN_RATE)})
 """Names of the alarms of wheels that are compared."""
 
 # A block of one wheel's revolutions may come before those of the other wheel.
@@ -71,7 +71,7 @@ class _Turn(NamedTuple):
     direction: float
     speed_mps: float
     speed_std: float
-    rate_radps: float
+    rate: Rate
 
 
 class _Both(NamedTuple):
@@ -82,14 +82,14 @@ class _Both(NamedTuple):
     ratio: float
     speed_mps: float
     std: float
-    rates_radps: tuple[float, float]
+    rates: tuple[Rate, Rate]
 
 
 class _Verdict(NamedTuple):
     """What is known from a time on: pairs of revolutions that slip apart and together, and the ratio of the speeds.
 
-    The counts are 0 where the slip says nothing, the ratio NaN where the speeds do not. Signs are those of the lateral
-    axes, left and right, as `LateralSign` has them.
+    The counts are 0 where the slip says nothing, the ratio NaN where the speeds do not, and `gain`, of the turn rates,
+    where these do not. Signs are those of the lateral axes, left and right, as `LateralSign` has them.
     """
 
     at_ns: float = -math.inf
@@ -98,19 +98,28 @@ class _Verdict(NamedTuple):
     ratio: float = math.nan
     std: float = math.nan
     signs: tuple[int, int] = (0, 0)
+    gain: float = math.nan
+    gain_std: float = math.nan
 
     @property
-    def says(self) -> tuple[bool, bool, tuple[int, int]]:
-        return self.opposite > 0, math.isfinite(self.ratio), self.signs
+    def says(self) -> tuple[bool, bool, bool, tuple[int, int]]:
+        return self.opposite > 0, math.isfinite(self.ratio), math.isfinite(self.gain), self.signs
 
     def reason_of_slip(self, other: str) -> Reason:
         return Reason(TrustCode.LATERAL_SLIP_APART, other=other, opposite=self.opposite, same=self.same)
 
-    def contradiction(self, other: str, *, is_right: bool) -> Contradiction:
-        """Return the contradiction of the speeds at one of the wheels, were its radius or rate the wrong one."""
-        ratio = 1.0 / self.ratio if is_right else self.ratio
-        reason = Reason(TrustCode.WHEELS_ROLL_APART, other=other, ratio=1.0 / ratio, std=self.std)
-        return Contradiction(Subject.WHEEL_SPEED, reason, {Basis.RADIUS: ratio, Basis.RATE: ratio})
+    def contradictions(self, other: str, *, is_right: bool) -> tuple[Contradiction, ...]:
+        """Return those of speeds and turn rates at one of the wheels, were its radius, rate or gain the wrong one."""
+        found = []
+        if math.isfinite(self.ratio):
+            ratio = 1.0 / self.ratio if is_right else self.ratio
+            reason = Reason(TrustCode.WHEELS_ROLL_APART, other=other, ratio=1.0 / ratio, std=self.std)
+            found.append(Contradiction(Subject.WHEEL_SPEED, reason, {Basis.RADIUS: ratio, Basis.RATE: ratio}))
+        if math.isfinite(self.gain):
+            ratio = 1.0 / self.gain if is_right else self.gain
+            reason = Reason(TrustCode.WHEELS_TURN_APART, other=other, ratio=1.0 / ratio, std=self.gain_std)
+            found.append(Contradiction(Subject.TURN_RATE, reason, {Basis.AXES: ratio}))
+        return tuple(found)
 
 
 _NOTHING: Final = _Verdict()
@@ -143,6 +152,7 @@ class _Pair:
         compared: how many there were.
         apart: ratio of the speeds and its error where they are apart, NaN where they are not.
         signs: of the lateral axes, by side.
+        gain: of the right lateral axis over that of the left one.
         verdicts: each from its time on.
     """
 
@@ -157,6 +167,7 @@ class _Pair:
     compared: int = 0
     apart: tuple[float, float] = _NOT_APART
     signs: tuple[LateralSign, LateralSign] = field(default_factory=lambda: (LateralSign(), LateralSign()))
+    gain: LateralGain = field(default_factory=LateralGain)
     verdicts: deque[_Verdict] = field(default_factory=lambda: deque((_NOTHING,), maxlen=_CHANGES))
 
     def take(self, side: int, turn: _Turn) -> None:
@@ -173,7 +184,7 @@ class _Pair:
                     right.speed_mps / left.speed_mps,
                     left.speed_mps,
                     math.hypot(left.speed_std, right.speed_std),
-                    (left.rate_radps, right.rate_radps),
+                    (left.rate, right.rate),
                 )
                 bisect.insort(self.both, both)
         self.waiting[side].append(turn)
@@ -186,8 +197,9 @@ class _Pair:
         self.same += both.side > 0.0
         self.opposite += both.side < 0.0
         if math.isfinite(both.ratio):
-            for sign, rate in zip(self.signs, both.rates_radps, strict=True):
-                sign.take(rate, both.speed_mps, both.ratio)
+            for sign, rate in zip(self.signs, both.rates, strict=True):
+                sign.take(rate.radps, both.speed_mps, both.ratio)
+            self.gain.take(*both.rates)
             self.speeds.append(both)
             self.compared += 1
             if self.compared % _EVERY == 0:
@@ -197,7 +209,7 @@ class _Pair:
         last = self.verdicts[-1]
         opposite, same = (self.opposite, self.same) if slips_apart else (0, 0)
         signs = self.signs[0].sign, self.signs[1].sign
-        verdict = _Verdict(both.end_ns, opposite, same, *self.apart, signs)
+        verdict = _Verdict(both.end_ns, opposite, same, *self.apart, signs, *self.gain.apart)
         if verdict.says != last.says:
             self.verdicts.append(verdict)
 
@@ -270,7 +282,7 @@ class WheelPairs:
                 0.0 if math.isnan(direction) else direction,
                 math.nan if revolution.faults else conditions.radius_m * revolution.omega_radps,
                 math.hypot(conditions.radius_std_m / conditions.radius_m, conditions.claims.rate_std),
-                next((e.value for e in result.estimates if e.name == TURN_RATE), math.nan),
+                next((Rate(e.value, e.std) for e in result.estimates if e.name == TURN_RATE), Rate()),
             )
             self._pairs.setdefault(right or result.position, _Pair()).take(int(right is None), turn)
 
@@ -287,9 +299,7 @@ class WheelPairs:
         self._at_ns[right] = max(self._at_ns.get(right, -math.inf), result.host_ns)
         is_changed |= pair.verdict(self._at_ns[right]).says != before
         verdict = pair.verdict(known_ns)
-        slips_apart, rolls_apart, signs = verdict.says
-        if not (slips_apart or rolls_apart or any(signs)):
-            return result, is_changed
+        slips_apart, _, _, signs = verdict.says
         is_right = result.position == right
         other, estimates = left if is_right else right, result.estimates
         if signs[is_right] > 0:
@@ -298,10 +308,10 @@ class WheelPairs:
             estimates = provisional_where(estimates, Basis.SIGN, Reason(TrustCode.LATERAL_AXIS_REVERSED, other=other))
         if slips_apart:
             estimates = provisional_where(estimates, Basis.SIGN, verdict.reason_of_slip(other))
-        if rolls_apart:
-            evidence = Evidence.of_contradictions((verdict.contradiction(other, is_right=is_right),))
+        if contradictions := verdict.contradictions(other, is_right=is_right):
+            evidence = Evidence.of_contradictions(contradictions)
             estimates = tuple([evidence.qualified(estimate) for estimate in estimates])
-        return replace(result, estimates=estimates), is_changed
+        return result if estimates is result.estimates else replace(result, estimates=estimates), is_changed
 
     def alarms(self) -> Iterator[Alarm]:
         """Yield those of the vehicle's signals, of axes, and of pairs that slip to opposite sides or roll apart."""
@@ -310,12 +320,11 @@ class WheelPairs:
         yield from self._axis_lags.alarms()
         for right, left in self._lefts.items():
             verdict = self._pairs[right].verdict(self._at_ns.get(right, -math.inf))
-            slips_apart, rolls_apart, signs = verdict.says
+            slips_apart, _, _, signs = verdict.says
             for position, other, sign in ((left, right, signs[0]), (right, left, signs[1])):
                 if sign < 0:
                     yield Alarm(position, ALARM, Reason(TrustCode.LATERAL_AXIS_REVERSED, other=other))
                 elif slips_apart:
                     yield Alarm(position, ALARM, verdict.reason_of_slip(other))
-                if rolls_apart:
-                    contradiction = verdict.contradiction(other, is_right=position == right)
+                for contradiction in verdict.contradictions(other, is_right=position == right):
                     yield Alarm(position, str(contradiction.subject), contradiction.reason)
