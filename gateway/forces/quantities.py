@@ -217,6 +217,8 @@ TURNING: Final = (
         possible=(-1e5, 1e5),
         live_label="curve radius",
         shown_unit=("m", 1.0),
+        is_in_state=True,
+        bus=OnBus(BusFrame(10, "Curve"), "CurveRadius", 0.1, 2.0, is_signed=True),
     ),
     Quantity(
         "camber_rate_radps",
