@@ -6,8 +6,10 @@ Fixtures: a TCP hub, a thread that reads a source, and a browser.
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
@@ -37,6 +39,16 @@ settings.load_profile("usual")
 # A parent that ignores SIGINT, as a shell does in the background, hands that on. Children need the default for Ctrl-C.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+# Commands find the running sessions of their user: not those of another test run, or of another process of this one.
+_RUNTIME_FOLDER = tempfile.mkdtemp(prefix="treadlink-tests-")
+os.environ["XDG_RUNTIME_DIR"] = _RUNTIME_FOLDER
+
+
+def pytest_unconfigure():
+    """Remove the folder of running sessions."""
+    shutil.rmtree(_RUNTIME_FOLDER, ignore_errors=True)
 
 
 def pytest_addoption(parser):

@@ -61,6 +61,8 @@ MOST_PAGES: Final = 20
 """Pages that may be open at once."""
 _LONGEST_MARK: Final = 200
 _LARGEST_MESSAGE: Final = 4096
+# Asyncio accepts so many connections before one of them can be sent away.
+_BACKLOG: Final = 8
 # A page that takes this much less than it is sent is behind; it then gets the latest state only.
 _WRITE_BYTES: Final = 1 << 16
 _TREND_S: Final = 1.0
@@ -193,6 +195,7 @@ class PageSink(Sink):
         server = await serve(
             self._page,
             sock=listener,
+            backlog=_BACKLOG,
             process_request=self._answer,
             create_connection=partial(_BoundedConnection, admission=self._admission),  # type: ignore[arg-type]  # a factory
             open_timeout=HEAD_S,

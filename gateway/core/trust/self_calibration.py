@@ -53,6 +53,7 @@ from gateway.core.revolutions.sensor_mounting import (
 )
 from gateway.core.revolutions.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS
 from gateway.core.trust.reasons import TrustCode
+from gateway.core.trust.steady_value import Equations, are_silent, contradicted, is_refuted, speed_errors
 from gateway.core.types import BoolArray, ComplexArray, FloatArray
 
 NAMES: Final = (
@@ -96,12 +97,12 @@ _KEEP_OF_HUB: Final = 1.0 - 1.0 / DEFAULT_HORIZON_REVOLUTIONS
 # of all: the sensor moves, or another axis is read.
 _KEEP_OF_LATEST: Final = 1.0 - 1.0 / 8.0
 _BEYOND_LATEST: Final = 2.0
+# Latest revolutions that may refute what all of them say of gain and zero-g offset; more where these have hardly
+# changed their speed.
+_REFUTING: Final = (128, 1024)
 # Share of its prior error below which the zero-g offset counts as determined, and of a stated error below which a
 # measured value stands against a statement that contradicts it.
 _SEPARATED: Final = 0.3
-# Relative error of the steady value that may go with the speed: the belt's shape and the sensor's offset, which the
-# mean depends on, are known better from revolution to revolution, and the sensor warms up.
-_MEAN_WITH_SPEED: Final = 4e-5
 _ROLL_SEPARATED_RAD: Final = math.radians(0.2)
 # Relative change of the speed within a revolution up to which gravity is separated from it. In a first revolution it is
 # not known, and given as 0.
@@ -174,16 +175,6 @@ class AlongGravity(NamedTuple):
     def is_absent(self) -> bool:
         """Whether the axis cannot be the one along the belt."""
         return abs(self.share) + _CERTAIN * self.std < _LEAST_GRAVITY
-
-
-class Equations(NamedTuple):
-    """Normal equations of two unknowns: ((aa, ab), (ab, bb)) and (a, b)."""
-
-    aa: float = 0.0
-    ab: float = 0.0
-    bb: float = 0.0
-    a: float = 0.0
-    b: float = 0.0
 
 
 class Measured(NamedTuple):
@@ -299,6 +290,9 @@ class SelfCalibrationEstimator(BlockEstimator):
         self._hub: FloatArray = np.zeros(HUB_SIZE)
         # Equations of the mounting, of the latest revolutions.
         self._latest: FloatArray = np.zeros(MOUNTING_SIZE)
+        # All sums, of the latest revolutions, and the number of these.
+        self._refuting: FloatArray = np.zeros(_SUMS)
+        self._refuting_count = 0
         # Sums of the axes, and of 1, the square of the speed and the reaction to angular acceleration; what the
         # relations of the axes said at the last renewal.
         self._axes: FloatArray = np.zeros((0, 0))
@@ -399,6 +393,7 @@ class SelfCalibrationEstimator(BlockEstimator):
             return Reason(EstimateCode.NO_STEADY_VALUE)
         if not math.isfinite(float(average.orders_std_mps2[1])):
             return Reason(TrustCode.AVERAGE_ERRORS_UNKNOWN)
+        self._start_again_where_refuted(conditions)
         self._ratio = self._offset_ratio(conditions)
         self._centre_rad = 0.5 * (average.trailing_edge_rad + average.leading_edge_rad)
         self._scatter_mps2 = max(float(average.orders_std_mps2[1]) * math.sqrt(average.effective_count), 1e-3)
@@ -411,6 +406,30 @@ class SelfCalibrationEstimator(BlockEstimator):
         if not block.revolutions[index].ac_coupled:
             self._relate(block, index, (average.leading_edge_rad, average.trailing_edge_rad))
         return None
+
+    def _start_again_where_refuted(self, conditions: TireConditions) -> None:
+        """Forget the older revolutions where the latest ones agree with a statement that all of them contradict."""
+        if self._refuting_count < _REFUTING[0]:
+            return
+        claims = conditions.claims
+        steady_std = math.hypot(claims.gain_std, 2.0 * claims.rate_std, conditions.radius_std_m / conditions.radius_m)
+        every, latest = (
+            contradicted(
+                Equations(*sums[_MEAN].tolist()),
+                Equations(*sums[_GRAVITY].tolist()),
+                steady_std,
+                claims.gain_std,
+                claims.zero_g_std_mps2,
+            )
+            for sums in (self._last.sums, self._refuting)
+        )
+        if is_refuted(every, latest):
+            sums = self._last.sums.copy()
+            sums[_MEAN.start :] = self._refuting[_MEAN.start :]
+            self._last = self._last._replace(sums=sums)
+        elif are_silent(every, latest) and self._refuting_count < _REFUTING[1]:
+            return
+        self._refuting, self._refuting_count = np.zeros(_SUMS), 0
 
     def _relate(self, block: RevolutionBlock, index: int, edges_rad: tuple[float, float]) -> None:
         """Compare the axes with each other, over the latest revolutions."""
@@ -474,6 +493,7 @@ class SelfCalibrationEstimator(BlockEstimator):
             self._is_calibrated = self._has_along = False
             self._hub, self._axes, self._axes_with = np.zeros(HUB_SIZE), np.zeros((0, 0)), np.zeros(3)
             self._latest = np.zeros(MOUNTING_SIZE)
+            self._refuting, self._refuting_count = np.zeros(_SUMS), 0
             self._relations = AxisRelations()
             self._by_yaw_m, self._yaw = 0.0, _UNKNOWN_YAW
             self._ratio = self._offset_ratio(block.conditions[index])
@@ -542,9 +562,12 @@ class SelfCalibrationEstimator(BlockEstimator):
         if is_calibrated and not self._is_calibrated:
             before = before.copy()
             before[_MEAN] = before[_GRAVITY] = 0.0
+            self._refuting, self._refuting_count = np.zeros(_SUMS), 0
         self._is_calibrated |= is_calibrated
         powers, decay = _decay(len(taken), _KEEP)
         sums = powers[:, np.newaxis] * before + decay @ rows
+        self._refuting = self._refuting + rows.sum(axis=0)
+        self._refuting_count += int(np.count_nonzero(rows[:, _MEAN.start]))
         powers, decay = _decay(len(taken), _KEEP_OF_HUB)
         hub = powers[:, np.newaxis] * self._hub + decay @ hub
         self._hub = hub[-1]
@@ -859,32 +882,6 @@ def _unsettled(step: _Step) -> Reason | None:
     if step.revolutions >= _LEAST_REVOLUTIONS:
         return None
     return Reason(EstimateCode.NOT_SETTLED, revolutions=step.revolutions, needed=_LEAST_REVOLUTIONS)
-
-
-class SpeedErrors(NamedTuple):
-    """Errors of the relative steady value and of the zero-g offset that means at different speeds share."""
-
-    gain: float
-    zero_mps2: float
-
-
-def speed_errors(equations: Equations) -> SpeedErrors:
-    """Return the errors by a relative error of the steady value that goes with the speed.
-
-    A steady value that is wrong in proportion to its deviation from its mean looks like a zero-g offset.
-
-    Args:
-        equations: `Measured.by_mean`, of at least one revolution.
-
-    Returns:
-        The errors; infinite at one speed.
-    """
-    mean = equations.ab / equations.bb
-    spread2 = equations.aa / equations.bb - mean * mean
-    if not spread2 > 1e-12 * mean * mean:
-        return SpeedErrors(math.inf, math.inf)
-    gain = _MEAN_WITH_SPEED * abs(mean) / math.sqrt(spread2)
-    return SpeedErrors(gain, gain * abs(mean))
 
 
 def _refused(revolution: Revolution, conditions: TireConditions) -> Reason | None:

@@ -35,12 +35,20 @@ from gateway.core.trust.self_calibration import (
     GREATEST_MEAN_SQUARE,
     OFFSET_MODEL_M,
     PITCH_MODEL_RAD,
-    Equations,
     Measured,
     gravity_absent,
-    speed_errors,
     steady_value_lost,
     zero_contradicted,
+)
+from gateway.core.trust.steady_value import (
+    GRAVITY_ALONE,
+    LEAST_GRAVITY_ERROR,
+    ZERO_MEASURED,
+    Equations,
+    Value,
+    gravity_gain,
+    steady_ratio,
+    zero_offset,
 )
 
 # Relative change of an estimate from which it is invalid.
@@ -60,15 +68,6 @@ _MISSED_CONTACTS: Final = (2.0, 3.0)
 _MISSED_ERRORS: Final = 2.5
 _OTHER_RATE_ERRORS: Final = 8.0
 _UNIT_ERRORS: Final = 1.0
-# Standard errors by which gravity must speak for another gain where the steady value is as expected, and its least
-# error: order 1 of the wheel's own vibration looks like gravity.
-_GRAVITY_ALONE: Final = 5.0
-_LEAST_GRAVITY_ERROR: Final = 0.3
-# Closure of the belt, relative to the steady value, and its stretch: both limit the gain from gravity.
-_CLOSURE_STD: Final = 1.5e-4
-# Change of the closure's order 1, over the mean, per sensor offset over the belt radius: 0.07 to 0.22 on random tires.
-_CLOSURE_BY_DEPTH: Final = 0.2
-_STRETCH_STD: Final = 3e-4
 # A stated radius is replaced by the measured one when its standard error is larger by this factor.
 _RADIUS_UNKNOWN: Final = 2.0
 # Root mean square share of an error of the steady value that the sampling rate has: radius, gain or rate are wrong,
@@ -79,8 +78,6 @@ _SHARE_OF_RATE: Final = 0.5 * math.sqrt(1.0 / 3.0)
 _SHARE_OF_ONE: Final = math.sqrt(0.5 / 3.0)
 # Standard error of the gain by gravity over the stated one, up to which their disagreement says something.
 _GRAVITY_TELLS: Final = 2.0
-# Share of its stated error below which the zero-g offset counts as measured.
-_ZERO_MEASURED: Final = 0.3
 
 
 # Order 2 by motion of the hub from which it is noted, over R Omega^2.
@@ -262,11 +259,6 @@ class Evidence(NamedTuple):
         return notes
 
 
-class _Value(NamedTuple):
-    value: float
-    std: float
-
-
 def assess(
     measured: Measured | None,
     conditions: TireConditions,
@@ -290,7 +282,7 @@ def assess(
     if conditions.rules is not EVERY_RULE:
         measured, lost = _as_ruled(measured, conditions.rules), lost if DoubtRule.COUPLING in conditions.rules else None
     radius_std = conditions.radius_std_m / conditions.radius_m
-    radius = _Value(conditions.radius_m, conditions.radius_std_m)
+    radius = Value(conditions.radius_m, conditions.radius_std_m)
     contradictions: list[Contradiction] = []
     if lost is not None:
         # What was measured rests on the steady value.
@@ -319,7 +311,7 @@ def assess(
         mean_square = min(measured.mean_square, GREATEST_MEAN_SQUARE)
         gravity_gain = _gravity_gain(measured, depth)
         by_gain = math.hypot(ratio.std, claims.gain_std, 2.0 * claims.rate_std, mean_square * depth)
-        found_radius = _Value(conditions.radius_m * ratio.value, conditions.radius_m * by_gain)
+        found_radius = Value(conditions.radius_m * ratio.value, conditions.radius_m * by_gain)
         if radius.std > _RADIUS_UNKNOWN * found_radius.std and abs(found_radius.value - radius.value) <= (
             CONTRADICTION * math.hypot(radius.std, found_radius.std)
         ):
@@ -340,7 +332,7 @@ def assess(
                 unsure = max(unsure, _hidden(gravity_gain, measured, claims.gain_std))
             # Of a radius, a gain or a rate that is not as stated.
             share = _SHARE_OF_ONE * (ratio.value - 1.0)
-            radius = _Value(radius.value, math.hypot(radius.std, max(unsure, abs(share)) * radius.value))
+            radius = Value(radius.value, math.hypot(radius.std, max(unsure, abs(share)) * radius.value))
             gain_std = math.hypot(gain_std, unsure)
             offset_error = unsure
             if unsure > radius_std:
@@ -350,8 +342,8 @@ def assess(
             gain_std = max(gain_std, abs(changed - 1.0))
             by_rate = contradiction.ratios.get(Basis.RATE, 1.0) ** -2.0
             offset_error = max(offset_error, abs(1.0 / changed - 1.0), abs(by_rate - 1.0))
-    zero = None if measured is None else _zero(measured, zero_std)
-    zero_is_measured = zero is not None and zero.std < _ZERO_MEASURED * zero_std
+    zero = None if measured is None or measured.ac_coupled else zero_offset(measured.by_mean, zero_std)
+    zero_is_measured = zero is not None and zero.std < ZERO_MEASURED * zero_std
     if zero is not None and zero_is_measured:
         if (reason := zero_contradicted(*zero, zero_std)) is not None:
             contradictions.append(Contradiction(Subject.ZERO, reason, {Basis.ZERO: math.nan}))
@@ -469,12 +461,12 @@ def _offset(
     `error` is a relative error of the measured offset beyond its own.
     """
     claims = conditions.claims
-    stated = None if claims.offset_m is None else _Value(claims.offset_m, claims.offset_std_m)
+    stated = None if claims.offset_m is None else Value(claims.offset_m, claims.offset_std_m)
     by_signal = None
     depth = None if measured is None else measured.offset_m or _swapped_offset(measured, claims)
     if depth is not None:
         value, std = depth
-        by_signal = _Value(value, math.hypot(std, error * value))
+        by_signal = Value(value, math.hypot(std, error * value))
     if stated is None and by_signal is None:
         return 0.0, UNKNOWN_OFFSET_STD_M, False
     if stated is None or by_signal is None:
@@ -496,75 +488,29 @@ def _offset(
     return stated.value, difference, True
 
 
-def _weighted(first_value: _Value, second_value: _Value) -> _Value:
+def _weighted(first_value: Value, second_value: Value) -> Value:
     """Return the mean of two values weighted with their inverse variances."""
     if not first_value.std or not second_value.std:
         return first_value if not first_value.std else second_value
     first, second = first_value.std**-2.0, second_value.std**-2.0
-    return _Value(
-        (first * first_value.value + second * second_value.value) / (first + second), (first + second) ** -0.5
-    )
+    return Value((first * first_value.value + second * second_value.value) / (first + second), (first + second) ** -0.5)
 
 
-def _first_of(equations: Equations, other_std: float) -> tuple[float, float, float] | None:
-    """Return the first unknown, its variance and its covariance with the second, which is 0 within `other_std`."""
-    bb = equations.bb + other_std**-2.0
-    determinant = equations.aa * bb - equations.ab * equations.ab
-    if not determinant > 0.0:
-        return None
-    value = (bb * equations.a - equations.ab * equations.b) / determinant
-    return value, bb / determinant, -equations.ab / determinant
-
-
-def _steady_ratio(measured: Measured, zero_std_mps2: float) -> _Value | None:
+def _steady_ratio(measured: Measured, zero_std_mps2: float) -> Value | None:
     """Return measured over expected steady value, without the errors of gain, radius and rate."""
     if measured.ac_coupled:
-        return None if measured.contact_gain is None else _Value(*measured.contact_gain)
-    if not measured.by_mean.aa > 0.0:
-        return None
-    equations = measured.by_mean
-    solved = _first_of(equations, max(zero_std_mps2, 1e-3))
-    if solved is None:
-        return None
-    zero = (equations.b - equations.ab * solved[0]) / (equations.bb + max(zero_std_mps2, 1e-3) ** -2.0)
-    if abs(zero) > max(LARGEST_ZERO_MPS2, CONTRADICTION * zero_std_mps2):
-        # No sensor has it: a few means do not belong to their speeds. All means together have the stated zero.
-        std = math.hypot(equations.aa**-0.5, zero_std_mps2 * equations.ab / equations.aa)
-        return _Value(1.0 + equations.a / equations.aa, std)
-    return _Value(1.0 + solved[0], math.sqrt(solved[1]))
+        return None if measured.contact_gain is None else Value(*measured.contact_gain)
+    return steady_ratio(measured.by_mean, zero_std_mps2)
 
 
-def _zero(measured: Measured, zero_std_mps2: float) -> _Value | None:
-    """Return the zero-g offset that means at different speeds give, None where there is only one speed or none fits."""
-    aa, ab, bb, a, b = measured.by_mean
-    if measured.ac_coupled or not aa > 0.0:
-        return None
-    determinant = aa * bb - ab * ab
-    if not determinant > 1e-9 * aa * bb:
-        return None
-    std = math.hypot(math.sqrt(aa / determinant), speed_errors(measured.by_mean).zero_mps2)
-    value = (aa * b - ab * a) / determinant
-    # One that no sensor has is no measurement: a few means do not belong to their speeds.
-    return _Value(value, std) if abs(value) <= max(LARGEST_ZERO_MPS2, CONTRADICTION * zero_std_mps2) else None
-
-
-def _gravity_gain(measured: Measured, depth: float) -> _Value | None:
+def _gravity_gain(measured: Measured, depth: float) -> Value | None:
     """Return the gain from gravity; `depth` is the standard error of the sensor's offset over the belt radius."""
-    equations = measured.by_gravity
-    if measured.ac_coupled or not equations.aa > 0.0:
-        return None
-    solved = _first_of(equations, _STRETCH_STD)
-    if solved is None:
-        return None
-    value, variance, covariance = solved
-    by_closure = variance * equations.ab + covariance * equations.bb
-    closure = by_closure * math.hypot(_CLOSURE_STD, _CLOSURE_BY_DEPTH * depth)
-    return _Value(1.0 + value, math.hypot(math.sqrt(variance), closure))
+    return None if measured.ac_coupled else gravity_gain(measured.by_gravity, depth)
 
 
 def _by_gravity(
-    gravity: _Value | None, ratio: _Value, measured: Measured, conditions: TireConditions, by_depth: float
-) -> _Value | None:
+    gravity: Value | None, ratio: Value, measured: Measured, conditions: TireConditions, by_depth: float
+) -> Value | None:
     """Return V^2 / R with the gain that gravity and the statement give together, over R Omega^2; None without gravity.
 
     So the speed by gravity is compared with that by the radius. Its error contains that of radius and rate, and what
@@ -573,16 +519,16 @@ def _by_gravity(
     claims = conditions.claims
     if gravity is None:
         return None
-    gravity = _Value(gravity.value, math.hypot(gravity.std, measured.hub_mps2 / STANDARD_GRAVITY_MPS2))
+    gravity = Value(gravity.value, math.hypot(gravity.std, measured.hub_mps2 / STANDARD_GRAVITY_MPS2))
     if abs(gravity.value - 1.0) > CONTRADICTION * math.hypot(gravity.std, claims.gain_std):
         return None
-    gain = _weighted(_Value(1.0, claims.gain_std), gravity)
+    gain = _weighted(Value(1.0, claims.gain_std), gravity)
     radius_std = conditions.radius_std_m / conditions.radius_m
     error = math.hypot(ratio.std, gain.std, 2.0 * claims.rate_std, by_depth, radius_std)
-    return _Value(ratio.value / gain.value, error)
+    return Value(ratio.value / gain.value, error)
 
 
-def _hidden(gravity: _Value, measured: Measured, gain_std: float) -> float:
+def _hidden(gravity: Value, measured: Measured, gain_std: float) -> float:
     """Return the error of gain, radius or rate where gravity disagrees with the stated gain.
 
     The steady value agrees. So it is a vibration, or two statements are wrong and hide each other.
@@ -594,11 +540,11 @@ def _hidden(gravity: _Value, measured: Measured, gain_std: float) -> float:
     return disagreement_std(difference, both)
 
 
-def _gravity_contradiction(gain: _Value | None, gain_std: float) -> Contradiction | None:
+def _gravity_contradiction(gain: Value | None, gain_std: float) -> Contradiction | None:
     """Return the contradiction of the gain by gravity to the stated one where the steady value is as expected."""
     if gain is None:
         return None
-    limit = max(_GRAVITY_ALONE * math.hypot(gain.std, gain_std), _LEAST_GRAVITY_ERROR)
+    limit = max(GRAVITY_ALONE * math.hypot(gain.std, gain_std), LEAST_GRAVITY_ERROR)
     if abs(gain.value - 1.0) <= limit:
         return None
     reason = Reason(TrustCode.GRAVITY_CONTRADICTED, gain=gain.value, std=gain.std)
@@ -609,7 +555,7 @@ def _gravity_contradiction(gain: _Value | None, gain_std: float) -> Contradictio
 
 
 def _steady_contradiction(
-    measured: Measured, conditions: TireConditions, ratio: _Value, by_gain: float, depth: float
+    measured: Measured, conditions: TireConditions, ratio: Value, by_gain: float, depth: float
 ) -> Contradiction:
     """Return the contradiction of the steady value, with its possible causes, the likeliest first."""
     possible = sorted(_causes(measured, conditions, ratio, by_gain, depth), key=lambda cause: cause.errors)
@@ -633,7 +579,7 @@ class _Possible(NamedTuple):
 
 
 def _causes(
-    measured: Measured, conditions: TireConditions, ratio: _Value, by_gain: float, depth: float
+    measured: Measured, conditions: TireConditions, ratio: Value, by_gain: float, depth: float
 ) -> Iterator[_Possible]:
     claims = conditions.claims
     tolerance = CONTRADICTION * math.hypot(by_gain, conditions.radius_std_m / conditions.radius_m) * abs(ratio.value)

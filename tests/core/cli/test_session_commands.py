@@ -73,7 +73,11 @@ def test_page_shows_the_session_while_it_runs(command: str, tmp_path: Path) -> N
         env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])},
     ) as process:  # fmt: skip
         assert process.stderr is not None
-        line = next(line for line in process.stderr if line.startswith("page: "))
+        printed: list[str] = []
+        while not (printed and printed[-1].startswith("page: ")):
+            printed.append(process.stderr.readline())
+            assert printed[-1], printed
+        line = printed[-1]
         address = line.removeprefix("page: ").strip()
         with connect(address.replace("http", "ws"), origin=address.rstrip("/"), open_timeout=20.0) as page:  # type: ignore[arg-type]
             states = (json.loads(page.recv(20.0)) for _ in iter(int, 1))
