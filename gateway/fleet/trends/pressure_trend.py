@@ -1,0 +1,324 @@
+"""Loss of pressure of a tire: refills, leaks from a date on, and the pressure of now.
+
+Pressures are compared at one temperature by the gas law, with absolute ones: p20 = (p + p_atm) (293.15 K / T) - p_atm.
+"""
+
+import math
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from gateway.core.constants import STANDARD_ATMOSPHERE_PA, ZERO_CELSIUS_K
+from gateway.core.estimates.estimator import Status
+from gateway.core.reasons import Reason, Value
+from gateway.core.types import FloatArray
+from gateway.fleet.reasons import FleetCode
+from gateway.fleet.trends.causes import Change, Finding
+from gateway.fleet.trends.leak_model import (
+    OF_FLOW,
+    bent,
+    is_steady_leak,
+    mended_at,
+    newest_fall,
+    newest_leak,
+    straightened,
+)
+from gateway.fleet.trends.line_numbers import (
+    DAY_MONTHS,
+    has_rolled,
+    rate_number,
+    reason_missing,
+    value_at_end,
+    with_doubts,
+)
+from gateway.fleet.trends.plausible_readings import PlausibleReadings
+from gateway.fleet.trends.refilled_pressure import (
+    LEAST_RECORDINGS,
+    MOST_REFILLS,
+    PressureLoss,
+    pressure_loss,
+    scatter_of,
+)
+from gateway.fleet.trends.regression import LEAST_FREEDOM, correlation_factor
+from gateway.fleet.trends.tire_history import TireHistory
+from gateway.fleet.trends.tire_lines import NOTABLE_LOSS_PA, TireWork, fit_line, stuck_temperature
+from gateway.fleet.trends.trend_line import (
+    TrendLine,
+    combination,
+    date_of,
+    finding_quantile,
+    is_constant,
+    relative_change,
+    slope_after,
+    span_of,
+)
+from gateway.fleet.trends.trend_result import Quantity, TrendNumber
+
+REFERENCE_DEGC: Final = 20.0
+"""Temperature at which pressures are compared."""
+_NAME: Final = "pressure_at_20_degc"
+_LEAST_LEAK_MONTHS: Final = DAY_MONTHS
+# Time between refills of a driver who tops up often.
+_OFTEN_MONTHS: Final = 7.0 * DAY_MONTHS
+# Smaller refills are no steps of the line; they are part of the loss's likelihood.
+_LEAST_REFILL_PA: Final = 3000.0
+# Change of the temperature in a month that a sensor that is stuck does not show.
+_UNSEEN_K: Final = 10.0
+# What tight wheels lose a month by permeation, which a comparison with them leaves out.
+_OF_OTHERS_KPA: Final = 2.0
+# Within hours, the sensor's temperature is behind that of a gas that a drive warms: 10 K are 11 kPa.
+_NOTABLE_FALL_PA: Final = 20e3
+
+
+def cold_kpa(history: TireHistory, readings: PlausibleReadings) -> FloatArray:
+    """Return (n,) gauge pressures at one temperature, NaN where they are not measured."""
+    measured = history.column("pressure_measured") > 0.0
+    warm = (readings.temperature_degc + ZERO_CELSIUS_K) / (REFERENCE_DEGC + ZERO_CELSIUS_K)
+    cold_pa = (readings.pressure_pa + STANDARD_ATMOSPHERE_PA) / warm - STANDARD_ATMOSPHERE_PA
+    return np.where(measured, 1e-3 * cold_pa, math.nan)
+
+
+def _comparable(tire: TireWork) -> tuple[FloatArray, Reason]:
+    """Return (n,) pressures at one temperature in kPa, and why they give no number where they do not."""
+    history, gauge = tire.history, tire.readings.pressure_pa
+    measured = history.column("pressure_measured") > 0.0
+    cold = tire.cold.cold_kpa
+    if not has_rolled(history):
+        why = Reason(FleetCode.TREND_NO_REVOLUTION)
+    elif not measured.any():
+        why = Reason(FleetCode.TREND_NOT_MEASURED, quantity="pressure")
+    elif not np.isfinite(cold).any():
+        why = Reason(FleetCode.TREND_NOT_MEASURED, quantity="temperature")
+    elif np.isfinite(cold).sum() > LEAST_FREEDOM + 1 and is_constant(gauge[np.isfinite(cold)]):
+        # A gas that is warmed and cooled does not keep its pressure: a repeated value is no measurement of a loss.
+        usable = np.isfinite(cold)
+        why = Reason(FleetCode.TREND_PRESSURE_CONSTANT, pressure_pa=float(gauge[usable][0]), count=int(usable.sum()))
+        cold = np.full(len(cold), math.nan)
+    else:
+        why = reason_missing(history, "", cold)
+    known = np.flatnonzero(np.isfinite(cold))
+    if known.size > LEAST_RECORDINGS:
+        # What the tire lost before its leak was mended says nothing of now.
+        cold = cold.copy()
+        cold[: known[mended_at(history.months[known], cold[known], scatter_of(cold[known]))]] = math.nan
+    return cold, why
+
+
+def add_pressure(tire: TireWork) -> None:
+    """Add loss of pressure and present pressure, and the finding of a loss or of a fall."""
+    history = tire.history
+    cold, why = _comparable(tire)
+    if _leak(tire, cold):
+        return
+    line = _pressure_line(tire, cold)
+    refilled = None
+    if line is not None:
+        normal, change = ~line.search.is_outlier, line.change
+        if change is not None and change.is_slope:
+            normal[: change.begin - 1] = False
+        elif change is not None:
+            normal[change.begin :] = False
+        refilled = pressure_loss(history.months[line.places[normal]], line.values[normal])
+        if refilled is None and change is None:
+            why = Reason(FleetCode.TREND_TOO_FEW, count=int(normal.sum()), needed=LEAST_RECORDINGS)
+            line = None
+    if line is None:
+        tire.numbers.append(TrendNumber(Quantity.PRESSURE_LOSS, unit="kPa/month", reasons=(why,)))
+        tire.numbers.append(TrendNumber(Quantity.PRESSURE_NOW, unit="kPa", reasons=(why,)))
+        return
+    plain, loss = _loss(tire, line, refilled)
+    tire.numbers.append(loss)
+    tire.numbers.append(value_at_end(Quantity.PRESSURE_NOW, "kPa", line))
+    if loss.status is Status.INVALID:
+        if line.doubt is None and (fell := _fallen(history, line)) is not None:
+            tire.findings.append(Finding(fell, _NAME, Change(int(line.places[0]))))
+        return
+    least = loss.value - finding_quantile(line) * plain.std
+    is_certain = (least if refilled is None else min(refilled.least, least)) > 0.0
+    if loss.status is Status.VALID and is_certain and loss.value > NOTABLE_LOSS_PA * 1e-3:
+        loses = Reason(FleetCode.TREND_LOSES_PRESSURE, loss_pa=1e3 * loss.value, std_pa=1e3 * loss.std)
+        whole = -loss.value * span_of(history.months), loss.std * span_of(history.months)
+        tire.findings.append(Finding(loses, _NAME, relative_change(_NAME, line, None, whole)))
+
+
+def _fitted(tire: TireWork, cold_kpa: FloatArray) -> TrendLine | None:
+    """Fit the line of pressures (n,) at one temperature; None with too few."""
+    return fit_line(tire, _NAME, cold_kpa, np.full(len(cold_kpa), math.nan), steps_from=_LEAST_REFILL_PA * 1e-3)
+
+
+def _pressure_line(tire: TireWork, cold: FloatArray) -> TrendLine | None:
+    """Fit the line of the pressure; that of a steady leak is straight in the time that its flow takes."""
+    history = tire.history
+    known = np.flatnonzero(np.isfinite(cold))
+    is_steady = known.size > LEAST_RECORDINGS and is_steady_leak(
+        history.months[known], cold[known], scatter_of(cold[known])
+    )
+    at_kpa = float(cold[known[-1]]) if known.size else math.nan
+    along = straightened(cold, at_kpa) if is_steady else cold
+    line = _fitted(tire, along)
+    if line is not None and is_steady:
+        drawn = tire.series[-1]
+        tire.series[-1] = replace(drawn, values=bent(drawn.values, at_kpa), expected=bent(drawn.expected, at_kpa))
+    return line
+
+
+def _loss(tire: TireWork, line: TrendLine, refilled: PressureLoss | None) -> tuple[TrendNumber, TrendNumber]:
+    """Return the loss by the line alone, and with refills, leak and temperature."""
+    history, stuck = tire.history, stuck_temperature(tire, line)
+    status, notes = (Status.VALID, ()) if stuck is None else (Status.PROVISIONAL, (stuck,))
+    plain = rate_number(
+        Quantity.PRESSURE_LOSS,
+        "kPa/month",
+        line,
+        least=_LEAST_LEAK_MONTHS,
+        factor=-1.0,
+        status=status,
+        reasons=notes,
+    )
+    loss = (
+        _with_refills(plain, refilled, line) if plain.status is not Status.INVALID and refilled is not None else plain
+    )
+    loss = replace(loss, std=math.hypot(loss.std, tire.cold.trend_std_kpa, OF_FLOW * loss.value))
+    fall = newest_fall(history.months[line.places], line.values, scatter_of(line.values))
+    if loss.status is Status.VALID and fall is not None:
+        # A leak that has begun has no rate yet, and the rate before it is not that of now.
+        begin, deviation = fall
+        below = Reason(
+            FleetCode.TREND_NEWEST_FALL, count=len(line.values) - begin, date=line.dates[begin], deviation=deviation
+        )
+        loss = replace(loss, status=Status.PROVISIONAL, reasons=(below, *loss.reasons))
+    return plain, loss
+
+
+def _leak(tire: TireWork, cold_kpa: FloatArray) -> bool:
+    """Add the numbers and the finding of a leak that began at a date; return whether there is one.
+
+    The recordings before it have the line, so that what the leak does is no step, and no trend of theirs.
+    """
+    history = tire.history
+    rows = np.flatnonzero(np.isfinite(cold_kpa))
+    if rows.size < 3:
+        return False
+    months, values = history.months[rows], cold_kpa[rows]
+    degc = tire.readings.temperature_degc[rows]
+    is_stuck = is_constant(degc)
+    # What an unseen change of the temperature makes of the pressure, by the gas law.
+    unseen_kpa = (1e-3 * STANDARD_ATMOSPHERE_PA + values[-1]) * _UNSEEN_K / (REFERENCE_DEGC + ZERO_CELSIUS_K)
+    drift_kpa = _OF_OTHERS_KPA if tire.cold.has_trend else float(unseen_kpa)
+    leak = newest_leak(months, values, scatter_of(values), drift_kpa if is_stuck else 0.0)
+    if leak is None:
+        return False
+    tested, drawn = tire.tested, len(tire.series)
+    line = _fitted(tire, np.where(np.arange(len(cold_kpa)) < rows[leak.begin], cold_kpa, math.nan))
+    if line is None:
+        tire.tested = tested
+        return False
+    series, after = tire.series[drawn], len(rows) - leak.begin
+    tire.series[drawn] = replace(
+        series,
+        abscissa=months,
+        values=values,
+        stds=np.full(len(rows), math.nan),
+        expected=np.concatenate([series.expected, leak.expected_kpa]),
+        is_outlier=np.concatenate([series.is_outlier, np.zeros(after, dtype=bool)]),
+        steps=(*series.steps, leak.begin),
+    )
+    before, before_std = combination(line, slope_after(line))
+    first, last = int(rows[leak.begin]), int(rows[-1])
+    date, until = date_of(int(history.time_ns[first])), date_of(int(history.time_ns[last]))
+    since = Reason(FleetCode.TREND_RATE_SINCE, count=after, date=date, before=-before, std=before_std, unit="kPa/month")
+    stuck = Reason(FleetCode.TREND_TEMPERATURE_STUCK, temperature_degc=float(degc[0]), count=len(degc))
+    now = Reason(FleetCode.TREND_NOW_SINCE, count=after, date=date)
+    status = Status.VALID if leak.is_certain else Status.PROVISIONAL
+    for quantity, unit, value, std, state, why in (
+        (
+            Quantity.PRESSURE_LOSS,
+            "kPa/month",
+            leak.rate_kpa,
+            leak.rate_std_kpa,
+            status,
+            since,
+        ),
+        (Quantity.PRESSURE_NOW, "kPa", leak.now_kpa, leak.now_std_kpa, status, now),
+    ):
+        number = TrendNumber(
+            quantity,
+            value,
+            std,
+            unit,
+            state,
+            (why, *((stuck,) if is_stuck else ())),
+            after,
+            max(leak.freedom, 1),
+            value - 2.0 * std,
+            value + 2.0 * std,
+        )
+        tire.numbers.append(with_doubts(number, line))
+    if line.doubt is None and leak.rate_kpa > NOTABLE_LOSS_PA * 1e-3:
+        level = float(series.expected[-1])
+        onset = Change(first, math.log(leak.now_kpa / level) if 0.0 < leak.now_kpa < level else None, 0.0)
+        part: dict[str, Value] = {
+            "date": date, "until": until, "count": after,
+            "first": history.recordings[first], "last": history.recordings[last],
+        }  # fmt: skip
+        loses = Reason(
+            FleetCode.TREND_LOSS_CHANGED, before_pa=-1e3 * before, before_std_pa=1e3 * before_std,
+            after_pa=1e3 * leak.rate_kpa, after_std_pa=1e3 * leak.rate_std_kpa, **part,
+        )  # fmt: skip
+        tire.findings.append(Finding(loses, _NAME, onset))
+        tire.onsets.setdefault(_NAME, []).append(onset)
+    return True
+
+
+def _hidden_by_frequent_refills(line: TrendLine) -> Reason | None:
+    """Return what a tire could lose that is topped up to the same pressure every week; None where it is little.
+
+    Its pressure is a saw-tooth, whose standard deviation is its height over the root of 12. No trend tells it from
+    scatter, and the interval leaves it out: with it, it would hold nearly every loss of a sealed tire.
+    """
+    fit = line.fit
+    hidden_pa = 1e3 * math.sqrt(12.0) * fit.scale / _OFTEN_MONTHS
+    if hidden_pa < NOTABLE_LOSS_PA:
+        return None
+    # One digit: it is a bound by the scatter.
+    digit = 10.0 ** math.floor(math.log10(hidden_pa))
+    return Reason(FleetCode.TREND_REFILLS_OFTEN, often=MOST_REFILLS, hidden_pa=digit * round(hidden_pa / digit))
+
+
+def _fallen(history: TireHistory, line: TrendLine) -> Reason | None:
+    """Return the finding of a large fall of the pressure within a time that is too short for a rate."""
+    used = np.flatnonzero(~line.search.is_outlier)
+    first, last = int(line.places[used[0]]), int(line.places[used[-1]])
+    change, std = combination(line, line.design[used[-1]] - line.design[used[0]])
+    if -1e3 * change < _NOTABLE_FALL_PA or -change < finding_quantile(line) * std:
+        return None
+    return Reason(
+        FleetCode.TREND_PRESSURE_FELL,
+        fall_pa=-1e3 * change,
+        std_pa=1e3 * std,
+        span_s=1e-9 * float(history.time_ns[last] - history.time_ns[first]),
+        first=history.recordings[first],
+        last=history.recordings[last],
+    )
+
+
+def _with_refills(plain: TrendNumber, refilled: PressureLoss, line: TrendLine) -> TrendNumber:
+    """Return the pressure loss with refills that no step shows; its errors are those of the line at least.
+
+    The line knows of recordings that follow each other, the likelihood of refills does not.
+    """
+    half = 0.5 * (plain.high - plain.low)
+    low, high = min(refilled.low, refilled.value - half), max(refilled.high, refilled.value + half)
+    notes = plain.reasons
+    # Without refills the interval would be less than half as wide upwards: they are what limits it.
+    if high - refilled.value > 2.0 * (refilled.high_unrefilled - refilled.value) and high - refilled.value > half:
+        notes = (*notes, Reason(FleetCode.TREND_REFILLS_HIDE, low_pa=1e3 * max(low, 0.0), high_pa=1e3 * high))
+    if (often := _hidden_by_frequent_refills(line)) is not None:
+        notes = (*notes, often)
+    std = max(refilled.std, plain.std)
+    # Weather makes recordings that follow each other alike, and so do refills: which of the two is not known.
+    used = ~line.search.is_outlier
+    if correlation_factor(line.fit.residuals[used], line.fit.coefficients.size) > 1.0:
+        std = math.hypot(std, 0.5 * (refilled.value - plain.value))
+    return replace(plain, value=refilled.value, std=std, low=low, high=high, reasons=notes)

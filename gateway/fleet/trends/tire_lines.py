@@ -1,0 +1,339 @@
+"""Lines of one tire: each series is fitted, tested for outliers and kept, and its changes become findings."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from gateway.core.estimates.wear import bending_left
+from gateway.core.quantity import Trend, Watch
+from gateway.core.reasons import Code, Reason
+from gateway.core.types import FloatArray, IntArray
+from gateway.fleet.reasons import FleetCode
+from gateway.fleet.trends.causes import Change, Finding
+from gateway.fleet.trends.late_changes import LateChange, find_shape
+from gateway.fleet.trends.level_steps import with_steps
+from gateway.fleet.trends.neighbouring_wheels import Shared
+from gateway.fleet.trends.outlier_detection import OutlierSearch, find_outliers
+from gateway.fleet.trends.plausible_readings import PlausibleReadings
+from gateway.fleet.trends.recording_doubts import doubt_of, weights_by_doubt
+from gateway.fleet.trends.regression import LEAST_FREEDOM, Fit, weights_of
+from gateway.fleet.trends.regression import fit as fitted
+from gateway.fleet.trends.stated_changes import StatedChange, places_of
+from gateway.fleet.trends.tire_history import TireHistory
+from gateway.fleet.trends.trend_line import (
+    TrendLine,
+    centred,
+    columns_of,
+    combination,
+    date_of,
+    finding_quantile,
+    is_constant,
+    last_run,
+    level_columns,
+    notable_changes,
+    part_of_line,
+    relative_change,
+    runs_of_outliers,
+    size_of_change,
+    size_of_change_at,
+    size_of_run,
+    size_of_step,
+    slope_after,
+    slope_before,
+    span_of,
+    varies,
+)
+from gateway.fleet.trends.trend_result import TrendNumber, TrendOutlier, TrendSeries
+from gateway.fleet.trends.watched_series import SERIES
+
+# Spread of the temperature from which its influence is fitted, and recordings that this needs.
+_LEAST_SPREAD_K: Final = 2.0
+_LEAST_FOR_TEMPERATURE: Final = 12
+_LEAST_SPREAD_SPEED: Final = 0.03
+# What is worth a finding, besides being significant; the rest is in `gateway.fleet.trends.watched_series`.
+NOTABLE_LOSS_PA: Final = 1000.0
+# Share of a notable change below which numbers do not follow it: readings have a resolution.
+_FOLLOWED: Final = 0.1
+# Steps of the load that the wear is fitted beside.
+_MOST_LOAD_LEVELS: Final = 3
+
+
+@dataclass(slots=True)
+class TireWork:
+    """Work on one tire."""
+
+    history: TireHistory
+    family: int
+    readings: PlausibleReadings
+    changes: Sequence[StatedChange]
+    cold: Shared
+    numbers: list[TrendNumber] = field(default_factory=list)
+    series: list[TrendSeries] = field(default_factory=list)
+    outliers: list[TrendOutlier] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
+    onsets: dict[str, list[Change]] = field(default_factory=dict)
+    tested: int = 0
+
+
+def stuck_temperature(tire: TireWork, line: TrendLine) -> Reason | None:
+    """Return that the temperature of a line is not measured, so that what a season makes looks like a trend."""
+    degc = tire.readings.temperature_degc[line.places]
+    if not is_constant(degc):
+        return None
+    return Reason(FleetCode.TREND_TEMPERATURE_STUCK, temperature_degc=float(degc[0]), count=len(degc))
+
+
+def softened_by_wear(tire: TireWork, name: str, line: TrendLine, along: FloatArray) -> tuple[float, float] | None:
+    """Return a combination (p,) of the coefficients of ln(stiffness) that the wear makes in percent, and its error.
+
+    None without wear. A wear that decreases is none: a bending stiffness that rises is the rubber's.
+    """
+    history = tire.history
+    thickness_mm, wear_mm = 1e3 * history.column("ring_thickness_m")[line.places], history.column("wear_mm")
+    # Statements that only the wear rests on shift it: their levels are fitted beside those of the stiffness.
+    more = set(places_of(tire.changes, "wear_mm")) - set(places_of(tire.changes, name))
+    design = np.column_stack([line.design, *level_columns(line.places, sorted(more))])
+    with np.errstate(invalid="ignore"):
+        remaining = 1.0 - wear_mm[line.places] / thickness_mm
+        used = ~line.search.is_outlier & (remaining > 0.0)
+    if used.sum() < (~line.search.is_outlier).sum():
+        return None
+    percent = np.zeros(len(remaining))
+    percent[used] = 100.0 * bending_left(remaining[used])
+    wear_fit = fitted(design, percent, np.ones(len(remaining)), used)
+    if wear_fit is None:
+        return None
+    whole = np.concatenate([along, np.zeros(design.shape[1] - len(along))])
+    value = float(whole @ wear_fit.coefficients)
+    return (value, math.sqrt(max(float(whole @ wear_fit.covariance @ whole), 0.0))) if value < 0.0 else None
+
+
+def fit_line(
+    tire: TireWork,
+    name: str,
+    values: FloatArray,
+    stds: FloatArray,
+    *,
+    warm: bool = False,
+    covariate: FloatArray | None = None,
+    steps_from: float = 0.0,
+    tested: bool = True,
+) -> TrendLine | None:
+    """Fit a trend with steps, test for outliers, and keep the series; None with too few values.
+
+    Args:
+        tire: to add series and outliers to.
+        name: of the series; the wear is followed over the distance, others over the time.
+        values: (n,) NaN where unknown, in the unit of the series.
+        stds: (n,) stated errors.
+        warm: whether the temperature may have an influence.
+        covariate: (n,) another influence.
+        steps_from: least size of a step.
+        tested: whether outliers are reported.
+    """
+    history, watch = tire.history, SERIES[name].watch
+    abscissa = 1e-3 * history.km if name == "wear_mm" else history.months
+    usable = np.isfinite(values)
+    if warm:
+        usable &= ~tire.readings.is_impossible
+    index = np.flatnonzero(usable)
+    if len(index) < LEAST_FREEDOM + 2 or not span_of(abscissa[index]) > 0.0:
+        return None
+    other, spread = (tire.readings.temperature_degc, _LEAST_SPREAD_K) if warm else (covariate, _LEAST_SPREAD_SPEED)
+    columns = [np.ones(len(index)), centred(abscissa[index])]
+    if other is not None and len(index) >= _LEAST_FOR_TEMPERATURE and varies(other[index], spread):
+        columns.append(centred(other[index]))
+    has_covariate = len(columns) > 2
+    levels = level_columns(index, places_of(tire.changes, name))
+    loads = _levels_of_load(tire, index) if name == "wear_mm" else []
+    design = np.column_stack([*columns, *levels, *loads])
+    of_load = slice(len(columns) + len(levels), design.shape[1])
+    chosen, chosen_stds = values[index], stds[index]
+    shape = find_shape(
+        design,
+        chosen,
+        family=tire.family,
+        least_step=steps_from,
+        least_change=_FOLLOWED * watch.notable,
+        may_be_isolated=tested,
+    )
+    steps, change = shape.steps, shape.change
+    of_all = history.doubts_of(name)
+    doubts = [of_all[row] for row in index]
+
+    def fitted_line(change: LateChange | None) -> TrendLine:
+        plain = with_steps(design, steps)
+        for columns in columns_of(change, steps, len(index)):
+            whole = np.column_stack([plain, *columns])
+            weights = np.multiply(weights_of(whole, chosen, chosen_stds), weights_by_doubt(doubts))
+            if tested:
+                search = find_outliers(whole, chosen, weights, family=tire.family)
+            else:
+                every = np.ones(len(index), dtype=bool)
+                search = OutlierSearch(~every, fitted(whole, chosen, weights, every))
+            if search.fit is not None:
+                break
+        doubt = doubt_of([doubts[row] for row in np.flatnonzero(~search.is_outlier)])
+        dates = tuple(date_of(int(history.time_ns[row])) for row in index)
+        return TrendLine(
+            index,
+            chosen,
+            chosen_stds,
+            whole,
+            steps,
+            search,
+            has_covariate,
+            doubt,
+            len(levels),
+            dates,
+            change,
+            len(columns) > 1,
+            of_load,
+        )
+
+    line = fitted_line(change)
+    if change is None and line.search.fit is not None and (begin := last_run(line)) is not None:
+        # The newest recordings do not fit, but agree with each other.
+        change = LateChange(begin, False, (np.arange(len(index)) >= begin).astype(np.float64))
+        line = fitted_line(change)
+    if change is not None and not change.is_slope and steps_from and size_of_change(line)[0] > 0.0:
+        steps = [*steps, change.begin]
+        line = fitted_line(None)
+    if line.search.fit is None:
+        return None
+    _keep_line(tire, name, line, tested=tested)
+    if line.doubt is None:
+        tire.findings += _findings_of_line(tire, name, line)
+        tire.onsets[name] = list(notable_changes(name, line))
+    return line
+
+
+def _levels_of_load(tire: TireWork, index: IntArray) -> list[FloatArray]:
+    """Return columns of steps of the load: by them the contact is another, and what is taken from it for wear too."""
+    begins = [change.begin for change in tire.onsets.get("estimated_load_n", ()) if change.begin is not None]
+    return level_columns(index, begins)[:_MOST_LOAD_LEVELS]
+
+
+def _keep_line(tire: TireWork, name: str, line: TrendLine, *, tested: bool) -> None:
+    """Keep the series of a line as figures show it, and its outliers."""
+    history, watch, search, fit = tire.history, SERIES[name].watch, line.search, line.fit
+    # Figures show what remains at the mean temperature or speed.
+    moved = line.design[:, 2] * fit.coefficients[2] if line.has_covariate else np.zeros(len(line.values))
+    if tested:
+        tire.tested += len(line.values)
+        outliers = [number for number in np.flatnonzero(search.is_outlier).tolist() if _matters(watch, fit, number)]
+        tire.outliers += [_outlier(history, name, watch.unit, line, fit, number) for number in outliers]
+    tire.series.append(
+        TrendSeries(
+            name=name,
+            unit=watch.unit,
+            against="km" if name == "wear_mm" else "months",
+            abscissa=(history.km if name == "wear_mm" else history.months)[line.places],
+            values=line.values - moved,
+            stds=line.stds,
+            expected=fit.expected - moved,
+            is_outlier=search.is_outlier if tested else np.zeros(len(line.values), dtype=bool),
+            steps=tuple(sorted({*line.steps, *([line.change.begin] if line.change is not None else [])})),
+        )
+    )
+
+
+def _matters(watch: Watch, fit: Fit, number: int) -> bool:
+    """Return whether an outlier is reported: a sensor's only to the worse, and by what is worth a finding."""
+    residual = float(fit.residuals[number])
+    return watch.trend is not Trend.SENSOR or (
+        residual * (watch.worse or residual) > 0.0 and abs(residual) >= watch.notable
+    )
+
+
+def _findings_of_line(tire: TireWork, name: str, line: TrendLine) -> Iterator[Finding]:
+    """Yield a finding for each notable change from one recording on, and for recordings in a row that deviate."""
+    history, fit, watch = tire.history, line.fit, SERIES[name].watch
+    for begin, end in runs_of_outliers(line.search):
+        scale = fit.scale / np.sqrt(fit.weights[begin:end])
+        least = float(np.abs(fit.residuals[begin:end] / scale).min()) if fit.scale > 0.0 else math.inf
+        passed = Reason(FleetCode.TREND_PASSED, name=name, deviations=least, **part_of_line(history, line, begin, end))
+        yield Finding(passed, name, relative_change(name, line, begin, size_of_run(line, begin, end)))
+    for number, begin in enumerate(line.steps):
+        size, std = size_of_step(line, number)
+        if abs(size) >= watch.notable and size * (watch.worse or size) > 0.0:
+            end = min([after for after in line.steps if after > begin], default=len(line.values))
+            changed = reason_of_change(watch.level, history, name, line, (size, std), begin, end)
+            yield Finding(changed, name, relative_change(name, line, begin, (size, std)))
+    if line.change is not None and (newest := _newest_change(tire, name, line, line.change)) is not None:
+        yield newest
+
+
+def _newest_change(tire: TireWork, name: str, line: TrendLine, change: LateChange) -> Finding | None:
+    """Return the finding of the change that the newest recordings show; None where it needs no attention."""
+    history, watch = tire.history, SERIES[name].watch
+    size, std = size_of_change(line)
+    explained = softened_by_wear(tire, name, line, size_of_change_at(line)) if watch.falls_with_wear else None
+    if explained is not None:
+        size, std = size - explained[0], math.hypot(std, explained[1])
+    if size * (watch.worse or size) <= 0.0:
+        return None
+    if change.is_slope and name in ("wear_mm", "pressure_at_20_degc"):
+        changed = _changed_rate(history, name, line, change, abs(size) >= watch.notable)
+    elif abs(size) >= watch.notable:
+        code = FleetCode.TREND_SLOPE_CHANGED if change.is_slope else watch.level
+        changed = reason_of_change(code, history, name, line, (size, std), change.begin, len(line.values))
+    else:
+        changed = None
+    return None if changed is None else Finding(changed, name, relative_change(name, line, change.begin, (size, std)))
+
+
+def _changed_rate(
+    history: TireHistory, name: str, line: TrendLine, change: LateChange, is_notable: bool
+) -> Reason | None:
+    """Return that wear or loss of pressure have become faster.
+
+    Slower wear needs no attention; a leak does before it has become a low pressure.
+    """
+    before, after = combination(line, slope_before(line)), combination(line, slope_after(line))
+    part = part_of_line(history, line, change.begin, len(line.values))
+    bend, bend_std = combination(line, slope_after(line) - slope_before(line))
+    if abs(bend) < finding_quantile(line) * bend_std:
+        return None
+    if name == "wear_mm" and bend > 0.0 and is_notable:
+        return Reason(
+            FleetCode.TREND_WEAR_CHANGED, before_m=1e-3 * before[0], before_std_m=1e-3 * before[1],
+            after_m=1e-3 * after[0], after_std_m=1e-3 * after[1], **part,
+        )  # fmt: skip
+    if name != "wear_mm" and bend < 0.0 and -after[0] > max(1e-3 * NOTABLE_LOSS_PA, 2.0 * after[1]):
+        return Reason(
+            FleetCode.TREND_LOSS_CHANGED, before_pa=-1e3 * before[0], before_std_pa=1e3 * before[1],
+            after_pa=-1e3 * after[0], after_std_pa=1e3 * after[1], **part,
+        )  # fmt: skip
+    return None
+
+
+def reason_of_change(
+    code: Code, history: TireHistory, name: str, line: TrendLine, size: tuple[float, float], begin: int, end: int
+) -> Reason:
+    """Return the finding of a change; that of a logarithm as a share of the value itself."""
+    (change, std), watch = size, SERIES[name].watch
+    if watch.is_logarithm:
+        change, std = 100.0 * math.expm1(change / 100.0), std * math.exp(change / 100.0)
+    return Reason(code, name=name, change=change, std=std, unit=watch.unit, **part_of_line(history, line, begin, end))
+
+
+def _outlier(history: TireHistory, name: str, unit: str, line: TrendLine, fit: Fit, number: int) -> TrendOutlier:
+    recording = int(line.places[number])
+    scale = fit.scale / math.sqrt(float(fit.weights[number]))
+    return TrendOutlier(
+        history.vehicle,
+        history.position,
+        history.sensor_id,
+        history.recordings[recording],
+        history.paths[recording],
+        int(history.time_ns[recording]),
+        name,
+        float(line.values[number]),
+        float(fit.expected[number]),
+        unit,
+        float(fit.residuals[number]) / scale if scale > 0.0 else math.inf,
+    )
