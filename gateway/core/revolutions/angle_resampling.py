@@ -401,11 +401,15 @@ def _filter_factors(order: Literal[3, 5], length: int) -> list[tuple[FloatArray,
     factors = []
     for pole in _POLES[order]:
         ends, within = 0.5 * (1.0 + pole * pole), 1.0 + pole * pole
-        diagonal, beside = [ends], []
-        for row in [within] * (length - 2) + [ends]:
-            beside.append(-pole / diagonal[-1])
-            diagonal.append(row + pole * beside[-1])
-        factors.append((np.array(diagonal), np.array(beside)))
+        # The recursion settles on one number within some twenty rows.
+        settled = [ends, within + pole * (-pole / ends)]
+        while settled[-1] != settled[-2] and len(settled) < length:
+            settled.append(within + pole * (-pole / settled[-1]))
+        diagonal = np.full(length, settled[-1])
+        diagonal[: len(settled)] = settled[:length]
+        beside = -pole / diagonal[:-1]
+        diagonal[-1] = ends + pole * beside[-1]
+        factors.append((diagonal, beside))
     return factors
 
 

@@ -73,6 +73,19 @@ def test_resampling_is_that_in_numpy(rng, lengths, axes, order, kind, n):
         assert kind != "NaN" or np.isnan(results[1][:, 0]).all()
 
 
+@pytest.mark.parametrize("order", [3, 5])
+@pytest.mark.parametrize("length", [2, 3, 4, 17, 40, 300])
+def test_factors_of_a_filter_give_its_equations(order, length):
+    for pole, (diagonal, beside) in zip(
+        angle_resampling._POLES[order], angle_resampling._filter_factors(order, length), strict=True
+    ):
+        lower = np.eye(length) + np.diag(beside, -1)
+        ends = np.ones(length)
+        ends[[0, -1]] = 0.5
+        wanted = np.diag((1.0 + pole * pole) * ends) - pole * (np.eye(length, k=1) + np.eye(length, k=-1))
+        np.testing.assert_allclose(lower @ np.diag(diagonal) @ lower.T, wanted, rtol=0.0, atol=1e-15)
+
+
 @needs_core
 @given(
     rng=seeds,
