@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 from urllib.parse import unquote
 
 import numpy as np
@@ -149,13 +149,45 @@ def read_histories(
     latest_ns = (clock or SystemClock()).now_ns() + _CLOCK_SLACK_NS
     description = read_description(root)
     estimates = [name for name in _ESTIMATES if name in description.estimates]
+    dataset = _read_files(root, estimates, where, latest_ns)
+    rows, notes = dataset.rows, dataset.notes
+    if not rows:
+        raise _without_rows(root, dataset, where)
+    if odometer is not None:
+        odometer = {partition_name(name): readings for name, readings in odometer.items()}
+        notes += [
+            Reason(FleetCode.TREND_VEHICLE_WITHOUT_ODOMETER, vehicle=vehicle_name)
+            for vehicle_name in sorted({vehicle for vehicle, _, _ in rows})
+            if vehicle_name not in odometer
+        ]
+    unknown = [tire_rows for (vehicle, _, sensor), tire_rows in rows.items() if not is_identified(vehicle, sensor)]
+    if unknown:
+        recordings = len({row["path"] for tire_rows in unknown for row in tire_rows})
+        notes.append(Reason(FleetCode.TREND_TIRES_UNIDENTIFIED, recordings=recordings))
+    omitted = _leave_out_repeats(dataset)
+    tires = [_history(key, rows[key], estimates, odometer) for key in sorted(rows)]
+    tires.sort(key=lambda tire: (tire.vehicle, tire.position, int(tire.time_ns[0])))
+    failures = sum(1 for _ in (root / FAILURES).glob("*.parquet"))
+    return DatasetHistories(tuple(tires), len(dataset.recording_ids - omitted), failures, tuple(notes))
+
+
+class _Files(NamedTuple):
+    """Rows of the files by vehicle, position and sensor; rows before the filter, and recordings of a wrong clock."""
+
+    rows: dict[tuple[str, str, str], list[Row]]
+    notes: list[Reason]
+    recording_ids: set[str]
+    rows_unfiltered: int
+    of_wrong_clock: int
+
+
+def _read_files(root: Path, estimates: Sequence[str], where: RunFilter, latest_ns: int) -> _Files:
     names = [*_PLAIN, *(name + part for name in estimates for part in ("", "_std", "_status", "_reason"))]
-    files = sorted((root / RECORDINGS).glob("*/*/*.parquet"))
     rows: dict[tuple[str, str, str], list[Row]] = defaultdict(list)
     notes: list[Reason] = []
     read: set[str] = set()
     described = of_wrong_clock = 0
-    for path in files:
+    for path in sorted((root / RECORDINGS).glob("*/*/*.parquet")):
         key = Key.of_name(path.name)
         if key is None or key.recording_id in read:
             notes.append(Reason(FleetCode.TREND_FOREIGN_FILE, path=str(path)))
@@ -177,57 +209,46 @@ def read_histories(
             continue
         for row in file_rows:
             rows[vehicle, str(row["position"]), str(row["sensor_id"] or "")].append(row)
-    if where.conditions and described and not rows and not of_wrong_clock:
-        raise OutputError(
+    return _Files(rows, notes, read, described, of_wrong_clock)
+
+
+def _without_rows(root: Path, dataset: _Files, where: RunFilter) -> OutputError:
+    """Return why a dataset has no rows for trends."""
+    count, of_wrong_clock = len(dataset.recording_ids), dataset.of_wrong_clock
+    if where.conditions and dataset.rows_unfiltered and not of_wrong_clock:
+        return OutputError(
             f"no recording of the dataset '{root}' fits {where}", "Its columns test, driver and tags say what there is."
         )
-    if not rows and of_wrong_clock:
-        others = (
-            f"; in the other {len(read) - of_wrong_clock} no wheel sent samples" if of_wrong_clock < len(read) else ""
-        )
-        raise OutputError(
+    if of_wrong_clock:
+        others = f"; in the other {count - of_wrong_clock} no wheel sent samples" if of_wrong_clock < count else ""
+        return OutputError(
             f"the clock was wrong in all recordings of the dataset '{root}' that have samples: {of_wrong_clock} began "
             f"before March 2000 or after now{others}",
             "Set the clock of the recorder, or of this computer.",
         )
-    if not rows and read:
-        raise OutputError(
-            f"in no recording of the dataset '{root}' has a wheel sent samples: {len(read)} are without a row",
+    if count:
+        return OutputError(
+            f"in no recording of the dataset '{root}' has a wheel sent samples: {count} are without a row",
             "`treadlink inspect` shows what a recording contains.",
         )
-    if not rows:
-        raise OutputError(
-            f"the dataset '{root}' has no recordings", "Add some: treadlink campaign PATH... --out DATASET"
-        )
-    vehicles = sorted({vehicle for vehicle, _, _ in rows})
-    if odometer is not None:
-        odometer = {partition_name(name): readings for name, readings in odometer.items()}
-        notes += [
-            Reason(FleetCode.TREND_VEHICLE_WITHOUT_ODOMETER, vehicle=vehicle_name)
-            for vehicle_name in vehicles
-            if vehicle_name not in odometer
-        ]
-    unknown = [tire_rows for (vehicle, _, sensor), tire_rows in rows.items() if not is_identified(vehicle, sensor)]
-    if unknown:
-        recordings = len({row["path"] for tire_rows in unknown for row in tire_rows})
-        notes.append(Reason(FleetCode.TREND_TIRES_UNIDENTIFIED, recordings=recordings))
+    return OutputError(f"the dataset '{root}' has no recordings", "Add some: treadlink campaign PATH... --out DATASET")
+
+
+def _leave_out_repeats(dataset: _Files) -> set[str]:
+    """Leave out drives that several recordings hold, with a note; return the identities of recordings without a row."""
     repeated: dict[str, Reason] = {}
     distinct: set[str] = set()
-    for tire, tire_rows in rows.items():
+    for tire, tire_rows in dataset.rows.items():
         if is_identified(tire[0], tire[2]):
-            distinct_rows, repeats = without_repeats(tire_rows)
-            rows[tire] = distinct_rows
+            dataset.rows[tire], repeats = without_repeats(tire_rows)
             for repeat, other in repeats:
                 pair = Reason(FleetCode.TREND_REPEATS, path=str(repeat["path"]), other=str(other["path"]))
                 repeated.setdefault(str(repeat["recording_id"]), pair)
-        distinct |= {str(row["recording_id"]) for row in rows[tire]}
+        distinct |= {str(row["recording_id"]) for row in dataset.rows[tire]}
     if repeated:
         pairs = tuple(repeated.values())[:_NAMED_REPEATS]
-        notes.append(Reason(FleetCode.TREND_REPEATED, count=len(repeated), pairs=pairs))
-    tires = [_history(key, rows[key], estimates, odometer) for key in sorted(rows)]
-    tires.sort(key=lambda tire: (tire.vehicle, tire.position, int(tire.time_ns[0])))
-    failures = sum(1 for _ in (root / FAILURES).glob("*.parquet"))
-    return DatasetHistories(tuple(tires), len(read - (repeated.keys() - distinct)), failures, tuple(notes))
+        dataset.notes.append(Reason(FleetCode.TREND_REPEATED, count=len(repeated), pairs=pairs))
+    return repeated.keys() - distinct
 
 
 def read_odometer(path: Path) -> Odometer:
@@ -299,17 +320,6 @@ def _history(
     ]
     columns = {name: _numbers(rows, name) for name in numbers}
     columns["damaged"] = np.array([float(bool(row.get("damage"))) for row in rows])
-    invalid = {
-        name: next(
-            (
-                str(row[f"{name}_reason"])
-                for row in reversed(rows)
-                if row.get(name) is None and row.get(f"{name}_reason")
-            ),
-            "",
-        )
-        for name in estimates
-    }
     vehicle, position, sensor_id = key
     readings = odometer.get(vehicle) if odometer is not None else None
     return TireHistory(
@@ -322,7 +332,7 @@ def _history(
         km=_km(time_ns, readings, columns["distance_m"]),
         has_odometer=readings is not None,
         columns=columns,
-        invalid={name: reason for name, reason in invalid.items() if reason},
+        invalid={name: reason for name in estimates if (reason := _last_reason(rows, name))},
         is_identified=is_identified(vehicle, sensor_id),
         doubts={name: tuple(_doubt(row, name) for row in rows) for name in estimates},
         alarms=tuple(_alarms(row) for row in rows),
@@ -335,6 +345,12 @@ def _history(
             Statement.CALIBRATION: tuple(str(row.get("load_calibration") or "") for row in rows),
         },
     )
+
+
+def _last_reason(rows: Sequence[Row], name: str) -> str:
+    """Return the last reason why a quantity has no value; empty without one."""
+    reasons = (row.get(f"{name}_reason") for row in reversed(rows) if row.get(name) is None)
+    return str(next(filter(None, reasons), ""))
 
 
 def _run(row: Row) -> RunDescription:
