@@ -222,6 +222,8 @@ def test_error_is_given_without_alignment_too() -> None:
     assert (recorded.revolutions, recorded.parameters) == (BLOCKS * REVOLUTIONS, 4 * BLOCKS * REVOLUTIONS)
     (note,) = alignment_note(summary)
     assert (note.code, note["after_mps2"]) == (DiagnosisCode.EDGES_ALIGNED, recorded.rms_after_mps2)
+    hardly = recorded._replace(rms_before_mps2=1.01 * summary.rms_before_mps2, rms_after_mps2=summary.rms_after_mps2)
+    assert alignment_note(replace(summary, as_recorded=hardly)) == ()
 
 
 def test_every_block_has_its_error() -> None:

@@ -69,7 +69,7 @@ def test_every_open_end_has_a_step() -> None:
         load_known=False,
     )
     steps = dict(next_steps(diagnosis))
-    assert steps["mounting offset"].startswith("correct the vehicle file")
+    assert steps["mounting offset"].startswith("state it in the vehicle file")
     assert steps["structural damping"].startswith("save with --save-effects")
     assert "20 K" in steps["gain or clipping"]
     assert steps["camber"] == "record longer, or at another speed or load"
@@ -77,3 +77,11 @@ def test_every_open_end_has_a_step() -> None:
     assert "state" in steps["not determined: Ts"]
     assert steps["one speed"] == "record at a second speed under the same load and pressure"
     assert len(steps) == 7
+
+
+def test_step_of_several_open_ends_stands_once() -> None:
+    other = replace(ANGLE, axis="circumferential", lock="turns")
+    diagnosis = replace(empty(), unexplained=(replace(ANGLE, lock="turns"), other))
+    (step,) = (step for step in next_steps(diagnosis) if "second turn" in step.step)
+    assert "radial" in step.about
+    assert "circumferential" in step.about

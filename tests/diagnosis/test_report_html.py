@@ -28,7 +28,14 @@ from gateway.diagnosis.views.figures import (
 from gateway.diagnosis.views.html import chapters, diagnosis_html
 from gateway.diagnosis.views.phrases import reason_text
 from gateway.diagnosis.views.quantities import reference_group
-from gateway.diagnosis.views.report_tables import by_state, estimate_rows, omissions, sizes_alone, unexplained_rows
+from gateway.diagnosis.views.report_tables import (
+    by_state,
+    estimate_rows,
+    omissions,
+    sizes_alone,
+    sizes_drawn,
+    unexplained_rows,
+)
 from gateway.diagnosis.views.terminal import closure_summary_lines
 
 VOID = {"meta", "br", "img", "link", "input", "hr"}
@@ -392,3 +399,8 @@ def test_sizes_of_single_recordings_stand_beside_that_of_all() -> None:
     assert sizes_alone(finding, "delay_s", ("a/first.mcap", "b/second.mcap")) == [
         ("second.mcap alone", "160.40 ± 0.70 us")
     ]
+    drawn = sizes_drawn(finding, "delay_s")
+    assert [one.kind for one in drawn] == ["after", "before"]
+    # To one scale: each is as far from the other as the values are in standard errors.
+    assert (drawn[0].at - drawn[1].at) / (drawn[0].high - drawn[0].low) == pytest.approx(39.6 / 4.0, rel=0.01)
+    assert sizes_drawn(replace(finding, single_sizes=()), "delay_s") == ()

@@ -178,14 +178,12 @@ class _Chain:
         slope, curve = (next_to - last) / (2.0 * h), (next_to - 2.0 * eye_array(n) + last) / h**2
         length, rate = ring.radius_m * h, -1j * count * self.omega
         added = -ring.mass_kgpm * length * (rate**2 * eye_array(n) + 2.0 * rate * self.omega * slope)
-        damping = max(ring.sidewall_damping_nspm2, _DAMPING_NSPM2)
-        added = added - length * damping * rate * eye_array(n)
-        added = added - length * (damping - ring.sidewall_damping_nspm2) * self.omega * slope
+        steadily, damping = ring.sidewall_damping_nspm2, max(ring.sidewall_damping_nspm2, _DAMPING_NSPM2)
+        added = added - length * (damping * rate * eye_array(n) + (damping - steadily) * self.omega * slope)
         bending = float(steady[0]) * h / ring.radius_m**3
         added = added - _LOSS_S * bending * (rate * eye_array(n) + self.omega * slope) @ curve @ curve
         matrix = csc_matrix(self.tangent(x, height)[: 2 * n, : 2 * n] + kron(added, eye_array(2)))
-        moved: Array = splu(matrix).solve((pushes[0] - pushes[1]).T.ravel().astype(complex)).reshape(-1, 2).T
-        return moved
+        return np.asarray(splu(matrix).solve((pushes[0] - pushes[1]).T.ravel().astype(complex)).reshape(-1, 2).T)
 
 
 def _derivative(curve: Array, times: int, orders: int) -> Array:

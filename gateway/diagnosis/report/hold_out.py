@@ -30,6 +30,8 @@ from gateway.diagnosis.search.tempered_posterior import Posterior
 # Sets among which the choice is repeated without each fold.
 _MOST_SETS: Final = 6
 _PLACES: Final = 3
+# Ratio of an error as recorded to that with aligned contact edges from which the report names the alignment.
+_ALIGNED: Final = 1.02
 
 
 @dataclass(frozen=True)
@@ -241,9 +243,13 @@ def _as_recorded(curves: Sequence[_Curve]) -> AsRecorded | None:
 
 
 def alignment_note(held_out: HeldOut) -> tuple[Reason, ...]:
-    """Return the note on revolutions whose contact edges are aligned, with the errors as they were recorded."""
+    """Return the note on revolutions whose contact edges are aligned, with the errors as recorded, where it matters."""
     plain = held_out.as_recorded
-    if plain is None:
+    if (
+        plain is None
+        or max(plain.rms_before_mps2 / held_out.rms_before_mps2, plain.rms_after_mps2 / held_out.rms_after_mps2)
+        <= _ALIGNED
+    ):
         return ()
     return (
         Reason(

@@ -82,6 +82,7 @@ from gateway.diagnosis.views.report_tables import (
     held_out_change,
     omissions,
     sizes_alone,
+    sizes_drawn,
     unexplained_rows,
 )
 
@@ -142,6 +143,7 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
         show_fitted=show_fitted,
         significant=significant,
         sizes_alone=sizes_alone,
+        sizes_drawn=sizes_drawn,
         utc=_utc,
         verdicts=VERDICTS,
     )

@@ -64,8 +64,11 @@ class NextStep(NamedTuple):
 
 
 def next_steps(diagnosis: Diagnosis) -> list[NextStep]:
-    """Return the steps in the order of the report: effects, what is unexplained, estimates, notes."""
-    return [NextStep(about, step) for about, step in dict.fromkeys(_steps(diagnosis))]
+    """Return each step once, in the order of the report: effects, what is unexplained, estimates, notes."""
+    abouts: dict[str, list[str]] = {}
+    for about, step in dict.fromkeys(_steps(diagnosis)):
+        abouts.setdefault(step, []).append(about)
+    return [NextStep("; ".join(about), step) for step, about in abouts.items()]
 
 
 def _steps(diagnosis: Diagnosis) -> Iterator[tuple[str, str]]:
@@ -75,7 +78,7 @@ def _steps(diagnosis: Diagnosis) -> Iterator[tuple[str, str]]:
         if diagnosis.taken_from:
             break
         if names and of_sensor:
-            yield effects_listed(names), "correct the vehicle file or the sensor, and diagnose again"
+            yield effects_listed(names), "state it in the vehicle file or mend the sensor, and diagnose again"
         elif names:
             yield effects_listed(names), "save with --save-effects and subtract, or use the estimates after"
     for finding in undecided_sets(diagnosis):

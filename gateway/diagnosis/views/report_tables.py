@@ -132,7 +132,7 @@ def error_rows(diagnosis: Diagnosis) -> list[ErrorRow]:
     ]
     if diagnosis.empirical_rms_mps2 is not None:
         errors.append(("After, with an empirical correction", "empirical", diagnosis.empirical_rms_mps2, math.nan))
-    errors.append(("Noise floor: error of a perfect model", "floor", floor, math.nan))
+    errors.append(("Noise floor: scatter between revolutions", "floor", floor, math.nan))
     if (raw := held_out.as_recorded) is not None:
         errors.append(("Before, contact edges as recorded", "before", raw.rms_before_mps2, math.nan))
         errors.append(("After, contact edges as recorded", "after", raw.rms_after_mps2, math.nan))
@@ -284,10 +284,27 @@ def _percent(old: ShownNumber, new: ShownNumber) -> str:
 
 
 def _intervals(old: ShownNumber, new: ShownNumber) -> tuple[Interval, ...]:
+    return _to_scale([("before", old.value, old.std, 4.5), ("after", new.value, new.std, 11.5)])
+
+
+def sizes_drawn(finding: Finding, parameter: str) -> tuple[Interval, ...]:
+    """Return a parameter of an effect as all data give it, and below as each part alone does, to one scale.
+
+    Each is 7 lower than the one before; empty without sizes of parts.
+    """
+    fitted = finding.parameters[parameter]
+    parts = [size for size in finding.single_sizes if size.parameter == parameter]
+    rows = [("after", fitted.value, fitted.std, 4.5)]
+    rows += [("before", size.value, size.std, 11.5 + 7.0 * number) for number, size in enumerate(parts)]
+    return _to_scale(rows) if parts else ()
+
+
+def _to_scale(rows: Sequence[tuple[str, float, float, float]]) -> tuple[Interval, ...]:
+    """Return intervals of two standard errors: kind, value, standard error and height of each."""
     drawn = [
-        (kind, number.value, _BAND_STDS * number.std if math.isfinite(number.std) else 0.0, y)
-        for kind, number, y in (("before", old, 4.5), ("after", new, 11.5))
-        if math.isfinite(number.value)
+        (kind, value, _BAND_STDS * std if math.isfinite(std) else 0.0, y)
+        for kind, value, std, y in rows
+        if math.isfinite(value)
     ]
     low = min((value - half for _, value, half, _ in drawn), default=0.0)
     high = max((value + half for _, value, half, _ in drawn), default=0.0)
