@@ -142,9 +142,9 @@ def open_simulator(address: SourceAddress, clock: Clock) -> Source:
     mounted = None
     receiver_hz = number_option(address.options, "receiver", 0.0, *receiver.RATES_HZ)
     if receiver_hz:
-        motion = simulation.wheels[0].plan.motion
+        plan = simulation.wheels[0].plan
         rng = np.random.default_rng([scenario.scenario.seed if seed is None else seed, _RECEIVER_STREAM])
-        mounted = SimulatedReceiver(motion, receiver_hz, rng)
+        mounted = SimulatedReceiver(plan.motion, receiver_hz, rng, plan.path.yaw_radps)
     return SimulatorSource(simulation, link_name(address.target), toml, speed, clock, mounted)
 
 

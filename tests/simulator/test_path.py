@@ -1,12 +1,15 @@
 """Simulated wheels of a vehicle that turns: speeds of left and right wheels, and what the sensor reads."""
 
 import math
+from itertools import islice
 
 import numpy as np
 import pytest
 
 from gateway.core.errors import ConfigError
+from gateway.simulator.motion import MotionProfile
 from gateway.simulator.path import speed_beside, yaw_over_time
+from gateway.simulator.receiver import EARTH_RADIUS_M, SimulatedReceiver
 from gateway.simulator.scenario import parse_scenario
 from gateway.simulator.sensor import SensorChain
 from gateway.simulator.simulated_wheel import WheelSimulator
@@ -93,3 +96,17 @@ def test_grade_and_bank_turn_gravity() -> None:
 def test_paths_that_nobody_can_follow_are_refused(motion: str) -> None:
     with pytest.raises(ConfigError, match=r"motion\.(yaw_rate|curvature)"):
         plans(motion)
+
+
+def test_receiver_follows_the_path() -> None:
+    # A quarter circle of 100 m to the left, at 10 m/s.
+    yaw = Series(((0.0, 0.1), (5.0 * math.pi, 0.1), (5.0 * math.pi + 1e-6, 0.0)))
+    mounted = SimulatedReceiver(MotionProfile(constant(36.0)), 2.0, np.random.default_rng(1), yaw)
+    lines = [sentences.data.decode().split(",") for sentences in islice(mounted.sentences(10**18), 0, 33)]
+    north, east = (
+        [math.radians(int(line[at][: 2 + at // 5]) + float(line[at][2 + at // 5 :]) / 60.0) for line in lines]
+        for at in (3, 5)
+    )
+    moved = np.array([north[-1] - north[0], (east[-1] - east[0]) * math.cos(north[0])]) * EARTH_RADIUS_M
+    assert moved == pytest.approx([100.0, -100.0 - 10.0 * (16.0 - 5.0 * math.pi)], abs=8.0)
+    assert (float(lines[0][8]), float(lines[-1][8])) == pytest.approx((0.0, 270.0), abs=0.3)
