@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
-from array import array
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import reduce
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gateway.api.column_table import (
     ColumnTable,
@@ -27,7 +26,8 @@ from gateway.api.estimate_comparison import Comparison
 from gateway.compare.mean_comparison import Radius, compared_means
 from gateway.core.estimates.covariance import CAUSES, covariance, relative_errors, scatter_correlation
 from gateway.core.estimates.estimator import Status
-from gateway.core.estimates.results import AlarmRecord, RevolutionResult
+from gateway.core.estimates.result_block import ResultBlock
+from gateway.core.estimates.results import AlarmRecord
 from gateway.core.estimates.weighted_mean import MeanEstimate, WeightedMean, coverage_factor, mean_estimate
 from gateway.core.nearest_name import did_you_mean
 from gateway.core.quantity import Basis
@@ -271,66 +271,52 @@ class Estimates(ColumnTable):
 
 
 class EstimateRows:
-    """Collects estimates result by result, in little memory."""
+    """Collects estimates block by block, in little memory."""
 
     def __init__(self, *, has_host_time: bool) -> None:
         """Start empty."""
         self._has_host_time = has_host_time
         self._codes: dict[str, int] = {}
-        self._texts = {name: array("q") for name in ("wheel", "name", "status", "reasons")}
-        self._revolution, self._host_ns = array("q"), array("q")
-        names = (
-            "device_start_s",
-            "device_end_s",
-            "value",
-            "std",
-            "constant_std",
-            "scatter_std",
-            "radius_m",
-            "shared_std",
-        )
-        self._numbers = {name: array("d") for name in names}
+        self._columns: dict[str, list[NDArray[Any]]] = {}
 
-    def add(self, result: RevolutionResult) -> None:
-        """Add the estimates of a revolution."""
-        revolution, count = result.revolution, len(result.estimates)
-        self._texts["wheel"].extend([self._code(result.position)] * count)
-        self._revolution.extend([revolution.index] * count)
-        self._host_ns.extend([result.host_ns if self._has_host_time else 0] * count)
-        self._numbers["device_start_s"].extend([revolution.start_s] * count)
-        self._numbers["device_end_s"].extend([revolution.start_s + revolution.period_s] * count)
-        self._numbers["radius_m"].extend([result.conditions.radius_m] * count)
-        self._numbers["shared_std"].extend(relative_errors(result.conditions) * count)
-        for estimate in result.estimates:
-            self._texts["name"].append(self._code(estimate.name))
-            self._texts["status"].append(self._code(str(estimate.status)))
-            self._texts["reasons"].append(self._code(joined(estimate.reasons)))
-            self._numbers["value"].append(_finite_or_nan(estimate.value))
-            self._numbers["std"].append(_finite_or_nan(estimate.std))
-            self._numbers["constant_std"].append(_finite_or_nan(estimate.constant_std))
-            self._numbers["scatter_std"].append(estimate.scatter_std if math.isfinite(estimate.std) else math.nan)
+    def add(self, block: ResultBlock) -> None:
+        """Add the estimates of consecutive revolutions."""
+        rows, count = len(block), len(block.names)
+        of_revolution = {
+            "revolution": np.array([revolution.index for revolution in block.revolutions]),
+            "host_utc": utc_array([result.host_ns if self._has_host_time else 0 for result in block.results]),
+            "device_start_s": np.array([revolution.start_s for revolution in block.revolutions]),
+            "device_end_s": np.array([revolution.start_s + revolution.period_s for revolution in block.revolutions]),
+            "radius_m": np.array([conditions.radius_m for conditions in block.conditions]),
+            "shared_std": np.array([relative_errors(conditions) for conditions in block.conditions]),
+        }
+        columns = {name: np.repeat(cells, count, axis=0) for name, cells in of_revolution.items()} | {
+            "wheel": self._coded([block.position] * (rows * count)),
+            "name": self._coded(list(block.names) * rows),
+            "status": self._coded(map(str, block.status)),
+            "reasons": self._coded(map(joined, block.reasons)),
+            "value": block.value.ravel(),
+            "std": block.std.ravel(),
+            "constant_std": block.constant_std.ravel(),
+            "scatter_std": block.scatter_std.ravel(),
+        }
+        for name, cells in columns.items():
+            self._columns.setdefault(name, []).append(cells)
 
     def table(self, recording: str) -> Estimates:
         """Return the table."""
         words = text_array(list(self._codes))
         units = text_array(list(map(unit_of, self._codes)))
-        columns: dict[str, Any] = {name: words[np.array(codes, np.int64)] for name, codes in self._texts.items()}
-        columns |= {name: np.array(values, np.float64) for name, values in self._numbers.items()}
-        columns["shared_std"] = columns["shared_std"].reshape(-1, len(CAUSES))
-        return Estimates(
-            recording=recording,
-            revolution=np.array(self._revolution, np.int64),
-            host_utc=utc_array(np.array(self._host_ns, np.int64)),
-            unit=units[np.array(self._texts["name"], np.int64)],
-            **columns,
-        )
+        columns = {name: np.concatenate(blocks) for name, blocks in self._columns.items()}
+        if not columns:
+            empty = Estimates.of_rows([], recording=recording)
+            return replace(empty, shared_std=np.empty((0, len(CAUSES))))
+        texts = {name: words[columns[name]] for name in ("wheel", "name", "status", "reasons")}
+        return Estimates(recording=recording, unit=units[columns["name"]], **(columns | texts))
 
-    def _code(self, word: str) -> int:
-        return self._codes.setdefault(word, len(self._codes))
-
-
-def _finite_or_nan(value: float) -> float:
-    return value if math.isfinite(value) else math.nan
+    def _coded(self, words: Iterable[str]) -> NDArray[np.int64]:
+        codes = self._codes
+        return np.array([codes.setdefault(word, len(codes)) for word in words], np.int64)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

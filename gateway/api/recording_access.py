@@ -455,9 +455,9 @@ class Recording(Mapping[str, "Wheel"]):
         rows = EstimateRows(has_host_time=self._has_host_time)
         heard: dict[str, None] = {}
         estimation = RecordingPass(recording, estimators, signals=recording.signals())
-        for result in estimation:
-            heard.setdefault(result.position)
-            rows.add(result)
+        for block in estimation.blocks():
+            heard.setdefault(block.position)
+            rows.add(block)
         return _Estimated(
             estimates=rows.table(self.name),
             alarms=Alarms.of(estimation.alarms(), recording=self.name),

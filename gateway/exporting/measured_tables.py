@@ -1,16 +1,17 @@
 """Contents of an export: columns, and rows that are read from the recording block by block."""
 
 import itertools
-import json
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from firmware_protocol.messages import Axis
 from gateway.core.constants import AXIS_NAMES
+from gateway.core.estimates.result_block import blocks_of
 from gateway.core.estimates.results import RevolutionResult
 from gateway.core.quantity_catalogue import CATALOGUE, quantity_of
 from gateway.core.recording.revolution_fields import estimate_descriptions
@@ -26,7 +27,8 @@ from gateway.core.table_columns import (
     Column,
     estimate_columns,
 )
-from gateway.core.text.result_table import row_of
+from gateway.core.text.numbers import distinct_name
+from gateway.core.text.result_columns import TAKEN, Cells, as_objects, estimate_cells, result_columns, unknown
 from gateway.core.types import FloatArray
 from gateway.core.wheels.mean_revolution import MeanOfRevolutions
 from gateway.exporting.export_registry import CONTENTS, SAMPLES
@@ -94,7 +96,7 @@ def measured(what: str, source: Source) -> Measured:
     first = list(itertools.islice(results, _LOOKED_AT))
     columns = _estimate_columns(first, source.estimators)
     results = itertools.chain(first, results)
-    return Measured(what, columns, _blocks(results, columns, _as_row(columns, source)))
+    return Measured(what, columns, _estimate_rows(results, columns, source))
 
 
 # --- samples
@@ -127,18 +129,22 @@ def _sample_rows(source: Source) -> Iterator[tuple[str, Block]]:
 Rows = dict[str, Any]
 
 
+def _gathered(results: Iterable[RevolutionResult]) -> Iterator[tuple[str, list[RevolutionResult]]]:
+    """Yield wheel and several of its results at once."""
+    held: dict[str, list[RevolutionResult]] = {}
+    for result in results:
+        of_wheel = held.setdefault(result.position, [])
+        of_wheel.append(result)
+        if len(of_wheel) >= _BLOCK_REVOLUTIONS:
+            yield result.position, held.pop(result.position)
+    yield from held.items()
+
+
 def _blocks(
     results: Iterable[RevolutionResult], columns: Sequence[Column], rows_of: Callable[[RevolutionResult], Rows]
 ) -> Iterator[tuple[str, Block]]:
     """Yield the rows of results, several revolutions of a wheel at once."""
-    held: dict[str, list[Rows]] = {}
-    for result in results:
-        rows = held.setdefault(result.position, [])
-        rows.append(rows_of(result))
-        if len(rows) >= _BLOCK_REVOLUTIONS:
-            yield result.position, _joined(columns, held.pop(result.position))
-    for wheel, rows in held.items():
-        yield wheel, _joined(columns, rows)
+    return ((wheel, _joined(columns, list(map(rows_of, of_wheel)))) for wheel, of_wheel in _gathered(results))
 
 
 def _joined(columns: Sequence[Column], rows: Sequence[Rows]) -> Block:
@@ -262,7 +268,7 @@ _LEFT_OUT: Final = frozenset({"position", "host_utc"})
 def _estimate_columns(first: Iterable[RevolutionResult], estimators: Sequence[str]) -> tuple[Column, ...]:
     names = dict.fromkeys(estimate_descriptions(name for name in CATALOGUE if name in estimators))
     for result in first:
-        names |= dict.fromkeys(_plain(name) for name in row_of(result)[1])
+        names |= dict.fromkeys(_plain(distinct_name(estimate.name, TAKEN)) for estimate in result.estimates)
     descriptions = estimate_descriptions()
     return (
         REVOLUTION_COLUMNS["time_s"],
@@ -283,20 +289,30 @@ def _plain(name: str) -> str:
     return name.replace("/", "_over_")
 
 
-def _as_row(columns: Sequence[Column], source: Source) -> Callable[[RevolutionResult], Rows]:
-    column_names = {column.name for column in columns}
-    empty: Rows = {column.name: {float: math.nan, int: 0, bool: False, str: ""}[column.kind] for column in columns}
+def _estimate_rows(
+    results: Iterable[RevolutionResult], columns: Sequence[Column], source: Source
+) -> Iterator[tuple[str, Block]]:
+    names = {column.name for column in columns}
+    for wheel, of_wheel in _gathered(results):
+        for block in blocks_of(of_wheel):
+            fixed, named = result_columns(block, source.recording)
+            plain = {_plain(name): parts for name, parts in named.items()}
+            cells = fixed | estimate_cells(plain)
+            cells["time_s"] = np.array([(result.host_ns - source.start_ns) * 1e-9 for result in block.results])
+            cells["period_s"] = np.array([revolution.period_s for revolution in block.revolutions])
+            cells["omega_radps"] = np.array([revolution.omega_radps for revolution in block.revolutions])
+            cells[OTHER.name] = as_objects(
+                {name: parts for name, parts in plain.items() if name not in names}, len(block)
+            )
+            missing = {column.name: unknown(column, len(block)) for column in columns if column.name not in cells}
+            yield wheel, {column.name: _known(cells | missing, column) for column in columns}
 
-    def row(result: RevolutionResult) -> Rows:
-        fixed, named = row_of(result, source.recording)
-        cells: Rows = dict(fixed)
-        for name, parts in named.items():
-            cells |= {_plain(name) + part: cell for part, cell in parts.items()}
-        late = {name: cell for name, cell in cells.items() if name not in column_names and name not in _LEFT_OUT}
-        cells["time_s"] = (result.host_ns - source.start_ns) * 1e-9
-        cells["period_s"] = result.revolution.period_s
-        cells["omega_radps"] = result.revolution.omega_radps
-        cells[OTHER.name] = json.dumps(late, ensure_ascii=False, allow_nan=False) if late else ""
-        return {name: default if cells.get(name) is None else cells[name] for name, default in empty.items()}
 
-    return row
+def _known(cells: Mapping[str, Cells], column: Column) -> NDArray[Any]:
+    """Return cells of the type of a column: 0 for an unknown time, empty for an unknown text."""
+    values = cells[column.name]
+    if values.dtype.kind == "M":
+        values = np.where(np.isnat(values), 0, values.view(np.int64))
+    if column.kind is str:
+        values = np.array(["" if text is None else text for text in values.tolist()], np.object_)
+    return values.astype(DTYPES[column.kind], copy=False)

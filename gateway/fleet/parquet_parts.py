@@ -10,6 +10,7 @@ from gateway import __version__
 from gateway.core.optional_packages import require_packages
 from gateway.core.table_columns import CONVENTIONS, Column
 from gateway.core.text.output_file import OutputFile, WholeOutput
+from gateway.core.text.result_columns import Cells, values_of
 from gateway.core.text.table_sinks import Cell, arrow_schema
 
 _ROW_GROUP: Final = 16_384
@@ -78,8 +79,21 @@ class PartFile(WholeOutput):
         """
         for name, column in self._cells.items():
             column.append(cells.get(name))
-        self.rows += 1
-        if self.rows % _ROW_GROUP == 0:
+        self._count(1)
+
+    def block(self, columns: Mapping[str, Cells], count: int) -> None:
+        """Add rows by column, otherwise as `row`.
+
+        Raises:
+            OutputError: the disk refuses.
+        """
+        for name, column in self._cells.items():
+            column.extend(values_of(columns[name]) if name in columns else [None] * count)
+        self._count(count)
+
+    def _count(self, count: int) -> None:
+        self.rows += count
+        if len(next(iter(self._cells.values()))) >= _ROW_GROUP:
             self._flush()
 
     def close(self) -> None:

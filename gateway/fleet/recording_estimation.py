@@ -1,10 +1,10 @@
 """Estimation of one recording of a campaign by a worker process: from the file to the rows of the dataset."""
 
-import json
 import sys
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
@@ -12,6 +12,7 @@ from gateway import __version__
 from gateway.core.config.vehicle import VehicleConfig
 from gateway.core.errors import ConfigError, OutputError, RecordingError, TreadlinkError
 from gateway.core.estimates.registry import make_estimator
+from gateway.core.estimates.result_block import ResultBlock, blocks_of
 from gateway.core.estimates.results import RevolutionResult
 from gateway.core.estimates.wheel_setup import CorrectionTable
 from gateway.core.feature import Registry
@@ -34,7 +35,8 @@ from gateway.core.table_columns import (
     revolution_columns,
 )
 from gateway.core.text.numbers import distinct_name
-from gateway.core.text.result_table import alarm_fields, row_of
+from gateway.core.text.result_columns import as_objects, estimate_cells, result_columns, texts
+from gateway.core.text.result_table import alarm_fields
 from gateway.core.text.table_sinks import Cell
 from gateway.core.text.text import storable
 from gateway.core.text.wheel_rows import WheelRow, json_cell
@@ -222,23 +224,26 @@ class _Collector:
         self._order = order
         self._held: dict[str, RevolutionResult] = {}
 
-    def result(self, result: RevolutionResult) -> None:
-        row = self.wheels.get(result.position)
+    def block(self, block: ResultBlock) -> None:
+        row = self.wheels.get(block.position)
         if row is None:
-            row = self.wheels[result.position] = WheelRow()
-        row.add(result)
+            row = self.wheels[block.position] = WheelRow()
+        for result in block.results:
+            row.add(result)
         kept_rows = self._order.settings.rows
         if kept_rows is RowsKept.ALL:
-            self._write(result)
+            self._write(block)
         elif kept_rows is RowsKept.SECOND:
-            held = self._held.get(result.position)
-            if held is not None and held.host_ns // _NS != result.host_ns // _NS:
-                self._write(held)
-            self._held[result.position] = result
+            held = self._held.get(block.position)
+            results = [held, *block.results] if held is not None else block.results
+            last = [before for before, after in pairwise(results) if before.host_ns // _NS != after.host_ns // _NS]
+            for kept in blocks_of(last):
+                self._write(kept)
+            self._held[block.position] = results[-1]
 
     def finish(self) -> None:
-        for held in self._held.values():
-            self._write(held)
+        for kept in blocks_of(self._held.values()):
+            self._write(kept)
         self._held.clear()
         if self.revolutions is not None:
             self.revolutions.close()
@@ -247,22 +252,23 @@ class _Collector:
         if self.revolutions is not None:
             self.revolutions.discard()
 
-    def _write(self, result: RevolutionResult) -> None:
+    def _write(self, block: ResultBlock) -> None:
         order = self._order
         names = order.settings.columns
         if self.revolutions is None:
             path = order.folder / f"{order.token}.{REVOLUTIONS}.parquet"
             self.revolutions = PartFile(path, revolution_columns(names), REVOLUTIONS, many_rows=True)
-        fixed, named = row_of(result, order.content.path.name)
-        cells: dict[str, Cell] = {**fixed, "recording_id": order.content.recording_id}
-        cells["host_utc"] = cells["host_ns"]
-        late: dict[str, Cell] = {}
-        for name, parts in named.items():
-            target = cells if name in names else late
-            target.update({name + part: cell for part, cell in parts.items()})
-        if late:
-            cells["other_estimates"] = json.dumps(late, ensure_ascii=False, allow_nan=False)
-        self.revolutions.row(cells)
+        fixed, named = result_columns(block, order.content.path.name)
+        late = {name: parts for name, parts in named.items() if name not in names}
+        self.revolutions.block(
+            {
+                **fixed,
+                **estimate_cells({name: parts for name, parts in named.items() if name in names}),
+                "recording_id": texts([order.content.recording_id] * len(block)),
+                "other_estimates": as_objects(late, len(block)),
+            },
+            len(block),
+        )
 
 
 def _estimate(order: EstimationOrder, on_bytes: Callable[[int], None]) -> Estimated:
@@ -277,8 +283,8 @@ def _estimate(order: EstimationOrder, on_bytes: Callable[[int], None]) -> Estima
     collected = _Collector(order)
     estimation = RecordingPass(recording, settings.estimators)
     try:
-        for result in estimation:
-            collected.result(result)
+        for block in estimation.blocks():
+            collected.block(block)
         collected.finish()
     except BaseException:
         collected.discard()

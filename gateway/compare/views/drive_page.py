@@ -20,7 +20,7 @@ from gateway.core.text.numbers import MISSING, STATUS_MARKS, fixed, round_to_err
 from gateway.core.text.output_file import check_target, write_whole
 from gateway.core.text.page_parts import page_part, plot_licence, script_policy
 from gateway.core.text.readout import DISTANCE
-from gateway.core.text.result_table import iso_utc
+from gateway.core.text.result_columns import iso_utc
 from gateway.core.text.table_sinks import Cell
 from gateway.core.text.text import clean, counted, json_text
 from gateway.core.text.wheel_glance import GLANCE, number

@@ -67,12 +67,13 @@ def estimate_recording(
     collectors = [output.begin(reader, vehicle) for output in outputs]
     summary, name = ResultSummary(), path.name
     estimation = RecordingPass(recording, estimators or DEFAULT_ESTIMATORS, signals=recording.signals())
-    for result in estimation:
-        summary.add(result)
-        for collector in collectors:
-            collector.add(result)
+    for block in estimation.blocks():
+        for result in block.results:
+            summary.add(result)
+            for collector in collectors:
+                collector.add(result)
         for table in tables:
-            table.write(result, name)
+            table.write(block, name)
     on_position(reader.info.size_bytes)
     assumed = "" if vehicle is not None else f"  (no configuration: belt radius {ASSUMED_RADIUS_MM:g} mm assumed)"
     lines = [f"{path}{assumed}"]

@@ -12,6 +12,7 @@ from firmware_protocol.block_decoder import FrameBatch
 from firmware_protocol.counters import LinkCounters
 from gateway.core.config.vehicle import UNKNOWN_WHEEL, VehicleConfig, choose_vehicle
 from gateway.core.estimates.registry import DEFAULT_ESTIMATORS
+from gateway.core.estimates.result_block import ResultBlock, blocks_of
 from gateway.core.estimates.results import AlarmRecord, RevolutionResult, WheelSnapshot
 from gateway.core.estimates.wheel_setup import CorrectionTable
 from gateway.core.links.source import Chunk, LinkEvent, VehicleData
@@ -185,6 +186,10 @@ class RecordingPass:
         self._on_block = on_block
 
     def __iter__(self) -> Iterator[RevolutionResult]:
+        return (result for block in self.blocks() for result in block.results)
+
+    def blocks(self) -> Iterator[ResultBlock]:
+        """Yield the results in blocks of a wheel; likewise once."""
         for link, batch, arrivals_ns in self._recording.blocks(self._links, self._take_other):
             if self._on_block is not None:
                 self._on_block(link, batch, arrivals_ns)
@@ -235,11 +240,15 @@ class RecordingPass:
         counts = {name: FrameCounts(counted.frames, counted.refused) for name, counted in self.links.items()}
         return (*missing_frames(counts), *missing_revolutions(self.wheels, counts))
 
-    def _completed(self, results: list[RevolutionResult]) -> Iterator[RevolutionResult]:
-        for result, is_changed in self._pairs.compared(results):
-            if is_changed and self._alarms is not None:
-                self._alarms.compared(result.host_ns)
-            yield self._alarms.result(result) if self._alarms is not None else result
+    def _completed(self, results: list[RevolutionResult]) -> Iterator[ResultBlock]:
+        return blocks_of(self._watched(result, is_changed) for result, is_changed in self._pairs.compared(results))
+
+    def _watched(self, result: RevolutionResult, is_changed: bool) -> RevolutionResult:
+        if self._alarms is None:
+            return result
+        if is_changed:
+            self._alarms.compared(result.host_ns)
+        return self._alarms.result(result)
 
     def _take_other(self, item: VehicleData | LinkEvent) -> None:
         self.clock.take(item)

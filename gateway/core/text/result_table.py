@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from abc import abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
@@ -12,8 +11,8 @@ from typing import IO, Final
 
 import numpy as np
 
-from gateway.core.estimates.estimator import Estimate
-from gateway.core.estimates.results import AlarmRecord, RevolutionResult
+from gateway.core.estimates.result_block import ResultBlock
+from gateway.core.estimates.results import AlarmRecord
 from gateway.core.quantity_catalogue import quantity_of
 from gateway.core.reasons import Reason
 from gateway.core.table_columns import (
@@ -26,13 +25,20 @@ from gateway.core.table_columns import (
     conventions,
     estimate_columns,
 )
-from gateway.core.text.numbers import RENAMED, distinct_name, finite_or_none
+from gateway.core.text.numbers import RENAMED
 from gateway.core.text.output_file import OutputFile, WholeOutput
-from gateway.core.text.table_sinks import Cell, CsvSink, MetadataSink, ParquetSink, RowSink, require_pyarrow
+from gateway.core.text.result_columns import (
+    ResultColumns,
+    as_objects,
+    estimate_cells,
+    in_text,
+    result_columns,
+    rows_of,
+    unknown,
+)
+from gateway.core.text.table_sinks import ColumnSink, CsvSink, MetadataSink, ParquetSink, require_pyarrow
 from gateway.core.text.text import json_text
-from gateway.core.text.wording import as_json, joined
-
-_TAKEN: Final = frozenset((*RESULT_HEAD, *RESULT_TAIL))
+from gateway.core.text.wording import as_json
 
 COLUMNS_FIXED_AFTER_ROWS: Final = 256
 
@@ -71,60 +77,12 @@ def open_table(
     output = OutputFile(path, force=force)
     if table_format is TableFormat.JSON:
         return _JsonLines(output, coverage_factor)
-    makers: dict[TableFormat, Callable[[IO[bytes]], RowSink]] = {
+    makers: dict[TableFormat, Callable[[IO[bytes]], ColumnSink]] = {
         TableFormat.CSV: CsvSink,
         TableFormat.PARQUET: ParquetSink,
         TableFormat.METADATA: MetadataSink,
     }
     return _Columns(output, coverage_factor, makers[table_format](output.file))
-
-
-def row_of(result: RevolutionResult, recording: str = "") -> tuple[dict[str, Cell], dict[str, dict[str, Cell]]]:
-    """Return (fixed cells, cells of each estimate by name and part); None for unknown values."""
-    revolution, conditions = result.revolution, result.conditions
-    fixed: dict[str, Cell] = {
-        "recording": recording,
-        "position": result.position,
-        "revolution": revolution.index,
-        "device_start_s": revolution.start_s,
-        "device_end_s": revolution.start_s + revolution.period_s,
-        "host_utc": iso_utc(result.host_ns) if result.host_ns else None,
-        "host_ns": result.host_ns or None,
-        "acceleration_mps2": finite_or_none(revolution.omega_dot_radps2 * conditions.radius_m),
-        "radius_m": conditions.radius_m,
-        "radius_std_m": conditions.radius_std_m,
-        "mounting_offset_m": conditions.sensor_offset_m,
-        "mounting_offset_std_m": conditions.sensor_offset_std_m,
-        "load_n": conditions.load_n,
-        "load_std_n": None if conditions.load_n is None else conditions.load_std_n,
-        "pressure_pa": conditions.pressure_pa,
-        "pressure_std_pa": None if conditions.pressure_pa is None else conditions.pressure_std_pa,
-        "relative_rate_std": conditions.claims.rate_std,
-        "relative_gain_std": conditions.gain_std,
-        "temperature_degc": conditions.temperature_degc,
-        "missing_fraction": revolution.missing_fraction,
-        "saturated": bool(revolution.saturated),
-        "ac_coupled": bool(revolution.ac_coupled),
-        "faults": joined(revolution.faults),
-        "silent_before_s": result.silent_before_s,
-        "alarms": joined(alarm.reason for alarm in result.alarms),
-    }
-    named = {distinct_name(estimate.name, _TAKEN): _parts(estimate) for estimate in result.estimates}
-    return fixed, named
-
-
-def _parts(estimate: Estimate) -> dict[str, Cell]:
-    """Return the cells of ESTIMATE_PARTS, in their order."""
-    _, value, std, status, reasons, scatter = estimate
-    is_known = std - std == 0.0
-    return {
-        "": float(value) if value - value == 0.0 else None,
-        "_std": float(std) if is_known else None,
-        "_constant_std": estimate.constant_std if is_known else None,
-        "_scatter_std": float(scatter) if is_known else None,
-        "_status": status.value,
-        "_reason": joined(reasons) if reasons else "",
-    }
 
 
 def alarm_fields(alarm: AlarmRecord) -> dict[str, object]:
@@ -140,11 +98,6 @@ def alarm_fields(alarm: AlarmRecord) -> dict[str, object]:
     }
 
 
-def iso_utc(host_ns: int) -> str:
-    """Return ns since the epoch as `2026-01-31T12:00:00.123456Z`."""
-    return f"{np.datetime_as_string(np.datetime64(host_ns, 'ns'), unit='us')}Z"
-
-
 class ResultTable(WholeOutput):
     """File of rows, of which none is kept; with expanded uncertainties where there is a coverage factor.
 
@@ -156,8 +109,8 @@ class ResultTable(WholeOutput):
         self._coverage_factor = coverage_factor
 
     @abstractmethod
-    def write(self, result: RevolutionResult, recording: str = "") -> None:
-        """Add one row; `recording` distinguishes rows of several recordings in one table."""
+    def write(self, block: ResultBlock, recording: str = "") -> None:
+        """Add rows; `recording` distinguishes those of several recordings in one table."""
 
     def write_missing(self, position: str, reason: Reason, recording: str = "") -> None:
         """Note that a wheel completed no revolution; only JSON lines have a place for it."""
@@ -171,31 +124,29 @@ class ResultTable(WholeOutput):
         """Leave no file."""
         self._output.discard()
 
-    def _row(self, result: RevolutionResult, recording: str) -> tuple[dict[str, Cell], dict[str, dict[str, Cell]]]:
-        fixed, named = row_of(result, recording)
+    def _columns(self, block: ResultBlock, recording: str) -> ResultColumns:
+        fixed, named = columns = result_columns(block, recording)
         factor = self._coverage_factor
         if factor is not None:
-            fixed[COVERAGE.name] = factor
+            fixed[COVERAGE.name] = np.full(len(block), factor)
             for parts in named.values():
-                std = parts["_std"]
-                parts[EXPANDED.name] = factor * std if isinstance(std, float) else None
-        return fixed, named
+                parts[EXPANDED.name] = factor * parts["_std"]
+        return columns
 
 
 class _JsonLines(ResultTable):
     """One JSON object a line: keys as the columns of the other formats, and reasons as lists; unknown is null."""
 
-    def write(self, result: RevolutionResult, recording: str = "") -> None:
-        fixed, named = self._row(result, recording)
-        row: dict[str, object] = {key: fixed[key] for key in RESULT_HEAD}
-        for name, parts in named.items():
-            row |= {name + part: cell for part, cell in parts.items()}
-        row |= {key: cell for key, cell in fixed.items() if key not in RESULT_HEAD}
-        row["fault_reasons"] = [as_json(fault) for fault in result.revolution.faults]
-        row["alarm_reasons"] = [{"name": str(alarm.name), **as_json(alarm.reason)} for alarm in result.alarms]
-        for estimate in result.estimates:
-            row[f"{distinct_name(estimate.name, _TAKEN)}_reasons"] = [as_json(reason) for reason in estimate.reasons]
-        self._put(row)
+    def write(self, block: ResultBlock, recording: str = "") -> None:
+        fixed, named = self._columns(block, recording)
+        columns = {key: fixed[key] for key in RESULT_HEAD} | estimate_cells(named)
+        columns |= {key: cells for key, cells in fixed.items() if key not in RESULT_HEAD}
+        for row, result in zip(rows_of(in_text(columns)), block.results, strict=True):
+            row["fault_reasons"] = [as_json(fault) for fault in result.revolution.faults]
+            row["alarm_reasons"] = [{"name": str(alarm.name), **as_json(alarm.reason)} for alarm in result.alarms]
+            for name, estimate in zip(named, result.estimates, strict=True):
+                row[f"{name}_reasons"] = [as_json(reason) for reason in estimate.reasons]
+            self._put(row)
 
     def write_missing(self, position: str, reason: Reason, recording: str = "") -> None:
         row: dict[str, object] = dict.fromkeys((*RESULT_HEAD, *RESULT_TAIL))
@@ -214,24 +165,29 @@ class _JsonLines(ResultTable):
 
 
 class _Columns(ResultTable):
-    """Buffers the first rows to learn the names of the estimates, then streams under fixed columns."""
+    """Holds the first rows to learn the names of the estimates, then streams under fixed columns."""
 
-    def __init__(self, output: OutputFile, coverage_factor: float | None, sink: RowSink) -> None:
+    def __init__(self, output: OutputFile, coverage_factor: float | None, sink: ColumnSink) -> None:
         super().__init__(output, coverage_factor)
         self._sink = sink
         self._names: dict[str, None] = {}
-        self._held: list[tuple[dict[str, Cell], dict[str, dict[str, Cell]]]] | None = []
+        self._held: list[ResultColumns] | None = []
+        self._held_rows = 0
+        is_expanded = coverage_factor is not None
+        self._parts = (*ESTIMATE_PARTS.values(), EXPANDED) if is_expanded else tuple(ESTIMATE_PARTS.values())
+        self._tail = (*RESULT_TAIL.values(), COVERAGE) if is_expanded else tuple(RESULT_TAIL.values())
         self._closed = False
 
-    def write(self, result: RevolutionResult, recording: str = "") -> None:
-        fixed, named = self._row(result, recording)
+    def write(self, block: ResultBlock, recording: str = "") -> None:
+        columns = self._columns(block, recording)
         with self._output.explained():
             if self._held is None:
-                self._put(fixed, named)
+                self._put(columns)
                 return
-            self._names.update(dict.fromkeys(named))
-            self._held.append((fixed, named))
-            if len(self._held) >= COLUMNS_FIXED_AFTER_ROWS:
+            self._names.update(dict.fromkeys(columns.named))
+            self._held.append(columns)
+            self._held_rows += len(block)
+            if self._held_rows >= COLUMNS_FIXED_AFTER_ROWS:
                 self._release()
 
     def close(self) -> None:
@@ -256,24 +212,22 @@ class _Columns(ResultTable):
         held, self._held = self._held, None
         if held is None:
             return
-        is_expanded = self._coverage_factor is not None
-        of_each = (*ESTIMATE_PARTS.values(), EXPANDED) if is_expanded else ESTIMATE_PARTS.values()
-        self._no_parts: dict[str, Cell] = dict.fromkeys(part.name for part in of_each)
-        self._tail = (*RESULT_TAIL, COVERAGE.name) if is_expanded else tuple(RESULT_TAIL)
-        parts = (
+        of_estimates = (
             column
             for name in self._names
-            for column in estimate_columns(name, quantity_of(name.removeprefix(RENAMED)).description, of_each)
+            for column in estimate_columns(name, quantity_of(name.removeprefix(RENAMED)).description, self._parts)
         )
-        tail = (*RESULT_TAIL.values(), COVERAGE) if is_expanded else RESULT_TAIL.values()
-        self._sink.begin([*RESULT_HEAD.values(), *parts, *tail, OTHER], conventions(self._names))
-        for fixed, named in held:
-            self._put(fixed, named)
+        self._sink.begin([*RESULT_HEAD.values(), *of_estimates, *self._tail, OTHER], conventions(self._names))
+        for columns in held:
+            self._put(columns)
 
-    def _put(self, fixed: dict[str, Cell], named: dict[str, dict[str, Cell]]) -> None:
-        late = {name + part: cell for name in named if name not in self._names for part, cell in named[name].items()}
-        other = json.dumps(late, ensure_ascii=False, allow_nan=False) if late else None
-        cells = [fixed[key] for key in RESULT_HEAD]
-        for name in self._names:
-            cells += named.get(name, self._no_parts).values()
-        self._sink.row([*cells, *[fixed[key] for key in self._tail], other])
+    def _put(self, columns: ResultColumns) -> None:
+        fixed, named = columns
+        count = len(fixed["revolution"])
+        cells = {key: fixed[key] for key in RESULT_HEAD}
+        missing = {part.name: unknown(part, count) for part in self._parts}
+        cells |= estimate_cells({name: named.get(name, missing) for name in self._names})
+        cells |= {column.name: fixed[column.name] for column in self._tail}
+        late = {name: parts for name, parts in named.items() if name not in self._names}
+        cells[OTHER.name] = as_objects(late, count)
+        self._sink.rows(cells)

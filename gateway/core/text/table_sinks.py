@@ -9,6 +9,7 @@ import numpy as np
 
 from gateway.core.optional_packages import require_packages
 from gateway.core.table_columns import Column
+from gateway.core.text.result_columns import Cells, in_text, values_of
 from gateway.core.text.text import escaped, json_text
 
 Cell = str | int | float | bool | None
@@ -18,15 +19,15 @@ _ROW_GROUP: Final = 8192
 _FORMULA_STARTS: Final = ("=", "+", "-", "@", "\t", "\r", "\n")
 
 
-class RowSink(Protocol):
-    """A format with columns, which are given once before the rows."""
+class ColumnSink(Protocol):
+    """A format with columns, which are given once before their cells."""
 
     def begin(self, columns: Sequence[Column], metadata: Mapping[str, str] | None = None) -> None:
         """Set the columns, before the first row, and the metadata of the file where the format has a place for it."""
         ...
 
-    def row(self, cells: list[Cell]) -> None:
-        """Add a row; None for unknown values."""
+    def rows(self, cells: Mapping[str, Cells]) -> None:
+        """Add rows, by the names of the columns and in their order."""
         ...
 
     def end(self) -> None:
@@ -52,10 +53,15 @@ class CsvSink:
         """Write the header."""
         self._rows.writerow([harmless(name) for name in names])
 
-    def row(self, cells: list[Cell]) -> None:
-        """Add a row."""
-        # Most cells are numbers.
-        self._rows.writerow([cell if cell is None or type(cell) is float else harmless(cell) for cell in cells])
+    def row(self, cells: Iterable[Cell]) -> None:
+        """Add a row; None for unknown values."""
+        self._rows.writerow(map(harmless, cells))
+
+    def rows(self, cells: Mapping[str, Cells]) -> None:
+        """Add rows."""
+        columns = map(values_of, in_text(cells).values())
+        printed = [values if type(values[0]) is float else map(harmless, values) for values in columns]
+        self._rows.writerows(zip(*printed, strict=True))
 
     def end(self) -> None:
         """Do nothing: every row is in the file."""
@@ -85,7 +91,7 @@ class MetadataSink:
         about = {"@context": "http://www.w3.org/ns/csvw", "tableSchema": {"columns": described}, "notes": notes}
         self._file.write(json_text(about, indent=1).encode() + b"\n")
 
-    def row(self, cells: list[Cell]) -> None:
+    def rows(self, cells: Mapping[str, Cells]) -> None:
         """Do nothing: rows are in the table."""
 
     def end(self) -> None:
@@ -144,14 +150,15 @@ def require_pyarrow() -> None:
 
 
 class ParquetSink:
-    """Columns with unit and description, in row groups; `host_utc` is that of `host_ns`."""
+    """Columns with unit and description, in row groups."""
 
     def __init__(self, file: IO[bytes]) -> None:
         """Take the open file."""
         self._file = file
         self._writer: Any = None
         self._schema: Any = None
-        self._cells: list[list[Cell]] = []
+        self._blocks: list[Sequence[Cells]] = []
+        self._waiting = 0
 
     def begin(self, columns: Sequence[Column], metadata: Mapping[str, str] | None = None) -> None:
         """Write the header."""
@@ -160,10 +167,12 @@ class ParquetSink:
         self._schema = arrow_schema(columns, {f"treadlink.{key}": text for key, text in (metadata or {}).items()})
         self._writer = pq.ParquetWriter(self._file, self._schema)
 
-    def row(self, cells: list[Cell]) -> None:
-        """Add a row."""
-        self._cells.append(cells)
-        if len(self._cells) >= _ROW_GROUP:
+    def rows(self, cells: Mapping[str, Cells]) -> None:
+        """Add rows."""
+        block = list(cells.values())
+        self._blocks.append(block)
+        self._waiting += len(block[0])
+        if self._waiting >= _ROW_GROUP:
             self._flush()
 
     def end(self) -> None:
@@ -174,35 +183,40 @@ class ParquetSink:
     def _flush(self) -> None:
         import pyarrow as pa
 
-        if not self._cells:
+        if not self._blocks:
             return
-        names: list[str] = self._schema.names
-        columns = list(zip(*self._cells, strict=True))
-        columns[names.index("host_utc")] = columns[names.index("host_ns")]
-        self._cells = []
+        columns = [np.concatenate(parts) for parts in zip(*self._blocks, strict=True)]
+        self._blocks, self._waiting = [], 0
         arrays = [_arrow_array(column, field.type) for column, field in zip(columns, self._schema, strict=True)]
         self._writer.write_table(pa.Table.from_arrays(arrays, schema=self._schema))
 
 
-def _arrow_array(cells: Sequence[Cell], arrow_type: Any) -> Any:
-    """Return cells as an Arrow array of text, booleans, or numbers and times of 64 bits; None is null.
+def _arrow_array(cells: Cells, arrow_type: Any) -> Any:
+    """Return cells as an Arrow array of text, booleans, or numbers and times; null where unknown.
 
     Of its buffers, since `pyarrow.array` imports pandas where it is installed, which takes longer than a second of
     samples does.
     """
     import pyarrow as pa
 
-    validity = None
-    if None in cells:
-        validity = pa.py_buffer(np.packbits([cell is not None for cell in cells], bitorder="little"))
+    is_known = np.array([cell is not None for cell in cells.tolist()]) if cells.dtype.kind == "O" else cells == cells
+    validity = None if is_known.all() else pa.py_buffer(np.packbits(is_known, bitorder="little"))
     if pa.types.is_string(arrow_type):
-        texts = [b"" if cell is None else str(cell).encode() for cell in cells]
+        # Most texts are those of other rows too.
+        words = dict.fromkeys(cells.tolist())
+        texts = [b"" if word is None else word.encode() for word in words]
         ends = np.cumsum([0, *map(len, texts)], dtype=np.int32)
-        buffers = [validity, pa.py_buffer(ends), pa.py_buffer(b"".join(texts))]
-        return pa.Array.from_buffers(arrow_type, len(cells), buffers)
-    numbers = [0 if cell is None else cell for cell in cells] if validity is not None else cells
+        of_words = pa.Array.from_buffers(
+            arrow_type, len(texts), [None, pa.py_buffer(ends), pa.py_buffer(b"".join(texts))]
+        )
+        number = {word: index for index, word in enumerate(words)}
+        codes = np.fromiter(map(number.__getitem__, cells.tolist()), np.int32, len(cells))
+        coded = pa.Array.from_buffers(pa.int32(), len(cells), [validity, pa.py_buffer(codes)])
+        return pa.DictionaryArray.from_arrays(coded, of_words).dictionary_decode()
+    if cells.dtype.kind == "M":
+        cells = cells.view(np.int64)
     if pa.types.is_boolean(arrow_type):
-        values = np.packbits(np.array(numbers, np.bool_), bitorder="little")
+        values = np.packbits(cells, bitorder="little")
     else:
-        values = np.array(numbers, np.float64 if pa.types.is_floating(arrow_type) else np.int64)
+        values = np.ascontiguousarray(cells, np.float64 if pa.types.is_floating(arrow_type) else np.int64)
     return pa.Array.from_buffers(arrow_type, len(cells), [validity, pa.py_buffer(values)])

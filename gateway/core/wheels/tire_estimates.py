@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Final
@@ -44,45 +44,6 @@ from gateway.core.wheels.reasons import WheelCode
 _ENVIRONMENT_DEPTH: Final = 64
 # Revolutions worked on together, which bounds the memory.
 _LONGEST_BLOCK: Final = 64
-
-
-class Given(Mapping[str, "Named"]):
-    """Estimates of one revolution so far, by estimator."""
-
-    def __init__(self) -> None:
-        self._named: dict[str, Sequence[Estimate]] = {}
-
-    def add(self, estimator: str, estimates: Sequence[Estimate]) -> None:
-        """Add the estimates of an estimator."""
-        self._named[estimator] = estimates
-
-    def __getitem__(self, estimator: str) -> Named:
-        return Named(self._named[estimator])
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._named)
-
-    def __len__(self) -> int:
-        return len(self._named)
-
-
-class Named(Mapping[str, Estimate]):
-    """Estimates by name; there are few, and few are looked up."""
-
-    def __init__(self, estimates: Sequence[Estimate]) -> None:
-        self._estimates = estimates
-
-    def __getitem__(self, name: str) -> Estimate:
-        for estimate in self._estimates:
-            if estimate.name == name:
-                return estimate
-        raise KeyError(name)
-
-    def __iter__(self) -> Iterator[str]:
-        return (estimate.name for estimate in self._estimates)
-
-    def __len__(self) -> int:
-        return len(self._estimates)
 
 
 def _at_rate(conditions: TireConditions, rate_std: float) -> TireConditions:
@@ -296,7 +257,7 @@ class TireEstimates:
             for end_us, revolution in zip(ends_us, revolutions, strict=True)
         ]
         measured = series.calibration.measure(RevolutionBlock(revolutions, arrays, averages, stated))
-        earlier = [Given() for _ in revolutions]
+        earlier: list[dict[str, dict[str, Estimate]]] = [{} for _ in revolutions]
         evidences = [
             assess(
                 measurement,
@@ -330,7 +291,7 @@ class TireEstimates:
             qualification = series.qualifications[estimator.name]
             finals = qualification.of_block(raw_estimates, revolutions, evidences, doubts, streaks)
             for index, final in enumerate(finals):
-                earlier[index].add(estimator.name, final)
+                earlier[index][estimator.name] = {estimate.name: estimate for estimate in final}
                 estimates[index] += final
         results = []
         for index, revolution in enumerate(revolutions):
@@ -345,7 +306,9 @@ class TireEstimates:
         self.last = results[-1]
         return results
 
-    def _finished(self, estimates: list[Estimate], earlier: Given, end_us: float) -> tuple[Estimate, ...]:
+    def _finished(
+        self, estimates: list[Estimate], earlier: Mapping[str, Mapping[str, Estimate]], end_us: float
+    ) -> tuple[Estimate, ...]:
         """Return the estimates of a revolution with distinct names, and with the doubt of an old pressure.
 
         A name that an earlier estimator has used is prefixed with the estimator's: `ring-paper:Bs`.

@@ -12,12 +12,13 @@ from gateway.core.estimates.disagreement import CONTRADICTION, disagreement_std
 from gateway.core.estimates.estimator import Estimate, Status, TireConditions
 from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.registry import estimator_names
+from gateway.core.estimates.result_block import ResultBlock
 from gateway.core.estimates.sensor_claims import SensorClaims
 from gateway.core.estimates.tire_data import ReferenceNumbers, TireData
 from gateway.core.estimates.wheel_setup import WheelSetup
 from gateway.core.reasons import codes_of
 from gateway.core.ring_quantities import RING_NUMBERS
-from gateway.core.text.result_table import row_of
+from gateway.core.text.result_columns import result_columns, values_of
 from gateway.core.trust.qualification import OwnDrift
 from tests.testkit.simulated_wheel import simulated
 
@@ -44,8 +45,8 @@ def test_parts_add_up_to_the_error(setup: WheelSetup) -> None:
     assert [estimate for estimate in estimates if not parts_hold(estimate)] == []
     scattering = {estimate.name for estimate in estimates if estimate.scatter_std > 0.0}
     assert {"speed_mps", "Bs", "Bs/Cw", "wear_mm", "load_n"} <= scattering
-    for name, cells in row_of(results[-1])[1].items():
-        whole, constant, scatter = (cells[part] for part in ("_std", "_constant_std", "_scatter_std"))
+    for name, cells in result_columns(ResultBlock(results[-1:])).named.items():
+        whole, constant, scatter = (values_of(cells[part])[0] for part in ("_std", "_constant_std", "_scatter_std"))
         assert (whole is None) == (constant is None) == (scatter is None), name
         assert whole is None or math.hypot(constant, scatter) == pytest.approx(whole), name
 

@@ -3,6 +3,7 @@ import gc
 import json
 import sys
 import tracemalloc
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,9 +13,11 @@ import pytest
 from gateway.core.errors import OutputError
 from gateway.core.estimates.estimator import Estimate, Status, TireConditions
 from gateway.core.estimates.reasons import EstimateCode
+from gateway.core.estimates.result_block import blocks_of
 from gateway.core.estimates.results import RevolutionResult
 from gateway.core.reasons import Reason
-from gateway.core.text.result_table import COLUMNS_FIXED_AFTER_ROWS, TableFormat, iso_utc, open_table
+from gateway.core.text.result_columns import iso_utc
+from gateway.core.text.result_table import COLUMNS_FIXED_AFTER_ROWS, ResultTable, TableFormat, open_table
 from gateway.core.text.text import escaped
 from gateway.core.text.wording import joined, text
 from tests.testkit.revolution_data import plain_revolution
@@ -42,6 +45,11 @@ def result(
         faults=FAULTS if index == 0 else (),
     )
     return RevolutionResult(position, START_NS + index, revolution, TireConditions(0.32, **conditions), estimates)
+
+
+def put(table: ResultTable, results: RevolutionResult | Sequence[RevolutionResult], recording: str = "") -> None:
+    for block in blocks_of([results] if isinstance(results, RevolutionResult) else results):
+        table.write(block, recording)
 
 
 def read_back(path: Path, table_format: TableFormat) -> list[dict[str, Any]]:
@@ -73,8 +81,8 @@ FORMATS = pytest.mark.parametrize("table_format", [TableFormat.CSV, TableFormat.
 def test_every_value_comes_back_exactly(tmp_path: Path, table_format: TableFormat) -> None:
     path = tmp_path / "out"
     with open_table(path, table_format) as table:
-        table.write(result(0, load_n=5000.0, load_std_n=50.0, pressure_pa=2.1e5))
-        table.write(result(1, "FR"), "second.mcap")
+        put(table, result(0, load_n=5000.0, load_std_n=50.0, pressure_pa=2.1e5))
+        put(table, result(1, "FR"), "second.mcap")
     first, second = read_back(path, table_format)
     assert (first["recording"], second["recording"]) == ("", "second.mcap")
     assert (first["position"], first["revolution"], first["host_ns"]) == ("FL", 0, START_NS)
@@ -98,7 +106,7 @@ def test_every_value_comes_back_exactly(tmp_path: Path, table_format: TableForma
 def test_json_lines_list_reasons_as_values(tmp_path: Path) -> None:
     path = tmp_path / "out"
     with open_table(path, TableFormat.JSON) as table:
-        table.write(result(0))
+        put(table, result(0))
     (row,) = read_back(path, TableFormat.JSON)
     values = {"revolutions": 3.0, "needed": 8.0}
     assert row["Bs_reasons"] == [{"code": "not_settled", "values": values, "text": text(FEW)}]
@@ -109,7 +117,7 @@ def test_json_lines_list_reasons_as_values(tmp_path: Path) -> None:
 def test_parquet_fields_have_unit_and_description(tmp_path: Path) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
     with open_table(tmp_path / "out", TableFormat.PARQUET) as table:
-        table.write(result())
+        put(table, result())
     metadata = {field.name: field.metadata for field in parquet.read_schema(tmp_path / "out")}
     assert metadata["speed_mps"][b"unit"] == metadata["speed_mps_std"][b"unit"] == b"m/s"
     assert metadata["speed_mps_status"][b"unit"] == b""
@@ -120,7 +128,7 @@ def test_parquet_fields_have_unit_and_description(tmp_path: Path) -> None:
 def test_metadata_beside_a_table_is_that_of_parquet(tmp_path: Path) -> None:
     for kind in (TableFormat.METADATA, TableFormat.CSV):
         with open_table(tmp_path / kind, kind, coverage_factor=1.96) as table:
-            table.write(result())
+            put(table, result())
     about = json.loads((tmp_path / "metadata").read_text(encoding="utf-8"))
     columns = {column["name"]: column for column in about["tableSchema"]["columns"]}
     (row,) = read_back(tmp_path / "csv", TableFormat.CSV)
@@ -131,7 +139,7 @@ def test_metadata_beside_a_table_is_that_of_parquet(tmp_path: Path) -> None:
     assert note["treadlink"]["axes"].startswith("ISO 8855")
     parquet = pytest.importorskip("pyarrow.parquet")
     with open_table(tmp_path / "out", TableFormat.PARQUET) as table:
-        table.write(result())
+        put(table, result())
     schema = parquet.read_schema(tmp_path / "out")
     for field in schema:
         if field.name != "host_utc":
@@ -145,8 +153,8 @@ def test_parquet_has_text_in_utf8_and_null_where_nothing_is_known(tmp_path: Path
     parquet = pytest.importorskip("pyarrow.parquet")
     empty = replace(result(1, "hinten links, 後輪"), host_ns=0)
     with open_table(tmp_path / "out", TableFormat.PARQUET) as table:
-        table.write(result(0))
-        table.write(empty)
+        put(table, result(0))
+        put(table, empty)
     rows = parquet.read_table(tmp_path / "out")
     rows.validate(full=True)
     assert rows.column("position").to_pylist() == ["FL", "hinten links, 後輪"]
@@ -161,7 +169,7 @@ def test_host_time_is_iso_and_parquet_timestamp(tmp_path: Path) -> None:
     assert iso_utc(START_NS) == "2023-11-14T22:13:20.123456Z"
     parquet = pytest.importorskip("pyarrow.parquet")
     with open_table(tmp_path / "out", TableFormat.PARQUET) as table:
-        table.write(result(0))
+        put(table, result(0))
     column = parquet.read_table(tmp_path / "out").column("host_utc")
     assert str(column.type) == "timestamp[ns, tz=UTC]"
     assert column.cast("int64").to_pylist() == [START_NS]
@@ -174,7 +182,7 @@ def test_late_estimates_are_kept(tmp_path: Path, table_format: TableFormat) -> N
     count = COLUMNS_FIXED_AFTER_ROWS + 3
     with open_table(path, table_format) as table:
         for index in range(count):
-            table.write(result(index, estimates=(SPEED,) if index < count - 1 else (late, SPEED)))
+            put(table, result(index, estimates=(SPEED,) if index < count - 1 else (late, SPEED)))
     rows = read_back(path, table_format)
     assert [row["revolution"] for row in rows] == list(range(count))
     assert rows[-1]["speed_mps"] == SPEED.value
@@ -187,8 +195,8 @@ def test_wheels_with_different_estimates_share_columns(tmp_path: Path, table_for
     path = tmp_path / "out"
     ratio = Estimate("Cw_over_Bs", 63.0, 1.0, Status.VALID)
     with open_table(path, table_format) as table:
-        table.write(result(0, estimates=(SPEED, BS)))
-        table.write(result(1, "FR", estimates=(SPEED, ratio)))
+        put(table, result(0, estimates=(SPEED, BS)))
+        put(table, result(1, "FR", estimates=(SPEED, ratio)))
     first, second = read_back(path, table_format)
     assert (first["Bs"], first["Cw_over_Bs"]) == (BS.value, None)
     assert (second["Bs"], second["Cw_over_Bs"]) == (None, 63.0)
@@ -199,7 +207,7 @@ def test_wheels_with_different_estimates_share_columns(tmp_path: Path, table_for
 def test_estimated_load_does_not_replace_the_stated_one(tmp_path: Path, table_format: TableFormat) -> None:
     path = tmp_path / "out"
     with open_table(path, table_format) as table:
-        table.write(result(0, estimates=(Estimate("load_n", 4900.0, 20.0, Status.VALID),), load_n=5000.0))
+        put(table, result(0, estimates=(Estimate("load_n", 4900.0, 20.0, Status.VALID),), load_n=5000.0))
     (row,) = read_back(path, table_format)
     assert (row["load_n"], row["estimated_load_n"], row["estimated_load_n_std"]) == (5000.0, 4900.0, 20.0)
 
@@ -222,7 +230,7 @@ def test_nothing_is_overwritten_without_force(tmp_path: Path, table_format: Tabl
     assert "--force" in caught.value.remedy
     assert path.read_text() == "precious"
     with open_table(path, table_format, force=True) as table:
-        table.write(result(1))
+        put(table, result(1))
     assert len(read_back(path, table_format)) == 1
 
 
@@ -249,7 +257,7 @@ def test_full_disk_is_reported() -> None:
     table = open_table(full, TableFormat.JSON, force=True)
     with pytest.raises(OutputError, match="No space left"):  # noqa: PT012 - buffered: any of the two may raise
         for index in range(100):
-            table.write(result(index))
+            put(table, result(index))
         table.close()
 
 
@@ -266,7 +274,7 @@ def test_disk_that_fills_up_leaves_no_part(tmp_path: Path, table_format: TableFo
             open_table(tmp_path / "out", table_format) as table,
         ):
             for row in rows:
-                table.write(row)
+                put(table, row)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert not list(tmp_path.iterdir())
@@ -277,11 +285,11 @@ def test_memory_does_not_grow_with_rows(tmp_path: Path, table_format: TableForma
     row = result(1)
     with open_table(tmp_path / "out", table_format) as table:
         for _ in range(2 * COLUMNS_FIXED_AFTER_ROWS):
-            table.write(row)
+            put(table, row)
         gc.collect()
         tracemalloc.start(12)
         for _ in range(300):
-            table.write(row)
+            put(table, row)
         snapshot = tracemalloc.take_snapshot()
         tracemalloc.stop()
     # Threads of other tests may still run in this process.
@@ -294,7 +302,7 @@ def test_text_that_a_spreadsheet_would_run_is_quoted(tmp_path: Path, start: str)
     name = f"{start}cmd|' /C calc'!A0"
     path = tmp_path / "out.csv"
     with open_table(path, TableFormat.CSV) as writer:
-        writer.write(result(0, name, (Estimate(name, -1.5, 0.1, Status.VALID),), load_n=-4.0), f"{start}a.mcap")
+        put(writer, result(0, name, (Estimate(name, -1.5, 0.1, Status.VALID),), load_n=-4.0), f"{start}a.mcap")
     (row,) = read_back(path, TableFormat.CSV)
     assert (row["position"], row["recording"]) == (f"'{escaped(name)}", f"'{escaped(start)}a.mcap")
     assert row[f"'{escaped(name)}"] == -1.5
@@ -304,5 +312,5 @@ def test_text_that_a_spreadsheet_would_run_is_quoted(tmp_path: Path, start: str)
 def test_text_of_other_formats_is_unchanged(tmp_path: Path) -> None:
     path = tmp_path / "out.jsonl"
     with open_table(path, TableFormat.JSON) as writer:
-        writer.write(result(0, "=A1"))
+        put(writer, result(0, "=A1"))
     assert read_back(path, TableFormat.JSON)[0]["position"] == "=A1"
