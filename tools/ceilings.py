@@ -38,15 +38,15 @@ class Ceiling(NamedTuple):
 
 CEILINGS: Final[dict[str, Ceiling]] = {
     "lines of the core": Ceiling(32_000, 41_400),
-    "lines of gateway": Ceiling(95_000, 123_000),
-    "lines of tests": Ceiling(58_000, 71_700),
-    "lines of tools": Ceiling(17_000, 22_800),
-    "words of docs": Ceiling(60_000, 65_100),
+    "lines of gateway": Ceiling(95_000, 124_400),
+    "lines of tests": Ceiling(58_000, 72_600),
+    "lines of tools": Ceiling(17_000, 23_200),
+    "words of docs": Ceiling(60_000, 65_300),
     "options": Ceiling(120, 92),
-    "reason codes": Ceiling(430, 595),
-    "functions over complexity 20": Ceiling(0, 36),
-    "functions of more than eight parameters, commands aside": Ceiling(0, 10),
-    "modules over 700 lines": Ceiling(0, 6),
+    "reason codes": Ceiling(430, 597),
+    "functions over complexity 20": Ceiling(0, 31),
+    "functions of more than eight parameters, commands aside": Ceiling(0, 8),
+    "modules over 700 lines": Ceiling(0, 2),
     "imports of this project in functions, commands aside": Ceiling(0, 24),
     "arrows between rooms": Ceiling(110, 96),
 }

@@ -265,7 +265,7 @@ class _WheelStream:
             source_hz = file_scan.rate_hz * (file_scan.decimation.factor if file_scan.decimation else 1)
             self._findings += (
                 Reason(
-                    ImportCode.SAMPLES_HELD,
+                    ImportCode.VALUES_REPEATED,
                     samples=held.samples,
                     runs=held.runs,
                     axis="every axis" if every else f"the {names[held.axes[0]]} axis",

@@ -16,7 +16,7 @@ class ImportCode(Codes):
         "{found_mps2:.4g m/s²}, {ratio:.3g} times the V²/R of {expected_mps2:.4g m/s²} of a revolution of "
         "{period_s:.4g s} and a belt radius of {radius_m:.0f mm}"
     )
-    SAMPLES_HELD = Code(
+    VALUES_REPEATED = Code(
         "{samples} samples repeat exactly on {axis} (runs: {runs}), first {first_s:.4g s} after the start: zeros or "
         "held values of a dropout. Leave their cells empty, or cut the file there"
     )

@@ -188,7 +188,7 @@ def test_marks_are_shown_and_keep_the_waveform_of_their_moment(make_drive, made)
     page = drive_page([drive])
     assert "\x1b" not in page
     assert [(event.kind, event.begin_s) for event in said_of(drive).events] == [("mark", 0.2), ("mark", 0.5)]
-    causes = [(one["cause"], one["t"]) for one in data_of(page)["waveforms"] if one["cause"]]
+    causes = [(shown["cause"], shown["t"]) for shown in data_of(page)["waveforms"] if shown["cause"]]
     assert causes == [(HOSTILE, 0.3), ("kerb", 0.5)]
 
 
@@ -197,7 +197,7 @@ def test_waveforms_of_a_long_drive_are_bounded_and_cover_it(made):
     times_s = range(0, 60 * 5 * MAX_WAVEFORMS, 20)
     for second in times_s:
         wheel.add(replace(result, host_ns=10**18 + second * 10**9))
-    kept_s = [(one.time_ns - 10**18) / 1e9 for one in wheel.waveforms]
+    kept_s = [(shown.time_ns - 10**18) / 1e9 for shown in wheel.waveforms]
     assert MAX_WAVEFORMS // 2 <= len(kept_s) <= MAX_WAVEFORMS
     assert kept_s[0] == 0.0
     assert kept_s[-1] > times_s[-1] - max(np.diff(kept_s))
@@ -209,7 +209,7 @@ def test_pictures_have_numbers_to_a_tenth_of_their_error(made):
     for index in range(5):
         estimate = Estimate("Cw", 0.195312345 + 0.01 * index, 0.0012, Status.VALID)
         drive.add(made.result(index=index, estimates=(estimate,)))
-    (cw,) = [one for one in pictures_json(drive, (), 0)["quantities"] if one["name"] == "Cw"]
+    (cw,) = [shown for shown in pictures_json(drive, (), 0)["quantities"] if shown["name"] == "Cw"]
     assert cw["wheels"][0]["v"][0] == pytest.approx(0.1953123, abs=0.0012 / 10)
     assert len(str(cw["wheels"][0]["v"][0])) <= len("0.19531")
 

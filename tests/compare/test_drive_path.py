@@ -69,8 +69,8 @@ def lap(seed: int, side: float) -> tuple[RevolutionResult, ...]:
     orders = np.fft.rfft(shapes[0].lateral_m)
     numbers = np.arange(len(orders))
     place_m = np.fft.irfft(np.where(numbers > 0, -orders / np.maximum(numbers, 1) ** 2, 0.0), len(ring.theta_rad))
-    place = CubicSpline(theta, np.append(place_m, place_m[0]), bc_type="periodic")(wrapped)
-    values += added_by_turning(time_s, side * lap_yaw(time_s), phase, place)
+    lateral_m = CubicSpline(theta, np.append(place_m, place_m[0]), bc_type="periodic")(wrapped)
+    values += added_by_turning(time_s, side * lap_yaw(time_s), phase, lateral_m)
     return tuple(through_pipeline(values, sensor, ["kinematic", "distance", "turning"]))
 
 
@@ -96,12 +96,12 @@ def test_lap_of_2_km_closes_within_its_ellipse(seed: int, side: float) -> None:
 
 
 def driven(
-    made, counts: int, *, turn: float, shared: float = 0.0, own: float = 0.0, fixes: bool = False, stop: int = 0
+    made, counts: int, *, turn: float, shared: float = 0.0, random: float = 0.0, fixes: bool = False, stop: int = 0
 ):
     """Return revolutions of 2 m in 0.1 s; from one of them on after a gap of 5 s in which the wheel rolled 100 m."""
     results = []
     for index in range(counts):
-        rate = Estimate("turn_rate_radps", turn, math.hypot(shared, own), Status.VALID, (), own)
+        rate = Estimate("turn_rate_radps", turn, math.hypot(shared, random), Status.VALID, (), random)
         late = bool(stop) and index >= stop
         rolled = Estimate("distance_m", 2.0 * (index + 1) + 100.0 * late, 3.0 if late else 0.0, Status.VALID)
         estimates = [Estimate("speed_mps", 20.0, 0.0, Status.VALID), rate, rolled]
@@ -117,7 +117,7 @@ def driven(
 
 def test_path_of_a_steady_turn_is_a_circle_however_many_revolutions_are_joined(made) -> None:
     for count in (50, MAX_LEGS + 7, 5 * MAX_LEGS + 3):
-        path = path_of(driven(made, count, turn=0.2, own=0.01, shared=0.002))
+        path = path_of(driven(made, count, turn=0.2, random=0.01, shared=0.002))
         radius, angle = 100.0, 0.02 * count
         end = radius * np.array([math.sin(angle), 1.0 - math.cos(angle)])
         np.testing.assert_allclose(path.position_m[-1], end, atol=1e-6)
@@ -125,18 +125,18 @@ def test_path_of_a_steady_turn_is_a_circle_however_many_revolutions_are_joined(m
 
 
 def test_errors_of_a_straight_are_those_of_its_random_paths(made) -> None:
-    count, own = 200, 0.05
-    path = path_of(driven(made, count, turn=0.0, own=own))
-    headings = np.cumsum(np.random.default_rng(1).normal(0.0, 0.1 * own, (4000, count)), axis=1)
+    count, random = 200, 0.05
+    path = path_of(driven(made, count, turn=0.0, random=random))
+    headings = np.cumsum(np.random.default_rng(1).normal(0.0, 0.1 * random, (4000, count)), axis=1)
     aside = 2.0 * headings.sum(axis=1).std()
     assert path.ellipse(-1)[0] == pytest.approx(aside, rel=0.05)
 
 
 def test_gap_is_bridged_by_the_distance_and_widens_the_ellipse(made) -> None:
-    whole, gap = (path_of(driven(made, 100, turn=0.0, own=0.001, stop=stop)) for stop in (0, 50))
+    whole, gap = (path_of(driven(made, 100, turn=0.0, random=0.001, stop=stop)) for stop in (0, 50))
     assert gap.position_m[-1, 0] - whole.position_m[-1, 0] == pytest.approx(100.0, abs=0.5)
     assert gap.ellipse(-1)[0] > 20.0 * whole.ellipse(-1)[0]
-    assert path_of(driven(made, 400, turn=0.0, own=0.001, shared=0.1)).is_lost
+    assert path_of(driven(made, 400, turn=0.0, random=0.001, shared=0.1)).is_lost
 
 
 def test_receiver_is_turned_to_the_path(made) -> None:
@@ -149,7 +149,7 @@ def test_page_draws_the_path_or_says_that_there_is_no_turn_rate(made) -> None:
     drive = Drive("a.mcap")
     drive.add(made.result())
     assert "No path: no wheel has a turn rate." in drive_page([drive])
-    for result in driven(made, 30, turn=0.1, own=0.01, fixes=True):
+    for result in driven(made, 30, turn=0.1, random=0.01, fixes=True):
         drive.add(result)
     page = drive_page([drive])
     assert '<polyline class="car" points="' in page

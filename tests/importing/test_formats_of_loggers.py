@@ -286,7 +286,7 @@ def test_samples_that_repeat_exactly_are_told(tmp_path: Path, monkeypatch, name:
     monkeypatch.setitem(globals(), "AXES_G", dropped)
     (finding,) = imported(WRITERS[name](tmp_path / name)).wheels[0].findings
     values = dict(finding.values)
-    assert finding.code is ImportCode.SAMPLES_HELD
+    assert finding.code is ImportCode.VALUES_REPEATED
     assert (values["samples"], values["axis"]) == (60, "every axis")
     assert values["first_s"] == pytest.approx(1500 / RATE_HZ)
 
@@ -304,4 +304,4 @@ def test_coarse_steps_and_saturation_are_no_dropouts(tmp_path: Path, monkeypatch
     coarse[:, 2] = np.minimum(AXES_G[:, 2], 125.0)
     monkeypatch.setitem(globals(), "AXES_G", coarse)
     findings = imported(write_npz(tmp_path / "run.npz")).wheels[0].findings
-    assert ImportCode.SAMPLES_HELD not in [finding.code for finding in findings]
+    assert ImportCode.VALUES_REPEATED not in [finding.code for finding in findings]

@@ -35,31 +35,31 @@ class Drive:
         self.spin = np.array([rng.uniform(0.0, 6.0), OMEGA, rng.normal(0.0, 3.0)])
         self.grade, self.bank = rng.normal(0.0, 0.1, 2)
 
-    def at(self, coefficients: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+    def polynomial(self, coefficients: np.ndarray, time_s: np.ndarray) -> np.ndarray:
         return coefficients[0] + coefficients[1] * time_s + 0.5 * coefficients[2] * time_s**2
 
     def to_road(self, time_s: np.ndarray, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
         """Return components along the wheel's axes along those of the road at time 0, (3, n)."""
-        camber, yaw = self.at(self.camber, time_s), self.at(self.yaw, time_s)
+        camber, yaw = self.polynomial(self.camber, time_s), self.polynomial(self.yaw, time_s)
         leftward, up = y * np.cos(camber) - z * np.sin(camber), y * np.sin(camber) + z * np.cos(camber)
         return np.array(
             [x * np.cos(yaw) - leftward * np.sin(yaw), x * np.sin(yaw) + leftward * np.cos(yaw), up + 0.0 * x]
         )
 
-    def place(self, time_s: np.ndarray) -> np.ndarray:
+    def position(self, time_s: np.ndarray) -> np.ndarray:
         """Return the place of the sensor on a rim, (3, n)."""
-        theta = self.at(self.spin, time_s)
-        hub = np.array([self.at(row, time_s) for row in self.path])
+        theta = self.polynomial(self.spin, time_s)
+        hub = np.array([self.polynomial(row, time_s) for row in self.path])
         return hub + self.to_road(time_s, -RADIUS_M * np.sin(theta), 0.0 * theta, -RADIUS_M * np.cos(theta))
 
     def motion(self, time_s: float) -> HubMotion:
         """Return what the functions take at a time; the hub's acceleration along its heading there."""
-        yaw = float(self.at(self.yaw, np.array(time_s)))
+        yaw = float(self.polynomial(self.yaw, np.array(time_s)))
         x, y, z = self.path[:, 2]
         return HubMotion(
             turn_radps=self.yaw[1] + self.yaw[2] * time_s,
             turn_radps2=self.yaw[2],
-            camber_rad=float(self.at(self.camber, np.array(time_s))),
+            camber_rad=float(self.polynomial(self.camber, np.array(time_s))),
             camber_radps=self.camber[1] + self.camber[2] * time_s,
             camber_radps2=self.camber[2],
             forward_mps2=x * np.cos(yaw) + y * np.sin(yaw),
@@ -74,9 +74,9 @@ class Drive:
 def test_point_of_a_moving_wheel_feels_what_its_positions_do(seed: int) -> None:
     drive = Drive(seed)
     for time_s in (0.0, 0.013, 0.31, 0.77):
-        acceleration = second_derivative(drive.place, time_s)
+        acceleration = second_derivative(drive.position, time_s)
         motion = drive.motion(time_s)
-        theta = np.array([drive.at(drive.spin, np.array(time_s))])
+        theta = np.array([drive.polynomial(drive.spin, np.array(time_s))])
         omega = drive.spin[1] + drive.spin[2] * time_s
         travel, inward = (axis[0] for axis in sensor_axes(theta))
         read = turning_acceleration(theta, omega, RADIUS_M, motion)[0]
@@ -100,10 +100,10 @@ def test_place_within_the_wheel_may_be_of_any_belt() -> None:
         return np.array(rigid) + waves[:, 0] @ np.cos(orders) + waves[:, 1] @ np.sin(orders)
 
     def local(time_s: np.ndarray) -> np.ndarray:
-        return streamline(drive.at(drive.spin, time_s))
+        return streamline(drive.polynomial(drive.spin, time_s))
 
     def path(time_s: np.ndarray) -> np.ndarray:
-        hub = np.array([drive.at(row, time_s) for row in drive.path])
+        hub = np.array([drive.polynomial(row, time_s) for row in drive.path])
         return hub + drive.to_road(time_s, *local(time_s))
 
     for time_s in (0.0, 0.02, 0.09):

@@ -79,8 +79,8 @@ class DrivenTire:
         """Return the place and the direction of travel in the wheel, (3, n) each: forward, left, up."""
         angle = np.mod(angle_rad + np.pi, 2.0 * np.pi) - np.pi
         back, up, travel_back, travel_up = self._planar(angle).T
-        left = np.sum(self._sideways(angle) * self._weights(slip_rad), axis=1)
-        return np.stack([-back, left, up]), np.stack([-travel_back, np.zeros_like(up), travel_up])
+        leftward = np.sum(self._sideways(angle) * self._weights(slip_rad), axis=1)
+        return np.stack([-back, leftward, up]), np.stack([-travel_back, np.zeros_like(up), travel_up])
 
     def felt(self, course: Course, left_m: float, *, paced_by: Course | None = None) -> tuple[Array, Array, Array]:
         """Return what a sensor reads, (m, 3) circumferential, lateral and radial in m/s^2, and angle and yaw rate.
@@ -96,10 +96,10 @@ class DrivenTire:
         speed = np.linalg.norm(np.gradient(pace, step, axis=1, edge_order=2), axis=0)
         rolling = self.steady.belt.radius_m * self.steady.road_share
         angle = cumulative_trapezoid(speed / rolling, dx=step, initial=0.0) - 0.7 * np.pi
-        place, travel = self.at(angle, course.slip_rad)
+        position_in_wheel, travel = self.at(angle, course.slip_rad)
         yaw = course.heading_rad + (course.slip_rad if paced_by is None else 0.0)
         axes = _axes(yaw, course.grade_rad, course.camber_rad + course.bank_rad)
-        position = hub + np.einsum("ijn,jn->in", axes, place)
+        position = hub + np.einsum("ijn,jn->in", axes, position_in_wheel)
         width = len(position[0]) - 2 * MARGIN
         acceleration = sum(factor * position[:, index : index + width] for index, factor in enumerate(_DIFFERENCE)) / (
             step**2
@@ -108,8 +108,8 @@ class DrivenTire:
         inner = slice(MARGIN, -MARGIN)
         travel, axes = travel[:, inner], axes[:, :, inner]
         inward = np.stack([travel[2], travel[1], -travel[0]])
-        own = np.einsum("ijn,in->jn", axes, acceleration)
-        felt = np.stack([np.sum(own * travel, axis=0), own[1], np.sum(own * inward, axis=0)], axis=1)
+        in_wheel = np.einsum("ijn,in->jn", axes, acceleration)
+        felt = np.stack([np.sum(in_wheel * travel, axis=0), in_wheel[1], np.sum(in_wheel * inward, axis=0)], axis=1)
         rate = np.gradient(yaw, step)[inner]
         return felt[::OVERSAMPLED], angle[inner][::OVERSAMPLED], rate[::OVERSAMPLED]
 
@@ -131,9 +131,9 @@ def _axes(yaw: Array, grade: Array, roll: Array) -> Array:
     forward = [cy * cg, sy * cg, sg]
     level = [-sy, cy, np.zeros_like(yaw)]
     normal = [-cy * sg, -sy * sg, cg]
-    left = [cr * a + sr * b for a, b in zip(level, normal, strict=True)]
+    leftward = [cr * a + sr * b for a, b in zip(level, normal, strict=True)]
     up = [cr * b - sr * a for a, b in zip(level, normal, strict=True)]
-    return np.array([forward, left, up]).transpose(1, 0, 2)
+    return np.array([forward, leftward, up]).transpose(1, 0, 2)
 
 
 def _integral(values: NDArray[np.complex128]) -> NDArray[np.complex128]:

@@ -61,11 +61,11 @@ class Leg(NamedTuple):
         turn = _turned(self.pose[2])
         step = turn[:3, :3] @ after.pose
         moved = np.array([[1.0, 0.0, -step[1], 0.0], [0.0, 1.0, step[0], 0.0], [0.0, 0.0, 1.0, 0.0], [0.0] * 4])
-        own = turn @ after.shared
-        moved[:, 3] = own[:, _LASTS]
-        own[:, _LASTS] = 0.0
+        of_leg = turn @ after.shared
+        moved[:, 3] = of_leg[:, _LASTS]
+        of_leg[:, _LASTS] = 0.0
         covariance = moved @ self.covariance @ moved.T + turn @ after.covariance @ turn.T
-        return Leg(after.end_ns, self.pose + step, covariance, moved @ self.shared + own, after.fix_deg)
+        return Leg(after.end_ns, self.pose + step, covariance, moved @ self.shared + of_leg, after.fix_deg)
 
     def error(self) -> FloatArray:
         """Return the whole covariance of the pose, (3, 3)."""
@@ -223,12 +223,12 @@ def car_path(wheels: Mapping[str, WheelPath]) -> CarPath | None:
     times = np.array([leg.end_ns - first_ns for leg in paths[longest]], np.float64)
     positions, errors = [], []
     for path in paths.values():
-        own = np.array([leg.end_ns - first_ns for leg in path], np.float64)
+        of_leg = np.array([leg.end_ns - first_ns for leg in path], np.float64)
         rows = np.array([[*leg.pose[:2], *leg.error()[:2, :2].ravel(), leg.error()[2, 2]] for leg in path])
         # A direction that is off by d moves what follows also by -d^2/2 of itself.
         bent = np.cumsum(rows[:, 6:] * np.diff(rows[:, :2], axis=0, prepend=0.0), axis=0)
         rows[:, 2:6] += _SECOND_ORDER * (bent[:, :, np.newaxis] * bent[:, np.newaxis]).reshape(-1, 4)
-        columns = np.stack([np.interp(times, own, column) for column in rows.T], axis=1)
+        columns = np.stack([np.interp(times, of_leg, column) for column in rows.T], axis=1)
         positions.append(columns[:, :2] - columns[0, :2])
         errors.append(columns[:, 2:6].reshape(-1, 2, 2))
     weights = 1.0 / np.array([max(float(np.trace(error[-1])), 1e-6) for error in errors])
@@ -249,14 +249,14 @@ def car_path(wheels: Mapping[str, WheelPath]) -> CarPath | None:
 def _received(position_m: FloatArray, path: Sequence[Leg]) -> tuple[FloatArray, float]:
     """Return positions of a receiver, (k, 2) m, turned and moved to fit a path, and how far they are from it."""
     fixes = np.radians(np.array([leg.fix_deg for leg in path]))
-    known = np.isfinite(fixes).all(axis=1)
-    if np.count_nonzero(known) < _FEWEST_FIXES:
+    is_measured = np.isfinite(fixes).all(axis=1)
+    if np.count_nonzero(is_measured) < _FEWEST_FIXES:
         return np.empty((0, 2)), math.nan
-    north, east = (fixes[known] - fixes[known][0]).T
+    north, east = (fixes[is_measured] - fixes[is_measured][0]).T
     # A longitude beyond 180 degrees goes on from -180.
     east = (east + math.pi) % (2.0 * math.pi) - math.pi
-    fixed = _EARTH_RADIUS_M * (east * math.cos(fixes[known][0, 0]) + 1j * north)
-    along = position_m[known] @ np.array([1.0, 1j])
+    fixed = _EARTH_RADIUS_M * (east * math.cos(fixes[is_measured][0, 0]) + 1j * north)
+    along = position_m[is_measured] @ np.array([1.0, 1j])
     middle_fixed, middle = fixed.mean(), along.mean()
     turn = np.vdot(fixed - middle_fixed, along - middle)
     moved = (fixed - middle_fixed) * (turn / abs(turn) if turn else 1.0) + middle

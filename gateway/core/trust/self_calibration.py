@@ -53,7 +53,7 @@ from gateway.core.revolutions.sensor_mounting import (
 )
 from gateway.core.revolutions.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS
 from gateway.core.trust.reasons import TrustCode
-from gateway.core.trust.steady_value import Equations, are_silent, contradicted, is_refuted, speed_errors
+from gateway.core.trust.refuted_sums import Equations, are_silent, contradicted, is_refuted, speed_errors
 from gateway.core.types import BoolArray, ComplexArray, FloatArray
 
 NAMES: Final = (

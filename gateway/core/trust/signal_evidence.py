@@ -31,16 +31,7 @@ from gateway.core.quantity import LARGEST_ZERO_MPS2, Basis
 from gateway.core.quantity_catalogue import quantity_of
 from gateway.core.reasons import Reason
 from gateway.core.trust.reasons import TrustCode
-from gateway.core.trust.self_calibration import (
-    GREATEST_MEAN_SQUARE,
-    OFFSET_MODEL_M,
-    PITCH_MODEL_RAD,
-    Measured,
-    gravity_absent,
-    steady_value_lost,
-    zero_contradicted,
-)
-from gateway.core.trust.steady_value import (
+from gateway.core.trust.refuted_sums import (
     GRAVITY_ALONE,
     LEAST_GRAVITY_ERROR,
     ZERO_MEASURED,
@@ -49,6 +40,15 @@ from gateway.core.trust.steady_value import (
     gravity_gain,
     steady_ratio,
     zero_offset,
+)
+from gateway.core.trust.self_calibration import (
+    GREATEST_MEAN_SQUARE,
+    OFFSET_MODEL_M,
+    PITCH_MODEL_RAD,
+    Measured,
+    gravity_absent,
+    steady_value_lost,
+    zero_contradicted,
 )
 
 # Relative change of an estimate from which it is invalid.

@@ -100,10 +100,10 @@ def sizes_alone(alone: Sequence[Alone], effect: AngleEffect) -> tuple[SingleSize
     sizes = []
     for single in alone:
         values, variances = single.fit.parameters_of(effect.name)
-        for place in places.tolist():
-            parameter = effect.parameters[place]
+        for index in places.tolist():
+            parameter = effect.parameters[index]
             sizes.append(
-                SingleSize(single.label, parameter.name, float(values[place]), math.sqrt(float(variances[place])))
+                SingleSize(single.label, parameter.name, float(values[index]), math.sqrt(float(variances[index])))
             )
     return tuple(sizes)
 
@@ -223,10 +223,10 @@ def _buried(fit: Fit, data: Whitened, effect: AngleEffect) -> Reason | None:
         power = np.mean([POWER_SHARE * np.abs(np.nan_to_num(added[index])) ** 2 for index in groups], axis=0)
         chosen = _strongest(power)
         explained = float(power[chosen].sum())
-        left = float(np.mean([np.maximum(residuals[index].excess()[chosen].sum(), 0.0) for index in groups]))
+        remainder = float(np.mean([np.maximum(residuals[index].excess()[chosen].sum(), 0.0) for index in groups]))
         noise = float(np.mean([residuals[index].variance[chosen].sum() for index in groups]))
-        if noise > 0.0 and left > _STRUCTURED**2 * noise and left > worst[0] ** 2 * explained:
-            worst = math.sqrt(left / max(explained, 1e-300)), math.sqrt(explained), math.sqrt(left)
+        if noise > 0.0 and remainder > _STRUCTURED**2 * noise and remainder > worst[0] ** 2 * explained:
+            worst = math.sqrt(remainder / max(explained, 1e-300)), math.sqrt(explained), math.sqrt(remainder)
     ratio, size_mps2, left_mps2 = worst
     return (
         Reason(DiagnosisCode.SMALLER_THAN_LEFT, size_mps2=size_mps2, left_mps2=left_mps2) if ratio > _BURIED else None

@@ -97,11 +97,13 @@ def _comparable(tire: TireWork) -> tuple[FloatArray, Reason]:
         cold = np.full(len(cold), math.nan)
     else:
         why = reason_missing(history, "", cold)
-    known = np.flatnonzero(np.isfinite(cold))
-    if known.size > LEAST_RECORDINGS:
+    usable_rows = np.flatnonzero(np.isfinite(cold))
+    if usable_rows.size > LEAST_RECORDINGS:
         # What the tire lost before its leak was mended says nothing of now.
         cold = cold.copy()
-        cold[: known[mended_at(history.months[known], cold[known], scatter_of(cold[known]))]] = math.nan
+        cold[
+            : usable_rows[mended_at(history.months[usable_rows], cold[usable_rows], scatter_of(cold[usable_rows]))]
+        ] = math.nan
     return cold, why
 
 
@@ -150,11 +152,11 @@ def _fitted(tire: TireWork, cold_kpa: FloatArray) -> TrendLine | None:
 def _pressure_line(tire: TireWork, cold: FloatArray) -> TrendLine | None:
     """Fit the line of the pressure; that of a steady leak is straight in the time that its flow takes."""
     history = tire.history
-    known = np.flatnonzero(np.isfinite(cold))
-    is_steady = known.size > LEAST_RECORDINGS and is_steady_leak(
-        history.months[known], cold[known], scatter_of(cold[known])
+    usable_rows = np.flatnonzero(np.isfinite(cold))
+    is_steady = usable_rows.size > LEAST_RECORDINGS and is_steady_leak(
+        history.months[usable_rows], cold[usable_rows], scatter_of(cold[usable_rows])
     )
-    at_kpa = float(cold[known[-1]]) if known.size else math.nan
+    at_kpa = float(cold[usable_rows[-1]]) if usable_rows.size else math.nan
     along = straightened(cold, at_kpa) if is_steady else cold
     line = _fitted(tire, along)
     if line is not None and is_steady:

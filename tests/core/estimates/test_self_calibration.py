@@ -14,8 +14,8 @@ from gateway.core.estimates.wheel_setup import SensorClaims, WheelSetup
 from gateway.core.reasons import Reason, codes_of
 from gateway.core.revolutions.synchronous_average import RunningAverage
 from gateway.core.trust.reasons import TrustCode
+from gateway.core.trust.refuted_sums import Equations, speed_errors
 from gateway.core.trust.self_calibration import SelfCalibrationEstimator
-from gateway.core.trust.steady_value import Equations, speed_errors
 from tests.testkit.simulated_wheel import last, simulated
 
 SETUP = WheelSetup("FL", 0, 0, 0.32)

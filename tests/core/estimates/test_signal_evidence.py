@@ -14,9 +14,9 @@ from gateway.core.quantity import Basis
 from gateway.core.reasons import Code, Reason, codes_of
 from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.trust.reasons import TrustCode
+from gateway.core.trust.refuted_sums import Equations
 from gateway.core.trust.self_calibration import Measured
 from gateway.core.trust.signal_evidence import Contradiction, Subject, assess
-from gateway.core.trust.steady_value import Equations
 from tests.testkit.simulated_wheel import last, restated, simulated
 
 SETUP = WheelSetup("FL", 0, 0, 0.32, radius_std_m=0.0032, load_n=5000.0, pressure_pa=210e3)

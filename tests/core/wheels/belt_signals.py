@@ -40,13 +40,15 @@ def rolled(speed_mps: NDArray[np.float64], rate_hz: float, depth_m: float = DEPT
     # What a lateral bend of the belt leaves: a step of the slope at either edge of the contact.
     sideways = 0.02 * np.where(_THETA < 0.0, 1.0, -0.8) * slope
 
-    def at(curve: NDArray[np.float64]) -> NDArray[np.float64]:
+    def over_time(curve: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.interp(phase, _THETA, curve, period=2.0 * math.pi)
 
     depth = depth_m / RADIUS_M
-    radial = RADIUS_M * omega**2 * at(curvature * (1.0 - depth * curvature)) + GRAVITY_MPS2 * at(np.cos(angle))
-    along = -depth_m * omega**2 * at(slope) + GRAVITY_MPS2 * at(np.sin(angle))
-    along += RADIUS_M * omega_dot * at(1.0 - np.cos(angle))
-    lateral = RADIUS_M * omega**2 * at(sideways)
+    radial = RADIUS_M * omega**2 * over_time(curvature * (1.0 - depth * curvature)) + GRAVITY_MPS2 * over_time(
+        np.cos(angle)
+    )
+    along = -depth_m * omega**2 * over_time(slope) + GRAVITY_MPS2 * over_time(np.sin(angle))
+    along += RADIUS_M * omega_dot * over_time(1.0 - np.cos(angle))
+    lateral = RADIUS_M * omega**2 * over_time(sideways)
     samples = np.stack([along, lateral, radial], axis=1)
     return samples + np.random.default_rng(1).normal(0.0, 3.0, samples.shape)
