@@ -1,4 +1,4 @@
-"""Turn rate, ply steer, roll, side force, grade and the axle's wheels on random drives of straights and curves.
+"""Turn rate, ply steer, conicity, belt shift, roll and signs of lateral axes on random drives with curves.
 
     python tools/bench_turning.py [--drives COUNT] [--seed SEED] [--first NUMBER]
 

@@ -70,11 +70,11 @@ def _stepped_by_numpy(
     # The variance of the free state in closed form: added before, it would take the digits of all others.
     by_free = rows[:, -1]
     along = inverses[1] @ by_free
-    left = -gains[1] @ by_free
-    left[-1] += 1.0
+    unmeasured = -gains[1] @ by_free
+    unmeasured[-1] += 1.0
     free = model.free_variance / (1.0 + model.free_variance * float(by_free @ along))
-    predicted[1] += free * float(along @ innovations[1]) * left
-    spread[1] += free * np.multiply.outer(left, left)
+    predicted[1] += free * float(along @ innovations[1]) * unmeasured
+    spread[1] += free * np.multiply.outer(unmeasured, unmeasured)
     means[:] = predicted
     # Rounding would grow otherwise.
     covariances[:] = 0.5 * (spread + spread.transpose(0, 2, 1))

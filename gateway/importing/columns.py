@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Protocol
 
+import numpy as np
+
 from gateway.core.errors import ImportDataError
 from gateway.core.nearest_name import nearest
 from gateway.core.types import FloatArray
@@ -145,3 +147,27 @@ def require_columns(reader: BlockReader, path: Path, names: Sequence[str]) -> No
         lines.append(f"{path}: there is no column '{name}'" + (f"; did you mean '{guess}'?" if guess else ""))
     shown = ", ".join(facts.names[:_LISTED_COLUMNS]) + (", ..." if len(facts.names) > _LISTED_COLUMNS else "")
     raise ImportDataError("\n".join(lines), f"Columns of the file: {shown or 'none'}.")
+
+
+def number_table(path: Path, lines: list[tuple[int, str]], width: int) -> FloatArray:
+    """Return the (n, width) numbers of numbered lines.
+
+    Raises:
+        ImportDataError: a line has fewer cells, or another than a number.
+    """
+    rows = [line.split() for _, line in lines]
+    try:
+        return np.array([[float(cell) for cell in row[:width]] for row in rows], dtype=np.float64).reshape(-1, width)
+    except ValueError as error:
+        bad = next(
+            number for (number, _), row in zip(lines, rows, strict=True) if len(row) < width or not _numbers(row)
+        )
+        raise ImportDataError(f"{path}: line {bad} is no row of {width} numbers", "Correct or remove it.") from error
+
+
+def _numbers(row: list[str]) -> bool:
+    try:
+        [float(cell) for cell in row]
+    except ValueError:
+        return False
+    return True

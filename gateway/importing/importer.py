@@ -260,15 +260,14 @@ class _WheelStream:
         self._lines, self._findings = _bridges(self._scan)
         self._findings += _unit_findings(import_map, wheel, self._scan, file_scan.rate_hz)
         if (held := self._scan.held) is not None:
-            names = [str(axis.name.lower()) for axis in wheel.axis.present()]
-            every = len(held.axes) == len(names) > 1
+            names = [axis.name.lower() for axis in wheel.axis.present()]
             source_hz = file_scan.rate_hz * (file_scan.decimation.factor if file_scan.decimation else 1)
             self._findings += (
                 Reason(
                     ImportCode.VALUES_REPEATED,
                     samples=held.samples,
                     runs=held.runs,
-                    axis="every axis" if every else f"the {names[held.axes[0]]} axis",
+                    axes=", ".join(names[index] for index in held.axes),
                     first_s=held.first / source_hz,
                 ),
             )

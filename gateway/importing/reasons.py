@@ -17,8 +17,8 @@ class ImportCode(Codes):
         "{period_s:.4g s} and a belt radius of {radius_m:.0f mm}"
     )
     VALUES_REPEATED = Code(
-        "{samples} samples repeat exactly on {axis} (runs: {runs}), first {first_s:.4g s} after the start: zeros or "
-        "held values of a dropout. Leave their cells empty, or cut the file there"
+        "{samples} samples repeat exactly (axes: {axes}; runs: {runs}), first {first_s:.4g s} after the start: "
+        "zeros or held values of a dropout. Leave their cells empty, or cut the file there"
     )
     SIGNAL_INTERPOLATED = Code(
         "{share:.0%} of the samples lie on straight lines in every axis: the signal was interpolated. Import it at the "

@@ -13,7 +13,7 @@ import numpy as np
 
 from gateway.core.errors import ImportDataError
 from gateway.core.types import FloatArray
-from gateway.importing.vbo_columns import number_table
+from gateway.importing.columns import number_table
 from gateway.importing.waveform_columns import Waveform, WaveformColumns
 
 _MISSING: Final = "NOTAVAIL"

@@ -10,6 +10,7 @@ import numpy as np
 from gateway.core.errors import ImportDataError
 from gateway.core.types import FloatArray
 from gateway.importing.column_names import unit_of
+from gateway.importing.columns import number_table
 from gateway.importing.waveform_columns import Waveform, WaveformColumns
 
 _SECTION: Final = re.compile(r"\[(.+)\]\s*")
@@ -70,27 +71,3 @@ class VboColumns(WaveformColumns):
             unit = {"kmh": "km/h", "knots": "km/h"}.get(match[1].lower(), match[1].lower())
             values = values * _KNOT_KMH if match[1].lower() == "knots" else values
         self.waveforms[name] = Waveform.of(values, unit or unit_of(title, ""))
-
-
-def number_table(path: Path, lines: list[tuple[int, str]], width: int) -> FloatArray:
-    """Return the (n, width) numbers of numbered lines.
-
-    Raises:
-        ImportDataError: a line has fewer cells, or another than a number.
-    """
-    rows = [line.split() for _, line in lines]
-    try:
-        return np.array([[float(cell) for cell in row[:width]] for row in rows], dtype=np.float64).reshape(-1, width)
-    except ValueError as error:
-        bad = next(
-            number for (number, _), row in zip(lines, rows, strict=True) if len(row) < width or not _numbers(row)
-        )
-        raise ImportDataError(f"{path}: line {bad} is no row of {width} numbers", "Correct or remove it.") from error
-
-
-def _numbers(row: list[str]) -> bool:
-    try:
-        [float(cell) for cell in row]
-    except ValueError:
-        return False
-    return True

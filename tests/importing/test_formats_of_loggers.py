@@ -280,23 +280,23 @@ def test_formulas_without_values_are_no_gaps(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["famos.raw", "daq.wav", "run.npz", "rig.xlsx"])
 @pytest.mark.parametrize("held", [0.0, 3.5])
-def test_samples_that_repeat_exactly_are_told(tmp_path: Path, monkeypatch, name: str, held: float) -> None:
+def test_samples_that_repeat_exactly_are_reported(tmp_path: Path, monkeypatch, name: str, held: float) -> None:
     dropped = AXES_G.copy()
     dropped[1500:1560] = held
     monkeypatch.setitem(globals(), "AXES_G", dropped)
     (finding,) = imported(WRITERS[name](tmp_path / name)).wheels[0].findings
     values = dict(finding.values)
     assert finding.code is ImportCode.VALUES_REPEATED
-    assert (values["samples"], values["axis"]) == (60, "every axis")
+    assert (values["samples"], values["axes"]) == (60, "circumferential, lateral, radial")
     assert values["first_s"] == pytest.approx(1500 / RATE_HZ)
 
 
-def test_single_axis_that_stops_is_told(tmp_path: Path, monkeypatch) -> None:
+def test_single_axis_that_stops_is_reported(tmp_path: Path, monkeypatch) -> None:
     dropped = AXES_G.copy()
     dropped[1500:1560, 1] = 0.0
     monkeypatch.setitem(globals(), "AXES_G", dropped)
     (finding,) = imported(write_npz(tmp_path / "run.npz")).wheels[0].findings
-    assert dict(finding.values)["axis"] == "the lateral axis"
+    assert dict(finding.values)["axes"] == "lateral"
 
 
 def test_coarse_steps_and_saturation_are_no_dropouts(tmp_path: Path, monkeypatch) -> None:

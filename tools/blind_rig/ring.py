@@ -74,8 +74,8 @@ class _Chain:
         self.centrifugal = ring.mass_kgpm * r * r * omega_radps**2
         self.omega = omega_radps
 
-    def forces(self, x: Array, height: Any) -> tuple[Array, Array]:
-        """Return the force on every node (2, N), and the road's push of each."""
+    def forces(self, x: Array, height: Any, ei: Array | None = None) -> tuple[Array, Array]:
+        """Return the force on every node (2, N), and the road's push of each; with another EI (N,), complex."""
         ring, h = self.ring, self.h
         r, p = ring.radius_m, ring.pressure_pa
         step = np.roll(x, -1, axis=1) - x
@@ -84,7 +84,7 @@ class _Chain:
         normal = np.stack([-t[1], t[0]])
         before = np.roll(t, 1, axis=1)
         turned = np.arcsin(before[0] * t[1] - before[1] * t[0])
-        moment = self.ei * (turned - h) / (r * h)
+        moment = (self.ei if ei is None else ei) * (turned - h) / (r * h)
         rest = 2.0 * r * math.sin(0.5 * h)
         pull = self.tension + self.centrifugal + ring.extension_n * (length / rest - 1.0)
         inner = pull * t + (moment - np.roll(moment, -1)) / length * normal
@@ -170,9 +170,7 @@ class _Chain:
     def answer(self, x: Array, height: float, stiffer: Array, count: int) -> Array:
         """Return what shares of EI (N,), complex, that pass the road `count` times a turn move beside x, (2, N)."""
         ring, n, h, steady = self.ring, self.nodes, self.h, self.ei
-        pushes = []
-        for self.ei in (0.0 * steady, steady * stiffer, steady):
-            pushes.append(self.forces(x, height)[0])
+        pushes = [self.forces(x, height, ei)[0] for ei in (0.0 * steady, steady * stiffer)]
         # Beside the steady balance: d/dt is -i count omega, a point of the belt has d/dt + omega d/dtheta.
         next_to, last = eye_array(n, k=1) + eye_array(n, k=1 - n), eye_array(n, k=-1) + eye_array(n, k=n - 1)
         slope, curve = (next_to - last) / (2.0 * h), (next_to - 2.0 * eye_array(n) + last) / h**2

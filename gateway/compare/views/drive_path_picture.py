@@ -90,9 +90,9 @@ def _ellipses(path: CarPath) -> list[Ellipse]:
     rolled = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path.position_m, axis=0).T))])
     ellipses = []
     for index in np.unique(np.searchsorted(rolled, rolled[-1] * np.arange(1, _ELLIPSES + 1) / _ELLIPSES)):
-        at = min(int(index), len(rolled) - 1)
-        long, short, angle = path.ellipse(at)
-        (x, y), *_ = _on_page(path.position_m[at : at + 1]).tolist()
+        point = min(int(index), len(rolled) - 1)
+        long, short, angle = path.ellipse(point)
+        (x, y), *_ = _on_page(path.position_m[point : point + 1]).tolist()
         # An angle from ahead to the left is one from the right to above, a quarter of a turn on.
         turned = -math.degrees(angle) - 90.0
         ellipses.append(Ellipse(*(fixed(value, 1) for value in (x, y, long, short, turned))))

@@ -1280,7 +1280,7 @@ static PyObject *switching_step(PyObject *self, PyObject *const *args, Py_ssize_
             }
         }
         if (filter == 1) {
-            double along = 0.0, moved = 0.0, left[MOST_STATES];
+            double along = 0.0, moved = 0.0, unmeasured[MOST_STATES];
             for (int k = 0; k < m; k++) {
                 double by_free = 0.0;
                 for (int l = 0; l < m; l++)
@@ -1289,15 +1289,15 @@ static PyObject *switching_step(PyObject *self, PyObject *const *args, Py_ssize_
                 moved += by_free * innovations[k];
             }
             for (int i = 0; i < n; i++) {
-                left[i] = i == n - 1 ? 1.0 : 0.0;
+                unmeasured[i] = i == n - 1 ? 1.0 : 0.0;
                 for (int k = 0; k < m; k++)
-                    left[i] -= gains[i][k] * rows[k * n + n - 1];
+                    unmeasured[i] -= gains[i][k] * rows[k * n + n - 1];
             }
             double variance = free_variance / (1.0 + free_variance * along);
             for (int i = 0; i < n; i++) {
-                mean[i] += variance * moved * left[i];
+                mean[i] += variance * moved * unmeasured[i];
                 for (int j = 0; j < n; j++)
-                    p[i][j] += variance * left[i] * left[j];
+                    p[i][j] += variance * unmeasured[i] * unmeasured[j];
             }
         }
     }

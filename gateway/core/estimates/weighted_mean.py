@@ -29,7 +29,7 @@ class WeightedMean:
 
     def __init__(self) -> None:
         self.count = 0
-        self._weight = self._weighted = self._weighted_std = self._weighted_constant = self._scatter_square = 0.0
+        self._weight = self._weighted_mean = self._weighted_std = self._weighted_constant = self._scatter_square = 0.0
         self._mean = self._squares = 0.0
         self._has_errors = True
 
@@ -48,7 +48,8 @@ class WeightedMean:
         if std > 0.0 and math.isfinite(std):
             weight = 1.0 / (std * std)
             self._weight += weight
-            self._weighted += weight * value
+            # By steps: equal values have their own value as the mean, to the last digit.
+            self._weighted_mean += weight / self._weight * (value - self._weighted_mean)
             self._weighted_std += weight * std
             self._weighted_constant += weight * math.sqrt(max(std * std - scatter_std * scatter_std, 0.0))
             self._scatter_square += scatter_std * scatter_std
@@ -61,7 +62,7 @@ class WeightedMean:
         if not self.count:
             return None
         is_weighted = self._stated_std is not None and not self.varies
-        mean = self._weighted / self._weight if is_weighted else self._mean
+        mean = self._weighted_mean if is_weighted else self._mean
         return mean if math.isfinite(mean) else None
 
     @property

@@ -105,9 +105,9 @@ def held_samples(counts: NDArray[np.int16], step: float) -> float:
         step: of the values, in counts.
     """
     changes = np.diff(counts.astype(np.int32))
-    at = np.flatnonzero(changes)
-    after = np.diff(at)[np.abs(changes[at[:-1]]) > _CHANGE_STEPS * step]
-    return float(np.median(after)) if len(after) >= _LEAST_CHANGES else 1.0
+    changed = np.flatnonzero(changes)
+    durations = np.diff(changed)[np.abs(changes[changed[:-1]]) > _CHANGE_STEPS * step]
+    return float(np.median(durations)) if len(durations) >= _LEAST_CHANGES else 1.0
 
 
 class SensorLimits:

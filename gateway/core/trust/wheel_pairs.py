@@ -110,16 +110,16 @@ class _Verdict(NamedTuple):
 
     def contradictions(self, other: str, *, is_right: bool) -> tuple[Contradiction, ...]:
         """Return those of speeds and turn rates at one of the wheels, were its radius, rate or gain the wrong one."""
-        found = []
+        contradictions = []
         if math.isfinite(self.ratio):
             ratio = 1.0 / self.ratio if is_right else self.ratio
             reason = Reason(TrustCode.WHEELS_ROLL_APART, other=other, ratio=1.0 / ratio, std=self.std)
-            found.append(Contradiction(Subject.WHEEL_SPEED, reason, {Basis.RADIUS: ratio, Basis.RATE: ratio}))
+            contradictions.append(Contradiction(Subject.WHEEL_SPEED, reason, {Basis.RADIUS: ratio, Basis.RATE: ratio}))
         if math.isfinite(self.gain):
             ratio = 1.0 / self.gain if is_right else self.gain
             reason = Reason(TrustCode.WHEELS_TURN_APART, other=other, ratio=1.0 / ratio, std=self.gain_std)
-            found.append(Contradiction(Subject.TURN_RATE, reason, {Basis.AXES: ratio}))
-        return tuple(found)
+            contradictions.append(Contradiction(Subject.TURN_RATE, reason, {Basis.AXES: ratio}))
+        return tuple(contradictions)
 
 
 _NOTHING: Final = _Verdict()

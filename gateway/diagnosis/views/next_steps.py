@@ -78,7 +78,7 @@ def _steps(diagnosis: Diagnosis) -> Iterator[tuple[str, str]]:
         if diagnosis.taken_from:
             break
         if names and of_sensor:
-            yield effects_listed(names), "state it in the vehicle file or mend the sensor, and diagnose again"
+            yield effects_listed(names), "state it in the vehicle file or repair the sensor, and diagnose again"
         elif names:
             yield effects_listed(names), "save with --save-effects and subtract, or use the estimates after"
     for finding in undecided_sets(diagnosis):
