@@ -49,7 +49,7 @@ _OF_NOTES: Final = {
     DiagnosisCode.NOT_A_RING: ("the signal is not that of a ring", "check radius, axes and gain in the vehicle file"),
     DiagnosisCode.PLUGIN_EFFECTS_LEFT_OUT: (
         "effects of plug-ins were left out",
-        "remove or mend the plug-in in the note",
+        "remove or repair the plug-in in the note",
     ),
     DiagnosisCode.FEW_REVOLUTIONS: ("few revolutions", "record half a minute at a steady speed"),
     DiagnosisCode.ONE_SPEED: ("one speed", "record at a second speed under the same load and pressure"),
