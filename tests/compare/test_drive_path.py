@@ -148,7 +148,7 @@ def test_receiver_is_turned_to_the_path(made) -> None:
 def test_page_draws_the_path_or_says_that_there_is_no_turn_rate(made) -> None:
     drive = Drive("a.mcap")
     drive.add(made.result())
-    assert "No path: no wheel has a turn rate." in drive_page([drive])
+    assert "No path: no wheel has both speed and turn rate." in drive_page([drive])
     for result in driven(made, 30, turn=0.1, random=0.01, fixes=True):
         drive.add(result)
     page = drive_page([drive])

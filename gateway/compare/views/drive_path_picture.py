@@ -56,8 +56,9 @@ def path_picture(wheels: Mapping[str, WheelPath]) -> PathPicture | None:
     path = car_path(wheels)
     if path is None:
         return None
-    ends = path.position_m[-1:] + path.ellipse(-1)[0] * np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
-    places = _on_page(np.concatenate([path.position_m, path.received_m, ends]))
+    points = _points_of_ellipses(path)
+    reach = [path.position_m[point] + sign * path.ellipse(point)[0] for point in points for sign in (-1.0, 1.0)]
+    places = _on_page(np.concatenate([path.position_m, path.received_m, reach]))
     low, high = places.min(axis=0), places.max(axis=0)
     size = max(float((high - low).max()), 1.0)
     margin = _MARGIN * size
@@ -86,11 +87,17 @@ def _points(points_m: FloatArray) -> str:
     return " ".join(f"{fixed(x, 1)},{fixed(y, 1)}" for x, y in _on_page(points_m).tolist()) if len(points_m) else ""
 
 
-def _ellipses(path: CarPath) -> list[Ellipse]:
+def _points_of_ellipses(path: CarPath) -> list[int]:
+    """Return indices of points at even distances along a path, its end among them."""
     rolled = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path.position_m, axis=0).T))])
+    indices = np.searchsorted(rolled, rolled[-1] * np.arange(1, _ELLIPSES + 1) / _ELLIPSES)
+    points: list[int] = np.unique(np.minimum(indices, len(rolled) - 1)).tolist()
+    return points
+
+
+def _ellipses(path: CarPath) -> list[Ellipse]:
     ellipses = []
-    for index in np.unique(np.searchsorted(rolled, rolled[-1] * np.arange(1, _ELLIPSES + 1) / _ELLIPSES)):
-        point = min(int(index), len(rolled) - 1)
+    for point in _points_of_ellipses(path):
         long, short, angle = path.ellipse(point)
         (x, y), *_ = _on_page(path.position_m[point : point + 1]).tolist()
         # An angle from ahead to the left is one from the right to above, a quarter of a turn on.
