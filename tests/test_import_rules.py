@@ -28,7 +28,7 @@ ONLY_IN = {
     "secrets": {
         "gateway/security/key_file.py",
         "gateway/publishing/origin_gate.py",
-        "gateway/publishing/page_server.py",
+        "gateway/publishing/page_listener.py",
     },
 }
 UNSEEDED = ("datetime.now(", "np.random.seed(", "default_rng()", ".utcnow(")

@@ -4,27 +4,17 @@ from __future__ import annotations
 
 import asyncio
 import errno
-import hmac
 import json
-import logging
 import math
-import secrets
-import socket
 import threading
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import CancelledError
 from contextlib import suppress
-from functools import partial
-from http import HTTPStatus
-from ipaddress import ip_address
 from typing import Any, Final
-from urllib.parse import parse_qs, urlsplit
 
-from websockets.asyncio.server import ServerConnection, serve
-from websockets.datastructures import Headers
+from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
-from websockets.http11 import Request, Response
 
 from gateway.core.errors import TreadlinkError
 from gateway.core.estimates.results import SessionSnapshot
@@ -34,7 +24,7 @@ from gateway.core.text.session_control import SessionControl
 from gateway.core.text.text import clean
 from gateway.core.text.trend_history import TrendHistory
 from gateway.core.text.wording import text as reason_text
-from gateway.publishing.admission import HEAD_S, Admission
+from gateway.publishing.page_listener import PageServer
 from gateway.publishing.payloads import encoded
 from gateway.publishing.sink import (
     Item,
@@ -51,24 +41,10 @@ from gateway.publishing.sink import (
 from gateway.publishing.web_page.page_html import page_file
 from gateway.publishing.web_page.page_state import page_quantities, page_state, page_trend, page_waveform
 
-_logger = logging.getLogger(__name__)
-# Strangers whose requests cannot be read, or who leave in the middle, are no fault of this program.
-_STRANGERS: Final = _logger.getChild("websockets")
-_STRANGERS.setLevel(logging.CRITICAL)
-
 PORT: Final = 8780
-MOST_PAGES: Final = 20
-"""Pages that may be open at once."""
 _LONGEST_MARK: Final = 200
-_LARGEST_MESSAGE: Final = 4096
-# Asyncio accepts so many connections before one of them can be sent away.
-_BACKLOG: Final = 8
-# A page that takes this much less than it is sent is behind; it then gets the latest state only.
-_WRITE_BYTES: Final = 1 << 16
 _TREND_S: Final = 1.0
-_STARTED_S: Final = 5.0
 _LAST_STATE_S: Final = 1.0
-_LOOPBACK_NAMES: Final = ("localhost",)
 
 
 def open_page(address: SinkAddress, setting: SinkSetting) -> PageSink:
@@ -105,9 +81,9 @@ class PageSink(Sink):
         Raises:
             SinkError: the port is taken, or the host is none of this computer's.
         """
-        self._host, self._session = host, session
+        self._session = session
         try:
-            self._listener: socket.socket | None = _listener(host, port)
+            self._server = PageServer(host, port, page_file, self._page)
         except OSError as error:
             raise SinkError(
                 f"the page {cannot_listen(host, port, error)}",
@@ -115,20 +91,11 @@ class PageSink(Sink):
                 if error.errno == errno.EADDRINUSE
                 else "Choose a port from 1024 on, and an address of this computer: --publish web://127.0.0.1:8780",
             ) from error
-        self.port: int = self._listener.getsockname()[1]
-        self._is_local = _is_loopback(self._listener.getsockname()[0])
-        self._token = "" if self._is_local else secrets.token_urlsafe(16)
-        self.address = f"http://{_shown_host(host, self._listener)}:{self.port}/"
-        if self._token:
-            self.address += f"?token={self._token}"
+        self._host, self.port, self.address = host, self._server.port, self._server.address
         self._history = TrendHistory()
         self._lock = threading.Lock()
         self._snapshot: SessionSnapshot | None = None
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._thread: threading.Thread | None = None
-        self._closing = asyncio.Event()
         self._pages: set[_Page] = set()
-        self._admission = Admission()
         self._marks, self._recordings = _Pace(5, 1.0), _Pace(4, 10.0)
         self._number = 0
         # Encoded once for all pages, by what they were made from.
@@ -140,16 +107,10 @@ class PageSink(Sink):
     def open(self, stop: threading.Event) -> None:
         """Start serving."""
         try:
-            listener = self._listener or _listener(self._host, self.port)
+            is_up = self._server.start()
         except OSError as error:
             raise SinkDownError(cannot_listen(self._host, self.port, error)) from error
-        self._listener = None
-        started = threading.Event()
-        self._thread = threading.Thread(
-            target=lambda: asyncio.run(self._serve(listener, started)), name="page", daemon=True
-        )
-        self._thread.start()
-        if not started.wait(_STARTED_S):
+        if not is_up:
             raise SinkDownError("the server of the page does not start")
 
     def send(self, item: Item, stop: threading.Event) -> None:
@@ -160,11 +121,11 @@ class PageSink(Sink):
         elif isinstance(item, PublishedState):
             self._snapshot = item.snapshot
             self._number += 1
-            self._in_loop(self._wake)
+            self._server.call(self._wake)
 
     def flush(self, stop: threading.Event) -> int:
         """Give the pages a moment to take the last state; nothing is confirmed."""
-        loop = self._loop
+        loop = self._server.loop
         if loop is not None and not stop.is_set():
             with suppress(CancelledError, TimeoutError, RuntimeError):
                 asyncio.run_coroutine_threadsafe(self._all_taken(), loop).result(2 * _LAST_STATE_S)
@@ -172,76 +133,9 @@ class PageSink(Sink):
 
     def close(self) -> None:
         """Stop serving."""
-        if self._listener is not None:
-            self._listener.close()
-            self._listener = None
-        self._in_loop(self._closing.set)
-        if self._thread is not None:
-            self._thread.join(_STARTED_S)
-            self._thread = None
+        self._server.close()
 
-    def _in_loop(self, call: Callable[[], object]) -> None:
-        loop = self._loop
-        if loop is not None:
-            with suppress(RuntimeError):  # it has ended
-                loop.call_soon_threadsafe(call)
-
-    # The server: all of it in the event loop
-
-    async def _serve(self, listener: socket.socket, started: threading.Event) -> None:
-        self._closing = asyncio.Event()
-        # Such as a connection for which the system has no descriptor: asyncio tries again, and would print a traceback.
-        asyncio.get_running_loop().set_exception_handler(_tell_error)
-        server = await serve(
-            self._page,
-            sock=listener,
-            backlog=_BACKLOG,
-            process_request=self._answer,
-            create_connection=partial(_BoundedConnection, admission=self._admission),  # type: ignore[arg-type]  # a factory
-            open_timeout=HEAD_S,
-            compression=None,
-            max_size=_LARGEST_MESSAGE,
-            write_limit=_WRITE_BYTES,
-            server_header=None,
-            logger=_STRANGERS,
-        )
-        self._loop = asyncio.get_running_loop()
-        started.set()
-        await self._closing.wait()
-        self._loop = None
-        server.close()
-        # A browser keeps connections open on which it asks for nothing: they are not waited for.
-        with suppress(TimeoutError):
-            async with asyncio.timeout(_LAST_STATE_S):
-                await server.wait_closed()
-
-    def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
-        """Return the page or a refusal; None lets a page's WebSocket open."""
-        try:
-            parts = urlsplit(request.path)
-            (host,) = request.headers.get_all("Host")
-            name = urlsplit(f"//{host}").hostname or ""
-        except ValueError:
-            return connection.respond(HTTPStatus.BAD_REQUEST, "The request cannot be read.\n")
-        if getattr(request, "method", "GET") != "GET":
-            refused = connection.respond(HTTPStatus.METHOD_NOT_ALLOWED, "Only GET is allowed.\n")
-            refused.headers["Allow"] = "GET"
-            return refused
-        # A name that a foreign site has pointed at this computer is refused, whatever its page asks for.
-        if self._is_local and not _is_loopback(name):
-            return connection.respond(HTTPStatus.FORBIDDEN, "This page is for this computer only.\n")
-        token = parse_qs(parts.query).get("token", [""])[0]
-        if self._token and not hmac.compare_digest(token.encode(), self._token.encode()):
-            return connection.respond(
-                HTTPStatus.FORBIDDEN, "Open the address that treadlink printed: its token fails.\n"
-            )
-        if "Upgrade" not in request.headers:
-            return _page_response() if parts.path == "/" else connection.respond(HTTPStatus.NOT_FOUND, "")
-        if request.headers.get("Origin") not in (f"http://{host}", f"https://{host}"):
-            return connection.respond(HTTPStatus.FORBIDDEN, "Not a page of this program.\n")
-        if len(self._pages) >= MOST_PAGES:
-            return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, f"{MOST_PAGES} pages are open already.\n")
-        return None
+    # With pages: all of it in the event loop
 
     async def _page(self, connection: ServerConnection) -> None:
         page = _Page(connection)
@@ -251,8 +145,6 @@ class PageSink(Sink):
         try:
             async for message in connection:
                 await self._take(page, message)
-        except ConnectionClosed:
-            pass
         finally:
             self._pages.discard(page)
             sender.cancel()
@@ -399,31 +291,6 @@ class _Pace:
         return True
 
 
-class _BoundedConnection(ServerConnection):
-    """A connection that is ended at once where its listener has too many, or its peer."""
-
-    def __init__(self, *arguments: Any, admission: Admission, **options: Any) -> None:
-        super().__init__(*arguments, **options)
-        self._admission = admission
-        self._admitted: str | None = None
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Begin the handshake, or end the connection."""
-        super().connection_made(transport)
-        peer = str((transport.get_extra_info("peername") or ("",))[0])
-        if self._admission.admit(peer):
-            self._admitted = peer
-        elif isinstance(transport, asyncio.WriteTransport):
-            transport.abort()
-
-    def connection_lost(self, error: Exception | None) -> None:
-        """Count the connection no more."""
-        if self._admitted is not None:
-            self._admission.release(self._admitted)
-            self._admitted = None
-        super().connection_lost(error)
-
-
 class _Page:
     """A browser with the page open."""
 
@@ -439,49 +306,3 @@ class _Page:
         self.trend_since_s = 0
         self.trend_due_s = 0.0
         self.quantities: list[Any] = []
-
-
-def _page_response() -> Response:
-    page = page_file()
-    headers = Headers(
-        {
-            "Content-Type": "text/html; charset=utf-8",
-            "Content-Length": str(len(page.html)),
-            "Content-Security-Policy": page.policy,
-            "Referrer-Policy": "no-referrer",
-            "X-Content-Type-Options": "nosniff",
-            "Cache-Control": "no-store",
-            "Connection": "close",
-        }
-    )
-    return Response(HTTPStatus.OK.value, HTTPStatus.OK.phrase, headers, page.html)
-
-
-def _listener(host: str, port: int) -> socket.socket:
-    family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
-    return socket.create_server((host, port), family=family)
-
-
-def _is_loopback(host: str) -> bool:
-    """Return whether a name or address is that of this computer to itself."""
-    if host in _LOOPBACK_NAMES:
-        return True
-    try:
-        return ip_address(host).is_loopback
-    except ValueError:
-        return False
-
-
-def _tell_error(_: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-    _logger.warning("the page: %s: %s", context["message"], context.get("exception"))
-
-
-def _shown_host(host: str, listener: socket.socket) -> str:
-    """Return the host of the address that users open; for every interface the one that others reach first."""
-    bound = listener.getsockname()[0]
-    if ip_address(bound.partition("%")[0]).is_unspecified:
-        with suppress(OSError), socket.socket(listener.family, socket.SOCK_DGRAM) as probe:
-            # Connecting a datagram socket sends nothing; the address is of the range for documentation.
-            probe.connect(("192.0.2.1" if listener.family == socket.AF_INET else "2001:db8::1", 9))
-            host = probe.getsockname()[0]
-    return f"[{host}]" if ":" in host else host

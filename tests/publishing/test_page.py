@@ -19,7 +19,7 @@ from gateway.core.estimates.results import Silence, SilentPart, WheelState
 from gateway.core.links.reasons import LinkCode
 from gateway.core.reasons import Notice, Reason
 from gateway.core.session.reasons import SessionCode
-from gateway.publishing import page_server
+from gateway.publishing import page_listener
 from gateway.publishing.page_server import PageSink
 from gateway.publishing.publisher import open_publisher
 from gateway.publishing.sink import PublishedRevolution, PublishedState, SinkError, SinkSetting, open_sink
@@ -318,13 +318,13 @@ def test_wider_page_needs_its_token() -> None:
 
 def test_twenty_pages_and_one_too_many(served, items) -> None:
     with ExitStack() as others:
-        guests = [others.enter_context(guest(served)) for _ in range(page_server.MOST_PAGES - 1)]
+        guests = [others.enter_context(guest(served)) for _ in range(page_listener.MOST_PAGES - 1)]
         with guest(served) as last:
             show(served, items)
             assert all(next_of(connection, "state")["wheels"] for connection in (*guests, last))
             with pytest.raises(InvalidStatus, match="503"), guest(served):
                 pass
-        until(lambda: len(served.sink._pages) < page_server.MOST_PAGES)
+        until(lambda: len(served.sink._pages) < page_listener.MOST_PAGES)
         others.enter_context(guest(served))
 
 

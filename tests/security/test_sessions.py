@@ -309,7 +309,7 @@ STATED_ADDRESSES = (
     "gateway/publishing/origin_gate.py: socket.create_server(",
     # A Unix socket in a folder of the user's own.
     "gateway/security/control_socket.py: listener.bind(str(path))",
-    "gateway/publishing/page_server.py: socket.create_server((host, port)",
+    "gateway/publishing/page_listener.py: socket.create_server((host, port)",
 )
 LISTENERS = {"bind", "create_server", "start_server", "start_unix_server", "HTTPServer", "TCPServer", "run_app"}
 

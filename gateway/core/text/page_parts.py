@@ -1,7 +1,7 @@
 """Parts of self-contained pages: scripts, styles, and the policy that allows those scripts alone."""
 
 from base64 import b64encode
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from hashlib import sha256
 from importlib import resources
 from typing import Final, NamedTuple
@@ -25,6 +25,13 @@ class Part(NamedTuple):
         return f"<{self.element}>{self.text}</{self.element}>"
 
 
+class PageFile(NamedTuple):
+    """A page that is served, and the policy that allows its own scripts and this server only."""
+
+    html: bytes
+    policy: str
+
+
 def page_part(name: str, package: str = _PICTURES) -> Part:
     """Return a script or a style sheet of a package, by default of those that pages share."""
     text = resources.files(package).joinpath(name).read_text(encoding="utf-8")
@@ -44,3 +51,19 @@ def script_policy(parts: Iterable[Part]) -> str:
         if part.element == "script"
     ]
     return f"default-src 'none'; script-src {' '.join(hashes)}; style-src 'unsafe-inline'; img-src data:"
+
+
+def joined_page(name: str, package: str, parts: Sequence[Part]) -> PageFile:
+    """Return a page of a package as one file: its markup with styles, scripts and the licence of the plots.
+
+    Args:
+        name: of the markup, with places for `STYLES`, `SCRIPTS` and `LICENCE OF THE PLOTS`.
+        package: of the markup.
+        parts: styles and scripts, each in the order in which they are joined.
+    """
+    html = resources.files(package).joinpath(name).read_text(encoding="utf-8")
+    html = html.replace("LICENCE OF THE PLOTS", plot_licence())
+    for place, element in (("<!-- STYLES -->", "style"), ("<!-- SCRIPTS -->", "script")):
+        html = html.replace(place, "\n".join(part.html() for part in parts if part.element == element))
+    of_server = "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    return PageFile(html.encode(), f"{script_policy(parts)}; {of_server}")
