@@ -40,35 +40,49 @@ def _repeated(table: str, key: str, values: Sequence[str], allowed: str) -> Iter
 def _section_faults(where: str, table: Mapping[str, Any], data: Mapping[str, Any]) -> Iterator[Fault]:
     overrides = {name: as_table(table.get(name)) for name in ("sensor", "tire", "motion", "defect")}
     merged = {name: {**as_table(data.get(name)), **items} for name, items in overrides.items()}
-    sensor, tire, motion = merged["sensor"], merged["tire"], merged["motion"]
-    bandwidth, rate = _number(sensor.get("bandwidth_hz")), _number(sensor.get("rate_hz", 9600.0))
-    if _given(overrides["sensor"], "bandwidth_hz", "rate_hz") and bandwidth > 0.45 * rate:
-        allowed = f"allowed: up to 0.45 of rate_hz, {0.45 * rate:g}; leave it out for full bandwidth"
-        yield Fault(f"{where}sensor.bandwidth_hz", show(bandwidth), allowed)
-    loose = _number(merged["defect"].get("loose_hz"))
-    if (_given(overrides["sensor"], "rate_hz") or _given(overrides["defect"], "loose_hz")) and loose > 0.45 * rate:
-        yield Fault(f"{where}defect.loose_hz", show(loose), f"allowed: up to 0.45 of rate_hz, {0.45 * rate:g}")
+    yield from _rate_faults(where, overrides, merged)
+    yield from _tire_faults(where, overrides["tire"], merged["tire"])
+    yield from _motion_faults(where, overrides["motion"], merged["motion"])
+
+
+def _rate_faults(
+    where: str, overrides: Mapping[str, Mapping[str, Any]], merged: Mapping[str, Mapping[str, Any]]
+) -> Iterator[Fault]:
+    rate = _number(merged["sensor"].get("rate_hz", 9600.0))
+    limited = {"sensor": ("bandwidth_hz", "; leave it out for full bandwidth"), "defect": ("loose_hz", "")}
+    for section, (key, remedy) in limited.items():
+        value = _number(merged[section].get(key))
+        is_stated = _given(overrides["sensor"], "rate_hz") or _given(overrides[section], key)
+        if is_stated and value > 0.45 * rate:
+            yield Fault(
+                f"{where}{section}.{key}", show(value), f"allowed: up to 0.45 of rate_hz, {0.45 * rate:g}{remedy}"
+            )
+
+
+def _tire_faults(where: str, overrides: Mapping[str, Any], tire: Mapping[str, Any]) -> Iterator[Fault]:
     wear, thickness = _number(tire.get("wear_mm", 0.0)), _number(tire.get("ring_thickness_mm", 15.0))
-    if _given(overrides["tire"], "wear_mm", "ring_thickness_mm") and wear > 0.8 * thickness:
+    if _given(overrides, "wear_mm", "ring_thickness_mm") and wear > 0.8 * thickness:
         allowed = f"allowed: up to 0.8 of ring_thickness_mm, {0.8 * thickness:g}"
         yield Fault(f"{where}tire.wear_mm", show(wear), allowed)
     drum, radius = _number(tire.get("drum_radius_mm")), _number(tire.get("radius_mm", 320.0))
-    if _given(overrides["tire"], "drum_radius_mm", "radius_mm") and -radius <= drum <= 0.0:
+    if _given(overrides, "drum_radius_mm", "radius_mm") and -radius <= drum <= 0.0:
         allowed = f"allowed: above 0, or below -radius_mm = {-radius:g} for an inner drum"
         yield Fault(f"{where}tire.drum_radius_mm", show(drum), allowed)
+
+
+def _motion_faults(where: str, overrides: Mapping[str, Any], motion: Mapping[str, Any]) -> Iterator[Fault]:
     paths = [name for name in ("yaw_rate_degps", "curvature_pkm") if name in motion]
-    if paths and _given(overrides["motion"], "repeat", *paths) and motion.get("repeat") is True:
+    repeats = motion.get("repeat") is True
+    if paths and repeats and _given(overrides, "repeat", *paths):
         yield Fault(f"{where}motion.{paths[0]}", show(motion[paths[0]]), "a repeated speed has no path")
-    if len(paths) > 1 and _given(overrides["motion"], *paths):
+    if len(paths) > 1 and _given(overrides, *paths):
         yield Fault(f"{where}motion.curvature_pkm", show(motion["curvature_pkm"]), "state one: this or yaw_rate_degps")
     speed = motion.get("speed_kmh")
-    stated = _given(overrides["motion"], "repeat", "speed_kmh") and motion.get("repeat") is True
-    if stated and isinstance(speed, list) and len(speed) > 1:
+    if repeats and _given(overrides, "repeat", "speed_kmh") and isinstance(speed, list) and len(speed) > 1:
         ends = [point[1] for point in (speed[0], speed[-1]) if isinstance(point, list) and len(point) == 2]
         if len(ends) == 2 and ends[0] != ends[1]:
-            yield Fault(
-                f"{where}motion.speed_kmh", show(speed), "a repeated speed must end at the value it starts with"
-            )
+            allowed = "a repeated speed must end at the value it starts with"
+            yield Fault(f"{where}motion.speed_kmh", show(speed), allowed)
 
 
 def _given(table: Mapping[str, Any], *names: str) -> bool:

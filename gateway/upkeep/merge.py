@@ -110,26 +110,8 @@ def merge_recordings(
         RecordingError: a recording is unfinished or damaged, their configurations differ, two hubs send the same
             wheel, `target` exists, or the disk is full. There is no target then.
     """
-    readers = [RecordingReader(path) for path in paths]
-    for reader in readers:
-        if reader.info.in_progress:
-            raise RecordingError(f"'{reader.info.path}' is being recorded", "Merge it when its session has ended.")
-        if not reader.info.finished:
-            raise RecordingError(f"'{reader.info.path}' was not finished", REPAIR_REMEDY)
-    if vehicle_toml is None:
-        vehicle_toml = _common(
-            [reader.vehicle_toml for reader in readers],
-            "vehicle configurations",
-            "Give that of the whole drive: --config FILE. Where load, pressure or wear have changed, these are several "
-            "drives: estimate them apart, or look at treadlink compare.",
-        )
-    else:
-        vehicle = parse_vehicle(vehicle_toml, "the vehicle configuration")
-        for reader in readers:
-            # What a recording states of the accuracy of its samples is not in another file.
-            with suppress(ConfigError):
-                vehicle = vehicle.with_sensors_of(parse_vehicle(reader.vehicle_toml or "", str(reader.info.path)))
-        vehicle_toml = vehicle.to_toml()
+    readers = [_finished(path) for path in paths]
+    vehicle_toml = _joint_vehicle(readers, vehicle_toml)
     dbc_text = _common(
         [reader.info.dbc_text for reader in readers], "DBC files", "Record the bus in all of them with the same file."
     )
@@ -159,6 +141,32 @@ def merge_recordings(
     return MergeReport(
         writer.path, writer.items, sum(link.repeated for link in once), sum(link.noise_bytes for link in once)
     )
+
+
+def _finished(path: Path) -> RecordingReader:
+    reader = RecordingReader(path)
+    if reader.info.in_progress:
+        raise RecordingError(f"'{reader.info.path}' is being recorded", "Merge it when its session has ended.")
+    if not reader.info.finished:
+        raise RecordingError(f"'{reader.info.path}' was not finished", REPAIR_REMEDY)
+    return reader
+
+
+def _joint_vehicle(readers: Sequence[RecordingReader], vehicle_toml: str | None) -> str | None:
+    """Return the stated configuration with what the recordings say of their sensors, or the one that they share."""
+    if vehicle_toml is None:
+        return _common(
+            [reader.vehicle_toml for reader in readers],
+            "vehicle configurations",
+            "Give that of the whole drive: --config FILE. Where load, pressure or wear have changed, these are several "
+            "drives: estimate them apart, or look at treadlink compare.",
+        )
+    vehicle = parse_vehicle(vehicle_toml, "the vehicle configuration")
+    for reader in readers:
+        # What a recording states of the accuracy of its samples is not in another file.
+        with suppress(ConfigError):
+            vehicle = vehicle.with_sensors_of(parse_vehicle(reader.vehicle_toml or "", str(reader.info.path)))
+    return vehicle.to_toml()
 
 
 def _common(texts: Iterable[str | None], what: str, remedy: str) -> str | None:

@@ -45,25 +45,8 @@ def inspection_lines(inspection: Inspection, notices: Sequence[Notice]) -> Itera
             yield f"    {notice_text(notice)}"
     for name, link in inspection.links.items():
         yield from _log_lines(name, link, begin)
-    if inspection.events:
-        yield ""
-        yield "  events"
-        for event in inspection.events[:_EVENTS_SHOWN]:
-            time_s = (event.host_ns - begin) * 1e-9
-            words = text(event.reason)
-            what = f"{event.link}: {words}" if event.is_of_link else words
-            yield f"    {fixed(time_s, 2):>9} s  {what}"
-        if len(inspection.events) > _EVENTS_SHOWN:
-            printed = f"the first {len(inspection.events)}" if inspection.events_omitted else "all"
-            more = len(inspection.events) + inspection.events_omitted - _EVENTS_SHOWN
-            yield f"    ... and {more} more (--json prints {printed})"
-    if inspection.alarms:
-        yield ""
-        yield "  alarms"
-        for alarm in inspection.alarms[:_EVENTS_SHOWN]:
-            yield f"    {_alarm_text(alarm, begin)}"
-        if len(inspection.alarms) > _EVENTS_SHOWN:
-            yield f"    ... and {len(inspection.alarms) - _EVENTS_SHOWN} more (--json prints all)"
+    yield from _event_lines(inspection, begin)
+    yield from _alarm_lines(inspection, begin)
     if inspection.topics:
         yield ""
         yield "  decoded topics: " + ", ".join(
@@ -72,6 +55,33 @@ def inspection_lines(inspection: Inspection, notices: Sequence[Notice]) -> Itera
     if inspection.damage:
         yield ""
         yield f"  DAMAGED: {text(inspection.damage)}"
+
+
+def _event_lines(inspection: Inspection, begin_ns: int) -> Iterator[str]:
+    if not inspection.events:
+        return
+    yield ""
+    yield "  events"
+    for event in inspection.events[:_EVENTS_SHOWN]:
+        time_s = (event.host_ns - begin_ns) * 1e-9
+        words = text(event.reason)
+        what = f"{event.link}: {words}" if event.is_of_link else words
+        yield f"    {fixed(time_s, 2):>9} s  {what}"
+    if len(inspection.events) > _EVENTS_SHOWN:
+        printed = f"the first {len(inspection.events)}" if inspection.events_omitted else "all"
+        more = len(inspection.events) + inspection.events_omitted - _EVENTS_SHOWN
+        yield f"    ... and {more} more (--json prints {printed})"
+
+
+def _alarm_lines(inspection: Inspection, begin_ns: int) -> Iterator[str]:
+    if not inspection.alarms:
+        return
+    yield ""
+    yield "  alarms"
+    for alarm in inspection.alarms[:_EVENTS_SHOWN]:
+        yield f"    {_alarm_text(alarm, begin_ns)}"
+    if len(inspection.alarms) > _EVENTS_SHOWN:
+        yield f"    ... and {len(inspection.alarms) - _EVENTS_SHOWN} more (--json prints all)"
 
 
 def _state_text(info: RecordingInfo) -> str:
