@@ -274,7 +274,7 @@ class LongitudinalForceEstimator(RevolutionEstimator):
 
     def _after_solution(self, revolution: Revolution, conditions: TireConditions) -> tuple[Estimate, ...]:
         """Return the estimates."""
-        doubts = doubt_about(revolution, self._now.effective_count)
+        doubts = doubt_about(revolution, self._now.effective_count, is_linear_ring=conditions.tire.is_linear_ring)
         if revolution.ac_coupled and not revolution.corner:
             doubts = (*doubts, Reason(ForceCode.AC_CORNER_NOT_STATED))
         assert self._now.solution is not None

@@ -8,4 +8,3 @@ class PaperCode(Codes):
 
     # Of the tire's four numbers
     LINEAR_RING = Code("linear ring: its model error is in the standard error")
-    LINEAR_RING_TENSION = Code("linear ring: the belt's loss of tension in the contact is in the standard error")

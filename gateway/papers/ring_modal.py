@@ -42,7 +42,7 @@ FIRST_ORDER: Final = 2
 _UNKNOWN_EDGE_STD_RAD: Final = 0.01
 # Residual, as a share of the signal, above which the ring is rejected.
 MAX_RESIDUAL_SHARE: Final = 0.5
-_MODEL_NOTE: Final = Reason(PaperCode.LINEAR_RING_TENSION)
+_MODEL_NOTE: Final = Reason(PaperCode.LINEAR_RING)
 
 # Legendre coefficients of the contact pressure, degrees 1 to 4: prior means and standard errors. On the exact ring
 # degree 2 is -1.0 to -0.2 and degree 4 is 0.0 to -0.6 over loads; 1 and 3 come from damping and are at most 0.2.

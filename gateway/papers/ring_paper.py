@@ -79,8 +79,9 @@ class RingPaperEstimator:
         if reason:
             return all_invalid(reason)
         orders = np.flatnonzero(np.isfinite(average.orders_mps2))
-        orders = orders[orders > 0]
         tire = conditions.tire
+        # Eq. 27 has no gravity; whether it was added to order 1 is not stated.
+        orders = orders[orders > tire.is_linear_ring]
         half_angle = 0.5 * (average.trailing_edge_rad - average.leading_edge_rad)
         # The definition of both edges may be wrong in the same direction: their errors add.
         angle_std = 0.5 * (average.leading_edge_std_rad + average.trailing_edge_std_rad)

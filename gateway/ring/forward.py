@@ -69,7 +69,7 @@ class ForwardEstimator:
         fit = self._fit
         if fit is None:
             return _invalid(self._failure)
-        doubts = doubt_about(revolution, average.effective_count)
+        doubts = doubt_about(revolution, average.effective_count, is_linear_ring=conditions.tire.is_linear_ring)
         if not fit.converged:
             doubts = doubts or (Reason(RingCode.FIT_NOT_CONVERGED),)
         number = load_number(conditions)

@@ -17,6 +17,7 @@ from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
 from gateway.core.estimates.revolution_block import extended
 from gateway.core.estimates.ring_series import signal_orders, signal_waveform, stiffness_terms
+from gateway.core.estimates.weak_form import WeakFormEstimator
 from gateway.core.reasons import Code, Reason, codes_of
 from gateway.core.revolutions.angle_resampling import angle_grid, fit_phase
 from gateway.core.revolutions.synchronous_average import RunningAverage
@@ -62,6 +63,18 @@ def test_data_of_the_papers_model_return_its_numbers(factors: tuple[float, float
     for name, other in (("Bs/Cw", 0), ("Rs/Cw", 2), ("Ts/Cw", 3)):
         assert estimates[name].value == pytest.approx(numbers[other] / numbers[1], rel=1e-4)
     assert all(e.status is not Status.INVALID for e in estimates.values())
+
+
+@pytest.mark.parametrize("gravity", [0.0, -STANDARD_GRAVITY_MPS2])
+def test_a_stated_linear_ring_may_have_gravity_or_not(gravity: float) -> None:
+    """Gravity is subtracted from order 1, also from a signal that was computed without it."""
+    conditions = replace(CONDITIONS, tire=replace(CONDITIONS.tire, is_linear_ring=True))
+    wave = series_wave() + gravity * np.cos(angle_grid())
+    np.testing.assert_allclose(values(estimate_once(wave, conditions, edges=(-HALF, HALF))), TABLE_3_NUMBERS, rtol=1e-3)
+    data = make_revolution(wave, edges=(-HALF, HALF), edge_std=0.002)
+    exact = WeakFormEstimator().update(data, settled(data), conditions)
+    assert {estimate.status for estimate in exact} == {Status.PROVISIONAL}
+    assert codes_of(exact[0].reasons)[0] is EstimateCode.SIGNAL_OF_LINEAR_RING
 
 
 def test_contact_centre_does_not_change_the_numbers() -> None:

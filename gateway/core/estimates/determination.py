@@ -391,8 +391,13 @@ def missing_conditions(conditions: TireConditions) -> tuple[Reason, ...]:
     return tuple(missing)
 
 
-def doubt_about(revolution: Revolution, effective_count: float) -> tuple[Reason, ...]:
-    """Return why estimates from an average of that effective count are provisional; empty when they are not."""
+def doubt_about(revolution: Revolution, effective_count: float, *, is_linear_ring: bool = False) -> tuple[Reason, ...]:
+    """Return why estimates from an average of that effective count are provisional; empty when they are not.
+
+    With `is_linear_ring` the signal is that of a linear ring, and the model has the exact geometry.
+    """
+    if is_linear_ring:
+        return (Reason(EstimateCode.SIGNAL_OF_LINEAR_RING),)
     if revolution.faults:
         return (not_used(revolution.faults),)
     if effective_count < SETTLED_REVOLUTIONS * (1.0 - 1e-9):

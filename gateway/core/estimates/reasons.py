@@ -98,6 +98,9 @@ class EstimateCode(Codes):
         "temperature not compensated, its error assumes a difference of {difference_k:.0f K}"
     )
     UNKNOWN_ESTIMATOR = Code("tire.reference names '{estimator}', which is not an estimator")
+    SIGNAL_OF_LINEAR_RING = Code(
+        "the signal is stated to be that of a linear ring, which this estimator does not assume"
+    )
     WEAR_CONTRADICTED = Code("contradicts the stated wear of {stated_m:.1f mm} ± {stated_std_m:.1f mm}")
     WEAR_UNKNOWN = Code("wear since the calibration is not known: an error of {relative_error:.0%} is included")
     WEARS_DISAGREE = Code(

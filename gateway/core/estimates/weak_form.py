@@ -210,7 +210,9 @@ class WeakFormEstimator(BlockEstimator):
                     first += 1
                 else:
                     self._renewed, is_new = renewed, True
-        doubts = [doubt_about(*both) for both in zip(block.revolutions, block.averages.effective_counts, strict=True)]
+        is_linear = block.conditions[0].tire.is_linear_ring
+        counts = block.averages.effective_counts
+        doubts = [doubt_about(*both, is_linear_ring=is_linear) for both in zip(block.revolutions, counts, strict=True)]
         estimates = series_estimates(self.name, fitted, block.conditions, doubts, noise_scatters=True)
         for index, reason in refused.items():
             estimates[index] = all_invalid(reason)
