@@ -18,8 +18,8 @@ from hypothesis import HealthCheck, settings
 
 if TYPE_CHECKING:
     from gateway.core.links.source import Source
-    from tests.testkit.browser import Browser
     from tests.testkit.hub_ends import Reader, TcpHub
+    from tools.browser import Browser
 
 # Small matrices everywhere: a thread for each product costs more than the product. Set before numpy is imported.
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -84,7 +84,7 @@ def read() -> Iterator[Callable[[Source], Reader]]:
 
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    from tests.testkit.browser import CHROMIUM, Browser
+    from tools.browser import CHROMIUM, Browser
 
     if CHROMIUM is None:
         if os.environ.get("CI"):

@@ -20,14 +20,19 @@ TIMEOUT_S = 20.0
 _LISTENER_KEEPALIVE_S = 3600
 
 
+def free_port() -> int:
+    """Return a port of this computer that nobody listens to."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        return int(free.getsockname()[1])
+
+
 class Broker:
     """Mosquitto with its settings in a folder; it may be stopped, resumed, killed and started again."""
 
     def __init__(self, folder: Path, settings: str = "allow_anonymous true") -> None:
         """Write the settings to a folder and choose a port."""
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            self.port = free.getsockname()[1]
+        self.port = free_port()
         self._settings = folder / "mosquitto.conf"
         self._settings.write_text(f"user root\nlistener {self.port} 127.0.0.1\n{settings}\n")
         self._process: subprocess.Popen[str] | None = None

@@ -25,8 +25,8 @@ from gateway.publishing.publisher import open_publisher
 from gateway.publishing.sink import PublishedRevolution, PublishedState, SinkError, SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
 from gateway.publishing.web_page.drive_face import place_on_car
-from tests.testkit.browser import Tab
 from tests.testkit.waiting import TIMEOUT_S, until
+from tools.browser import Tab
 
 
 class Session:

@@ -1,7 +1,6 @@
 """Memory that grows with the length of a recording stays small."""
 
 import sys
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +14,6 @@ from gateway.core.links.source import Chunk
 from gateway.core.recording.container import _CHUNK_INDEXES, PackedIndexes
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.writer import RecordingWriter
-from tools.reliability.soak import _TimeErrors
 
 U64 = st.integers(0, 2**63)
 
@@ -131,21 +129,3 @@ def test_items_are_written_within_chunk_and_poll(tmp_path) -> None:
         assert all(now_ns - item.host_ns < 120_000_000 for item in taken[held:])
     assert held == len(arrivals_ns)
     writer.close()
-
-
-def test_soak_measures_times_in_constant_memory() -> None:
-    truth = SimpleNamespace(bottom_times_s=lambda begin_s, end_s: np.arange(np.ceil(begin_s), np.ceil(end_s)))
-    measured = _TimeErrors({"W1": truth}, 10_000.0)  # type: ignore[dict-item]
-    rng = np.random.default_rng(2)
-    errors_s = rng.uniform(-0.004, 0.006, 10_000)
-    held = measured._counts.nbytes
-    for batch in np.array_split(np.arange(10_000) + errors_s, 37):
-        measured.add("W1", batch)
-    assert measured._counts.nbytes == held
-    assert measured._counts.sum() == 10_000
-    tenths = measured.by_tenth()
-    assert len(tenths) == 10
-    for (middle, spread), item in zip(tenths, errors_s.reshape(10, 1000), strict=True):
-        low, median, high = np.percentile(item, (1, 50, 99))
-        assert middle == pytest.approx(median, abs=1e-4)
-        assert spread == pytest.approx(high - low, abs=1e-4)

@@ -1,18 +1,23 @@
 """Soak of `treadlink live` in real time with all its outputs, while the clock is set again and again.
 
-Four wheels come through a pseudo-terminal. The session records in files of a few minutes, writes JSON lines, publishes
-to a broker and serves its page, to which browsers come and go. The wall clock steps by up to 58 days, both ways. At
-equal steps of time: memory, descriptors, threads, processor time, and the time from the last byte that a revolution
-needs to its line. At the end every byte that was sent must be in the recordings, in order.
+Four wheels come through a pseudo-terminal, and one after the other is silent for a while. The session records in files
+of a few minutes, writes lines of JSON and of Influx, sends to a CAN bus and to a broker that swallows a window of
+confirmations between two readings, and serves Foxglove, Prometheus and its page, to which clients come and go. One tab
+of a browser stays open. A stranger holds as many idle connections as it gets. The wall clock steps by up to 58 days,
+both ways. At equal steps of time: memory, descriptors, threads, processor time, the time from the last byte that a
+revolution needs to its line, and the memory of the tab. At the end every byte that was sent must be in the recordings,
+in order.
 """
 
 import argparse
 import contextlib
 import hashlib
+import itertools
 import json
+import math
 import os
+import resource
 import signal
-import socket
 import struct
 import subprocess
 import sys
@@ -27,17 +32,17 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from websockets.exceptions import WebSocketException
-from websockets.sync.client import connect
-from websockets.typing import Origin
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from gateway.core.clock import ManualClock
 from gateway.core.links.source import Chunk, open_source
 from gateway.core.recording.reader import RecordingReader
+from gateway.publishing.mqtt import CONFIRM_S, WINDOW
 from tools.bench_live import cpu_s, feed, latencies_ms, read_all, timed_pieces
-from tools.mqtt_broker import PROGRAM, Broker, Listener
+from tools.browser import CHROMIUM, Browser, Tab
+from tools.mqtt_broker import PROGRAM, Broker, Listener, free_port
+from tools.reliability.visitors import Stranger, SwallowingRelay, Visitors, visit_metrics, visit_page, visit_viewer
 
 _SCENARIO: Final = "demo"
 _SHIM: Final = Path(__file__).with_name("shifted_clock.c")
@@ -45,7 +50,10 @@ _DAY_S: Final = 86400
 _STEPS_S: Final = (3600, -7200, 58 * _DAY_S, -58 * _DAY_S, -30, 40, -_DAY_S)
 """Changes of the wall clock, one after the other: a wrong time zone, a clock without battery, small corrections."""
 _WINDOW_S: Final = 30.0
-_PAGE_S: Final = 10.0
+_DESCRIPTORS: Final = 1024
+_SILENT_S: Final = 20.0
+_BETWEEN_S: Final = 120.0
+_BUS: Final = "can:udp_multicast:239.74.163.2?port=43219&hop_limit=0"
 _END_S: Final = 60.0
 # A computer with too much other work may have a backlog.
 _DRAIN_S: Final = 600.0
@@ -64,6 +72,7 @@ class Reading:
         latency_ms: median and 99 % of the time from the last byte that a revolution needs to its line, in the last
             half a minute.
         load: runnable processes of the computer, mean over a minute.
+        tab_mb: memory of the page's objects in the browser.
     """
 
     minute: float
@@ -73,6 +82,7 @@ class Reading:
     cpu: float
     latency_ms: tuple[float, float]
     load: float
+    tab_mb: float
 
 
 @dataclass(slots=True)
@@ -89,8 +99,10 @@ class LiveSoak:
         is_equal: whether these are those, in order.
         lines: revolutions among the lines of JSON.
         messages: revolutions that came from the broker.
-        pages: browsers that were served.
-        refused_pages: browsers that were not.
+        clients: pages, viewers and scrapes.
+        strange: connections of the stranger.
+        swallowed: confirmations of the broker that did not arrive.
+        tab_errors: errors of the page in the browser.
         status: of the program.
         summary: last lines of the program.
     """
@@ -104,8 +116,10 @@ class LiveSoak:
     is_equal: bool = False
     lines: int = 0
     messages: int = 0
-    pages: int = 0
-    refused_pages: int = 0
+    clients: list[Visitors] = field(default_factory=list)
+    strange: int = 0
+    swallowed: int = 0
+    tab_errors: list[str] = field(default_factory=list)
     status: int = 0
     summary: list[str] = field(default_factory=list)
 
@@ -132,50 +146,10 @@ class _SentPieces(deque[tuple[float, bytes]]):
             return list(self)
 
 
-class _Browsers:
-    """Browsers that open the page one after the other, watch for `_PAGE_S` and go without a word."""
-
-    def __init__(self, address: str) -> None:
-        self._address = address
-        self._stop = threading.Event()
-        self.served = self.refused = 0
-        self._thread = threading.Thread(target=self._run, daemon=True)
-        self._thread.start()
-
-    def _run(self) -> None:
-        wheels = ("FL", "FR", "RL", "RR")
-        while not self._stop.is_set():
-            until_s = time.monotonic() + _PAGE_S
-            try:
-                origin = Origin(self._address.replace("ws://", "http://").rstrip("/"))
-                with connect(self._address, origin=origin, open_timeout=_END_S, max_size=None) as page:
-                    page.send(json.dumps({"wheel": wheels[self.served % 4], "trend": "speed_mps"}))
-                    while time.monotonic() < until_s and not self._stop.is_set():
-                        page.recv(timeout=_END_S)
-                    self.served += 1
-            except (OSError, TimeoutError, WebSocketException):
-                self.refused += not self._stop.is_set()
-                self._stop.wait(1.0)
-
-    def close(self) -> None:
-        self._stop.set()
-        self._thread.join(_END_S)
-
-
 def _shim(folder: Path) -> Path:
     library = folder / "shifted_clock.so"
     subprocess.run(["cc", "-O2", "-shared", "-fPIC", "-o", str(library), str(_SHIM)], check=True)
     return library
-
-
-def _free_port() -> int:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        return int(free.getsockname()[1])
-
-
-def _descriptors(pid: int) -> int:
-    return sum(1 for _ in Path(f"/proc/{pid}/fd").iterdir())
 
 
 def _status(pid: int, key: str) -> int:
@@ -194,24 +168,24 @@ def run_live_soak(minutes: float, folder: Path, *, readings: int = 10, split_s: 
     soak = LiveSoak()
     shift = folder / "shift"
     shift.write_bytes(bytes(8))
-    uri = f"sim:{_SCENARIO}?speed=max"
+    steps_s = itertools.accumulate(itertools.cycle(_STEPS_S))
+    uri = f"sim:{_SCENARIO}?speed=max&fault={_absences(minutes)}"
     config = folder / "vehicle.toml"
     config.write_text(open_source(uri, ManualClock()).vehicle_toml or "")
     master, slave = os.openpty()
     tty.setraw(slave)
     broker = Broker(folder).start() if PROGRAM else None
-    listener = Listener(broker.port, "soak/wheel/+/revolution", lambda _: b"") if broker else None
-    command = [
-        sys.executable,
-        "-m",
-        "gateway.core.cli",
-        "live",
-        f"serial://{os.ttyname(slave)}?baudrate=921600",
-        "--plain",
-    ]
-    command += ["--config", str(config), "--record", str(folder / "recordings"), "--split", f"{round(split_s)}s"]
-    command += ["--publish", f"jsonl:{folder}/soak.jsonl", "--publish", f"web://127.0.0.1:{_free_port()}"]
-    command += ["--publish", f"mqtt://127.0.0.1:{broker.port}/soak?discovery=off"] if broker else []
+    topics = "soak/wheel/+/revolution"
+    listener = Listener(broker.port, topics, lambda sent: b"%d" % json.loads(sent)["index"]) if broker else None
+    relay = SwallowingRelay(broker.port) if broker else None
+    ports = [free_port() for _ in range(3)]
+    command = [sys.executable, "-m", "gateway.core.cli", "live", f"serial://{os.ttyname(slave)}?baudrate=921600"]
+    command += f"--plain --config {config} --record {folder}/recordings --split {round(split_s)}s".split()
+    outputs = [f"jsonl:{folder}/soak.jsonl", f"influx:{folder}/soak.lp", f"web://127.0.0.1:{ports[0]}", _BUS]
+    outputs += [f"foxglove://127.0.0.1:{ports[1]}", f"prometheus://127.0.0.1:{ports[2]}"]
+    outputs += [f"mqtt://127.0.0.1:{relay.port}/soak?discovery=off"] if relay else []
+    for output in outputs:
+        command += ["--publish", output]
     (folder / "recordings").mkdir()
     process = subprocess.Popen(
         command,
@@ -219,6 +193,7 @@ def run_live_soak(minutes: float, folder: Path, *, readings: int = 10, split_s: 
         stderr=subprocess.PIPE,
         env={**os.environ, "LD_PRELOAD": str(_shim(folder)), "TREADLINK_CLOCK_SHIFT": str(shift)},
     )
+    resource.prlimit(process.pid, resource.RLIMIT_NOFILE, (_DESCRIPTORS, _DESCRIPTORS))
     assert process.stdout is not None
     assert process.stderr is not None
     stop, sent = threading.Event(), _SentPieces()
@@ -230,22 +205,42 @@ def run_live_soak(minutes: float, folder: Path, *, readings: int = 10, split_s: 
     ]
     for thread in threads:
         thread.start()
-    browsers = None
+
+    def disturb() -> None:
+        with shift.open("r+b") as file:  # mapped by the program, so not truncated
+            file.write(struct.pack("=q", 10**9 * next(steps_s)))
+        soak.clock_steps += 1
+        if relay and (60.0 * minutes / readings > 3 * CONFIRM_S or not relay.swallowed):
+            relay.to_swallow = WINDOW
+
+    stranger = browser = tab = None
     try:
-        text = _wait_for(lambda: (b"".join(piece for _, piece in printed)).decode() + "".join(said), "connected")
-        browsers = _Browsers("ws://" + text.split("http://")[1].split()[0])
+        _wait_for(lambda: (b"".join(piece for _, piece in printed)).decode() + "".join(said), "connected")
+        for visit, port in zip((visit_page, visit_viewer, visit_metrics), ports, strict=True):
+            soak.clients.append(Visitors(visit, port))
+        if CHROMIUM:
+            browser = Browser(folder / "browser")
+            tab = browser.tab()
+            tab.open(f"http://127.0.0.1:{ports[0]}/")
+        stranger = Stranger(ports)
         feeder = threading.Thread(target=feed, args=(master, timed_pieces(uri), stop, sent), daemon=True)
         feeder.start()
-        _read_regularly(soak, process.pid, minutes, readings, shift, sent, printed)
+        _read_regularly(soak, process.pid, 60.0 * minutes / readings, readings, disturb, sent, printed, tab)
+        soak.tab_errors = tab.errors if tab else []
         stop.set()
         feeder.join(_END_S)
         time.sleep(2.0)
-        browsers.close()
-        soak.pages, soak.refused_pages = browsers.served, browsers.refused
+        for client in soak.clients:
+            client.close()
         process.send_signal(signal.SIGTERM)  # SIGINT is ignored by what a shell starts in the background
         soak.status = process.wait(_DRAIN_S)
     finally:
         stop.set()
+        if stranger:
+            stranger.close()
+            soak.strange = stranger.connections
+        if browser:
+            browser.close()
         if process.poll() is None:
             process.kill()
         for thread in threads:
@@ -253,8 +248,11 @@ def run_live_soak(minutes: float, folder: Path, *, readings: int = 10, split_s: 
         os.close(slave)
         os.close(master)
         if listener:
-            soak.messages = len(listener.messages)
+            soak.messages = len({(topic, index) for topic, _, index in listener.messages})
             listener.close()
+        if relay:
+            soak.swallowed = relay.swallowed
+            relay.close()
         if broker:
             broker.kill()
     text = b"".join(piece for _, piece in printed).decode() + "".join(said)
@@ -265,6 +263,14 @@ def run_live_soak(minutes: float, folder: Path, *, readings: int = 10, split_s: 
     soak.sent_bytes = sent.size
     _compare_recordings(soak, folder / "recordings", sent)
     return soak
+
+
+def _absences(minutes: float) -> str:
+    """Return faults: one sensor after the other is silent for a while."""
+    times_s = [_BETWEEN_S * (number + 1) for number in range(int(60.0 * minutes / _BETWEEN_S))]
+    return ";".join(
+        f"silence:part=1,wheel={number % 4},at={at_s},for={_SILENT_S}" for number, at_s in enumerate(times_s)
+    )
 
 
 def _wait_for(text: Callable[[], str], part: str) -> str:
@@ -279,22 +285,19 @@ def _wait_for(text: Callable[[], str], part: str) -> str:
 def _read_regularly(
     soak: LiveSoak,
     pid: int,
-    minutes: float,
+    step_s: float,
     readings: int,
-    shift: Path,
+    disturb: Callable[[], None],
     sent: _SentPieces,
     printed: MutableSequence[tuple[float, bytes]],
+    tab: Tab | None,
 ) -> None:
-    """Take readings at equal steps of time, and set the clock halfway between them."""
-    begin_s = time.monotonic()
-    step_s = 60.0 * minutes / readings
-    before_cpu_s, before_s, shift_ns = cpu_s(pid), begin_s, 0
+    """Take readings at equal steps of time, with a disturbance halfway between them."""
+    before_cpu_s, before_s = cpu_s(pid), time.monotonic()
+    begin_s = before_s
     for number in range(1, readings + 1):
         time.sleep(max(0.0, begin_s + (number - 0.5) * step_s - time.monotonic()))
-        shift_ns += round(1e9 * _STEPS_S[(number - 1) % len(_STEPS_S)])
-        with shift.open("r+b") as file:
-            file.write(struct.pack("=q", shift_ns))
-        soak.clock_steps += 1
+        disturb()
         time.sleep(max(0.0, begin_s + number * step_s - time.monotonic()))
         window, since_s = sent.window(), time.monotonic() - 2 * _WINDOW_S
         lines = [piece for piece in tuple(printed) if piece[0] > since_s]
@@ -302,22 +305,26 @@ def _read_regularly(
         reading = Reading(
             (now_s - begin_s) / 60.0,
             _status(pid, "VmRSS") / 1024,
-            _descriptors(pid),
+            len([*Path(f"/proc/{pid}/fd").iterdir()]),
             _status(pid, "Threads"),
             (now_cpu_s - before_cpu_s) / (now_s - before_s),
             _percentiles(latencies_ms(_SCENARIO, window, lines)),
             os.getloadavg()[0],
+            _memory_mb(tab) if tab else math.nan,
         )
         before_cpu_s, before_s = now_cpu_s, now_s
         soak.readings.append(reading)
         print(_row(reading), file=sys.stderr, flush=True)
 
 
+def _memory_mb(tab: Tab) -> float:
+    tab.call("HeapProfiler.collectGarbage")
+    return float(tab.call("Runtime.getHeapUsage")["usedSize"] / 1e6)
+
+
 def _percentiles(waits_ms: np.ndarray) -> tuple[float, float]:
-    if not len(waits_ms):
-        return float("nan"), float("nan")
-    median, most = np.percentile(waits_ms, (50, 99))
-    return float(median), float(most)
+    median, high = np.percentile(waits_ms, (50, 99)) if len(waits_ms) else (math.nan, math.nan)
+    return float(median), float(high)
 
 
 def _compare_recordings(soak: LiveSoak, folder: Path, sent: _SentPieces) -> None:
@@ -333,14 +340,14 @@ def _compare_recordings(soak: LiveSoak, folder: Path, sent: _SentPieces) -> None
     soak.is_equal = digest.digest() == sent.digest.digest()
 
 
-_HEAD: Final = "minute  memory MB  descriptors  threads  of a core  latency ms median   99 %  load"
+_HEAD: Final = "minute  memory MB  descriptors  threads  of a core  latency ms median   99 %  load  tab MB"
 
 
 def _row(reading: Reading) -> str:
     median_ms, most_ms = reading.latency_ms
     return (
         f"{reading.minute:6.1f} {reading.memory_mb:10.1f} {reading.descriptors:12d} {reading.threads:8d} "
-        f"{reading.cpu:10.1%} {median_ms:18.1f} {most_ms:6.0f} {reading.load:5.1f}"
+        f"{reading.cpu:10.1%} {median_ms:18.1f} {most_ms:6.0f} {reading.load:5.1f} {reading.tab_mb:7.2f}"
     )
 
 
@@ -354,8 +361,13 @@ def report(soak: LiveSoak) -> Iterator[str]:
         f"{'equal' if soak.is_equal else 'DIFFERENT'}"
     )
     yield (
-        f"revolutions: {soak.lines} lines of JSON, {soak.messages} messages from the broker; "
-        f"pages: {soak.pages} served, {soak.refused_pages} refused"
+        f"revolutions: {soak.lines} lines of JSON, {soak.messages} from the broker, which swallowed "
+        f"{soak.swallowed} confirmations"
+    )
+    served = ", ".join(f"{each.served} (failed: {each.refused or 'none'})" for each in soak.clients)
+    yield (
+        f"visits of page, viewer, scrapes: {served}; a stranger made {soak.strange} "
+        f"connections; errors of the tab: {soak.tab_errors or 'none'}"
     )
     yield f"clock set {soak.clock_steps} times, reported {soak.said_steps} times; exit status {soak.status}"
 
