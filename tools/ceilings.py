@@ -37,9 +37,9 @@ class Ceiling(NamedTuple):
 
 
 CEILINGS: Final[dict[str, Ceiling]] = {
-    "lines of the core": Ceiling(32_000, 41_400),
-    "lines of gateway": Ceiling(95_000, 124_400),
-    "lines of tests": Ceiling(58_000, 72_600),
+    "lines of the core": Ceiling(32_000, 41_600),
+    "lines of gateway": Ceiling(95_000, 125_000),
+    "lines of tests": Ceiling(58_000, 72_800),
     "lines of tools": Ceiling(17_000, 23_200),
     "words of docs": Ceiling(60_000, 65_300),
     "options": Ceiling(120, 92),

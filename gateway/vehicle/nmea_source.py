@@ -5,7 +5,7 @@ import re
 import threading
 from collections.abc import Iterator
 from contextlib import suppress
-from typing import IO, Final
+from typing import IO, ClassVar, Final
 
 from gateway.core.clock import Clock
 from gateway.core.errors import LinkLostError, SourceError
@@ -33,9 +33,10 @@ GPSD_PORT: Final = 2947
 _BAUDRATE: Final = "9600"
 _DEVICE: Final = "receiver"
 _WATCH: Final = b'?WATCH={"enable":true,"nmea":true};\n'
-_HOST: Final = re.compile(r"(\[[^\]]+\]|[^:/\\]+):\d{1,5}")
-# What is longer without a line end is no text.
-_LONGEST_LINE: Final = 4096
+HOST: Final = re.compile(r"(\[[^\]]+\]|[^:/\\]+):\d{1,5}")
+"""Address of a server."""
+LONGEST_LINE: Final = 4096
+"""What is longer without a line end is no text."""
 
 
 def open_nmea(address: SourceAddress, clock: Clock) -> Source:
@@ -53,7 +54,7 @@ def open_nmea(address: SourceAddress, clock: Clock) -> Source:
         return ReceiverFileSource(address, clock)
     name = f"nmea:{address.target}"
     options = dict(address.options)
-    if _HOST.fullmatch(address.target) and not address.target.upper().startswith("COM"):
+    if HOST.fullmatch(address.target) and not address.target.upper().startswith("COM"):
         silence_s = silence_option(options)
         address.check_options(("silence",))
         host_port = parse_host_port(address)
@@ -85,7 +86,13 @@ class GpsdLink(TcpLink):
 
 
 class ReceiverSource(WrappedSource):
-    """Sentences of a receiver as they arrive, in whole lines; nothing is sent to it but by its link."""
+    """Lines of a receiver as they arrive, in whole lines; nothing is sent to it but by its link.
+
+    Attributes:
+        lines: what its lines are.
+    """
+
+    lines: ClassVar[type[Sentences]] = Sentences
 
     def items(self, stop: threading.Event) -> Iterator[LinkItem]:
         """Yield lines and events of the link until stopped or closed.
@@ -100,10 +107,10 @@ class ReceiverSource(WrappedSource):
                 yield item
                 continue
             lines, end, rest = (rest + item.data).rpartition(b"\n")
-            if len(rest) > _LONGEST_LINE:
+            if len(rest) > LONGEST_LINE:
                 lines, end, rest = rest, b"", b""
             if lines or end:
-                yield Sentences(item.link, item.host_ns, lines + end)
+                yield self.lines(item.link, item.host_ns, lines + end)
 
 
 class ReceiverFileSource(LogFile):
@@ -143,11 +150,11 @@ class ReceiverFileSource(LogFile):
 def _dated(file: IO[bytes]) -> Iterator[tuple[int, bytes]]:
     """Yield the lines up to each sentence with a time, and this time in ns since the epoch; the rest is left out."""
     reader, lines, size = SentenceReader(), list[bytes](), 0
-    for line in iter(lambda: file.readline(_LONGEST_LINE), b""):
+    for line in iter(lambda: file.readline(LONGEST_LINE), b""):
         lines.append(line)
         size += len(line)
         times_ns = [fix.utc_ns for fix in reader.read(line) if fix.utc_ns is not None]
         if times_ns:
             yield times_ns[-1], b"".join(lines)
-        if times_ns or size > _LONGEST_LINE * 16:
+        if times_ns or size > LONGEST_LINE * 16:
             lines, size = [], 0

@@ -14,11 +14,13 @@ class VehicleCode(Codes):
     )
 
     # Of what the signal says against what is stated
-    VEHICLE_SPEED_CONTRADICTED = Code(
-        "the speed of the car is {ratio:.3f} ± {std:.3f} times that of belt radius and rotation: {causes}"
-    )
-    WHEEL_SPEED_CONTRADICTED = Code(
-        "the car's wheel turns {ratio:.3f} ± {std:.3f} times as fast as the contacts in the signal say: {causes}"
+    CAR_CONTRADICTED = Code(
+        "{what} {ratio:.3f} ± {std:.3f} times {of}: {causes}",
+        what={"speed": "the speed of the car is", "rotation": "the car's wheel turns"},
+        of={
+            "radius": "that of belt radius and rotation",
+            "contacts": "as fast as the contacts in the signal say",
+        },
     )
 
     # Events of links and devices
@@ -26,4 +28,13 @@ class VehicleCode(Codes):
     BUS_MESSAGE_TWICE = Code(
         "message {message} comes from two buses: {first} and {second}. Only that of {first} is decoded; `channel` of "
         "the source chooses one, as in can:drive.blf?channel=1"
+    )
+    TPMS_NOT_USED = Code(
+        "sensor {id} ({model}): {why}",
+        why={
+            "unknown": "no [[tpms.sensor]] of the vehicle file has it, so its pressure is not used. Of this car?",
+            "unchecked": "its messages have no check of their bits (mic), so they are not used",
+            "empty": "its messages have neither pressure nor temperature: rtl_433 does not decode them whole",
+            "unread": "a line is no JSON object of rtl_433, or is cut",
+        },
     )

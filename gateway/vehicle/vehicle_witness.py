@@ -199,8 +199,9 @@ def _rotation(ratio: _Ratio, error: float, rate_hz: float) -> Contradiction:
     )
     if missed is not None:
         causes.append(Reason(TrustCode.CONTACTS_MISSED, every=missed))
-    reason = Reason(VehicleCode.WHEEL_SPEED_CONTRADICTED, ratio=ratio.value, std=error, causes=tuple(causes))
-    return Contradiction(Subject.WHEEL_SPEED, reason, {Basis.RATE: ratio.value})
+    return Contradiction(
+        Subject.WHEEL_SPEED, _contradicted(ratio, error, causes, "rotation", "contacts"), {Basis.RATE: ratio.value}
+    )
 
 
 def _speed(ratio: _Ratio, error: float, result: RevolutionResult, *, rate_holds: bool) -> Contradiction:
@@ -211,5 +212,8 @@ def _speed(ratio: _Ratio, error: float, result: RevolutionResult, *, rate_holds:
     if not rate_holds:
         causes.append(Reason(TrustCode.RATE_WOULD_FIT, rate_hz=ratio.value * rate_hz, stated_hz=rate_hz))
         ratios = {Basis.RADIUS: ratio.value, Basis.RATE: ratio.value}
-    reason = Reason(VehicleCode.VEHICLE_SPEED_CONTRADICTED, ratio=ratio.value, std=error, causes=tuple(causes))
-    return Contradiction(Subject.VEHICLE_SPEED, reason, dict(ratios))
+    return Contradiction(Subject.VEHICLE_SPEED, _contradicted(ratio, error, causes, "speed", "radius"), dict(ratios))
+
+
+def _contradicted(ratio: _Ratio, error: float, causes: list[Reason], what: str, of: str) -> Reason:
+    return Reason(VehicleCode.CAR_CONTRADICTED, what=what, of=of, ratio=ratio.value, std=error, causes=tuple(causes))

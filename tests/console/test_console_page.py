@@ -13,6 +13,7 @@ from gateway.core.estimates.results import Silence, SilentPart, WheelCounters, W
 from gateway.core.links.reasons import LinkCode
 from gateway.core.reasons import Notice, Reason
 from gateway.core.session.reasons import SessionCode
+from gateway.core.wheels.reasons import WheelCode
 
 SIZES = [(80, 24), (120, 40), (200, 60)]
 
@@ -149,7 +150,7 @@ def test_dead_wheel_is_told_from_its_living_neighbours(made, size):
 
 @pytest.mark.parametrize("size", SIZES)
 def test_old_pressure_is_shown_with_its_age(made, size):
-    old = Silence(SilentPart.ENVIRONMENT, 12.0, Reason(SessionCode.ENVIRONMENT_SILENT, silence_s=12.0))
+    old = Silence(SilentPart.ENVIRONMENT, 12.0, Reason(WheelCode.ENVIRONMENT_SILENT, silence_s=12.0))
     text = "\n".join(page(made.snapshot([made.wheel("FL", silences=(old,))]), size))
     assert "1/1 rolling" in text
     assert "210.0 kPa (12 s old)" in text

@@ -145,7 +145,7 @@ def test_wrong_radius_is_contradicted_by_the_ground_speed(drive) -> None:
     right_mm = vehicle_of(toml).tire_of(vehicle_of(toml).wheel[0]).radius_m * 1e3
     results, core = live(items, vehicle_of(toml, 1.12 * right_mm))
     whys = [r["why"] for r in values(results[-1])["speed_mps"].reasons if r.code is TrustCode.MAY_CHANGE_BY]
-    (why,) = [why for why in whys if why.code is VehicleCode.VEHICLE_SPEED_CONTRADICTED]
+    (why,) = [why for why in whys if why.code is VehicleCode.CAR_CONTRADICTED]
     assert why["causes"][0]["radius_m"] == pytest.approx(right_mm * 1e-3, rel=0.01)
     assert "vehicle speed" in {record.name for record in core.snapshot(12.0).alarm_records}
 

@@ -120,7 +120,7 @@ def test_wrong_rate_is_contradicted_by_the_wheel_speed(wheel) -> None:
     speed = values(results[-1])["speed_mps"]
     assert speed.status == "provisional"
     (why,) = [reason["why"] for reason in speed.reasons if reason.code is TrustCode.MAY_CHANGE_BY]
-    assert why.code is VehicleCode.WHEEL_SPEED_CONTRADICTED
+    assert why.code is VehicleCode.CAR_CONTRADICTED
     assert why["ratio"] == pytest.approx(1.05, abs=0.005)
     cause = why["causes"][0]
     assert cause.code is TrustCode.RATE_WOULD_FIT
@@ -153,11 +153,11 @@ def test_wrong_radius_is_contradicted_by_the_vehicle_speed(wheel) -> None:
     results = [result for item in items for result in core.take(item)]
     speed = values(results[-1])["speed_mps"]
     (why,) = [reason["why"] for reason in speed.reasons if reason.code is TrustCode.MAY_CHANGE_BY]
-    assert why.code is VehicleCode.VEHICLE_SPEED_CONTRADICTED
+    assert why.code is VehicleCode.CAR_CONTRADICTED
     (cause,) = why["causes"]
     assert cause.code is TrustCode.RADIUS_WOULD_FIT
     assert cause["radius_m"] == pytest.approx(1.08 * cause["stated_m"], rel=0.01)
-    assert ("vehicle speed", VehicleCode.VEHICLE_SPEED_CONTRADICTED) in {
+    assert ("vehicle speed", VehicleCode.CAR_CONTRADICTED) in {
         (alarm.name, alarm.reason.code) for alarm in core.snapshot(3.0).alarms
     }
 

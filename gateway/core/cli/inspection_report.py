@@ -123,6 +123,9 @@ def _link_lines(name: str, link: LinkInspection, begin: int, end: int) -> Iterat
     if link.bus_frames:
         yield f"    {link.bus_frames} frames of a vehicle bus, {link.bus_frames / seconds:.1f} per second"
         return
+    if link.sensor_lines:
+        yield f"    {link.sensor_lines} lines of rtl_433, a receiver of tire pressure sensors"
+        return
     if link.receiver is not None:
         yield from _receiver_lines(link.receiver)
         return
@@ -307,6 +310,7 @@ def _link_json(link: LinkInspection) -> dict[str, Any]:
         ],
         "log_lines": link.log_lines,
         "bus_frames": link.bus_frames,
+        "sensor_lines": link.sensor_lines,
         "receiver": None if link.receiver is None else _receiver_json(link.receiver),
         "sources": [
             {

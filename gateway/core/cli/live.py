@@ -63,6 +63,7 @@ def live(
       replay:FILE?speed=1                     a recording; speed=10, speed=max
       can:INTERFACE:CHANNEL?dbc=FILE          signals of the vehicle, beside the wheels; can:FILE.blf a log of them
       nmea:/dev/ttyACM0  nmea:localhost:2947  position and ground speed of a GNSS receiver or gpsd; nmea:FILE.nmea a log
+      rtl433:PIPE  rtl433:FILE.json  tire pressure sensors (TPMS) by rtl_433
 
     Keys: space pauses, m sets a mark in the recording, r describes the run and records it, a acknowledges alarms, tab
     or 1 to 8 select a wheel, z zooms the waveform, t shows trends, ? shows help, q quits. A summary is printed at the

@@ -46,8 +46,15 @@ def cross_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
         yield Fault("thresholds.pressure_min_kpa", show(low), f"allowed: less than pressure_max_kpa = {show(high)}")
 
 
+def _unknown_wheel(key: str, wheel: str, positions: list[str]) -> Fault:
+    return Fault(key, show(wheel), f"no wheel has this position; known: {', '.join(positions)}")
+
+
 def _bus_signals(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, Any]]]) -> Iterator[Fault]:
     positions = [wheel["position"] for _, wheel in wheels if isinstance(wheel.get("position"), str)]
+    for index, sensor in as_tables(as_table(data.get("tpms")).get("sensor")):
+        if isinstance(wheel := sensor.get("wheel"), str) and wheel not in positions:
+            yield _unknown_wheel(f"tpms.sensor[#{index + 1}].wheel", wheel, positions)
     seen: dict[tuple[str, str], int] = {}
     for index, signal in as_tables(as_table(data.get("vehicle_signals")).get("signal")):
         key = f"vehicle_signals.signal[#{index + 1}]"
@@ -57,7 +64,7 @@ def _bus_signals(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, A
         if quantity == "wheel_speed" and wheel is None:
             yield Fault(f"{key}.wheel", None, "required for wheel_speed")
         if isinstance(wheel, str) and wheel not in positions:
-            yield Fault(f"{key}.wheel", show(wheel), f"no wheel has this position; known: {', '.join(positions)}")
+            yield _unknown_wheel(f"{key}.wheel", wheel, positions)
         first = seen.setdefault((str(quantity), str(wheel)), index)
         if first != index:
             yield Fault(f"{key}.quantity", show(quantity), f"vehicle_signals.signal[#{first + 1}] is the same quantity")

@@ -80,6 +80,10 @@ class Sentences:
         return len(self.data.splitlines())
 
 
+class SensorLines(Sentences):
+    """Lines of a receiver of tire pressure sensors: JSON as rtl_433 prints it."""
+
+
 class LinkEventKind(StrEnum):
     """Kind of a change of a link; a mark of the user and an event of this computer concern all links."""
 

@@ -19,7 +19,7 @@ from firmware_protocol.sequence import unwrap
 from firmware_protocol.wheel_limit import WheelLimit
 from gateway.core.links.bus_frames import has_frames
 from gateway.core.links.nmea_sentences import Fix, ReceiverClock, SentenceReader
-from gateway.core.links.source import BusFrames, Chunk, LinkEvent, LinkEventKind
+from gateway.core.links.source import BusFrames, Chunk, LinkEvent, LinkEventKind, SensorLines
 from gateway.core.reasons import Reason
 from gateway.core.recording.decoder_blocks import DecodedLinks
 from gateway.core.recording.mcap_layout import ALARMS_TOPIC, DATA_SCHEMAS, MAX_TIME_NS, RecordedMessage
@@ -171,6 +171,7 @@ class LinkInspection:
         log_lines: number of all of them.
         bus_frames: frames of a vehicle bus.
         receiver: what a positioning receiver sent, None where the link has none.
+        sensor_lines: lines of a receiver of tire pressure sensors.
     """
 
     chunks: int = 0
@@ -185,6 +186,7 @@ class LinkInspection:
     log_lines: int = 0
     bus_frames: int = 0
     receiver: ReceiverInspection | None = None
+    sensor_lines: int = 0
 
     def wheel(self, hub: int, wheel: int) -> WheelInspection:
         """Return the inspection of a source, created if it is new."""
@@ -295,6 +297,9 @@ def inspect_recording(
                 last_heard_ns[item.link] = max(heard_ns, item.host_ns)
             if isinstance(item, BusFrames):
                 link.bus_frames += item.count
+                continue
+            if isinstance(item, SensorLines):
+                link.sensor_lines += item.count
                 continue
             if not isinstance(item, Chunk):
                 link.receiver = link.receiver or ReceiverInspection()

@@ -17,6 +17,7 @@ from gateway.core.links.source import (
     LinkEvent,
     LinkEventKind,
     LinkItem,
+    SensorLines,
     Sentences,
     VehicleData,
 )
@@ -41,14 +42,21 @@ _SENTENCES_LAYOUT: Final = """\
 Whole lines of a positioning receiver as received, sentences of NMEA 0183 among them; log_time is the arrival of the
 last. The channel's metadata name the link.
 """
+SENSORS_ENCODING: Final = "treadlink-rtl433-lines"
+_SENSORS_LAYOUT: Final = """\
+Whole lines of a receiver of tire pressure sensors, JSON as rtl_433 prints it; log_time is the arrival of the last. The
+channel's metadata name the link.
+"""
 _VEHICLE_DATA: Final[Mapping[str, type[BusFrames] | type[Sentences]]] = {
     BUS_ENCODING: BusFrames,
     SENTENCES_ENCODING: Sentences,
+    SENSORS_ENCODING: SensorLines,
 }
 DATA_SCHEMAS: Final = {
     RAW_ENCODING: ("treadlink.LinkBytes", _RAW_LAYOUT),
     BUS_ENCODING: ("treadlink.BusFrames", bus_frames.LAYOUT),
     SENTENCES_ENCODING: ("treadlink.Sentences", _SENTENCES_LAYOUT),
+    SENSORS_ENCODING: ("treadlink.SensorLines", _SENSORS_LAYOUT),
 }
 """Name and text of the schemas of what links have brought, by encoding; events and decoded topics have JSON schemas."""
 JSON_ENCODING: Final = "json"
@@ -81,7 +89,7 @@ class ChannelInfo(NamedTuple):
 
     Attributes:
         topic: name shown in other programs.
-        encoding: `treadlink-link-bytes`, `treadlink-can-frames`, `treadlink-nmea-lines` or `json`.
+        encoding: one of `DATA_SCHEMAS`, or `json`.
         link: link of the bytes or events, empty for other channels.
     """
 
@@ -149,6 +157,8 @@ def data_channel(item: Chunk | VehicleData) -> ChannelInfo:
     """Return the channel of a link's bytes, bus frames or sentences."""
     if isinstance(item, BusFrames):
         return ChannelInfo(f"/link/{item.link}/can", BUS_ENCODING, item.link)
+    if isinstance(item, SensorLines):
+        return ChannelInfo(f"/link/{item.link}/rtl433", SENSORS_ENCODING, item.link)
     if isinstance(item, Sentences):
         return ChannelInfo(f"/link/{item.link}/nmea", SENTENCES_ENCODING, item.link)
     return ChannelInfo(raw_topic(item.link), RAW_ENCODING, item.link)

@@ -356,7 +356,7 @@ def silenced(wheel: WheelSnapshot, silences: tuple[Silence, ...]) -> WheelSnapsh
     """Return a wheel with its silences; a wheel that has never had data stays without data."""
     stops = any(silence.stops_numbers for silence in silences)
     state = WheelState.SILENT if stops and wheel.state is not WheelState.NO_DATA else wheel.state
-    return replace(wheel, state=state, silences=silences)
+    return replace(wheel, state=state, silences=(*silences, *wheel.silences))
 
 
 def _is_normal(alarm: Alarm) -> bool:

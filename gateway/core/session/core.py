@@ -37,7 +37,7 @@ from gateway.core.session.missing_results import FrameCounts, long_missing
 from gateway.core.session.reasons import SessionCode
 from gateway.core.session.recent_loss import RecentLoss
 from gateway.core.session.recording_stage import Recorder, Stage
-from gateway.core.session.session_parts import VehicleSignals, open_vehicle_signals
+from gateway.core.session.session_parts import VehicleSignals, open_tire_sensors, open_vehicle_signals
 from gateway.core.session.session_recording import SessionRecording
 from gateway.core.session.silence import parts_heard
 from gateway.core.session.statement_watch import StatementWatch
@@ -130,6 +130,7 @@ class SessionCore:
         self._latency = self._present_latency = Latency(latency_s)
         self._pipeline = Pipeline(setups, unknown, estimators, self._latency.hold_s)
         self._signals = signals or open_vehicle_signals(vehicle)
+        self._tire_sensors = open_tire_sensors(vehicle)
         self._vehicle = vehicle
         self._reported_missing: set[tuple[str, tuple[Code, ...]]] = set()
         # Configured wheels, and those that were reported not to be.
@@ -220,7 +221,7 @@ class SessionCore:
         return results
 
     def _vehicle_data(self, link: _Link, item: VehicleData) -> None:
-        """Decode frames of the vehicle's bus or sentences of a receiver, and record the values."""
+        """Decode frames of the vehicle's bus or lines of a receiver, and record the values."""
         notices = []
         if isinstance(item, BusFrames) and not self._signals.maps_bus and link.vehicle_frames is None:
             notices.append(Notice(item.link, Reason(SessionCode.BUS_NOT_MAPPED), Level.WARNING))
@@ -228,7 +229,10 @@ class SessionCore:
         values = self._signals.take(item)
         if values:
             self.recording.signals(values, item.host_ns)
-        notices += [Notice(name, reason, Level.WARNING) for name, reason in self._signals.take_notices()]
+        for position, reading in self._tire_sensors.take(item):
+            self._pipeline.outside(position, reading)
+        said = [*self._signals.take_notices(), *self._tire_sensors.take_notices()]
+        notices += [Notice(name, reason, Level.WARNING) for name, reason in said]
         self._report(item.link, notices, item.host_ns)
 
     def _link(self, name: str) -> _Link:

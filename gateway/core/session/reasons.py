@@ -61,7 +61,6 @@ class SessionCode(Codes):
         "in [vehicle_signals] of the vehicle file)"
     )
     BUS_SILENT = Code("no frame of the vehicle's bus for {silence_s:.0f s}. Ignition off, cable loose, or bus off?")
-    ENVIRONMENT_SILENT = Code("no pressure or temperature for {silence_s:.0f s}: the last values are that old")
     HUB_OF_WHEEL_SILENT = Code("no frame of its hub for {silence_s:.0f s}")
     HUB_SILENT = Code("no frame for {silence_s:.0f s} (wheels: {wheels}). Battery empty, out of range, or stopped?")
     POSITION_MISSING = Code(

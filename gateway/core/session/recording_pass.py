@@ -24,7 +24,12 @@ from gateway.core.session.alarm_watch import RecordingAlarms
 from gateway.core.session.corrections import effects_doubts, open_effects, with_effects
 from gateway.core.session.frame_guard import FrameGuard
 from gateway.core.session.missing_results import FrameCounts, missing_frames, missing_revolutions
-from gateway.core.session.session_parts import VehicleSignals, open_guard, open_vehicle_signals
+from gateway.core.session.session_parts import (
+    VehicleSignals,
+    open_guard,
+    open_tire_sensors,
+    open_vehicle_signals,
+)
 from gateway.core.session.statement_watch import StatementWatch
 from gateway.core.session.wheel_identity import SensorsHeard, positions
 from gateway.core.trust.wheel_pairs import WheelPairs
@@ -179,7 +184,7 @@ class RecordingPass:
         self._links = DecodedLinks(self._guard)
         setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), recording.effects)
         self._pipeline = Pipeline(setups, UNKNOWN_WHEEL, estimators, _HOLD_S)
-        self._signals = signals
+        self._signals, self._tire_sensors = signals, open_tire_sensors(vehicle)
         self._pairs = WheelPairs(signals.witness() if signals is not None else None)
         alarms = RecordingAlarms(vehicle, self._pipeline, self._pairs.alarms, logs=logs_alarms)
         self._alarms = alarms if is_watched else None
@@ -230,6 +235,7 @@ class RecordingPass:
         of_guard = self._guard.take_notices() if self._guard is not None else []
         of_sensors = of_guard or self.sensors.mismatches(heard)
         of_receivers = [Notice(link, reason) for link, reason in self._signals.take_notices()] if self._signals else []
+        of_receivers += [Notice(link, reason) for link, reason in self._tire_sensors.take_notices()]
         # A receiver that contradicts the clock has its own notice.
         step = self.clock.set if self.clock.ahead_s and not of_receivers else None
         of_clock = [Notice("this computer", step, Level.WARNING)] if step is not None else []
@@ -260,3 +266,7 @@ class RecordingPass:
             self._alarms.vehicle(item)
         if self._signals is not None:
             self._signals.take(item)
+        for position, reading in self._tire_sensors.take(item):
+            self._pipeline.outside(position, reading)
+            if reading.reading.pressure_pa is not None:
+                self.sensors.hears_pressure(position)

@@ -1,6 +1,6 @@
 """Parts of a session that features supply: what the core asks of each, and how it gets them."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, Final, Protocol
@@ -15,11 +15,13 @@ from gateway.core.session.frame_guard import FrameGuard
 from gateway.core.session.publication import LiveOutputs
 from gateway.core.text.session_control import SessionControl, ShownSession
 from gateway.core.trust.wheel_pairs import VehicleWitness
+from gateway.core.wheels.outside_readings import OutsideReading
 
 _EFFECTS_FILE: Final = "effects file"
 _FRAME_GUARD: Final = "frame guard"
 _KEY_FILE: Final = "key file"
 _COMMANDED_LINKS: Final = "commanded links"
+_TIRE_SENSORS: Final = "tire sensors"
 _VEHICLE_SIGNALS: Final = "vehicle signals"
 _LIVE_OUTPUTS: Final = "live outputs"
 _OUTPUT_FILES: Final = "files of live outputs"
@@ -47,6 +49,18 @@ class VehicleSignals(Protocol):
 
     def witness(self) -> VehicleWitness:
         """Return what compares revolutions with these signals."""
+        ...
+
+
+class TireSensors(Protocol):
+    """Sensors of tires that a receiver beside the hub hears."""
+
+    def take(self, item: VehicleData) -> Iterable[tuple[str, OutsideReading]]:
+        """Decode an item; yield the position of the wheel and each reading."""
+        ...
+
+    def take_notices(self) -> list[tuple[str, Reason]]:
+        """Return what is to be said of their messages since the last call, with their links."""
         ...
 
 
@@ -144,6 +158,12 @@ def open_vehicle_signals(
     """
     signals: VehicleSignals = _part(_VEHICLE_SIGNALS)(vehicle, config_path, stated, recorded)
     return signals
+
+
+def open_tire_sensors(vehicle: VehicleConfig | None) -> TireSensors:
+    """Return a new decoder of the sensors that a vehicle file names."""
+    sensors: TireSensors = _part(_TIRE_SENSORS)(vehicle)
+    return sensors
 
 
 def output_files(uris: Sequence[str]) -> list[Path]:

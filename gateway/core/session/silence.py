@@ -20,10 +20,11 @@ from gateway.core.constants import AXIS_NAMES
 from gateway.core.estimates.results import Silence, SilentPart
 from gateway.core.links.bus_frames import has_frames
 from gateway.core.links.nmea_sentences import has_position
-from gateway.core.links.source import BusFrames, VehicleData
+from gateway.core.links.source import BusFrames, SensorLines, VehicleData
 from gateway.core.reasons import Reason
 from gateway.core.session.reasons import SessionCode
 from gateway.core.wheels.old_pressure import ENVIRONMENT_INTERVALS, ENVIRONMENT_LEAST_S
+from gateway.core.wheels.reasons import WheelCode
 
 PositionOf = Callable[[str, int, int], str]
 
@@ -96,6 +97,8 @@ def parts_heard(item: VehicleData) -> frozenset[VehiclePart]:
     """Return which parts an item is a sign of life of: errors of a bus are none, nor sentences without a position."""
     if isinstance(item, BusFrames):
         return _OF_BUS if has_frames(item.data) else _NOTHING
+    if isinstance(item, SensorLines):
+        return _NOTHING  # parked cars are silent
     return _OF_POSITION if has_position(item.data) else _OF_RECEIVER
 
 
@@ -228,7 +231,7 @@ class _Sensor:
                     yield Silence(SilentPart.AXIS, age_s, reason)
         if self.environment is not None and now_ns >= self.environment.due_ns:
             age_s = (now_ns - self.environment.last_ns) / _S
-            yield Silence(SilentPart.ENVIRONMENT, age_s, Reason(SessionCode.ENVIRONMENT_SILENT, silence_s=age_s))
+            yield Silence(SilentPart.ENVIRONMENT, age_s, Reason(WheelCode.ENVIRONMENT_SILENT, silence_s=age_s))
 
     def due_ns(self) -> Iterator[int]:
         """Yield the times at which the state may change without a further frame."""

@@ -105,6 +105,11 @@ class SensorsHeard:
                 if possible is not None and possible.pressure_pa is not None:
                     self._with_pressure.add(address)
 
+    def hears_pressure(self, position: str) -> None:
+        """Note that a receiver beside the hub has brought a pressure of a wheel."""
+        if (address := wheel_address(self._vehicle, position)) is not None:
+            self._with_pressure.add(address)
+
     def measures_pressure(self, position: str) -> bool:
         """Return whether the sensor of a wheel has sent a pressure."""
         return wheel_address(self._vehicle, position) in self._with_pressure

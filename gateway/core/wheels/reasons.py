@@ -18,6 +18,7 @@ class WheelCode(Codes):
     NO_SAMPLES = Code("no samples were received")
 
     # Of load and wear
+    ENVIRONMENT_SILENT = Code("no pressure or temperature for {silence_s:.0f s}: the last values are that old")
     PRESSURE_OLD = Code("rests on a pressure that is {age_s:.0f s} old")
 
     # Sensors

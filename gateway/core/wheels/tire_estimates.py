@@ -37,7 +37,8 @@ from gateway.core.trust.self_calibration import SelfCalibrationEstimator
 from gateway.core.trust.sensor_limits import Doubt
 from gateway.core.trust.signal_evidence import Evidence, assess
 from gateway.core.types import ComplexArray, FloatArray
-from gateway.core.wheels.old_pressure import change_since_reading_pa, old_pressure_s
+from gateway.core.wheels.old_pressure import Reading, change_since_reading_pa, old_pressure_s
+from gateway.core.wheels.outside_readings import OutsideReading, OutsideReadings
 from gateway.core.wheels.reasons import WheelCode
 
 # Environment readings kept for revolutions that are not complete yet.
@@ -60,6 +61,10 @@ def _in_trend(conditions: TireConditions, revolution: Revolution, trend: Contact
     if not error or conditions.load_n is None or DoubtRule.OWN_DRIFT not in conditions.rules:
         return conditions
     return replace(conditions, load_std_n=math.hypot(conditions.load_std_n, error * conditions.load_n))
+
+
+def _or(measured: float | None, stated: float | None) -> float | None:
+    return stated if measured is None else measured
 
 
 class _PausedSteps:
@@ -175,6 +180,7 @@ class TireEstimates:
     Attributes:
         last: the latest result, None before the first revolution.
         rejected: revolutions with faults, which stay out of the average.
+        outside: readings of receivers beside the hub.
         evidence: what the signal says for or against what is stated; None before the first revolution.
     """
 
@@ -185,9 +191,10 @@ class TireEstimates:
         self._current = _Series(setup, estimators)
         # Revolutions with and without known effects subtracted are averaged separately.
         self._series = {False: self._current}
-        self._environment: deque[tuple[int, Environment, float]] = deque(maxlen=_ENVIRONMENT_DEPTH)
-        # Conditions made from the latest reading that was used.
-        self._stated: tuple[tuple[int, Environment, float] | None, TireConditions | None] = None, None
+        self._environment: deque[Reading] = deque(maxlen=_ENVIRONMENT_DEPTH)
+        self.outside = OutsideReadings()
+        # Conditions made from the latest readings that were used.
+        self._stated: tuple[Reading | None, OutsideReading | None, TireConditions | None] = None, None, None
         self.last: RevolutionResult | None = None
         self.rejected = 0
         self.evidence: Evidence | None = None
@@ -253,8 +260,8 @@ class TireEstimates:
         self._current = series = self._series[uncorrected]
         averages = self._take_in(arrays)
         stated = [
-            _in_trend(_at_rate(self.conditions(end_us), revolution.rate_std), revolution, series.contact_trend)
-            for end_us, revolution in zip(ends_us, revolutions, strict=True)
+            _in_trend(_at_rate(self.conditions(end_us, host_ns), revolution.rate_std), revolution, series.contact_trend)
+            for end_us, host_ns, revolution in zip(ends_us, hosts_ns, revolutions, strict=True)
         ]
         measured = series.calibration.measure(RevolutionBlock(revolutions, arrays, averages, stated))
         earlier: list[dict[str, dict[str, Estimate]]] = [{} for _ in revolutions]
@@ -295,7 +302,8 @@ class TireEstimates:
                 estimates[index] += final
         results = []
         for index, revolution in enumerate(revolutions):
-            final = self._finished(estimates[index], earlier[index], ends_us[index])
+            old_s = self._old_pressure_s(ends_us[index], hosts_ns[index])
+            final = self._finished(estimates[index], earlier[index], old_s)
             measurement, _ = measured[index]
             lags = (None, None) if measurement is None else measurement.relations.lags
             results.append(
@@ -307,7 +315,7 @@ class TireEstimates:
         return results
 
     def _finished(
-        self, estimates: list[Estimate], earlier: Mapping[str, Mapping[str, Estimate]], end_us: float
+        self, estimates: list[Estimate], earlier: Mapping[str, Mapping[str, Estimate]], old_s: float | None
     ) -> tuple[Estimate, ...]:
         """Return the estimates of a revolution with distinct names, and with the doubt of an old pressure.
 
@@ -321,7 +329,6 @@ class TireEstimates:
                     estimates.append(distinct)
                 taken.update(named)
         final = tuple(estimates)
-        old_s = old_pressure_s(self._environment, end_us)
         if old_s is None:
             return final
         return provisional_where(final, Basis.PRESSURE, Reason(WheelCode.PRESSURE_OLD, age_s=old_s))
@@ -336,26 +343,53 @@ class TireEstimates:
             return steps
         return _PausedSteps(arrays, taken, steps, before)
 
-    def conditions(self, tick_us: float) -> TireConditions:
-        """Return the conditions of the tire at hub time `tick_us`."""
+    def conditions(self, tick_us: float, host_ns: float) -> TireConditions:
+        """Return the conditions of the tire at a hub time, which is `host_ns` by the host's clock."""
         # The latest reading before that time.
         taken = next((entry for entry in reversed(self._environment) if entry[0] <= tick_us), None)
-        reading, conditions = self._stated
-        if conditions is None or reading is not taken:
-            conditions = self._conditions(taken)
-            self._stated = taken, conditions
+        outside = self._outside_at(tick_us, host_ns)
+        latest = outside[0] if outside else None
+        stated, stated_outside, conditions = self._stated
+        if conditions is None or stated is not taken or stated_outside is not latest:
+            conditions = self._conditions(taken, outside)
+            self._stated = taken, latest, conditions
         return conditions
 
-    def _conditions(self, taken: tuple[int, Environment, float] | None) -> TireConditions:
+    def _old_pressure_s(self, tick_us: float, host_ns: float) -> float | None:
+        """Return the age of the measured pressure in use; None while it is current."""
+        outside = self._outside_at(tick_us, host_ns)
+        if outside and outside[0].reading.pressure_pa is not None:
+            return outside[0].old_s(host_ns)
+        return old_pressure_s(self._environment, tick_us)
+
+    def outside_old_s(self) -> float | None:
+        """Return the age of a reading from outside that is in use and old at the latest revolution, else None."""
+        outside = self._outside_at(math.inf, self.last.host_ns) if self.last is not None else []
+        return outside[0].old_s(self.last.host_ns) if outside and self.last is not None else None
+
+    def _outside_at(self, tick_us: float, host_ns: float) -> list[OutsideReading]:
+        """Return the readings from outside in use, the latest first: while the sensor of the wheel brings none."""
+        if not self.outside:
+            return []
+        is_measured = any(tick <= tick_us and entry.pressure_pa is not None for tick, entry, _ in self._environment)
+        is_current = is_measured and (tick_us == math.inf or old_pressure_s(self._environment, tick_us) is None)
+        return [] if is_current else self.outside.until(host_ns)
+
+    def _conditions(self, taken: Reading | None, outside: Sequence[OutsideReading]) -> TireConditions:
         pressure, temperature = self._setup.pressure_pa, self._setup.temperature_degc
         pressure_std, change_pa = self._setup.pressure_std_pa, 0.0
+        readings = [(one.host_ns, one.reading, one.pressure_std_pa) for one in outside]
         if taken is not None:
-            tick_us, reading, pressure_error = taken
-            until_then = (entry for entry in reversed(self._environment) if entry[0] <= tick_us)
-            change_pa = change_since_reading_pa(until_then)
-            pressure = reading.pressure_pa if reading.pressure_pa is not None else pressure
-            temperature = reading.temperature_degc if reading.temperature_degc is not None else temperature
-            pressure_std = max(pressure_std, pressure_error)
+            own = [entry for entry in reversed(self._environment) if entry[0] <= taken[0]]
+            # One from outside comes in the place of an old one.
+            readings = own if not outside or outside[0].reading.pressure_pa is None else readings
+            temperature = _or(taken[1].temperature_degc, temperature)
+        if readings:
+            change_pa = change_since_reading_pa(readings)
+            pressure = _or(readings[0][1].pressure_pa, pressure)
+            pressure_std = max(pressure_std, readings[0][2])
+        if outside and (taken is None or taken[1].temperature_degc is None):
+            temperature = _or(outside[0].reading.temperature_degc, temperature)
         if pressure is not None:
             pressure_std = max(pressure_std, self._setup.pressure_relative_std * pressure)
         return TireConditions(
@@ -374,7 +408,7 @@ class TireEstimates:
 
     def stated(self, conditions: TireConditions) -> frozenset[str]:
         """Return those of `load_n` and `pressure_pa` that are stated and not measured."""
-        is_measured = any(reading.pressure_pa is not None for _, reading, _ in self._environment)
+        is_measured = bool(self.outside) or any(entry.pressure_pa is not None for _, entry, _ in self._environment)
         pressure = {"pressure_pa"} if conditions.pressure_pa is not None and not is_measured else set()
         return frozenset({"load_n"} if conditions.load_n is not None else ()) | pressure
 
@@ -417,13 +451,12 @@ class TireEstimates:
         return average if radial_mps2 is average.radial_mps2 else replace(average, radial_mps2=radial_mps2)
 
     def contribution(
-        self, omega_radps: float, end_us: float, *, sensor_id: int, ac_coupled: bool
+        self, omega_radps: float, conditions: TireConditions, *, sensor_id: int, ac_coupled: bool
     ) -> tuple[FloatArray | None, Reason | None]:
         """Return the contribution of known effects to a revolution, (3, n), or None with the reason if there is one."""
         table = self._setup.correction
         if table is None:
             return None, None
-        conditions = self.conditions(end_us)
         refusal = table.refusal(omega_radps, conditions.load_n, conditions.pressure_pa)
         if table.sensor_id is not None and table.sensor_id != sensor_id:
             refusal = Reason(

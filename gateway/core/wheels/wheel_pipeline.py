@@ -21,7 +21,15 @@ from gateway.core.contacts.reasons import ContactCode
 from gateway.core.contacts.segmenter import LOOK_BACK_S, ContactPair, Segmenter
 from gateway.core.estimates.doubt_rules import DoubtRule
 from gateway.core.estimates.estimator import Revolution
-from gateway.core.estimates.results import RevolutionResult, SensorFlag, WheelCounters, WheelSnapshot, WheelState
+from gateway.core.estimates.results import (
+    RevolutionResult,
+    SensorFlag,
+    Silence,
+    SilentPart,
+    WheelCounters,
+    WheelSnapshot,
+    WheelState,
+)
 from gateway.core.estimates.wheel_setup import WheelSetup
 from gateway.core.quantity import Basis
 from gateway.core.reasons import CoreCode, Reason
@@ -31,6 +39,7 @@ from gateway.core.trust.sensor_health import SensorHealth
 from gateway.core.trust.sensor_limits import Doubt, SensorLimits
 from gateway.core.types import FloatArray
 from gateway.core.wheels.gap_filling import GapFilling
+from gateway.core.wheels.outside_readings import OutsideReading
 from gateway.core.wheels.possible_readings import possible_reading
 from gateway.core.wheels.reasons import WheelCode
 from gateway.core.wheels.revolution import SensorReading, TimedRevolution, revolutions_in_angle
@@ -191,6 +200,12 @@ class WheelPipeline:
                 self._revolve()
         pressure_error_pa = self._sensor.health.environment(reading) if self._sensor is not None else 0.0
         self._tire.environment(tick_us, reading, pressure_error_pa)
+
+    def outside(self, reading: OutsideReading) -> None:
+        """Take a reading of a receiver beside the hub; one that no tire can have is left out, as in `environment`."""
+        if (possible := possible_reading(reading.reading)) is not None:
+            self._snapshot = None
+            self._tire.outside.add(reading._replace(reading=possible))
 
     def restart(self) -> None:
         """Handle a restart of the hub: its counters and times are new; the estimates of the tire are kept."""
@@ -442,6 +457,7 @@ class WheelPipeline:
         )
         revolutions: list[TimedRevolution] = []
         ends_us: list[float] = []
+        hosts_ns: list[int] = []
         checked = self._checked(pairs, all_timed, sign)
         before = self._checked_before
         for pair, timed, rate_hz, check in zip(pairs, all_timed, rates_hz, checked, strict=True):
@@ -449,9 +465,13 @@ class WheelPipeline:
                 timed = timed._replace(previous_period=(timed.previous_period + before.missing) / before.turns)
             before = check
             end_us = clock.hub_us(timed.end.centre)
+            hosts_ns.append(host.host_ns(end_us))
             omega_radps = 2.0 * math.pi * check.turns * rate_hz / (timed.end.centre - timed.start.centre)
             contribution, uncorrected = self._tire.contribution(
-                omega_radps, end_us, sensor_id=sensor.hello.sensor_id, ac_coupled=reading.ac_coupled
+                omega_radps,
+                self._tire.conditions(end_us, hosts_ns[-1]),
+                sensor_id=sensor.hello.sensor_id,
+                ac_coupled=reading.ac_coupled,
             )
             start_s = clock.hub_us(timed.start.centre) * 1e-6
             revolutions.append(
@@ -472,7 +492,7 @@ class WheelPipeline:
         doubts = sensor.doubts(in_angle.revolutions, counts, self.setup.radius_m)
         if (other := self._other_sensor) is not None:
             doubts = [(Doubt(None, other), *doubts_of_one) for doubts_of_one in doubts]
-        self._results += self._tire.take_block(in_angle, ends_us, [host.host_ns(end_us) for end_us in ends_us], doubts)
+        self._results += self._tire.take_block(in_angle, ends_us, hosts_ns, doubts)
 
     @property
     def _other_sensor(self) -> Reason | None:
@@ -570,7 +590,8 @@ class WheelPipeline:
         return self._snapshot
 
     def _present(self) -> WheelSnapshot:
-        conditions = self._tire.conditions(math.inf)
+        conditions, old_s = self._tire.conditions(math.inf, math.inf), self._tire.outside_old_s()
+        old = Reason(WheelCode.ENVIRONMENT_SILENT, silence_s=old_s) if old_s is not None else None
         load = self._tire.latest("load_n") if conditions.load_n is None else None
         hello = self._sensor.hello if self._sensor is not None else None
         state = self._segmenter.state if self._segmenter is not None else WheelState.NO_DATA
@@ -598,6 +619,7 @@ class WheelPipeline:
             ),
             flags=flags,
             missing=self._missing_reason(flags),
+            silences=() if old is None or old_s is None else (Silence(SilentPart.ENVIRONMENT, old_s, old),),
         )
 
 

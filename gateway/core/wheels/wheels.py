@@ -18,6 +18,7 @@ from gateway.core.estimates.results import RevolutionResult, WheelSnapshot
 from gateway.core.estimates.wheel_setup import WheelSetup
 from gateway.core.types import FloatArray
 from gateway.core.wheels.frame_router import FrameRouter, Hub
+from gateway.core.wheels.outside_readings import OutsideReading
 from gateway.core.wheels.timebase import HostClock
 from gateway.core.wheels.wheel_pipeline import WheelPipeline
 
@@ -241,6 +242,12 @@ class Pipeline:
         self._router.batch(link, batch, host_ns)
         # A wheel works on its revolutions when a block of them is full, or its buffer; one that sends no more does not.
         return self._completed([wheel for hub, wheel in self._heard if wheel.overdue_s(hub.last_us) >= self._hold_s])
+
+    def outside(self, position: str, reading: OutsideReading) -> None:
+        """Take a reading of a receiver beside the hubs for a wheel; that of a revolution is the latest at its end."""
+        for wheel in self._order:
+            if wheel.setup.position == position:
+                wheel.outside(reading)
 
     def finish(self) -> list[RevolutionResult]:
         """Complete the revolutions that can be completed, when no more frames will come."""

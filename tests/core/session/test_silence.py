@@ -150,7 +150,7 @@ def test_old_pressure_is_named_and_doubts_what_rests_on_it() -> None:
     assert wheel.state is WheelState.ROLLING
     assert wheel.silence is None
     assert wheel.old_environment.age_s > 5.0
-    assert alarms_of(core)["W1", AlarmName.ENVIRONMENT].code is SessionCode.ENVIRONMENT_SILENT
+    assert alarms_of(core)["W1", AlarmName.ENVIRONMENT].code is WheelCode.ENVIRONMENT_SILENT
     last = {estimate.name: estimate for estimate in results[-1].estimates}
     assert last["Cw"].status is Status.PROVISIONAL
     assert WheelCode.PRESSURE_OLD in codes_of(last["Cw"].reasons)

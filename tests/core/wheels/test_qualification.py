@@ -131,7 +131,7 @@ def test_error_of_a_falling_pressure_is_that_of_its_fall_until_the_next_reading(
     tire = TireEstimates(PRESSURE_SETUP, ("kinematic",))
     for second, pressure_pa in enumerate((210e3, 209e3, 197e3, 185e3)):
         tire.environment(1_000_000 * second, reading(pressure_pa), 0.0)
-    stds = [tire.conditions(1e6 * at_s).pressure_std_pa for at_s in (0.5, 1.5, 2.5, 3.5)]
+    stds = [tire.conditions(1e6 * at_s, 0.0).pressure_std_pa for at_s in (0.5, 1.5, 2.5, 3.5)]
     fall = 12e3 / math.sqrt(3.0)
     assert stds == pytest.approx([1000.0, 1000.0, fall, fall])
     # The pressure at the end of each interval is within two of these errors.
