@@ -111,7 +111,10 @@ def _check_workers(client: Any) -> None:
     Raises:
         TreadlinkError: a worker has another, or none.
     """
-    codes = client.run(code_of_worker, on_error="return")
+    try:
+        codes = _in_time(partial(client.run, code_of_worker, on_error="return"), _CONNECT_S)
+    except TimeoutError:  # one is busy, paused or cut off; each is asked again before its first recording
+        return
     others = [str(worker) for worker, code in codes.items() if code != _own_code()]
     if others:
         raise _other_version(f"{len(others)} of {len(codes)} workers have another treadlink, or none: {others[0]}")
@@ -221,7 +224,8 @@ class SchedulerTasks(WorkerTasks):
     def _take_from_silent_workers(self) -> TaskResult | None:
         """Name workers that have become silent and give their tasks to others; return one that is not tried again."""
         identity = self._asked(self._client.scheduler.identity)
-        for worker in self._signs.look({name: about["last_seen"] for name, about in identity["workers"].items()}):
+        fallen = self._signs.look({name: about["last_seen"] for name, about in identity["workers"].items()})
+        for worker in fallen:
             _log.warning("%s", text(_silence(worker)))
         if not self._signs.silent or not self._signs.alive:
             return None
@@ -232,6 +236,8 @@ class SchedulerTasks(WorkerTasks):
                 del self._running[task.token]
                 self._client.cancel([task.future], force=True)
                 task.read_bytes = 0
+                # A scheduler that balances its workers gives tasks to a silent one, which seems idle: no attempt.
+                task.attempts -= worker not in fallen
                 if (result := self._try_again(task, _silence(worker))) is not None:
                     return result
         return None

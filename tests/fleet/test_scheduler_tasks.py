@@ -10,6 +10,7 @@ import threading
 from collections import Counter
 from concurrent.futures import Future
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -18,7 +19,7 @@ from gateway.core.errors import TreadlinkError
 from gateway.fleet import recording_estimation
 from gateway.fleet.reasons import FleetCode
 from gateway.fleet.recording_estimation import Estimated
-from gateway.fleet.scheduler_tasks import SchedulerTasks, scheduler_tasks
+from gateway.fleet.scheduler_tasks import SchedulerTasks, _check_workers, scheduler_tasks
 from tests.fleet.test_campaign_run import is_whole, names
 from tests.testkit.commands import invoked
 
@@ -191,6 +192,11 @@ def test_a_silent_worker_is_named_and_its_task_given_to_another(caplog):
     assert tasks.places() == 1, "a silent worker is no place for another task"
     passed(tasks, client, clock, 300, "well")
     assert len(caplog.records) == 1
+    for attempt in ("3", "4"):
+        # The scheduler balances its workers, and the silent one seems idle: that is no attempt.
+        client.processing_keys["paused"] = [client.processing_keys["well"].pop()]
+        assert passed(tasks, client, clock, 6, "well") == []
+        assert client.processing_keys["well"] == [f"treadlink-drive-{attempt}"]
     # It wakes up: it is a place again, and named again when it falls silent again.
     passed(tasks, client, clock, 10, "well", "paused")
     assert tasks.places() == 2
@@ -210,6 +216,16 @@ def test_the_only_worker_is_named_when_it_is_silent_and_keeps_its_task(caplog):
     client.last_seen["new"], client.processing_keys["new"] = 0.0, []
     passed(tasks, client, clock, 10, "new")
     assert client.processing_keys["new"] == ["treadlink-drive-2"]
+
+
+def test_a_worker_that_is_paused_at_the_start_does_not_hold_the_campaign(monkeypatch):
+    monkeypatch.setattr("gateway.fleet.scheduler_tasks._CONNECT_S", 0.05)
+    _released.clear()
+    try:
+        _check_workers(SimpleNamespace(run=lambda *_, **__: _released.wait(60.0)))
+        assert not _released.is_set()
+    finally:
+        _released.set()
 
 
 def test_a_pause_of_this_computer_is_no_silence_of_workers(caplog):
