@@ -33,7 +33,16 @@ def test_no_kill_leaves_half_a_result_or_stops_the_next_run(tmp_path: Path) -> N
     assert [each.name for each in swept] == list(QUICK)
     for each in swept:
         assert each.faults == []
-        assert each.kills >= each.calls > 1
+        assert each.kills >= each.terminated == each.calls > 1
+
+
+@needs_library
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["diagnose", "campaign, grown", "trends"])
+def test_no_kill_of_a_long_command_leaves_half_a_result(tmp_path: Path, name: str) -> None:
+    (swept,) = sweep(tmp_path.resolve(), (name,), most_s=20.0)
+    assert swept.faults == []
+    assert min(swept.kills, swept.terminated) > 0
 
 
 @needs_library

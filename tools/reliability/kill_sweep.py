@@ -1,8 +1,8 @@
 """Kills every command that writes after each of its calls that change a file, and looks at what is left.
 
 A library that is loaded before all others counts the calls (open to create, write, rename, link, unlink, fsync, mkdir,
-truncate ...) that concern a folder, and kills the process group after the n-th, for every n; then once more with each
-write carried out by half. After each kill
+truncate ...) that concern a folder, and kills the process group after the n-th, for every n; once more with each write
+carried out by half; and once with SIGTERM instead, after which no part with content may remain. After each
 
   * the inputs are as before;
   * a file under a final name is whole: as that of a run that was not disturbed (a recording in progress: a readable
@@ -57,7 +57,7 @@ _EDITED: Final = "gateway/diagnosis/campaign_diagnosis.py"
 _SEARCH: Final = "diagnosis = diagnose(campaign)"
 _NO_SEARCH: Final = "diagnosis = diagnose(campaign, expired=lambda: True)"
 _SHIM: Final = Path(__file__).with_name("killing_calls.c")
-_STATE: Final = struct.Struct("=qqq1024s256s")
+_STATE: Final = struct.Struct("=qqqq1024s256s")
 _START_NS: Final = 1_700_000_000 * 10**9
 _SHORT_S: Final = 1.6
 _LONG_S: Final = 3.5
@@ -75,8 +75,8 @@ sensor_id = "0000b001"
 load_n = {load_n}
 """
 _ORDER_SEED: Final = 1
-_KILLED: Final = -signal.SIGKILL
-_MOST_CALLS: Final = 5000
+# What a shell shows, and a process that had not yet prepared for it.
+_TERMINATED: Final = (128 + signal.SIGTERM, -signal.SIGTERM)
 _SHOWN_BYTES: Final = 60
 
 
@@ -164,6 +164,7 @@ class Swept:
         name: of the case.
         calls: that change files, in a run that was not disturbed.
         kills: runs that were killed.
+        terminated: runs that SIGTERM ended.
         parts: kills that left a file that is not a result, by its kind of name.
         faults: what must not be, with the call.
         forced: second runs that needed `--force`, since one of several results was there.
@@ -172,6 +173,7 @@ class Swept:
     name: str
     calls: int = 0
     kills: int = 0
+    terminated: int = 0
     parts: Counter[str] = field(default_factory=Counter)
     faults: list[str] = field(default_factory=list)
     forced: int = 0
@@ -220,19 +222,27 @@ class Forked:
         self.calls = 0
         self.last = ""
 
-    def run(self, arguments: Sequence[str], folder: Path, *, kill_at: int = 0, torn: bool = False) -> int:
+    def run(
+        self,
+        arguments: Sequence[str],
+        folder: Path,
+        *,
+        kill_at: int = 0,
+        torn: bool = False,
+        by: signal.Signals = signal.SIGKILL,
+    ) -> int:
         """Run a command in a folder and return its status, negative for a signal.
 
-        Sets `calls` to the number of calls up to then, and `last` to the one that it was killed at.
+        Sets `calls` to the number of calls up to then, and `last` to the one that got the signal; empty where none did.
         """
         assert self._process.stdin is not None
         assert self._process.stdout is not None
-        _STATE.pack_into(self._state, 0, 0, kill_at, torn, os.fsencode(folder), b"")
+        _STATE.pack_into(self._state, 0, 0, kill_at, torn, by, os.fsencode(folder), b"")
         request = {"arguments": list(arguments), "folder": str(folder), "output": str(self.output)}
         self._process.stdin.write(json.dumps(request) + "\n")
         self._process.stdin.flush()
         status = int(self._process.stdout.readline())
-        self.calls, _, _, _, last = _STATE.unpack_from(self._state)
+        self.calls, *_, last = _STATE.unpack_from(self._state)
         self.last = last.split(b"\0")[0].decode(errors="replace")
         return status
 
@@ -335,51 +345,45 @@ class Sweep:
         status = self._forked.run(line.split(), folder)
         assert status == 0, f"{line}: {status}\n{self._forked.output.read_text()}"
 
-    def run(self, every: int = 1, most_s: float = math.inf) -> Swept:
-        """Kill the command at each call, or each `every`-th, and once more where that is a write, which is then torn.
-
-        With a limit of time, in a random order, so that the kills are spread over the whole command.
-        """
-        numbers = list(range(1, _MOST_CALLS, every))
-        if most_s < math.inf:
-            numbers = numbers[: math.ceil(self.swept.calls / every)]
-            random.Random(_ORDER_SEED).shuffle(numbers)
-        end_s, writes = time.monotonic() + most_s, []
+    def run(self, most_s: float = math.inf) -> Swept:
+        """Kill the command at each call in each way, in a random order: a limit of time shall reach all its parts."""
+        numbers = list(range(1, self.swept.calls + 1))
+        random.Random(_ORDER_SEED).shuffle(numbers)
+        end_s = time.monotonic() + most_s
         for number in numbers:
             if time.monotonic() >= end_s:
                 break
-            call = self._kill(number, torn=False)
-            if not call and most_s == math.inf:
-                break
-            if call and "write" in call.split()[0]:
-                if most_s < math.inf:
-                    self._kill(number, torn=True)
-                else:
-                    writes.append(number)
-        for number in writes:
-            self._kill(number, torn=True)
+            if "write" in self._kill(number):
+                self._kill(number, torn=True)
+            self._kill(number, by=signal.SIGTERM)
         return self.swept
 
-    def _kill(self, number: int, *, torn: bool) -> str:
-        """Kill the command at a call, and return the call; nothing when the command has ended before it."""
+    def _kill(self, number: int, *, torn: bool = False, by: signal.Signals = signal.SIGKILL) -> str:
+        """Kill the command at a call, and return its name; nothing when the command has ended before it."""
         shutil.rmtree(self._work, ignore_errors=True)
         shutil.copytree(self._inputs, self._work)
-        status = self._forked.run(self._arguments, self._work, kill_at=number, torn=torn)
-        if status != _KILLED:
+        status = self._forked.run(self._arguments, self._work, kill_at=number, torn=torn, by=by)
+        last = self._forked.last
+        if not last:
             return ""
-        call = f"half of {self._forked.last}" if torn else self._forked.last
-        self.swept.kills += 1
+        call = f"{by.name} at {'half of ' if torn else ''}{last}"
+        if by is signal.SIGKILL:
+            self.swept.kills += 1
+        else:
+            self.swept.terminated += 1
+            if status not in (0, *_TERMINATED):
+                self._fault(call, f"it ends with {status}: {self._forked.output.read_text(errors='replace')[-300:]}")
         try:
-            self._look(call)
+            self._look(call, is_killed=by is signal.SIGKILL)
             self._again(call)
         except Exception as error:  # what a reader raises on half a file is what this looks for
             self._fault(call, f"{type(error).__name__}: {error}")
-        return call
+        return last.split()[0]
 
     def _fault(self, call: str, text: str) -> None:
         self.swept.faults.append(f"after {call}: {text}")
 
-    def _look(self, call: str) -> None:
+    def _look(self, call: str, *, is_killed: bool) -> None:
         """Check inputs, results and other files after a kill."""
         contents = _contents(self._work)
         for name, content in self._before.items():
@@ -400,8 +404,10 @@ class Sweep:
             if name in self._after:
                 if difference := self._difference(name):
                     self._fault(call, f"half a file: '{name}' {difference}")
-            else:
+            elif is_killed:
                 self.swept.parts[_kind(name)] += 1
+            elif (self._work / name).stat().st_size:
+                self._fault(call, f"it leaves '{_kind(name)}'")
         if self._case.is_recording:
             self._check_recordings(call)
 
@@ -458,14 +464,10 @@ class Sweep:
 
     def _check_lines(self, path: Path, call: str) -> None:
         """Check that all lines of the second run can be read, after at most one half line of the first."""
-        lines = path.read_bytes().splitlines()
-        last = len((self._reference / self._case.appends).read_bytes().splitlines())
-        old = (
-            (self._inputs / self._case.appends).read_bytes().splitlines()
-            if (self._inputs / self._case.appends).exists()
-            else []
-        )
-        for line in lines[-(last - len(old)) :]:
+        lines, before = path.read_bytes().splitlines(), self._inputs / self._case.appends
+        old = len(before.read_bytes().splitlines()) if before.exists() else 0
+        new = len((self._reference / self._case.appends).read_bytes().splitlines()) - old
+        for line in lines[-new:]:
             try:
                 json.loads(line)
             except ValueError:
@@ -597,7 +599,7 @@ def make_inputs(folder: Path) -> None:
     treadlink(["note", str(folder / "drive.mcap"), "--comment", "first"], standalone_mode=False)
 
 
-def sweep(folder: Path, names: Sequence[str] = (), every: int = 1, most_s: float = math.inf) -> Iterator[Swept]:
+def sweep(folder: Path, names: Sequence[str] = (), most_s: float = math.inf) -> Iterator[Swept]:
     """Yield what a sweep over each command, or those named, leaves."""
     inputs = folder / "inputs"
     make_inputs(inputs)
@@ -609,7 +611,7 @@ def sweep(folder: Path, names: Sequence[str] = (), every: int = 1, most_s: float
             if names and case.name not in names:
                 continue
             try:
-                yield Sweep(case, inputs, folder / f"case{number}", forked).run(every, most_s)
+                yield Sweep(case, inputs, folder / f"case{number}", forked).run(most_s)
             except AssertionError as error:
                 yield Swept(case.name, faults=[str(error)])
             shutil.rmtree(folder / f"case{number}")
@@ -634,7 +636,6 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--serve", action="store_true", help=argparse.SUPPRESS)
     parser.add_argument("--only", nargs="+", default=(), choices=[case.name for case in CASES], metavar="COMMAND")
-    parser.add_argument("--every", type=int, default=1, help="kill at each N-th call only")
     parser.add_argument(
         "--seconds", type=float, default=math.inf, help="kill for this long, each command at random calls"
     )
@@ -645,7 +646,7 @@ def main() -> int:
     print(HEAD, flush=True)
     faults = 0
     with tempfile.TemporaryDirectory() as folder:
-        for swept in sweep(Path(folder).resolve(), arguments.only, arguments.every, arguments.seconds):
+        for swept in sweep(Path(folder).resolve(), arguments.only, arguments.seconds):
             print(row(swept), flush=True)
             faults += len(swept.faults)
             for text, count in Counter(swept.faults).items():

@@ -1,7 +1,7 @@
 /* Counts the calls that change files below a folder, and kills the process group at one of them.
  *
  * Loaded by LD_PRELOAD. TREADLINK_KILL_STATE names a file that processes share: `struct state`. The call `kill_at`, counted
- * from 1 over all of them, is carried out and then followed by SIGKILL; with `torn` a write is carried out by half. */
+ * from 1 over all of them, is carried out and then followed by a signal; with `torn` a write is carried out by half. */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
@@ -19,7 +19,7 @@
 #include <unistd.h>
 
 struct state {
-    int64_t calls, kill_at, torn;
+    int64_t calls, kill_at, torn, signal;
     char folder[1024], last[256];
 };
 
@@ -76,8 +76,8 @@ static int counted(const char *call, int descriptor, const char *path) {
 }
 
 static void die(void) {
-    kill(0, SIGKILL);
-    for (;;) pause();
+    kill(0, (int)state->signal);
+    while (state->signal == SIGKILL) pause();
 }
 
 #define AFTER(call, descriptor, path, expression) \

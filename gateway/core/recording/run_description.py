@@ -226,6 +226,8 @@ def copy_notes(recording: Path, copy: Path) -> None:
         return
     except OSError as error:
         raise _not_written(target, error) from error
+    finally:
+        part.unlink(missing_ok=True)
 
 
 def _line(note: Note) -> bytes:

@@ -114,7 +114,7 @@ class RecordingWriter:
         try:
             self._output.add_metadata(SESSION_METADATA, self._session)
             self._output.flush()
-        except RecordingError:  # a file without content helps nobody
+        except BaseException:  # a signal too; a file without content helps nobody
             self._output.abandon()
             raise
         _logger.info("recording to %s", self.path)

@@ -1,7 +1,9 @@
 """Descriptions of runs: in the metadata, with notes beside the recording, and as conditions to select by."""
 
 import json
+import shutil
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from hypothesis import given
@@ -16,6 +18,7 @@ from gateway.core.recording.run_description import (
     RunFilter,
     TireIdentity,
     add_note,
+    copy_notes,
     notes_path,
     parse_description,
     read_notes,
@@ -77,6 +80,16 @@ def test_a_note_leaves_the_recording_as_it_was(tmp_path: Path) -> None:
     described = info.described_run()
     assert described.comment.splitlines() == ["gusts", "rain", "dry again"]
     assert described.tags == ("wet", "abs", "rain")
+
+
+def test_notes_that_are_not_copied_whole_leave_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    add_note(tmp_path / "drive.mcap", Note("2026-01-01T00:00:00.000Z", "rain"))
+    before = list(tmp_path.iterdir())
+    for error, raised in ((OSError(28, "no space"), RecordingError), (KeyboardInterrupt(), KeyboardInterrupt)):
+        monkeypatch.setattr(shutil, "copyfileobj", Mock(side_effect=error))
+        with pytest.raises(raised):
+            copy_notes(tmp_path / "drive.mcap", tmp_path / "copy.mcap")
+        assert list(tmp_path.iterdir()) == before
 
 
 @pytest.mark.parametrize("line", [b"{}\n", b"no json\n", b"[1]\n", b'{"utc": \xff}\n'])
