@@ -326,4 +326,4 @@ def host_and_port(address: SinkAddress, default_port: int) -> tuple[str, int]:
         raise SinkError(f"'{address.name}': {error}", "Give a port from 1 to 65535.") from error
     if not host:
         raise SinkError(f"'{address.uri}' has no host", f"Write {address.scheme}://HOST:PORT.")
-    return host, port or default_port
+    return host, default_port if port is None else port

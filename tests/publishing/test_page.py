@@ -357,6 +357,15 @@ def test_port_that_is_taken_is_an_error_at_once(served) -> None:
     assert "address of this computer" in str(failure.value.remedy), "another port is no help"
 
 
+def test_port_0_is_a_free_port() -> None:
+    with ExitStack() as stack:
+        pages = [open_sink("web://127.0.0.1:0", SinkSetting())[1] for _ in range(2)]
+        for page in pages:
+            assert isinstance(page, PageSink)
+            stack.callback(page.close)
+        assert len({8780, *(page.port for page in pages)}) == 3  # type: ignore[attr-defined]
+
+
 @pytest.mark.parametrize("uri", ["web://127.0.0.1:0/path", "web://127.0.0.1:0?x=1", "web://:80", "web://192.0.2.7:0"])
 def test_address_that_cannot_be_used(uri) -> None:
     with pytest.raises(SinkError):

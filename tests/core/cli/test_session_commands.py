@@ -62,7 +62,7 @@ def test_terminal_that_cannot_move_its_cursor_gets_plain_lines(
         assert is_terminal() is has_screen
 
 
-@pytest.mark.parametrize("command", ["live sim:lab?speed=20", "replay {}"])
+@pytest.mark.parametrize("command", ["live sim:lab", "replay {}"])
 def test_page_shows_the_session_while_it_runs(command: str, tmp_path: Path) -> None:
     drive = tmp_path / "drive.mcap"
     if "replay" in command:
@@ -90,4 +90,4 @@ def test_page_shows_the_session_while_it_runs(command: str, tmp_path: Path) -> N
                 next(state for state in states if state["type"] == "state" and not state["recording"])
                 assert RecordingReader(tmp_path / recording).info.finished
         process.terminate()
-        process.communicate(timeout=20.0)
+        process.communicate(timeout=60.0)
