@@ -233,6 +233,7 @@ def test_estimator_that_never_returns_is_named_and_the_recording_finished(lab, t
     reader = RecordingReader(path)
     assert reader.info.finished
     assert link_bytes(reader.items()) == link_bytes(items)
+    assert live.snapshot().recorded_bytes == path.stat().st_size
 
 
 def test_estimator_that_returns_late_is_no_failure(lab, hanging) -> None:

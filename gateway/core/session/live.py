@@ -478,6 +478,7 @@ class LiveSession:
                     )
                 )
                 self._save_recording()
+                self._show_stuck()
                 self._end()
 
     def _show_stuck(self) -> None:
@@ -485,7 +486,9 @@ class LiveSession:
         now_ns = self._clock.now_ns()
         alarms = [alarm for alarm in self._snapshot.alarms if alarm.reason.code is not SessionCode.CORE_STUCK]
         alarms.append(Alarm(self._watch.name, AlarmName.STOPPED, self._watch.reason))
-        self._snapshot = replace(self._snapshot, elapsed_s=self._elapsed_s(now_ns), alarms=tuple(alarms))
+        _, size = self.core.recording.path_and_size
+        elapsed_s = self._elapsed_s(now_ns)
+        self._snapshot = replace(self._snapshot, elapsed_s=elapsed_s, alarms=tuple(alarms), recorded_bytes=size)
         if self._publication is not None:
             self._publication.show(self._snapshot, now_ns)
 
