@@ -1,12 +1,11 @@
 """Recordings survive kills, power cuts, full disks, removed folders and clock steps."""
 
 import shutil
-import socket
 import struct
 import subprocess
 import sys
 import time
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -19,9 +18,11 @@ from gateway.core.recording.writer import RecordingWriter
 from gateway.core.session.core import SessionCore
 from gateway.core.session.reasons import SessionCode
 from gateway.core.text.wording import text
+from gateway.publishing.admission import MOST_CONNECTIONS
 from gateway.upkeep.repair import repair_recording
 from tests.reliability.sessions import TIMEOUT_S, Items, start
 from tests.reliability.streams import link_bytes, simulated
+from tools.mqtt_broker import free_port
 from tools.reliability.kills import hub_bytes, kill_once
 
 PAGE = 4096
@@ -125,22 +126,57 @@ def test_full_disk_stops_the_recording_only(tmp_path: Path, command: str) -> Non
     assert len(got) > 150_000
 
 
-CROWDED = LIMITED.replace("RLIMIT_FSIZE, (300_000, 300_000)", "RLIMIT_NOFILE, (128, 128)")
+CROWDED = LIMITED.replace("RLIMIT_FSIZE, (300_000, 300_000)", "RLIMIT_NOFILE, ({0}, {0})")
+ATTACK = """
+import itertools, resource, socket, sys, time
+resource.setrlimit(resource.RLIMIT_NOFILE, (4000, 4000))
+ports = [int(port) for port in sys.argv[1:]]
+while any(socket.socket().connect_ex(("127.0.0.1", port)) for port in ports):
+    time.sleep(0.05)
+held = []
+for number in itertools.count():
+    held.append(socket.socket())
+    held[-1].bind((f"127.0.0.{2 + number % 200}", 0))
+    held[-1].setblocking(False)
+    held[-1].connect_ex(("127.0.0.1", ports[number % len(ports)]))
+    if number == 3000:
+        print("held", flush=True)
+    if number >= 3000:
+        held.pop(0).close()
+    if number % 50 == 0:
+        time.sleep(0.02)
+"""
 
 
-def test_recording_goes_on_over_its_parts_while_strangers_hold_connections(tmp_path: Path) -> None:
-    """They take what they get; the page bounds also those that it has not yet sent away."""
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
+@pytest.mark.parametrize(
+    ("outputs", "descriptors"),
+    [(["web"], 128), pytest.param(["web", "foxglove", "prometheus"], 1024, marks=pytest.mark.slow)],
+)
+def test_recording_goes_on_over_its_parts_while_strangers_hold_connections(
+    tmp_path: Path, outputs: list[str], descriptors: int
+) -> None:
+    """From 200 addresses they take what they get; a listener bounds also those that it has not yet sent away."""
+    ports = [free_port() for _ in outputs]
     arguments = ["live", "sim:lab?duration=5", "--plain", "--record", str(tmp_path / "r.mcap"), "--split", "1s"]
-    command = [sys.executable, "-c", CROWDED, *arguments, "--publish", f"web://127.0.0.1:{port}"]
+    for name, port in zip(outputs, ports, strict=True):
+        arguments += ["--publish", f"{name}://127.0.0.1:{port}"]
+    command = [sys.executable, "-c", CROWDED.format(descriptors), *arguments]
+    attack = [sys.executable, "-c", ATTACK, *map(str, ports)]
     output = subprocess.PIPE
-    with subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT, text=True) as process, ExitStack() as held:
+    with (
+        subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT, text=True) as process,
+        subprocess.Popen(attack, stdout=output) as stranger,
+    ):
+        assert stranger.stdout is not None
+        assert stranger.stdout.readline() == b"held\n"
+        threads = 0
         while process.poll() is None and len(list(tmp_path.iterdir())) < 4:
             with suppress(OSError):
-                held.enter_context(socket.create_connection(("127.0.0.1", port), 0.05))
+                threads = max(threads, len(list(Path(f"/proc/{process.pid}/task").iterdir())))
         printed = process.communicate(timeout=60)[0]
+        stranger.kill()
     assert process.returncode == 0, printed
+    assert threads < 40 + MOST_CONNECTIONS * len(outputs)
     assert "Traceback" not in printed
     assert "Too many open files" not in printed
     parts = sorted(tmp_path.iterdir(), key=lambda path: path.stat().st_mtime_ns)
