@@ -243,7 +243,8 @@ class MqttSink:
         for topics in self._earlier_topics():
             self._client.subscribe(topics, options=SubscribeOptions(_QOS, noLocal=True))
         # The client has sent them again.
-        self._window = {number: _Unconfirmed(sent.is_counted, self._now_ns()) for number, sent in self._window.items()}
+        now_ns = self._clock.now_ns()
+        self._window = {number: _Unconfirmed(sent.is_counted, now_ns) for number, sent in self._window.items()}
         self._publish(f"{self._prefix}/status", _ONLINE, stop, retain=True)
 
     def send(self, item: Item, stop: threading.Event) -> None:
@@ -364,17 +365,14 @@ class MqttSink:
             raise SinkDownError("the client takes no message")
         # With any other result the client keeps the message, also where the link broke in that very call. The result
         # says nothing about it later: only the broker's confirmation does.
-        self._window[info.mid] = _Unconfirmed(counted, self._now_ns())
-
-    def _now_ns(self) -> int:
-        return self._clock.now_ns()
+        self._window[info.mid] = _Unconfirmed(counted, self._clock.now_ns())
 
     def _loop(self, timeout_s: float) -> None:
         result = self._client.loop(timeout_s)
         if result is not paho.MQTT_ERR_SUCCESS or not self._client.is_connected():
             raise SinkDownError(self._refusal or "the connection to the broker is lost")
         oldest = next(iter(self._window.values()), None)
-        if oldest is not None and self._now_ns() - oldest.sent_ns > CONFIRM_S * 1e9:
+        if oldest is not None and self._clock.now_ns() - oldest.sent_ns > CONFIRM_S * 1e9:
             raise SinkDownError(f"the broker has confirmed nothing for {CONFIRM_S:g} s")
         if self._is_called_offline and len(self._window) < WINDOW:
             self._is_called_offline = False

@@ -46,7 +46,7 @@ class BleSource(ReconnectingSource):
         """Name the hub; nothing is opened yet."""
         self._settings = settings
         link = f"ble:{settings.target}"
-        super().__init__(link, self._fresh_link, clock, rate_hz=rate_hz, silence_s=silence_s)
+        super().__init__(link, lambda: BleLink(self._settings), clock, rate_hz=rate_hz, silence_s=silence_s)
 
     def items(self, stop: threading.Event) -> Iterator[LinkItem]:
         """Yield chunks and events until stopped or closed, then an event that it was disconnected on request.
@@ -71,9 +71,6 @@ class BleSource(ReconnectingSource):
             return radio().run(find(self._settings))
         except BLE_ERRORS as error:
             raise explain(error, f"find {self._settings.target}") from error
-
-    def _fresh_link(self) -> BleLink:
-        return BleLink(self._settings)
 
     def _open(self, stop: threading.Event) -> bool:
         opened = super()._open(stop)

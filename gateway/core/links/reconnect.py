@@ -260,7 +260,7 @@ class ReconnectingSource:
                 data = self._current.read(READ_TIMEOUT_S)
             if data:
                 self._heard_ns, self._mute_openings = self._clock.now_ns(), 0
-            elif 0.0 < silence_s <= self._quiet_s():
+            elif 0.0 < silence_s <= (self._clock.now_ns() - self._heard_ns) * 1e-9:
                 raise LinkLostError(
                     f"{self._name} is connected, but silent for {silence_s:g} s",
                     "Does its firmware hang, or does another program have it? Connecting again.",
@@ -273,9 +273,6 @@ class ReconnectingSource:
     def _items_of(self, data: bytes) -> list[LinkItem]:
         """Return the items of a read."""
         return [Chunk(self._name, self._heard_ns, data)] if data else []
-
-    def _quiet_s(self) -> float:
-        return (self._clock.now_ns() - self._heard_ns) * 1e-9
 
     def _open(self, stop: threading.Event) -> bool:
         """Open a new connection; False when stopped or closed meanwhile. Opening may block, stopping must not."""

@@ -253,7 +253,8 @@ def present_ports() -> list[str]:
 def explain_open_error(port: str, error: Exception, present: list[str], device: str = "hub") -> SourceError:
     """Return the error for the user: why a port does not open, and the remedy."""
     number = getattr(error, "errno", None)
-    if number == errno.ENOENT or isinstance(error, FileNotFoundError) or (os.name == "posix" and not _exists(port)):
+    is_absent = os.name == "posix" and "://" not in port and not Path(port).exists()
+    if number == errno.ENOENT or isinstance(error, FileNotFoundError) or is_absent:
         if present:
             remedy = f"Ports present: {', '.join(present)}. Is the {device} plugged in?"
         else:
@@ -305,10 +306,6 @@ def _choice(name: str, text: str, choices: Mapping[str, Any]) -> Any:
     if text.lower() not in choices:
         raise SourceError(f"{name}={text} is not allowed", f"Give {name}={'|'.join(choices)}.")
     return choices[text.lower()]
-
-
-def _exists(port: str) -> bool:
-    return "://" in port or Path(port).exists()
 
 
 def _group_of(port: str) -> str:

@@ -330,9 +330,6 @@ class LiveSession:
                 "Please report it with the recording; what was recorded so far is safe.",
             ) from failure
 
-    def _is_recording_ending(self) -> bool:
-        return self._recording is not None and self._recording.ending
-
     def _guarded(self) -> None:
         try:
             self._run()
@@ -458,7 +455,8 @@ class LiveSession:
                 self._save_recording()
                 self._end()
                 return
-            is_stuck = watch.look(self._rounds) and not self._is_recording_ending()
+            recording = self._recording
+            is_stuck = watch.look(self._rounds) and not (recording is not None and recording.ending)
             self._is_given_up = is_stuck and watch.stuck_s >= _GIVEN_UP_S
             if not is_stuck:
                 if shown_s:
