@@ -5,6 +5,7 @@ from typing import Final
 FEATURES: Final = (
     "gateway.compare.feature",
     "gateway.glossary.feature",
+    "gateway.viewer.feature",
     "gateway.exporting.feature",
     "gateway.diagnosis.feature",
     "gateway.fleet.feature",

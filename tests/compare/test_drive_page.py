@@ -50,7 +50,7 @@ def test_page_is_self_contained_and_escapes_names(make_drive):
     drive.finish((), (), (Notice(HOSTILE, DOUBT),))
     page = drive_page([drive])
     assert "<script>alert" not in page
-    assert page.count("<script") == page.count("</script>") == 4
+    assert page.count("<script") == page.count("</script>") == 5
     assert "\x1b" not in page
     assert not re.findall(r'(?:src|href)="(?!#)', page)
     assert set(data_of(page)) == {"begin_ms", "wheels", "quantities", "first", "events", "waveforms"}

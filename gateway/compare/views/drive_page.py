@@ -83,12 +83,14 @@ def drive_page(drives: Sequence[Drive]) -> str:
     require_packages("the page of a drive", "plot", "jinja2")
     from markupsafe import Markup
 
-    scripts = [page_part("uPlot.iife.min.js"), page_part("pictures.js"), page_part("drive_page.js", _VIEWS)]
+    scripts = [page_part("uPlot.iife.min.js"), page_part("pictures.js")]
+    scripts += [page_part(name, _VIEWS) for name in ("drive_section.js", "drive_page.js")]
+    style = Markup(page_part("drive_section.css", _VIEWS).text)
     sections = [_section(f"r{index}", drive) for index, drive in enumerate(drives)]
     return html_template(*_TEMPLATE).render(
         version=__version__,
         policy=script_policy(scripts),
-        style=Markup(page_part("uPlot.min.css").text) + report_css(),
+        style=Markup(page_part("uPlot.min.css").text) + report_css() + style,
         scripts=Markup("\n".join(script.html() for script in scripts)),
         licence=Markup(plot_licence()),
         title=drives[0].name if len(drives) == 1 else counted(len(drives), "recording"),

@@ -1,0 +1,1 @@
+"""Looking into recordings in a browser: samples at any scale, revolutions, orders, quantities over time."""
