@@ -10,6 +10,7 @@ FEATURES: Final = (
     "gateway.diagnosis.feature",
     "gateway.fleet.feature",
     "gateway.forces.feature",
+    "gateway.inflation.feature",
     "gateway.importing.feature",
     "gateway.upkeep.feature",
     "gateway.simulator.feature",

@@ -37,10 +37,10 @@ class Ceiling(NamedTuple):
 
 
 CEILINGS: Final[dict[str, Ceiling]] = {
-    "lines of the core": Ceiling(32_000, 41_600),
-    "lines of gateway": Ceiling(95_000, 126_200),
-    "lines of tests": Ceiling(58_000, 73_200),
-    "lines of tools": Ceiling(17_000, 23_200),
+    "lines of the core": Ceiling(32_000, 41_660),
+    "lines of gateway": Ceiling(95_000, 126_510),
+    "lines of tests": Ceiling(58_000, 73_415),
+    "lines of tools": Ceiling(17_000, 23_380),
     "words of docs": Ceiling(60_000, 65_300),
     "options": Ceiling(120, 92),
     "reason codes": Ceiling(430, 597),
@@ -48,7 +48,7 @@ CEILINGS: Final[dict[str, Ceiling]] = {
     "functions of more than eight parameters, commands aside": Ceiling(0, 8),
     "modules over 700 lines": Ceiling(0, 2),
     "imports of this project in functions, commands aside": Ceiling(0, 24),
-    "arrows between rooms": Ceiling(110, 100),
+    "arrows between rooms": Ceiling(110, 101),
 }
 """What is counted, in the order in which it is printed."""
 

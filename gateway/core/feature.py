@@ -34,6 +34,8 @@ class Registry(StrEnum):
     """`gateway.core.cli.estimate_outputs.AddedOutput` by its name."""
     PARTS = "treadlink.parts"
     """Part of a session by its name in `gateway.core.session.session_parts`, which says what the core asks of it."""
+    WHEEL_WATCHES = "treadlink.wheel-watches"
+    """Class that follows `gateway.core.session.wheel_watches.WheelWatch`, called with the vehicle, by any name."""
     EFFECTS = "treadlink.effects"
     SINKS = "treadlink.sinks"
     IMPORTERS = "treadlink.importers"

@@ -119,18 +119,14 @@ class FleetCode(Codes):
         "the stated {statement} changed on {date}: no change of the {what}",
         statement={
             "calibration": "[tire.load_calibration]",
+            "load": "load of {before:.0f N} to {after:.0f N}",
+            "radius": "belt radius of {before:.1f mm} to {after:.1f mm}",
             "reference": "[tire.reference]",
             "thickness": "ring_thickness_mm",
         },
     )
     TREND_STATED_LEVELS = Code(
         "changes of what is stated of the tire, before and after which the levels are fitted apart: {count}"
-    )
-    TREND_STATED_LOAD = Code(
-        "the stated load changed on {date}, from {before_n:.0f N} to {after_n:.0f N}: no change of the tire"
-    )
-    TREND_STATED_RADIUS = Code(
-        "the stated belt radius changed on {date}, from {before_m:.1f mm} to {after_m:.1f mm}: no change of the tire"
     )
     TREND_STEPS = Code("steps that are fitted and left out of the trend: {count}")
     TREND_STIFFNESS_DRIFTS = Code("{name} changes by {share:.2%} ± {std:.2%} a month")

@@ -169,8 +169,12 @@ class _Chain:
 
     def answer(self, x: Array, height: float, stiffer: Array, count: int) -> Array:
         """Return what shares of EI (N,), complex, that pass the road `count` times a turn move beside x, (2, N)."""
+        pushes = [self.forces(x, height, ei)[0] for ei in (0.0 * self.ei, self.ei * stiffer)]
+        return self.vibrating(self.tangent(x, height), count)(pushes[0] - pushes[1])
+
+    def vibrating(self, tangent: Any, count: int) -> Callable[[Array], Array]:
+        """Return what solves for the motion (2, N) under forces (2, N) that turn `count` times a turn."""
         ring, n, h, steady = self.ring, self.nodes, self.h, self.ei
-        pushes = [self.forces(x, height, ei)[0] for ei in (0.0 * steady, steady * stiffer)]
         # Beside the steady balance: d/dt is -i count omega, a point of the belt has d/dt + omega d/dtheta.
         next_to, last = eye_array(n, k=1) + eye_array(n, k=1 - n), eye_array(n, k=-1) + eye_array(n, k=n - 1)
         slope, curve = (next_to - last) / (2.0 * h), (next_to - 2.0 * eye_array(n) + last) / h**2
@@ -180,8 +184,8 @@ class _Chain:
         added = added - length * (damping * rate * eye_array(n) + (damping - steadily) * self.omega * slope)
         bending = float(steady[0]) * h / ring.radius_m**3
         added = added - _LOSS_S * bending * (rate * eye_array(n) + self.omega * slope) @ curve @ curve
-        matrix = csc_matrix(self.tangent(x, height)[: 2 * n, : 2 * n] + kron(added, eye_array(2)))
-        return np.asarray(splu(matrix).solve((pushes[0] - pushes[1]).T.ravel().astype(complex)).reshape(-1, 2).T)
+        factors = splu(csc_matrix(tangent[: 2 * n, : 2 * n] + kron(added, eye_array(2))))
+        return lambda force: np.asarray(factors.solve(force.T.ravel().astype(complex)).reshape(-1, 2).T)
 
 
 def _derivative(curve: Array, times: int, orders: int) -> Array:

@@ -45,6 +45,7 @@ from gateway.core.session.alarms import (
 from gateway.core.session.reasons import SessionCode
 from gateway.core.session.silence import PositionOf, SilenceWatch, VehiclePart, parts_heard
 from gateway.core.session.wheel_identity import positions, sensor_ids
+from gateway.core.session.wheel_watches import wheel_watches
 from gateway.core.trust.wheel_pairs import ALARMS as PAIR_ALARMS
 from gateway.core.wheels.wheels import Pipeline
 
@@ -87,7 +88,8 @@ class AlarmWatch(ABC):
         self.thresholds = vehicle.thresholds if vehicle is not None else Thresholds()
         self.silence = SilenceWatch(position_of, positions(vehicle).values(), self.thresholds.silent_after_s)
         self.log = AlarmLog(logs=logs)
-        self._witnesses = witnesses
+        self._of_witnesses = witnesses
+        self._watches = wheel_watches(vehicle)
         self._review_due_ns: dict[str, int] = {}
 
     @abstractmethod
@@ -110,6 +112,9 @@ class AlarmWatch(ABC):
         notices = self.advance(event.link, event.host_ns)
         self.silence.turned(event.link, event.host_ns, None if event.kind.is_open else event.reason)
         return notices
+
+    def _witnesses(self) -> tuple[Alarm, ...]:
+        return (*self._of_witnesses(), *(alarm for watch in self._watches for alarm in watch.alarms()))
 
     def _silent(self, wheels: Iterable[WheelSnapshot], several_links: bool) -> tuple[Alarm, ...]:
         hubs, vehicles = self.silence.silent_hubs(), self.silence.silent_vehicles()
@@ -184,6 +189,9 @@ class SessionAlarms(AlarmWatch):
         """Compare the present alarms with those before; return new notices."""
         wheels, links = self._state()
         wheels = self.with_silences(wheels)
+        for watch in self._watches:
+            for wheel in wheels:
+                watch.take(wheel, self.silence.elapsed_s(), is_current=wheel.has_current_environment)
         return self._update(
             [alarm for alarm in self.alarms(wheels, links) if not _is_normal(alarm)],
             wheels,
@@ -227,6 +235,7 @@ class RecordingAlarms(AlarmWatch):
         """Start without frames; `pipeline` names the wheels and knows their sensors."""
         super().__init__(vehicle, pipeline.position, witnesses, logs=logs)
         self._pipeline = pipeline
+        self._wheels: dict[str, WheelSnapshot] = {}
         self._has_limits = has_wheel_limits(self.thresholds)
         self._events: dict[str, deque[LinkEvent]] = {}
         # Ends and lengths of the pauses of the computer that recorded, and how many of them each link has passed.
@@ -264,6 +273,7 @@ class RecordingAlarms(AlarmWatch):
             if self._pipeline.limit.admits(link, frame.hub, frame.wheel):
                 self.silence.heard(link, frame, host_ns)
         self.review()
+        self._wheels.clear()
 
     def result(self, result: RevolutionResult) -> RevolutionResult:
         """Take a result; return it with the alarms that stand at its wheel and the silence before it."""
@@ -277,11 +287,26 @@ class RecordingAlarms(AlarmWatch):
                 values=lambda: present_values([wheel], [], self.thresholds),
                 covers=lambda key: key[0] == position and key[1] in THRESHOLDS,
             )
+        if self._watches:
+            self._watch(result, at_s)
         silent_s = self.silence.ended_before_s(position, result.host_ns)
         standing = self.log.standing_at(position, at_s)
         if standing == result.alarms and silent_s == result.silent_before_s:
             return result
         return replace(result, alarms=standing, silent_before_s=silent_s)
+
+    def _watch(self, result: RevolutionResult, at_s: float) -> None:
+        """Let the watches of features take a result, with what is known of its wheel at the end of the block."""
+        position = result.position
+        if not self._wheels:
+            self._wheels = {wheel.position: wheel for wheel in self._pipeline.wheels()}
+        of_block = self._wheels[position]
+        is_old = any(alarm.name in SILENCES for alarm in self.log.standing_at(position, at_s))
+        wheel = replace(_as_snapshot(result), stated=of_block.stated, flags=of_block.flags)
+        for watch in self._watches:
+            watch.take(wheel, at_s, is_current=not is_old)
+            names = watch.names
+            self.log.update(watch.alarms(), at_s, covers=lambda key: key[0] == position and key[1] in names)  # noqa: B023
 
     def compared(self, host_ns: int) -> None:
         """Take the comparison of left and right wheels, which changes with a result of this time."""

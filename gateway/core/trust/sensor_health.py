@@ -40,6 +40,8 @@ _RINGING_RATIO: Final = 30.0
 
 _BINS: Final = np.arange(_FFT_SIZE // 2 + 1.0)
 
+PRESSURE_FROZEN: Final = "pressure frozen"
+"""Flag of a pressure that repeats to the bit while the temperature changes."""
 _FROZEN_READINGS: Final = 10
 _FROZEN_PA: Final = 5_000.0
 
@@ -262,7 +264,7 @@ class SensorHealth:
             frozen = Reason(
                 TrustCode.PRESSURE_FROZEN, temperature_change_k=high - low, error_pa=self._pressure_error_pa
             )
-            yield SensorFlag("pressure frozen", frozen)
+            yield SensorFlag(PRESSURE_FROZEN, frozen)
 
     def _mounting(self) -> Iterator[SensorFlag]:
         tilt = tilt_rad(self._mean)

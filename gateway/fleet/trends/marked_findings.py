@@ -77,7 +77,7 @@ def finding_key(tire: TireTrend, finding: Reason) -> str:
         tire.sensor_id,
         str(tire.part),
         finding.code.name,
-        str(values.get("name", "")),
+        str(values.get("name", values.get("statement", ""))),
     )
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:6]
 

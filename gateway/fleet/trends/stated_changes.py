@@ -1,6 +1,6 @@
 """Changes of what the configuration states of a tire: they shift the numbers, and are no change of the tire."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable
 from itertools import pairwise
 from typing import Final, NamedTuple
 
@@ -61,27 +61,10 @@ def findings_of_changes(history: TireHistory, changes: Iterable[StatedChange]) -
         date = str(np.datetime64(int(history.time_ns[change.recording_index]), "ns").astype("datetime64[D]"))
         mine = named.setdefault(change.statement, [])
         if len(mine) < _MOST_NAMED:
-            mine.append(_FINDINGS[change.statement](change, date))
+            what = "load" if change.statement is Statement.CALIBRATION else "tire"
+            # Only loads and radii are numbers, which are told.
+            is_number = change.statement in (Statement.LOAD, Statement.RADIUS)
+            values = {"before": float(change.before), "after": float(change.after)} if is_number else {}
+            stated = str(change.statement)
+            mine.append(Reason(FleetCode.TREND_STATED_CHANGED, statement=stated, date=date, what=what, **values))
     return [finding for findings in named.values() for finding in findings]
-
-
-def _of_load(change: StatedChange, date: str) -> Reason:
-    return Reason(FleetCode.TREND_STATED_LOAD, date=date, before_n=float(change.before), after_n=float(change.after))
-
-
-def _of_radius(change: StatedChange, date: str) -> Reason:
-    return Reason(FleetCode.TREND_STATED_RADIUS, date=date, before_m=float(change.before), after_m=float(change.after))
-
-
-def _plain(change: StatedChange, date: str) -> Reason:
-    what = "load" if change.statement is Statement.CALIBRATION else "tire"
-    return Reason(FleetCode.TREND_STATED_CHANGED, statement=str(change.statement), date=date, what=what)
-
-
-_FINDINGS: Final[Mapping[Statement, Callable[[StatedChange, str], Reason]]] = {
-    Statement.LOAD: _of_load,
-    Statement.RADIUS: _of_radius,
-    Statement.THICKNESS: _plain,
-    Statement.REFERENCE: _plain,
-    Statement.CALIBRATION: _plain,
-}
