@@ -210,6 +210,9 @@ that about five revolutions a block are needed."""
 RARE_CHANGE: Final = 1e-8
 """Probability that scatter alone reaches a change in one band of one group."""
 
+SIZE_SHARE: Final = 0.03
+"""Share of a size by which an equation may err from recording to recording."""
+
 CHANGE_OF_SIGNAL: Final = 3e-3
 """Share of the signal (rms) below which a change belongs to the signal's own drift."""
 

@@ -56,6 +56,9 @@ def known_effects(
         if any(effect.name == other.name for other, _ in effects):
             raise TreadlinkError(f"{origin}: effect '{corrected.name}' stands twice", _AGAIN)
         given = {parameter.name: parameter for parameter in corrected.parameters}
+        if isinstance(effect, LocalChange):
+            # Files of before hold changes of a belt of the baseline model's mass.
+            given.setdefault("log_mass", EffectParameter("log_mass", 0.0, math.nan, ""))
         names = [parameter.name for parameter in effect.parameters]
         for name in names:
             if name not in given:

@@ -146,7 +146,8 @@ class DiagnosisCode(Codes):
         "{after_mps2:.3g m/s²}"
     )
     SIZES_DIFFER = Code(
-        "it has no one size: fitted to each recording alone, its sizes differ (chi-square {chi2:.3g} of {freedom})"
+        "it has no one size: fitted to each recording alone, its sizes differ from each other or from that in all "
+        "(chi-square {chi2:.3g} of {freedom})"
     )
     SIZE_CHANGES = Code(
         "it has no one size: it changes from the first to the second half of a recording (chi-square {chi2:.3g} of "

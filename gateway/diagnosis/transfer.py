@@ -165,6 +165,7 @@ def _as_finding(fit: Fit, effect: AngleEffect, corrected: CorrectedEffect) -> Fi
         parameters={
             parameter.name: fitted_parameter(parameter, given[parameter.name].value, given[parameter.name].std)
             for parameter in effect.parameters
+            if parameter.name in given
         },
         chi2=math.nan,
         rms_mps2=float(np.max(sizes_of(fit, effect))),

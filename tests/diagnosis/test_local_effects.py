@@ -5,13 +5,16 @@ Plants are boxes where the catalogue has normal windows.
 
 import math
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 import pytest
+from blind_rig.cases import _patch
+from blind_rig.ring import NODES, Ring, rolled
 
 from gateway.core.errors import TreadlinkError
 from gateway.core.types import ComplexArray, FloatArray
+from gateway.diagnosis.angle.residual import residual_ratio
 from gateway.diagnosis.closed_loop import diagnose
 from gateway.diagnosis.effects.axis_errors import CrossAxis
 from gateway.diagnosis.effects.effect import (
@@ -30,14 +33,17 @@ from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.report.findings import findings_of
 from gateway.diagnosis.report.other_conditions import _beside_residual, judged_elsewhere, reasons_against
 from gateway.diagnosis.result import Fitted, UnseenError, Verdict
+from gateway.diagnosis.search.profile_scan import ProfileScan, fitted_with
 from gateway.diagnosis.transfer import transfer
 from gateway.ring.rolling_ring import PATTERNS, Change, loaded_belt, local_response
 from tests.diagnosis.planted_campaign import (
+    PRESSURE_PA,
     RADIUS_M,
     Plant,
     among,
     campaign_of,
     conditions,
+    evaluated,
     fitted,
     ring,
     searched,
@@ -198,6 +204,36 @@ def test_splice_is_an_effect_where_other_recordings_test_it() -> None:
     assert finding.parameters["stiffening_rad"].value == pytest.approx(SPLICE, rel=0.1)
     # The equation is right to some percent only.
     assert finding.parameters["stiffening_rad"].std > 0.05 * SPLICE
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("place_deg", "share", "mass_kgpm"), [(0.0, -0.25, 2.7), (-4.5, 0.3, 5.1), (13.5, 0.35, 3.9), (-160.0, 0.4, 6.4)]
+)
+def test_scan_finds_a_splice_on_a_belt_of_any_mass(place_deg: float, share: float, mass_kgpm: float) -> None:
+    """A rig that shares no equation with the gateway; the sensor's own place and the contact's edge included."""
+    tire = Ring(radius_m=RADIUS_M, pressure_pa=PRESSURE_PA, mass_kgpm=mass_kgpm, bs=2.7e-3, cw=0.2)
+    stiffer = partial(_patch, share, place_deg, 2.5)
+
+    def plant(signal: FloatArray, theta: FloatArray, current: GroupConditions) -> FloatArray:
+        shape = rolled(tire, current.load_n, current.omega_radps, 0.0, stiffer)
+        read = np.zeros_like(signal)
+        for axis, inertia, gravity in zip((RADIAL, CIRCUMFERENTIAL), shape.inertia_m, shape.gravity_mps2, strict=True):
+            read[axis] = (current.omega_radps**2 * inertia + gravity)[:: NODES // len(theta)]
+        return read
+
+    campaign = campaign_of((conditions(45.0), conditions(90.0), conditions(70.0, load_n=6000.0)), plant, noise_mps2=3.0)
+    alone, data = evaluated(campaign)
+    promise = ProfileScan(alone.fit).promises(LOCAL_CHANGES)[0]
+    fit = fitted_with(promise, alone.fit, data)
+    assert promise.effect.name == "local bending stiffness"
+    assert fit is not None
+    size, place_rad, *_, log_mass = fit.vector[fit.model.layout.effect(promise.effect.name)]
+    assert math.degrees(place_rad) == pytest.approx(place_deg, abs=0.5)
+    assert 3.5 * math.exp(log_mass) == pytest.approx(mass_kgpm, rel=0.01)
+    # A trapezium of full height over a third of its length.
+    assert math.degrees(size) == pytest.approx(share * 2.5 * 4.0 / 3.0, rel=0.1)
+    assert residual_ratio(fit, data) - 1.0 < 0.1 * (residual_ratio(alone.fit, data) - 1.0)
 
 
 @pytest.mark.slow

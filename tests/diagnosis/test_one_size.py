@@ -13,6 +13,7 @@ from gateway.diagnosis.angle.remainder_freedom import beside_remainder
 from gateway.diagnosis.data.campaign_data import Campaign
 from gateway.diagnosis.effects.effect import CIRCUMFERENTIAL, RADIAL, GroupConditions
 from gateway.diagnosis.reasons import DiagnosisCode
+from gateway.diagnosis.report.findings import of_common_size
 from gateway.diagnosis.report.one_size import change_within, disagreement, fitted_alone, of_one_size
 from gateway.diagnosis.result import Finding, Verdict
 from tests.diagnosis.planted_campaign import Plant, among, campaign_of, conditions, fitted, gain
@@ -139,3 +140,27 @@ def test_errors_grow_by_what_is_left_and_not_by_noise() -> None:
         ratios.append(np.sqrt(np.diagonal(wide.covariance)[states] / np.diagonal(fit.covariance)[states]).max())
     assert ratios[0] < 1.6
     assert ratios[1] > 1.2 * ratios[0]
+
+
+def offset(signal: FloatArray, theta: FloatArray, group_conditions: GroupConditions) -> FloatArray:
+    return signal + np.array([[0.0], [0.0], [3.0]])
+
+
+def on_the_move(signal: FloatArray, theta: FloatArray, group_conditions: GroupConditions) -> FloatArray:
+    """Return the signal of a wheel that turns slower than its contacts come, by the same rate at every speed."""
+    return signal * (1.0 - 0.2 / group_conditions.omega_radps)
+
+
+@pytest.mark.parametrize(("plant", "verdict"), [(offset, Verdict.NAMED), (on_the_move, Verdict.REFUSED)])
+def test_effect_that_is_there_only_between_recordings_is_not_identified(plant: Plant, verdict: Verdict) -> None:
+    campaign = campaign_of(SPEEDS, plant)
+    groups = tuple(replace(group, recording=number) for number, group in enumerate(campaign.groups))
+    campaign = replace(campaign, groups=groups, recordings=("a", "b", "c"))
+    fit, data = fitted(campaign, *among("zero-g offset", "gain").values())
+    finding = Finding("zero-g offset", Verdict.NAMED, _fitted(fit, "zero-g offset"), 100.0, 1.0)
+    (single,) = of_one_size([finding], fit, data)
+    (result,) = of_common_size([replace(single, verdict=Verdict.NAMED)])
+    assert result.verdict is verdict
+    if result.reason is not None and verdict is Verdict.REFUSED:
+        assert result.reason.code is DiagnosisCode.SIZES_DIFFER
+        assert dict(result.reason.values)["freedom"] == 1

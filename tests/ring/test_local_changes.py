@@ -99,3 +99,14 @@ def test_response_to_another_damper_follows_from_terms_at_the_usual_one(monkeypa
         error = np.linalg.norm(value + z * first + z * z * second - exact) / np.linalg.norm(exact - value)
         assert error < 0.05
         assert np.linalg.norm(exact - value) > 0.02 * np.linalg.norm(exact)
+
+
+@pytest.mark.parametrize("change", list(Change))
+def test_response_of_a_heavier_belt_follows_from_its_slope(change: Change) -> None:
+    """A percent more mass changes a response by up to a sixth."""
+    value, slope = local_response(belt(), OMEGA_RADPS, 2e-5, 0.003, (change,), (2, 17, 40), by_mass=True)
+    for x in (-2e-3, 1e-3):
+        exact = local_response(belt(), OMEGA_RADPS, 2e-5, 0.003, (change,), (2, 17, 40), log_mass=x)[0]
+        changed = np.linalg.norm(exact - value)
+        assert np.linalg.norm(value + x * slope - exact) < 0.05 * changed
+        assert changed > 1e-3 * np.linalg.norm(exact)

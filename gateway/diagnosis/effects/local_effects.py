@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from copy import copy
 from functools import lru_cache
+from itertools import product
 from typing import Final, NamedTuple, Self
 
 import numpy as np
@@ -56,6 +57,11 @@ _LOSS: Final = Parameter("log_loss", "", -2.0, 2.0, 0.8, 1e-4)
 # The lowest waves are near resonance: a sidewall that loses a sixth less answers by 12 % more, and the steady shape
 # does not show that loss. Tires have 2 to 8 % of the critical damping; ln of it over the usual 4 %.
 _SIDEWALL_LOSS: Final = Parameter("log_sidewall_loss", "", -0.7, 0.7, 0.4, 1e-4)
+# The waves that a change sends along the belt go by its mass, which the steady shape does not show: a car tire's belt
+# and tread have 2.5 to 8 kg/m, a truck tire's twice that; ln of it over the baseline model's.
+_MASS: Final = Parameter("log_mass", "", -0.9, 1.3, 0.5, 1e-5, shared_std=0.02)
+# Between masses this far apart a cubic by answers and their slopes is right to a percent, at resonance.
+_MASS_STEP: Final = 0.04
 # Excess kurtosis of the window: -2 of two edges, -1.2 of a box, -0.6 of ramp, triangle and raised cosine, 0 of a normal
 # one. It decides how a size follows from waves that are not much longer than the window.
 _USUAL_KURTOSIS: Final = -0.6
@@ -192,8 +198,9 @@ class LocalChange(_OnBelt):
             _LOSS,
             _SIDEWALL_LOSS,
             _KURTOSIS,
+            _MASS,
         )  # fmt: skip
-        self.start_values = ((std, 1.0, shape.width_rad, 0.0, 0.0, _USUAL_KURTOSIS),)
+        self.start_values = ((std, 1.0, shape.width_rad, 0.0, 0.0, _USUAL_KURTOSIS, 0.0),)
 
     def held(self) -> Self:
         """Return the effect for one fit, with the answer of the first belt that it meets under each of its conditions.
@@ -205,50 +212,62 @@ class LocalChange(_OnBelt):
         held._answers = {}
         return held
 
-    def unit_orders(self, block: ModelledBlock, places_rad: FloatArray, width_rad: float) -> ComplexArray:
+    def unit_orders(
+        self, block: ModelledBlock, places_rad: FloatArray, width_rad: float, log_mass: float
+    ) -> ComplexArray:
         """Return the reading of a small unit at every place (k,), usual losses and form, (k, 3, ORDERS), m/s^2."""
         amplitudes = _window(width_rad, _USUAL_KURTOSIS)[0] * np.exp(-1j * np.outer(places_rad, _COUNTS))
-        return self._orders(block, amplitudes, _between(0.0)[0])
+        return self._orders(block, amplitudes, _between(0.0)[0], None, (_AtMass(log_mass, 1.0, 0.0),))
 
     def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the size times the reading of a unit."""
-        size, angle_rad, width, loss, sidewall_loss, kurtosis = (float(value) for value in parameters)
+        size, angle_rad, width, loss, sidewall_loss, kurtosis, mass = (float(value) for value in parameters)
         if not size:
             return block.zeros()
         unit = _window(width, kurtosis)[0] * np.exp(-1j * angle_rad * _COUNTS)
-        weights = np.concatenate([_between(loss)[0], _by_damping(sidewall_loss)[0]])
         amplitude = self.amplitude(block, size, width)[0]
-        result: FloatArray = orders_field(self._orders(block, amplitude * unit[None], weights))[0]
+        weights = _between(loss)[0], _by_damping(sidewall_loss)[0], _near_masses(mass)[0]
+        orders = self._orders(block, amplitude * unit[None], *weights)
+        result: FloatArray = orders_field(orders)[0]
         return result
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        """Return the derivatives by size, place, width, losses and form."""
-        size, angle_rad, width, loss, sidewall_loss, kurtosis = (float(value) for value in parameters)
+        """Return the derivatives by size, place, width, losses, form and mass."""
+        size, angle_rad, width, loss, sidewall_loss, kurtosis, mass = (float(value) for value in parameters)
         turned = _window(width, kurtosis) * np.exp(-1j * angle_rad * _COUNTS)
         unit, unit_by_width, unit_by_kurtosis = turned
         amplitude, by_size, by_width = self.amplitude(block, size, width)
         by_place = -1j * amplitude * _COUNTS * unit
         by = (by_size * unit, by_place, by_width * unit + amplitude * unit_by_width, amplitude * unit_by_kurtosis)
         (between, by_loss), (damping, by_damping) = _between(loss), _by_damping(sidewall_loss)
-        rows = self._orders(block, np.stack(by), np.concatenate([between, damping]))
-        losses = [
-            self._orders(block, amplitude * unit[None], np.concatenate(weights))
-            for weights in ((by_loss, np.zeros_like(damping)), (np.zeros_like(between), by_damping))
-        ]
-        return orders_field(np.concatenate([rows[:3], *losses, rows[3:]]))
+        near, by_mass = _near_masses(mass)
+        none = np.zeros_like(damping)
+        rows = self._orders(block, np.stack(by), between, damping, near)
+        weights = (by_loss, none, near), (np.zeros_like(between), by_damping, near), (between, damping, by_mass)
+        *losses, inertia = (self._orders(block, amplitude * unit[None], *each) for each in weights)
+        return orders_field(np.concatenate([rows[:3], *losses, rows[3:], inertia]))
 
     def amplitude(self, block: ModelledBlock, size: float, width_rad: float) -> tuple[float, float, float]:
         """Return the amplitude of the linear answer that a size has, and its derivatives by size and width."""
         return size, 1.0, 0.0
 
-    def _orders(self, block: ModelledBlock, amplitudes: ComplexArray, weights: FloatArray) -> ComplexArray:
+    def _orders(
+        self,
+        block: ModelledBlock,
+        amplitudes: ComplexArray,
+        of_losses: FloatArray,
+        of_damping: FloatArray | None,
+        of_masses: tuple[_AtMass, ...],
+    ) -> ComplexArray:
         """Return the readings of patterns of some amplitudes, m/s^2.
 
         Args:
             block: with the belt; one without reads nothing.
             amplitudes: (k, PATTERNS).
-            weights: of the answers at each loss, and of what the sidewall's damping adds to that at the usual one;
-                (losses,) or (losses + 2,).
+            of_losses: weights of the answers at each loss.
+            of_damping: weights (2,) of what the sidewall's damping adds to that at the usual loss; None in a scan,
+                which needs all kinds of change and only the first of each answer's terms.
+            of_masses: weights of the answers at masses of the belt.
 
         Returns:
             (k, 3, ORDERS).
@@ -261,12 +280,13 @@ class LocalChange(_OnBelt):
             # The pattern is the mirror image.
             amplitudes = amplitudes.conj()
         read = np.zeros((len(amplitudes), 2 * ORDERS), dtype=np.complex128)
-        of_losses, of_damping = weights[: len(_LOSSES_S)], weights[len(_LOSSES_S) :]
-        for weight, loss_s in zip(of_losses.tolist(), _LOSSES_S, strict=True):
-            damped = loss_s == _USUAL_LOSS_S and of_damping.size > 0
-            if weight or damped:
-                answers = self._answer(block, block.belt, loss_s, by_damping=damped)
-                factors = (weight, *of_damping.tolist()) if damped else (weight,)
+        for (weight, loss_s), (log_mass, value, slope) in product(
+            zip(of_losses.tolist(), _LOSSES_S, strict=True), of_masses
+        ):
+            damping = [] if of_damping is None or loss_s != _USUAL_LOSS_S else (value * of_damping).tolist()
+            factors = (weight * value, *damping, weight * slope)
+            if any(factors):
+                answers = self._answer(block, block.belt, loss_s, log_mass, scanned=of_damping is None)
                 for factor, (ahead, behind) in zip(factors, answers, strict=False):
                     if factor:
                         read += factor * (amplitudes @ ahead + amplitudes.conj() @ behind)
@@ -274,19 +294,24 @@ class LocalChange(_OnBelt):
         result[:, _PLANE] = read.reshape(-1, 2, ORDERS)
         return result
 
-    def _answer(self, block: ModelledBlock, belt: LoadedBelt, loss_s: float, *, by_damping: bool) -> tuple[Answer, ...]:
+    def _answer(
+        self, block: ModelledBlock, belt: LoadedBelt, loss_s: float, log_mass: float, *, scanned: bool
+    ) -> tuple[Answer, ...]:
         conditions, change = block.conditions, self.shape.change
         log_speed = round(_PER_SPEED * math.log(conditions.omega_radps))
-        key = log_speed, conditions.load_n, conditions.pressure_pa, loss_s
-        if self._answers is not None and key in self._answers:
+        key = log_speed, log_mass, conditions.load_n, conditions.pressure_pa, loss_s
+        if self._answers is not None and not scanned and key in self._answers:
             return self._answers[key]
-        # A scan needs all kinds at the usual damping, a fit one at any.
-        scanned = self._answers is None and not by_damping
-        by_damping = by_damping or (not scanned and loss_s == _USUAL_LOSS_S)
-        offset_m = relative_offset(block) * conditions.radius_m
-        speed = math.exp(log_speed / _PER_SPEED)
-        answer = _answers(belt, speed, offset_m, loss_s, _KINDS if scanned else (change,), by_damping)[change]
-        if self._answers is not None:
+        answer = _answers(
+            belt,
+            math.exp(log_speed / _PER_SPEED),
+            relative_offset(block) * conditions.radius_m,
+            loss_s,
+            _KINDS if scanned else (change,),
+            log_mass,
+            scanned,
+        )[change]
+        if self._answers is not None and not scanned:
             self._answers[key] = answer
         return answer
 
@@ -369,6 +394,14 @@ class WheelOrder(_OnBelt):
         return rows
 
 
+class _AtMass(NamedTuple):
+    """Weights of an answer at a mass, and of its slope by the mass's logarithm."""
+
+    log_mass: float
+    value: float
+    slope: float
+
+
 class Answer(NamedTuple):
     """Orders of the readings of patterns over omega^2, m.
 
@@ -382,10 +415,19 @@ class Answer(NamedTuple):
 
 @lru_cache(maxsize=12)
 def _answers(
-    belt: LoadedBelt, omega_radps: float, offset_m: float, loss_s: float, kinds: tuple[Change, ...], by_damping: bool
+    belt: LoadedBelt,
+    omega_radps: float,
+    offset_m: float,
+    loss_s: float,
+    kinds: tuple[Change, ...],
+    log_mass: float,
+    scanned: bool,
 ) -> dict[Change, tuple[Answer, ...]]:
-    """Return the answers of a belt to kinds of change, which share a factorisation; by terms of the damping."""
-    answers = local_response(belt, omega_radps, loss_s, offset_m, kinds, by_damping=by_damping)
+    """Return the answers of a belt to kinds of change, which share a factorisation; all terms but in a scan."""
+    by_damping = not scanned and loss_s == _USUAL_LOSS_S
+    answers = local_response(
+        belt, omega_radps, loss_s, offset_m, kinds, by_damping=by_damping, by_mass=not scanned, log_mass=log_mass
+    )
     return {
         kind: tuple(_orders(term[number], range(PATTERNS)) for term in answers) for number, kind in enumerate(kinds)
     }
@@ -423,6 +465,19 @@ def _between(log_loss: float) -> tuple[FloatArray, FloatArray]:
     weights = np.array([0.5 * x * (x - 1.0), 1.0 - x * x, 0.5 * x * (x + 1.0)])
     slopes = np.array([x - 0.5, -2.0 * x, x + 0.5]) / _LOSS_STEP
     return weights, slopes * (abs(log_loss) < _BEYOND * _LOSS_STEP)
+
+
+def _near_masses(log_mass: float) -> tuple[tuple[_AtMass, _AtMass], tuple[_AtMass, _AtMass]]:
+    """Return the weights of the answers at the next masses, and the derivatives of these weights: a cubic."""
+    step = math.floor(log_mass / _MASS_STEP)
+    t = log_mass / _MASS_STEP - step
+    below, above = _MASS_STEP * step, _MASS_STEP * (step + 1)
+    value, slope = t * t * (3.0 - 2.0 * t), 6.0 * t * (1.0 - t) / _MASS_STEP
+    near = (
+        _AtMass(below, 1.0 - value, _MASS_STEP * t * (1.0 - t) ** 2),
+        _AtMass(above, value, _MASS_STEP * t * t * (t - 1.0)),
+    )
+    return near, (_AtMass(below, -slope, (1.0 - t) * (1.0 - 3.0 * t)), _AtMass(above, slope, t * (3.0 * t - 2.0)))
 
 
 def _by_damping(log_sidewall_loss: float) -> tuple[FloatArray, FloatArray]:

@@ -369,21 +369,21 @@ def _without_run_out(options: RingOptions) -> RingOptions:
 
 
 @cache
-def _coarse_core() -> ExactCore:
-    """Return the core shared by all scans of a process; its result depends on its arguments alone."""
+def coarse_core() -> ExactCore:
+    """Return the core of a coarse grid that all scans of a process share; its result depends on its arguments alone."""
     return ExactCore(_COARSE, anchored=True)
 
 
 @lru_cache(maxsize=_KEPT_COARSE)
 def _coarse_shape(parameters: tuple[float, ...], conditions: GroupConditions, options: RingOptions) -> Shape:
-    return _coarse_core().shape(np.array(parameters), conditions, options, 0.0)
+    return coarse_core().shape(np.array(parameters), conditions, options, 0.0)
 
 
 @lru_cache(maxsize=_KEPT_COARSE)
 def _coarse_beside(
     parameters: tuple[float, ...], conditions: GroupConditions, options: RingOptions, others: tuple[RingOptions, ...]
 ) -> tuple[Shape, ...]:
-    return tuple(_coarse_core().beside(np.array(parameters), conditions, options, others, 0.0))
+    return tuple(coarse_core().beside(np.array(parameters), conditions, options, others, 0.0))
 
 
 def _is_first_order(options: RingOptions, other: RingOptions) -> bool:

@@ -102,6 +102,38 @@ def beside_more(findings: Sequence[Finding], fit: Fit, data: Whitened) -> list[F
     return judged
 
 
+def of_common_size(findings: Sequence[Finding]) -> list[Finding]:
+    """Reject identified effects whose size in all recordings together is not the mean of those in each alone.
+
+    Such an effect is there only between recordings: it stands for how their signals depend on speed or load. Of 94 in
+    blind cases, the right ones are at most one error away, a false one 3.3.
+    """
+    judged = []
+    for finding in findings:
+        if finding.verdict is Verdict.NAMED and (errors := _from_single(finding)):
+            away = max(errors)
+            if len(errors) * math.erfc(away / math.sqrt(2.0)) < 1.0 - criteria.NAMED:
+                reason = Reason(DiagnosisCode.SIZES_DIFFER, chi2=away**2, freedom=1)
+                finding = replace(finding, verdict=Verdict.REFUSED, reason=reason)
+        judged.append(finding)
+    return judged
+
+
+def _from_single(finding: Finding) -> list[float]:
+    """Return the errors by which each size is away from the mean of those of single recordings."""
+    single_of: dict[str, list[tuple[float, float]]] = {}
+    for single in finding.single_sizes:
+        single_of.setdefault(single.parameter, []).append((single.value, single.std**-2.0 if single.std else 0.0))
+    errors = []
+    for name, singles in single_of.items():
+        precision, size = sum(weight for _, weight in singles), finding.parameters[name]
+        if precision > 0.0:
+            mean = sum(value * weight for value, weight in singles) / precision
+            std = math.hypot(precision**-0.5, size.std, criteria.SIZE_SHARE * size.value)
+            errors.append(abs(mean - size.value) / std)
+    return errors
+
+
 def _apart(parameters: Mapping[str, Fitted], other: FloatArray) -> dict[str, Fitted]:
     return {
         name: replace(fitted, std=math.hypot(fitted.std, fitted.value - there))

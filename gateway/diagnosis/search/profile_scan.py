@@ -1,12 +1,13 @@
-"""Scan of effects at every place: what each would add to the evidence of what is left, to first order.
+"""Scan of local changes at every place: what each would add to the evidence of what is left, to first order.
 
 The discrepancy of the best set competes. Were its amplitudes fitted anew, an effect that only reshapes what is left
 would gain much; so one factor of all of them is profiled over instead.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Final
 
 import numpy as np
@@ -18,10 +19,10 @@ from gateway.diagnosis.angle.fit import Fit, FitFailedError, fit_model
 from gateway.diagnosis.angle.likelihood import Whitened, as_real
 from gateway.diagnosis.angle.set_evidence import log_evidence
 from gateway.diagnosis.effects.angle_orders import ORDERS
-from gateway.diagnosis.effects.effect import SignalEffect
 from gateway.diagnosis.effects.local_effects import LocalChange
-from gateway.diagnosis.model.baseline import NoShapeError
+from gateway.diagnosis.model.baseline import NoShapeError, Shape
 from gateway.diagnosis.model.closure_model import ClosureModel
+from gateway.diagnosis.model.exact_baseline import coarse_core
 from gateway.diagnosis.model.sensor_signal import base_signal, mounting_matrix
 
 # Factors of the discrepancy's amplitudes.
@@ -32,6 +33,11 @@ _PEAKS: Final = 2
 _NEAR_RAD: Final = np.radians([-1.5, -1.2, -0.9, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9, 1.2, 1.5])
 _WIDTHS: Final = (0.2, 0.5, 1.0, 2.0, 4.0)
 _ROWS: Final = 240
+# Logarithms of the belt's mass, over the baseline model's, at which the best kinds are looked for: 3 % beside the right
+# one the waves keep 0.95 of their correlation, 9 % beside it 0.6. Then nearer ones around the best.
+_LOG_MASSES: Final[tuple[float, ...]] = tuple(np.arange(-0.84, 1.2, 0.06).round(2).tolist())
+_NEAR_MASSES: Final = (-0.03, -0.015, 0.015, 0.03)
+_KINDS_AT_MASSES: Final = 2
 # Rounds of a fit, each with the belt's answer at the end of the one before, its steps, and the change of the tire's
 # logarithms that is not worth another one.
 _ROUNDS: Final = 3
@@ -50,7 +56,7 @@ class Promise:
         gain: of log evidence.
     """
 
-    effect: SignalEffect
+    effect: LocalChange
     parameters: FloatArray
     gain: float
 
@@ -70,67 +76,62 @@ class ProfileScan:
             for factor in _FACTORS
         ]
         self._levels = np.array([log_evidence(scaled_fit.moved(scaled_fit.step)) for scaled_fit in self._fits])
-        self._shapes = [fit.model.shape(fit.vector, index) for index in range(len(fit.model.campaign.groups))]
+        self._shapes = {index: fit.model.shape(fit.vector, index) for index in range(len(fit.model.campaign.groups))}
 
-    def promises(self, effects: Sequence[SignalEffect]) -> list[Promise]:
-        """Return what each effect promises, most first; those of axes without data promise nothing."""
-        promises = [promise for effect in effects for promise in self._of(effect)]
-        return sorted(promises, key=lambda each: -each.gain)
+    def promises(self, effects: Sequence[LocalChange]) -> list[Promise]:
+        """Return what each effect promises, most first."""
+        promises = sorted((self._at_places(effect, 0.0) for effect in effects), key=attrgetter("gain"), reverse=True)
+        best = promises[:_KINDS_AT_MASSES]
+        # Beside the right mass a tenth of the gain is left.
+        if best[0].gain > criteria.LOOKED_AT and (log_mass := self._log_mass([promise.effect for promise in best])):
+            there = (self._at_places(promise.effect, log_mass) for promise in promises)
+            promises = [max(pair, key=attrgetter("gain")) for pair in zip(promises, there, strict=True)]
+        return sorted(promises, key=attrgetter("gain"), reverse=True)
 
-    def _of(self, effect: SignalEffect) -> Iterator[Promise]:
-        if not isinstance(effect, LocalChange):
-            start = np.array(effect.start_values[0])
-            yield from self._other(effect, start)
-            return
-        width = effect.shape.width_rad
-        first = np.linspace(-math.pi, math.pi, _FIRST_PLACES, endpoint=False)
-        tried = [(angle_rad, width) for angle_rad in first.tolist()]
-        gains, sizes = self._gains(effect, tried)
-        best = list(zip(gains.tolist(), sizes.tolist(), tried, strict=True))
+    def _log_mass(self, effects: Sequence[LocalChange]) -> float:
+        """Return the belt's mass at which one of some effects gains most in the fastest group, on a coarse grid."""
+        groups, model = self.fit.model.campaign.groups, self.fit.model
+        fastest = max(range(len(groups)), key=lambda index: groups[index].conditions.omega_radps)
+        coarse = ClosureModel(model.campaign, coarse_core(), model.effects)
+        shapes = {fastest: coarse.shape(self.fit.vector, fastest)}
+
+        def gain(log_mass: float) -> float:
+            return max(float(self._gains(effect, _everywhere(effect), log_mass, shapes)[0].max()) for effect in effects)
+
+        gain_of = {log_mass: gain(log_mass) for log_mass in _LOG_MASSES}
+        best = max(gain_of, key=gain_of.__getitem__)
+        if best:
+            gain_of |= {best + step: gain(best + step) for step in _NEAR_MASSES}
+        return max(gain_of, key=gain_of.__getitem__)
+
+    def _at_places(self, effect: LocalChange, log_mass: float) -> Promise:
+        """Return what a change promises at its best place and width."""
+        first, width = _everywhere(effect), effect.shape.width_rad
+        gains, sizes = self._gains(effect, first, log_mass, self._shapes)
+        best = list(zip(gains.tolist(), sizes.tolist(), first, strict=True))
         for peak in _peaks(gains):
-            near = [(first[peak] + step, width * factor) for factor in _WIDTHS for step in _NEAR_RAD.tolist()]
-            gains, sizes = self._gains(effect, near)
+            near = [(first[peak][0] + step, width * factor) for factor in _WIDTHS for step in _NEAR_RAD.tolist()]
+            gains, sizes = self._gains(effect, near, log_mass, self._shapes)
             best += zip(gains.tolist(), sizes.tolist(), near, strict=True)
         gain, size, (angle_rad, width) = max(best, key=lambda entry: entry[0])
         angle_rad = (angle_rad + math.pi) % (2.0 * math.pi) - math.pi
-        yield Promise(effect, np.array([size, angle_rad, width, *effect.start_values[0][3:]]), gain)
+        return Promise(effect, np.array([size, angle_rad, width, *effect.start_values[0][3:-1], log_mass]), gain)
 
-    def _other(self, effect: SignalEffect, start: FloatArray) -> Iterator[Promise]:
-        """Yield the promise of an effect without a place: each parameter of a linear one has its own size."""
-        model = ClosureModel(self.fit.model.campaign, self.fit.model.core, (*self.fit.model.effects, effect))
-        vector = self.fit.model.layout.moved(self.fit.vector, model.layout)
-        where = model.layout.effect(effect.name)
-        starts = np.diag(start)[start != 0.0]
-        groups = range(len(model.campaign.groups))
-        without = [model.predict_mean(vector, index) for index in groups]
-        rows = []
-        for index in groups:
-            group_rows = []
-            for unit_start in starts:
-                vector[where] = unit_start
-                group_rows.append(as_real(model.predict_mean(vector, index) - without[index]))
-            rows.append(np.stack(group_rows))
-        if not any(row.any() for row in rows):
-            return
-        stds = np.array(
-            [
-                parameter.prior_std / abs(start_value)
-                for parameter, start_value in zip(effect.parameters, start, strict=True)
-                if start_value
-            ]
-        )
-        gain, sizes = self._gain_of_all(rows, stds)
-        yield Promise(effect, sizes @ starts, gain)
-
-    def _gains(self, effect: LocalChange, tried: Sequence[tuple[float, float]]) -> tuple[FloatArray, FloatArray]:
-        """Return the gain of each place and width, and the size there."""
+    def _gains(
+        self,
+        effect: LocalChange,
+        tried: Sequence[tuple[float, float]],
+        log_mass: float,
+        shapes: Mapping[int, Shape],
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the gain of each place and width in the groups of some shapes, and the size there."""
         gains, sizes = np.empty(len(tried)), np.empty(len(tried))
         std = effect.parameters[0].prior_std
         for begin in range(0, len(tried), _ROWS):
-            rows = self._rows(effect, tried[begin : begin + _ROWS])
+            rows = self._rows(effect, tried[begin : begin + _ROWS], log_mass, shapes)
             over = []
             for fit, level in zip(self._fits, self._levels.tolist(), strict=True):
-                score, information = self._projected(fit, rows)
+                score, information = self._projected(fit, rows, len(tried[begin : begin + _ROWS]))
                 gain = 0.5 * score**2 / (information + std**-2) - 0.5 * np.log1p(std**2 * information)
                 over.append((level + gain, score / (information + std**-2)))
             totals = np.stack([total for total, _ in over])
@@ -140,43 +141,32 @@ class ProfileScan:
             sizes[begin : begin + _ROWS] = np.stack([size for _, size in over])[which, columns]
         return gains, sizes
 
-    def _projected(self, fit: Fit, rows: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    def _projected(self, fit: Fit, rows: Sequence[FloatArray | None], count: int) -> tuple[FloatArray, FloatArray]:
         """Return the score and the information of each row, what the parameters of the fit take left out."""
         cross = fit.cross(rows)
-        information = fit.cross_information(rows, len(rows[0]))[:, 0, 0]
+        information = fit.cross_information(rows, count)[:, 0, 0]
         taken = np.linalg.solve(fit.precision, cross[:-1])
         return cross[-1] - fit.step @ cross[:-1], np.maximum(information - (cross[:-1] * taken).sum(axis=0), 1e-300)
 
-    def _gain_of_all(self, rows: Sequence[FloatArray], stds: FloatArray) -> tuple[float, FloatArray]:
-        """Return the gain of rows that go together, and their sizes."""
-        best = (-math.inf, np.zeros(len(stds)))
-        for fit, level in zip(self._fits, self._levels.tolist(), strict=True):
-            cross = fit.cross(rows)
-            information = fit.cross_information(rows, 1)[0] - cross[:-1].T @ np.linalg.solve(fit.precision, cross[:-1])
-            precision = information + np.diag(stds**-2.0)
-            score = cross[-1] - fit.step @ cross[:-1]
-            sizes = np.linalg.solve(precision, score)
-            gain = 0.5 * float(score @ sizes) - 0.5 * float(np.linalg.slogdet(precision * np.square(stds))[1])
-            if level + gain > best[0]:
-                best = level + gain, sizes
-        return best[0] - float(self._levels.max()), best[1]
-
-    def _rows(self, effect: LocalChange, tried: Sequence[tuple[float, float]]) -> list[FloatArray]:
+    def _rows(
+        self, effect: LocalChange, tried: Sequence[tuple[float, float]], log_mass: float, shapes: Mapping[int, Shape]
+    ) -> list[FloatArray | None]:
         """Return the readings of a unit size, (k, 3, REAL) of each group; effects of later stages are left out."""
         places = np.array([angle_rad for angle_rad, _ in tried])
         widths = np.array([width for _, width in tried])
-        rows = []
         model = self.fit.model
-        for index, (group, shape) in enumerate(zip(model.campaign.groups, self._shapes, strict=True)):
+        rows: list[FloatArray | None] = [None] * len(model.campaign.groups)
+        for index, shape in shapes.items():
+            group = model.campaign.groups[index]
             block = base_signal(model.core, shape, group.conditions)
             orders = np.empty((len(tried), 3, ORDERS), dtype=np.complex128)
             for width in np.unique(widths):
                 same_width = widths == width
-                orders[same_width] = effect.unit_orders(block, places[same_width], float(width))
+                orders[same_width] = effect.unit_orders(block, places[same_width], float(width), log_mass)
             if group.declared_roll_rad or group.declared_pitch_rad:
                 orders = mounting_matrix(group.declared_roll_rad, group.declared_pitch_rad) @ orders
             turn = np.exp(-1j * float(self.fit.vector[model.layout.centre(index)]) * _ORDER)
-            rows.append(as_real(orders * turn))
+            rows[index] = as_real(orders * turn)
         return rows
 
 
@@ -194,7 +184,7 @@ def fitted_with(promise: Promise, fit: Fit, data: Whitened) -> Fit | None:
     tire, fitted = fit.vector[fit.model.layout.states], fit
     try:
         for _ in range(_ROUNDS):
-            effect = promise.effect.held() if isinstance(promise.effect, LocalChange) else promise.effect
+            effect = promise.effect.held()
             model = ClosureModel(fit.model.campaign, fit.model.core, (*fit.model.effects, effect))
             start = fitted.model.layout.moved(fitted.vector, model.layout)
             if fitted is fit:
@@ -206,6 +196,12 @@ def fitted_with(promise: Promise, fit: Fit, data: Whitened) -> Fit | None:
     except (FitFailedError, NoShapeError, np.linalg.LinAlgError):
         return None
     return fitted
+
+
+def _everywhere(effect: LocalChange) -> list[tuple[float, float]]:
+    """Return places all around, each with the usual width."""
+    places = np.linspace(-math.pi, math.pi, _FIRST_PLACES, endpoint=False)
+    return [(angle_rad, effect.shape.width_rad) for angle_rad in places.tolist()]
 
 
 def _peaks(gains: FloatArray) -> list[int]:

@@ -176,12 +176,14 @@ def pushed_response(
     offset_m: float = 0.0,
     *,
     by_damping: bool = False,
+    by_mass_n: ComplexArray | None = None,
 ) -> ComplexArray:
     """Return what a sensor reads of forces that change N times a turn, over omega^2, (terms, k, 2, N), m.
 
-    A force Re(a f exp(-i N Omega t)) on the nodes reads Re(a signal exp(-i N theta)) omega^2, radial and along. Terms
-    are the response alone, or three, so that a sidewall damper c_0 / (1 + z) in place of c_0 reads the first, plus z
-    times the second, plus z^2 times the third. At resonance, where the response goes with 1 / c, two are exact.
+    A force Re(a f exp(-i N Omega t)) on the nodes reads Re(a signal exp(-i N theta)) omega^2, radial and along. The
+    first term is the response. By damping there are two more, so that a sidewall damper c_0 / (1 + z) in place of c_0
+    reads the first, plus z times the second, plus z^2 times the third. At resonance, where the response goes with
+    1 / c, two are exact. By mass there is one more, the derivative by the mass's logarithm.
 
     Args:
         belt: rolling steadily.
@@ -190,7 +192,8 @@ def pushed_response(
         forces_n: (k, N, d) on each node.
         lifted_m: (k,) amplitude by which the axle, and all that it carries, moves up at the same time.
         offset_m: sensor below (inside) the belt's neutral layer.
-        by_damping: all three terms.
+        by_damping: with the terms of the damping.
+        by_mass_n: the part of the forces in proportion to the mass; None without the term of the mass.
 
     Raises:
         LinAlgError: the belt rings without loss at this frequency.
@@ -206,6 +209,9 @@ def pushed_response(
         first = solve(-_damped(parts, moved, omega_radps, count))
         second = solve(-_damped(parts, moved + 2.0 * first, omega_radps, count))
         terms += [-first, 0.5 * (first + second)]
+    if by_mass_n is not None:
+        # With S what the mass does to A, f' the forces' part of it: A D' = f' - S D.
+        terms.append(solve(-by_mass_n - _accelerated(parts, moving, inertia, moved)))
     moved[:, :, 1] += lifted_m[:, None]
     read = _reading(belt, offset_m)(np.concatenate(terms), count)[0]
     return read.reshape(len(terms), -1, *read.shape[1:])
@@ -216,11 +222,22 @@ def _damped(parts: _Parts, vibrations: ComplexArray, omega_radps: float, count: 
     dof = vibrations.shape[2]
     by_node = parts.acting.reshape(len(parts.acting), -1, dof, parts.acting.shape[2])
     damper = np.ascontiguousarray(by_node[:, [_HELD, _PASSED]]).reshape(len(by_node), 2 * dof, -1)
-    result = np.empty_like(vibrations)
-    for number, vibration in enumerate(vibrations):
-        held, passed = _acting(damper, vibration[_window(len(vibration))])
-        result[number] = omega_radps * (passed - 1j * count * held)
+    held, passed = _acted(damper, vibrations)
+    result: ComplexArray = omega_radps * (passed - 1j * count * held)
     return result
+
+
+def _accelerated(parts: _Parts, moving: ComplexArray, inertia_npm: float, vibrations: ComplexArray) -> ComplexArray:
+    """Return the inertia of vibrations (k, N, d), likewise."""
+    (result,) = _acted(np.ascontiguousarray(parts.acting[:, : vibrations.shape[2]]), vibrations)
+    result[:, :, :2] += np.tensordot(vibrations[:, _window(len(result[0])), :2], moving, axes=(2, 0))
+    accelerated: ComplexArray = inertia_npm * result
+    return accelerated
+
+
+def _acted(acting: FloatArray, vibrations: ComplexArray) -> ComplexArray:
+    """Return what parts of a belt do to vibrations (k, N, d), (parts, k, N, d)."""
+    return np.stack([_acting(acting, vibration[_window(len(vibration))]) for vibration in vibrations], axis=1)
 
 
 def _dynamic(

@@ -58,11 +58,13 @@ def local_response(
     counts: Sequence[int] = range(PATTERNS),
     *,
     by_damping: bool = False,
+    by_mass: bool = False,
+    log_mass: float = 0.0,
 ) -> ComplexArray:
     """Return the reading of kinds of change and patterns, (terms, kinds, counts, 2, N), m; radial and along.
 
     Pattern N of amplitude a reads Re(a response exp(-i N theta)) omega^2. Terms are those of `pushed_response`; the
-    damper is the sidewall's usual one, or the belt's own where that is larger.
+    damper is the sidewall's usual one at the law's mass, or the belt's own where that is larger.
 
     Args:
         belt: rolling steadily.
@@ -71,7 +73,9 @@ def local_response(
         offset_m: sensor below (inside) the belt's neutral layer.
         changes: kinds.
         counts: N of the patterns.
-        by_damping: all three terms.
+        by_damping: with the terms of the damping.
+        by_mass: with that of the mass.
+        log_mass: logarithm of the belt's mass over that of its law, which no steady shape shows.
 
     Raises:
         LinAlgError: the belt rings without loss.
@@ -81,6 +85,7 @@ def local_response(
     lossy = LoadedBelt(
         replace(
             law,
+            mass_kgpm=law.mass_kgpm * math.exp(log_mass),
             radial_damping_nspm2=max(law.radial_damping_nspm2, damping),
             tangential_damping_nspm2=max(law.tangential_damping_nspm2, damping),
         ),
@@ -88,13 +93,18 @@ def local_response(
         belt.height_m,
         belt.traction,
     )
-    result = np.empty((3 if by_damping else 1, len(changes), len(counts), 2, len(belt.state)), dtype=np.complex128)
+    heavier = replace(lossy, law=replace(lossy.law, mass_kgpm=2.0 * lossy.law.mass_kgpm))
+    terms = 1 + 2 * by_damping + by_mass
+    result = np.empty((terms, len(changes), len(counts), 2, len(belt.state)), dtype=np.complex128)
     lifted = np.array([float(change is Change.RIM) for change in changes])
     for number, count in enumerate(counts):
-        blocks = TreadBlocks(count, law.mass_kgpm, loss_s, loss_s)
+        blocks = TreadBlocks(count, lossy.law.mass_kgpm, loss_s, loss_s)
         forces = np.stack([_force_n(lossy, omega_radps, count, change) for change in changes])
+        by_mass_n = None
+        if by_mass:
+            by_mass_n = np.stack([_force_n(heavier, omega_radps, count, change) for change in changes]) - forces
         result[:, :, number] = pushed_response(
-            lossy, blocks, omega_radps, forces, lifted, offset_m, by_damping=by_damping
+            lossy, blocks, omega_radps, forces, lifted, offset_m, by_damping=by_damping, by_mass_n=by_mass_n
         )
     return result
 
