@@ -171,9 +171,7 @@ class RecordingView:
         return self.rolled.pictures is not None
 
     def samples(self, begin_s: float, end_s: float, columns: int) -> dict[str, Envelope]:
-        """Return the samples of every wheel from one time to another in at most some more columns than asked for.
-
-        A part of up to LONGEST_PART_S is read from the file, down to single samples.
+        """Return the samples of every wheel from one time to another; single ones of a short part, from the file.
 
         Raises:
             RecordingError: the file cannot be read.
