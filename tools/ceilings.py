@@ -37,9 +37,9 @@ class Ceiling(NamedTuple):
 
 
 CEILINGS: Final[dict[str, Ceiling]] = {
-    "lines of the core": Ceiling(32_000, 41_660),
-    "lines of gateway": Ceiling(95_000, 126_510),
-    "lines of tests": Ceiling(58_000, 73_415),
+    "lines of the core": Ceiling(32_000, 41_700),
+    "lines of gateway": Ceiling(95_000, 126_860),
+    "lines of tests": Ceiling(58_000, 73_650),
     "lines of tools": Ceiling(17_000, 23_380),
     "words of docs": Ceiling(60_000, 65_300),
     "options": Ceiling(120, 92),

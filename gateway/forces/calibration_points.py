@@ -18,6 +18,7 @@ from gateway.core.recording.reader import RecordingReader
 from gateway.core.revolutions.contact_edges import error_beyond_definition
 from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.session.recording_pass import RecordingPass, open_recording
+from gateway.core.session.session_parts import RigChannels, open_rig_channels
 from gateway.forces.tire_fit import LoadFit, TirePoint
 
 ESTIMATOR: Final = "weak-form"
@@ -26,6 +27,8 @@ MIN_REVOLUTIONS: Final = 20
 _MEASURED_SHARE: Final = 0.8
 # From here on the scatter of the recordings is hardly by chance, also of two.
 _NOTED_SCATTER: Final = 2.0
+# Relative scatter of a measured load up to which one point stands for its revolutions.
+_MOST_LOAD_SCATTER: Final = 0.1
 # The first revolutions of a wheel are timed without a running average to compare them with.
 _SKIPPED_REVOLUTIONS: Final = 5
 
@@ -46,12 +49,13 @@ def recording_points(
             f"'{path}' contains no vehicle configuration", "Give one that states the loads: --config VEHICLE.toml."
         )
     wheels: dict[str, list[RevolutionResult]] = defaultdict(list)
+    rig = open_rig_channels(reader)
     for result in RecordingPass(recording, ("kinematic", ESTIMATOR), is_watched=False):
         if not positions or result.position in positions:
             wheels[result.position].append(result)
     points = []
     for position, results in wheels.items():
-        point = _point(f"{path.name} {position}", results)
+        point = _point(f"{path.name} {position}", results, rig)
         if isinstance(point, str):
             on_left_out(f"{path.name} {position}: {point}")
         else:
@@ -68,13 +72,24 @@ def no_points_error(positions: Sequence[str]) -> TreadlinkError:
     )
 
 
-def _point(name: str, results: Sequence[RevolutionResult]) -> TirePoint | str:
+def _point(name: str, results: Sequence[RevolutionResult], rig: RigChannels) -> TirePoint | str:
     """Return one wheel of a recording, or the reason for leaving it out."""
     good = [result for result in results[_SKIPPED_REVOLUTIONS:] if not result.revolution.faults]
+    # A load that the rig has measured is that of the revolutions used; those without a value are not used.
+    channel = rig.at(results[0].position, "load", [(r.revolution.start_s, r.revolution.period_s) for r in good])
+    if channel is not None:
+        good = [result for result, load_n in zip(good, channel.values, strict=True) if np.isfinite(load_n)]
     if len(good) < MIN_REVOLUTIONS:
-        return f"it has {len(good)} valid revolutions, {MIN_REVOLUTIONS} are required"
+        beside = "" if channel is None else " with a load of the rig"
+        return f"it has {len(good)} valid revolutions{beside}, {MIN_REVOLUTIONS} are required"
     conditions = good[-1].conditions
-    if conditions.load_n is None:
+    load_n, load_std_n = conditions.load_n, conditions.load_std_n
+    if channel is not None:
+        measured = channel.mean()
+        load_n, load_std_n = abs(measured.value), measured.std
+        if measured.scatter > _MOST_LOAD_SCATTER * load_n:
+            return f"its load varies by {measured.scatter / load_n:.0%}: import each step of it by itself"
+    if load_n is None:
         return "its load is not stated"
     pressures = [result.conditions.pressure_pa for result in good if result.conditions.pressure_pa is not None]
     if not pressures:
@@ -82,8 +97,8 @@ def _point(name: str, results: Sequence[RevolutionResult]) -> TirePoint | str:
     temperatures = [r.conditions.temperature_degc for r in good if r.conditions.temperature_degc is not None]
     return TirePoint(
         name=name,
-        load_n=conditions.load_n,
-        load_std_n=conditions.load_std_n,
+        load_n=load_n,
+        load_std_n=load_std_n,
         pressure_pa=float(np.mean(pressures)),
         half_angle_rad=float(
             np.median([0.5 * (r.revolution.trailing_edge_rad - r.revolution.leading_edge_rad) for r in good])

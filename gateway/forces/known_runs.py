@@ -28,10 +28,14 @@ class KnownRunsFile(Section):
 
 
 class RunTable(KnownRun):
-    """`[[run]]`: one recording, or a part of it, at a constant and known slip angle."""
+    """`[[run]]`: one recording, or a part of it, at a known slip angle."""
 
-    slip_deg: float = Field(
-        ge=-10, le=10, description="known slip angle in degrees; a positive one pulls the tire to the left"
+    slip_deg: float | None = within(
+        None,
+        -10,
+        10,
+        "known slip angle in degrees; a positive one pulls the tire to the left; default: the mean of "
+        "the recording's reference slip_angle at the revolutions used",
     )
     slip_std_deg: float | None = within(None, 0, 5, "standard error of slip_deg in degrees; default: that of the file")
     direction: Literal["forward", "reverse"] = Field(default="forward", description="direction of rolling")

@@ -102,15 +102,15 @@ class SlipRunRevolutions:
         """Number of revolutions that can be used."""
         return len(self._taken)
 
-    def add(self, revolution: Revolution, conditions: TireConditions) -> None:
-        """Add a revolution; one with faults is only counted."""
+    def add(self, revolution: Revolution, conditions: TireConditions) -> bool:
+        """Add a revolution; one with faults is only counted. Return whether it is used."""
         self.offered += 1
         if not has_lateral(revolution):
-            return
+            return False
         self.has_lateral = True
         means = revolution.axes_mps2.mean(axis=1)
         if revolution.faults or not np.isfinite(means[1:]).all() or revolution.order_max < ORDERS.stop - 1:
-            return
+            return False
         if revolution.ac_coupled:
             self.is_ac_coupled = True
         else:
@@ -121,6 +121,7 @@ class SlipRunRevolutions:
         self._conditions = conditions
         if conditions.pressure_pa is not None:
             self._pressures.append(conditions.pressure_pa)
+        return True
 
     def run(self, name: str, slip_rad: float, slip_std_rad: float, *, is_reverse: bool) -> SlipRun:
         """Return the measurement, with the roll tilt as calibrated by all runs so far; needs a usable revolution."""

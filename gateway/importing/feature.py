@@ -15,5 +15,8 @@ FEATURE: Final = Feature(
         Registry.ESTIMATE_OUTPUTS: {
             "references": "gateway.importing.reference_output:REFERENCES",
         },
+        Registry.PARTS: {
+            "rig channels": "gateway.importing.rig_channels:RigChannels",
+        },
     },
 )

@@ -70,10 +70,12 @@ class ImuColumns(WaveformColumns):
         """Yield the named columns.
 
         Raises:
-            ImportDataError: they are of several topics, each with times of its own.
+            ImportDataError: they are of several topics whose times differ.
         """
         topics = {self.waveforms[name].group for name in names}
-        if len(topics) > 1:
+        of_times = [self.waveforms[f"{topic}/time"] for topic in topics]
+        stamps = [times.read(0, times.rows) for times in of_times]
+        if not all(np.array_equal(times, stamps[0]) for times in stamps):
             raise ImportDataError(
                 f"{self.path}: the columns are of topics with times of their own: {', '.join(sorted(topics))}",
                 "Import one topic after the other, each with a map of its own.",

@@ -270,6 +270,7 @@ def _sorted(seen: Sequence[Seen], facts: FileFacts, text: TextLayout | None) -> 
         guess.others = [other for other in guess.others if other[0] not in {column.name for column in volts}]
     if guess.time_unit != ISO and guess.time is None and facts.time_column is not None:
         guess.time = facts.time_column
+    _leave_other_times(seen, guess)
     _leave_unnamed(guess)
     _leave_magnitudes(guess)
     if guess.time is None:
@@ -289,6 +290,23 @@ def _take_rate(rates_hz: Mapping[str, float], guess: Guess) -> None:
         guess.no_time = "the file states several rates: " + ", ".join(
             f"{hz:.6g} Hz in {name}" for name, hz in likely.items()
         )
+
+
+def _leave_other_times(seen: Sequence[Seen], guess: Guess) -> None:
+    """Leave columns out whose group has times of its own: they are not in step with those of the map's time."""
+    of_time = guess.groups.get(guess.time or "")
+    if of_time is None:
+        return
+    times = {
+        guess.groups[each.name][0]: each.values
+        for each in seen
+        if guess.groups.get(each.name, ("", ""))[1:] == of_time[1:]
+    }
+    apart = {group for group, values in times.items() if not np.array_equal(values, times[of_time[0]], equal_nan=True)}
+    for column in list(guess.candidates):
+        if (group := guess.groups.get(column.name, ("",))[0]) in apart:
+            guess.candidates.remove(column)
+            guess.others.append((column.name, f"{group} has times of its own: import it by another map"))
 
 
 def _leave_unnamed(guess: Guess) -> None:

@@ -13,7 +13,8 @@ from gateway.core.types import BoolArray, FloatArray
 RIG_CHANNELS: Final = ("load", "slip_angle", "camber", "torque")
 """Quantities that are kept beside the revolutions, and that no estimate is compared with."""
 _BATCHES: Final = 10
-_FEWEST: Final = 3
+FEWEST_TURNS: Final = 3
+"""Fewer revolutions have no mean."""
 # Of the longer of a turn and the averaging interval; further apart, the reference has a gap.
 _LARGEST_STEP: Final = 3.0
 _USUAL_STEP_S: Final = 0.1
@@ -89,38 +90,35 @@ class TurnLog:
             value_std: standard error of a value.
             radius_m: belt radius of the estimate.
         """
-        times, reference = np.asarray(times_s, dtype=np.float64), np.asarray(values, dtype=np.float64)
-        order = np.argsort(times, kind="stable")
-        times, reference = times[order], reference[order]
         starts, periods = np.array(self._starts_s), np.array(self._periods_s)
-        covered = _covered(times, starts, periods)
-        starts, periods = starts[covered], periods[covered]
-        if len(starts) < _FEWEST:
-            return ReferenceComparison(position, name, quantity, 0)
         is_turns = quantity in ("angle", "pulses")
-        # Of a rate the mean over the turn: the difference of its integral.
-        so_far = reference if is_turns else _integral(times, reference)
-        measured = np.abs(np.interp(starts + periods, times, so_far) - np.interp(starts, times, so_far)) / periods
+        signed = turn_means(times_s, values, starts, periods, is_turns=is_turns)
+        covered = np.isfinite(signed)
+        starts, periods, signed = starts[covered], periods[covered], signed[covered]
+        if len(starts) < FEWEST_TURNS:
+            return ReferenceComparison(position, name, quantity, 0)
         if quantity in RIG_CHANNELS:
-            signed = (np.interp(starts + periods, times, so_far) - np.interp(starts, times, so_far)) / periods
-            std = math.hypot(_mean_std(signed), value_std)
+            std = math.hypot(mean_std(signed), value_std)
             return ReferenceComparison(
                 position, name, quantity, len(starts),
                 measured=float(signed.mean()), difference_std=std, scatter=float(signed.std(ddof=1)),
             )  # fmt: skip
+        measured = np.abs(signed)
         estimated = (2.0 * math.pi * radius_m if quantity == "speed" else 1.0) / periods
         differences = estimated - measured
         # The error of an angle counts at both ends only, that of a rate everywhere.
         span_s = float(starts[-1] + periods[-1] - starts[0])
         common_std = math.sqrt(2.0) * value_std / span_s if is_turns else value_std
-        std = math.hypot(_mean_std(differences), common_std)
+        std = math.hypot(mean_std(differences), common_std)
         radius_m = radius_std_m = contact_rad = scatter_rad = math.nan
         if quantity == "speed":
             per_turn = float(estimated.mean())
             circumference = float(np.mean(measured * periods))
             radius_m, radius_std_m = circumference / (2.0 * math.pi), circumference / (2.0 * math.pi) * std / per_turn
         if is_turns:
-            contact_rad, scatter_rad = _direction(np.interp(starts, times, reference) * 2.0 * math.pi)
+            order = np.argsort(times_s, kind="stable")
+            turns = np.interp(starts, np.asarray(times_s)[order], np.asarray(values)[order])
+            contact_rad, scatter_rad = _direction(turns * 2.0 * math.pi)
         return ReferenceComparison(
             position=position,
             name=name,
@@ -136,6 +134,35 @@ class TurnLog:
             contact_rad=contact_rad,
             contact_scatter_rad=scatter_rad,
         )
+
+
+def turn_means(
+    times_s: Sequence[float],
+    values: Sequence[float],
+    starts_s: FloatArray,
+    periods_s: FloatArray,
+    *,
+    is_turns: bool = False,
+) -> FloatArray:
+    """Return the mean of a reference over each turn, NaN where it does not cover the turn without a gap.
+
+    Args:
+        times_s: (m,) hub times of the reference.
+        values: (m,) its values.
+        starts_s: (n,) hub time of the begin of each turn.
+        periods_s: (n,) duration of each.
+        is_turns: whether the values are turns so far, of which the rate is returned.
+    """
+    times, reference = np.asarray(times_s, dtype=np.float64), np.asarray(values, dtype=np.float64)
+    order = np.argsort(times, kind="stable")
+    times, reference = times[order], reference[order]
+    covered = _covered(times, starts_s, periods_s)
+    if not covered.any():
+        return np.full(len(starts_s), math.nan)
+    # Of a rate the mean over the turn: the difference of its integral.
+    so_far = reference if is_turns else _integral(times, reference)
+    means = (np.interp(starts_s + periods_s, times, so_far) - np.interp(starts_s, times, so_far)) / periods_s
+    return np.where(covered, means, math.nan)
 
 
 def _covered(times_s: FloatArray, starts_s: FloatArray, periods_s: FloatArray) -> BoolArray:
@@ -158,8 +185,8 @@ def _integral(times_s: FloatArray, values: FloatArray) -> FloatArray:
     return np.concatenate(([0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(times_s))))
 
 
-def _mean_std(values: FloatArray) -> float:
-    """Return the standard error of a mean, by the means of consecutive parts: neighbours are not independent."""
+def mean_std(values: FloatArray) -> float:
+    """Return the standard error of a mean of three values or more, by that of consecutive parts."""
     parts = np.array_split(values, min(_BATCHES, len(values)))
     means = np.array([part.mean() for part in parts])
     return float(means.std(ddof=1) / math.sqrt(len(means)))

@@ -45,19 +45,25 @@ def write_famos(path: Path, *, rows: int | None = None, repeated: bool = False) 
 
 
 def write_imu(
-    path: Path, topics: tuple[str, ...] = ("/imu",), stamp_of: Callable[[int], int] = lambda log_ns: log_ns
+    path: Path,
+    topics: tuple[str, ...] = ("/imu",),
+    stamp_of: Callable[[int], int] = lambda log_ns: log_ns,
+    apart_ns: int = 0,
 ) -> Path:
-    """Write a message for each sample; `stamp_of` returns its stamp by the time of logging, ns."""
+    """Write a message for each sample; `stamp_of` returns its stamp by the time of logging, ns.
+
+    Each topic is `apart_ns` later than the one before.
+    """
     writer_module = pytest.importorskip("mcap.writer")
     with path.open("wb") as file:
         writer = writer_module.Writer(file)
         writer.start("ros2", "rosbag2")
         schema = writer.register_schema("sensor_msgs/msg/Imu", "ros2msg", b"")
-        for topic in topics:
+        for number, topic in enumerate(topics):
             channel = writer.register_channel(topic, "cdr", schema)
             for row, axes in enumerate(WHEEL.axes_mps2):
                 log_ns = 1_714_640_070_000_000_000 + round(row * 1e9 / RATE_HZ)
-                body = struct.pack("<iII", *divmod(stamp_of(log_ns), 10**9), 5) + b"base\0"
+                body = struct.pack("<iII", *divmod(stamp_of(log_ns) + number * apart_ns, 10**9), 5) + b"base\0"
                 body += b"\0" * (-len(body) % 8) + struct.pack("<37d", *[0.0] * 25, *axes, *[0.0] * 9)
                 writer.add_message(channel, log_ns, b"\0\1\0\0" + body, log_ns, row)
         writer.finish()
@@ -156,8 +162,10 @@ WRITERS = {
 }  # fmt: skip
 
 
-def imported(path: Path) -> ImportReport:
-    return import_file(path, parse_map(guess_map(path), "map"), path.parent / "out.mcap")
+def imported(path: Path, text: str | None = None) -> ImportReport:
+    out = path.parent / "out.mcap"
+    out.unlink(missing_ok=True)
+    return import_file(path, parse_map(text or guess_map(path), "map"), out)
 
 
 @pytest.mark.parametrize("name", WRITERS)
@@ -190,10 +198,25 @@ def test_cut_channel_of_famos_is_told(tmp_path: Path) -> None:
     assert any("'acc_z' has 3000 of 4000 samples" in text for text in report.assumed)
 
 
-def test_topics_are_imported_one_by_one(tmp_path: Path) -> None:
-    path = write_imu(tmp_path / "two.mcap", ("/front", "/rear"))
-    with pytest.raises(ImportDataError, match="topics with times of their own"):
-        imported(path)
+def test_topics_with_the_same_times_are_wheels_of_one_map(tmp_path: Path) -> None:
+    path = write_imu(tmp_path / "two.mcap", ("/front/imu", "/rear/imu"))
+    assert guess_map(path).count("[[wheel]]") == 2
+    report = imported(path)
+    assert (report.samples, len(report.wheels)) == (len(AXES_G), 2)
+
+
+def test_topics_with_times_of_their_own_are_never_mixed(tmp_path: Path) -> None:
+    path = write_imu(tmp_path / "two.mcap", ("/front/imu", "/rear/imu"), apart_ns=31_000)
+    text = guess_map(path)
+    assert "[[wheel]]" not in text
+    assert 'column = "front/imu/linear_acceleration.z"' in text
+    assert "rear/imu/linear_acceleration.z: rear/imu has times of its own: import it by another map" in text
+    assert imported(path).samples == len(AXES_G)
+    rear = text.replace('"front/imu/', '"rear/imu/')
+    assert imported(path, rear).samples == len(AXES_G)
+    mixed = text.replace("front/imu/linear_acceleration.x", "rear/imu/linear_acceleration.x")
+    with pytest.raises(ImportDataError, match=r"of several sensors|times of their own"):
+        imported(path, mixed)
 
 
 @pytest.mark.parametrize(

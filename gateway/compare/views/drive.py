@@ -1,5 +1,7 @@
 """What a page shows of a drive, collected revolution by revolution in bounded memory."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple
@@ -10,11 +12,13 @@ from gateway.compare.views.drive_path import WheelPath
 from gateway.core.config.vehicle import VehicleConfig
 from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.estimates.results import AlarmRecord, RevolutionResult, WheelSnapshot
+from gateway.core.estimates.weighted_mean import MeanEstimate
 from gateway.core.links.source import LinkEvent
 from gateway.core.reasons import Notice
 from gateway.core.recording.mcap_layout import MARKS_TOPIC, RecordedMessage, link_items
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.recorded_file import RecordedFile
+from gateway.core.session.session_parts import RigChannels, open_rig_channels
 from gateway.core.text.numbers import show
 from gateway.core.text.readout import DISTANCE
 from gateway.core.text.table_sinks import Cell
@@ -207,13 +211,16 @@ class Drive:
         self.alarms: Sequence[AlarmRecord] = ()
         self.notices: Sequence[Notice] = ()
         self._marks_taken: dict[str, int] = {}
+        self._rig: RigChannels | None = None
+        self._turns: dict[str, list[tuple[float, float]]] = {}
 
     @classmethod
-    def of(cls, file: RecordedFile) -> "Drive":
+    def of(cls, file: RecordedFile) -> Drive:
         """Return a collector for a recording, which also takes the marks that the file is read with."""
         drive = cls(file.info.path.name, file.info.described_run().lines(), file.info.start_ns)
         if isinstance(file, RecordingReader):
             file.watch(drive.take_mark)
+            drive._rig = open_rig_channels(file)
         return drive
 
     def take_mark(self, message: RecordedMessage) -> None:
@@ -230,7 +237,13 @@ class Drive:
         while end < len(self.marks) and self.marks[end][0] <= result.host_ns:
             end += 1
         self._marks_taken[result.position] = end
+        if not result.revolution.faults:
+            self._turns.setdefault(result.position, []).append((result.revolution.start_s, result.revolution.period_s))
         wheel.add(result, [text for _, text in self.marks[begin:end]])
+
+    def rig_means(self, position: str) -> dict[str, MeanEstimate]:
+        """Return the means of the rig's channels at the revolutions of a wheel, after the last one."""
+        return self._rig.means(position, self._turns.get(position, ())) if self._rig is not None else {}
 
     def finish(
         self, states: Sequence[WheelSnapshot], alarms: Sequence[AlarmRecord], notices: Sequence[Notice]

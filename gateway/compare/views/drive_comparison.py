@@ -28,7 +28,7 @@ def means_of(drive: Drive) -> dict[tuple[str, str], MeanEstimate]:
     return {
         (position, name): mean
         for position, wheel in drive.wheels.items()
-        for name, mean in wheel.row.means().items()
+        for name, mean in {**wheel.row.means(), **drive.rig_means(position)}.items()
         if name != DISTANCE
     }
 

@@ -7,20 +7,24 @@ from typing import Any, Final, Protocol
 
 from gateway.core.clock import Clock
 from gateway.core.config.vehicle import VehicleConfig
+from gateway.core.estimates.weighted_mean import MeanEstimate
 from gateway.core.estimates.wheel_setup import CorrectionTable
 from gateway.core.feature import Registry, added, object_of
 from gateway.core.links.source import Source, VehicleData
 from gateway.core.reasons import Notice, Reason
+from gateway.core.recording.recorded_file import RecordedFile
 from gateway.core.session.frame_guard import FrameGuard
 from gateway.core.session.publication import LiveOutputs
 from gateway.core.text.session_control import SessionControl, ShownSession
 from gateway.core.trust.wheel_pairs import VehicleWitness
+from gateway.core.types import FloatArray
 from gateway.core.wheels.outside_readings import OutsideReading
 
 _EFFECTS_FILE: Final = "effects file"
 _FRAME_GUARD: Final = "frame guard"
 _KEY_FILE: Final = "key file"
 _COMMANDED_LINKS: Final = "commanded links"
+_RIG_CHANNELS: Final = "rig channels"
 _TIRE_SENSORS: Final = "tire sensors"
 _VEHICLE_SIGNALS: Final = "vehicle signals"
 _LIVE_OUTPUTS: Final = "live outputs"
@@ -61,6 +65,36 @@ class TireSensors(Protocol):
 
     def take_notices(self) -> list[tuple[str, Reason]]:
         """Return what is to be said of their messages since the last call, with their links."""
+        ...
+
+
+class RigChannel(Protocol):
+    """A channel of a test rig at revolutions."""
+
+    @property
+    def values(self) -> FloatArray:
+        """(n,) mean over each revolution in N, rad or N*m; NaN where the channel does not cover it."""
+        ...
+
+    @property
+    def covered(self) -> int:
+        """Number of revolutions with a value."""
+        ...
+
+    def mean(self) -> MeanEstimate:
+        """Return the mean; its error has that of the channel, and what the values vary by."""
+        ...
+
+
+class RigChannels(Protocol):
+    """Channels of a test rig in a recording, complete after a pass over it."""
+
+    def at(self, position: str, quantity: str, turns: Iterable[tuple[float, float]]) -> RigChannel | None:
+        """Return a channel of a wheel at revolutions of a begin and a duration in s; None without one."""
+        ...
+
+    def means(self, position: str, turns: Iterable[tuple[float, float]]) -> dict[str, MeanEstimate]:
+        """Return the mean of each channel of a wheel that covers enough revolutions, by a name with unit."""
         ...
 
 
@@ -158,6 +192,12 @@ def open_vehicle_signals(
     """
     signals: VehicleSignals = _part(_VEHICLE_SIGNALS)(vehicle, config_path, stated, recorded)
     return signals
+
+
+def open_rig_channels(file: RecordedFile) -> RigChannels:
+    """Return the channels of a file that is read next."""
+    channels: RigChannels = _part(_RIG_CHANNELS)(file)
+    return channels
 
 
 def open_tire_sensors(vehicle: VehicleConfig | None) -> TireSensors:

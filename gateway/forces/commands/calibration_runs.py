@@ -8,6 +8,7 @@ from gateway.core.errors import CalibrationError
 from gateway.core.estimates.results import RevolutionResult
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.session.recording_pass import RecordingPass, open_recording
+from gateway.core.session.session_parts import RigChannels, open_rig_channels
 from gateway.core.text.progress import progress_bar
 from gateway.forces.known_runs import KnownRun
 
@@ -21,8 +22,10 @@ def read_runs(
     take: Callable[[int, RevolutionResult], None],
     *,
     skipped_revolutions: int = 0,
-) -> None:
+) -> list[RigChannels]:
     """Read every recording once, and hand the revolutions of every run to `take`, with the index of the run.
+
+    Returns the channels of the rig in the recording of each run.
 
     Args:
         path: of the runs file.
@@ -40,6 +43,7 @@ def read_runs(
     files: dict[Path, list[int]] = {}
     for index, run in enumerate(runs):
         files.setdefault(path.parent / run.recording, []).append(index)
+    rigs: dict[int, RigChannels] = {}
     with progress_bar("reading the runs") as bar:
         for number, (file, indices) in enumerate(files.items()):
             reader = RecordingReader(file)
@@ -54,6 +58,7 @@ def read_runs(
                     f"'{file}' contains no vehicle configuration",
                     "Give one that states the belt radius: --config VEHICLE.toml.",
                 )
+            rigs |= dict.fromkeys(indices, open_rig_channels(reader))
             seen: dict[str, int] = {}
             first_ns: dict[str, int] = {}
             for result in RecordingPass(recording, estimators, is_watched=False):
@@ -66,6 +71,7 @@ def read_runs(
                         take(index, result)
             for index in indices:
                 _check_wheel(file, wheels[index], sorted(seen))
+    return [rigs[index] for index in range(len(runs))]
 
 
 def _check_wheel(file: Path, wanted: str | None, seen: Sequence[str]) -> None:

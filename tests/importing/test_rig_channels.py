@@ -1,0 +1,137 @@
+"""Channels of a rig that vary in time: their value at each revolution, in calibrations and comparisons."""
+
+import math
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gateway.compare.views.drive import Drive
+from gateway.compare.views.drive_comparison import means_of
+from gateway.core.clock import ManualClock
+from gateway.core.errors import CalibrationError
+from gateway.core.links.source import open_source
+from gateway.core.recording.reader import RecordingReader
+from gateway.core.recording.writer import RecordingWriter
+from gateway.core.session.recording_pass import RecordingPass, open_recording
+from gateway.forces.calibration_points import recording_points
+from gateway.forces.commands.slip_runs import measured_runs
+from gateway.forces.known_runs import SlipRunsFile, load_runs
+from gateway.importing.reference_comparison import turn_means
+from gateway.importing.reference_topic import reference_topic
+from gateway.importing.rig_channels import RigValues
+
+STEP_S = 0.1
+
+
+def sine(times_s: np.ndarray, mean: float, part: float) -> np.ndarray:
+    return mean * (1.0 + part * np.sin(2.0 * math.pi * times_s / 5.0))
+
+
+def test_mean_over_a_turn_is_that_of_its_time_and_missing_outside() -> None:
+    times = np.arange(0.0, 10.0, STEP_S)
+    starts, periods = np.array([-0.05, 1.0, 5.0, 9.85]), np.array([0.1, 0.1, 0.4, 0.1])
+    means = turn_means(times, 100.0 + 10.0 * times, starts, periods)
+    np.testing.assert_allclose(means[1:3], [100.0 + 10.0 * 1.05, 100.0 + 10.0 * 5.2])
+    assert np.isnan(means[[0, 3]]).all()
+    gap = (times < 4.0) | (times > 6.0)
+    assert np.isnan(turn_means(times[gap], times[gap], starts, periods)[2])
+    assert np.isnan(turn_means([], [], starts, periods)).all()
+
+
+@pytest.fixture(scope="module")
+def drive() -> list:
+    """Items of a drive of one wheel, 12 s, and its vehicle file."""
+    source = open_source("sim:lab?speed=max&duration=12&seed=2", ManualClock(1_700_000_000_000_000_000))
+    return [list(source.items(threading.Event())), source.vehicle_toml]
+
+
+def with_rig(path: Path, drive: list, channels: dict[str, np.ndarray], times_s: np.ndarray) -> Path:
+    """Write the drive with channels, by quantity, at hub times."""
+    items, toml = drive
+    writer = RecordingWriter(path, start_ns=items[0].host_ns, vehicle_toml=toml)
+    for quantity, values in channels.items():
+        for time_s, value in zip(times_s, values, strict=True):
+            payload = {"quantity": quantity, "time_s": time_s, "value": value, "value_std": 1e-3 * abs(value)}
+            writer.write_topic(reference_topic("W1", quantity), items[0].host_ns, payload)
+    for item in items:
+        writer.write(item)
+    writer.close()
+    return path
+
+
+def passed(path: Path) -> tuple[Drive, list]:
+    """Return the collector of a comparison after a pass, and the results of that."""
+    reader = RecordingReader(path)
+    drive, results = Drive.of(reader), []
+    for result in RecordingPass(open_recording(reader), ("kinematic",), is_watched=False):
+        drive.add(result)
+        results.append(result)
+    return drive, results
+
+
+def test_calibration_and_comparison_take_the_load_of_the_revolutions_used(tmp_path: Path, drive: list) -> None:
+    _, results = passed(with_rig(tmp_path / "none.mcap", drive, {}, np.empty(0)))
+    begin_s = results[0].revolution.start_s
+    # Before 4 s the rig is being set: that load is of no revolution that counts.
+    times_s = begin_s + np.arange(4.0, 13.0, STEP_S)
+    load_n = sine(times_s, 4300.0, 0.02)
+    path = with_rig(tmp_path / "rig.mcap", drive, {"load": load_n, "camber": 0.01 + 0.0 * times_s}, times_s)
+    used = [r.revolution for r in results if not r.revolution.faults and r.revolution.start_s >= times_s[0]]
+    expected_n = np.mean([load_n[np.abs(times_s - r.start_s - 0.5 * r.period_s) < 0.5 * STEP_S].mean() for r in used])
+    left_out: list[str] = []
+    (point,) = recording_points(path, None, (), left_out.append)
+    assert point.load_n == pytest.approx(expected_n, rel=2e-3)
+    assert 4.3 <= point.load_std_n < 60.0
+    compared, _ = passed(path)
+    means = means_of(compared)
+    assert means["W1", "rig_load_n"].value == pytest.approx(expected_n, rel=2e-3)
+    assert means["W1", "rig_load_n"].count == pytest.approx(len(used), abs=2)
+    assert means["W1", "rig_camber_rad"].value == pytest.approx(0.01)
+
+
+def test_load_that_is_no_one_load_is_refused(tmp_path: Path, drive: list) -> None:
+    times_s = np.arange(0.0, 30.0, STEP_S)
+    left_out: list[str] = []
+    swept = with_rig(tmp_path / "swept.mcap", drive, {"load": sine(times_s, 4000.0, 0.5)}, times_s)
+    short = with_rig(tmp_path / "short.mcap", drive, {"load": sine(times_s, 4000.0, 0.0)[:15]}, times_s[:15])
+    assert not recording_points(swept, None, (), left_out.append)
+    assert not recording_points(short, None, (), left_out.append)
+    assert "its load varies by 3" in left_out[0]
+    assert "valid revolutions with a load of the rig, 20 are required" in left_out[1]
+
+
+def test_slip_run_without_a_slip_angle_takes_that_of_the_rig(tmp_path: Path, drive: list) -> None:
+    times_s = np.arange(0.0, 30.0, STEP_S)
+    with_rig(tmp_path / "a.mcap", drive, {"slip_angle": np.where(times_s < 5.0, 0.01, 0.02)}, times_s)
+    with_rig(tmp_path / "b.mcap", drive, {"slip_angle": np.full(60, 0.01)}, times_s[:60])
+    runs = """
+[[run]]
+recording = "a.mcap"
+to_s = 3
+[[run]]
+recording = "a.mcap"
+from_s = 7
+[[run]]
+recording = "a.mcap"
+from_s = 3
+to_s = 6
+slip_deg = 1.5
+"""
+    (tmp_path / "runs.toml").write_text(runs)
+    low, high, stated = measured_runs(tmp_path / "runs.toml", load_runs(SlipRunsFile, tmp_path / "runs.toml"), None)
+    assert low.slip_rad == pytest.approx(0.01, rel=1e-6)
+    assert high.slip_rad == pytest.approx(0.02, rel=1e-6)
+    assert stated.slip_rad == math.radians(1.5)
+    assert low.slip_std_rad == pytest.approx(math.hypot(1e-5, math.radians(0.05)))
+    (tmp_path / "runs.toml").write_text(runs.replace("a.mcap", "b.mcap"))
+    with pytest.raises(CalibrationError, match=r"slip angle at \d+ of \d+ revolutions"):
+        measured_runs(tmp_path / "runs.toml", load_runs(SlipRunsFile, tmp_path / "runs.toml"), None)
+
+
+def test_mean_has_the_error_of_the_channel_and_its_variation() -> None:
+    values = RigValues(np.array([1.0, 2.0, math.nan, 3.0]), 0.5)
+    mean = values.mean()
+    assert (values.covered, mean.value, mean.count) == (3, 2.0, 3)
+    assert mean.std == pytest.approx(math.hypot(0.5, 1.0 / math.sqrt(3.0)))
