@@ -64,7 +64,7 @@ _RATIOS: Final = tuple(
         memory_revolutions=RING_AVERAGE,
     )
     for name, possible in zip(
-        (name for name in RING_NUMBERS if name != "Cw"), ((0.0, 0.5), (1.0, 200.0), (0.5, 200.0)), strict=True
+        (name for name in RING_NUMBERS if name != "Cw"), ((0.0, 0.5), (1.0, 100.0), (0.5, 60.0)), strict=True
     )
 )
 RING_RATIOS: Final = tuple(quantity.name for quantity in _RATIOS)

@@ -53,6 +53,10 @@ _OF_ONE_CONTACT: Final = (
     "leading_edge_rad", "trailing_edge_rad", "half_angle_rad", "contact_length_m", "contact_fraction",
     "pressure_number", "load_n", "load_by_angle_n", "load_by_width_n",
 )  # fmt: skip
+_OF_LATERAL_SIGN: Final = (
+    "roll_tilt_rad", "sensor_roll_rad", "lateral_offset_mps2", "ply_steer_peak_rad", "ply_steer_first_half_rad",
+    "ply_steer_adhesion_line_rad", "ply_steer_contact_line_rad", "conicity_slope_rad",
+)  # fmt: skip
 _PULL_LIMIT: Final = 9999.0
 
 
@@ -258,6 +262,10 @@ def truths(run: Run, statement: Statement, result: RevolutionResult) -> dict[str
         **{name: getattr(numbers, name) for name in RING_NUMBERS},
         **{name: getattr(numbers, name[:2]) / numbers.Cw for name in RING_RATIOS},
     }
+    # A tilt and a slope are told in the axis that the file names, and of the lateral one no more than its size is.
+    for turned in (size for name, size in statement.spoils if name == "left-handed"):
+        for name in _OF_LATERAL_SIGN if turned > 1.0 else ("pitch_tilt_rad",):
+            true_values[name] *= -1.0
     if abs(truth.plan.sensor.rate_error_ppm) > _CLOCKED_PPM:
         # Samples between two stamps of the hub are taken for later or earlier, so its centre is not known.
         true_values |= dict.fromkeys(("leading_edge_rad", "trailing_edge_rad"), math.nan)

@@ -188,20 +188,26 @@ def _range_of(name: str) -> tuple[float, float]:
 def _possible(estimates: tuple[Estimate, ...]) -> tuple[Estimate, ...]:
     """Return estimates, provisional at best where no tire, sensor or road can have their values.
 
-    Load or pressure that are wrong explain numbers that no tire has, and change all that they scale.
+    Load or pressure that are wrong explain numbers that no tire has, and change all that they scale. What they do not
+    scale is of a signal that no belt has, on whose shape the others rest as well.
     """
     causes: list[Contradiction] = []
-    marked = []
+    marked: list[Estimate] = []
+    not_of_a_belt: Reason | None = None
     for estimate in estimates:
         why = _beyond(estimate)
         marked.append(estimate if why is None else provisional(estimate, why))
         powers = quantity_of(estimate.name).powers
+        if why is not None and not powers and Basis.WAVEFORM in quantity_of(estimate.name).rests_on:
+            not_of_a_belt = why
         if why is not None and any(cause in powers for cause in _UNSEEN):
             least, greatest = _range_of(estimate.name)
             limit = min(max(estimate.value, least), greatest)
             needed = limit / estimate.value if estimate.value else 0.0
             ratios = {cause: needed ** (1.0 / powers[cause]) for cause in _UNSEEN if needed > 0.0 and cause in powers}
             causes.append(Contradiction(Subject.CONDITIONS, why, ratios))
+    if not_of_a_belt is not None:
+        marked = [*provisional_where(marked, Basis.WAVEFORM, not_of_a_belt)]
     if not causes:
         return tuple(marked)
     evidence = Evidence.of_contradictions(tuple(causes))

@@ -85,8 +85,12 @@ def step_counts(counts: NDArray[np.int16]) -> float:
     """Return the step of samples in counts, which may be of a coarser sensor; 1 where none shows.
 
     The smallest gaps between the values of a coarse sensor are all one step; those of a fine one are of every size.
+    Steps of floating point grow with the value: those of the larger half of the values count, about the steady one.
     """
-    gaps = np.diff(np.unique(counts).astype(np.float64))
+    values = np.unique(counts[np.abs(counts) >= np.median(np.abs(counts))])
+    if len(values) < 2:
+        values = np.unique(counts)
+    gaps = np.diff(values.astype(np.float64))
     if not len(gaps):
         return 1.0
     step = float(np.quantile(gaps, _SMALL_GAPS, method="lower"))

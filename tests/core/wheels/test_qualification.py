@@ -103,6 +103,14 @@ def test_numbers_of_no_tire_leave_nothing_valid_that_their_causes_scale(name: st
             assert TrustCode.NOT_POSSIBLE in codes_of(judged_ones[each].reasons)
 
 
+def test_a_ratio_of_no_tire_leaves_nothing_valid_that_rests_on_the_shape() -> None:
+    """No load scales a ratio: the signal is not that of a belt alone."""
+    ratios = {"Bs": (3e-3, 3e-5), "Bs/Cw": (0.015, 2e-4), "Ts/Cw": (107.0, 7.0)}
+    estimates = tuple(Estimate(name, *value, Status.VALID) for name, value in ratios.items())
+    for estimate in qualified(estimates, NOTHING, (), None):
+        assert (estimate.status, codes_of(estimate.reasons)) == (Status.PROVISIONAL, (TrustCode.NOT_POSSIBLE,))
+
+
 def test_a_reason_is_given_once() -> None:
     estimate = Estimate("Cw", 0.2, 0.01, Status.PROVISIONAL, (DOUBT,))
     assert provisional_where((estimate,), Basis.PRESSURE, DOUBT) == (estimate,)

@@ -65,6 +65,13 @@ def test_steps_show_in_few_samples_and_in_no_fine_sensor(step: float, samples: i
     assert step_counts(np.zeros(samples, np.int16)) == 1.0
 
 
+@given(bits=st.integers(5, 7), samples=st.integers(200, 1500), seed=st.integers(0, 99))
+def test_steps_of_floating_point_are_those_about_the_steady_value(bits: int, samples: int, seed: int) -> None:
+    fine = revolution_counts(samples, seed)
+    unit = 2.0 ** (np.floor(np.log2(np.maximum(np.abs(fine), 1.0))) - bits)
+    assert step_counts(np.rint(np.rint(fine / unit) * unit).astype(np.int16)) >= 0.9 * 2.0 ** (13 - bits) / 2.0
+
+
 def contact_counts(samples: int, seed: int) -> np.ndarray:
     """Counts of a revolution whose contact begins and ends within a twentieth of a turn."""
     angle = np.arange(samples) / samples + np.random.default_rng(seed).random()
