@@ -257,6 +257,6 @@ def test_session_with_an_estimator_that_never_returns_fails(command: str, tmp_pa
     result = invoked(f"{command} sim:lab?speed=max --estimator road --duration 2 {option} {tmp_path / 'r.mcap'}")
     assert isinstance(result.exception, TreadlinkError)
     assert "estimator road has not returned" in str(result.exception)
-    assert "estimator road: has not returned" in result.output
+    assert "estimator road: does not answer" in result.output
     assert RecordingReader(tmp_path / "r.mcap").info.finished
     assert sum(1 for item in RecordingReader(tmp_path / "r.mcap").items()) > 150

@@ -24,21 +24,21 @@ class ContactCode(Codes):
         "needed"
     )
     RADIAL_IS_IN_G = Code(
-        "the radial axis is {ratio:.3f} of the centripetal acceleration of its rotation ({level_mps2:.0f m/s²} of "
-        "{expected_mps2:.0f m/s²}): its unit is g, not m/s² (a rate of {fitting_hz:.0f Hz} would fit as well)"
+        "the unit of the radial axis is g, not m/s²: it reads {level_mps2:.0f m/s²}, {ratio:.3f} of the "
+        "{expected_mps2:.0f m/s²} of its rotation (a rate of {fitting_hz:.0f Hz} would fit as well)"
     )
     RADIAL_IS_IN_MPS2 = Code(
-        "the radial axis is {ratio:.2f} times the centripetal acceleration of its rotation ({level_mps2:.0f m/s²} for "
-        "{expected_mps2:.0f m/s²}): its unit is m/s², not g (a rate of {fitting_hz:.0f Hz} would fit as well)"
+        "the unit of the radial axis is m/s², not g: it reads {level_mps2:.0f m/s²}, {ratio:.2f} times the "
+        "{expected_mps2:.0f m/s²} of its rotation (a rate of {fitting_hz:.0f Hz} would fit as well)"
     )
-    RADIAL_OUTWARD = Code("the mean of the radial axis is {mean_mps2:.0f m/s²}: it points outward, so reverse its sign")
+    RADIAL_OUTWARD = Code("the radial axis points outward, its mean is {mean_mps2:.0f m/s²}: reverse its sign")
     RADIAL_SCALE_DOES_NOT_FIT = Code(
-        "the radial axis is {ratio:.3g} times the centripetal acceleration of its rotation ({level_mps2:.3g m/s²} for "
-        "{expected_mps2:.0f m/s²}), too far for a wrong rate: the scale or the unit of the axis is wrong"
+        "the scale or the unit of the radial axis is wrong: it reads {level_mps2:.3g m/s²}, {ratio:.3g} times the "
+        "{expected_mps2:.0f m/s²} of its rotation, too far for a wrong rate"
     )
     RATE_DOES_NOT_FIT = Code(
-        "the radial axis is {ratio:.3g} times the centripetal acceleration of its rotation ({level_mps2:.0f m/s²} for "
-        "{expected_mps2:.0f m/s²}): the rate is not {rate_hz:.0f Hz}; {fitting_hz:.0f Hz} would fit"
+        "the sampling rate is not {rate_hz:.0f Hz}, {fitting_hz:.0f Hz} would fit: the radial axis reads "
+        "{level_mps2:.0f m/s²}, {ratio:.3g} times the {expected_mps2:.0f m/s²} of its rotation"
     )
     SAMPLES_INTERRUPTED = Code(
         "samples were lost again and again: at most {duration_s:.1f s} without a gap, {needed_s:.1f s} are needed"

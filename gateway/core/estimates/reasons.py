@@ -7,10 +7,8 @@ class EstimateCode(Codes):
     """Reasons of estimates."""
 
     # Revolutions
-    CONTACT_INTERPOLATED = Code(
-        "a contact was lost on the link or disturbed by an impact; it was placed between its neighbours"
-    )
-    CONTACT_NOT_SEEN = Code("samples were lost in a contact: its edges are those of an earlier one")
+    CONTACT_INTERPOLATED = Code("a contact was lost or disturbed by an impact: its time is taken from its neighbours")
+    CONTACT_NOT_SEEN = Code("samples of a contact were lost: where it begins and ends is taken from an earlier one")
     RADIAL_SATURATED = Code("the radial axis reached the end of its range")
     SAMPLES_LOST = Code("samples were lost on the link")
 
@@ -36,16 +34,16 @@ class EstimateCode(Codes):
 
     # Of what the signal says against what is stated
     SCALE_BY_WIDTH = Code(
-        "Cw is {ratio:.3f} ± {std:.3f} times that of the new tire, which knows load, pressure and belt radius together "
-        "within {error:.1%}, better than they are stated"
+        "load, pressure and belt radius are together known within {error:.1%}, better than stated: Cw is {ratio:.3f} ± "
+        "{std:.3f} times that of the new tire"
     )
     WIDTH_CONTRADICTED = Code(
-        "Cw is {ratio:.3f} ± {std:.3f} times that of the new tire, and wear does not change it: load, pressure or belt "
-        "radius are not as stated"
+        "load, pressure or belt radius is not as stated: Cw, which wear does not change, is {ratio:.3f} ± {std:.3f} "
+        "times that of the new tire; check the vehicle file"
     )
     WIDTH_DISAGREES = Code(
-        "Cw is {ratio:.3f} ± {std:.3f} times that of the new tire: the error includes {error:.1%} because load, "
-        "pressure or belt radius may not be as stated"
+        "load, pressure or belt radius may not be as stated: the error includes {error:.1%} for it (Cw is "
+        "{ratio:.3f} ± {std:.3f} times that of the new tire)"
     )
 
     # Of the tire's four numbers
@@ -60,7 +58,8 @@ class EstimateCode(Codes):
 
     # Of distance
     DISTANCE_BRIDGED = Code(
-        "{duration_s:.1f s} without revolutions bridged at the mean speed: {distance_m:.1f m} ± {std_m:.1f m}"
+        "{distance_m:.1f m} ± {std_m:.1f m} of it was not measured, in {duration_s:.1f s} without revolutions: taken "
+        "from the mean speed"
     )
     DISTANCE_INTERRUPTED = Code("the hub restarted {count:.0f} times; what was rolled meanwhile is missing")
 
@@ -113,5 +112,5 @@ class EstimateCode(Codes):
 
     # Rows of a dataset
     ROW_SCATTERS = Code(
-        "varies within the recording by far more than its standard errors; that of the mean contains the scatter"
+        "it varied within the recording: the mean says little, and its standard error contains the scatter"
     )

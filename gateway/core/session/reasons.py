@@ -260,8 +260,8 @@ class SessionCode(Codes):
         },
     )
     CORE_STUCK = Code(
-        "has not returned for {stuck_s:.0f s}: there are no results until it does, the recording goes on. Leave it "
-        "out, or mend it"
+        "does not answer for {stuck_s:.0f s}: no results until it does, the recording goes on. Leave it out, or "
+        "repair it"
     )
     CORE_GOES_ON = Code("has returned after {stuck_s:.0f s}")
     EFFECTS_SUBTRACTED = Code("subtracted from its axes at {ranges}: {effects}")

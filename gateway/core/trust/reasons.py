@@ -17,17 +17,15 @@ class TrustCode(Codes):
     EFFECTS_NOT_SUBTRACTED = Code("known effects were not subtracted: {why}")
 
     # Of what the signal says against what is stated
-    CONTACTS_MISSED = Code("a contact found in one of {every:.0f} revolutions only would fit")
-    AXES_SWAPPED = Code(
-        "the lateral axis reads what the circumferential one should, and the other way round: the two are swapped"
-    )
+    CONTACTS_MISSED = Code("finding only one contact in {every:.0f} revolutions would fit")
+    AXES_SWAPPED = Code("the lateral and the circumferential axis are swapped: each reads what the other one should")
     AXIS_LATE = Code("the {axis} axis is {late_s:.2f ms} later than the radial one")
     AXIS_LATER_THAN_OTHERS = Code(
         "the {axis} axis is {late_s:.2f ms} ± {std_s:.2f ms} later behind the radial one than those of the other wheels"
     )
     COUPLING_CONTRADICTED = Code(
-        "the steady radial value is {share:.2f} ± {std:.2f} times what the contact shows: the sensor is AC-coupled and "
-        "stated as DC-coupled; state its coupling as AC"
+        "the sensor is AC-coupled, but stated as DC-coupled: its steady radial value is {share:.2f} ± {std:.2f} "
+        "times what the contact shows; state its coupling as AC"
     )
     ERROR_COVERS = Code("{why}; the standard error covers the difference")
     GAIN_WOULD_FIT = Code("a gain of {gain:.3f} would fit")
@@ -35,14 +33,15 @@ class TrustCode(Codes):
         "the {axis} axis shows {share:.2f} ± {std:.1g} of gravity as it turns: it is not connected, or not the axis "
         "along the belt"
     )
-    GRAVITY_CONTRADICTED = Code("gravity in the radial axis gives a gain of {gain:.2f} ± {std:.2f} of the stated one")
+    GRAVITY_CONTRADICTED = Code(
+        "the gain of the radial axis is {gain:.2f} ± {std:.2f} times the stated one, as gravity shows"
+    )
     MAY_CHANGE_BY = Code("may be wrong by {effect:.1%}: {why}")
     NOT_POSSIBLE = Code("{quantity} is beyond what is possible")
     NO_SINGLE_CAUSE = Code("no single cause fits")
     NOTHING_FOLLOWS = Code("not determined: {why}")
     HUB_MOVES = Code(
-        "the hub moves by {amplitude_mps2:.2g m/s²} at the wheel's frequency, or the wheel turns unevenly: the error "
-        "includes it"
+        "the hub moves by {amplitude_mps2:.2g m/s²} once a turn, or the wheel turns unevenly: the error includes it"
     )
     OFFSET_CONTRADICTED = Code(
         "the sensor is stated {stated_m:.1f mm} ± {stated_std_m:.1f mm} below the neutral layer, the circumferential "
@@ -57,14 +56,14 @@ class TrustCode(Codes):
         "the steady radial value is {ratio:.3f} ± {std:.3f} times that of speed and belt radius: {causes}"
     )
     STEADY_VALUE_DISAGREES = Code(
-        "the steady radial value is {ratio:.3f} ± {std:.3f} times that of speed and belt radius: the error includes "
-        "{error:.1%} because the radius may not be as stated"
+        "the belt radius may not be as stated: the error includes {error:.1%} for it (the steady radial value is "
+        "{ratio:.3f} ± {std:.3f} times that of speed and belt radius)"
     )
     UNIT_IS_G = Code("values in g taken for m/s² would fit")
     UNIT_IS_MPS2 = Code("values in m/s² taken for g would fit")
     ZERO_CONTRADICTED = Code(
-        "several speeds give a zero-g offset of {zero_mps2:.1f m/s²} ± {std_mps2:.1f m/s²}, "
-        "{stated_std_mps2:.1f m/s²} is its stated error"
+        "the zero-g offset is {zero_mps2:.1f m/s²} ± {std_mps2:.1f m/s²} by several speeds, beyond its stated error of "
+        "{stated_std_mps2:.1f m/s²}"
     )
     ZERO_WOULD_FIT = Code("a zero-g offset of {zero_mps2:.0f m/s²} would fit")
 
@@ -75,22 +74,22 @@ class TrustCode(Codes):
 
     # Of the lateral axis
     LATERAL_AXIS_REVERSED = Code(
-        "the lateral axis points to the right, or the positions are not as stated: in curves the wheel rolls faster "
-        "than {other} where the axis says that it is the inner one"
+        "the lateral axis points to the right, or the positions are not as stated: where the axis says that this is "
+        "the inner wheel of a curve, it rolls faster than {other}"
     )
     LATERAL_SIGN_UNVERIFIED = Code("the sign is not verified (state lateral_is_left of the mounting)")
     LATERAL_SLIP_APART = Code(
-        "slips to the other side than {other} in {opposite:.0f} revolutions and to the same side in {same:.0f}: the "
-        "lateral axis of one of them points the other way, or their positions are not as stated"
+        "the lateral axis of this wheel or of {other} points the wrong way, or their positions are not as stated: "
+        "they slip to opposite sides in {opposite:.0f} revolutions, to the same side in {same:.0f}"
     )
     WHEELS_ROLL_APART = Code(
-        "rolls {ratio:.3f} ± {std:.3f} times as fast as {other}, more than in a curve: the belt radius or the sampling "
-        "rate of one of them is not as stated"
+        "the belt radius or the sampling rate of this wheel or of {other} is not as stated: it rolls {ratio:.3f} ± "
+        "{std:.3f} times as fast, more than in a curve"
     )
 
     WHEELS_TURN_APART = Code(
-        "turns {ratio:.2f} ± {std:.2f} times as fast as {other}, which is of the same body: the gain of the lateral "
-        "axis of one of them or its position is not as stated"
+        "the gain of the lateral axis of this wheel or of {other}, or its position, is not as stated: it turns "
+        "{ratio:.2f} ± {std:.2f} times as fast, on the same body"
     )
 
     # Of the sensor's calibration
@@ -114,16 +113,21 @@ class TrustCode(Codes):
         "every value stays for {count:.0f} samples: the band ends at {ratio:.0f} times the wheel's frequency"
     )
     SENSOR_AC_CORNER = Code(
-        "AC coupling: the tolerance of its corner, {ratio:.2f} of the wheel's frequency, moves the numbers"
+        "the sensor's AC coupling moves the numbers: its corner, {ratio:.2f} of the wheel's frequency, has a tolerance"
     )
-    SENSOR_BAND = Code("the band ends at {ratio:.0f} times the wheel's frequency, which biases length and Bs")
+    SENSOR_BAND = Code(
+        "the sensor is too slow for this speed: its band ends at {ratio:.0f} times the wheel's frequency, which biases "
+        "contact length and bending stiffness number (Bs)"
+    )
     SENSOR_DEAD = Code("every axis reads 0: the sensor is dead or its element has no supply")
     SENSOR_FLIPPED = Code("the radial axis points outward; its sign is corrected here")
     SENSOR_LOOSE = Code(
         "rings at {frequency_hz:.0f Hz} after every contact with {share:.0%} of the steady value: the sensor "
         "may have come loose; do not trust contact lengths and tire numbers"
     )
-    SENSOR_STEPS = Code("steps of {step_mps2:.2g m/s²} are more than twice the noise, which biases the numbers")
+    SENSOR_STEPS = Code(
+        "the sensor's steps of {step_mps2:.2g m/s²} are more than twice the noise, which biases the numbers"
+    )
     SENSOR_STUCK = Code("does not move by one count for {duration_s:.0f s}: {axes} counts")
     SENSOR_TILTED = Code(
         "the {axis} axis carries the steady value of the radial axis: tilted by {tilt_rad:.0f deg}, or the axes "

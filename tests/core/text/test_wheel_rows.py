@@ -51,7 +51,7 @@ def test_scatter_beyond_the_errors_is_in_the_error():
     assert (value, count, status) == (pytest.approx(2.0), 40, "provisional")
     assert scatter == pytest.approx(1.013, abs=0.01)
     assert std == pytest.approx((0.1**2 + scatter**2) ** 0.5)
-    assert "varies within the recording by far more than its standard errors" in reason
+    assert "varied within the recording" in reason
     assert quantity(40, step=0.3).cells()[4] == "valid"
 
 
