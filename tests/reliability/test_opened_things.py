@@ -5,8 +5,11 @@ place or test is gone.
 """
 
 import ast
+import importlib
+import re
 import tomllib
 from collections.abc import Iterator
+from operator import attrgetter
 from pathlib import Path
 
 import pytest
@@ -30,7 +33,11 @@ OTHERS = {
 
 
 ROWS = tomllib.loads(Path(__file__).with_name("opened_things.toml").read_text())
-STATEMENTS = {"places", "bound", "limit", "stops", "floods", "lies", "gone", "tests"}
+SENTENCES = ("bound", "limit", "stops", "floods", "lies", "gone")
+STATEMENTS = {"places", *SENTENCES, "tests"}
+# A number of a sentence that is not a status of HTTP, and its unit.
+NUMBER = re.compile(r"\b(?!40[035]\b|503\b)(\d+(?:\.\d+)?)(?: (kB|MB|ms)\b)?")
+SCALES = {"": 1.0, "kB": 1e3, "MB": 1e6, "ms": 1.0}
 
 
 def writes(call: ast.Call) -> bool:
@@ -85,12 +92,24 @@ def test_everything_that_is_opened_has_a_row() -> None:
 @pytest.mark.parametrize("name", ROWS)
 def test_each_row_is_complete_and_its_tests_exist(name: str) -> None:
     row = ROWS[name]
-    assert row.keys() == STATEMENTS
+    assert row.keys() - {"figures"} == STATEMENTS
     assert all(row.values())
     for test in row["tests"]:
         path, _, function = test.partition("::")
         functions = [node.name for node in ast.parse((TESTS / path).read_text()).body if hasattr(node, "name")]
         assert function in functions, test
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_figures_of_a_row_are_those_of_the_code(name: str) -> None:
+    row = ROWS[name]
+    stated = [float(n) * SCALES[unit] for n, unit in NUMBER.findall("; ".join(row[each] for each in SENTENCES))]
+    constants = []
+    for figure in row.get("figures", ()):
+        module, _, attribute = figure.partition(":")
+        value = attrgetter(attribute)(importlib.import_module(f"gateway.{module}"))
+        constants.append(value * 1e-9 if attribute.endswith("_NS") else value)
+    assert stated == pytest.approx(constants, rel=0.03)
 
 
 @pytest.mark.parametrize(
