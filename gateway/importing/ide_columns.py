@@ -29,13 +29,19 @@ class IdeColumns:
         """Read the file.
 
         Raises:
-            ImportDataError: it has no samples.
+            ImportDataError: it has no samples, or ends within a block of them.
             Exception: of idelib, where it is no IDE file or damaged.
         """
         import idelib
 
         self._path = path
-        self._file: Any = idelib.importFile(str(path), quiet=True)
+        try:
+            self._file: Any = idelib.importFile(str(path), quiet=True)
+        except ValueError as error:  # of numpy: the bytes of a block are not those of whole rows
+            raise ImportDataError(
+                f"{path} is cut or damaged within a block of samples ({error})",
+                "Copy the recording from the sensor again.",
+            ) from error
         self._parts: dict[str, _Part] = {}
         self._units: dict[str, str] = {}
         for channel in self._file.channels.values():
@@ -56,7 +62,23 @@ class IdeColumns:
             units={name: unit for name, unit in self._units.items() if unit},
             start_ns=round(start_s * 1e9) if start_s else None,
             time_column=TIME,
+            warnings=self._damage(),
         )
+
+    def _damage(self) -> tuple[str, ...]:
+        """Return what idelib passes over: elements that it does not know behind the last block, and broken ones."""
+        begin: int | None = None
+        try:
+            for element in self._file.ebmldoc:
+                is_unknown = element.name == "UnknownElement"
+                begin = (element.offset if begin is None else begin) if is_unknown else None
+            is_broken = bool(self._file.fileDamaged)
+        except Exception:  # of ebmlite
+            is_broken = True
+        if begin is None and not is_broken:
+            return ()
+        where = "" if begin is None else f" behind byte {begin}"
+        return (f"the file is damaged{where}, and the rest of it is not read",)
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
         """Yield the named columns.

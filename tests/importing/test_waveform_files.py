@@ -12,6 +12,7 @@ from gateway.importing.map_guess import guess_map
 from gateway.importing.reader_process import ProcessColumns
 from tests.importing.measurements import Decoded, simple_map
 from tests.importing.rolling_wheel import rolling
+from tools.reliability.logger_files import ide_file
 
 nptdms = pytest.importorskip("nptdms")
 pyuff = pytest.importorskip("pyuff")
@@ -55,41 +56,8 @@ def write_uff(path: Path, *, binary: bool) -> Path:
 
 
 def write_ide(path: Path) -> Path:
-    """Write blocks of counts with their times in ticks of 1/32768 s, as the sensors do, by the schema of idelib."""
-    schema = pytest.importorskip("ebmlite").loadSchema("mide_ide.xml")
-    count_g, middle, block, ticks_hz = 0.01, 1 << 15, 480, 32768
-    counts = np.round(AXES_G / count_g + middle).astype("<u2")
-    parts = [
-        {"SubChannelID": k, "SubChannelName": f"{axis} (300g)", "SubChannelLabel": "Acceleration",
-         "SubChannelUnits": "g", "SubChannelSensorRef": 0}
-        for k, axis in enumerate("XYZ")
-    ]  # fmt: skip
-    channel = {
-        "ChannelID": 8, "ChannelName": "Accelerometer", "ChannelFormat": "<HHH", "TimeCodeScale": f"1/{ticks_hz}",
-        "ChannelCalibrationIDRef": 1, "SubChannel": parts,
-    }  # fmt: skip
-    sensors = {"SensorList": {"Sensor": [{"SensorID": 0, "SensorName": "Accelerometer"}]}}
-    calibration = {"CalID": 1, "CalReferenceValue": float(middle), "PolynomialCoef": [count_g, 0.0]}
-    elements = [
-        {"EBML": {"EBMLVersion": 1, "DocType": "mide", "DocTypeVersion": 2, "DocTypeReadVersion": 2}},
-        {"CalibrationList": {"UnivariatePolynomial": [calibration]}},
-        {
-            "RecordingProperties": {
-                "RecorderInfo": {"RecorderSerial": 7},
-                **sensors,
-                "ChannelList": {"Channel": [channel]},
-            }
-        },
-        {"TimeBaseUTC": int(START.astype("datetime64[s]").astype(np.int64))},
-    ]
-    for first in range(0, len(counts), block):
-        rows = counts[first : first + block]
-        begin, end = (int((first + k) / 9600.0 * ticks_hz) for k in (0, len(rows) - 1))
-        elements.append(
-            {"ChannelDataBlock": {"ChannelIDRef": 8, "StartTimeCodeAbsMod": begin, "EndTimeCodeAbsMod": end,
-                                  "ChannelDataPayload": rows.tobytes()}}
-        )  # fmt: skip
-    path.write_bytes(b"".join(schema.encodes(element) for element in elements))
+    pytest.importorskip("ebmlite")
+    path.write_bytes(ide_file(AXES_G, 9600.0, int(START.astype("datetime64[s]").astype(np.int64))))
     return path
 
 
@@ -148,6 +116,19 @@ def test_ide_recording_has_its_calibration_times_and_start(tmp_path: Path) -> No
     decoded = Decoded(report.recording)
     assert decoded.items[0].host_ns == int(START.astype("datetime64[s]").astype(np.int64)) * 10**9
     assert np.abs(np.sort(decoded.samples_mps2) - np.sort(WHEEL.axes_mps2)).max() < 0.2
+
+
+def test_damaged_ide_recording_is_read_in_part_with_a_word(tmp_path: Path) -> None:
+    pytest.importorskip("idelib")
+    good = write_ide(tmp_path / "good.ide").read_bytes()
+    a, b = len(good) // 2, 6 * len(good) // 10
+    for damaged in (good[:b] + good[a:], good[: a - 3000] + good[a:]):
+        path = tmp_path / "run.ide"
+        path.write_bytes(damaged)
+        assert "file is damaged" in guess_map(path)
+    path.write_bytes(good[: a + 7])
+    with pytest.raises(ImportDataError, match=r"run.ide is cut or damaged within a block of samples"):
+        guess_map(path)
 
 
 def test_channels_of_different_steps_are_refused(tmp_path: Path) -> None:

@@ -28,7 +28,7 @@ from gateway.core.clock import ManualClock
 from gateway.core.config.vehicle import VehicleConfig, load_vehicle, parse_vehicle, recorded_vehicle
 from gateway.core.errors import TreadlinkError
 from gateway.core.estimates.wheel_setup import CorrectedEffect, CorrectionTable, EffectParameter
-from gateway.core.links.source import Chunk, open_source
+from gateway.core.links.source import Chunk, LinkEvent, open_source
 from gateway.core.recording.inspection import inspect_recording
 from gateway.core.recording.manifest import MANIFEST_NAME, absent_recordings
 from gateway.core.recording.reader import RecordingReader
@@ -54,6 +54,7 @@ from gateway.security.key_file import KeyFile, hub_identity, sensor_identity
 from gateway.simulator.scenario import load_scenario
 from gateway.upkeep.compact import compact_recording
 from gateway.upkeep.repair import repair_recording
+from gateway.vehicle.tire_sensors import open_tire_sensors
 from tools.reliability.logger_files import good_files, good_logs
 from tools.reliability.mutations import Change, frame_content, mat_content, mdf_content, recording_content
 
@@ -71,6 +72,18 @@ name = "fuzzed"
 position = "W1"
 radius_mm = 300.0
 """
+
+
+_TIRE_SENSORS = parse_vehicle(
+    '[vehicle]\nname = "v"\n[tire]\nradius_mm = 320\n[[wheel]]\nposition = "FL"\nhub = 0\nwheel = 0\n'
+    '[[tpms.sensor]]\nwheel = "FL"\nid = "0ceb28a2"\n',
+    "fuzzed",
+)
+_TPMS_LINES = b"".join(
+    b'{"time" : "2022-06-22 12:5%d:16", "model" : "PMV-107J", "type" : "TPMS", "id" : "0ceb28a2", "status" : 16, '
+    b'"pressure_kPa" : 205.840, "temperature_C" : 19.000, "mic" : "CRC"}\n' % minute
+    for minute in range(8)
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -299,6 +312,20 @@ def read_bus_log(data: bytes) -> bool:
     suffixes = ("blf",) if data.startswith(b"LOGG") else ("log", "asc", "csv")
     read = [_bus_log(data, suffix) for suffix in suffixes]
     return any(read)
+
+
+def read_tire_sensor_log(data: bytes) -> bool:
+    """A log of rtl_433, with its readings."""
+    with _file(data, "t.json") as path:
+        try:
+            decoder = open_tire_sensors(_TIRE_SENSORS)
+            for item in open_source(f"rtl433:{path}?speed=max&time_zone=UTC", ManualClock()).items(threading.Event()):
+                if not isinstance(item, LinkEvent):
+                    assert all(math.isfinite(reading.pressure_std_pa) for _, reading in decoder.take(item))
+        except TreadlinkError as error:
+            _explained(error)
+            return False
+    return True
 
 
 def _bus_log(data: bytes, suffix: str) -> bool:
@@ -655,6 +682,7 @@ TARGETS: dict[str, Target] = {
     "parquet": Target("import of a Parquet file", _imports("parquet"), _parquets),
     "logger": Target("file of a logger, guessed and imported", import_logger_file, lambda: [*good_files().values()]),
     "bus-log": Target("log of a CAN bus", read_bus_log, lambda: [*good_logs().values()]),
+    "rtl433": Target("lines of rtl_433", read_tire_sensor_log, lambda: [_TPMS_LINES]),
     "map": Target("import map", import_with_map, lambda: [_MAP.encode()]),
     "vehicle": Target("vehicle configuration", read_vehicle, _vehicle_seeds),
     "recorded-vehicle": Target("vehicle configuration inside a recording", read_recorded_vehicle, _vehicle_seeds),

@@ -38,7 +38,7 @@ def good_files() -> dict[str, bytes]:
     return {
         "run.csv": _csv(axes), "run.raw": _famos(axes), "run.vbo": _vbo(axes), "run.wav": _wav(axes),
         "run.npz": _npz(axes), "run.mcap": _imu(axes),
-        "run.tdx": _tydex(axes), "dated.csv": _csv(axes, dated=True), **_by_packages(axes),
+        "run.tdx": _tydex(axes), "run.ide": ide_file(axes), "dated.csv": _csv(axes, dated=True), **_by_packages(axes),
     }  # fmt: skip
 
 
@@ -96,6 +96,44 @@ def _tydex(axes: FloatArray) -> bytes:
     lines += [*(f"{name:<40}{'g':<10}1" for name in NAMES), "**MEASURDATA"]
     lines += [f"{row / RATE_HZ:.6f} " + " ".join(f"{v:.4f}" for v in values) for row, values in enumerate(axes)]
     return ("\r\n".join([*lines, "**END"]) + "\r\n").encode()
+
+
+def ide_file(axes: FloatArray, rate_hz: float = RATE_HZ, start_s: int = 1_714_640_070) -> bytes:
+    """Return blocks of counts with their times in ticks of 1/32768 s, as enDAQ sensors do, by the schema of idelib."""
+    from ebmlite import loadSchema
+
+    schema = loadSchema("mide_ide.xml")
+    count_g, middle, block, ticks_hz = 0.01, 1 << 15, 480, 32768
+    counts = np.round(axes / count_g + middle).astype("<u2")
+    parts = [
+        {"SubChannelID": k, "SubChannelName": f"{axis} (300g)", "SubChannelLabel": "Acceleration",
+         "SubChannelUnits": "g", "SubChannelSensorRef": 0}
+        for k, axis in enumerate("XYZ")
+    ]  # fmt: skip
+    channel = {
+        "ChannelID": 8, "ChannelName": "Accelerometer", "ChannelFormat": "<HHH", "TimeCodeScale": f"1/{ticks_hz}",
+        "ChannelCalibrationIDRef": 1, "SubChannel": parts,
+    }  # fmt: skip
+    properties = {
+        "RecorderInfo": {"RecorderSerial": 7},
+        "SensorList": {"Sensor": [{"SensorID": 0, "SensorName": "Accelerometer"}]},
+        "ChannelList": {"Channel": [channel]},
+    }
+    calibration = {"CalID": 1, "CalReferenceValue": float(middle), "PolynomialCoef": [count_g, 0.0]}
+    elements = [
+        {"EBML": {"EBMLVersion": 1, "DocType": "mide", "DocTypeVersion": 2, "DocTypeReadVersion": 2}},
+        {"CalibrationList": {"UnivariatePolynomial": [calibration]}},
+        {"RecordingProperties": properties},
+        {"TimeBaseUTC": start_s},
+    ]
+    for first in range(0, len(counts), block):
+        rows = counts[first : first + block]
+        begin, end = (int((first + k) / rate_hz * ticks_hz) for k in (0, len(rows) - 1))
+        elements.append(
+            {"ChannelDataBlock": {"ChannelIDRef": 8, "StartTimeCodeAbsMod": begin, "EndTimeCodeAbsMod": end,
+                                  "ChannelDataPayload": rows.tobytes()}}
+        )  # fmt: skip
+    return b"".join(schema.encodes(element) for element in elements)
 
 
 def _wav(axes: FloatArray) -> bytes:
