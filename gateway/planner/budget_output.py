@@ -43,14 +43,15 @@ class BudgetFile:
         """Return what collects the latest revolutions of a recording."""
         return _Collector.of(vehicle, str(file.info.path), self._entries)
 
-    def write(self) -> None:
-        """Write the file.
+    def write(self) -> dict[str, str]:
+        """Write the file; return its content.
 
         Raises:
             OutputError: it cannot be written.
         """
         with OutputFile(self._path, force=self._force) as output:
             output.file.write(json.dumps(self._entries, indent=1).encode() + b"\n")
+        return {"uncertainty_budget": json.dumps(self._entries)}
 
 
 class _Collector:

@@ -4,6 +4,7 @@ import json
 import math
 from pathlib import Path
 
+import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
 
@@ -100,12 +101,16 @@ def test_every_source_reads_what_it_sets() -> None:
 
 
 def test_estimate_writes_budgets(tmp_path: Path) -> None:
-    recording, target = tmp_path / "lab.mcap", tmp_path / "budget.json"
+    recording, target, table = (tmp_path / name for name in ("lab.mcap", "budget.json", "lab.parquet"))
     assert CliRunner().invoke(treadlink, ["simulate", "lab", "--duration", "4", "--out", str(recording)]).exit_code == 0
-    result = CliRunner().invoke(treadlink, ["estimate", str(recording), "--uncertainty-budget", str(target)])
+    result = CliRunner().invoke(
+        treadlink, ["estimate", str(recording), "--uncertainty-budget", str(target), "--parquet", str(table)]
+    )
     assert result.exit_code == 0, result.output
     assert "uncertainty budget" in result.output
     entries = json.loads(target.read_text(encoding="utf-8"))
+    metadata = pq.read_metadata(table).metadata
+    assert json.loads(metadata[b"treadlink.uncertainty_budget"]) == entries
     speed = next(entry for entry in entries if entry["quantity"] == "speed_mps")
     assert speed["unit"] == "m/s"
     assert speed["parts"]["belt radius"] > 0.9 * speed["std"]

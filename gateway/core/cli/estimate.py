@@ -124,8 +124,10 @@ def estimate(
             missing += estimated.missing
             if estimated.damage is not None:
                 damaged.append(text(estimated.damage))
-    for output in added:
-        output.write()
+        for output in added:
+            metadata = output.write() or {}
+            for table in tables:
+                table.repeat(metadata)
     for path in written:
         say.written(path)
     if damaged:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -39,8 +39,8 @@ class EstimateOutput(Protocol):
         """Return a collector for a recording that is read next."""
         ...
 
-    def write(self) -> None:
-        """Write what was collected, after the last recording.
+    def write(self) -> Mapping[str, str] | None:
+        """Write what was collected, after the last recording; return what the metadata of a Parquet table repeats.
 
         Raises:
             OutputError: it cannot be written.

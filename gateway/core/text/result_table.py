@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from enum import StrEnum
 from pathlib import Path
@@ -120,6 +120,10 @@ class ResultTable(WholeOutput):
         """Note an alarm of the whole recording; only JSON lines have a place for it."""
         del alarm, recording
 
+    def repeat(self, metadata: Mapping[str, str]) -> None:
+        """Take metadata of another output; only Parquet has a place for it."""
+        del metadata
+
     def discard(self) -> None:
         """Leave no file."""
         self._output.discard()
@@ -189,6 +193,12 @@ class _Columns(ResultTable):
             self._held_rows += len(block)
             if self._held_rows >= COLUMNS_FIXED_AFTER_ROWS:
                 self._release()
+
+    def repeat(self, metadata: Mapping[str, str]) -> None:
+        with self._output.explained():
+            self._release()
+            if isinstance(self._sink, ParquetSink):
+                self._sink.repeat(metadata)
 
     def close(self) -> None:
         if self._closed:

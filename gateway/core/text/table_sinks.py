@@ -175,6 +175,10 @@ class ParquetSink:
         if self._waiting >= _ROW_GROUP:
             self._flush()
 
+    def repeat(self, metadata: Mapping[str, str]) -> None:
+        """Add to the metadata of the whole table."""
+        self._writer.add_key_value_metadata({f"treadlink.{key}": text for key, text in metadata.items()})
+
     def end(self) -> None:
         """Write what is left and the index."""
         self._flush()
