@@ -50,7 +50,7 @@ _WAITING: Final = 4096
 # wheel that meets a kerb or a puddle alone is one of few.
 _LEAST: Final = 8
 _OPPOSITE: Final = 0.8
-# Revolutions whose speeds are compared, some ten seconds of driving, and after how many this is done again.
+# Revolutions that are compared, some ten seconds of driving, and after how many this is done again.
 _COMPARED: Final = 128
 _EVERY: Final = 16
 # Lateral acceleration that ordinary driving does not exceed for so long, and the widest track, of a truck.
@@ -146,8 +146,7 @@ class _Pair:
         waiting: the latest revolutions, by side.
         newest_ns: end of the latest, by side.
         both: pairs of revolutions that earlier ones may still come between.
-        same: pairs of revolutions with slip to the same side.
-        opposite: pairs with slip to opposite sides.
+        opposite: whether the slip was to opposite sides, of the latest pairs of revolutions with slip.
         speeds: latest pairs of revolutions without faults.
         compared: how many there were.
         apart: ratio of the speeds and its error where they are apart, NaN where they are not.
@@ -161,8 +160,7 @@ class _Pair:
     )
     newest_ns: list[float] = field(default_factory=lambda: [-math.inf, -math.inf])
     both: list[_Both] = field(default_factory=list)
-    same: int = 0
-    opposite: int = 0
+    opposite: deque[bool] = field(default_factory=lambda: deque(maxlen=_COMPARED))
     speeds: deque[_Both] = field(default_factory=lambda: deque(maxlen=_COMPARED))
     compared: int = 0
     apart: tuple[float, float] = _NOT_APART
@@ -194,8 +192,8 @@ class _Pair:
             self._judge(self.both.pop(0))
 
     def _judge(self, both: _Both) -> None:
-        self.same += both.side > 0.0
-        self.opposite += both.side < 0.0
+        if both.side > 0.0 or both.side < 0.0:
+            self.opposite.append(both.side < 0.0)
         if math.isfinite(both.ratio):
             for sign, rate in zip(self.signs, both.rates, strict=True):
                 sign.take(rate.radps, both.speed_mps, both.ratio)
@@ -204,10 +202,10 @@ class _Pair:
             self.compared += 1
             if self.compared % _EVERY == 0:
                 self.apart = self._speeds_apart()
-        count = self.same + self.opposite
-        slips_apart = count >= _LEAST and self.opposite > _OPPOSITE * count
+        count, opposite = len(self.opposite), sum(self.opposite)
+        slips_apart = count >= _LEAST and opposite > _OPPOSITE * count
         last = self.verdicts[-1]
-        opposite, same = (self.opposite, self.same) if slips_apart else (0, 0)
+        opposite, same = (opposite, count - opposite) if slips_apart else (0, 0)
         signs = self.signs[0].sign, self.signs[1].sign
         verdict = _Verdict(both.end_ns, opposite, same, *self.apart, signs, *self.gain.apart)
         if verdict.says != last.says:

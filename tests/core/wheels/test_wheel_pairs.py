@@ -71,6 +71,14 @@ def test_opposite_slip_is_an_alarm_at_both_wheels(left_wheel: str, right_wheel: 
     assert alarms(*results(left_wheel, TURNS), *results(right_wheel, TURNS, 0.01)) == {}
 
 
+def test_alarm_of_slip_ends_with_the_latest_revolutions() -> None:
+    """However long the wheels have slipped apart, as where contacts of one were wrong for a while."""
+    apart, together = [1.0] * 1000, [1.0] * 200
+    left_wheel, right = results("FL", apart + together), results("FR", [-1.0] * 1000 + together, 0.01)
+    assert alarms(*left_wheel[:1000], *right[:1000]) != {}
+    assert alarms(*left_wheel, *right) == {}
+
+
 def test_order_of_the_revolutions_does_not_matter() -> None:
     left_wheel, right = results("FL", TURNS), results("FR", BACK, 0.02)
     alternating = list(chain.from_iterable(zip(left_wheel, right, strict=True)))
