@@ -1,8 +1,9 @@
 """Block decoder for recorded streams: the frames and counters of the streaming decoder, many times faster."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from enum import IntEnum
 from functools import lru_cache
+from itertools import pairwise
 from math import isqrt
 from operator import itemgetter
 from typing import Final, NamedTuple
@@ -16,6 +17,7 @@ from firmware_protocol.block_tracking import BootNotice, BySource, accept_batch,
 from firmware_protocol.codec import DECODERS, FIXED_LENGTHS, SAMPLE_DTYPE, SAMPLE_LAYOUTS, decode_payload
 from firmware_protocol.counters import LinkCounters
 from firmware_protocol.declaration import SAMPLES, SAMPLES_FRAME, SAMPLES_WORD
+from firmware_protocol.frame_blocks import Admits, Heard, SampleRun, Stretch
 from firmware_protocol.messages import Frame, Hello, Message, MessageType
 from firmware_protocol.signing import Gate
 from firmware_protocol.source_tracking import LinkTracker
@@ -29,6 +31,7 @@ _NO_FLAGS: Final = (1 << _FLAGS_SHIFT) - 1
 _UNKNOWN_FLAGS: Final = 0xFF & ~wire.KNOWN_FLAGS
 _NO_ROOM: Final = -wire.TAG_BYTES
 _SAMPLES: Final = int(MessageType.SAMPLES)
+_NO_HUB: Final = 1 << 8
 _RAISES_THRESHOLD_BYTES: Final = 24 << 20
 _ANY: Final = -1
 _NONE: Final = -2
@@ -73,24 +76,12 @@ class SampleGroup(NamedTuple):
     tick_us: NDArray[np.uint32]
     counts: NDArray[np.int16]
 
-
-class Stretch(NamedTuple):
-    """Consecutive frames of samples, up to one without samples.
-
-    Wheels are independent within it: each wheel's blocks may be processed at once, and what the frame without samples
-    says takes effect exactly where it does live.
-
-    Attributes:
-        frames: their places in the batch.
-        is_used: (k,) which of them have an admitted source.
-        parts: of the groups of these, those of each wheel in the order of the stream.
-        other: place of the frame without samples; None at the end, and where its source is not admitted.
-    """
-
-    frames: slice
-    is_used: NDArray[np.bool_]
-    parts: list[tuple[SampleGroup, slice]]
-    other: int | None
+    def run(self, first: int, end: int) -> SampleRun:
+        """Return blocks that follow each other without a gap, from `first` to `end`, exclusive."""
+        part = slice(first, end)
+        samples = self.counts[part].reshape(-1, self.counts.shape[2])
+        number, ticks_us = int(self.first_sample[first]), self.tick_us[part].tolist()
+        return SampleRun(self.hub, self.wheel, self.axes, number, ticks_us, samples, self.frame_index[part])
 
 
 class FrameBatch:
@@ -128,15 +119,17 @@ class FrameBatch:
         length = (word & 0xFF) - (wire.TAG_BYTES if word >> _FLAGS_SHIFT & wire.SIGNED_FLAG else 0)
         return decode_payload(int(self.type[index]), _payload(self._buffer, int(self._start[index]), length))
 
-    def axes(self, index: int) -> int:
-        """Return the axis mask of frame `index`, which must have samples."""
+    def _axes(self, index: int) -> int:
         return int(self._words[_AXES_N, index]) & 0xFF
+
+    def frame(self, index: int) -> Frame:
+        """Return frame `index` as the streaming decoder would."""
+        type_, hub, wheel = int(self.type[index]), int(self.hub[index]), int(self.wheel[index])
+        return Frame(type_, hub, wheel, int(self.seq[index]), int(self.tick_us[index]), self.message(index))
 
     def frames(self) -> Iterator[Frame]:
         """Yield every frame as the streaming decoder would."""
-        columns = (self.type, self.hub, self.wheel, self.seq, self.tick_us)
-        for index, (type_, hub, wheel, seq, tick_us) in enumerate(zip(*(c.tolist() for c in columns), strict=True)):
-            yield Frame(type_, hub, wheel, seq, tick_us, self.message(index))
+        return map(self.frame, range(len(self)))
 
     def by_source(self) -> Iterator[tuple[int, int, Indices]]:
         """Yield hub, wheel and places of the frames of every source, in the order of their first frames."""
@@ -150,12 +143,8 @@ class FrameBatch:
             self._groups = self._grouped()
         return self._groups
 
-    def stretches(self, admits: Callable[[int, int], bool]) -> Iterator[Stretch]:
-        """Yield the frames of admitted sources in the order of the stream.
-
-        Args:
-            admits: whether a hub and wheel has a place; asked in the order of their first frames.
-        """
+    def stretches(self, admits: Admits) -> Iterator[Stretch]:
+        """Yield the frames of admitted sources, as `FrameBlock.stretches`."""
         used = {(hub, wheel) for hub, wheel, _ in self.by_source() if admits(hub, wheel)}
         groups = [group for group in self.sample_groups() if (group.hub, group.wheel) in used]
         # Group of each frame, -1 where its samples are not used, and its place in the group.
@@ -167,10 +156,31 @@ class FrameBatch:
         begin = 0
         for stop in (*np.flatnonzero(self.type != _SAMPLES).tolist(), len(self)):
             of = group_of[begin:stop]
-            parts = _in_stream_order(groups, of, place[begin:stop]) if stop > begin else []
-            is_other = stop < len(self) and (int(self.hub[stop]), int(self.wheel[stop])) in used
-            yield Stretch(slice(begin, stop), of >= 0, parts, stop if is_other else None)
+            runs = _in_stream_order(groups, of, place[begin:stop]) if stop > begin else []
+            hubs = np.where(of >= 0, self.hub[begin:stop], _NO_HUB)
+            places = [(hub, np.flatnonzero(hubs == hub) + begin) for hub in sorted({run.hub for run in runs})]
+            is_last = stop < len(self) and (int(self.hub[stop]), int(self.wheel[stop])) in used
+            yield Stretch(begin, stop, places, runs, (stop, self.frame(stop)) if is_last else None)
             begin = stop + 1
+
+    def heard(self, arrivals_ns: Indices, slot_ns: int) -> Iterator[Heard]:
+        """Yield those frames that matter as signs of life, as `FrameBlock.heard`."""
+        is_samples = self.type == _SAMPLES
+        wanted = ~is_samples
+        for _, _, frames in self.by_source():
+            sample_frames = frames[is_samples[frames]]
+            if not len(sample_frames):
+                continue
+            slots = arrivals_ns[sample_frames] // slot_ns
+            steps = np.flatnonzero(np.diff(slots)) + 1
+            wanted[sample_frames[steps]] = wanted[sample_frames[steps - 1]] = True
+            wanted[sample_frames[[0, -1]]] = True
+        places = np.flatnonzero(wanted)
+        columns = (column[places].tolist() for column in (arrivals_ns, self.hub, self.wheel, self.type))
+        for index, (arrived_ns, hub, wheel, type_) in zip(places.tolist(), zip(*columns, strict=True), strict=True):
+            is_of_samples = type_ == _SAMPLES
+            message = None if is_of_samples else self.message(index)
+            yield Heard(arrived_ns, hub, wheel, type_, message, self._axes(index) if is_of_samples else 0)
 
     def _grouped(self) -> list[SampleGroup]:
         is_samples = self.type == _SAMPLES
@@ -200,26 +210,29 @@ class FrameBatch:
         )
 
 
-def _in_stream_order(groups: list[SampleGroup], of: Indices, place: Indices) -> list[tuple[SampleGroup, slice]]:
-    """Return the parts of the groups that consecutive frames are, those of each wheel in the order of the stream."""
+def _in_stream_order(groups: list[SampleGroup], of: Indices, place: Indices) -> list[SampleRun]:
+    """Return the samples of consecutive frames, by group and place in it of each, in order for each wheel."""
     numbers, counts = np.unique(of, return_counts=True)
-    parts_of: dict[tuple[int, int], list[tuple[SampleGroup, slice]]] = {}
+    parts_of: dict[tuple[int, int], list[tuple[SampleGroup, int, int]]] = {}
     for number, count in zip(numbers.tolist(), counts.tolist(), strict=True):
         if number >= 0:
             group, first = groups[number], int(place[int(np.argmax(of == number))])
-            parts_of.setdefault((group.hub, group.wheel), []).append((group, slice(first, first + count)))
-    parts: list[tuple[SampleGroup, slice]] = []
+            parts_of.setdefault((group.hub, group.wheel), []).append((group, first, first + count))
+    runs: list[SampleRun] = []
     for of_wheel in parts_of.values():
-        if len(of_wheel) > 1:
-            # The wheel changed its block size or its axes: its blocks are taken one by one.
-            frames = [
-                (int(group.frame_index[index]), group, index)
-                for group, part in of_wheel
-                for index in range(part.start, part.stop)
-            ]
-            of_wheel = [(group, slice(index, index + 1)) for _, group, index in sorted(frames, key=itemgetter(0))]
-        parts += of_wheel
-    return parts
+        if len(of_wheel) == 1:
+            group, first, end = of_wheel[0]
+            breaks = np.flatnonzero(np.diff(group.first_sample[first:end]) != group.counts.shape[1]) + first + 1
+            runs += (group.run(*edges) for edges in pairwise([first, *breaks.tolist(), end]))
+            continue
+        # The wheel changed its block size or its axes: its blocks are taken one by one.
+        blocks = [
+            (int(group.frame_index[index]), group, index)
+            for group, first, end in of_wheel
+            for index in range(first, end)
+        ]
+        runs += (group.run(index, index + 1) for _, group, index in sorted(blocks, key=itemgetter(0)))
+    return runs
 
 
 class BatchDecoder:

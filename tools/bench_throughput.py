@@ -65,7 +65,7 @@ STAGES: Final = {
     ),
     "tire estimates": ("gateway.core.wheels.tire_estimates:TireEstimates.take_block",),
     "alarms": (
-        "gateway.core.session.alarm_watch:RecordingAlarms.batch",
+        "gateway.core.session.alarm_watch:RecordingAlarms.frames",
         "gateway.core.session.alarm_watch:RecordingAlarms.result",
         "gateway.core.session.alarm_watch:RecordingAlarms.end_of_block",
     ),

@@ -165,7 +165,7 @@ def survey(recording: OpenedRecording) -> Survey:
     first_ns = last_ns = 0
     for link, batch, arrivals_ns in recording.blocks(links):
         first_ns, last_ns = first_ns or int(arrivals_ns[0]), max(last_ns, int(arrivals_ns[-1]))
-        router.batch(link, batch, arrivals_ns)
+        router.take(link, batch, arrivals_ns)
     order = {name: index for index, name in enumerate(configured.values())}
     heard = [wheel for wheel in router.wheels.values() if wheel is not None]
     heard.sort(key=lambda wheel: order.get(wheel.wheel, len(order)))
@@ -193,7 +193,7 @@ def signals(recording: OpenedRecording, *, wheels: Collection[str] | None = None
     router = FrameRouter(positions(recording.vehicle), made)
     for link, batch, arrivals_ns in recording.verified_blocks():
         # A dump has no arrival times.
-        router.batch(link, batch, arrivals_ns if arrivals_ns.any() else None)
+        router.take(link, batch, arrivals_ns if arrivals_ns.any() else None)
         arrivals.take()
         yield from arrivals.items
         arrivals.items.clear()

@@ -164,6 +164,6 @@ def through_pipeline(
         piece = counts[first : first + 20 * block]
         piece = piece[: len(piece) // block * block]
         ticks = [round((first + i * block) / sensor.rate_hz * 1e6) for i in range(len(piece) // block)]
-        host.stamp_arrival(ticks, 1_000_000_000 + 1000 * ticks[-1])
+        host.stamp_all(np.array(ticks), np.full(len(ticks), 1_000_000_000 + 1000 * ticks[-1]))
         results += wheel.samples(first, ticks, axes, piece, host)
     return results + wheel.finish(host)

@@ -42,7 +42,7 @@ def inspect(recordings: tuple[Path, ...], as_json: bool, verifies: bool) -> None
             inspection = inspect_recording(
                 path,
                 lambda position, bar=bar, size=size: bar.show(position / size),  # type: ignore[misc]
-                watch.batch,
+                watch.take,
             )
         for name, link in inspection.links.items():
             watch.counters(name, link.counters)

@@ -11,11 +11,11 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_protocol.block_decoder import FrameBatch, SampleGroup
+from firmware_protocol.block_decoder import FrameBatch
 from firmware_protocol.counters import LinkCounters
 from firmware_protocol.messages import Hello, LogText, Message, MessageType
 from firmware_protocol.sample_numbers import is_jump
-from firmware_protocol.sequence import unwrap
+from firmware_protocol.sequence import COUNTER_MASK, unwrap
 from firmware_protocol.wheel_limit import WheelLimit
 from gateway.core.links.bus_frames import has_frames
 from gateway.core.links.nmea_sentences import Fix, ReceiverClock, SentenceReader
@@ -72,11 +72,9 @@ class WheelInspection:
         us = unwrap(self._tick, tick_us) - self._tick
         return bool(is_jump(unwrap(self._next, number) - self._next, us, self.hello.rate_hz))
 
-    def add(self, group: SampleGroup, index: int, host_s: int) -> None:
-        """Count a block of samples."""
-        n = group.counts.shape[1]
-        number = int(group.first_sample[index])
-        if self._jumps(number, int(group.tick_us[index])):
+    def add(self, number: int, n: int, tick_us: int, host_s: int) -> None:
+        """Count a block of n samples, by the number and the hub time of its first one."""
+        if self._jumps(number, tick_us):
             self._next = self._first = self._tick = None
         expected = self._next
         first = number if expected is None else unwrap(expected, number)
@@ -92,8 +90,7 @@ class WheelInspection:
             self._next = first + n
         else:
             self.samples_lost = max(0, self.samples_lost - n)
-        tick = int(group.tick_us[index])
-        self._tick = tick if self._tick is None else unwrap(self._tick, tick)
+        self._tick = tick_us if self._tick is None else unwrap(self._tick, tick_us)
         if self._first is None:
             self._first = (first, self._tick)
         elif self._tick - self._first[1] > 1_000_000 and first > self._first[0]:
@@ -351,9 +348,11 @@ def _count(link: LinkInspection, batch: FrameBatch, arrivals_ns: NDArray[np.int6
             link.wheel(hub, number).frames.update(dict(zip(names, counts.tolist(), strict=True)))
     seconds = arrivals_ns // _SECOND_NS
     for stretch in batch.stretches(partial(link.limit.admits, "")):
-        for group, part in stretch.parts:
-            wheel = link.wheel(group.hub, group.wheel)
-            for index, second in enumerate(seconds[group.frame_index[part]].tolist(), part.start):
-                wheel.add(group, index, second)
-        if (other := stretch.other) is not None:
-            link.take(int(batch.hub[other]), int(batch.wheel[other]), batch.message(other), int(arrivals_ns[other]))
+        for run in stretch.runs:
+            wheel, number = link.wheel(run.hub, run.wheel), run.first_sample
+            for tick_us, second in zip(run.ticks_us, seconds[run.places].tolist(), strict=True):
+                wheel.add(number & COUNTER_MASK, run.block, tick_us, second)
+                number += run.block
+        if stretch.last is not None:
+            place, frame = stretch.last
+            link.take(frame.hub, frame.wheel, frame.message, int(arrivals_ns[place]))

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_protocol.block_decoder import FrameBatch
+from firmware_protocol.frame_blocks import FrameBlock
 from gateway.core.config.vehicle import Thresholds, VehicleConfig
 from gateway.core.estimates.estimator import Status
 from gateway.core.estimates.results import (
@@ -43,7 +43,7 @@ from gateway.core.session.alarms import (
     threshold_alarms,
 )
 from gateway.core.session.reasons import SessionCode
-from gateway.core.session.silence import PositionOf, SilenceWatch, VehiclePart, parts_heard
+from gateway.core.session.silence import SLOT_NS, SilenceWatch, VehiclePart, parts_heard
 from gateway.core.session.wheel_identity import positions, sensor_ids
 from gateway.core.session.wheel_watches import wheel_watches
 from gateway.core.trust.wheel_pairs import ALARMS as PAIR_ALARMS
@@ -72,7 +72,7 @@ class AlarmWatch(ABC):
     def __init__(
         self,
         vehicle: VehicleConfig | None,
-        position_of: PositionOf,
+        pipeline: Pipeline,
         witnesses: Callable[[], Iterable[Alarm]] = tuple,
         *,
         logs: bool = True,
@@ -81,15 +81,16 @@ class AlarmWatch(ABC):
 
         Args:
             vehicle: its thresholds and positions; None without any.
-            position_of: returns the wheel position of link, hub and wheel number.
+            pipeline: names and admits the wheels.
             witnesses: returns the alarms of what the vehicle's signals contradict.
             logs: whether alarms go to the program's log too.
         """
         self.thresholds = vehicle.thresholds if vehicle is not None else Thresholds()
-        self.silence = SilenceWatch(position_of, positions(vehicle).values(), self.thresholds.silent_after_s)
+        self.silence = SilenceWatch(pipeline.position, positions(vehicle).values(), self.thresholds.silent_after_s)
         self.log = AlarmLog(logs=logs)
         self._of_witnesses = witnesses
         self._watches = wheel_watches(vehicle)
+        self._pipeline = pipeline
         self._review_due_ns: dict[str, int] = {}
 
     @abstractmethod
@@ -106,6 +107,19 @@ class AlarmWatch(ABC):
             self._review_due_ns[link] = now_ns + REVIEW_INTERVAL_NS
             notices += self.review()
         return notices
+
+    def frames(self, link: str, block: FrameBlock, arrivals_ns: NDArray[np.int64]) -> list[Notice]:
+        """Take frames of any source that is admitted, (frames,) with their arrivals; return new notices."""
+        notices: list[Notice] = []
+        for heard in block.heard(arrivals_ns, SLOT_NS):
+            notices += self._reach(link, heard.arrived_ns)
+            if self._pipeline.limit.admits(link, heard.hub, heard.wheel):
+                self.silence.heard(link, heard)
+        return notices
+
+    def _reach(self, link: str, now_ns: int) -> list[Notice]:
+        """Take what came before a frame of a link that arrived at a time; return new notices."""
+        return self.advance(link, now_ns)
 
     def link_event(self, event: LinkEvent) -> list[Notice]:
         """Take a change of a link at its time; return new notices."""
@@ -151,12 +165,12 @@ class SessionAlarms(AlarmWatch):
     def __init__(
         self,
         vehicle: VehicleConfig | None,
-        position_of: PositionOf,
+        pipeline: Pipeline,
         state: Callable[[], State],
         witnesses: Callable[[], Iterable[Alarm]] = tuple,
     ) -> None:
         """Start without frames; `state` returns the present snapshots of wheels and links, silence left out."""
-        super().__init__(vehicle, position_of, witnesses)
+        super().__init__(vehicle, pipeline, witnesses)
         self.sinks: tuple[SinkSnapshot, ...] = ()
         self.disk: DiskRoom | None = None
         self.stopped: dict[str, Reason] = {}
@@ -232,9 +246,8 @@ class RecordingAlarms(AlarmWatch):
         *,
         logs: bool = True,
     ) -> None:
-        """Start without frames; `pipeline` names the wheels and knows their sensors."""
-        super().__init__(vehicle, pipeline.position, witnesses, logs=logs)
-        self._pipeline = pipeline
+        """Start without frames; arguments as for `AlarmWatch`."""
+        super().__init__(vehicle, pipeline, witnesses, logs=logs)
         self._wheels: dict[str, WheelSnapshot] = {}
         self._has_limits = has_wheel_limits(self.thresholds)
         self._events: dict[str, deque[LinkEvent]] = {}
@@ -264,16 +277,16 @@ class RecordingAlarms(AlarmWatch):
         else:
             arrivals.append((host_ns, parts))
 
-    def batch(self, link: str, batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> None:
-        """Take a block of frames before its results."""
-        for host_ns, frame in self.silence.thinned(batch, arrivals_ns):
-            self._take_vehicles(host_ns)
-            self._take_events(link, host_ns)
-            self.advance(link, host_ns)
-            if self._pipeline.limit.admits(link, frame.hub, frame.wheel):
-                self.silence.heard(link, frame, host_ns)
-        self.review()
+    def frames(self, link: str, block: FrameBlock, arrivals_ns: NDArray[np.int64]) -> list[Notice]:
+        """Take frames before their results."""
+        notices = [*super().frames(link, block, arrivals_ns), *self.review()]
         self._wheels.clear()
+        return notices
+
+    def _reach(self, link: str, now_ns: int) -> list[Notice]:
+        self._take_vehicles(now_ns)
+        self._take_events(link, now_ns)
+        return self.advance(link, now_ns)
 
     def result(self, result: RevolutionResult) -> RevolutionResult:
         """Take a result; return it with the alarms that stand at its wheel and the silence before it."""

@@ -6,7 +6,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
+import numpy as np
+
 from firmware_protocol.decoder import FrameDecoder
+from firmware_protocol.frame_blocks import FrameList, SampleRun
 from firmware_protocol.messages import Frame, Hello, HubStatus, MessageType
 from gateway.core.config.vehicle import UNKNOWN_WHEEL, VehicleConfig
 from gateway.core.constants import LATENCY_S
@@ -51,6 +54,9 @@ SHOWN_NOTICES: Final = 20
 """Latest notices that a snapshot has."""
 # Notices waiting for `take_notices`; the oldest are dropped.
 _WAITING_NOTICES: Final = 8192
+# Frames wait for the next ones for so long where nothing can be decided by them, and not more of them.
+_GATHERED_NS: Final = 20_000_000
+_MOST_WAITING: Final = 256
 # A link that is silent for this long brings no samples for which its last revolutions could wait.
 _SILENT_NS: Final = 400_000_000
 
@@ -62,7 +68,7 @@ _LOSSES: Final = (Stage.RECORDING, Stage.TOPICS)
 
 @dataclass(slots=True)
 class _Link:
-    """State of one link."""
+    """State of one link, with the frames that wait for the next ones, and their arrivals."""
 
     health: LinkHealth
     decoder: FrameDecoder
@@ -74,6 +80,8 @@ class _Link:
     newest_ns: int = 0
     loss: RecentLoss = field(default_factory=RecentLoss)
     status: HubStatus | None = None
+    waiting: list[Frame] = field(default_factory=list)
+    arrivals_ns: list[int] = field(default_factory=list)
     connected_rssi_dbm: int | None = None
     queue_dropped: Mapping[Stage, int] = field(default_factory=dict)
 
@@ -137,7 +145,9 @@ class SessionCore:
         self._accounted_wheels = {setup.position for setup in setups}
         self._statements = StatementWatch(positions(vehicle), self._pipeline.limit)
         self._pairs = WheelPairs(self._signals.witness())
-        self._alarms = SessionAlarms(vehicle, self._pipeline.position, self._state, self._pairs.alarms)
+        self._pipeline.attach(self._statements)
+        self._pipeline.attach(self)
+        self._alarms = SessionAlarms(vehicle, self._pipeline, self._state, self._pairs.alarms)
         for notice in vehicle.notices() if vehicle is not None else ():
             self.notify(notice)
         for notice in (*effects_notices(effects, vehicle), *self._watch.take_notices()):
@@ -200,12 +210,15 @@ class SessionCore:
         if self._records_items:
             self.recording.item(item)
         if isinstance(item, LinkEvent):
+            results = self._take_waiting()
             self._event(item)
-            return []
+            return results
         self.newest_ns = max(self.newest_ns, item.host_ns)
-        self._report(item.link, self._alarms.advance(item.link, item.host_ns), item.host_ns)
+        if not isinstance(item, Chunk) or not item.data:
+            results = self._take_waiting()
+            self._report(item.link, self._alarms.advance(item.link, item.host_ns), item.host_ns)
         if not item.data:
-            return []  # it tells the time
+            return results  # it tells the time
         link = self._link(item.link)
         if not link.connected:
             link.connected, link.note = True, Reason(LinkCode.LINK_CONNECTED)
@@ -214,7 +227,7 @@ class SessionCore:
         if not isinstance(item, Chunk):
             self._vehicle_data(link, item)
             self._alarms.silence.vehicle(item.link, parts_heard(item), item.host_ns)
-            return []
+            return results
         results = self._decoded(item.link, link, link.decoder.feed(item.data), item.host_ns)
         of_link = link.health.data(item.host_ns, item.data, link.decoder.counters)
         self._report(item.link, [*self._statements.new(), *self._watch.take_notices(), *of_link], item.host_ns)
@@ -278,23 +291,46 @@ class SessionCore:
         link.note = reason
 
     def _decoded(self, name: str, link: _Link, frames: list[Frame], host_ns: int) -> list[RevolutionResult]:
-        self._statements.frames(name, frames)
-        admitted = [frame for frame in frames if self._pipeline.limit.admits(name, frame.hub, frame.wheel)]
-        self._alarms.silence.frames(name, admitted, host_ns)
-        for frame in admitted:
-            if frame.type != MessageType.SAMPLES:
-                self._slow_message(name, link, frame, host_ns)
-        return self._deliver(self._pipeline.frames(name, frames, host_ns), host_ns)
+        """Let frames wait for the next ones, or take them with those that wait: few at a time take more work."""
+        link.waiting += frames
+        link.arrivals_ns += [host_ns] * len(frames)
+        if not frames or (0 <= host_ns - link.arrivals_ns[0] < self._gathered_ns and len(link.waiting) < _MOST_WAITING):
+            is_needed = any(frame.type != MessageType.SAMPLES for frame in frames)
+            if not is_needed and (self._latency.gather_s or not self._pipeline.can_decide(name, frames)):
+                return []
+        return self._take_frames(name, link)
 
-    def _slow_message(self, name: str, link: _Link, frame: Frame, host_ns: int) -> None:
-        message = frame.message
+    @property
+    def _gathered_ns(self) -> float:
+        return 1e9 * self._present_latency.gather_s or _GATHERED_NS
+
+    def _take_waiting(self) -> list[RevolutionResult]:
+        """Take the frames that wait, of all links."""
+        return [result for name, link in self._links.items() for result in self._take_frames(name, link)]
+
+    def _take_frames(self, name: str, link: _Link) -> list[RevolutionResult]:
+        """Take the frames of a link that wait."""
+        if not link.waiting:
+            return []
+        block, arrivals_ns = FrameList(link.waiting), np.array(link.arrivals_ns)
+        link.waiting, link.arrivals_ns = [], []
+        self._report(name, self._alarms.frames(name, block, arrivals_ns), link.newest_ns)
+        return self._deliver(self._pipeline.take(name, block, arrivals_ns), link.newest_ns)
+
+    def samples(self, link: str, run: SampleRun) -> None:
+        """Take no notice: the wheel takes them."""
+
+    def message(self, link: str, frame: Frame) -> None:
+        """Take what concerns the link or a hub, and record it."""
+        name, state, message = link, self._links[link], frame.message
+        host_ns = state.newest_ns
         if isinstance(message, Hello):
-            self._report(name, link.health.hello(frame, host_ns), host_ns)
+            self._report(name, state.health.hello(frame, host_ns), host_ns)
         elif isinstance(message, HubStatus):
-            link.status = message
+            state.status = message
         else:
             hub = hub_name(frame.hub) if len(self._links) == 1 else f"{name}, {hub_name(frame.hub)}"
-            for shown in link.hub_log.take(hub, message, host_ns):
+            for shown in state.hub_log.take(hub, message, host_ns):
                 self.notify(shown)
         self.recording.message(frame, self._pipeline.position(name, frame.hub, frame.wheel), name, host_ns)
 
@@ -319,7 +355,7 @@ class SessionCore:
         self.recording.tick(now_ns)
         self._alarms.recording_stopped(self.recording.stopped)
         self._report("", self._watch.tick(now_ns), now_ns)
-        results: list[RevolutionResult] = []
+        results = self._take_waiting()
         for name, link in self._links.items():
             link_ns = link_times_ns.get(name) if link_times_ns is not None else now_ns
             if link_ns is None:
@@ -372,7 +408,8 @@ class SessionCore:
         """End the session: complete the last revolutions and close the recording."""
         results: list[RevolutionResult] = []
         for name, link in self._links.items():
-            results += self._decoded(name, link, link.decoder.finish(), self.newest_ns)
+            results += self._decoded(name, link, link.decoder.finish(), link.newest_ns)
+            results += self._take_frames(name, link)
             self._statements.counters(name, link.decoder.counters)
             self._report(name, link.hub_log.finish(), self.newest_ns)
         self.false_statements()

@@ -9,11 +9,11 @@ from gateway.core.constants import LONGEST_LATENCY_S
 _LEAST_READ_S: Final = 0.004
 _MOST_READ_S: Final = 0.02
 _MOST_ROUND_S: Final = 0.1
-# Shares of the latency. The rest is for the wheels that are due together, one of which is worked on with each chunk of
-# the next round, and for the work.
+# Shares of the latency. The rest is for the work.
 _READ_SHARE: Final = 0.12
 _ROUND_SHARE: Final = 0.12
-_HOLD_SHARE: Final = 0.62
+_GATHER_SHARE: Final = 0.06
+_HOLD_SHARE: Final = 0.56
 # A session that is late by less is in time: a pause of the system's scheduler is shorter.
 _LATE_S: Final = 0.1
 
@@ -45,6 +45,11 @@ class Latency:
     def round_s(self) -> float:
         """Longest time that chunks wait for the next ones, s; 0 where each is taken at once."""
         return min(_ROUND_SHARE * self.longest_s, _MOST_ROUND_S)
+
+    @property
+    def gather_s(self) -> float:
+        """Longest time that frames wait for the next ones, s; 0 where they wait until something can be decided."""
+        return _GATHER_SHARE * self.longest_s
 
     @property
     def hold_s(self) -> float:

@@ -35,8 +35,8 @@ from gateway.core.session.wheel_identity import SensorsHeard, positions
 from gateway.core.trust.wheel_pairs import WheelPairs
 from gateway.core.wheels.wheels import Pipeline
 
-# Revolutions of a recording wait for a full block, those of a sensor that fell silent for so long or twice that.
-_HOLD_S: Final = 4.0
+# Revolutions of a recording wait for a full block for as long as the buffer of their wheel has them.
+_HOLD_S: Final = 7.6
 
 Block = tuple[str, FrameBatch, NDArray[np.int64]]
 """Link, a block of its frames, and their arrival times in ns."""
@@ -175,7 +175,6 @@ class RecordingPass:
         """
         vehicle = recording.vehicle
         self.sensors = SensorsHeard(vehicle)
-        self.statements = StatementWatch(positions(vehicle))
         self.wheels: tuple[WheelSnapshot, ...] = ()
         self.span_ns: tuple[int, int] | None = None
         self.clock = RecordedClock()
@@ -185,6 +184,10 @@ class RecordingPass:
         setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), recording.effects)
         self._pipeline = Pipeline(setups, UNKNOWN_WHEEL, estimators, _HOLD_S)
         self._signals, self._tire_sensors = signals, open_tire_sensors(vehicle)
+        self.statements = StatementWatch(positions(vehicle), self._pipeline.limit)
+        if is_watched:
+            self._pipeline.attach(self.statements)
+            self._pipeline.attach(self.sensors)
         self._pairs = WheelPairs(signals.witness() if signals is not None else None)
         alarms = RecordingAlarms(vehicle, self._pipeline, self._pairs.alarms, logs=logs_alarms)
         self._alarms = alarms if is_watched else None
@@ -202,12 +205,10 @@ class RecordingPass:
                 first_ns, last_ns = int(arrivals_ns.min()), int(arrivals_ns.max())
                 before = self.span_ns or (first_ns, last_ns)
                 self.span_ns = min(first_ns, before[0]), max(last_ns, before[1])
-                self.sensors.take(batch)
-                self.statements.batch(link, batch)
-                self._alarms.batch(link, batch, arrivals_ns)
+                self._alarms.frames(link, batch, arrivals_ns)
             # A dump has no arrival times.
             times_ns = arrivals_ns if arrivals_ns.any() else None
-            yield from self._completed(self._pipeline.batch(link, batch, times_ns))
+            yield from self._completed(self._pipeline.take(link, batch, times_ns))
             if self._alarms is not None:
                 self._alarms.end_of_block()
         yield from self._completed(self._pipeline.finish())

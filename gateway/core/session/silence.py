@@ -10,12 +10,9 @@ from dataclasses import dataclass, field
 from enum import Enum, auto
 from typing import Final, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from firmware_protocol import wire
-from firmware_protocol.block_decoder import FrameBatch
-from firmware_protocol.messages import HUB_ITSELF, Axis, Frame, Hello, Message, MessageType, SampleBlock
+from firmware_protocol.frame_blocks import Heard
+from firmware_protocol.messages import HUB_ITSELF, Axis, Hello, Message, MessageType
 from gateway.core.constants import AXIS_NAMES
 from gateway.core.estimates.results import Silence, SilentPart
 from gateway.core.links.bus_frames import has_frames
@@ -29,8 +26,8 @@ from gateway.core.wheels.reasons import WheelCode
 PositionOf = Callable[[str, int, int], str]
 
 _S: Final = 1_000_000_000
-# Arrivals within one slot count as one, so that a link that delivers in bursts has the pace of its bursts.
-_SLOT_NS: Final = 100_000_000
+SLOT_NS: Final = 100_000_000
+"""Arrivals within one slot count as one, so that a link that delivers in bursts has the pace of its bursts."""
 # The usual interval is the median of this many intervals; missing ones count as the expected interval.
 _INTERVALS: Final = 15
 _FEWEST_INTERVALS: Final = 5
@@ -122,7 +119,7 @@ class _Stream:
         # set back counts again by itself.
         if host_ns > self.counted_from_ns:
             self.counted_from_ns = host_ns
-        slot = host_ns // _SLOT_NS
+        slot = host_ns // SLOT_NS
         if slot == self._slot:
             return
         if self._slot is not None and slot > self._slot:
@@ -363,16 +360,6 @@ class SilentHub:
     positions: tuple[str, ...]
 
 
-class Heard(NamedTuple):
-    """What matters of a frame: its source, its type, its message unless it has samples, and their axis mask."""
-
-    hub: int
-    wheel: int
-    type: int
-    message: Message | None
-    axes: int
-
-
 class SilenceWatch:
     """Watches every link, hub, sensor, vehicle bus and receiver of a session or recording."""
 
@@ -408,16 +395,6 @@ class SilenceWatch:
         state.paused_ns = now_ns - pause_ns, now_ns
         state.now_ns, state.due_ns = max(state.now_ns, now_ns), 0
 
-    def frames(self, link: str, frames: Iterable[Frame], host_ns: int) -> None:
-        """Take frames that arrived at one time, so that the first samples of a wheel and axis mask say all of them."""
-        heard: set[tuple[int, int, int]] = set()
-        for type_, hub, wheel, _, _, message in frames:
-            axes = message.axes if isinstance(message, SampleBlock) else 0
-            if (hub, wheel, axes) not in heard:
-                self.heard(link, Heard(hub, wheel, type_, message, axes), host_ns)
-            if axes:
-                heard.add((hub, wheel, axes))
-
     def vehicle(self, name: str, parts: frozenset[VehiclePart], host_ns: int) -> None:
         """Take the parts of the vehicle that an item is a sign of life of."""
         if not parts:
@@ -435,26 +412,6 @@ class SilenceWatch:
         for part in parts:
             link.vehicle[part].arrived(host_ns)
         link.due_ns = min([link.due_ns, *(stream.due_ns for stream in link.vehicle.values())])
-
-    @staticmethod
-    def thinned(batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> Iterator[tuple[int, Heard]]:
-        """Yield arrival time and what matters of those frames of a block that matter: all but most of the samples."""
-        is_samples = np.asarray(batch.type) == MessageType.SAMPLES
-        wanted = ~is_samples
-        for _, _, frames in batch.by_source():
-            sample_frames = frames[is_samples[frames]]
-            if not len(sample_frames):
-                continue
-            slots = arrivals_ns[sample_frames] // _SLOT_NS
-            steps = np.flatnonzero(np.diff(slots)) + 1
-            wanted[sample_frames[steps]] = wanted[sample_frames[steps - 1]] = True
-            wanted[sample_frames[[0, -1]]] = True
-        frames = np.flatnonzero(wanted)
-        columns = (column[frames].tolist() for column in (arrivals_ns, batch.hub, batch.wheel, batch.type))
-        for frame, arrived_ns, hub, wheel, type_ in zip(frames.tolist(), *columns, strict=True):
-            of_samples = type_ == MessageType.SAMPLES
-            message, axes = (None, batch.axes(frame)) if of_samples else (batch.message(frame), 0)
-            yield arrived_ns, Heard(hub, wheel, type_, message, axes)
 
     def changes(self, link: str, now_ns: int) -> Iterable[None]:
         """Move the time of a link forward; yield at each time on the way at which its state may have changed."""
@@ -597,9 +554,9 @@ class SilenceWatch:
             link.now_ns = host_ns
         return link
 
-    def heard(self, name: str, frame: Heard, host_ns: int) -> None:
+    def heard(self, name: str, frame: Heard) -> None:
         """Take what matters of a frame."""
-        number, wheel, type_, message, axes = frame
+        host_ns, number, wheel, type_, message, axes = frame
         link = self._brought(name, host_ns)
         hub = link.hubs.get(number)
         if hub is None:

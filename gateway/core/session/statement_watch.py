@@ -6,15 +6,15 @@ and clock only, so that a recording gives the same counts as the session.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_protocol.block_decoder import FrameBatch
 from firmware_protocol.counters import LinkCounters
+from firmware_protocol.frame_blocks import FrameBlock, SampleRun
 from firmware_protocol.messages import (
     COMMANDS,
     EVERY_HUB,
@@ -24,17 +24,16 @@ from firmware_protocol.messages import (
     Environment,
     Frame,
     Hello,
-    Message,
-    SampleBlock,
     TimeSync,
 )
 from firmware_protocol.sample_numbers import apart_s, is_jump
+from firmware_protocol.sequence import COUNTER_MASK
 from firmware_protocol.wheel_limit import MOST_WHEELS, WheelLimit
 from gateway.core.constants import AXIS_NAMES
 from gateway.core.reasons import Code, Level, Notice, Reason, Value
 from gateway.core.session.reasons import SessionCode
 from gateway.core.wheels.possible_readings import is_possible_pressure, is_possible_temperature
-from gateway.core.wheels.sample_content import SampleContent, chosen
+from gateway.core.wheels.sample_content import SampleContent, is_chosen
 
 # Jitter of the hub's stamps is far below this; a wrong rate is far above.
 _RATE_SPAN_S: Final = 2.0
@@ -62,35 +61,21 @@ _MOST_CHANGES: Final = 4
 _Source = tuple[str, int, int]
 
 
-class _Blocks(NamedTuple):
-    """Sample blocks of a wheel with the same axes, in the order of the stream.
-
-    Attributes:
-        first: (k,) first samples.
-        tick: (k,) hub times in us.
-        axes: axis mask.
-        counts: samples of each block.
-    """
-
-    first: NDArray[np.int64]
-    tick: NDArray[np.int64]
-    axes: int
-    counts: Sequence[NDArray[np.int16]] | NDArray[np.int16]
-
-
 class _Wheel:
     """State of one wheel: its hello, the last blocks, and the span over which the rate is measured."""
 
     __slots__ = (
+        "axes",
         "below",
         "changes",
         "content",
+        "firsts",
         "former_sensor",
         "hello",
         "last",
-        "pending",
         "recent",
         "since",
+        "ticks_us",
     )
 
     def __init__(self) -> None:
@@ -98,8 +83,10 @@ class _Wheel:
         # Whether each of the last hellos changed something, one bit each.
         self.changes = 0
         self.former_sensor: int | None = None
-        # Hub times and blocks that wait for their review.
-        self.pending: list[tuple[int, SampleBlock]] = []
+        # First samples and hub times of blocks that wait for their review, and their axis mask.
+        self.firsts: list[int] = []
+        self.ticks_us: list[int] = []
+        self.axes = 0
         self.content = SampleContent()
         self.restart()
 
@@ -112,22 +99,22 @@ class _Wheel:
         self.recent = np.empty(0, np.int64)
         self.below = 0
 
-    def repeated(self, blocks: _Blocks, samples: NDArray[np.int64], *, jumped: bool) -> int:
-        """Take blocks; return how many came before, with the same first sample and tick.
+    def repeated(self, blocks: NDArray[np.int64], samples: NDArray[np.int64], *, jumped: bool) -> int:
+        """Take blocks; return how many came before.
 
         Args:
-            blocks: the next ones.
+            blocks: first sample and tick of the next ones in one number each, (k,).
             samples: steps of their sample numbers, (k,).
             jumped: whether the numbers begin anew among them.
         """
-        counts = np.concatenate([self.recent, (blocks.first << 32) ^ blocks.tick])
+        counts = np.concatenate([self.recent, blocks])
         number = np.cumsum(samples) + self.below
         highest = np.maximum.accumulate(np.append(0, number))
         self.below = 0 if jumped else int(number[-1] - highest[-1])
         count = 0
         if (number <= highest[:-1]).any():
             firsts = np.unique(counts, return_index=True)[1]
-            count = len(blocks.first) - int(np.count_nonzero(firsts >= len(self.recent)))
+            count = len(blocks) - int(np.count_nonzero(firsts >= len(self.recent)))
         self.recent = counts[-_RECENT_BLOCKS:].copy()
         return count
 
@@ -170,40 +157,55 @@ class StatementWatch:
         self._has_new = False
         self._refusal_named = False
 
-    def frames(self, link: str, frames: Iterable[Frame]) -> None:
-        """Take decoded frames in the order of the stream."""
-        self._links.add(link)
-        for type_, hub, number, _, tick_us, message in frames:
-            source = link, hub, number
-            wheel = self._wheels.get(source)
-            if wheel is None and not self._limit.admits(*source):
-                continue
-            if not isinstance(message, SampleBlock):
-                self._slow(source, type_, tick_us, message)
-            elif number == HUB_ITSELF:
-                self._find(source, SessionCode.HUB_SENDS_AS_WHEEL)
-            else:
-                wheel = wheel or self._wheel(source)
-                if wheel.pending and wheel.pending[0][1].axes != message.axes:
-                    self._review_pending(source, wheel)
-                wheel.pending.append((tick_us, message))
-                if len(wheel.pending) >= self._review_blocks:
-                    self._review_pending(source, wheel)
+    def take(self, link: str, block: FrameBlock) -> None:
+        """Take decoded frames in the order of the stream, of sources that the limit admits."""
+        for stretch in block.stretches(partial(self._limit.admits, link)):
+            for run in stretch.runs:
+                self.samples(link, run)
+            if stretch.last is not None:
+                self.message(link, stretch.last[1])
 
-    def batch(self, link: str, batch: FrameBatch) -> None:
-        """Take a block of decoded frames; the findings are those of `frames`."""
+    def samples(self, link: str, run: SampleRun) -> None:
+        """Take samples of an admitted source: look at their content, and let them wait for their review."""
         self._links.add(link)
-        for stretch in batch.stretches(partial(self._limit.admits, link)):
-            for group, part in stretch.parts:
-                source = link, group.hub, group.wheel
-                if group.wheel == HUB_ITSELF:
-                    self._find(source, SessionCode.HUB_SENDS_AS_WHEEL, part.stop - part.start)
-                    continue
-                first, tick = (column[part].astype(np.int64) for column in (group.first_sample, group.tick_us))
-                self._review(source, self._wheel(source), _Blocks(first, tick, group.axes, group.counts[part]))
-            if (other := stretch.other) is not None:
-                source = link, int(batch.hub[other]), int(batch.wheel[other])
-                self._slow(source, int(batch.type[other]), int(batch.tick_us[other]), batch.message(other))
+        source = link, run.hub, run.wheel
+        if run.wheel == HUB_ITSELF:
+            self._find(source, SessionCode.HUB_SENDS_AS_WHEEL, len(run.ticks_us))
+            return
+        wheel = self._wheel(source)
+        if wheel.axes != run.axes:
+            self._review(source, wheel)
+            wheel.axes = run.axes
+        first, block, hello = run.first_sample, run.block, wheel.hello
+        firsts = range(first, first + len(run.counts), block)
+        if hello is not None and run.axes == hello.axes:
+            for begin in filter(is_chosen, firsts):
+                for code, values in wheel.content.block(hello, run.counts[begin - first : begin - first + block]):
+                    self._find(source, code, 1, **values)
+        wheel.firsts += firsts
+        wheel.ticks_us += run.ticks_us
+        if len(wheel.firsts) >= self._review_blocks:
+            self._review(source, wheel)
+
+    def message(self, link: str, frame: Frame) -> None:
+        """Take a frame without samples of an admitted source."""
+        type_, hub, number, _, tick_us, message = frame
+        self._links.add(link)
+        source, is_hub = (link, hub, number), number == HUB_ITSELF
+        if type_ in COMMANDS:
+            self._find((link, hub, HUB_ITSELF), SessionCode.HUB_SENDS_COMMANDS)
+        elif isinstance(message, Hello | Environment) and is_hub:
+            self._find(source, SessionCode.HUB_SENDS_AS_WHEEL)
+        elif isinstance(message, Hello):
+            wheel = self._wheel(source)
+            # Blocks before and behind a hello that is repeated belong to the same statement.
+            if wheel.hello != message:
+                self._review(source, wheel)
+            self._hello(source, wheel, message)
+        elif isinstance(message, Environment):
+            self._environment(source, message)
+        elif isinstance(message, TimeSync) and message.hub_us & 0xFFFF_FFFF != tick_us:
+            self._find(source, SessionCode.HUB_TIME_AGAINST_TICK, hub_us=float(message.hub_us), tick_us=float(tick_us))
 
     def counters(self, link: str, counters: LinkCounters) -> None:
         """Take the counters of a link: sources that send nothing but frames of unknown types."""
@@ -216,7 +218,7 @@ class StatementWatch:
         """Note that a link was reconnected: another hub may be on it."""
         for (of_link, _, _), wheel in self._wheels.items():
             if of_link == link:
-                wheel.pending.clear()
+                wheel.firsts, wheel.ticks_us = [], []
                 wheel.restart()
 
     def new(self) -> list[Notice]:
@@ -237,7 +239,7 @@ class StatementWatch:
     def contradictions(self) -> list[Notice]:
         """Return all findings with their present counts."""
         for source, wheel in self._wheels.items():
-            self._review_pending(source, wheel)
+            self._review(source, wheel)
         notices = [
             self._notice(source, code, finding)
             for (source, code), finding in sorted(self._findings.items(), key=lambda entry: entry[0])
@@ -250,23 +252,6 @@ class StatementWatch:
         if wheel is None:
             wheel = self._wheels[source] = _Wheel()
         return wheel
-
-    def _slow(self, source: _Source, type_: int, tick_us: int, message: Message) -> None:
-        is_hub = source[2] == HUB_ITSELF
-        if type_ in COMMANDS:
-            self._find((*source[:2], HUB_ITSELF), SessionCode.HUB_SENDS_COMMANDS)
-        elif isinstance(message, Hello | Environment) and is_hub:
-            self._find(source, SessionCode.HUB_SENDS_AS_WHEEL)
-        elif isinstance(message, Hello):
-            wheel = self._wheel(source)
-            # Blocks before and behind a hello that is repeated belong to the same statement.
-            if wheel.hello != message:
-                self._review_pending(source, wheel)
-            self._hello(source, wheel, message)
-        elif isinstance(message, Environment):
-            self._environment(source, message)
-        elif isinstance(message, TimeSync) and message.hub_us & 0xFFFF_FFFF != tick_us:
-            self._find(source, SessionCode.HUB_TIME_AGAINST_TICK, hub_us=float(message.hub_us), tick_us=float(tick_us))
 
     def _hello(self, source: _Source, wheel: _Wheel, hello: Hello) -> None:
         previous, hub = wheel.hello, source[:2]
@@ -332,31 +317,20 @@ class StatementWatch:
         if temperature_degc is not None and not is_possible_temperature(temperature_degc):
             self._find(source, SessionCode.TEMPERATURE_IMPOSSIBLE, temperature_degc=temperature_degc)
 
-    def _review_pending(self, source: _Source, wheel: _Wheel) -> None:
-        if wheel.pending:
-            ticks_us, samples = zip(*wheel.pending, strict=True)
-            wheel.pending.clear()
-            first, tick = np.array([[block.first_sample for block in samples], ticks_us], np.int64)
-            self._review(source, wheel, _Blocks(first, tick, samples[0].axes, [block.counts for block in samples]))
-
-    def _review(self, source: _Source, wheel: _Wheel, blocks: _Blocks) -> None:
-        """Compare blocks of samples with the wheel's hello."""
-        hello = wheel.hello
-        if hello is None:
+    def _review(self, source: _Source, wheel: _Wheel) -> None:
+        """Compare the blocks that wait with the wheel's hello."""
+        hello, first, tick = wheel.hello, np.array(wheel.firsts, np.int64) & COUNTER_MASK, np.array(wheel.ticks_us)
+        wheel.firsts, wheel.ticks_us = [], []
+        if hello is None or not len(first):
             return
-        if blocks.axes == hello.axes:
-            for index in np.flatnonzero(chosen(blocks.first)).tolist():
-                for code, values in wheel.content.block(hello, blocks.counts[index]):
-                    self._find(source, code, 1, **values)
-        else:
-            sent, stated = _axes_named(blocks.axes), _axes_named(hello.axes)
-            self._find(source, SessionCode.HELLO_AXES_DIFFER, len(blocks.first), sent=sent, stated=stated)
-        last = wheel.last or (int(blocks.first[0]), int(blocks.tick[0]))
-        wheel.last = int(blocks.first[-1]), int(blocks.tick[-1])
-        samples = _steps(last[0], blocks.first)
-        us = _steps(last[1], blocks.tick)
+        if wheel.axes != hello.axes:
+            sent, stated = _axes_named(wheel.axes), _axes_named(hello.axes)
+            self._find(source, SessionCode.HELLO_AXES_DIFFER, len(first), sent=sent, stated=stated)
+        last = wheel.last or (int(first[0]), int(tick[0]))
+        wheel.last = int(first[-1]), int(tick[-1])
+        samples, us = _steps(last[0], first), _steps(last[1], tick)
         jumps = np.flatnonzero(is_jump(samples, us, hello.rate_hz))
-        repeated = wheel.repeated(blocks, samples, jumped=len(jumps) > 0)
+        repeated = wheel.repeated((first << 32) ^ tick, samples, jumped=len(jumps) > 0)
         if repeated:
             self._find(source, SessionCode.SAMPLES_REPEATED, repeated)
         if len(jumps):

@@ -4,10 +4,8 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Final
 
-import numpy as np
-
-from firmware_protocol.block_decoder import FrameBatch
-from firmware_protocol.messages import Environment, Hello, MessageType
+from firmware_protocol.frame_blocks import SampleRun
+from firmware_protocol.messages import Environment, Frame, Hello
 from gateway.core.config.vehicle import ASSUMED_RADIUS_MM, Tire, VehicleConfig, Wheel
 from gateway.core.reasons import Level, Notice, Reason
 from gateway.core.session.reasons import SessionCode
@@ -86,24 +84,22 @@ class SensorsHeard:
         self._sensors: dict[tuple[int, int], set[int]] = {}
         self._with_pressure: set[tuple[int, int]] = set()
 
-    def take(self, batch: FrameBatch) -> None:
-        """Take the hellos and the pressure readings of a batch."""
-        for index in np.flatnonzero(batch.type == MessageType.HELLO).tolist():
-            hello = batch.message(index)
-            assert isinstance(hello, Hello)
-            sensors = self._sensors.setdefault((int(batch.hub[index]), int(batch.wheel[index])), set())
+    def samples(self, link: str, run: SampleRun) -> None:
+        """Take no notice."""
+
+    def message(self, link: str, frame: Frame) -> None:
+        """Take a hello or a pressure reading."""
+        del link
+        address, message = (frame.hub, frame.wheel), frame.message
+        if isinstance(message, Hello):
+            sensors = self._sensors.setdefault(address, set())
             # A wheel has had few sensors; more are made up, and reported as changes of HELLO.
             if len(sensors) < _MOST_SENSORS:
-                sensors.add(hello.sensor_id)
-
-        for index in np.flatnonzero(batch.type == MessageType.ENVIRONMENT).tolist():
-            address = int(batch.hub[index]), int(batch.wheel[index])
-            if address not in self._with_pressure:
-                reading = batch.message(index)
-                assert isinstance(reading, Environment)
-                possible = possible_reading(reading)
-                if possible is not None and possible.pressure_pa is not None:
-                    self._with_pressure.add(address)
+                sensors.add(message.sensor_id)
+        elif isinstance(message, Environment) and address not in self._with_pressure:
+            possible = possible_reading(message)
+            if possible is not None and possible.pressure_pa is not None:
+                self._with_pressure.add(address)
 
     def hears_pressure(self, position: str) -> None:
         """Note that a receiver beside the hub has brought a pressure of a wheel."""

@@ -1,22 +1,17 @@
 """Routing of frames to wheels: admission, names, and the clocks of hubs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from itertools import pairwise
-from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_protocol.messages import HUB_ITSELF, Environment, Hello, Message
+from firmware_protocol.frame_blocks import FrameBlock, SampleRun, Stretch
+from firmware_protocol.messages import HUB_ITSELF, Environment, Frame, Hello
 from firmware_protocol.sequence import unwrap
 from firmware_protocol.wheel_limit import WheelLimit
 from gateway.core.wheels.timebase import HostClock
-
-if TYPE_CHECKING:
-    from firmware_protocol.block_decoder import FrameBatch, SampleGroup
 
 
 class Hub:
@@ -33,8 +28,6 @@ class Hub:
         self.boot_count: int | None = None
         self.last_us: int | None = None
         self.host = HostClock()
-        # Hub times of frames whose arrival the host's clock does not know yet.
-        self._arrived_us: list[int] = []
 
     def restart(self) -> None:
         """Forget the clock before a start."""
@@ -46,27 +39,26 @@ class Hub:
         self.last_us = tick_us if self.last_us is None else unwrap(self.last_us, tick_us)
         return self.last_us
 
-    def arrived(self, tick_us: int) -> int:
-        """Return the hub time of the next frame, without wraps; the host's clock learns of it by `stamp_arrivals`."""
-        unwrapped = self.unwrap(tick_us)
-        self._arrived_us.append(unwrapped)
-        return unwrapped
-
-    def stamp_arrivals(self, host_ns: int) -> None:
-        """Let the host's clock know that the frames since the last call arrived together at `host_ns`."""
-        if self._arrived_us:
-            self.host.stamp_arrival(self._arrived_us, host_ns)
-            self._arrived_us.clear()
-
     def stamp_all(self, ticks_us: NDArray[np.uint32], hosts_ns: NDArray[np.int64] | None) -> NDArray[np.int64]:
         """Take the ticks and any arrivals of frames, (n,) each, n > 0; return their hub times without wraps."""
-        first = self.unwrap(int(ticks_us[0]))
-        steps = np.diff(ticks_us).astype(np.int32).astype(np.int64)
-        unwrapped = first + np.concatenate(([0], np.cumsum(steps)))
+        unwrapped = np.full(len(ticks_us), self.unwrap(int(ticks_us[0])))
+        unwrapped[1:] += np.cumsum((ticks_us[1:] - ticks_us[:-1]).view(np.int32), dtype=np.int64)
         if hosts_ns is not None:
             self.host.stamp_all(unwrapped, hosts_ns)
         self.last_us = int(unwrapped[-1])
         return unwrapped
+
+
+class StreamWatcher(Protocol):
+    """What else takes the frames of all admitted sources, each before its wheel does."""
+
+    def samples(self, link: str, run: SampleRun) -> None:
+        """Take samples."""
+        ...
+
+    def message(self, link: str, frame: Frame) -> None:
+        """Take a frame without samples."""
+        ...
 
 
 class RoutedWheel(Protocol):
@@ -111,6 +103,7 @@ class FrameRouter(Generic[WheelT]):
             configured: positions of the configured wheels, by hub and number.
             make: returns the wheel of a position, a hub number, a wheel number and the clock of the hub.
         """
+        self._watchers: list[StreamWatcher] = []
         self.limit = WheelLimit(configured)
         self.wheels: dict[tuple[str, int, int], WheelT | None] = {}
         self._configured = configured
@@ -118,20 +111,27 @@ class FrameRouter(Generic[WheelT]):
         self._make = make
         self._hubs: dict[tuple[str, int], Hub] = {}
 
-    def batch(self, link: str, batch: FrameBatch, host_ns: NDArray[np.int64] | None) -> None:
-        """Take a block of decoded frames that arrived on `link` at `host_ns`, (frames,), None where that is unknown."""
-        for stretch in batch.stretches(partial(self.limit.admits, link)):
-            if stretch.parts:
-                ticks_us = self._stamp(link, batch, stretch.frames, stretch.is_used, host_ns)
-                for group, part in stretch.parts:
-                    self._group(link, group, part, ticks_us[group.frame_index[part] - stretch.frames.start])
-            if (other := stretch.other) is not None:
-                hub, number, message = int(batch.hub[other]), int(batch.wheel[other]), batch.message(other)
-                arrived_ns = int(host_ns[other]) if host_ns is not None else None
-                self.slow(link, hub, number, int(batch.tick_us[other]), message, arrived_ns)
+    def attach(self, watcher: StreamWatcher) -> None:
+        """Let a watcher take the frames that come."""
+        self._watchers.append(watcher)
 
-    def slow(self, link: str, hub_number: int, number: int, tick: int, message: Message, host_ns: int | None) -> None:
+    def take(self, link: str, block: FrameBlock, hosts_ns: NDArray[np.int64] | None) -> None:
+        """Take frames of `link` that arrived at `hosts_ns`, (frames,), None where that is unknown."""
+        for stretch in block.stretches(partial(self.limit.admits, link)):
+            for watcher in self._watchers:
+                for run in stretch.runs:
+                    watcher.samples(link, run)
+            if stretch.runs:
+                self._samples(link, block, stretch, hosts_ns)
+            if stretch.last is not None:
+                place, frame = stretch.last
+                for watcher in self._watchers:
+                    watcher.message(link, frame)
+                self._slow(link, frame, int(hosts_ns[place]) if hosts_ns is not None else None)
+
+    def _slow(self, link: str, frame: Frame, host_ns: int | None) -> None:
         """Take a frame without samples of an admitted source; `host_ns` is None without arrival."""
+        _, hub_number, number, _, tick, message = frame
         hub = self.hub(link, hub_number)
         if isinstance(message, Hello):
             if hub.boot_count is not None and hub.boot_count != message.boot_count:
@@ -163,12 +163,6 @@ class FrameRouter(Generic[WheelT]):
         """Yield the hubs of a link by number."""
         return ((number, hub) for (of_link, number), hub in self._hubs.items() if of_link == link)
 
-    def stamp_arrivals(self, link: str, host_ns: int) -> None:
-        """Let the clocks of a link's hubs know that the frames since the last call arrived together at `host_ns`."""
-        for (of_link, _), hub in self._hubs.items():
-            if of_link == link:
-                hub.stamp_arrivals(host_ns)
-
     def wheel(self, link: str, hub: int, number: int) -> WheelT | None:
         """Return an admitted wheel, new if need be; None for the hub itself, and for one that is of no interest."""
         if number == HUB_ITSELF:
@@ -182,31 +176,14 @@ class FrameRouter(Generic[WheelT]):
             self.wheels[key] = self._make(position, hub, number, self.hub(link, hub))
         return self.wheels[key]
 
-    def _stamp(
-        self,
-        link: str,
-        batch: FrameBatch,
-        part: slice,
-        is_used: NDArray[np.bool_],
-        host_ns: NDArray[np.int64] | None,
-    ) -> NDArray[np.int64]:
-        """Unwrap the hub time of a run of sample frames and update the hubs' clocks; unused frames change nothing."""
-        hubs = np.asarray(batch.hub[part])
-        ticks = np.asarray(batch.tick_us[part]).astype(np.uint32)
-        unwrapped = np.empty(len(ticks), np.int64)
-        for number in np.unique(hubs[is_used]).tolist():
-            frames = np.flatnonzero((hubs == number) & is_used)
-            arrivals_ns = host_ns[part][frames] if host_ns is not None else None
-            unwrapped[frames] = self.hub(link, number).stamp_all(ticks[frames], arrivals_ns)
-        return unwrapped
-
-    def _group(self, link: str, group: SampleGroup, part: slice, ticks_us: NDArray[np.int64]) -> None:
-        wheel = self.wheel(link, group.hub, group.wheel)
-        if wheel is None:
-            return
-        host = self.hub(link, group.hub).host
-        first, counts = np.asarray(group.first_sample[part]).astype(np.uint32), group.counts[part]
-        breaks = np.flatnonzero(np.diff(first) != counts.shape[1]) + 1
-        for lo, hi in pairwise([0, *breaks.tolist(), len(first)]):
-            run = counts[lo:hi].reshape(-1, counts.shape[2])
-            wheel.add(int(first[lo]), ticks_us[lo:hi].tolist(), group.axes, run, host)
+    def _samples(self, link: str, block: FrameBlock, stretch: Stretch, hosts_ns: NDArray[np.int64] | None) -> None:
+        """Unwrap the hub times of samples, update the clocks of their hubs, and add them to their wheels."""
+        begin, ticks_us = stretch.begin, block.tick_us
+        unwrapped_us = np.empty(stretch.end - begin, np.int64)
+        for number, places in stretch.hubs:
+            arrivals_ns = hosts_ns[places] if hosts_ns is not None else None
+            unwrapped_us[np.subtract(places, begin)] = self.hub(link, number).stamp_all(ticks_us[places], arrivals_ns)
+        for run in stretch.runs:
+            if (wheel := self.wheel(link, run.hub, run.wheel)) is not None:
+                run_us = unwrapped_us[np.subtract(run.places, begin)].tolist()
+                wheel.add(run.first_sample, run_us, run.axes, run.counts, self.hub(link, run.hub).host)

@@ -33,8 +33,8 @@ _STEADY_SHARE: Final = 0.4
 _LOWEST_CORNER_HZ: Final = 0.2
 
 
-def chosen(first_sample: NDArray[np.int64] | int) -> NDArray[np.bool_] | bool:
-    """Return whether blocks are looked at, by their first samples."""
+def is_chosen(first_sample: int) -> bool:
+    """Return whether a block is looked at, by its first sample."""
     return (first_sample * _HASH & 0xFFFF_FFFF) >> _HASH_SHIFT == 0
 
 

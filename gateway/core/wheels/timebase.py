@@ -224,6 +224,7 @@ class HostClock:
 
     def stamp(self, tick_us: int, host_ns: int) -> None:
         """Add the arrival at `host_ns` of a frame with hub time `tick_us` (unwrapped)."""
+        self._newest = tick_us, host_ns
         window = tick_us // _HOST_WINDOW_US
         if self._first is None:
             self._first = (tick_us, host_ns)
@@ -238,16 +239,6 @@ class HostClock:
             self._open_from = window - _CLOSED_AFTER_WINDOWS + 1
             self._closed.extend(self._open.pop(done) for done in sorted(self._open) if done < self._open_from)
 
-    def stamp_arrival(self, ticks_us: Sequence[int], host_ns: int) -> None:
-        """Add frames, at least one, that arrived together at `host_ns`, in their order."""
-        latest_us = max(ticks_us)
-        if self._first is None or min(ticks_us) // _HOST_WINDOW_US != latest_us // _HOST_WINDOW_US:
-            for tick_us in ticks_us:
-                self.stamp(tick_us, host_ns)
-        else:
-            # The latest one had the least delay, which alone counts.
-            self.stamp(latest_us, host_ns)
-
     def stamp_all(self, ticks_us: NDArray[np.int64], hosts_ns: NDArray[np.int64]) -> None:
         """Add the arrivals of frames, (n,) each, in their order, n > 0."""
         if self._first is None:
@@ -259,10 +250,7 @@ class HostClock:
             # Of the frames of one window only the earliest counts.
             earliest = begin + int(delays_ns[begin:end].argmin())
             self.stamp(int(ticks_us[earliest]), int(hosts_ns[earliest]))
-
-    def measure_latency(self, tick_us: int, host_ns: int) -> None:
-        """Set the frame that the latency is that of."""
-        self._newest = tick_us, host_ns
+        self._newest = int(ticks_us[-1]), int(hosts_ns[-1])
 
     @property
     def latency_s(self) -> float | None:

@@ -226,15 +226,13 @@ class WheelPipeline:
         buffer, segmenter = self._buffer, self._segmenter
         return buffer is None or segmenter is None or unwrap(buffer.head, next_sample) >= segmenter.next_index
 
-    def overdue_s(self, now_us: int | None) -> float:
-        """Return for how long revolutions have been due at a hub time; negative before, or when there are none."""
+    def is_due(self, now_us: int | None) -> bool:
+        """Return whether revolutions have waited long enough at a hub time."""
         if not self._decided:
-            return -math.inf
+            return False
         assert self._buffer is not None
-        assert self._clock is not None
         # By samples too: the hub's time may stand still. By time too: the wheel may send no more samples.
-        by_samples = (self._buffer.head - self._due_at) / self._clock.nominal_rate_hz
-        return by_samples if now_us is None else max(by_samples, (now_us - self._due_us) * 1e-6)
+        return self._buffer.head >= self._due_at or (now_us is not None and now_us >= self._due_us)
 
     def complete(self) -> list[RevolutionResult]:
         """Work on the revolutions that wait, and return those that were completed since the last call."""

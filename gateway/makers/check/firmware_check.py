@@ -10,6 +10,7 @@ from typing import Final
 from firmware_protocol import wire
 from firmware_protocol.checks import PayloadError
 from firmware_protocol.codec import DECODERS, decode_payload
+from firmware_protocol.frame_blocks import FrameList
 from firmware_protocol.framing import next_frame
 from firmware_protocol.messages import (
     HUB_ITSELF,
@@ -211,7 +212,7 @@ class FirmwareCheck:
         self._exercised(seen)
         self._clock.frame(seen)
         self._signal.frame(seen)
-        self._watch.frames(self._link, [seen.as_frame])
+        self._watch.take(self._link, FrameList([seen.as_frame]))
         for notice in self._watch.new():
             clause = CLAUSE_OF.get(notice.reason.code)
             if clause is not None:

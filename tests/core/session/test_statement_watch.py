@@ -8,6 +8,7 @@ import pytest
 
 from firmware_protocol.block_decoder import BatchDecoder
 from firmware_protocol.decoder import FrameDecoder
+from firmware_protocol.frame_blocks import FrameList
 from firmware_protocol.messages import EVERY_HUB, HUB_ITSELF, Coupling, MessageType, SetRate, SetStream, TimeSync
 from firmware_protocol.reference_frames import payload_bytes
 from gateway.core.config.vehicle import parse_vehicle
@@ -30,7 +31,7 @@ FL = {(0, 0): "FL"}
 def streamed(hub: HubFrames) -> list[Notice]:
     watch, decoder = StatementWatch(FL), FrameDecoder()
     for data in hub.stream:
-        watch.frames("x", decoder.feed(data))
+        watch.take("x", FrameList(decoder.feed(data)))
     watch.counters("x", decoder.counters)
     return watch.contradictions()
 
@@ -39,8 +40,8 @@ def batched(hub: HubFrames, block_bytes: int) -> list[Notice]:
     watch, decoder = StatementWatch(FL), BatchDecoder()
     data = b"".join(hub.stream)
     for index in range(0, len(data), block_bytes):
-        watch.batch("x", decoder.feed(data[index : index + block_bytes]))
-    watch.batch("x", decoder.finish())
+        watch.take("x", decoder.feed(data[index : index + block_bytes]))
+    watch.take("x", decoder.finish())
     watch.counters("x", decoder.counters)
     return watch.contradictions()
 
@@ -262,11 +263,11 @@ def test_new_connection_begins_anew() -> None:
     watch, decoder, hub = StatementWatch(), FrameDecoder(), HubFrames()
     hub.hello()
     hub.samples(1.0)
-    watch.frames("x", decoder.feed(b"".join(hub.stream)))
+    watch.take("x", FrameList(decoder.feed(b"".join(hub.stream))))
     watch.reopened("x")
     hub.stream.clear()
     hub.samples(1.0, first=10**6, start_us=5.0)
-    watch.frames("x", decoder.feed(b"".join(hub.stream)))
+    watch.take("x", FrameList(decoder.feed(b"".join(hub.stream))))
     assert watch.contradictions() == []
 
 
@@ -320,7 +321,7 @@ def test_two_links_are_told_apart() -> None:
     for link in ("a", "b"):
         hub = HubFrames()
         absurd_scale(hub)
-        watch.frames(link, FrameDecoder().feed(b"".join(hub.stream)))
+        watch.take(link, FrameList(FrameDecoder().feed(b"".join(hub.stream))))
     assert [notice.subject for notice in watch.contradictions()] == ["a, hub0.wheel0", "b, hub0.wheel0"]
     assert [notice.reason.code for notice in watch.new()] == [SessionCode.HELLO_SCALE_ABSURD] * 2
     assert watch.new() == []

@@ -61,7 +61,7 @@ def run_batch(packets, setups=(SETUP,), block=50_000, hold_s=0.0):
     def take(batch):
         if len(batch.type):
             host = arrivals[np.minimum(np.searchsorted(ends, batch.end_offset), len(arrivals) - 1)]
-            results.extend(pipeline.batch("link", batch, host))
+            results.extend(pipeline.take("link", batch, host))
 
     for index in range(0, len(whole), block):
         take(decoder.feed(whole[index : index + block]))
@@ -101,10 +101,10 @@ def test_pieces_of_a_file_cut_no_block_of_revolutions(four_wheels, monkeypatch):
 
     monkeypatch.setattr(TireEstimates, "take_block", counted)
     packets = stream(four_wheels, 900_000)
-    whole, _ = run_batch(packets, SETUPS, 10**7, hold_s=4.0)
+    whole, _ = run_batch(packets, SETUPS, 10**7, hold_s=7.6)
     sizes_of_whole = sorted(sizes)
     sizes.clear()
-    pieces, _ = run_batch(packets, SETUPS, 5_000, hold_s=4.0)
+    pieces, _ = run_batch(packets, SETUPS, 5_000, hold_s=7.6)
     assert sorted(sizes) == sizes_of_whole
     assert_agree(pieces, whole)
 
@@ -116,7 +116,7 @@ def test_revolutions_of_a_file_wait_for_a_silent_wheel_for_two_holds_at_most(fou
     pipeline, decoder, came = Pipeline(SETUPS, UNKNOWN, ("kinematic",), hold_s), BatchDecoder(), []
     for data, host_ns in stream(frames[:until], 900_000):
         batch = decoder.feed(data)
-        came += pipeline.batch("link", batch, np.full(len(batch), host_ns)) if len(batch) else []
+        came += pipeline.take("link", batch, np.full(len(batch), host_ns)) if len(batch) else []
     of_wheel = [result for result in came if result.position == "W0"]
     assert len(of_wheel) > 3
     # What is left ends with the samples, in a contact that only the end of the file completes.
