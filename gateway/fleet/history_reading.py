@@ -28,7 +28,8 @@ from gateway.core.types import FloatArray
 from gateway.fleet.dataset import FAILURES, Key, is_identified, partition_name, read_description
 from gateway.fleet.parquet_parts import read_rows
 from gateway.fleet.reasons import FleetCode
-from gateway.fleet.recording_estimation import RECORDINGS
+from gateway.fleet.recording_estimation import AVERAGE_ORDERS, RECORDINGS
+from gateway.fleet.trends.structure_trend import FIRST_ORDER, LAST_ORDER
 from gateway.fleet.trends.tire_history import TireHistory
 
 Odometer = Mapping[str, tuple[NDArray[np.int64], FloatArray]]
@@ -37,7 +38,7 @@ Odometer = Mapping[str, tuple[NDArray[np.int64], FloatArray]]
 _PLAIN: Final = (
     "recording_id", "recording", "path", "position", "sensor_id", "start_utc", "begin_utc", "end_utc", "hub_zero_utc",
     "duration_s", "revolutions", "revolutions_valid", "distance_m", "stated_radius_m", "ring_thickness_m", "reference",
-    "load_calibration", "faults", "alarms", "damage",
+    "load_calibration", "faults", "alarms", "damage", AVERAGE_ORDERS.name,
     "speed_mean_mps", "load_n", "load_std_n", "pressure_pa", "pressure_measured", "temperature_degc", "noise_mps2",
     "samples", "samples_lost", "samples_saturated", "mounting_offset_m", "mounting_offset_std_m",
     "test", "driver", "comment", "tags", "tire_maker", "tire_dot",
@@ -46,7 +47,7 @@ _ESTIMATES: Final = tuple(quantity.column for quantity in declared() if quantity
 _TIMES: Final = ("start_utc", "begin_utc", "end_utc", "hub_zero_utc")
 _TEXT: Final = frozenset(
     {"recording_id", "recording", "path", "position", "sensor_id", "reference", "load_calibration", "faults", "alarms",
-     "damage", "test", "driver", "comment", "tags", "tire_maker", "tire_dot", *_TIMES}
+     "damage", AVERAGE_ORDERS.name, "test", "driver", "comment", "tags", "tire_maker", "tire_dot", *_TIMES}
 )  # fmt: skip
 # Columns without which a file is no table of recordings.
 _NEEDED: Final = ("recording_id", "recording", "path", "position", "sensor_id", "start_utc")
@@ -190,11 +191,11 @@ def _read_files(root: Path, estimates: Sequence[str], where: RunFilter, latest_n
     for path in sorted((root / RECORDINGS).glob("*/*/*.parquet")):
         key = Key.of_name(path.name)
         if key is None or key.recording_id in read:
-            notes.append(Reason(FleetCode.TREND_FOREIGN_FILE, path=str(path)))
+            notes.append(Reason(FleetCode.TREND_FILE_LEFT_OUT, why="foreign", path=str(path)))
             continue
         file_rows = read_rows(path, names, _NEEDED)
         if file_rows is None:
-            notes.append(Reason(FleetCode.TREND_UNREADABLE_FILE, path=str(path)))
+            notes.append(Reason(FleetCode.TREND_FILE_LEFT_OUT, why="unreadable", path=str(path)))
             continue
         described += len(file_rows)
         file_rows = [row for row in file_rows if not where.conditions or where.matches(_run(row), _POSITION)]
@@ -320,6 +321,7 @@ def _history(
     ]
     columns = {name: _numbers(rows, name) for name in numbers}
     columns["damaged"] = np.array([float(bool(row.get("damage"))) for row in rows])
+    columns[AVERAGE_ORDERS.name] = _orders(rows)
     vehicle, position, sensor_id = key
     readings = odometer.get(vehicle) if odometer is not None else None
     return TireHistory(
@@ -345,6 +347,13 @@ def _history(
             Statement.CALIBRATION: tuple(str(row.get("load_calibration") or "") for row in rows),
         },
     )
+
+
+def _orders(rows: Sequence[Row]) -> FloatArray:
+    """Return (n, 2 k) cosines and sines of the averaged waveforms, NaN where there is none."""
+    size = 2 * (LAST_ORDER - FIRST_ORDER + 1)
+    lists = [_listed(row, AVERAGE_ORDERS.name, float) for row in rows]
+    return np.array([values if len(values) == size else [math.nan] * size for values in lists], dtype=np.float64)
 
 
 def _last_reason(rows: Sequence[Row], name: str) -> str:
@@ -382,12 +391,13 @@ def _commonest_fault(row: Row) -> str:
     return str(most.get("text", ""))
 
 
-def _listed(row: Row, name: str) -> list[dict[str, Any]]:
+def _listed(row: Row, name: str, kind: type = dict) -> list[Any]:
+    """Return the entries of a kind of a cell in JSON."""
     try:
         entries = json.loads(row.get(name) or "[]")
     except ValueError:
         return []
-    return [entry for entry in entries if isinstance(entry, dict)] if isinstance(entries, list) else []
+    return [entry for entry in entries if isinstance(entry, kind)] if isinstance(entries, list) else []
 
 
 def _as_text(value: float | None) -> str:

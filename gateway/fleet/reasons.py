@@ -38,9 +38,12 @@ class FleetCode(Codes):
     TREND_DISTANCE_SHORT = Code("the recordings span {distance_m:.3g km}: a rate per 1,000 km needs {needed_m:.0f km}")
     TREND_FEW_VALID = Code("more than half of the revolutions are not used in {count} of {of} recordings: {why}")
     TREND_FINDINGS_MARKED = Code("findings that are marked in {file}, and have not grown since: {count}")
-    TREND_FOREIGN_FILE = Code("left out, because it is not a file of this dataset: {path}")
     TREND_LAST_DEVIATES = Code(
         "the last recording, {date}, deviates from the trend by {deviation:+.1f} standard deviations"
+    )
+    TREND_FILE_LEFT_OUT = Code(
+        "left out, because it {why}: {path}",
+        why={"foreign": "is not a file of this dataset", "unreadable": "cannot be read"},
     )
     TREND_LOAD_STATED = Code("as stated, not measured")
     TREND_LOSES_PRESSURE = Code("loses {loss_pa:.1f kPa} ± {std_pa:.1g kPa} a month")
@@ -130,6 +133,12 @@ class FleetCode(Codes):
     )
     TREND_STEPS = Code("steps that are fitted and left out of the trend: {count}")
     TREND_STIFFNESS_DRIFTS = Code("{name} changes by {share:.2%} ± {std:.2%} a month")
+    TREND_STRUCTURE_CHANGED = Code(
+        "structure: the waveform far from the sensor's contact {course}, now by {change:.2%} ± {std:.2%} of the "
+        "centripetal acceleration, {scatters:.1f} scatters of a recording, most with the sensor {place_rad:.0f deg} "
+        "{side} the contact. Belt, tread, rim or sensor at one place; which is not known: inspect the tire",
+        course={"growing": "grows since {date}", "sudden": "has changed at once by {date}"},
+    )
     TREND_TEMPERATURE_CONSTANT = Code("the temperature varies too little, or is not known")
     TREND_TEMPERATURE_IMPOSSIBLE = Code(
         "sensor: a temperature of up to {temperature_degc:.0f} °C in {count} recordings, which no tire has; left out "
@@ -156,7 +165,6 @@ class FleetCode(Codes):
         "several vehicles. Their numbers are marked ~ and make no finding. Set name in [vehicle], and estimate again"
     )
     TREND_UNDETERMINED = Code("the recordings do not determine it")
-    TREND_UNREADABLE_FILE = Code("left out, because it cannot be read: {path}")
     TREND_VEHICLE_WITHOUT_ODOMETER = Code(
         "the odometer file does not cover vehicle {vehicle}: its distance is the recorded one"
     )

@@ -8,12 +8,14 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
 from gateway import __version__
 from gateway.core.config.vehicle import VehicleConfig
 from gateway.core.errors import ConfigError, OutputError, RecordingError, TreadlinkError
 from gateway.core.estimates.registry import make_estimator
 from gateway.core.estimates.result_block import ResultBlock, blocks_of
-from gateway.core.estimates.results import RevolutionResult
+from gateway.core.estimates.results import RevolutionResult, WheelSnapshot
 from gateway.core.estimates.wheel_setup import CorrectionTable
 from gateway.core.feature import Registry
 from gateway.core.plugins import installed
@@ -22,6 +24,7 @@ from gateway.core.reasons import Code, Reason
 from gateway.core.recording.file_content import FileContent
 from gateway.core.recording.reader import REPAIR_REMEDY, RecordingReader
 from gateway.core.recording.run_description import RunDescription, TireIdentity
+from gateway.core.revolutions.order_spectrum import order_coefficients
 from gateway.core.session.corrections import check_effects
 from gateway.core.session.reasons import SessionCode
 from gateway.core.session.recording_pass import OpenedRecording, RecordingPass, open_recording
@@ -31,6 +34,7 @@ from gateway.core.table_columns import (
     RECORDING_TAIL,
     RESULT_HEAD,
     RESULT_TAIL,
+    Column,
     recording_columns,
     revolution_columns,
 )
@@ -47,7 +51,11 @@ from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.fleet.content_keys import settings_key
 from gateway.fleet.parquet_parts import PartFile
 from gateway.fleet.reasons import FleetCode
+from gateway.fleet.trends.structure_trend import FIRST_ORDER, LAST_ORDER
 
+AVERAGE_ORDERS: Final = Column(
+    "average_orders", "cosines and sines of the radial average over R Omega^2, from the contact centre, as JSON", str
+)
 REVOLUTIONS: Final = "revolutions"
 RECORDINGS: Final = "recordings"
 
@@ -336,7 +344,8 @@ def _recording_rows(
     path = order.folder / f"{order.token}.{RECORDINGS}.parquet"
     statements = estimation.statements.contradictions()
     run, doubts = info.described_run(), recording.effects_doubts()
-    with PartFile(path, recording_columns(names), RECORDINGS) as part:
+    columns = {**recording_columns(names), AVERAGE_ORDERS.name: AVERAGE_ORDERS}
+    with PartFile(path, columns, RECORDINGS) as part:
         for position in positions:
             tire = configured_tire(vehicle, position)
             mine = [*(alarm for alarm in alarms if alarm.position == position), *of_links]
@@ -375,6 +384,7 @@ def _recording_rows(
                 # A belt radius that the configuration lists as assumed is not stated.
                 "stated_radius_m": tire.radius_m if tire and not is_assumed(vehicle, Quantity.RADIUS) else None,
                 "tire_size": tire.size if tire else None,
+                AVERAGE_ORDERS.name: _average_orders(states.get(position)),
                 **_run_cells(run, position),
                 "size_bytes": content.size_bytes,
                 "version": __version__,
@@ -395,6 +405,16 @@ def _recording_rows(
         damage=damage,
         peak_bytes=_peak_bytes(),
     )
+
+
+def _average_orders(wheel: WheelSnapshot | None) -> str | None:
+    """Return the orders of the averaged waveform of a wheel that trends follow, None without an average."""
+    if wheel is None or wheel.last is None or wheel.average_mps2 is None:
+        return None
+    scale_mps2 = wheel.last.conditions.radius_m * wheel.last.revolution.omega_radps**2
+    orders = order_coefficients(wheel.average_mps2)[FIRST_ORDER : LAST_ORDER + 1] / scale_mps2
+    parts = np.stack([orders.real, -orders.imag], axis=1).ravel()
+    return json_cell([float(f"{part:.3e}") for part in parts]) if np.isfinite(parts).all() else None
 
 
 def _run_cells(run: RunDescription, position: str) -> dict[str, Cell]:

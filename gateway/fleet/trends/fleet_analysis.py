@@ -26,10 +26,11 @@ from gateway.fleet.trends.recording_doubts import findings_of_recordings
 from gateway.fleet.trends.regression import LEAST_FREEDOM
 from gateway.fleet.trends.sensor_trend import add_sensor
 from gateway.fleet.trends.stated_changes import findings_of_changes, places_of, stated_changes
+from gateway.fleet.trends.structure_trend import structure_change
 from gateway.fleet.trends.tire_history import TireHistory
 from gateway.fleet.trends.tire_lines import TireWork
 from gateway.fleet.trends.tire_trends import add_load, add_rate, add_stiffness, add_wear
-from gateway.fleet.trends.trend_line import centred, is_constant, level_columns, quantile_of
+from gateway.fleet.trends.trend_line import centred, date_of, is_constant, level_columns, quantile_of
 from gateway.fleet.trends.trend_result import FleetTrends, Quantity, TireTrend
 from gateway.fleet.trends.watched_series import SERIES, followed_by
 
@@ -158,6 +159,7 @@ def _trend_of(tire: TireWork) -> tuple[TireTrend, TireWork]:
     findings = with_causes(tire.findings, tire.onsets)
     findings += findings_of_changes(history, tire.changes)
     findings += tire.readings.findings
+    findings += _of_structure(history)
     of_steady_value = any(
         finding.series and Basis.GAIN in SERIES[finding.series].watch.explains for finding in tire.findings
     )
@@ -186,6 +188,25 @@ def _trend_of(tire: TireWork) -> tuple[TireTrend, TireWork]:
         # What differs between tires would be taken for a change of one.
         trend = replace(trend, numbers=tuple(map(of_unidentified_tire, trend.numbers)), findings=())
     return trend, tire
+
+
+def _of_structure(history: TireHistory) -> list[Reason]:
+    """Return the finding of a structure that changes, where there is one."""
+    change = structure_change(history)
+    if change is None:
+        return []
+    return [
+        Reason(
+            FleetCode.TREND_STRUCTURE_CHANGED,
+            course="sudden" if change.is_sudden else "growing",
+            date=date_of(int(history.time_ns[change.begin])),
+            change=change.share,
+            std=change.std,
+            scatters=change.share / change.scatter,
+            place_rad=abs(change.place_rad),
+            side="behind" if change.place_rad > 0.0 else "before",
+        )
+    ]
 
 
 def _with_fast_wear(tires: Sequence[TireTrend]) -> tuple[TireTrend, ...]:

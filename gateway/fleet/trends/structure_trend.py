@@ -1,0 +1,156 @@
+"""Structure of a tire over its recordings: what changes of the averaged waveform far from the sensor's own contact.
+
+The sensor is glued to the tire, so that the angle of its contact is an angle of the tire, revolution by revolution and
+recording by recording. A place of the belt, the tread or the rim that differs is in the contact when the sensor is at
+the same angle each time, and the waves that it sends on stand in the average there. In the short waves far from the
+sensor's contact, load, pressure, speed and even wear leave next to nothing: what they leave is fitted and taken away.
+Another sensor begins another tire, whose angles are others.
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gateway.core.types import FloatArray, IntArray
+from gateway.fleet.trends.tire_history import TireHistory
+
+FIRST_ORDER: Final = 12
+LAST_ORDER: Final = 50
+"""Orders of the averaged waveform that are followed: longer waves are the load's and the pressure's."""
+
+# Angle from the sensor's contact centre from which on a change is not that of the contact itself.
+_FAR_RAD: Final = 0.6
+_ANGLES: Final = 120
+_ROUND: Final = np.linspace(-np.pi, np.pi, _ANGLES, endpoint=False)
+_FAR: Final = _ROUND[np.abs(_ROUND) > _FAR_RAD]
+_COVARIATES: Final = ("contact_length_m", "pressure_pa", "temperature_degc")
+# Recordings from which each power of the speed is fitted: waves run on at their own speed, and turn with that of the
+# wheel. Freedom that must remain, recordings before and after a change.
+_PER_POWER: Final = 10
+_MOST_POWERS: Final = 4
+_LEAST_FREEDOM: Final = 10
+_LEAST_AFTER: Final = 3
+_STEPS_APART: Final = 3
+_RAMPS: Final = (0.0, 0.25, 0.5, 0.75)
+# Part of a course that the conditions must leave, to be told from them.
+_LEAST_APART: Final = 0.3
+# Orders of recordings by chance that the course is compared with, and standard deviations beyond their mean: healthy
+# rings reach 4. Change that is worth a finding, root mean square over R Omega^2.
+_CHANCES: Final = 100
+_MANY: Final = 6.0
+_NOTABLE: Final = 2e-3
+# A single recording counts no more than so many scatters.
+_LARGEST: Final = 4.0
+
+
+class StructureChange(NamedTuple):
+    """Change of the waveform.
+
+    Attributes:
+        begin: recording from which on.
+        is_sudden: whether it came at once, and does not grow.
+        place_rad: angle of the sensor behind the contact at which it is largest.
+        share: root mean square over the far angles at the last recording, over R Omega^2.
+        std: standard error of it.
+        scatter: of one recording.
+    """
+
+    begin: int
+    is_sudden: bool
+    place_rad: float
+    share: float
+    std: float
+    scatter: float
+
+
+def structure_change(history: TireHistory) -> StructureChange | None:
+    """Return how the waveform of a tire changes beside its conditions, None where it does not or recordings are few."""
+    orders = history.columns.get("average_orders")
+    if orders is None:
+        return None
+    speed = history.column("speed_mean_mps")
+    rows = np.flatnonzero(np.isfinite(orders).all(axis=1) & np.isfinite(speed))
+    conditions = [values for name in _COVARIATES if np.isfinite(values := history.column(name)[rows]).all()]
+    if len(rows) < 2 * _LEAST_FREEDOM:
+        return None
+    columns = _columns(speed[rows], conditions)
+    if len(rows) - columns.shape[1] - 1 < _LEAST_FREEDOM:
+        return None
+    base = np.linalg.qr(columns)[0]
+    waves = _without(base, _far_waveforms(orders[rows]))
+    scatters = np.sqrt(np.mean(waves**2, axis=1, keepdims=True))
+    waves *= np.minimum(1.0, _LARGEST * np.median(scatters) / np.maximum(scatters, 1e-12))
+    courses, begins = _courses(history.months[rows])
+    apart = _without(base, courses)
+    usable = np.linalg.norm(apart, axis=0) > _LEAST_APART * np.linalg.norm(courses - courses.mean(axis=0), axis=0)
+    courses, begins, apart = courses[:, usable], begins[usable], apart[:, usable]
+    freedom = len(rows) - columns.shape[1] - 1
+    if not courses.size or not np.any(waves):
+        return None
+    along = apart / np.linalg.norm(apart, axis=0)
+    chance = np.random.default_rng(len(rows))
+    explained = _explained(along, waves, freedom)
+    by_chance = [
+        _explained(along, _without(base, waves[chance.permutation(len(rows))]), freedom).max() for _ in range(_CHANCES)
+    ]
+    best = int(explained.argmax())
+    if explained[best] < np.mean(by_chance) + _MANY * np.std(by_chance):
+        return None
+    change = courses[-1, best] * (along[:, best] @ waves) / np.linalg.norm(apart[:, best])
+    rest = waves - np.outer(along[:, best], along[:, best] @ waves)
+    scatter = float(np.sqrt(np.sum(rest**2) / freedom / waves.shape[1]))
+    share = float(np.sqrt(np.mean(change**2)))
+    if share < _NOTABLE:
+        return None
+    std = scatter * float(courses[-1, best] / np.linalg.norm(apart[:, best]))
+    is_sudden = best >= int(usable[: len(_RAMPS)].sum())
+    place_rad = float(_FAR[np.abs(change).argmax()])
+    return StructureChange(int(rows[begins[best]]), is_sudden, place_rad, share, std, scatter)
+
+
+def _columns(speed: FloatArray, conditions: list[FloatArray]) -> FloatArray:
+    """Return the columns (n, p) of the conditions."""
+    count = len(speed)
+    powers = min(_MOST_POWERS, count // _PER_POWER) if _varies(speed) else 0
+    standard = _standard(speed) if powers else speed
+    others = [_standard(values) for values in conditions if _varies(values)]
+    crossed = [standard * others[0]] if powers and others and count >= _PER_POWER * _MOST_POWERS else []
+    return np.column_stack([np.ones(count), *(standard**power for power in range(1, powers + 1)), *others, *crossed])
+
+
+def _varies(values: FloatArray) -> bool:
+    return bool(np.ptp(values) > 1e-6 * np.abs(values).max())
+
+
+def _standard(values: FloatArray) -> FloatArray:
+    return np.asarray((values - values.mean()) / values.std(), dtype=np.float64)
+
+
+def _without(base: FloatArray, values: FloatArray) -> FloatArray:
+    """Return columns without what a basis (n, p) explains of them."""
+    return np.asarray(values - base @ (base.T @ values), dtype=np.float64)
+
+
+def _far_waveforms(orders: FloatArray) -> FloatArray:
+    """Return the waveforms (n, angles) of cosines and sines, in turn, of the orders."""
+    phases = np.outer(np.arange(FIRST_ORDER, LAST_ORDER + 1), _FAR)
+    return np.asarray(orders[:, 0::2] @ np.cos(phases) + orders[:, 1::2] @ np.sin(phases), dtype=np.float64)
+
+
+def _courses(months: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Return the courses (n, m) of a change, growing ones first, and the recordings (m,) at which they begin."""
+    count, span = len(months), months[-1] - months[0]
+    growing = [np.maximum(months - months[0] - share * span, 0.0) for share in _RAMPS]
+    steps = range(2 * _LEAST_AFTER, count - _LEAST_AFTER + 1, _STEPS_APART)
+    begins = [int(np.flatnonzero(course)[0]) if course.any() else 0 for course in growing]
+    return (
+        np.column_stack([*growing, *((np.arange(count) >= step).astype(np.float64) for step in steps)]),
+        np.array([*begins, *steps]),
+    )
+
+
+def _explained(along: FloatArray, waves: FloatArray, freedom: int) -> FloatArray:
+    """Return (m,) what each course explains over what it leaves, a degree of freedom each."""
+    explained = np.sum((along.T @ waves) ** 2, axis=1)
+    whole = np.sum(waves**2)
+    return np.asarray(explained * freedom / np.maximum(whole - explained, 1e-12 * whole), dtype=np.float64)
