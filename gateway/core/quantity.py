@@ -152,6 +152,7 @@ class Quantity:
             several with one name the estimate that comes first is shown.
         shown_unit: unit on screens, with its factor, where it is not the usual one of the unit in the name.
         is_in_state: whether the state of a wheel that live outputs publish has it.
+        plain: name for people who know tires, where the label is a symbol or a term; empty where the label is plain.
         entity: name in Home Assistant and in the short text of a revolution; empty for neither.
         bus: its signal on a CAN bus; None for none.
         watch: how trends follow it; None where they do not.
@@ -175,6 +176,7 @@ class Quantity:
     live_label: str | None = None
     shown_unit: tuple[str, float] | None = None
     is_in_state: bool = False
+    plain: str = ""
     entity: str = ""
     bus: OnBus | None = None
     watch: Watch | None = None

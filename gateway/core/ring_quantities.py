@@ -18,7 +18,8 @@ def _ring_number(
     return Quantity(
         name,
         description,
-        "balance of the rolling ring, scaled by Q / (p0 R^2)",
+        plain=f"{description.rpartition(' number ')[0]} number ({name})",
+        equation="balance of the rolling ring, scaled by Q / (p0 R^2)",
         powers={Basis.RADIUS: -2.0, Basis.LOAD: 1.0, Basis.PRESSURE: -1.0},
         rests_on=ON_SHAPE | {Basis.PRESSURE},
         possible=possible,

@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Callable
 from concurrent.futures import CancelledError
 from contextlib import suppress
+from functools import cache
 from typing import Any, Final
 
 from websockets.asyncio.server import ServerConnection
@@ -20,6 +21,7 @@ from gateway.core.errors import TreadlinkError
 from gateway.core.estimates.results import SessionSnapshot
 from gateway.core.links.reasons import LinkCode
 from gateway.core.reasons import Reason
+from gateway.core.text.page_parts import PageFile, joined_page, page_part
 from gateway.core.text.session_control import SessionControl
 from gateway.core.text.text import clean
 from gateway.core.text.trend_history import TrendHistory
@@ -38,10 +40,10 @@ from gateway.publishing.sink import (
     cannot_listen,
     host_and_port,
 )
-from gateway.publishing.web_page.page_html import page_file
 from gateway.publishing.web_page.page_state import page_quantities, page_state, page_trend, page_waveform
 
 PORT: Final = 8780
+_PAGE: Final = "gateway.publishing.web_page"
 _LONGEST_MARK: Final = 200
 _TREND_S: Final = 1.0
 _LAST_STATE_S: Final = 1.0
@@ -58,6 +60,14 @@ def open_page(address: SinkAddress, setting: SinkSetting) -> PageSink:
     if address.target.partition("/")[2]:
         raise SinkError(f"'{address.name}' has a path", "Write web://HOST:PORT.")
     return PageSink(host, port, setting.session)
+
+
+@cache
+def page_file() -> PageFile:
+    """Return the page."""
+    names = ("uPlot.min.css", "uPlot.iife.min.js", "pictures.js")
+    own = [page_part(name, _PAGE) for name in ("page.css", "page.js")]
+    return joined_page("page.html", _PAGE, [*map(page_part, names), *own])
 
 
 class PageSink(Sink):

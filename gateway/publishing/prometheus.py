@@ -154,8 +154,11 @@ def _add_numbers(metrics: dict[str, Any], message: JsonObject) -> None:
             continue
         name = f"treadlink_{kind}_{field}"
         family = CounterMetricFamily if field in _COUNTERS else GaugeMetricFamily
-        metric = metrics.setdefault(name, family(name, f"{field} of a {kind}, as in the states of JSON", labels=labels))
-        metric.add_metric(values, float(value))
+        # What nobody measured says so.
+        source = message.get(f"{field.rpartition('_')[0]}_source")
+        names, of_value = (labels, values) if source is None else ((*labels, "source"), (*values, source))
+        metric = metrics.setdefault(name, family(name, f"{field} of a {kind}, as in the states of JSON", labels=names))
+        metric.add_metric(of_value, float(value))
 
 
 def _estimates(wheels: Iterable[WheelSnapshot]) -> Iterator[Metric]:

@@ -101,11 +101,7 @@ class RolledRevolutions:
         }
 
     def restore(self, arrays: Arrays) -> None:
-        """Take what `arrays` returned.
-
-        Raises:
-            ValueError: it is not whole.
-        """
+        """Take what `arrays` returned; ValueError where it is not whole."""
         for name, values in arrays.items():
             kind, _, wheel = name.partition(" ")
             if kind == "revolutions":

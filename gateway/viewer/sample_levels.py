@@ -87,12 +87,7 @@ class SampleLevels:
         }
 
     def restore(self, arrays: Arrays) -> None:
-        """Take what `arrays` returned.
-
-        Raises:
-            KeyError: it is not whole.
-            ValueError: it is of another recording.
-        """
+        """Take what `arrays` returned; KeyError and ValueError where it is not whole, or of another recording."""
         for name in arrays:
             kind, _, wheel = name.partition(" ")
             if kind == "low":

@@ -39,19 +39,13 @@ _KMH: Final = 3.6
 def page_file() -> PageFile:
     """Return the page."""
     views = "gateway.compare.views"
-    styles = [
-        page_part("uPlot.min.css"),
+    parts = [
+        *map(page_part, ("uPlot.min.css", "uPlot.iife.min.js", "pictures.js")),
         page_part("closure_report.css", "gateway.diagnosis.views"),
-        page_part("drive_section.css", views),
-        page_part("viewer.css", _VIEW_PAGE),
+        *(page_part(f"drive_section.{suffix}", views) for suffix in ("css", "js")),
+        *(page_part(f"viewer.{suffix}", _VIEW_PAGE) for suffix in ("css", "js")),
     ]
-    scripts = [
-        page_part("uPlot.iife.min.js"),
-        page_part("pictures.js"),
-        page_part("drive_section.js", views),
-        page_part("viewer.js", _VIEW_PAGE),
-    ]
-    return joined_page("viewer.html", _VIEW_PAGE, (*styles, *scripts))
+    return joined_page("viewer.html", _VIEW_PAGE, parts)
 
 
 class ViewServer:

@@ -63,8 +63,8 @@ def test_page_shows_means_what_varies_and_why_a_value_is_missing(make_drive):
     assert "0.1953 ± 0.0012" in page
     assert re.search(r"<td class=\"n\">36.0 to 108.0<small>varies<", page), "of what varies the span"
     assert "varied within the recording" not in page
-    assert re.search(r">Rs</th><td class=\"n none\">—<", page)
-    assert "FL, Rs: " in page
+    assert re.search(r"\(Rs\)</th><td class=\"n none\">—<", page)
+    assert "FL, radial sidewall stiffness number (Rs): " in page
     assert "revolutions is drawn" not in page
 
 

@@ -110,7 +110,7 @@ async def test_trend_of_any_quantity_in_place_of_the_waveform(session, made):
         assert not has(rows, "┴")  # no axis of angles
         assert has(rows, "100┤")
         await pilot.press("full_stop")
-        assert has(await drawn(app, pilot), "leading edge, deg")
+        assert has(await drawn(app, pilot), "contact begins at, deg")
         await pilot.press("comma", "comma")
         assert has(await drawn(app, pilot), "temperature, °C")
         await pilot.press("t")

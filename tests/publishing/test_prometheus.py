@@ -45,7 +45,8 @@ def test_numbers_are_those_of_the_states(items) -> None:
         if message["type"] != "wheel":
             continue
         for field in ("speed_mps", "pressure_pa", "load_n"):
-            assert result[f"treadlink_wheel_{field}"][(message["wheel"],)] == message[field]
+            source = {"pressure_pa": ("measured",), "load_n": ("stated",)}.get(field, ())
+            assert result[f"treadlink_wheel_{field}"][(message["wheel"], *source)] == message[field]
         assert result["treadlink_wheel_samples_total"][(message["wheel"],)] == message["samples"]
     assert set(result["treadlink_link_connected"].values()) == {1.0}
     first = state.snapshot.wheels[0]

@@ -57,9 +57,6 @@ def never() -> bool:
     return False
 
 
-# Parts of the file
-
-
 def test_chunks_of_a_finished_recording_are_those_of_the_same_file_cut_off(recorded, tmp_path) -> None:
     whole = chunk_index(recorded)
     cut = tmp_path / "cut.mcap"
@@ -88,9 +85,6 @@ def test_summary_that_points_beyond_the_file_is_left_out(recorded, tmp_path, sta
     hostile.write_bytes(data)
     assert len(chunk_index(hostile).offset) == len(whole.offset) - 1
     assert len(RecordingView(hostile).samples(2.0, 3.0, 100)["W0"].time_s)
-
-
-# Samples
 
 
 def test_bins_hold_the_smallest_and_the_largest_sample() -> None:
@@ -161,9 +155,6 @@ def test_times_by_counted_survive_their_wrap_and_a_restart() -> None:
     assert times.dated(block, unknown_s) is unknown_s, "no number of this start of the hub is known"
 
 
-# Revolutions and orders
-
-
 def test_every_revolution_is_reached_by_its_number(view, recorded) -> None:
     every = {
         (result.position, result.revolution.index): result
@@ -208,9 +199,6 @@ def test_orders_of_a_short_part_are_those_of_each_revolution(view) -> None:
     assert len(shown.x) > 10
     assert ((shown.x >= 3.0) & (shown.x <= 5.0)).all()
     assert view.orders("nobody", 2, 0.0, 99.0, is_over_speed=False) is None
-
-
-# What is stored
 
 
 def test_stored_view_is_the_one_that_was_read(view, recorded, monkeypatch) -> None:
@@ -260,9 +248,6 @@ def test_recording_is_not_touched(recorded) -> None:
     view.complete(never)
     view.revolution("W0", 4.0)
     assert (recorded.read_bytes(), recorded.stat().st_mtime_ns) == before
-
-
-# The server
 
 
 @contextmanager
@@ -349,9 +334,6 @@ def test_command_refuses_what_it_cannot_show(recorded, tmp_path) -> None:
         result = invoked("view", *words)
         assert result.exit_code != 0
         assert said in f"{result.output}{result.exception}"
-
-
-# In a browser
 
 
 def drag(tab: Tab, begin: float, end: float) -> None:

@@ -16,7 +16,7 @@ from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.optional_packages import require_packages
 from gateway.core.table_columns import RECORDING_PARTS
 from gateway.core.text.html_template import html_template, report_css
-from gateway.core.text.numbers import MISSING, STATUS_MARKS, fixed, round_to_error, split_name
+from gateway.core.text.numbers import MISSING, STATUS_MARKS, fixed, plain_name, round_to_error, split_name
 from gateway.core.text.output_file import check_target, write_whole
 from gateway.core.text.page_parts import page_part, plot_licence, script_policy
 from gateway.core.text.readout import DISTANCE
@@ -144,7 +144,7 @@ def _means(drive: Drive) -> tuple[list[tuple[str, str, list[_Value]]], list[tupl
         for name, values in wheel.row.quantities():
             if name == DISTANCE:
                 continue  # it only grows
-            label, unit = split_name(name)
+            label, unit = plain_name(name), split_name(name)[1]
             cells: dict[str, Cell] = dict(zip(RECORDING_PARTS, values, strict=True))
             status, reason = Status(str(cells["_status"])), str(cells["_reason"])
             value, std, scatter = (number(cells, part) * unit.factor for part in ("", "_std", "_scatter"))
@@ -159,7 +159,7 @@ def _means(drive: Drive) -> tuple[list[tuple[str, str, list[_Value]]], list[tupl
                 reasons.setdefault(reason, {}).setdefault(position, []).append(label)
     absent = _Value(MISSING, "", False)
     table = [
-        (*(split_name(name)[0], split_name(name)[1].symbol), [row.get(position, absent) for position in drive.wheels])
+        (plain_name(name), split_name(name)[1].symbol, [row.get(position, absent) for position in drive.wheels])
         for name, row in rows.items()
     ]
     return table, list(_notes(reasons))

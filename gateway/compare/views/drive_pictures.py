@@ -9,7 +9,7 @@ import numpy as np
 from gateway.compare.views.drive import MEASURED, Drive, DriveWheel
 from gateway.compare.views.drive_verdict import Event
 from gateway.core.quantity_catalogue import declared
-from gateway.core.text.numbers import split_name
+from gateway.core.text.numbers import plain_name, split_name
 from gateway.core.text.readout import DISTANCE, SPEED
 from gateway.core.types import BoolArray, FloatArray
 
@@ -77,7 +77,7 @@ def pictures_json(drive: Drive, events: Sequence[Event], start_ns: int) -> dict[
     times: list[list[float]] = [[] for _ in drive.wheels]
     quantities = []
     for name in names:
-        label, unit = split_name(name)
+        label, unit = plain_name(name), split_name(name)[1]
         wheels: list[dict[str, Any] | None] = [None] * len(drive.wheels)
         for line in lines_of(drive, name, start_ns):
             times[line.style] = np.round(line.time_s, 3).tolist()

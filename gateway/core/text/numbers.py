@@ -148,6 +148,11 @@ def split_name(name: str) -> tuple[str, Unit]:
     return label, Unit(*declared.shown_unit) if declared.shown_unit is not None else unit
 
 
+def plain_name(name: str) -> str:
+    """Return a quantity's name for people who know tires: `Bs` -> `bending stiffness number (Bs)`, else its label."""
+    return quantity_of(name).plain or split_name(name)[0]
+
+
 class Shown(NamedTuple):
     """An estimate ready for the screen.
 

@@ -54,13 +54,7 @@ def script_policy(parts: Iterable[Part]) -> str:
 
 
 def joined_page(name: str, package: str, parts: Sequence[Part]) -> PageFile:
-    """Return a page of a package as one file: its markup with styles, scripts and the licence of the plots.
-
-    Args:
-        name: of the markup, with places for `STYLES`, `SCRIPTS` and `LICENCE OF THE PLOTS`.
-        package: of the markup.
-        parts: styles and scripts, each in the order in which they are joined.
-    """
+    """Return a page of a package as one file: its markup with styles, scripts and the licence of the plots."""
     html = resources.files(package).joinpath(name).read_text(encoding="utf-8")
     html = html.replace("LICENCE OF THE PLOTS", plot_licence())
     for place, element in (("<!-- STYLES -->", "style"), ("<!-- SCRIPTS -->", "script")):

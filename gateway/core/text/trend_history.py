@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.estimates.results import RevolutionResult
 from gateway.core.quantity_catalogue import quantity_of
-from gateway.core.text.numbers import split_name
+from gateway.core.text.numbers import plain_name, split_name
 from gateway.core.text.readout import vehicle_signal_names
 
 SPAN_S: Final = 600
@@ -144,7 +144,7 @@ def _estimates(result: RevolutionResult) -> list[Estimate]:
 
 
 def _words(name: str) -> tuple[str, str, str]:
-    label, unit = split_name(name)
+    label, unit = plain_name(name), split_name(name)[1]
     if name in vehicle_signal_names():
         return label, unit.symbol, "signal of the vehicle"
     return label, unit.symbol, _DESCRIPTIONS.get(name) or quantity_of(name).description

@@ -20,7 +20,8 @@ from gateway.console.wheel_panel import (
 from gateway.core.estimates.estimator import Status
 from gateway.core.estimates.results import SessionSnapshot, WheelSnapshot, WheelState
 from gateway.core.revolutions.order_spectrum import order_coefficients
-from gateway.core.text.numbers import MISSING, Shown, duration
+from gateway.core.text.numbers import MISSING, Shown, duration, plain_name
+from gateway.core.text.readout import LEADING, TRAILING
 from gateway.core.text.recording_topics import waveform_payload
 from gateway.core.text.text import clean, file_size
 from gateway.core.text.trend_history import TrendHistory, TrendPoint
@@ -71,6 +72,7 @@ def _wheel(wheel: WheelSnapshot, *, is_alarmed: bool) -> JsonObject:
     reading = current_reading(wheel)
     is_rolling = reading is not None and wheel.state is WheelState.ROLLING
     note = note_of(wheel, reading)
+    edges = ((LEADING, reading.leading), (TRAILING, reading.trailing)) if reading is not None else ()
     return {
         "position": clean(wheel.position),
         "key": wheel.position,
@@ -78,11 +80,11 @@ def _wheel(wheel: WheelSnapshot, *, is_alarmed: bool) -> JsonObject:
         "kind": wheel.state.name.lower(),
         "alarm": is_alarmed,
         "speed": _shown(reading.speed) if reading is not None and is_rolling else [MISSING, "", "km/h", "", ""],
-        "edges": [f"leading {reading.leading.text()}", f"trailing {reading.trailing.text()}"] if reading else [],
+        "edges": [f"{plain_name(name)} {shown.text()}" for name, shown in edges],
         "surroundings": _runs(surroundings(wheel)),
         "car": _runs(car_runs(reading)),
         "note": _runs([note])[0] if note is not None else None,
-        "numbers": [[shown.label, *_shown(shown)] for shown in shown_numbers(wheel, reading)],
+        "numbers": [[plain_name(shown.label), *_shown(shown)] for shown in shown_numbers(wheel, reading)],
         "counters": _runs(counter_runs(wheel)),
         "flags": [clean(f"{flag.name}: {reason_text(flag.reason)}") for flag in wheel.flags],
     }
