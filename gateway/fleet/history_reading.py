@@ -387,7 +387,7 @@ def _alarms(row: Row) -> tuple[tuple[str, str], ...]:
 
 
 def _commonest_fault(row: Row) -> str:
-    most = max(_listed(row, "faults"), key=lambda fault: int(fault.get("count", 0)), default={})
+    most: dict[str, Any] = max(_listed(row, "faults"), key=lambda fault: int(fault.get("count", 0)), default={})
     return str(most.get("text", ""))
 
 
