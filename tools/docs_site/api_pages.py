@@ -33,6 +33,7 @@ PACKAGES: Final[dict[str, str]] = {
     "gateway.fleet": "campaigns over thousands of recordings, their dataset and its trends",
     "gateway.compare": "comparison of recordings",
     "gateway.glossary": "words of the program",
+    "gateway.inflation": "warning of low pressure",
     "gateway.security": "signed frames and their keys, commands to hubs",
     "gateway.makers": "check of a firmware against the protocol",
     "gateway.bench": "set-up of hubs and sensors",
