@@ -13,7 +13,7 @@ import numpy as np
 from gateway.core.types import FloatArray
 from gateway.forces.lateral_deformation import ORDERS
 
-FIRST_ORDER_STD_M: Final = (3e-4, 1.2e-4)
+FIRST_ORDER_STD_M: Final = (4e-4, 1.2e-4)
 """Error of the predicted first order where no side force acts, cosine and sine."""
 FIRST_ORDER_SHARE: Final = 0.3
 """Part of the first order by side force over its prediction, less 1, and its spread over tires."""
@@ -53,8 +53,8 @@ def first_order_rows(half_angle_rad: float) -> FloatArray:
 
     Cosine, then sine, from the orders above, with the usual belt of this module. On random car tires, 40 of the lateral
     belt and 24 of finite elements, the first order beyond the prediction is a constant plus a factor of the prediction,
-    to 5e-4 of it up to slip angles of 3 deg. Constants are 0 within `FIRST_ORDER_STD_M`, a third more on finite
-    elements, factors `FIRST_ORDER_SHARE` within `FIRST_ORDER_SHARE_STD`.
+    to 5e-4 of it up to slip angles of 3 deg. Constants are 0 within `FIRST_ORDER_STD_M`, a quarter less of the lateral
+    belt, factors `FIRST_ORDER_SHARE` within `FIRST_ORDER_SHARE_STD`.
     """
     return -all_rows(half_angle_rad)[1:]
 

@@ -596,7 +596,8 @@ def _offset_estimate(roll: Roll, claims: SensorClaims, unusable: Reason | None) 
     if unusable is not None:
         return Estimate(OFFSET_NAME, value, std, Status.PROVISIONAL, (unusable,))
     if not _zero_is_measured(roll, claims):
-        return Estimate(OFFSET_NAME, value, std, Status.PROVISIONAL, (Reason(ForceCode.LATERAL_ZERO_NOT_SEPARATED),))
+        doubt = Reason(TrustCode.NEEDS_TWO_SPEEDS, quantity="roll tilt")
+        return Estimate(OFFSET_NAME, value, std, Status.PROVISIONAL, (doubt,))
     if abs(value) > _SIGNIFICANT * math.hypot(std, expected):
         reason = Reason(ForceCode.LATERAL_ZERO_CONTRADICTED, stated_std_mps2=claims.lateral_zero_mps2)
         return Estimate(OFFSET_NAME, value, std, Status.PROVISIONAL, (reason,))

@@ -56,7 +56,6 @@ class ForceCode(Codes):
         "contradicts the stated accuracy of the sensor's zero, {stated_std_mps2:.1f m/s²}; a degree of camber is "
         "0.17 m/s²"
     )
-    LATERAL_ZERO_NOT_SEPARATED = Code("needs two speeds: roll tilt and zero-g offset are not separated yet")
     NEEDS_BOTH_SLIPS = Code("needs {needed:.0f} revolutions each at left and at right slip")
     ORDERS_USED = Code("orders {first:.0f} to {last:.0f}")
     ROLL_CONTRADICTED = Code(
@@ -74,6 +73,10 @@ class ForceCode(Codes):
     SLIP_BEYOND_LAW = Code("beyond the slip angles that the slip calibration describes")
     SLIP_OUTSIDE_CALIBRATION = Code(
         "the slip angle {slip_rad:.2f deg} is outside the calibrated {low_rad:.2f deg} to {high_rad:.2f deg}"
+    )
+    STRAIGHT_NOT_SHOWN = Code(
+        "a steady turn looks like the tire's own first order: {changes:.0f} of {needed:.0f} changes between straight"
+        " and curve so far"
     )
     SPEED_UNUSABLE = Code("the speed is not known or too high for the sampling")
     ZERO_SLIP_GIVEN = Code("zero slip from tire.slip_calibration")

@@ -17,8 +17,7 @@ import numpy as np
 
 from gateway.core.compiled import core
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
-from gateway.core.estimates.disagreement import disagreement_std
-from gateway.core.revolutions.sensor_mounting import MOUNTING_STD_RAD, OFFSET_STD_MPS2
+from gateway.core.revolutions.sensor_mounting import BANK_MPS2, MOUNTING_STD_RAD, OFFSET_STD_MPS2
 from gateway.core.types import FloatArray
 from gateway.forces.free_belt import FIRST_ORDER_SHARE, FIRST_ORDER_SHARE_STD, FIRST_ORDER_STD_M, first_order_rows
 from gateway.forces.lateral_deformation import ORDERS
@@ -30,8 +29,11 @@ _STRAIGHT_REVOLUTIONS: Final = 15.0
 # Those of a wheel that turns.
 _TURN_RADPS: Final = 0.3
 _CAMBER_RADPS: Final = 0.1
-# Gravity by bank and camber in the mean of the lateral axis, 2 deg, and the revolutions over which it lasts.
-_BANK_MPS2: Final = 0.35
+# Where a curve begins or ends, the wheel turns on its path: rate of slip, and the revolutions over which it lasts.
+_STEER_RADPS, _STEER_REVOLUTIONS = 0.12, 3.0
+# Slip over the first order by its force: 4 to 50 rad/m on 30 random tires.
+_SLIP_RADPM: Final = 15.0
+# Revolutions over which the bank of the road lasts.
 _BANK_REVOLUTIONS: Final = 60.0
 # Errors within which a side force is usual on straights.
 _USUAL_FORCES: Final = 2.0
@@ -41,6 +43,10 @@ _ANY: Final = 10.0
 _CHANGE_OF_RATE: Final = 0.2
 # Probability that a revolution turns: the first, one after a straight one, one after one that turns.
 _FIRST_TURN, _TURN_BEGINS, _TURN_LASTS = 0.2, 0.01, 0.95
+# Probability from which a revolution turns, or does not.
+_CERTAIN: Final = 0.95
+# Probability that a recording begins in a steady curve, and the revolutions that one lasts at least.
+_STEADY, _STEADY_REVOLUTIONS = 0.05, 27.0
 # Revolutions over which the first is one of several.
 _FIRST_REVOLUTIONS: Final = 4.0
 # Prior of the roll.
@@ -81,6 +87,7 @@ class Turn(NamedTuple):
         path_mps2: lateral acceleration, as far as the revolution turns; with its error.
         remove_m: (2,) cosine and sine over Omega^2 to subtract from the lateral axis; 0 on straights.
         remove_std_m: (2,) error of these that every revolution has in common.
+        changes: from straights to a turn or back, so far.
     """
 
     turn_radps: float = 0.0
@@ -93,6 +100,7 @@ class Turn(NamedTuple):
     path_mps2: tuple[float, float] = (0.0, 0.0)
     remove_m: tuple[float, float] = (0.0, 0.0)
     remove_std_m: tuple[float, float] = (0.0, 0.0)
+    changes: int = 0
 
 
 NO_TURN: Final = Turn()
@@ -127,6 +135,7 @@ class _State(NamedTuple):
         drift_std: of its change.
         decay: share that stays; the rest returns to the prior.
         of_the_road: whether it begins again where a curve begins or ends.
+        begins_std: of it there, 0 for that of the prior.
     """
 
     mean: float
@@ -134,6 +143,7 @@ class _State(NamedTuple):
     drift_std: float = 0.0
     decay: float = 1.0
     of_the_road: bool = False
+    begins_std: float = 0.0
 
 
 class _Noise:
@@ -172,7 +182,7 @@ class _Filter:
             rate_radps: standard deviation of the rate of a wheel that turns.
             fixed: index of a state that straights do not change, though what they know depends on it; -1 for none.
         """
-        means, stds, changes, decays = np.array([state[:4] for state in states]).T
+        means, stds, changes, decays, _, begins_stds = np.array(states, dtype=np.float64).T
         self._means, self._covariances = np.stack([means, means]), np.stack([np.diag(np.square(stds))] * 2)
         self._covariances[1, -1, -1] = rate_radps**2
         # The rate of a turn does not return to 0.
@@ -181,8 +191,8 @@ class _Filter:
         drift = np.stack([moved, np.append(moved[:-1], (_CHANGE_OF_RATE * rate_radps) ** 2)])
         # Where a curve begins or ends, the rate and the road are others.
         begins = np.array([0.0 if state.of_the_road else 1.0 for state in states])
-        begun = np.square(stds) * (1.0 - begins)
-        begun = np.stack([begun, np.append(begun[:-1], rate_radps**2)])
+        ended, begun = np.square(stds) * (1.0 - begins), np.square(np.maximum(begins_stds, stds)) * (1.0 - begins)
+        begun = np.stack([ended, np.append(begun[:-1], rate_radps**2)])
         self._model = SwitchingModel(np.stack([stays, stays * begins, drift, begun]), (_ANY * rate_radps) ** 2, fixed)
         self.turning, self._begins = _FIRST_TURN, _FIRST_TURN
         # Probability of a turn without any measurement.
@@ -244,9 +254,20 @@ class _Level:
         self._weight = (1.0 - 1.0 / _LEVEL_REVOLUTIONS) * self._weight + straight
         self._mean_m += straight / max(self._weight, 1.0) * (beyond_m - self._mean_m)
 
-    def turn_m(self, error_m: float) -> float:
-        """Return the error by the chance that it is a turn; `error_m` is that of a prediction."""
-        return disagreement_std(self._mean_m, math.hypot(self._usual_m, error_m))
+    def turn_m(self, error_m: float, by_turn_m: float) -> float:
+        """Return the root mean square of a steady turn in it, by its probability.
+
+        Args:
+            error_m: of a prediction.
+            by_turn_m: first order that a usual turn makes.
+        """
+        usual = self._usual_m**2 + error_m**2
+        either = usual + by_turn_m**2
+        by_turn = self._mean_m * (1.0 - usual / either)
+        exponent = min(0.5 * self._mean_m * by_turn / usual, _LARGEST)
+        lasts = _STEADY * _TURN_LASTS ** max(self._weight - _STEADY_REVOLUTIONS, 0.0)
+        odds = lasts / (1.0 - lasts) * math.sqrt(usual / either) * math.exp(exponent)
+        return math.sqrt(odds / (1.0 + odds) * (by_turn**2 + usual * (1.0 - usual / either)))
 
 
 class _Force:
@@ -254,11 +275,14 @@ class _Force:
 
     Noise of a prediction is in what the first order has beyond it, with the opposite sign. The error of a smoothed one
     does not depend on its value, so that it does not look like a factor of side force.
+
+    Attributes:
+        change_m: of the latest revolution, beyond noise.
     """
 
     def __init__(self) -> None:
-        self._noise = _Noise()
-        self._value, self._variance = 0.0, math.inf
+        self._noise, self.change_m = _Noise(), 0.0
+        self._value, self._variance, self._within = 0.0, math.inf, 0.0
         # On straights.
         self._latest_m, self._usual_m, self._usual_variance = 0.0, 0.0, _USUAL_FORCE_M**2
 
@@ -279,10 +303,11 @@ class _Force:
         share = 1.0 if math.isinf(variance) else variance / (variance + noise)
         self._value += share * change
         self._variance = share * noise
+        self.change_m = 0.0 if math.isinf(variance) else math.sqrt(max(change**2 - noise, 0.0))
         # A force that changes within the revolution is not that of its first order; one that goes on to change is wrong
         # the same way each time, which must not be learned as the tire's factor.
-        within = self._variance + (_BEGINS if begins else 0.25) * max(change**2 - noise, 0.0)
-        return self._value * square_radps2, within * square_radps2**2
+        self._within = self._variance + (_BEGINS if begins else 0.25) * max(change**2 - noise, 0.0)
+        return self._value * square_radps2, self._within * square_radps2**2
 
     def evidence(self, by_roll_m: float) -> tuple[float, float]:
         """Return how likely the latest force is on a straight and where a turn begins, over a turn that goes on.
@@ -299,7 +324,8 @@ class _Force:
 
     def learn(self, straight: float) -> None:
         """Take the latest force for one of straights, by their probability."""
-        share = straight * self._usual_variance / (self._usual_variance + self._variance + _STRAIGHT_FORCE_M**2)
+        lasting = _STRAIGHT_REVOLUTIONS * (self._within + _STRAIGHT_FORCE_M**2)
+        share = straight * self._usual_variance / (self._usual_variance + lasting)
         self._usual_m += share * (self._latest_m - self._usual_m)
         self._usual_variance = (1.0 - share) * self._usual_variance + (_DRIFT * _USUAL_FORCE_M) ** 2
 
@@ -319,14 +345,15 @@ class TurnTracker:
         cosine, sine = (_State(0.0, std, _DRIFT * std) for std in FIRST_ORDER_STD_M)
         share = _State(FIRST_ORDER_SHARE, FIRST_ORDER_SHARE_STD, _DRIFT * FIRST_ORDER_SHARE_STD)
         yaw_mps2 = STANDARD_GRAVITY_MPS2 * MOUNTING_STD_RAD
-        # First order, factor of side force, roll, offset, bank, yaw rate.
+        # First order, factor of side force, roll, offset, bank, rate of slip, yaw rate.
         self._turning = _Filter(
             [
                 cosine,
                 share,
                 _State(0.0, _ROLL_STD_RAD, _DRIFT * MOUNTING_STD_RAD),
                 _State(0.0, OFFSET_STD_MPS2, _DRIFT * OFFSET_STD_MPS2),
-                _State(0.0, _BANK_MPS2, decay=_decay(_BANK_REVOLUTIONS), of_the_road=True),
+                _State(0.0, BANK_MPS2, decay=_decay(_BANK_REVOLUTIONS), of_the_road=True),
+                _State(0.0, 0.0, decay=_decay(_STEER_REVOLUTIONS), of_the_road=True, begins_std=_STEER_RADPS),
                 _State(0.0, _STRAIGHT_RADPS, decay=_decay(_STRAIGHT_REVOLUTIONS), of_the_road=True),
             ],
             _TURN_RADPS,
@@ -345,6 +372,9 @@ class TurnTracker:
         self._forces = _Force(), _Force()
         self._levels = tuple(_Level(std) for std in FIRST_ORDER_STD_M)
         self._noises, self._mean_noise = (_Noise(), _Noise()), _Noise()
+        # Whether the latest certain revolution turned, and how often that has changed.
+        self._turned: bool | None = None
+        self._changes = 0
 
     def take(
         self,
@@ -388,15 +418,18 @@ class TurnTracker:
         # The prediction is of the lateral axis as measured; force times factor is linear about its latest value.
         measured, variances = [values[0] - share * roll * force_by_roll[0]], noises[:1]
         roll_row = by_roll[0] - (1.0 + share) * force_by_roll[0]
-        rows = [[square, by_force[0], roll_row, 0.0, 0.0, per_rate]]
+        rows = [[square, by_force[0], roll_row, 0.0, 0.0, 0.0, per_rate]]
         if means_mps2 is not None:
             lateral, radial = means_mps2
             measured.append(lateral)
-            variances.append(self._mean_noise.take(lateral, radial, roll))
-            rows.append([0.0, 0.0, radial, 1.0, 1.0, speed])
+            # A wheel that is steered turns on its path.
+            steer_mps2 = speed * _SLIP_RADPM * self._forces[0].change_m * omega_radps / (2.0 * math.pi)
+            variances.append(self._mean_noise.take(lateral, radial, roll) + steer_mps2**2)
+            rows.append([0.0, 0.0, radial, 1.0, 1.0, speed, speed])
         likelihoods = self._forces[0].evidence(roll * cosine_by_roll_m)
         turn = self._turning.take(np.array(measured), np.array(rows), np.array(variances), likelihoods)
         self._forces[0].learn(1.0 - turn.probability)
+        self._count_changes(turn.probability)
         share_variance = self._turning.variance(_SHARE)
         sine = values[1] - roll * (by_roll[1] - force_by_roll[1]) - share * by_force[1]
         camber = self._cambering.take(
@@ -411,7 +444,8 @@ class TurnTracker:
             level = self._levels[part]
             level.take(beyond[part] / square, 1.0 - rate.probability)
             steady_m = (1.0 - rate.probability) * level.turn_m(
-                math.sqrt(share_variance * by_force[part] ** 2 + noises[part]) / square
+                math.sqrt(share_variance * by_force[part] ** 2 + noises[part]) / square,
+                abs(per_rate) * (_TURN_RADPS, _CAMBER_RADPS)[part] / square,
             )
             remove.append(shown)
             remove_std.append(math.hypot(shared_m, steady_m))
@@ -429,7 +463,15 @@ class TurnTracker:
             ),
             (remove[0], remove[1]),
             (remove_std[0], remove_std[1]),
+            self._changes,
         )
+
+    def _count_changes(self, turning: float) -> None:
+        """Take whether a revolution turned, where that is certain."""
+        if max(turning, 1.0 - turning) >= _CERTAIN:
+            turned = turning > 0.5
+            self._changes += self._turned is (not turned)
+            self._turned = turned
 
 
 def _removal(rate: _Rate, noise_radps: float, per_m: float) -> tuple[float, float]:

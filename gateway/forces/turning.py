@@ -9,8 +9,11 @@ from gateway.core.estimates.estimator import Estimate, Status, TireConditions, s
 from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.reasons import Reason
 from gateway.forces.lateral_shape import LateralEstimator, LateralSteps
+from gateway.forces.reasons import ForceCode
 
 NAMES: Final = ("turn_rate_radps", "curve_radius_m", "camber_rate_radps", "lateral_acceleration_mps2")
+# Changes between straights and curves that show which of them are straight.
+_LEAST_CHANGES: Final = 2
 # Memory of the average, of which this estimator uses the roll alone.
 _HORIZON_REVOLUTIONS: Final = 100.0
 
@@ -19,8 +22,8 @@ class TurningEstimator(LateralEstimator):
     """Turn of each revolution (`gateway.forces.turn_tracker`); no estimates without a lateral axis.
 
     Gives the estimates of NAMES. A steady turn from the first revolution on is known no better than the tire's own
-    first order is predicted by the orders above, and the errors say so. The radius is invalid on straights, where its
-    sign is not determined.
+    first order is predicted by the orders above: turn rate, radius and acceleration are provisional until straights and
+    curves have followed each other. The radius is invalid on straights, where its sign is not determined.
     """
 
     name = "turning"
@@ -45,17 +48,23 @@ class TurningEstimator(LateralEstimator):
         if count < SETTLED_REVOLUTIONS * (1.0 - 1e-9):
             doubts = (Reason(EstimateCode.NOT_SETTLED, revolutions=count, needed=SETTLED_REVOLUTIONS),)
         status = Status.PROVISIONAL if doubts else Status.VALID
+        turned, turn_doubts = status, doubts
+        if not doubts and turn.changes < _LEAST_CHANGES:
+            turned = Status.PROVISIONAL
+            turn_doubts = (Reason(ForceCode.STRAIGHT_NOT_SHOWN, changes=turn.changes, needed=_LEAST_CHANGES),)
         rate, scatter = turn.turn_radps, turn.turn_scatter_radps
         std = math.hypot(turn.turn_std_radps, conditions.lateral_gain_std * rate)
         camber_std = math.hypot(turn.camber_std_radps, conditions.lateral_gain_std * turn.camber_radps)
         speed = turn.speed_mps
         if abs(rate) > DETERMINED * std:
-            radius = Estimate(NAMES[1], speed / rate, speed / rate**2 * std, status, doubts, speed / rate**2 * scatter)
+            radius = Estimate(
+                NAMES[1], speed / rate, speed / rate**2 * std, turned, turn_doubts, speed / rate**2 * scatter
+            )
         else:
             radius = Estimate.invalid(NAMES[1], sign_not_determined(rate, std))
         return (
-            Estimate(NAMES[0], rate, std, status, doubts, scatter),
+            Estimate(NAMES[0], rate, std, turned, turn_doubts, scatter),
             radius,
             Estimate(NAMES[2], turn.camber_radps, camber_std, status, doubts, turn.camber_scatter_radps),
-            Estimate(NAMES[3], speed * rate, speed * std, status, doubts, speed * scatter),
+            Estimate(NAMES[3], speed * rate, speed * std, turned, turn_doubts, speed * scatter),
         )

@@ -18,6 +18,7 @@ from gateway.core.estimates.sensor_claims import SensorClaims
 from gateway.core.estimates.tire_data import TireData
 from gateway.core.reasons import Reason, codes_of
 from gateway.core.revolutions.sensor_mounting import RollCalibration
+from gateway.core.trust.reasons import TrustCode
 from gateway.forces.belt_laminate import BeltLaminate, StatedPly
 from gateway.forces.lateral_belt import LateralBelt, LateralSolution
 from gateway.forces.lateral_shape import LateralAverage, lateral_record, slopes
@@ -209,7 +210,7 @@ def test_offset_within_the_stated_zero_is_valid() -> None:
 def test_offset_at_one_speed_is_not_separated_from_roll() -> None:
     result = estimate(rolled(radial(), LateralBelt(), replace(QUIET, lateral_offset_mps2=2.0)))[OFFSET_NAME]
     assert result.status is Status.PROVISIONAL
-    assert codes_of(result.reasons) == (ForceCode.LATERAL_ZERO_NOT_SEPARATED,)
+    assert codes_of(result.reasons) == (TrustCode.NEEDS_TWO_SPEEDS,)
     assert result.std > 0.9
 
 

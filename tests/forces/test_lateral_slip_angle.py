@@ -101,7 +101,8 @@ def test_apparent_slip_error_is_the_scatter() -> None:
     values = [e[NAMES[0]].value for e in result[10:58]]
     assert result[57][NAMES[0]].std == pytest.approx(np.std(values, ddof=1), rel=0.35)
     assert result[57][NAMES[0]].status is Status.VALID
-    assert result[57][NAMES[0]].scatter_std == result[57][NAMES[0]].std
+    # A part of the error is shared: the roll, whose own error grows where slip turns the wheel.
+    assert result[57][NAMES[0]].scatter_std == pytest.approx(result[57][NAMES[0]].std, rel=0.02)
 
 
 def test_slip_angle_follows_from_the_belts_share() -> None:
@@ -121,7 +122,7 @@ def test_constant_slip_is_measured_with_a_calibration() -> None:
     assert mean.status is Status.VALID
     assert abs(mean.value - math.radians(0.8)) < 3.0 * mean.std
     assert mean.value > 5.0 * mean.std
-    assert mean.std < math.radians(0.08)
+    assert mean.std < math.radians(0.09)
 
 
 def test_constant_slip_is_not_reported_as_zero_without_one() -> None:

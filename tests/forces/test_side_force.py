@@ -89,7 +89,8 @@ def test_calibrated_force_is_within_errors(slip_deg: float) -> None:
     assert force.status is Status.VALID
     assert abs(force.value - truth.side_force_n) < 3.0 * force.std
     assert abs(moment.value - truth.aligning_moment_nm) < 3.0 * moment.std
-    assert force.std < 150.0
+    # A large constant slip is a curve nearly as well, whose lateral acceleration is in the roll.
+    assert force.std < 250.0
 
 
 def test_scattering_part_is_what_repeated_drives_scatter() -> None:

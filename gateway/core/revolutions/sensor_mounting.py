@@ -39,8 +39,12 @@ _YAW_MODEL_RAD: Final = math.radians(2.5)
 # Prior of the constant in the mean of the lateral axis: zero-g offset after the calibration in the hello (0.1 g) and
 # gravity times camber (1 m/s^2 is 6 deg).
 OFFSET_STD_MPS2: Final = 1.0
-# Deviation of the mean of one revolution: cornering, crossfall, noise.
+# Deviation of the mean of one revolution by itself: an uneven road, steering, noise.
 REVOLUTION_STD_MPS2: Final = 0.5
+BANK_MPS2: Final = 0.35
+"""Gravity by bank and camber in the mean of the lateral axis, 2 deg."""
+# Revolutions over which road and curve last.
+_GROUP_REVOLUTIONS: Final = 25
 # Accuracy of mounting by hand. It stays the standard error when the means are lost (AC coupling).
 MOUNTING_STD_RAD: Final = math.radians(1.0)
 # Standard errors beyond which a measured constant contradicts its prior.
@@ -418,13 +422,24 @@ def hub_motion_mps2(hub: FloatArray, offset_m: FloatArray, tilt: FloatArray) -> 
     return result
 
 
+# Normal matrix ((aa, ab), (ab, bb)) of tilt and offset, and its right-hand side (a, b).
+_Sums = tuple[float, float, float, float, float]
+_NO_SUMS: Final = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+
 class RollCalibration:
     """Roll tilt of a sensor: fit of mean(lateral) = tan(roll) mean(radial) + offset, with a prior on the offset.
 
     Over a closed belt the lateral displacement adds nothing to the mean, and the radial mean is R Omega^2. At a single
     speed the tilt is as accurate as the offset is known (1 m/s^2 at 65 km/h is 0.06 deg). Revolutions at different
-    speeds separate the two. Old revolutions are forgotten exponentially, so the fit follows temperature. What the
-    latest are off by, beyond a curve, is in the error of the tilt: the sensor has moved.
+    speeds separate the two, as far as road and curves allow: these last, so that groups of revolutions have a constant
+    in common, as large as bank or as what the group is off by. Old revolutions are forgotten exponentially, so the fit
+    follows temperature. What the latest are off by, beyond a curve, is in the error of the tilt: the sensor has moved.
+
+    Attributes:
+        roll_rad: best estimate of the tilt, 0 before the first revolution; `roll_std_rad` its standard error.
+        offset_mps2: of the constant in the lateral mean; `offset_std_mps2` its error, that of the prior at one speed.
+        count: revolutions.
     """
 
     def __init__(self, offset_std_mps2: float = OFFSET_STD_MPS2, horizon_revolutions: float = 500.0) -> None:
@@ -441,25 +456,17 @@ class RollCalibration:
 
     def reset(self) -> None:
         """Forget everything."""
-        # Of the normal matrix ((aa, ab), (ab, bb)) and the right-hand side (a, b).
-        self._sums = (0.0, 0.0, 0.0, 0.0, 0.0)
+        # Of the groups before, weighted, and of the latest group; squares of what its revolutions are off.
+        self._sums, self._group, self._off_squares = _NO_SUMS, _NO_SUMS, 0.0
         self.count = 0
-        self._roll_rad, self._roll_std_rad, self._offset_mps2 = 0.0, MOUNTING_STD_RAD, 0.0
-        self._found_std_mps2 = self._offset_std_mps2
+        self.roll_rad, self.roll_std_rad, self.offset_mps2 = 0.0, MOUNTING_STD_RAD, 0.0
+        self.offset_std_mps2 = self._offset_std_mps2
         # Mean residual of the latest revolutions over the radial mean.
         self._latest_rad = 0.0
 
     def expect_offset(self, std_mps2: float) -> None:
         """Change the prior standard error of the constant, from the next revolution on."""
         self._offset_std_mps2 = std_mps2
-
-    def expected(self, mean_radial_mps2: float) -> tuple[float, float]:
-        """Return the mean of the lateral axis that a straight revolution has, and its standard error, m/s^2."""
-        aa, ab, bb, *_ = self._sums
-        aa, bb = aa + self._roll_weight, bb + self._offset_std_mps2**-2
-        x = mean_radial_mps2
-        variance = (bb * x * x - 2.0 * ab * x + aa) / (aa * bb - ab * ab)
-        return math.tan(self._roll_rad) * x + self._offset_mps2, math.sqrt(max(variance, 0.0))
 
     def update(self, mean_lateral_mps2: float, mean_radial_mps2: float, std_mps2: float = 0.0) -> None:
         """Add the means of one revolution as measured; ignored if the radial mean is not positive (AC coupling).
@@ -471,15 +478,17 @@ class RollCalibration:
         """
         if not (math.isfinite(mean_lateral_mps2) and mean_radial_mps2 > 0.0):
             return
-        keep, weight = self._keep, 1.0 / (REVOLUTION_STD_MPS2**2 + std_mps2**2)
+        if self.count % _GROUP_REVOLUTIONS == 0:
+            self._sums, self._group, self._off_squares = self._all_sums(), _NO_SUMS, 0.0
+        keep, x, y = self._keep, mean_radial_mps2, mean_lateral_mps2
         aa, ab, bb, a, b = self._sums
-        aa = keep * aa + weight * mean_radial_mps2 * mean_radial_mps2
-        ab = keep * ab + weight * mean_radial_mps2
-        bb = keep * bb + weight
-        a = keep * a + weight * mean_radial_mps2 * mean_lateral_mps2
-        b = keep * b + weight * mean_lateral_mps2
-        self._sums = aa, ab, bb, a, b
+        self._sums = keep * aa, keep * ab, keep * bb, keep * a, keep * b
+        aa, ab, bb, a, b = self._group
+        self._group = aa + x * x, ab + x, bb + 1.0, a + x * y, b + y
+        off_mps2 = min(abs(self._off_mps2(x, y)), _CURVE_MPS2) if self.count else 0.0
+        self._off_squares += off_mps2**2 + std_mps2**2
         self.count += 1
+        aa, ab, bb, a, b = self._all_sums()
         std = self._offset_std_mps2
         # Revolutions at different speeds give the constant without a prior. Where it contradicts the prior, its own
         # size takes the prior's place.
@@ -493,32 +502,32 @@ class RollCalibration:
         aa += self._roll_weight
         bb += std**-2
         determinant = aa * bb - ab * ab
-        self._roll_rad = math.atan((bb * a - ab * b) / determinant)
-        self._offset_mps2 = (aa * b - ab * a) / determinant
-        off_rad = (mean_lateral_mps2 - self._offset_mps2) / mean_radial_mps2 - math.tan(self._roll_rad)
-        self._latest_rad += (off_rad - self._latest_rad) / min(self.count, _LATEST_REVOLUTIONS)
-        moved_rad = max(abs(self._latest_rad) - _CURVE_MPS2 / mean_radial_mps2, 0.0)
+        self.roll_rad = math.atan((bb * a - ab * b) / determinant)
+        self.offset_mps2 = (aa * b - ab * a) / determinant
+        self._latest_rad += (self._off_mps2(x, y) / x - self._latest_rad) / min(self.count, _LATEST_REVOLUTIONS)
+        moved_rad = max(abs(self._latest_rad) - _CURVE_MPS2 / x, 0.0)
         # What no sensor has of the constant is of the tilt.
-        of_constant_rad = max(abs(self._offset_mps2) - LARGEST_ZERO_MPS2, 0.0) / mean_radial_mps2
-        self._roll_std_rad = math.hypot(math.sqrt(bb / determinant), moved_rad, of_constant_rad)
-        self._found_std_mps2 = math.sqrt(aa / determinant)
+        of_constant_rad = max(abs(self.offset_mps2) - LARGEST_ZERO_MPS2, 0.0) / x
+        self.roll_std_rad = math.hypot(math.sqrt(bb / determinant), moved_rad, of_constant_rad)
+        self.offset_std_mps2 = math.sqrt(aa / determinant)
 
-    @property
-    def roll_rad(self) -> float:
-        """Best estimate of the tilt; 0 before the first revolution."""
-        return self._roll_rad
+    def _off_mps2(self, radial_mps2: float, lateral_mps2: float) -> float:
+        """Return what a lateral mean is off the fit."""
+        return lateral_mps2 - self.offset_mps2 - math.tan(self.roll_rad) * radial_mps2
 
-    @property
-    def roll_std_rad(self) -> float:
-        """Standard error of the tilt."""
-        return self._roll_std_rad
-
-    @property
-    def offset_mps2(self) -> float:
-        """Best estimate of the constant in the lateral mean."""
-        return self._offset_mps2
-
-    @property
-    def offset_std_mps2(self) -> float:
-        """Standard error of the constant; that of the prior at a single speed."""
-        return self._found_std_mps2
+    def _all_sums(self) -> _Sums:
+        """Return the sums with those of the latest group, whose revolutions have a constant of the road in common."""
+        aa, ab, bb, a, b = self._group
+        if not bb:
+            return self._sums
+        off_square = self._off_squares / bb
+        weight, variance = 1.0 / (REVOLUTION_STD_MPS2**2 + off_square), BANK_MPS2**2 + off_square
+        common = weight * variance / (1.0 + weight * variance * bb)
+        taa, tab, tbb, ta, tb = self._sums
+        return (
+            taa + weight * (aa - common * ab * ab),
+            tab + weight * (ab - common * ab * bb),
+            tbb + weight * (bb - common * bb * bb),
+            ta + weight * (a - common * ab * b),
+            tb + weight * (b - common * bb * b),
+        )
