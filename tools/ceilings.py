@@ -37,9 +37,9 @@ class Ceiling(NamedTuple):
 
 
 CEILINGS: Final[dict[str, Ceiling]] = {
-    "lines of the core": Ceiling(32_000, 41_742),
+    "lines of the core": Ceiling(32_000, 41_800),
     "lines of gateway": Ceiling(95_000, 127_100),
-    "lines of tests": Ceiling(58_000, 73_782),
+    "lines of tests": Ceiling(58_000, 73_800),
     "lines of tools": Ceiling(17_000, 23_610),
     "words of docs": Ceiling(60_000, 65_300),
     "options": Ceiling(120, 92),

@@ -12,6 +12,7 @@ from gateway.ring.rolling_ring import (
     LoadedBelt,
     RingParameters,
     RingSolution,
+    Slope,
     TreadBlocks,
     block_response,
     loaded_belt,
@@ -90,7 +91,9 @@ def test_push_of_tread_blocks_is_answered_as_their_stiffness_is() -> None:
 
 def test_response_to_another_damper_follows_from_terms_at_the_usual_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """The lowest waves are near resonance, where a tenth less of a damper is a tenth more of a response."""
-    value, first, second = local_response(belt(), OMEGA_RADPS, 1e-6, 0.0, (Change.RIM,), (2, 6, 12), by_damping=True)
+    value, first, second = local_response(
+        belt(), OMEGA_RADPS, 1e-6, 0.0, (Change.RIM,), (2, 6, 12), slopes=Slope.DAMPING
+    )
     usual = module._SIDEWALL_RATIO
     for ratio in (0.033, 0.05):
         z = usual / ratio - 1.0
@@ -104,7 +107,7 @@ def test_response_to_another_damper_follows_from_terms_at_the_usual_one(monkeypa
 @pytest.mark.parametrize("change", list(Change))
 def test_response_of_a_heavier_belt_follows_from_its_slope(change: Change) -> None:
     """A percent more mass changes a response by up to a sixth."""
-    value, slope = local_response(belt(), OMEGA_RADPS, 2e-5, 0.003, (change,), (2, 17, 40), by_mass=True)
+    value, slope = local_response(belt(), OMEGA_RADPS, 2e-5, 0.003, (change,), (2, 17, 40), slopes=Slope.MASS)
     for x in (-2e-3, 1e-3):
         exact = local_response(belt(), OMEGA_RADPS, 2e-5, 0.003, (change,), (2, 17, 40), log_mass=x)[0]
         changed = np.linalg.norm(exact - value)

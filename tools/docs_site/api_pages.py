@@ -32,6 +32,7 @@ PACKAGES: Final[dict[str, str]] = {
     "gateway.publishing": "live outputs: JSON lines, MQTT, Foxglove, CAN",
     "gateway.fleet": "campaigns over thousands of recordings, their dataset and its trends",
     "gateway.compare": "comparison of recordings",
+    "gateway.viewer": "recordings in a browser: samples, revolutions, orders",
     "gateway.glossary": "words of the program",
     "gateway.inflation": "warning of low pressure",
     "gateway.security": "signed frames and their keys, commands to hubs",

@@ -1,12 +1,14 @@
 """`treadlink estimate`: estimate recordings in one pass and write tables."""
 
 import contextlib
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from gateway.core.cli import exit_status
-from gateway.core.cli.estimate_outputs import open_outputs, with_added_options
+from gateway.core.cli.estimate_outputs import EstimateOutput, open_outputs, with_added_options
 from gateway.core.cli.options import (
     FiniteRange,
     config_option,
@@ -20,6 +22,9 @@ from gateway.core.cli.summary_output import SummaryOutput
 from gateway.core.errors import TreadlinkError
 from gateway.core.text.output_file import check_outputs
 from gateway.core.text.wording import text
+
+if TYPE_CHECKING:
+    from gateway.core.text.result_table import ResultTable
 
 
 @click.command()
@@ -124,10 +129,7 @@ def estimate(
             missing += estimated.missing
             if estimated.damage is not None:
                 damaged.append(text(estimated.damage))
-        for output in added:
-            metadata = output.write() or {}
-            for table in tables:
-                table.repeat(metadata)
+        _write(added, tables)
     for path in written:
         say.written(path)
     if damaged:
@@ -135,3 +137,11 @@ def estimate(
     if missing:
         raise SystemExit(exit_status.NO_RESULT)
     say.finish()
+
+
+def _write(outputs: Sequence[EstimateOutput], tables: "Sequence[ResultTable]") -> None:
+    """Write outputs of features, and repeat in the tables what each has for their metadata."""
+    for output in outputs:
+        metadata = output.write() or {}
+        for table in tables:
+            table.repeat(metadata)

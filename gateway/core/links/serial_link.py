@@ -250,22 +250,26 @@ def present_ports() -> list[str]:
     return ports
 
 
+def _absent_remedy(port: str, present: list[str], device: str) -> str:
+    if present:
+        remedy = f"Ports present: {', '.join(present)}. Is the {device} plugged in?"
+    else:
+        remedy = f"No serial port is present; plug in the {device}, or try `treadlink live sim:demo`."
+    if os.name == "posix" and re.fullmatch(r"COM\d+", port, re.IGNORECASE):
+        remedy = f"{port} is a name of Windows; here ports are named /dev/... {remedy}"
+    elif os.name == "nt" and port.startswith("/dev/"):
+        remedy = f"{port} is a name of Linux or macOS; here ports are named COM3. {remedy}"
+    elif os.name == "posix" and "/" not in port:
+        remedy = f"A port is given with its folder: /dev/{port}. {remedy}"
+    return remedy
+
+
 def explain_open_error(port: str, error: Exception, present: list[str], device: str = "hub") -> SourceError:
     """Return the error for the user: why a port does not open, and the remedy."""
     number = getattr(error, "errno", None)
     is_absent = os.name == "posix" and "://" not in port and not Path(port).exists()
     if number == errno.ENOENT or isinstance(error, FileNotFoundError) or is_absent:
-        if present:
-            remedy = f"Ports present: {', '.join(present)}. Is the {device} plugged in?"
-        else:
-            remedy = f"No serial port is present; plug in the {device}, or try `treadlink live sim:demo`."
-        if os.name == "posix" and re.fullmatch(r"COM\d+", port, re.IGNORECASE):
-            remedy = f"{port} is a name of Windows; here ports are named /dev/... {remedy}"
-        elif os.name == "nt" and port.startswith("/dev/"):
-            remedy = f"{port} is a name of Linux or macOS; here ports are named COM3. {remedy}"
-        elif os.name == "posix" and "/" not in port:
-            remedy = f"A port is given with its folder: /dev/{port}. {remedy}"
-        return SourceError(f"there is no port {port}", remedy, cause=errno.ENOENT)
+        return SourceError(f"there is no port {port}", _absent_remedy(port, present, device), cause=errno.ENOENT)
     if number in (errno.EACCES, errno.EPERM):
         group = _group_of(port)
         return SourceError(

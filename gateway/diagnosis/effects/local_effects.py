@@ -30,6 +30,7 @@ from gateway.ring.rolling_ring import (
     PATTERNS,
     Change,
     LoadedBelt,
+    Slope,
     local_response,
 )
 
@@ -424,10 +425,10 @@ def _answers(
     scanned: bool,
 ) -> dict[Change, tuple[Answer, ...]]:
     """Return the answers of a belt to kinds of change, which share a factorisation; all terms but in a scan."""
-    by_damping = not scanned and loss_s == _USUAL_LOSS_S
-    answers = local_response(
-        belt, omega_radps, loss_s, offset_m, kinds, by_damping=by_damping, by_mass=not scanned, log_mass=log_mass
-    )
+    slopes = Slope.NONE if scanned else Slope.MASS
+    if not scanned and loss_s == _USUAL_LOSS_S:
+        slopes |= Slope.DAMPING
+    answers = local_response(belt, omega_radps, loss_s, offset_m, kinds, slopes=slopes, log_mass=log_mass)
     return {
         kind: tuple(_orders(term[number], range(PATTERNS)) for term in answers) for number, kind in enumerate(kinds)
     }

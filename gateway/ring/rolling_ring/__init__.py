@@ -19,5 +19,6 @@ from gateway.ring.rolling_ring.equilibrium import loaded_belt as loaded_belt
 from gateway.ring.rolling_ring.equilibrium import solve_rolling_ring as solve_rolling_ring
 from gateway.ring.rolling_ring.local_changes import PATTERNS as PATTERNS
 from gateway.ring.rolling_ring.local_changes import Change as Change
+from gateway.ring.rolling_ring.local_changes import Slope as Slope
 from gateway.ring.rolling_ring.local_changes import local_response as local_response
 from gateway.ring.rolling_ring.newton_solver import RingNotConvergedError as RingNotConvergedError

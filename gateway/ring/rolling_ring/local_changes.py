@@ -14,7 +14,7 @@ axle keeps its height.
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from enum import StrEnum
+from enum import Flag, StrEnum, auto
 from functools import lru_cache
 from typing import Final
 
@@ -49,6 +49,14 @@ class Change(StrEnum):
     RUN_OUT = "run-out"
 
 
+class Slope(Flag):
+    """Parameters by which a response has terms beside its value: two of the damping, one of the mass."""
+
+    NONE = 0
+    DAMPING = auto()
+    MASS = auto()
+
+
 def local_response(
     belt: LoadedBelt,
     omega_radps: float,
@@ -57,8 +65,7 @@ def local_response(
     changes: Sequence[Change],
     counts: Sequence[int] = range(PATTERNS),
     *,
-    by_damping: bool = False,
-    by_mass: bool = False,
+    slopes: Slope = Slope.NONE,
     log_mass: float = 0.0,
 ) -> ComplexArray:
     """Return the reading of kinds of change and patterns, (terms, kinds, counts, 2, N), m; radial and along.
@@ -73,8 +80,7 @@ def local_response(
         offset_m: sensor below (inside) the belt's neutral layer.
         changes: kinds.
         counts: N of the patterns.
-        by_damping: with the terms of the damping.
-        by_mass: with that of the mass.
+        slopes: parameters with terms.
         log_mass: logarithm of the belt's mass over that of its law, which no steady shape shows.
 
     Raises:
@@ -94,6 +100,7 @@ def local_response(
         belt.traction,
     )
     heavier = replace(lossy, law=replace(lossy.law, mass_kgpm=2.0 * lossy.law.mass_kgpm))
+    by_damping, by_mass = Slope.DAMPING in slopes, Slope.MASS in slopes
     terms = 1 + 2 * by_damping + by_mass
     result = np.empty((terms, len(changes), len(counts), 2, len(belt.state)), dtype=np.complex128)
     lifted = np.array([float(change is Change.RIM) for change in changes])
