@@ -24,8 +24,9 @@ from gateway.simulator.time_series import Series
 STATED: Final = "states:"
 TABLE: Final = Path(__file__).with_name("ranges.tsv")
 AXES: Final = ("circumferential", "lateral", "radial")
-# Tables without a parameter of a run's numbers: names, alarms, signatures; the simulator's statements are made here.
-_WITHOUT: Final = frozenset({"scenario", "stated", "vehicle", "test", "thresholds", "security"})
+# Tables without a parameter of a run's numbers: names, alarms, signatures; the simulator's statements are made here,
+# and pressures come from the wheel's own sensor.
+_WITHOUT: Final = frozenset({"scenario", "stated", "vehicle", "test", "thresholds", "security", "placard", "tpms"})
 # `[wheel.tire]` is `[tire]` again.
 _AGAIN: Final = frozenset({"states:wheel.tire"})
 # Tables of these the independent tire lacks, and keys of its tire.
