@@ -27,7 +27,7 @@ _SHARE: Final = 0.2
 _LEAST_PA: Final = 150e3
 # A tire whose own pressure is about the least one is not low.
 _LEAST_OF_WARM: Final = 0.9
-# Gauges of the test may be wrong by this (Annex 3, 1.6): a sensor without a stated error, too.
+# Error of a sensor that states none, as of a workshop's gauge.
 _GAUGE_PA: Final = 3e3
 # A reading may be wrong: the pressure is low for so long, and no longer low above this share of the limit.
 _CONFIRMED_S: Final = 10.0
