@@ -135,8 +135,8 @@ class FleetCode(Codes):
     TREND_STIFFNESS_DRIFTS = Code("{name} changes by {share:.2%} ± {std:.2%} a month")
     TREND_STRUCTURE_CHANGED = Code(
         "structure: the waveform far from the sensor's contact {course}, now by {change:.2%} ± {std:.2%} of the "
-        "centripetal acceleration, {scatters:.1f} scatters of a recording, most with the sensor {place_rad:.0f deg} "
-        "{side} the contact. Belt, tread, rim or sensor at one place; which is not known: inspect the tire",
+        "centripetal acceleration, {scatters:.1f} scatters of a recording. Belt, tread, rim or sensor has changed at "
+        "one place; which, and where, is not known: inspect the tire",
         course={"growing": "grows since {date}", "sudden": "has changed at once by {date}"},
     )
     TREND_TEMPERATURE_CONSTANT = Code("the temperature varies too little, or is not known")

@@ -203,8 +203,6 @@ def _of_structure(history: TireHistory) -> list[Reason]:
             change=change.share,
             std=change.std,
             scatters=change.share / change.scatter,
-            place_rad=abs(change.place_rad),
-            side="behind" if change.place_rad > 0.0 else "before",
         )
     ]
 

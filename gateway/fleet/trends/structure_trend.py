@@ -49,7 +49,6 @@ class StructureChange(NamedTuple):
     Attributes:
         begin: recording from which on.
         is_sudden: whether it came at once, and does not grow.
-        place_rad: angle of the sensor behind the contact at which it is largest.
         share: root mean square over the far angles at the last recording, over R Omega^2.
         std: standard error of it.
         scatter: of one recording.
@@ -57,7 +56,6 @@ class StructureChange(NamedTuple):
 
     begin: int
     is_sudden: bool
-    place_rad: float
     share: float
     std: float
     scatter: float
@@ -104,8 +102,7 @@ def structure_change(history: TireHistory) -> StructureChange | None:
         return None
     std = scatter * float(courses[-1, best] / np.linalg.norm(apart[:, best]))
     is_sudden = best >= int(usable[: len(_RAMPS)].sum())
-    place_rad = float(_FAR[np.abs(change).argmax()])
-    return StructureChange(int(rows[begins[best]]), is_sudden, place_rad, share, std, scatter)
+    return StructureChange(int(rows[begins[best]]), is_sudden, share, std, scatter)
 
 
 def _columns(speed: FloatArray, conditions: list[FloatArray]) -> FloatArray:
