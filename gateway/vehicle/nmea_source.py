@@ -1,6 +1,5 @@
 """Positioning receivers: on a serial port, behind a TCP server or gpsd, or in a log file."""
 
-import gzip
 import re
 import threading
 from collections.abc import Iterator
@@ -23,7 +22,7 @@ from gateway.core.links.source import (
     silence_option,
 )
 from gateway.core.links.tcp_link import TcpLink, parse_host_port
-from gateway.vehicle.log_file import LogFile
+from gateway.vehicle.log_file import LineLog
 from gateway.vehicle.log_sources import NMEA_FILE_SUFFIXES
 
 GPSD_PORT: Final = 2947
@@ -113,48 +112,22 @@ class ReceiverSource(WrappedSource):
                 yield self.lines(item.link, item.host_ns, lines + end)
 
 
-class ReceiverFileSource(LogFile):
+class ReceiverFileSource(LineLog):
     """Sentences of a log file, at the times that they state."""
 
-    def items(self, stop: threading.Event) -> Iterator[LinkItem]:
-        """Yield the lines up to each fix at its time, then that the file has ended.
+    undated = (
+        "no sentence RMC with a time and date",
+        "Give a log of NMEA 0183, as `gpspipe -r` and most receivers write it.",
+    )
 
-        Raises:
-            SourceError: the file cannot be read, or has no sentence with a time.
-        """
-        last_ns = 0
-        try:
-            with self._opened() as file:
-                for utc_ns, lines in _dated(file):
-                    last_ns = utc_ns + self._offset_ns
-                    if not self.playback.wait_until(last_ns, stop, self._closed):
-                        return
-                    yield Sentences(self.link, last_ns, lines)
-        except (OSError, EOFError) as error:  # EOFError: a compressed file that is cut off
-            reason = getattr(error, "strerror", None) or str(error)
-            if not last_ns:
-                raise SourceError(f"cannot read '{self._path}': {reason}", "Check the file.") from error
-            yield self._cut_off(last_ns, reason)
-        if not last_ns:
-            raise SourceError(
-                f"'{self._path}' has no sentence RMC with a time and date",
-                "Give a log of NMEA 0183, as `gpspipe -r` and most receivers write it.",
-            )
-        yield from self._end(last_ns, stop)
-
-    def _opened(self) -> IO[bytes]:
-        is_packed = self._path.suffix.lower() == ".gz"
-        return gzip.open(self._path) if is_packed else self._path.open("rb")  # type: ignore[return-value]
-
-
-def _dated(file: IO[bytes]) -> Iterator[tuple[int, bytes]]:
-    """Yield the lines up to each sentence with a time, and this time in ns since the epoch; the rest is left out."""
-    reader, lines, size = SentenceReader(), list[bytes](), 0
-    for line in iter(lambda: file.readline(LONGEST_LINE), b""):
-        lines.append(line)
-        size += len(line)
-        times_ns = [fix.utc_ns for fix in reader.read(line) if fix.utc_ns is not None]
-        if times_ns:
-            yield times_ns[-1], b"".join(lines)
-        if times_ns or size > LONGEST_LINE * 16:
-            lines, size = [], 0
+    def _dated(self, file: IO[bytes]) -> Iterator[tuple[int, bytes]]:
+        """Yield the lines up to each fix; those behind the last one are left out."""
+        reader, lines, size = SentenceReader(), list[bytes](), 0
+        for line in iter(lambda: file.readline(LONGEST_LINE), b""):
+            lines.append(line)
+            size += len(line)
+            times_ns = [fix.utc_ns for fix in reader.read(line) if fix.utc_ns is not None]
+            if times_ns:
+                yield times_ns[-1] + self._offset_ns, b"".join(lines)
+            if times_ns or size > LONGEST_LINE * 16:
+                lines, size = [], 0

@@ -30,11 +30,17 @@ class VehicleCode(Codes):
         "the source chooses one, as in can:drive.blf?channel=1"
     )
     TPMS_NOT_USED = Code(
-        "sensor {id} ({model}): {why}",
+        "{why}",
         why={
-            "unknown": "no [[tpms.sensor]] of the vehicle file has it, so its pressure is not used. Of this car?",
-            "unchecked": "its messages have no check of their bits (mic), so they are not used",
-            "empty": "its messages have neither pressure nor temperature: rtl_433 does not decode them whole",
-            "unread": "a line is no JSON object of rtl_433, or is cut",
+            "unknown": (
+                "sensor {id} ({model}) is in no [[tpms.sensor]] of the vehicle file, so its pressure is not used. "
+                "Of this car?"
+            ),
+            "unchecked": ("messages of sensor {id} ({model}) have no check of their bits (mic), so they are not used"),
+            "empty": (
+                "messages of sensor {id} ({model}) have neither pressure nor temperature: rtl_433 does not decode "
+                "them whole"
+            ),
+            "unread": "a line is not a JSON object as rtl_433 prints it, or it is cut",
         },
     )

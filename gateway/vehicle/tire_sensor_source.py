@@ -1,25 +1,23 @@
 """Receivers of tire pressure sensors: what rtl_433 prints as JSON, from a pipe, a growing file, a server or a log."""
 
 import contextlib
-import gzip
 import os
 import stat
 import threading
 from collections.abc import Iterator
-from dataclasses import replace
 from datetime import UTC, datetime, tzinfo
 from pathlib import Path
-from typing import Final
+from typing import IO, Final
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from gateway.core.clock import Clock
 from gateway.core.errors import LinkLostError, SourceError
 from gateway.core.links.reconnect import ReconnectingSource
-from gateway.core.links.source import LinkItem, SensorLines, Source, SourceAddress
+from gateway.core.links.source import SensorLines, Source, SourceAddress
 from gateway.core.links.tcp_link import TcpLink, parse_host_port
 from gateway.core.nearest_name import missing_path_remedy
 from gateway.core.reasons import Reason
-from gateway.vehicle.log_file import LogFile
+from gateway.vehicle.log_file import LineLog
 from gateway.vehicle.log_sources import RTL433_FILE_SUFFIXES
 from gateway.vehicle.nmea_source import HOST, LONGEST_LINE, ReceiverSource
 from gateway.vehicle.reasons import VehicleCode
@@ -116,8 +114,11 @@ class TireSensorSource(ReceiverSource):
     lines = SensorLines
 
 
-class TireSensorFileSource(LogFile):
+class TireSensorFileSource(LineLog):
     """Lines of a log file, at the times that they state."""
+
+    lines = SensorLines
+    undated = ("no message with a time", "Give the lines that `rtl_433 -F json` prints.")
 
     def __init__(self, address: SourceAddress, clock: Clock) -> None:
         """Prepare the file.
@@ -132,56 +133,44 @@ class TireSensorFileSource(LogFile):
         except (ZoneInfoNotFoundError, ValueError, OSError) as error:
             raise SourceError(f"invalid option time_zone={name}", "Give one such as Europe/Berlin or UTC.") from error
 
-    def items(self, stop: threading.Event) -> Iterator[LinkItem]:
-        """Yield the lines at their times, then that the file has ended.
+    def _dated(self, file: IO[bytes]) -> Iterator[tuple[int, bytes]]:
+        """Yield each line; one without a time comes with the line before, those at the begin with the first message."""
+        last_ns = back = 0
+        begin = b""
+        for line in iter(lambda: file.readline(LONGEST_LINE), b""):
+            time_ns = self._time_ns(line, is_needed=not last_ns)
+            if time_ns is None and not last_ns:
+                begin = (begin + line)[-LONGEST_LINE:]
+                continue
+            back += time_ns is not None and time_ns < last_ns
+            last_ns = last_ns if time_ns is None else time_ns
+            if begin or line.strip():
+                yield last_ns, begin + line
+            begin = b""
+        if back:
+            self.details = (Reason(VehicleCode.LOG_STEPS_BACK, count=back),)
+
+    def _time_ns(self, line: bytes, *, is_needed: bool) -> int | None:
+        """Return the time of a line with the offset, None where it has none.
 
         Raises:
-            SourceError: the file cannot be read, or its first message has no time of day.
+            SourceError: a message has none that is needed, or it is ambiguous.
         """
-        last_ns = back = 0
-        try:
-            packed = self._path.suffix.lower() == ".gz"
-            with gzip.open(self._path) if packed else self._path.open("rb") as file:
-                for line in iter(lambda: file.readline(LONGEST_LINE), b""):
-                    if not line.strip():
-                        continue
-                    at_ns = self._time_ns(line, last_ns)
-                    back += at_ns < last_ns
-                    last_ns = at_ns
-                    if not self.playback.wait_until(at_ns, stop, self._closed):
-                        return
-                    yield SensorLines(self.link, at_ns, line)
-        except (OSError, EOFError) as error:  # EOFError: a compressed file that is cut off
-            reason = getattr(error, "strerror", None) or str(error)
-            if not last_ns:
-                raise SourceError(f"cannot read '{self._path}': {reason}", "Check the file.") from error
-            yield self._cut_off(last_ns, reason)
-        if not last_ns:
-            raise SourceError(
-                f"'{self._path}' has no message with a time", "Give the lines that `rtl_433 -F json` prints."
-            )
-        details = (Reason(VehicleCode.LOG_STEPS_BACK, count=back),) if back else ()
-        yield from (replace(event, details=details) for event in self._end(last_ns, stop))
-
-    def _time_ns(self, line: bytes, last_ns: int) -> int:
-        """Return the time of a line; one that is damaged has that of the line before."""
         message = message_of(line)
-        stated = None if message is None else message.get("time")
+        if message is None:
+            return None
+        stated = message.get("time")
         if isinstance(stated, str | int | float):
-            try:
-                seconds = float(stated)
-            except ValueError:
-                pass
-            else:
-                return round(seconds * 1e9) + self._offset_ns
+            with contextlib.suppress(ValueError, OverflowError):
+                return round(float(stated) * 1e9) + self._offset_ns
             with contextlib.suppress(ValueError):
                 return self._of_date_ns(datetime.fromisoformat(str(stated))) + self._offset_ns
-        if message is not None and not last_ns:
-            raise SourceError(
-                f"'{self._path}' has messages without a time of day: {str(stated)[:40]}",
-                "Let rtl_433 print it: `rtl_433 -F json -M time:utc:usec:tz`.",
-            )
-        return last_ns
+        if not is_needed:
+            return None
+        raise SourceError(
+            f"'{self._path}' has messages without a time of day: {str(stated)[:40]}",
+            "Let rtl_433 print it: `rtl_433 -F json -M time:utc:usec:tz`.",
+        )
 
     def _of_date_ns(self, stated: datetime) -> int:
         """Return a date in ns since the epoch, in the stated zone where it has none.

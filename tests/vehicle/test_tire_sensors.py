@@ -303,6 +303,16 @@ def test_times_that_say_nothing_are_refused(tmp_path, stated, options, said) -> 
         items_of(f"rtl433:{path}{options}")
 
 
+def test_what_a_log_begins_with_comes_with_its_first_message(tmp_path) -> None:
+    """At a time of its own, 1970, the first message would wait for half a century."""
+    path = tmp_path / "tpms.json"
+    banner = b"rtl_433 version 23.11\n"
+    path.write_bytes(banner + line(time="1719835200") + line(time="1719835201"))
+    first, second, _ = items_of(f"rtl433:{path}?speed=max")
+    assert (first.host_ns // S, first.data) == (1719835200, banner + line(time="1719835200"))
+    assert second.host_ns // S == 1719835201
+
+
 def test_cut_log_plays_what_it_has(tmp_path) -> None:
     path = tmp_path / "tpms.json"
     whole = line(time="1719835200") + line(time="1719835260") + line(time="1719835230")
