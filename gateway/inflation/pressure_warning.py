@@ -34,8 +34,8 @@ _CONFIRMED_S: Final = 10.0
 _OVER: Final = 1.02
 # Half of the time that the rule leaves.
 _MISSING_S: Final = 300.0
-# Readings that a loss is told from: those of the driving of a puncture's time. A liner that warms before the air in the
-# tire feigns a fall of up to a twentieth.
+# Driving time over which a fast loss is recognised: that within which a puncture must be warned of. A liner that warms
+# before the air in the tire feigns a fall of up to a twentieth.
 _WATCHED_S: Final = 600.0
 _APART_S: Final = 5.0
 _FAST: Final = 0.08

@@ -108,7 +108,7 @@ class ViewServer:
             await connection.send(reply, text=True)
 
     def _reply(self, message: str | bytes) -> bytes:
-        """Return the answer to a message; a page that asks for nonsense is told so."""
+        """Return the answer to a message, an error where the message is not a valid question."""
         number: object = None
         try:
             question = json.loads(message)
@@ -124,8 +124,9 @@ class ViewServer:
             }
             return encoded({"id": number, **answers[question["ask"]](question)})
         except (ValueError, TypeError, KeyError, IndexError, OverflowError) as error:
-            _logger.debug("a page asks for nonsense: %r", error)
-            return encoded({"id": number if isinstance(number, int) else 0, "error": "The page asks for nonsense."})
+            _logger.debug("invalid question of a page: %r", error)
+            answered = number if isinstance(number, int) else 0
+            return encoded({"id": answered, "error": "The question of the page is not valid."})
         except TreadlinkError as error:
             return encoded({"id": number, "error": _said(error)})
 

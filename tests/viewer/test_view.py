@@ -280,7 +280,7 @@ def test_page_asks_and_nonsense_is_refused(recorded) -> None:
             revolution = answer(connection, ask="revolution", recording=0, wheel="W0", number=9)["revolution"]
             assert revolution["number"] == 9
             assert revolution["edges"][0] < 0.0 < revolution["edges"][1]
-            refused = {"error": "The page asks for nonsense."}
+            refused = {"error": "The question of the page is not valid."}
             for nonsense in (
                 {"ask": "samples", "recording": 9, "begin": 0, "end": 1, "columns": 5},
                 {"ask": "samples", "recording": -1, "begin": 0, "end": 1, "columns": 5},

@@ -170,12 +170,12 @@ const DriveSection = (() => {
 
     // The values at the cursor, else the last ones.
     read(u, quantity, wheels, legend) {
-      const at = u.cursor.idx == null ? Infinity : this.times[u.cursor.idx];
+      const time = u.cursor.idx == null ? Infinity : this.times[u.cursor.idx];
       legend.replaceChildren(...wheels.map((i) => {
         const { v, e, provisional } = quantity.wheels[i], times = this.data.wheels[i].t;
         let last = times.length - 1;
-        while (last > 0 && times[last] > at) last -= 1;
-        if (at === Infinity) while (last > 0 && v[last] === null) last -= 1;
+        while (last > 0 && times[last] > time) last -= 1;
+        if (time === Infinity) while (last > 0 && v[last] === null) last -= 1;
         const text = v[last] == null ? "—" : pictures.written(v[last], e ? e[last] : null, quantity.unit, provisional.includes(last));
         const item = element("li");
         item.append(pictures.key(i, pictures.dashOf(i)), `${this.data.wheels[i].name}: ${text}`);

@@ -32,7 +32,7 @@ _LEAST_FREEDOM: Final = 10
 _LEAST_AFTER: Final = 3
 _STEPS_APART: Final = 3
 _RAMPS: Final = (0.0, 0.25, 0.5, 0.75)
-# Part of a course that the conditions must leave, to be told from them.
+# Part of a course that must be independent of the conditions.
 _LEAST_APART: Final = 0.3
 # Orders of recordings by chance that the course is compared with, and standard deviations beyond their mean: healthy
 # rings reach 4. Change that is worth a finding, root mean square over R Omega^2.

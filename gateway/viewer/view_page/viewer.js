@@ -119,15 +119,15 @@
   // Quantities, events, and the first sentence: as on the page of a drive
 
   const showPictures = () => {
-    const wheels = series.map((one) => {
-      const of = pictured[one.recording], at = of ? of.wheels.findIndex((wheel) => wheel.name === one.wheel) : -1;
-      return { of, at, name: nameOf(one), t: at < 0 ? [] : of.wheels[at].t };
+    const wheels = series.map((channel) => {
+      const drive = pictured[channel.recording], index = drive ? drive.wheels.findIndex((wheel) => wheel.name === channel.wheel) : -1;
+      return { drive, index, name: nameOf(channel), t: index < 0 ? [] : drive.wheels[index].t };
     });
     const names = [...new Set(pictured.filter(Boolean).flatMap((one) => one.quantities.map((quantity) => quantity.name)))];
     const quantities = names.map((name) => {
-      const found = wheels.map(({ of }) => of && of.quantities.find((quantity) => quantity.name === name));
-      const { label, unit } = found.find(Boolean);
-      return { name, label, unit, wheels: wheels.map(({ at }, i) => (found[i] && at >= 0 ? found[i].wheels[at] : null)) };
+      const matching = wheels.map(({ drive }) => drive && drive.quantities.find((quantity) => quantity.name === name));
+      const { label, unit } = matching.find(Boolean);
+      return { name, label, unit, wheels: wheels.map(({ index }, i) => (matching[i] && index >= 0 ? matching[i].wheels[index] : null)) };
     });
     const events = pictured.flatMap((one, i) => (one ? one.events.map((event) => ({ ...event, recording: recordings[i].name })) : []));
     const first = ["speed_mps", "pressure_pa"].filter((name) => names.includes(name));
@@ -213,12 +213,12 @@
   const bandsOf = (shown) => shown.map((i, at) => ({ series: [2 * at + 2, 2 * at + 1], fill: pictures.faint(pictures.colourOf(i)) }));
   const written = (value) => (value == null ? "—" : value.toFixed(1));
   const readout = (shown, axis, legend) => (u) => {
-    const at = u.cursor.idx == null ? null : u.data[0][u.cursor.idx];
+    const cursor = u.cursor.idx == null ? null : u.data[0][u.cursor.idx];
     legend.replaceChildren(...shown.map((i) => {
       const part = partOf(samples, i), item = element("li");
       item.append(keyOf(i), nameOf(series[i]));
-      if (at !== null && part && part.t.length) {
-        let row = part.t.findIndex((time) => time >= at - 1e-9);
+      if (cursor !== null && part && part.t.length) {
+        let row = part.t.findIndex((time) => time >= cursor - 1e-9);
         if (row < 0) row = part.t.length - 1;
         const low = part.low[axis][row], high = part.high[axis][row];
         item.append(`: ${low === high ? written(low) : `${written(low)} to ${written(high)}`} ${UNIT} at ${clock(part.t[row], low === high ? 0.0001 : 0.01)}`);
@@ -275,38 +275,38 @@
     const mine = (asked += 1), focus = Number(byId("focus").value || 0);
     byId("revolution-note").textContent = "reading …";
     try {
-      const one = series[focus], first = await ask({ ask: "revolution", recording: one.recording, wheel: one.wheel, ...(number === undefined ? { time } : { number }) });
+      const channel = series[focus], first = await ask({ ask: "revolution", recording: channel.recording, wheel: channel.wheel, ...(number === undefined ? { time } : { number }) });
       if (mine !== asked) return;
       const shown = first.revolution;
-      if (!shown) { byId("revolution-note").textContent = `${nameOf(one)}: no revolution near ${clock(time, 0.01)}.`; return; }
+      if (!shown) { byId("revolution-note").textContent = `${nameOf(channel)}: no revolution near ${clock(time, 0.01)}.`; return; }
       moment = shown;
-      const middle = (shown.begin + shown.end) / 2, found = [[focus, shown]];
+      const middle = (shown.begin + shown.end) / 2, revolutions = [[focus, shown]];
       for (const i of visible()) if (i !== focus && middle < recordings[series[i].recording].span) {
         const { revolution } = await ask({ ask: "revolution", recording: series[i].recording, wheel: series[i].wheel, time: middle });
         if (mine !== asked) return;
-        if (revolution && revolution.begin <= shown.end && revolution.end >= shown.begin) found.push([i, revolution]);
+        if (revolution && revolution.begin <= shown.end && revolution.end >= shown.begin) revolutions.push([i, revolution]);
       }
       byId("number").value = shown.number === null ? "" : String(shown.number);
-      byId("revolution-note").textContent = found.map(([i, of]) =>
-        `${nameOf(series[i])}: ${of.number === null ? "revolution" : `revolution ${of.number}`} at ${clock(of.begin, 0.001)}, ${of.speed_kmh} km/h${of.faults ? ` (${of.faults})` : ""}`).join("; ");
-      drawWaveforms(found);
+      byId("revolution-note").textContent = revolutions.map(([i, revolution]) =>
+        `${nameOf(series[i])}: ${revolution.number === null ? "revolution" : `revolution ${revolution.number}`} at ${clock(revolution.begin, 0.001)}, ${revolution.speed_kmh} km/h${revolution.faults ? ` (${revolution.faults})` : ""}`).join("; ");
+      drawWaveforms(revolutions);
       if (shown.end < section.range[0] || shown.begin > section.range[1]) section.scale(1, (middle - (section.range[0] + section.range[1]) / 2) / (section.range[1] - section.range[0]));
       for (const { plot } of samplePlots) plot.redraw();
     } catch (error) { failed(error); }
   };
-  const drawWaveforms = (found) => {
+  const drawWaveforms = (revolutions) => {
     for (const plot of wavePlots) plot.destroy();
     const axis = pictures.axis();
-    const angles = [...new Set(found.flatMap(([, one]) => one.angle))].sort((a, b) => a - b), index = new Map(angles.map((angle, i) => [angle, i]));
+    const angles = [...new Set(revolutions.flatMap(([, revolution]) => revolution.angle))].sort((a, b) => a - b), index = new Map(angles.map((angle, i) => [angle, i]));
     const figures = [...shownAxes].sort((a, b) => b - a).map((number) => {
       const figure = element("figure"), inner = element("div"), legend = element("ul", "legend");
       figure.append(element("div", "picture-title", `${AXES[number]} axis, ${UNIT}, over the angle`), inner, legend);
       inner.setAttribute("role", "img");
       inner.setAttribute("aria-label", `waveform of the ${AXES[number]} axis over the angle: ${byId("revolution-note").textContent}`);
-      legend.append(...found.map(([i]) => { const item = element("li"); item.append(keyOf(i), nameOf(series[i])); return item; }));
-      const columns = found.map(([, one]) => {
+      legend.append(...revolutions.map(([i]) => { const item = element("li"); item.append(keyOf(i), nameOf(series[i])); return item; }));
+      const columns = revolutions.map(([, revolution]) => {
         const column = new Array(angles.length).fill(undefined);
-        one.angle.forEach((angle, at) => { column[index.get(angle)] = one.axes[number][at]; });
+        revolution.angle.forEach((angle, row) => { column[index.get(angle)] = revolution.axes[number][row]; });
         return column;
       });
       return { figure, make: () => new uPlot({
@@ -314,11 +314,11 @@
         cursor: { drag: { x: true, y: false } },
         scales: { x: { time: false } },
         axes: [{ ...axis, values: (_, ticks) => ticks.map((tick) => `${tick}°`) }, { ...axis, size: 58 }],
-        series: [{}, ...found.map(([i]) => ({ stroke: pictures.colourOf(i), width: 1.5, dash: pictures.dashOf(i), points: { show: false } }))],
+        series: [{}, ...revolutions.map(([i]) => ({ stroke: pictures.colourOf(i), width: 1.5, dash: pictures.dashOf(i), points: { show: false } }))],
         hooks: { draw: [(u) => {
           u.ctx.save();
           u.ctx.setLineDash([3, 3]);
-          for (const [i, one] of found) for (const edge of one.edges) if (edge !== null) {
+          for (const [i, revolution] of revolutions) for (const edge of revolution.edges) if (edge !== null) {
             u.ctx.strokeStyle = pictures.colourOf(i);
             u.ctx.beginPath();
             u.ctx.moveTo(u.valToPos(edge, "x", true), u.bbox.top);
@@ -350,8 +350,8 @@
     ordersKey = key;
   });
   const colour = (share) => {
-    const at = Math.min(Math.max(share, 0), 0.9999) * (PALETTE.length - 1), low = PALETTE[Math.floor(at)], high = PALETTE[Math.floor(at) + 1];
-    return `rgb(${low.map((value, i) => Math.round(value + (at % 1) * (high[i] - value))).join(",")})`;
+    const position = Math.min(Math.max(share, 0), 0.9999) * (PALETTE.length - 1), low = PALETTE[Math.floor(position)], high = PALETTE[Math.floor(position) + 1];
+    return `rgb(${low.map((value, i) => Math.round(value + (position % 1) * (high[i] - value))).join(",")})`;
   };
   const drawOrders = ({ x, width, orders }, one, axis, over) => {
     section.added = section.added.filter((plot) => plot !== ordersPlot);
