@@ -20,6 +20,9 @@ class FleetCode(Codes):
         "{limit_bytes:.0f MB} of memory"
     )
     WORKER_MEMORY_FULL = Code("its worker process had no memory left")
+    WORKERS_ABSENT = Code(
+        "the dask scheduler has no worker: what is not done waits until one comes, as `dask worker {address}` starts it"
+    )
     WORKER_SILENT = Code(
         "worker {worker} has sent nothing for {silent_s:.0f} s: paused, hanging or cut off. Its recordings go once to "
         "another worker"

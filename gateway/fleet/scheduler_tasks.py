@@ -28,6 +28,8 @@ _ANSWER_S: Final = 60.0
 # A worker sends signs of life to its scheduler every few seconds, also while it estimates.
 _SILENT_NS: Final = 60_000_000_000
 _LOOK_NS: Final = 5_000_000_000
+# One that ended is started again by its nanny within a few seconds.
+_LOOKS_WITHOUT_WORKER: Final = 3
 _TOPIC: Final = "treadlink-campaign"
 _REPORT_NS: Final = 500_000_000
 
@@ -181,6 +183,8 @@ class SchedulerTasks(WorkerTasks):
         self._client = client
         self._number = 0
         self._signs = _SignsOfLife(clock)
+        # Looks in a row at which there was no worker.
+        self._without_worker = 0
         client.subscribe_topic(_TOPIC, self._take_position)
 
     def places(self) -> int:
@@ -227,6 +231,9 @@ class SchedulerTasks(WorkerTasks):
         fallen = self._signs.look({name: about["last_seen"] for name, about in identity["workers"].items()})
         for worker in fallen:
             _log.warning("%s", text(_silence(worker)))
+        self._without_worker = 0 if identity["workers"] else self._without_worker + 1
+        if self._without_worker == _LOOKS_WITHOUT_WORKER:
+            _log.warning("%s", text(Reason(FleetCode.WORKERS_ABSENT, address=identity["address"])))
         if not self._signs.silent or not self._signs.alive:
             return None
         tasks = {task.key: task for task in self._running.values()}

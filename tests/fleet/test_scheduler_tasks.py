@@ -32,7 +32,7 @@ WARNING = "is neither encrypted nor authenticated"
 
 def cluster(**options):
     return distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, dashboard_address=None, **{"processes": False, **options}
+        **{"n_workers": 1, "threads_per_worker": 1, "dashboard_address": None, "processes": False, **options}
     )
 
 
@@ -151,7 +151,10 @@ class StandInScheduler:
         return question()
 
     def identity(self):
-        return {"workers": {worker: {"last_seen": seen} for worker, seen in self.last_seen.items()}}
+        return {
+            "address": "tcp://scheduler",
+            "workers": {worker: {"last_seen": seen} for worker, seen in self.last_seen.items()},
+        }
 
     def processing(self):
         return self.processing_keys
@@ -220,6 +223,32 @@ def test_the_only_worker_is_named_when_it_is_silent_and_keeps_its_task(caplog):
     client.last_seen["new"], client.processing_keys["new"] = 0.0, []
     passed(tasks, client, clock, 10, "new")
     assert client.processing_keys["new"] == ["treadlink-drive-2"]
+
+
+@pytest.mark.parametrize("workers", [(), ("killed",)], ids=["never there", "gone midway"])
+def test_a_campaign_without_workers_says_so_once_and_goes_on_when_one_comes(caplog, workers):
+    client, clock = StandInScheduler(*workers), ManualClock()
+    tasks = SchedulerTasks(client, clock)
+    passed(tasks, client, clock, 20, *workers)
+    assert ("no worker" in caplog.text) is not bool(workers)
+    client.last_seen.clear()
+    passed(tasks, client, clock, 300)
+    assert caplog.text.count("no worker: what is not done waits until one comes, as `dask worker tcp://scheduler`") == 1
+    assert tasks.places() == 0
+    client.last_seen["new"] = 0.0
+    passed(tasks, client, clock, 20, "new")
+    client.last_seen.clear()
+    passed(tasks, client, clock, 20)
+    assert caplog.text.count("no worker") == 2
+
+
+def test_a_recording_waits_for_a_worker_of_a_scheduler_without_one(monkeypatch, caplog):
+    monkeypatch.setattr("gateway.fleet.scheduler_tasks._LOOK_NS", 100_000_000)
+    with cluster(n_workers=0) as workers, scheduler_tasks(workers.scheduler_address) as tasks:
+        tasks.submit("drive", work, "fine")
+        next(True for _ in range(600) if tasks.wait(0.1) is None and "has no worker" in caplog.text)
+        workers.scale(1)
+        assert result_of(tasks).outcome == "fine"
 
 
 def test_a_worker_that_is_paused_at_the_start_does_not_hold_the_campaign(monkeypatch):
