@@ -56,12 +56,16 @@ _TIME_UNITS: Final = (
     ("ns", re.compile(r"ns|nsec|nanos(?:ec(?:ond)?s?)?", re.IGNORECASE)),
     ("us", re.compile(r"[uµμ]s|[uµ]sec|micros(?:ec(?:ond)?s?)?|mikrosekunden?", re.IGNORECASE)),
     ("ms", re.compile(r"ms|msec|millis(?:ec(?:ond)?s?)?|millisekunden?", re.IGNORECASE)),
-    ("s", re.compile(r"s|secs?|seconds?|sek|sekunden?", re.IGNORECASE)),
+    ("s", re.compile(r"s|secs?|seconds?|sek|sekunden?|seg(?:undos?)?", re.IGNORECASE)),
+    ("min", re.compile(r"min(?:utes?|uten?|utos?)?", re.IGNORECASE)),
 )
 _TIME_WORD: Final = re.compile(
     rf"(?<![A-Za-zµμ])({'|'.join(text.pattern for _, text in _TIME_UNITS)})(?![A-Za-z])", re.IGNORECASE
 )
-_OF_TIME: Final = re.compile(r"time|zeit|stamp|elapsed|uptime|(?:^|[^a-z])t(?:[^a-z]|$)", re.IGNORECASE)
+_OF_TIME: Final = re.compile(r"time|zeit|stamp|elapsed|tiempo|tempo|temps|(?:^|[^a-z])t(?:[^a-z]|$)", re.IGNORECASE)
+# Behind any name these are units of time alone.
+_AT_END: Final = re.compile(r"(?<=[_ .-])(?:ns|us|µs|ms|nsec|usec|msec)$", re.IGNORECASE)
+_NO_TIME: Final = re.compile(r"speed|veloc|geschw|^v[_ .-]|acc|beschl", re.IGNORECASE)
 _SURELY_ACCELERATION: Final = re.compile(r"acc|beschl", re.IGNORECASE)
 _ACCELERATION: Final = re.compile(
     r"acc|beschl|radial|circumf|tangent|(?:^|[^a-z])a[_ .-]?(?:[xyz]|\d{1,2}|rad|tan|lat)?(?:[^a-z]|$)", re.IGNORECASE
@@ -71,9 +75,10 @@ _AXIS_IN_G: Final = re.compile(r"([xyz]|.{2,})_g", re.IGNORECASE)
 _SENSITIVITY: Final = re.compile(r"(\d+(?:[.,]\d+)?)\s*mV\s*/\s*(g\b|\(?m\s*/\s*s)", re.IGNORECASE)
 _PART_OF_TIME: Final = re.compile(
     r"(?:h|hh|hours?|std|stunden?|m|mm|min|mins|minutes?|minuten?|years?|jahr|months?|monat|days?|tag|"
-    r"(?:m|u|n|milli|micro|nano)?(?:s|ss|sec|secs|seconds?|sek|sekunden?))",
+    r"(?:m|u|n|milli|micro|nano|mikro)?(?:s|ss|sec|secs|seconds?|sek|sekunden?))",
     re.IGNORECASE,
 )
+MICROSECONDS: Final = re.compile(r"(?:u|µ|mi[ck]ro)(?:s|secs?|seconds?|sek|sekunden?)", re.IGNORECASE)
 A_MAGNITUDE: Final = "a magnitude"
 """Quantity of a column without a direction, which no axis is."""
 # The first that fits names the column; sensors of several quantities use one letter for each axis.
@@ -133,8 +138,10 @@ def are_units(cells: Collection[str]) -> bool:
 def _time_unit(name: str) -> str:
     """Return the unit of time in the name of a column of times, such as `time_ms`, empty without one."""
     words = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name)
-    match = _TIME_WORD.search(words)
-    if match is None or not (_OF_TIME.search(words) or match[0] == words.strip(" _")):
+    match = _TIME_WORD.fullmatch(name.strip(" _")) or _TIME_WORD.search(words)
+    is_alone = match is not None and match[0] in (name.strip(" _"), words.strip(" _"))
+    is_at_end = _AT_END.search(words) is not None and not _NO_TIME.search(words)
+    if match is None or not (_OF_TIME.search(words) or is_alone or is_at_end):
         return ""
     return next(unit for unit, text in _TIME_UNITS if text.fullmatch(match[1]))
 

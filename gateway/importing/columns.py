@@ -51,6 +51,7 @@ class FileFacts:
         cut: columns that end early: rows that they have, and rows that they should have.
         steps_s: time between two values of a column, where columns have steps of their own.
         warnings: what the package that reads the file has warned of.
+        stated: conditions that the file states: key of an import map, its value in TOML, and the place.
     """
 
     names: Sequence[str]
@@ -65,6 +66,7 @@ class FileFacts:
     cut: Mapping[str, Sequence[int]] = field(default_factory=dict)
     steps_s: dict[str, float] = field(default_factory=dict)
     warnings: Sequence[str] = ()
+    stated: Sequence[Sequence[str]] = ()
 
 
 class BlockReader(Protocol):

@@ -18,7 +18,7 @@ from gateway.importing.import_map import DELIMITERS, FileLayout
 from gateway.importing.iso_times import IsoTimes
 
 _DATE_OR_CLOCK: Final = re.compile(r"\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{4}|\d{1,2}:\d{2}")
-_PLACEHOLDER: Final = re.compile(r"[-?*#./]+|n/?a|#n/a|null|none|missing|err(or)?", re.IGNORECASE)
+PLACEHOLDER: Final = re.compile(r"[-?*#./]+|n/?a|#n/a|null|none|missing|err(or)?", re.IGNORECASE)
 # Signs and dashes that spreadsheets and word processors write for a minus.
 _OTHER_MINUS: Final = re.compile("[\u2010-\u2015\u2212\ufe63\uff0d]\\s*[.,]?\\d")
 _AS_GAP: Final = 'the import keeps the gap. Or state [file] unreadable = "missing" in the map.'
@@ -175,7 +175,8 @@ class CsvColumns:
             return None
         values, bad = self._by_cell([line for _, line in rows], numbers, [self._names.index(name)])
         block = Block(0, values, lambda k: f"line {numbers[k]}", 0.0)
-        return TolerantSample(block, len(bad), str(bad[0]) if bad else "")
+        unreadable = sum(cell.text is None or not PLACEHOLDER.fullmatch(cell.text) for cell in bad)
+        return TolerantSample(block, unreadable, str(bad[0]) if bad else "")
 
     def close(self) -> None:
         """Do nothing: each pass closes the file."""
@@ -287,7 +288,7 @@ class CsvColumns:
                 'If these are dates with times, state [sampling] time_unit = "iso". Else write seconds, or state '
                 "rate_hz instead of time_column."
             )
-        if _PLACEHOLDER.fullmatch(cell):
+        if PLACEHOLDER.fullmatch(cell):
             return f"If it stands for a missing value, leave the cell empty: {_AS_GAP}"
         if not cell[:1].isdigit() and number > self._lines_before_data + 1:
             return f"If the line is no row of the data, remove it. Else correct the cell, or leave it empty: {_AS_GAP}"

@@ -11,7 +11,7 @@ from typing import Final
 
 from gateway.core.errors import ImportDataError
 from gateway.importing.column_names import are_units, rate_in_text, sensitivity_in_text
-from gateway.importing.csv_columns import column_names
+from gateway.importing.csv_columns import PLACEHOLDER, column_names
 from gateway.importing.header_conditions import stated_conditions
 from gateway.importing.import_map import DELIMITERS, FileLayout
 
@@ -30,6 +30,7 @@ _IDENTITY: Final = re.compile(
     r"[_ .-]?(?:id|no|nr|num(?:ber)?|name|index|addr(?:ess)?)?",
     re.IGNORECASE,
 )
+_AXIS_COLUMN: Final = re.compile(r"axis|achse|eje|axe|dir(?:ection)?|richtung|component|channel|kanal", re.IGNORECASE)
 _VALUE: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_:-]*")
 _MOST_SENSORS: Final = 16
 _COMMENTS: Final = ("#", "%", "//")
@@ -76,7 +77,8 @@ def recognise_layout(path: Path) -> TextLayout:
     if not data:
         raise ImportDataError(f"{path} is empty", "Check the file.")
     text, encoding = _decoded(data)
-    lines = text.splitlines()[:_LINES]
+    # Only these end a line for the reader; letters of other code pages may look like other ends.
+    lines = re.split(r"\r\n|\r|\n", text)[:_LINES]
     if len(data) == _READ_BYTES:
         lines = lines[:-1]
     delimiter = _delimiter(lines)
@@ -114,6 +116,12 @@ def recognise_layout(path: Path) -> TextLayout:
         skip_rows_after_header=start - header - 1 if header is not None and has_units else 0,
     )
     columns = dict(zip(names, zip(*data_rows, strict=True), strict=False))
+    for name, cells in columns.items():
+        if _AXIS_COLUMN.fullmatch(name.strip()) and {cell.lower() for cell in cells} <= {"x", "y", "z"}:
+            raise ImportDataError(
+                f"{path}: each row has one value, of the axis in its column '{name}'",
+                "Write the values of each axis as a column of their own, with one row for each time.",
+            )
     dates = {name for name, cells in columns.items() if any(_DATE.fullmatch(cell) for cell in cells)}
     texts = {
         name: next(cell for cell in cells if cell and not _NUMBER.fullmatch(cell))
@@ -131,7 +139,7 @@ def recognise_layout(path: Path) -> TextLayout:
         order,
         texts,
         stated,
-        stated_conditions(lines[:start]),
+        stated_conditions({f"line {k}": line for k, line in enumerate(lines[:start], 1)}),
         sensitivities.pop() if len(sensitivities) == 1 else None,
         _identities(path, layout, columns),
     )
@@ -189,7 +197,7 @@ def _is_text(cells: Sequence[str]) -> bool:
 
     A cell with a digit is a number of another notation.
     """
-    filled = [cell for cell in cells if cell]
+    filled = [cell for cell in cells if cell and not PLACEHOLDER.fullmatch(cell)]
     words = sum(not _NUMBER.fullmatch(cell) and not _FIGURE.search(cell) for cell in filled)
     return words > 0.5 * len(filled)
 

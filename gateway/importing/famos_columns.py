@@ -69,7 +69,10 @@ class FamosColumns(WaveformColumns):
             index, offset, length = int(keys["Cb"][3]), int(keys["Cb"][4]), int(keys["Cb"][7])
             step_s = float(keys["CD"][0]) if keys["CD"][3].strip() in ("s", "") else 0.0
             begin, end = data[index]
-            start_s = float(keys["Cb"][9]) if len(keys["Cb"]) > 9 else 0.0
+            # Version 2 says whose start counts: 0 none, 1 that of the data, 2 that of the axis.
+            usage = int(keys["CD"][8]) if len(keys["CD"]) > 8 else 1
+            starts = keys["Cb"][9:10] if usage == 1 else keys["CD"][7:8] if usage == 2 else []
+            start_s = float(starts[0]) if starts else 0.0
             scale = keys.get("CR", ["0", "1", "0", "0", "0", ""])
             factor, zero = (float(scale[1]), float(scale[2])) if scale[0].strip() == "1" else (1.0, 0.0)
         except (KeyError, IndexError, ValueError):

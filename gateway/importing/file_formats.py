@@ -26,7 +26,7 @@ _UNPACK: Final = "Unpack the file first, then import what is in it."
 _TO_CSV: Final = "Export the columns as CSV in the program that wrote the file, and import that."
 # Files that are often tried, and the way from each to one that can be imported.
 _REMEDIES: Final[dict[str, str]] = {
-    **dict.fromkeys((".gz", ".bz2", ".xz", ".zst", ".zip", ".7z", ".tar", ".tgz", ".rar"), _UNPACK),
+    ".tar": _UNPACK,
     **dict.fromkeys((".xls", ".ods", ".bin"), _TO_CSV),
     ".mcap": "This is a recording already. Run: treadlink estimate {name}",
     ".toml": "This is a configuration. Give the measurement as FILE and the map with --map.",
@@ -49,6 +49,29 @@ _FIRST_BYTES: Final = {
     b"|CF,2": FileFormat.FAMOS,
     b"\x93NUMPY": FileFormat.NPZ,
     b"**HEADER": FileFormat.TYDEX,
+}
+_BUS: Final = "Record its signals: treadlink record SOURCE can:{name}."
+_TO_MCAP: Final = "Convert it to MCAP, with Imu messages: mcap convert {name} OUT.mcap."
+# First bytes of files that are no measurement, or not yet: what they are, and the way to one.
+_NO_MEASUREMENT: Final = {
+    b"LOGG": (" is a log of a CAN bus", _BUS),
+    b"date ": (" is a log of a CAN bus", _BUS),
+    b";$FILEVERSION": (" is a log of a CAN bus", _BUS),
+    b'VERSION "': (
+        " names the signals of a CAN bus",
+        "Give it with a log: treadlink record SOURCE can:LOG?dbc={name}.",
+    ),
+    b"#ROSBAG": (" is a bag of ROS 1", _TO_MCAP),
+    b"SQLite format 3": (" is an SQLite database, as bags of ROS 2 are", _TO_MCAP),
+    b"TDSh": (" is the index of a TDMS file", "Give the .tdms file beside it."),
+    b"\xd4\xc3\xb2\xa1": (" is a capture of network packets", _TO_CSV),
+    b"\n\r\r\n": (" is a capture of network packets", _TO_CSV),
+    b"\xd0\xcf\x11\xe0": (" is a document of an old Office", _TO_CSV),
+    b"{": (" is JSON", _TO_CSV),
+    **dict.fromkeys(
+        (b"\x1f\x8b", b"BZh", b"\xfd7zXZ", b"\x28\xb5\x2f\xfd", b"7z\xbc\xaf", b"Rar!", b"PK\x03\x04"),
+        (" is packed", _UNPACK),
+    ),
 }
 _UNIVERSAL: Final = re.compile(rb"\s*-1\s*\r?\n\s*(?:15|18|55|58b?|82|151|164|2411|2412)\b")
 _logger = logging.getLogger(__name__)
@@ -142,19 +165,26 @@ def recognised_format(path: Path) -> FileFormat | None:
         if b"treadlink" in start:
             raise ImportDataError(f"{path}: {_RECORDING[0]}", _RECORDING[1].replace("{name}", path.name))
         return FileFormat.IMU
-    by_content = next((each for magic, each in _FIRST_BYTES.items() if start.startswith(magic)), None)
-    if by_content is None and start[:4] == b"RIFF" and start[8:12] == b"WAVE":
-        by_content = FileFormat.WAV
-    if by_content is None and start.startswith(b"PK\x03\x04") and b"[Content_Types].xml" in start + end:
-        by_content = FileFormat.XLSX
-    if by_content is None and _UNIVERSAL.match(start):
-        by_content = FileFormat.UFF
-    if by_content is None and b"[column names]" in start.lower() and b"[header]" in start.lower():
-        by_content = FileFormat.VBO
+    by_content = _by_content(start, end)
+    is_zip_or_text = by_suffix in (FileFormat.NPZ, FileFormat.XLSX) or start.startswith((b"{", b"date "))
+    if by_content is None and _no_measurement(start) is not None and not is_zip_or_text:
+        return None
     # A MATLAB file of version 7.3 is HDF5 behind its own header.
     if by_content is FileFormat.HDF5 and by_suffix is FileFormat.MAT:
         return by_suffix
     return by_content or by_suffix
+
+
+def _by_content(start: bytes, end: bytes) -> FileFormat | None:
+    if start[:4] == b"RIFF" and start[8:12] == b"WAVE":
+        return FileFormat.WAV
+    if start.startswith(b"PK\x03\x04") and b"[Content_Types].xml" in start + end:
+        return FileFormat.XLSX
+    if _UNIVERSAL.match(start):
+        return FileFormat.UFF
+    if b"[column names]" in start.lower() and b"[header]" in start.lower():
+        return FileFormat.VBO
+    return next((each for magic, each in _FIRST_BYTES.items() if start.startswith(magic)), None)
 
 
 def open_columns(
@@ -187,9 +217,7 @@ def open_columns(
     if added is not None:
         return added
     if file_format is None:
-        fault = f"unknown file format '{path.suffix}'" if path.suffix else "a file name without a suffix"
-        remedy = _REMEDIES.get(path.suffix.lower(), f'Known are {_KNOWN}. If it is text, state [file] format = "csv".')
-        raise ImportDataError(f"{path}: {fault}", remedy.replace("{name}", path.name))
+        raise _unknown(path)
     try:
         if file_format is FileFormat.CSV:
             dated = sampling.time_column is not None and sampling.time_unit == ISO
@@ -208,6 +236,20 @@ def open_columns(
     except OSError as error:
         reason = error.strerror or str(error)
         raise ImportDataError(f"{path} cannot be read: {reason}", reading_remedy(error)) from error
+
+
+def _unknown(path: Path) -> ImportDataError:
+    """Return what a file is that no reader takes, and what to do with it."""
+    with path.open("rb") as file:
+        what = _no_measurement(file.read(_START_BYTES))
+    fault = f": unknown file format '{path.suffix}'" if path.suffix else ": a file name without a suffix"
+    remedy = _REMEDIES.get(path.suffix.lower(), f'Known are {_KNOWN}. If it is text, state [file] format = "csv".')
+    fault, remedy = what or (fault, remedy)
+    return ImportDataError(f"{path}{fault}", remedy.replace("{name}", path.name))
+
+
+def _no_measurement(start: bytes) -> tuple[str, str] | None:
+    return next((what for magic, what in _NO_MEASUREMENT.items() if start.startswith(magic)), None)
 
 
 def plugin_fault(_plugin: Plugin, loaded: object) -> Reason | None:

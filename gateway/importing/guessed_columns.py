@@ -53,7 +53,11 @@ RIG: Final = {
 }
 PRESSURE: Final = re.compile(r"press|druck|(^|[^a-z])p([^a-z]|$)", re.IGNORECASE)
 TEMPERATURE: Final = re.compile(r"temp|(^|[^a-z])t([^a-z]|$)", re.IGNORECASE)
-TIME: Final = re.compile(r"time|zeit|stamp|elapsed|millis|micros|seconds|sekunden|^t$", re.IGNORECASE)
+TIME: Final = re.compile(
+    r"time|zeit|stamp|elapsed|millis|micros|seconds|sekunden|^t$|tiempo|tempo(?![a-z])|(?<![a-z])temps(?![a-z])|"
+    r"(?<![a-z])(?:ts|ticks?|tijd|tid|czas)(?![a-z])|[时時][间間刻]|время",
+    re.IGNORECASE,
+)
 VOLTS: Final = frozenset({"V", "mV"})
 MOST_COLUMNS: Final = 64
 _LARGEST: Final = 1e30
@@ -164,6 +168,7 @@ class Guess:
         time: name of the time column, None without one.
         time_unit: its unit.
         time_doubt: what is doubtful about it, empty where nothing is.
+        time_fault: its first unreadable cell, empty without one.
         no_time: why a column of times cannot be used, None without one.
         rate_hz: sampling rate, None where it is unknown.
         stated_rate: where the file states the rate, empty where it comes from times or is unknown.
@@ -185,6 +190,7 @@ class Guess:
     time: str | None = None
     time_unit: str = "s"
     time_doubt: str = ""
+    time_fault: str = ""
     no_time: str | None = None
     rate_hz: float | None = None
     stated_rate: str = ""

@@ -1,6 +1,7 @@
 """Column of times of a measurement, for a first map: by name and unit first, then by its steps."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -41,10 +42,21 @@ def find_time(finite: Sequence[tuple[Seen, FloatArray]], guess: Guess) -> None:
     if any(_is_time(column, values, guess, (_SLOWEST_HZ, LIKELY_HZ[0]), beside) for column, values in named):
         return
     for column, values in named:
-        fault = _time_fault(column, values)
+        stamped, fill = _without_fill(column, values)
+        fault = _time_fault(stamped, stamped.values[np.isfinite(stamped.values)], fill)
         if fault is not None:
             guess.no_time, guess.rate_hz = fault
             return
+
+
+def _without_fill(column: Seen, values: FloatArray) -> tuple[Seen, str]:
+    """Return a column without the number that most rows have instead of a time, and what is said of that."""
+    unique, counts = np.unique(values, return_counts=True)
+    if not len(unique) or counts.max() <= _MOSTLY * len(values) or len(unique) < 3:
+        return column, "unevenly"
+    fill = unique[np.argmax(counts)]
+    stamps = np.where(column.values == fill, np.nan, column.values)
+    return replace(column, values=stamps), f"and {fill:g} between"
 
 
 def _is_named_time(column: Seen) -> bool:
@@ -118,7 +130,7 @@ def _is_time(
             elif counter.restarts:
                 guess.time_doubt = "its counter starts again"
             elif column.fault:
-                guess.time_doubt = column.fault
+                guess.time_doubt = guess.time_fault = column.fault
             elif is_block:
                 guess.time_doubt = f"stamps of blocks of {float(np.median(spans)):.4g} rows"
             elif gaps:
@@ -166,14 +178,14 @@ def _usual_step(steps: FloatArray) -> float:
     return float(steps[regular].mean()) if typical > 0.0 and np.mean(regular) > 0.9 else float(steps.mean())
 
 
-def _time_fault(column: Seen, values: FloatArray) -> tuple[str, float | None] | None:
+def _time_fault(column: Seen, values: FloatArray, between: str) -> tuple[str, float | None] | None:
     """Return why a column of times cannot be used, and the rate by its regular steps; None where it is no time."""
     steps = np.diff(values)
     rows = np.flatnonzero(np.isfinite(column.values))
     if len(rows) > 2 and float(np.median(np.diff(rows))) > 1.0 and (steps > 0.0).all():
         each = float(np.median(np.diff(rows)))
         rate_hz = _likely_hz(column, values, float(values[-1] - values[0]) / float(rows[-1] - rows[0]))
-        return _with_rate(f"'{column.name}' has a time once in {each:.4g} rows, unevenly", rate_hz)
+        return _with_rate(f"'{column.name}' has a time once in {each:.4g} rows, {between}", rate_hz)
     if len(steps) > 2 and (steps >= 0.0).all() and np.mean(steps == 0.0) > _MOST_REPEATS:
         return _block_clock(column, values, steps)
     typical = float(np.median(steps)) if len(steps) > 2 else 0.0

@@ -6,6 +6,8 @@ are never followed.
 
 from __future__ import annotations
 
+import functools
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +27,9 @@ from gateway.importing.columns import (
     require_equal_lengths,
     row_places,
 )
+from gateway.importing.header_conditions import conditions_in
 from gateway.importing.matlab_objects import CLASSES, can_read_objects, object_columns, seconds_of
+from gateway.importing.waveform_columns import Waveform, WaveformColumns
 
 if TYPE_CHECKING:
     import h5py
@@ -41,6 +45,7 @@ _SMALL_BYTES: Final = 64 << 20
 _MATLAB_NUMBERS: Final = {
     "double", "single", "logical", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64",
 }  # fmt: skip
+_START: Final = re.compile(r"(?:wf_)?(?:t_?0|x_?0|(?:start|begin)[_ ]?(?:time|offset)?|offset)(?:_s)?", re.IGNORECASE)
 _AS_VECTORS: Final = "Save its columns as vectors of numbers."
 _MATLAB_TABLE: Final = (
     "MATLAB stores tables, timetables and times in a form of its own. Save vectors instead, such as "
@@ -83,6 +88,9 @@ class Hdf5Columns:
         self._unusable: dict[str, tuple[str, str]] = {}
         self._dates: dict[str, int | None] = {}
         self._rates_hz: dict[str, float] = {}
+        self._stated: list[tuple[str, str, str]] = []
+        # Datasets that state step and start.
+        self._waveforms = WaveformColumns(path)
         self._objects: set[str] = set()
         self._count = 0
         self._file = h5py.File(path, "r")
@@ -98,10 +106,15 @@ class Hdf5Columns:
             unusable=dict(self._unusable),
             dates=dict(self._dates),
             rates_hz=self._rates_hz,
+            stated=self._stated,
         )
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
-        """Yield the named columns, which must have equal lengths."""
+        """Yield the named columns, which must have equal lengths, or be aligned by starts that the file states."""
+        waveforms = [self._waveforms.waveforms[name] for name in names if name in self._waveforms.waveforms]
+        if len(waveforms) == len(names) and len({waveform.start_s for waveform in waveforms}) > 1:
+            yield from self._waveforms.blocks(names)
+            return
         columns = [self._columns[name] for name in names]
         require_equal_lengths(self._path, {name: column.rows for name, column in zip(names, columns, strict=True)})
         for name, column in zip(names, columns, strict=True):
@@ -212,6 +225,7 @@ class Hdf5Columns:
             rate_hz = rate_of(key, _attribute(holder, key))
             if rate_hz is not None:
                 self._rates_hz[f"{name}@{printable(key)}"] = rate_hz
+        self._stated += conditions_in({printable(key): _attribute(holder, key) for key in holder.attrs}, name)
 
     def _add_numbers(self, name: str, data: h5py.Dataset) -> None:
         shape = data.shape
@@ -238,8 +252,13 @@ class Hdf5Columns:
                 added = [(f"{name}(:,{k + 1})", _Column(data, shape[axis], axis, k)) for k in range(shape[1 - axis])]
         elif shape:
             self._unusable[name] = (f"has {len(shape)} dimensions", _AS_VECTORS)
+        step_s = next((1.0 / hz for key in data.attrs if (hz := rate_of(key, _attribute(data, key)))), 0.0)
+        start_s = next((_number(_attribute(data, key)) for key in data.attrs if _START.fullmatch(key)), None)
         for column_name, column in added:
             self._columns[column_name] = column
+            if start_s is not None:
+                read = functools.partial(_read, column)
+                self._waveforms.waveforms[column_name] = Waveform(column.rows, read, step_s, unit, start_s)
             if unit:
                 self._units[column_name] = printable(unit)
 
@@ -284,6 +303,14 @@ class Hdf5Columns:
                 f"{self._path}: '{name}' claims {data.shape} values, but the file stores {stored_bytes} bytes of them",
                 "The file is probably damaged or was not closed. Write it again.",
             )
+
+
+def _number(text: str) -> float | None:
+    """Return a number in a text, None where it is none."""
+    try:
+        return float(text.strip("[] "))
+    except ValueError:
+        return None
 
 
 def _read(column: _Column, first: int, end: int) -> FloatArray:

@@ -1,7 +1,7 @@
-"""Conditions of the test that the lines above the columns of a text file state."""
+"""Conditions of the test that a file states: above the columns of a text, or in attributes."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping
 from datetime import datetime
 from typing import Final
 
@@ -31,14 +31,22 @@ _CLOCK: Final = re.compile(r"^\W*(?:log|start)?\s*time\W+(\d{1,2}):(\d\d)(?::(\d
 _MONTHS: Final = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
 
 
-def stated_conditions(lines: Sequence[str]) -> list[tuple[str, str, str]]:
-    """Return tire, load, pressure, date and time of day: (key of an import map, its value in TOML, line).
+def conditions_in(attributes: Mapping[str, object], holder: str) -> list[tuple[str, str, str]]:
+    """Return the conditions that the attributes of a file state, as `stated_conditions`."""
+    texts = {f"{holder}@{key}": f"{key.replace('_', ' ')}: {value}"[:200] for key, value in attributes.items()}
+    return stated_conditions(texts)
+
+
+def stated_conditions(lines: Mapping[str, str]) -> list[tuple[str, str, str]]:
+    """Return tire, load, pressure, date and time of day: (key of an import map, its value in TOML, place).
 
     The first of each. A load or pressure counts only with its unit.
+
+    Args:
+        lines: texts by their places.
     """
     stated: dict[str, tuple[str, str, str]] = {}
-    for number, line in enumerate(lines, 1):
-        line_text = f"line {number}"
+    for line_text, line in lines.items():
         if match := _TIRE.search(line):
             stated.setdefault("tire", ("tire", f'"{match[0]}"', line_text))
         for key, pattern, units in (("load_n", _LOAD, _LOADS_N), ("pressure_kpa", _PRESSURE, _PRESSURES_KPA)):

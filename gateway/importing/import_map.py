@@ -48,7 +48,7 @@ ACCELERATION_UNITS_MPS2: Final[dict[str, float]] = {
 }
 PRESSURE_UNITS_PA: Final[dict[str, float]] = {"Pa": 1.0, "hPa": 1e2, "kPa": 1e3, "bar": 1e5, "psi": 6894.757293168361}
 ISO: Final = "iso"
-TIME_UNITS_S: Final[dict[str, float]] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": 86400.0, ISO: 1.0}
+TIME_UNITS_S: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "d": 86400.0, ISO: 1.0}
 REFERENCE_UNITS: Final[dict[str, dict[str, float]]] = {
     "speed": {"m/s": 1.0, "km/h": 1.0 / 3.6, "mph": 0.44704},
     "rotation": {"Hz": 1.0, "rpm": 1.0 / 60.0, "rad/s": 0.5 / math.pi, "deg/s": 1.0 / 360.0},

@@ -13,7 +13,7 @@ import numpy as np
 
 from gateway.core.errors import ImportDataError
 from gateway.core.types import FloatArray
-from gateway.importing.column_names import A_MAGNITUDE, other_quantity, parts_of_time, unit_of
+from gateway.importing.column_names import A_MAGNITUDE, MICROSECONDS, other_quantity, parts_of_time, unit_of
 from gateway.importing.columns import Block, ColumnReader, FileFacts
 from gateway.importing.csv_columns import CsvColumns
 from gateway.importing.csv_layout import TextLayout, recognise_layout
@@ -74,6 +74,9 @@ _UNITS_OF_CONSTANTS: Final = (
 _LOADS_N: Final = {"N": 1.0, "kN": 1e3, "kg": 9.80665}
 _LOAD: Final = re.compile(r"load|last|fz|force|kraft", re.IGNORECASE)
 _LISTED_REASONS: Final = 40
+_SET: Final = re.compile(
+    r"(?:^|[^a-z])(?:cmd|command(?:ed)?|set(?:point)?|soll|target|demand)(?:[^a-z]|$)", re.IGNORECASE
+)
 
 
 def guess_map(path: Path, progress: Callable[[float], None] = lambda _: None) -> str:
@@ -238,11 +241,12 @@ def _names_axis(name: str, unit: str) -> bool:
 
 
 def _sorted(seen: Sequence[Seen], facts: FileFacts, text: TextLayout | None) -> Guess:
-    guess = Guess(groups=facts.groups)
+    guess = Guess(groups=facts.groups, stated=[(key, value, place) for key, value, place in facts.stated])
     if text is not None:
         guess.stated, guess.mv_per_g = text.stated, text.mv_per_g
     parts = parts_of_time([column.name for column in seen])
     guess.others = [(column.name, "a part of the time of day") for column in seen if column.name in parts]
+    of_day = [(column, column.values[np.isfinite(column.values)]) for column in seen]
     seen = [column for column in seen if column.name not in parts]
     finite = [(column, column.values[np.isfinite(column.values)]) for column in seen]
     volts: list[Seen] = []
@@ -270,12 +274,25 @@ def _sorted(seen: Sequence[Seen], facts: FileFacts, text: TextLayout | None) -> 
         guess.others = [other for other in guess.others if other[0] not in {column.name for column in volts}]
     if guess.time_unit != ISO and guess.time is None and facts.time_column is not None:
         guess.time = facts.time_column
+    if guess.time is None and guess.no_time is None and parts:
+        _take_part([(column, values) for column, values in of_day if column.name in parts], guess)
     _leave_other_times(seen, guess)
     _leave_unnamed(guess)
     _leave_magnitudes(guess)
     if guess.time is None:
         _take_rate({**facts.rates_hz, **(text.rates_hz if text is not None else {})}, guess)
     return guess
+
+
+def _take_part(parts: Sequence[tuple[Seen, FloatArray]], guess: Guess) -> None:
+    """Take the rate by the microseconds of a time of day that has a column for each part."""
+    guess.no_time = "the time of day is in parts: " + ", ".join(f"'{column.name}'" for column, _ in parts)
+    micros = [values for column, values in parts if MICROSECONDS.fullmatch(column.name.strip())]
+    steps = np.mod(np.diff(micros[0]), 1e6) if micros else np.empty(0)
+    typical = float(np.median(steps)) if len(steps) else 0.0
+    if typical > 0.0 and LIKELY_HZ[0] <= 1e6 / typical <= LIKELY_HZ[1]:
+        guess.rate_hz = 1e6 / float(steps[np.abs(steps - typical) <= 0.5 * typical].mean())
+        guess.no_time += f"; {guess.rate_hz:.6g} Hz by the last"
 
 
 def _take_rate(rates_hz: Mapping[str, float], guess: Guess) -> None:
@@ -325,7 +342,7 @@ def _leave_unnamed(guess: Guess) -> None:
 def _leave_magnitudes(guess: Guess) -> None:
     """Leave the column of a wheel out that is the magnitude of three others, row by row."""
     for columns in by_wheel(guess.candidates, guess.groups).values():
-        if 3 < len(columns) <= _MOST_COMPARED:
+        if 3 < len(columns) <= _MOST_COMPARED and len({len(column.values) for column in columns}) == 1:
             column = min(columns, key=lambda column: _from_magnitude(column, columns))
             if _from_magnitude(column, columns) < _ROUNDED:
                 guess.others.append((column.name, f"{A_MAGNITUDE} by its values"))
@@ -397,7 +414,10 @@ def _reference(column: Seen, values: FloatArray) -> Reference | None:
         if stated or (pattern.search(name) and not unit):
             # A frequency may be of anything.
             doubt = "" if stated and unit != "Hz" else "by its unit" if stated else "by its name"
-            return Reference(column, quantity, unit, "" if pattern.search(name) and stated else doubt)
+            doubt = "its name says a set value, which is not measured" if _SET.search(name) else doubt
+            return Reference(
+                column, quantity, unit, "" if pattern.search(name) and stated and not _SET.search(name) else doubt
+            )
     for quantity, pattern in RIG.items():
         if unit in REFERENCE_UNITS[quantity] and pattern.search(name):
             return Reference(column, quantity, unit, "")

@@ -40,7 +40,7 @@ def map_text(path: Path, layout: FileLayout, guess: Guess, facts: FileFacts) -> 
     ]
     lines += [f"# ? Warned when it was read: {_comment(warning)}" for warning in facts.warnings]
     lines += [""] if facts.cut or facts.warnings else []
-    lines += _file_lines(layout, [*filter(None, (column.fault for column in sorted_in))])
+    lines += _file_lines(layout, [*filter(None, (guess.time_fault, *(column.fault for column in sorted_in)))])
     rate_hz = guess.rate_hz
     stated = {key: (value, place) for key, value, place in guess.stated}
     day, clock = stated.pop("date", None), stated.pop("clock", None)
@@ -92,6 +92,8 @@ def map_text(path: Path, layout: FileLayout, guess: Guess, facts: FileFacts) -> 
             lines += ["[[wheel]]", f"position = {toml_string(position)}{mark}"]
             if guess.identities is not None:
                 lines.append(f"sensor = {toml_string(sensors[position])}")
+                if position != next(iter(axes)):
+                    lines.append(f"# Its axes are as in the rows of {_comment(next(iter(sensors.values())))}.")
             lines += ["# load_n = 4000.0   # ? vertical load", '# sensor_id = "0000a001"   # ?']
         missed = [name for name in guess.missed if not several or position_of(name) == position]
         lines += _axis_lines("wheel.axis" if several else "axis", group, missed, guess.mv_per_g)
@@ -147,10 +149,11 @@ def _file_lines(layout: FileLayout, faults: Sequence[str]) -> list[str]:
 
 
 def _axis_lines(prefix: str, group: Sequence[Axis], missed: Sequence[str], mv_per_g: float | None) -> list[str]:
-    lines = []
+    lines: list[str] = []
     ordered = _ordered(group)
     only_lateral = len(ordered) == 2 and names_role(ordered[1].seen.name, "lateral")
     for name, axis in zip(("radial", "lateral") if only_lateral else _AXES, ordered, strict=False):
+        begin = len(lines)
         lines += [
             f"[{prefix}.{name}]",
             f"column = {toml_string(axis.seen.name)}{_reason(name, axis, missed, len(group))}",
@@ -187,7 +190,16 @@ def _axis_lines(prefix: str, group: Sequence[Axis], missed: Sequence[str], mv_pe
         else:
             lines.append("# sign = -1   # ? positive " + _DIRECTIONS[name])
         lines.append("# full_scale = 500.0   # ? end of the sensor's range, in the column's unit")
+        if not _is_sure(name, axis, missed, len(group)):
+            lines[begin:] = [line if line.startswith("#") else f"# {line}" for line in lines[begin:]]
     return [*lines, ""]
+
+
+def _is_sure(name: str, axis: Axis, missed: Sequence[str], count: int) -> bool:
+    """Return whether a column may stand for an axis: not in place of one that is not read, nor of another sensor."""
+    if names_role(axis.seen.name, name):
+        return True
+    return not (missed and axis.doubt) if name == "radial" else count <= len(_AXES)
 
 
 _NO_UNIT: Final = "? neither the file nor the magnitude says it"
@@ -217,6 +229,7 @@ def _reason(name: str, axis: Axis, missed: Sequence[str], count: int) -> str:
         why = "by its name"
     elif name != "radial":
         why = "by the size of its variation only"
+        doubts += ["it may be of another sensor"] if count > len(_AXES) else []
     elif axis.is_rolling:
         why = f"mean {axis.steady:.4g}, contact {abs(axis.depth):.4g} deep"
     else:

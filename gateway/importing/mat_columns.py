@@ -20,6 +20,7 @@ from gateway.importing.columns import (
     require_equal_lengths,
     row_places,
 )
+from gateway.importing.header_conditions import stated_conditions
 from gateway.importing.matlab_objects import REMEDY, can_read_objects, object_columns, seconds_of
 
 _MAX_DEPTH: Final = 16
@@ -51,6 +52,7 @@ class MatColumns:
         self._unusable: dict[str, tuple[str, str]] = {}
         self._dates: dict[str, int | None] = {}
         self._rates_hz: dict[str, float] = {}
+        self._stated: list[tuple[str, str, str]] = []
         has_objects = content.pop("__function_workspace__", None) is not None
         for name, value in content.items():
             if not name.startswith("__") and not isinstance(value, MatlabOpaque):
@@ -68,7 +70,11 @@ class MatColumns:
     def facts(self) -> FileFacts:
         """Every numeric vector and matrix column."""
         return FileFacts(
-            tuple(self._columns), unusable=dict(self._unusable), dates=dict(self._dates), rates_hz=self._rates_hz
+            tuple(self._columns),
+            unusable=dict(self._unusable),
+            dates=dict(self._dates),
+            rates_hz=self._rates_hz,
+            stated=self._stated,
         )
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
@@ -91,6 +97,8 @@ class MatColumns:
                 self._add(f"{name}.{field}", getattr(value, field, None), depth + 1)
         elif isinstance(value, int | float) and (rate_hz := rate_of(name, value)) is not None:
             self._rates_hz[name] = rate_hz
+        elif isinstance(value, int | float | str):
+            self._stated += stated_conditions({name: f"{name.rpartition('.')[2].replace('_', ' ')}: {value}"[:200]})
         elif isinstance(value, np.ndarray) and value.dtype == object and value.size <= _MAX_STRUCTS:
             for number, element in enumerate(value.ravel(), 1):
                 self._add(f"{name}({number})", element, depth + 1)

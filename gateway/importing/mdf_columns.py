@@ -168,8 +168,14 @@ class MdfColumns:
             # Interpolation would change an acceleration.
             base_s = np.asarray(self._mdf.get_master(base), dtype=np.float64)
             step_s = float(base_s[-1] - base_s[0]) / max(len(base_s) - 1, 1)
-            if len(times_s) != len(base_s) or float(np.abs(times_s - base_s).max()) > _SAME_TIME * step_s:
+            common = (times_s >= base_s[0] - 0.5 * step_s) & (times_s <= base_s[-1] + 0.5 * step_s)
+            if common.sum() <= _SLOW_SHARE * of_base:
                 raise timing_error
+            # Groups that start apart share the rows at which their times agree.
+            rows = np.clip(np.rint(np.interp(times_s, base_s, np.arange(len(base_s)))), 0, len(base_s) - 1)
+            if float(np.abs(times_s - base_s[rows.astype(np.intp)])[common].max()) > _SAME_TIME * step_s:
+                raise timing_error
+            times_s = np.where(common, base_s[rows.astype(np.intp)], times_s)
         values = self._values(name, channel, 0, None)
         if len(values) != len(times_s) or (np.diff(times_s) < 0).any():
             raise ImportDataError(f"{self._path}: the times of '{name}' do not increase", "Write the file again.")

@@ -353,7 +353,9 @@ def _named_damage(read: Iterable[_T], what: str) -> Iterator[_T]:
         raise
     except Exception as error:
         cause = next(iter(str(error).splitlines()), "")[:200] or type(error).__name__
-        raise ImportDataError(f"{what}: {cause}", "Check the file, or copy or write it again.") from error
+        raise ImportDataError(
+            f"{what}: {cause}", "It may be cut or damaged: compare its size, or copy it again."
+        ) from error
 
 
 def _send_blocks(pipe: Connection, blocks: Iterable[Block]) -> None:

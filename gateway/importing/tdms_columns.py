@@ -10,6 +10,7 @@ from gateway.core.errors import ImportDataError
 from gateway.core.types import FloatArray
 from gateway.importing.column_names import rate_of
 from gateway.importing.columns import printable
+from gateway.importing.header_conditions import conditions_in
 from gateway.importing.waveform_columns import Waveform, WaveformColumns
 
 _UNIT_KEYS: Final = ("unit_string", "Unit", "unit", "NI_UnitDescription")
@@ -31,6 +32,9 @@ class TdmsColumns(WaveformColumns):
         channels = [(group, channel) for group in self._file.groups() for channel in group.channels()]
         starts_ns = {id(channel): _start_ns(channel) for _, channel in channels}
         self.start_ns = min((start_ns for start_ns in starts_ns.values() if start_ns is not None), default=None)
+        self.stated += conditions_in(self._file.properties, "file")
+        for group in {group.name: group for group, _ in channels}.values():
+            self.stated += conditions_in(group.properties, group.name)
         for group, channel in channels:
             start_ns = starts_ns[id(channel)]
             after_s = 0.0 if start_ns is None or self.start_ns is None else (start_ns - self.start_ns) * 1e-9

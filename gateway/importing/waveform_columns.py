@@ -73,6 +73,7 @@ class WaveformColumns:
         start_ns: zero of the times, ns since 1970, None where the file has none.
         rates_hz: as in the facts of the file.
         warnings: what is to be said of the file beside its channels.
+        stated: as in the facts of the file.
     """
 
     def __init__(self, path: Path) -> None:
@@ -83,6 +84,7 @@ class WaveformColumns:
         self.start_ns: int | None = None
         self.rates_hz: dict[str, float] = {}
         self.warnings: list[str] = []
+        self.stated: list[tuple[str, str, str]] = []
 
     def close(self) -> None:
         """Release the values."""
@@ -104,6 +106,7 @@ class WaveformColumns:
             },
             cut=self._cut(),
             warnings=tuple(self.warnings),
+            stated=tuple(self.stated),
             steps_s={name: waveform.step_s for name, waveform in self.waveforms.items() if waveform.step_s > 0.0},
         )
 

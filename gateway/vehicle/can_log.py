@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import gzip
+import logging
 import re
 from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -74,7 +76,7 @@ def logged_frames(path: Path, offset_ns: int) -> Iterator[BusFrame]:
         yield from _console_frames(path, offset_ns)
     else:
         yield from _library_frames(path, offset_ns, suffix)
-    if suffix in ("log", "csv", "asc") and not _ends(path):
+    if suffix in ("log", "csv", "asc", "trc") and not _ends(path):
         raise ValueError("its last line has no end: the file may be cut there")
 
 
@@ -100,7 +102,8 @@ def _library_frames(path: Path, offset_ns: int, suffix: str) -> Iterator[BusFram
     # Vector counts channels from 1, python-can from 0.
     first_channel = 1 if suffix in ("asc", "blf") else 0
     before_s = source.file.before_s if suffix == "asc" else 0.0
-    with source as reader:
+    passed_over = _PassedOver()
+    with source as reader, passed_over.collected(suffix):
         for message in reader:
             channel = channel_number(message.channel)
             channel = None if channel is None else channel + first_channel
@@ -108,8 +111,33 @@ def _library_frames(path: Path, offset_ns: int, suffix: str) -> Iterator[BusFram
         if suffix == "asc" and source.file.unread:
             raise ValueError(f"{source.file.unread} lines are none of an ASC log, the first is {source.file.first}")
         stated = getattr(reader, "file_size", 0) if suffix == "blf" else 0
+    if passed_over.messages:
+        raise ValueError(f"{len(passed_over.messages)} lines cannot be read: {passed_over.messages[0]}")
     if stated > path.stat().st_size:
         raise ValueError(f"the file is cut: it has {path.stat().st_size} of {stated} bytes")
+
+
+class _PassedOver(logging.Filter):
+    """Lines that python-can warns of, and passes over."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.messages: list[str] = []
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Note a record; nothing of it goes to the screen."""
+        self.messages.append(record.getMessage())
+        return False
+
+    @contextmanager
+    def collected(self, suffix: str) -> Iterator[None]:
+        """Collect the warnings of the reader of a suffix."""
+        logger = logging.getLogger(f"can.io.{suffix}")
+        logger.addFilter(self)
+        try:
+            yield
+        finally:
+            logger.removeFilter(self)
 
 
 class _ListedLines:

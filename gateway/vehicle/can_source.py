@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import logging
 import threading
 from collections.abc import Callable, Iterator
@@ -261,15 +260,18 @@ class CanFileSource(LogFile):
 def _grouped(frames: Iterator[BusFrame]) -> Iterator[tuple[int, list[BusFrame]]]:
     """Yield runs of frames of at most 10 ms; a step back in time begins a new one."""
     block: list[BusFrame] = []
-    for frame in itertools.chain(frames, (None,)):
-        is_full = block and (
-            frame is None or not 0 <= frame.host_ns - block[0].host_ns < _BLOCK_NS or len(block) >= _MOST_FRAMES
-        )
-        if is_full:
-            yield block[0].host_ns, block
-            block = []
-        if frame is not None:
+    try:
+        for frame in frames:
+            if block and (not 0 <= frame.host_ns - block[0].host_ns < _BLOCK_NS or len(block) >= _MOST_FRAMES):
+                yield block[0].host_ns, block
+                block = []
             block.append(frame)
+    except Exception:
+        if block:  # what was read before the damage
+            yield block[0].host_ns, block
+        raise
+    if block:
+        yield block[0].host_ns, block
 
 
 def _frame(message: can.Message, host_ns: int) -> BusFrame:

@@ -79,4 +79,4 @@ def test_times_of_day_of_parquet_are_times(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_dates_of_loggers_are_read(line: str, day: str, place: str) -> None:
-    assert stated_conditions([line]) == [("date", day, place)]
+    assert stated_conditions({"line 1": line}) == [("date", day, place)]

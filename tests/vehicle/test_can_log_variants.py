@@ -136,3 +136,15 @@ def test_lines_out_of_order_and_cut_are_told(tmp_path: Path) -> None:
     codes = [reason.code for item in items if isinstance(item, LinkEvent) for reason in item.details]
     assert codes == [VehicleCode.LOG_STEPS_BACK]
     assert any("last line has no end" in text for text in told)
+
+
+@pytest.mark.parametrize("end", ["     41    0.0410 DT 1 0204 Rx - 2  1", "     41    0.0410 DT 1 02"])
+def test_cut_trc_is_told_and_keeps_its_frames(tmp_path: Path, end: str) -> None:
+    head = [";$FILEVERSION=2.1", ";$STARTTIME=45415.25", ";$COLUMNS=N,O,T,B,I,d,R,L,D"]
+    rows = [f"{k:7} {k * 1e-3:9.4f} DT 1 0204 Rx - 2  19 {k:02X}" for k in range(1, 41)]
+    path = tmp_path / "cut.trc"
+    path.write_text("\n".join([*head, *rows, end]))
+    items = list(open_source(f"can:{path}?speed=max", ManualClock()).items(threading.Event()))
+    assert sum(len(list(unpack(item.data, item.host_ns))) for item in items if isinstance(item, BusFrames)) == 40
+    said = " ".join(item.text for item in items if isinstance(item, LinkEvent))
+    assert "cannot be read" in said or "may be cut" in said
