@@ -18,7 +18,7 @@ from gateway.core.recording.reader import RecordingReader
 from gateway.core.revolutions.contact_edges import error_beyond_definition
 from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.session.recording_pass import RecordingPass, open_recording
-from gateway.core.session.session_parts import RigChannels, open_rig_channels
+from gateway.core.session.session_parts import RigChannel, RigChannels, open_rig_channels
 from gateway.forces.tire_fit import LoadFit, TirePoint
 
 ESTIMATOR: Final = "weak-form"
@@ -27,8 +27,10 @@ MIN_REVOLUTIONS: Final = 20
 _MEASURED_SHARE: Final = 0.8
 # From here on the scatter of the recordings is hardly by chance, also of two.
 _NOTED_SCATTER: Final = 2.0
-# Relative scatter of a measured load up to which one point stands for its revolutions.
+# Relative scatter of a measured load up to which one point stands for its revolutions; beyond it, each band does.
 _MOST_LOAD_SCATTER: Final = 0.1
+# Width of a band, in the logarithm of the load: the scatter within it is a third of it.
+_LOAD_BAND: Final = 0.15
 # The first revolutions of a wheel are timed without a running average to compare them with.
 _SKIPPED_REVOLUTIONS: Final = 5
 
@@ -55,12 +57,43 @@ def recording_points(
             wheels[result.position].append(result)
     points = []
     for position, results in wheels.items():
-        point = _point(f"{path.name} {position}", results, rig)
-        if isinstance(point, str):
-            on_left_out(f"{path.name} {position}: {point}")
-        else:
-            points.append(point)
+        for part, turns, is_swept in _parts(results, rig):
+            name = f"{path.name} {position}{part}"
+            point = _point(name, turns, rig, is_swept=is_swept)
+            if isinstance(point, str):
+                on_left_out(f"{name}: {point}")
+            else:
+                points.append(point)
     return points
+
+
+def _parts(results: Sequence[RevolutionResult], rig: RigChannels) -> list[tuple[str, list[RevolutionResult], bool]]:
+    """Return a wheel's usable revolutions, by bands of its load where the rig varies it, and whether it does."""
+    good = [result for result in results[_SKIPPED_REVOLUTIONS:] if not result.revolution.faults]
+    channel = _load_at(good, rig)
+    if channel is None:
+        return [("", good, False)]
+    # A load that the rig has measured is that of the revolutions used; those without a value are not used.
+    known = [
+        (result, abs(float(load_n)))
+        for result, load_n in zip(good, channel.values, strict=True)
+        if np.isfinite(load_n) and load_n
+    ]
+    loads_n = np.array([load_n for _, load_n in known])
+    if len(known) < MIN_REVOLUTIONS or loads_n.std() <= _MOST_LOAD_SCATTER * loads_n.mean():
+        return [("", [result for result, _ in known], False)]
+    bands: dict[int, list[tuple[RevolutionResult, float]]] = defaultdict(list)
+    for result, load_n in known:
+        bands[math.floor(math.log(load_n / loads_n.min()) / _LOAD_BAND)].append((result, load_n))
+    return [
+        (f" at {np.mean([load_n for _, load_n in band]):.0f} N", [result for result, _ in band], True)
+        for _, band in sorted(bands.items())
+    ]
+
+
+def _load_at(results: Sequence[RevolutionResult], rig: RigChannels) -> RigChannel | None:
+    turns = [(result.revolution.start_s, result.revolution.period_s) for result in results]
+    return rig.at(results[0].position, "load", turns) if results else None
 
 
 def no_points_error(positions: Sequence[str]) -> TreadlinkError:
@@ -72,13 +105,12 @@ def no_points_error(positions: Sequence[str]) -> TreadlinkError:
     )
 
 
-def _point(name: str, results: Sequence[RevolutionResult], rig: RigChannels) -> TirePoint | str:
-    """Return one wheel of a recording, or the reason for leaving it out."""
-    good = [result for result in results[_SKIPPED_REVOLUTIONS:] if not result.revolution.faults]
-    # A load that the rig has measured is that of the revolutions used; those without a value are not used.
-    channel = rig.at(results[0].position, "load", [(r.revolution.start_s, r.revolution.period_s) for r in good])
-    if channel is not None:
-        good = [result for result, load_n in zip(good, channel.values, strict=True) if np.isfinite(load_n)]
+def _point(name: str, good: Sequence[RevolutionResult], rig: RigChannels, *, is_swept: bool) -> TirePoint | str:
+    """Return the point of a wheel's revolutions, or the reason for leaving it out.
+
+    The ring's numbers are averages over revolutions of one load: where it is swept, there are none.
+    """
+    channel = _load_at(good, rig)
     if len(good) < MIN_REVOLUTIONS:
         beside = "" if channel is None else " with a load of the rig"
         return f"it has {len(good)} valid revolutions{beside}, {MIN_REVOLUTIONS} are required"
@@ -87,8 +119,6 @@ def _point(name: str, results: Sequence[RevolutionResult], rig: RigChannels) -> 
     if channel is not None:
         measured = channel.mean()
         load_n, load_std_n = abs(measured.value), measured.std
-        if measured.scatter > _MOST_LOAD_SCATTER * load_n:
-            return f"its load varies by {measured.scatter / load_n:.0%}: import each step of it by itself"
     if load_n is None:
         return "its load is not stated"
     pressures = [result.conditions.pressure_pa for result in good if result.conditions.pressure_pa is not None]
@@ -103,7 +133,7 @@ def _point(name: str, results: Sequence[RevolutionResult], rig: RigChannels) -> 
         half_angle_rad=float(
             np.median([0.5 * (r.revolution.trailing_edge_rad - r.revolution.leading_edge_rad) for r in good])
         ),
-        numbers={estimate.name: estimate for estimate in good[-1].estimates},
+        numbers={} if is_swept else {estimate.name: estimate for estimate in good[-1].estimates},
         temperature_degc=float(np.mean(temperatures)) if temperatures else None,
         half_angle_std_rad=_half_angle_std_rad(good),
     )

@@ -56,8 +56,12 @@ class SlipRunsFile(KnownRunsFile):
 class ForceRunTable(KnownRun):
     """`[[run]]`: one recording, or a part of it, at a constant and known side force."""
 
-    side_force_n: float = Field(
-        ge=-100_000, le=100_000, description="force of the road on the tire in N, positive to the left"
+    side_force_n: float | None = within(
+        None,
+        -100_000,
+        100_000,
+        "force of the road on the tire in N, positive to the left; default: the mean of the recording's reference "
+        "side_force at the revolutions used",
     )
     aligning_moment_nm: float | None = within(
         None, -100_000, 100_000, "moment about the vertical axis in N m, positive turns the tire to the left"

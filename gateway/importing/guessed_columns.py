@@ -44,6 +44,9 @@ ANGLE: Final = re.compile(r"angle|winkel|encoder|phi|theta", re.IGNORECASE)
 PULSES: Final = re.compile(r"tach|puls|trig|index|hall", re.IGNORECASE)
 # Channels of a rig, by name; their units are those of the quantity.
 RIG: Final = {
+    "side_force": re.compile(
+        r"(^|[^a-z])f_?y([^a-z]|$)|(side|lateral|cornering)[ _-]?force|seiten(führungs)?kraft", re.IGNORECASE
+    ),
     "load": re.compile(
         r"(^|[^a-z])f_?z([^a-z]|$)|(wheel|vertical|normal)[ _-]?(load|force)|radlast|^load|kraft", re.IGNORECASE
     ),

@@ -55,6 +55,7 @@ REFERENCE_UNITS: Final[dict[str, dict[str, float]]] = {
     "angle": {"turns": 1.0, "deg": 1.0 / 360.0, "rad": 0.5 / math.pi},
     "pulses": {},
     "load": {"N": 1.0, "kN": 1e3},
+    "side_force": {"N": 1.0, "kN": 1e3},
     "slip_angle": {"deg": math.pi / 180.0, "rad": 1.0},
     "camber": {"deg": math.pi / 180.0, "rad": 1.0},
     "torque": {"N*m": 1.0, "Nm": 1.0, "kN*m": 1e3, "kNm": 1e3},
@@ -362,7 +363,7 @@ class ReferenceColumn(Section):
     column: str = Field(description="name of the column")
     quantity: Annotated[str, _one_of(REFERENCE_UNITS)] = Field(
         description="speed, rotation (a rate), angle (of an encoder), pulses (of a tachometer), or a channel of the "
-        "rig, which may vary: load, slip_angle, camber, torque"
+        "rig, which may vary: load, side_force, slip_angle, camber, torque"
     )
     unit: str | None = Field(default=None, description="unit of the column; pulses have none")
     std: float = within(0.0, 0, 1e6, "standard error of the column, in its unit")

@@ -25,7 +25,7 @@ class ReferenceCheck:
 
     def add(self, result: RevolutionResult) -> None:
         """Add a revolution."""
-        self._turns.setdefault(result.position, TurnLog()).add(result.revolution)
+        self._turns.setdefault(result.position, TurnLog()).add(result.revolution, result.estimates)
 
     def comparisons(self) -> tuple[ReferenceComparison, ...]:
         """Return the comparison with every reference, by wheel."""

@@ -7,11 +7,17 @@ from typing import Final
 
 import numpy as np
 
-from gateway.core.estimates.estimator import Revolution
+from gateway.core.estimates.estimator import Estimate, Revolution, Status
 from gateway.core.types import BoolArray, FloatArray
 
-RIG_CHANNELS: Final = ("load", "slip_angle", "camber", "torque")
-"""Quantities that are kept beside the revolutions, and that no estimate is compared with."""
+RIG_CHANNELS: Final = {
+    "load": "load_n",
+    "side_force": "side_force_n",
+    "slip_angle": "slip_angle_rad",
+    "camber": "",
+    "torque": "axle_torque_nm",
+}
+"""Channels of a rig, each with the estimate that is compared with it at every revolution."""
 _BATCHES: Final = 10
 FEWEST_TURNS: Final = 3
 """Fewer revolutions have no mean."""
@@ -27,13 +33,16 @@ class ReferenceComparison:
     Attributes:
         position: wheel position.
         name: name of the reference.
-        quantity: as in an import map. A channel of the rig has no estimate: its mean and scatter alone are told.
+        quantity: as in an import map. A channel of the rig without an estimate has only its mean and scatter.
         revolutions: number of revolutions compared, 0 when there are too few; then the rest is NaN.
-        estimated: mean estimate, m/s for a speed, turns per second otherwise; NaN for a channel of the rig.
+        estimated: mean estimate, m/s for a speed, turns per second otherwise, and the unit of a channel of the rig.
         measured: mean of the reference, in the same unit.
         difference: estimate minus reference, in the same unit.
         difference_std: its standard error.
-        scatter: standard deviation of the differences of single revolutions, or of a channel of the rig.
+        scatter: standard deviation of the differences of single revolutions, or of a channel without an estimate.
+        share_of_error: root mean square of these differences, each as share of its error; NaN without such errors.
+        slope: change of the estimate with the channel, over its variation; NaN where that is within the errors.
+        slope_std: its standard error.
         radius_m: belt radius with which a speed would agree; NaN for others.
         radius_std_m: its standard error.
         contact_rad: angle of the reference at the contact centre; NaN where there is none.
@@ -49,6 +58,9 @@ class ReferenceComparison:
     difference: float = math.nan
     difference_std: float = math.nan
     scatter: float = math.nan
+    share_of_error: float = math.nan
+    slope: float = math.nan
+    slope_std: float = math.nan
     radius_m: float = math.nan
     radius_std_m: float = math.nan
     contact_rad: float = math.nan
@@ -62,12 +74,16 @@ class TurnLog:
         """Begin without any."""
         self._starts_s: list[float] = []
         self._periods_s: list[float] = []
+        self._estimates: dict[str, list[tuple[float, float]]] = {name: [] for name in RIG_CHANNELS.values() if name}
 
-    def add(self, revolution: Revolution) -> None:
-        """Add a revolution, unless it has a fault."""
+    def add(self, revolution: Revolution, estimates: Sequence[Estimate] = ()) -> None:
+        """Add a revolution, unless it has a fault, with what is estimated at it."""
         if not revolution.faults and revolution.period_s > 0.0:
             self._starts_s.append(revolution.start_s)
             self._periods_s.append(revolution.period_s)
+            at_turn = {each.name: (each.value, each.std) for each in estimates if each.status is not Status.INVALID}
+            for name, values in self._estimates.items():
+                values.append(at_turn.get(name, (math.nan, math.nan)))
 
     def compare(
         self,
@@ -98,11 +114,8 @@ class TurnLog:
         if len(starts) < FEWEST_TURNS:
             return ReferenceComparison(position, name, quantity, 0)
         if quantity in RIG_CHANNELS:
-            std = math.hypot(mean_std(signed), value_std)
-            return ReferenceComparison(
-                position, name, quantity, len(starts),
-                measured=float(signed.mean()), difference_std=std, scatter=float(signed.std(ddof=1)),
-            )  # fmt: skip
+            estimates = np.array(self._estimates.get(RIG_CHANNELS[quantity], np.full((len(covered), 2), math.nan)))
+            return _with_channel(position, name, quantity, signed, estimates[covered], value_std)
         measured = np.abs(signed)
         estimated = (2.0 * math.pi * radius_m if quantity == "speed" else 1.0) / periods
         differences = estimated - measured
@@ -134,6 +147,54 @@ class TurnLog:
             contact_rad=contact_rad,
             contact_scatter_rad=scatter_rad,
         )
+
+
+def _with_channel(
+    position: str, name: str, quantity: str, measured: FloatArray, estimates: FloatArray, value_std: float
+) -> ReferenceComparison:
+    """Return how estimates follow a channel of the rig at three revolutions or more.
+
+    Args:
+        position: wheel position.
+        name: name of the reference.
+        quantity: one of `RIG_CHANNELS`.
+        measured: (n,) channel at the revolutions.
+        estimates: (n, 2) estimate and its standard error, NaN where there is none.
+        value_std: standard error of the channel, which all revolutions share.
+    """
+    both = np.isfinite(estimates).all(axis=1)
+    if both.sum() < FEWEST_TURNS:
+        std, scatter = math.hypot(mean_std(measured), value_std), float(measured.std(ddof=1))
+        return ReferenceComparison(
+            position, name, quantity, len(measured),
+            measured=float(measured.mean()), difference_std=std, scatter=scatter,
+        )  # fmt: skip
+    values, stds, measured = estimates[both, 0], estimates[both, 1], measured[both]
+    # A load on a rig may be counted downward.
+    differences = values - (np.abs(measured) if quantity == "load" else measured)
+    deviations = measured - measured.mean()
+    slope = slope_std = math.nan
+    if float(measured.std()) > 2.0 * max(value_std, float(differences.std()) / math.sqrt(len(values))):
+        sign = math.copysign(1.0, measured.mean()) if quantity == "load" else 1.0
+        slope = sign * float(deviations @ values / (deviations @ deviations))
+        rest = values - values.mean() - sign * slope * deviations
+        # Consecutive revolutions share an estimator's memory: the error is that of parts, not of revolutions.
+        parts = mean_std(rest * deviations) / float(np.mean(deviations**2))
+        slope_std = max(parts, float(rest.std()) / math.sqrt(float(deviations @ deviations)))
+    return ReferenceComparison(
+        position,
+        name,
+        quantity,
+        len(values),
+        estimated=float(values.mean()),
+        measured=float((values - differences).mean()),
+        difference=float(differences.mean()),
+        difference_std=math.hypot(mean_std(differences), value_std),
+        scatter=float(differences.std(ddof=1)),
+        share_of_error=float(np.sqrt(np.mean(differences**2 / (stds**2 + value_std**2)))),
+        slope=slope,
+        slope_std=slope_std,
+    )
 
 
 def turn_means(

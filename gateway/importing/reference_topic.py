@@ -10,7 +10,7 @@ from gateway.core.recording.mcap_layout import RecordedMessage
 from gateway.core.recording.reader import RecordingReader
 
 _TOPIC: Final = re.compile(r"/wheel/([^/]+)/reference/([^/]+)")
-_QUANTITIES: Final = ("speed", "rotation", "angle", "pulses", "load", "slip_angle", "camber", "torque")
+_QUANTITIES: Final = ("speed", "rotation", "angle", "pulses", "load", "side_force", "slip_angle", "camber", "torque")
 _MOST_VALUES: Final = 10_000_000
 _MOST_REFERENCES: Final = 256
 

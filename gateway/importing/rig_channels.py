@@ -15,6 +15,7 @@ from gateway.importing.reference_topic import RecordedReferences
 
 _NAMES: Final = {
     "load": "rig_load_n",
+    "side_force": "rig_side_force_n",
     "slip_angle": "rig_slip_angle_rad",
     "camber": "rig_camber_rad",
     "torque": "rig_torque_nm",

@@ -3,6 +3,7 @@
 import math
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,16 +12,19 @@ from gateway.compare.views.drive import Drive
 from gateway.compare.views.drive_comparison import means_of
 from gateway.core.clock import ManualClock
 from gateway.core.errors import CalibrationError
+from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.links.source import open_source
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.writer import RecordingWriter
 from gateway.core.session.recording_pass import RecordingPass, open_recording
 from gateway.forces.calibration_points import recording_points
+from gateway.forces.commands.force_runs import measured_force_runs
 from gateway.forces.commands.slip_runs import measured_runs
-from gateway.forces.known_runs import SlipRunsFile, load_runs
-from gateway.importing.reference_comparison import turn_means
+from gateway.forces.known_runs import ForceRunsFile, SlipRunsFile, load_runs
+from gateway.importing.reference_comparison import RIG_CHANNELS, TurnLog, turn_means
 from gateway.importing.reference_topic import reference_topic
 from gateway.importing.rig_channels import RigValues
+from gateway.importing.views.reference_lines import reference_lines
 
 STEP_S = 0.1
 
@@ -91,15 +95,68 @@ def test_calibration_and_comparison_take_the_load_of_the_revolutions_used(tmp_pa
     assert means["W1", "rig_camber_rad"].value == pytest.approx(0.01)
 
 
-def test_load_that_is_no_one_load_is_refused(tmp_path: Path, drive: list) -> None:
+def test_swept_load_is_a_point_for_each_band_of_it(tmp_path: Path, drive: list) -> None:
     times_s = np.arange(0.0, 30.0, STEP_S)
+    load_n = np.select([times_s < 4.0, times_s < 8.0], [-3000.0, -4200.0], -5100.0)
+    path = with_rig(tmp_path / "swept.mcap", drive, {"load": load_n}, times_s)
     left_out: list[str] = []
-    swept = with_rig(tmp_path / "swept.mcap", drive, {"load": sine(times_s, 4000.0, 0.5)}, times_s)
-    short = with_rig(tmp_path / "short.mcap", drive, {"load": sine(times_s, 4000.0, 0.0)[:15]}, times_s[:15])
-    assert not recording_points(swept, None, (), left_out.append)
-    assert not recording_points(short, None, (), left_out.append)
-    assert "its load varies by 3" in left_out[0]
-    assert "valid revolutions with a load of the rig, 20 are required" in left_out[1]
+    points = recording_points(path, None, (), left_out.append)
+    assert [point.load_n for point in points] == pytest.approx([3000.0, 4200.0, 5100.0], rel=0.01)
+    # Only the revolutions at which a step is made have other loads.
+    assert all(point.load_std_n < 0.01 * point.load_n and not point.numbers for point in points)
+    assert "swept.mcap W1 at 30" in points[0].name
+    assert all("valid revolutions with a load of the rig" in text for text in left_out)
+
+
+def test_load_of_few_revolutions_is_refused(tmp_path: Path, drive: list) -> None:
+    times_s = np.arange(0.0, 1.5, STEP_S)
+    left_out: list[str] = []
+    path = with_rig(tmp_path / "short.mcap", drive, {"load": sine(times_s, 4000.0, 0.0)}, times_s)
+    assert not recording_points(path, None, (), left_out.append)
+    assert "valid revolutions with a load of the rig, 20 are required" in left_out[0]
+
+
+def test_side_force_of_a_run_is_that_of_the_rig_at_its_revolutions(tmp_path: Path, drive: list) -> None:
+    times_s = np.arange(0.0, 30.0, STEP_S)
+    with_rig(tmp_path / "a.mcap", drive, {"side_force": np.where(times_s < 5.5, -400.0, 900.0)}, times_s)
+    path = tmp_path / "runs.toml"
+    runs = '[[run]]\nrecording = "a.mcap"\nto_s = 4\n[[run]]\nrecording = "a.mcap"\nfrom_s = 7\n'
+    path.write_text(runs)
+    low, high = measured_force_runs(path, load_runs(ForceRunsFile, path), None)
+    assert (low.force_n, high.force_n) == pytest.approx((-400.0, 900.0))
+    assert low.force_std_n == pytest.approx(math.hypot(0.4, 20.0))
+    path.write_text(runs.replace("to_s = 4", "to_s = 4\nside_force_n = 50"))
+    assert measured_force_runs(path, load_runs(ForceRunsFile, path), None)[0].force_n == 50.0
+    with_rig(tmp_path / "b.mcap", drive, {"side_force": np.full(20, 1.0)}, times_s[:20])
+    path.write_text(runs.replace("a.mcap", "b.mcap"))
+    with pytest.raises(CalibrationError, match=r"side force at \d+ of \d+ revolutions"):
+        measured_force_runs(path, load_runs(ForceRunsFile, path), None)
+
+
+@pytest.mark.parametrize(("sign", "quantity"), [(1.0, "side_force"), (-1.0, "load"), (1.0, "load")])
+def test_estimate_is_compared_with_the_channel_at_each_revolution(sign: float, quantity: str) -> None:
+    rng, starts = np.random.default_rng(8), np.arange(300) * 0.11
+    times_s = np.arange(0.0, 34.0, 0.05)
+    channel = 4000.0 + 1500.0 * np.sin(times_s)
+    # The mean of a sine over a turn is that in its middle, to 1e-3.
+    at_turn = 4000.0 + 1500.0 * np.sin(starts + 0.055)
+    turns = TurnLog()
+    for start_s, load_n in zip(starts, at_turn, strict=True):
+        estimate = Estimate(RIG_CHANNELS[quantity], 0.96 * load_n + rng.normal() * 40.0, 40.0, Status.VALID)
+        turns.add(SimpleNamespace(faults=(), period_s=0.11, start_s=start_s), (estimate,))  # type: ignore[arg-type]
+    found = turns.compare("W1", "cell", quantity, times_s, sign * channel, 10.0, 0.3)
+    assert (found.revolutions, found.measured) == (300, pytest.approx(at_turn.mean(), rel=1e-3))
+    assert found.difference == pytest.approx(-0.04 * at_turn.mean(), rel=0.06)
+    assert found.slope == pytest.approx(0.96, abs=4.0 * found.slope_std)
+    assert 0.0 < found.slope_std < 0.01
+    assert 3.0 < found.share_of_error < 5.0
+    assert found.difference_std > 10.0
+    first, second = reference_lines([found])
+    assert "300 revolutions" in first
+    assert "N estimated" in first
+    assert "where it varies, the estimate changes 0.9" in second
+    steady = turns.compare("W1", "cell", quantity, times_s, np.full(len(times_s), sign * 4000.0), 1e4, 0.3)
+    assert math.isnan(steady.slope)
 
 
 def test_slip_run_without_a_slip_angle_takes_that_of_the_rig(tmp_path: Path, drive: list) -> None:

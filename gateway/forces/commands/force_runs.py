@@ -13,6 +13,7 @@ from gateway.core.config.toml_writer import toml_text
 from gateway.core.errors import CalibrationError
 from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.estimates.results import RevolutionResult
+from gateway.core.session.session_parts import RigChannels
 from gateway.forces.commands.calibration_runs import read_runs, run_name
 from gateway.forces.known_runs import ForceRunsFile, ForceRunTable
 from gateway.forces.side_force import HORIZON_REVOLUTIONS
@@ -36,6 +37,9 @@ class ForceRun:
         shifts: estimates of the shift, one for each valid revolution.
         yaws: of the yaw.
         halves_rad: contact half angles.
+        turns: position, begin by the hub's time and duration of each, s.
+        force_n: side force as stated, or that of the rig.
+        force_std_n: its standard error.
         offered: revolutions, usable or not.
     """
 
@@ -45,6 +49,9 @@ class ForceRun:
     yaws: list[Estimate] = field(default_factory=list)
     halves_rad: list[float] = field(default_factory=list)
     pressures_pa: list[float] = field(default_factory=list)
+    turns: list[tuple[str, float, float]] = field(default_factory=list)
+    force_n: float = math.nan
+    force_std_n: float = math.nan
     offered: int = 0
 
     def take(self, result: RevolutionResult) -> None:
@@ -57,8 +64,30 @@ class ForceRun:
         self.shifts.append(shift)
         self.yaws.append(yaw)
         self.halves_rad.append(0.5 * (result.revolution.trailing_edge_rad - result.revolution.leading_edge_rad))
+        self.turns.append((result.position, result.revolution.start_s, result.revolution.period_s))
         if result.conditions.pressure_pa is not None:
             self.pressures_pa.append(result.conditions.pressure_pa)
+
+    def take_force(self, rig: RigChannels, stated_std_n: float) -> None:
+        """Take the force as stated, or that of the rig at the revolutions used.
+
+        Raises:
+            CalibrationError: neither is known.
+        """
+        self.force_std_n = stated_std_n
+        if self.table.side_force_n is not None:
+            self.force_n = self.table.side_force_n
+            return
+        channel = rig.at(self.turns[0][0], "side_force", [(start, period) for _, start, period in self.turns])
+        covered = 0 if channel is None else channel.covered
+        if channel is None or covered < len(self.turns):
+            raise CalibrationError(
+                f"{self.name}: its recording has a side force at {covered} of {len(self.turns)} revolutions",
+                "State side_force_n, or choose from_s and to_s; an import map keeps a column of the rig as a "
+                '[[reference]] with quantity = "side_force".',
+            )
+        mean = channel.mean()
+        self.force_n, self.force_std_n = mean.value, math.hypot(mean.std, stated_std_n)
 
     @property
     def half_angle_rad(self) -> float:
@@ -81,14 +110,15 @@ def measured_force_runs(path: Path, runs: ForceRunsFile, fallback: Path | None) 
     taken = [ForceRun(run_name(run), run) for run in runs.run]
     wheels = [run.wheel or runs.wheel for run in runs.run]
     estimators = ("kinematic", "side-force")
-    read_runs(path, runs.run, wheels, estimators, fallback, lambda index, result: taken[index].take(result))
-    for run in taken:
+    rigs = read_runs(path, runs.run, wheels, estimators, fallback, lambda index, result: taken[index].take(result))
+    for run, rig in zip(taken, rigs, strict=True):
         if len(run.shifts) < MIN_REVOLUTIONS:
             raise CalibrationError(
                 f"{run.name}: {len(run.shifts)} of {run.offered} revolutions can be used, "
                 f"{MIN_REVOLUTIONS} are required",
                 "Record longer, correct from_s and to_s, or use a sensor with a lateral axis.",
             )
+        run.take_force(rig, runs.side_force_std_n)
     return taken
 
 
@@ -99,8 +129,7 @@ def fit_side_force(runs: Sequence[ForceRun], stated: ForceRunsFile) -> SideForce
         CalibrationError: the runs do not determine a factor.
     """
     shifts = [_mean(run.shifts) for run in runs]
-    forces = [run.table.side_force_n for run in runs]
-    side = _fit("side force", shifts, forces, stated.side_force_std_n)
+    side = _fit("side force", shifts, [run.force_n for run in runs], [run.force_std_n for run in runs])
     moments = [run.table.aligning_moment_nm for run in runs]
     stated_moments = [moment for moment in moments if moment is not None]
     if stated_moments and len(stated_moments) < len(moments):
@@ -110,7 +139,8 @@ def fit_side_force(runs: Sequence[ForceRun], stated: ForceRunsFile) -> SideForce
         )
     law = None
     if stated_moments:
-        law = _fit("aligning moment", [_mean(run.yaws) for run in runs], stated_moments, stated.aligning_moment_std_nm)
+        stds = [stated.aligning_moment_std_nm] * len(runs)
+        law = _fit("aligning moment", [_mean(run.yaws) for run in runs], stated_moments, stds)
     halves = [run.half_angle_rad for run in runs]
     pressures = [float(np.mean(run.pressures_pa)) for run in runs if run.pressures_pa]
     is_known = len(pressures) == len(runs)
@@ -126,11 +156,13 @@ def _mean(estimates: Sequence[Estimate]) -> tuple[float, float]:
     return values, float(np.mean([estimate.std for estimate in chosen])) / math.sqrt(len(chosen))
 
 
-def _fit(what: str, displaced: Sequence[tuple[float, float]], forces: Sequence[float], std: float) -> LinearLaw:
+def _fit(
+    what: str, displaced: Sequence[tuple[float, float]], forces: Sequence[float], stds: Sequence[float]
+) -> LinearLaw:
     if float(np.ptp(np.asarray(forces))) == 0.0:
         raise CalibrationError(f"the {what} is the same in all runs", "Add a run at another one.")
     law = fit_linear_law(
-        [displacement for displacement, _ in displaced], [error for _, error in displaced], forces, [std] * len(forces)
+        [displacement for displacement, _ in displaced], [error for _, error in displaced], forces, stds
     )
     if not law.factor_std < _LARGEST_ERROR * abs(law.factor):
         raise CalibrationError(
@@ -154,7 +186,7 @@ def force_lines(runs: Sequence[ForceRun], calibration: SideForceCalibration) -> 
             stated = run.table.aligning_moment_nm
             moment = f" {stated:+11.1f} {fitted - stated:+9.1f}"
         fitted, _ = calibration.side.force(shift, 0.0)
-        force = run.table.side_force_n
+        force = run.force_n
         lines.append(
             f"{run.name:<{width}} {len(run.shifts):6d} {1e3 * shift:+9.4f} {1e3 * shift_std:8.4f} {force:+13.0f} "
             f"{fitted - force:+9.0f} {math.degrees(yaw):+8.4f}{moment}"

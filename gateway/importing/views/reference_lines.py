@@ -9,6 +9,7 @@ from gateway.importing.reference_comparison import ReferenceComparison
 
 _RIG_UNITS: Final = {
     "load": ("N", 1.0),
+    "side_force": ("N", 1.0),
     "slip_angle": ("deg", 180.0 / math.pi),
     "camber": ("deg", 180.0 / math.pi),
     "torque": ("N*m", 1.0),
@@ -26,6 +27,8 @@ def _lines(comparison: ReferenceComparison) -> list[str]:
         return [f"{head}: fewer than 3 revolutions have a reference; nothing to compare"]
     if comparison.quantity in _RIG_UNITS:
         unit, factor = _RIG_UNITS[comparison.quantity]
+        if math.isfinite(comparison.estimated):
+            return _channel_lines(head, comparison, unit, factor)
         mean = _with_error(comparison.measured * factor, comparison.difference_std * factor)
         return [
             f"{head}: {comparison.revolutions} revolutions, mean {mean} {unit}, "
@@ -46,6 +49,21 @@ def _lines(comparison: ReferenceComparison) -> list[str]:
     if math.isfinite(comparison.contact_rad):
         centre, scatter = math.degrees(comparison.contact_rad), math.degrees(comparison.contact_scatter_rad)
         lines.append(f"{head}: the contact centre is at {centre:.1f} deg of it, with a scatter of {scatter:.2g} deg")
+    return lines
+
+
+def _channel_lines(head: str, comparison: ReferenceComparison, unit: str, factor: float) -> list[str]:
+    """Return the lines of an estimate and the channel of a rig that it follows."""
+    estimated, measured = (f"{value * factor:.4g}" for value in (comparison.estimated, comparison.measured))
+    difference = _with_error(comparison.difference * factor, comparison.difference_std * factor)
+    lines = [
+        f"{head}: {comparison.revolutions} revolutions, {estimated} {unit} estimated, {measured} {unit} measured; "
+        f"difference {difference} {unit}, single revolutions scatter {comparison.scatter * factor:.2g} {unit} "
+        f"(they differ by {comparison.share_of_error:.2g} of their errors)"
+    ]
+    if math.isfinite(comparison.slope):
+        slope = _with_error(comparison.slope, comparison.slope_std)
+        lines.append(f"{head}: where it varies, the estimate changes {slope} times as much")
     return lines
 
 
