@@ -83,6 +83,12 @@ class PipeLink:
             status = os.fstat(descriptor)
             if not data and stat.S_ISREG(status.st_mode) and status.st_size < os.lseek(descriptor, 0, os.SEEK_CUR):
                 os.lseek(descriptor, 0, os.SEEK_SET)  # it was emptied, and begins again
+            if not data and stat.S_ISREG(status.st_mode) and self._is_replaced(status):
+                data = os.read(descriptor, _READ_BYTES)  # what came before it was renamed
+                if not data:
+                    self._descriptor = os.open(self._path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
+                    os.close(descriptor)
+                    data = os.read(self._descriptor, _READ_BYTES)
         except BlockingIOError:
             data = b""
         except OSError as error:
@@ -90,6 +96,14 @@ class PipeLink:
         if not data:
             self._closed.wait(timeout_s)
         return data
+
+    def _is_replaced(self, status: os.stat_result) -> bool:
+        """Return whether another file has the name now, as when logs are rotated."""
+        try:
+            present = self._path.stat()
+        except FileNotFoundError:  # not begun yet
+            return False
+        return (present.st_dev, present.st_ino) != (status.st_dev, status.st_ino)
 
     def write(self, data: bytes) -> None:
         """Refuse to write.

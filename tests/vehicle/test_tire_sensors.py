@@ -206,6 +206,19 @@ def test_old_pressure_is_an_alarm_of_the_wheel(drive) -> None:
     assert not wheel.has_current_environment
 
 
+def test_estimate_has_the_alarm_of_an_old_pressure_as_a_session_has(drive, tmp_path) -> None:
+    items, toml = drive
+    position = parse_vehicle(toml, "lab").wheel[0].position
+    toml += TPMS.format(position=position)
+    items = in_order(without_pressure(items), [lines(2.0), lines(14.0)])
+    results, estimation = estimated(recorded(tmp_path, items, toml))
+    old = [record for record in estimation.alarms() if record.name == "old environment"]
+    standing = [(result.host_ns - START_NS) / S for result in results if result.alarms]
+    assert [(record.position, record.count, record.is_standing) for record in old] == [(position, 1, False)]
+    assert standing[0] == pytest.approx(10.0, abs=0.3)
+    assert standing[-1] == pytest.approx(14.0, abs=0.3)
+
+
 @pytest.mark.parametrize(
     ("message", "why"),
     [
@@ -349,6 +362,26 @@ def test_pipe_growing_file_and_server_are_read_live(tmp_path, read) -> None:
         assert reader.error is None
     connection.close()
     server.close()
+
+
+@pytest.mark.parametrize("is_begun_late", [False, True])
+def test_log_that_is_rotated_goes_on(tmp_path, read, is_begun_late) -> None:
+    path, before, after = tmp_path / "tpms", line(210.0), line(220.0)
+    path.write_bytes(b"")
+    reader = read(open_source(f"rtl433:{path}", ManualClock(START_NS)))
+    assert reader.next().kind is LinkEventKind.CONNECTED
+    with path.open("ab", buffering=0) as file:
+        file.write(before)
+        assert reader.next().data == before
+        path.rename(tmp_path / "tpms.1")
+        file.write(before)  # a writer goes on until it opens the new one
+    data = reader.next().data if is_begun_late else b""
+    path.write_bytes(after)
+    while after not in data:
+        data += reader.next().data
+    assert data == before + after
+    reader.finish()
+    assert reader.error is None
 
 
 def test_missing_pipe_is_named(tmp_path) -> None:

@@ -250,6 +250,8 @@ class RecordingAlarms(AlarmWatch):
         super().__init__(vehicle, pipeline, witnesses, logs=logs)
         self._wheels: dict[str, WheelSnapshot] = {}
         self._has_limits = has_wheel_limits(self.thresholds)
+        # Wheels whose reading of a receiver beside the hubs is old.
+        self._old: set[str] = set()
         self._events: dict[str, deque[LinkEvent]] = {}
         # Ends and lengths of the pauses of the computer that recorded, and how many of them each link has passed.
         self._pauses: list[tuple[int, int]] = []
@@ -300,6 +302,7 @@ class RecordingAlarms(AlarmWatch):
                 values=lambda: present_values([wheel], [], self.thresholds),
                 covers=lambda key: key[0] == position and key[1] in THRESHOLDS,
             )
+        self._take_outside(position, result.host_ns, at_s)
         if self._watches:
             self._watch(result, at_s)
         silent_s = self.silence.ended_before_s(position, result.host_ns)
@@ -307,6 +310,15 @@ class RecordingAlarms(AlarmWatch):
         if standing == result.alarms and silent_s == result.silent_before_s:
             return result
         return replace(result, alarms=standing, silent_before_s=silent_s)
+
+    def _take_outside(self, position: str, host_ns: int, at_s: float) -> None:
+        """Take whether the reading of a receiver beside the hubs is old at a revolution."""
+        silence = self._pipeline.outside_silence(position, host_ns)
+        if silence is None and position not in self._old:
+            return
+        present = () if silence is None else (Alarm(position, AlarmName.ENVIRONMENT, silence.reason),)
+        self.log.update(present, at_s, covers=lambda key: key == (position, AlarmName.ENVIRONMENT))
+        (self._old.discard if silence is None else self._old.add)(position)
 
     def _watch(self, result: RevolutionResult, at_s: float) -> None:
         """Let the watches of features take a result, with what is known of its wheel at the end of the block."""
@@ -351,7 +363,11 @@ class RecordingAlarms(AlarmWatch):
         several = len(self.silence.links()) > 1
         wheels = [WheelSnapshot(position, silences=silences) for position, silences in self.silence.of_wheels().items()]
         present = [*self._link_alarms(), *self._silent(wheels, several)]
-        return self._update(present, wheels, several_links=several, covers=lambda key: key[1] in _OF_STREAMS)
+        # Those of receivers beside the hubs change with a result.
+        outside = {(position, AlarmName.ENVIRONMENT) for position in self._old}
+        return self._update(
+            present, wheels, several_links=several, covers=lambda key: key[1] in _OF_STREAMS and key not in outside
+        )
 
     def advance(self, link: str, now_ns: int) -> list[Notice]:
         """Bring a link to a time before its next frame is taken, over the pauses before it; return new notices."""

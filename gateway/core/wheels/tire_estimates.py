@@ -362,10 +362,10 @@ class TireEstimates:
             return outside[0].old_s(host_ns)
         return old_pressure_s(self._environment, tick_us)
 
-    def outside_old_s(self) -> float | None:
-        """Return the age of a reading from outside that is in use and old at the latest revolution, else None."""
-        outside = self._outside_at(math.inf, self.last.host_ns) if self.last is not None else []
-        return outside[0].old_s(self.last.host_ns) if outside and self.last is not None else None
+    def outside_old_s(self, host_ns: float) -> float | None:
+        """Return the age of a reading from outside that is in use and old at a time, else None."""
+        outside = self._outside_at(math.inf, host_ns)
+        return outside[0].old_s(host_ns) if outside else None
 
     def _outside_at(self, tick_us: float, host_ns: float) -> list[OutsideReading]:
         """Return the readings from outside in use, the latest first: while the sensor of the wheel brings none."""

@@ -207,6 +207,13 @@ class WheelPipeline:
             self._snapshot = None
             self._tire.outside.add(reading._replace(reading=possible))
 
+    def outside_silence(self, host_ns: int) -> Silence | None:
+        """Return the silence of a receiver whose reading is in use at a time, None while it is not old."""
+        old_s = self._tire.outside_old_s(host_ns)
+        if old_s is None:
+            return None
+        return Silence(SilentPart.ENVIRONMENT, old_s, Reason(WheelCode.ENVIRONMENT_SILENT, silence_s=old_s))
+
     def restart(self) -> None:
         """Handle a restart of the hub: its counters and times are new; the estimates of the tire are kept."""
         self._snapshot = None
@@ -588,8 +595,8 @@ class WheelPipeline:
         return self._snapshot
 
     def _present(self) -> WheelSnapshot:
-        conditions, old_s = self._tire.conditions(math.inf, math.inf), self._tire.outside_old_s()
-        old = Reason(WheelCode.ENVIRONMENT_SILENT, silence_s=old_s) if old_s is not None else None
+        conditions, last = self._tire.conditions(math.inf, math.inf), self._tire.last
+        old = self.outside_silence(last.host_ns) if last is not None else None
         load = self._tire.latest("load_n") if conditions.load_n is None else None
         hello = self._sensor.hello if self._sensor is not None else None
         state = self._segmenter.state if self._segmenter is not None else WheelState.NO_DATA
@@ -617,7 +624,7 @@ class WheelPipeline:
             ),
             flags=flags,
             missing=self._missing_reason(flags),
-            silences=() if old is None or old_s is None else (Silence(SilentPart.ENVIRONMENT, old_s, old),),
+            silences=(old,) if old is not None else (),
         )
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from firmware_protocol.frame_blocks import FrameBlock, FrameList
 from firmware_protocol.messages import Frame, SampleBlock
 from gateway.core.estimates.registry import DEFAULT_ESTIMATORS
-from gateway.core.estimates.results import RevolutionResult, WheelSnapshot
+from gateway.core.estimates.results import RevolutionResult, Silence, WheelSnapshot
 from gateway.core.estimates.wheel_setup import WheelSetup
 from gateway.core.types import FloatArray
 from gateway.core.wheels.frame_router import FrameRouter, Hub, StreamWatcher
@@ -118,6 +118,10 @@ class Pipeline:
         for wheel in self._order:
             if wheel.setup.position == position:
                 wheel.outside(reading)
+
+    def outside_silence(self, position: str, host_ns: int) -> Silence | None:
+        """Return the silence of a receiver beside the hubs at a time, None while the wheel needs none of it."""
+        return next((wheel.outside_silence(host_ns) for wheel in self._order if wheel.setup.position == position), None)
 
     def finish(self) -> list[RevolutionResult]:
         """Complete the revolutions that can be completed, when no more frames will come."""
