@@ -5,9 +5,9 @@ from typing import Final
 
 import numpy as np
 
+from gateway.console.trend_history import TrendPoint
 from gateway.console.waveform import GUTTER, MIN_HEIGHT, MIN_WIDTH, Ink, PlotRow, curve_rows, nice_scale
 from gateway.core.text.numbers import round_to_error
-from gateway.core.text.trend_history import TrendPoint
 from gateway.core.types import FloatArray
 
 SHOWN_S: Final = 180
@@ -39,7 +39,7 @@ def draw_trend(points: Sequence[TrendPoint], unit: str, width: int, height: int)
     scale = nice_scale(low - margin, high + margin, max(2, plot_rows // 2))
     columns_s = begin_s + (np.arange(2 * plot_width) + 1.0) * (SHOWN_S / (2 * plot_width))
     line, upper, lower = (
-        _at(columns_s.astype(np.float64), times_s, curve) for curve in (value, value + std, value - std)
+        _interpolated(columns_s.astype(np.float64), times_s, curve) for curve in (value, value + std, value - std)
     )
     rows = curve_rows((line, line), (lower, upper), scale, plot_width, plot_rows)
     symbol = f"e{exponent} {unit}".strip() if exponent else unit
@@ -50,7 +50,7 @@ def draw_trend(points: Sequence[TrendPoint], unit: str, width: int, height: int)
     return (*rows, ((axis, Ink.AXIS),), ((labels, Ink.AXIS),))
 
 
-def _at(columns_s: FloatArray, times_s: FloatArray, values: FloatArray) -> FloatArray:
+def _interpolated(columns_s: FloatArray, times_s: FloatArray, values: FloatArray) -> FloatArray:
     """Return the values at the columns, NaN where there is none near."""
     after = np.searchsorted(times_s, columns_s)
     before_s = times_s[np.maximum(after - 1, 0)]

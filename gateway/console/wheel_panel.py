@@ -18,6 +18,7 @@ from gateway.console.styled_rows import (
     plot_row,
     row_width,
 )
+from gateway.console.trend_history import TrendHistory, TrendQuantity
 from gateway.console.trend_plot import draw_trend
 from gateway.console.waveform import LEGEND, Zoom, draw_waveform
 from gateway.core.estimates.estimator import Status
@@ -26,7 +27,6 @@ from gateway.core.quantity_catalogue import quantity_of
 from gateway.core.text.numbers import MISSING, STATUS_MARKS, Shown, age, fixed, kpa, percent, show
 from gateway.core.text.readout import WEAR, Reading, read_result
 from gateway.core.text.text import ELLIPSIS, clean, crop, crop_middle, filled, pad, width
-from gateway.core.text.trend_history import TrendHistory, TrendQuantity
 from gateway.core.text.wording import text as reason_text
 from gateway.core.types import FloatArray
 

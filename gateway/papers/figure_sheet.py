@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import html
-import io
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from gateway.core.errors import OutputError
+from gateway.core.optional_packages import require_packages
+from gateway.core.text.figure_file import figure_bytes
 from gateway.papers.figure_registry import title
 
 if TYPE_CHECKING:
@@ -45,54 +46,33 @@ def draw_figures(
     Raises:
         OutputError: matplotlib is missing, a file exists, or the folder cannot be written.
     """
-    matplotlib, make_figure = _matplotlib()
+    require_packages("figures", "plot", "matplotlib")
+    import matplotlib
+    from matplotlib.figure import Figure
+
     files = [out / f"{name}.{suffix}" for name in figures]
     make_room(out, [*files, out / INDEX], force=force)
     captions: dict[str, str] = {}
     with matplotlib.rc_context(_style()):
         for (name, draw), file in zip(figures.items(), files, strict=True):
-            figure = make_figure(figsize=_SIZE_INCH, dpi=150, layout="constrained")
+            figure = Figure(figsize=_SIZE_INCH, dpi=150, layout="constrained")
             captions[name] = draw(figure)
             for axes in figure.axes:
                 axes.spines[["top", "right"]].set_visible(False)
-            drawn = io.BytesIO()
-            # No date, so that the same figure gives the same file.
-            figure.savefig(drawn, format=suffix, metadata={"Date": None} if suffix == "svg" else None)
-            write(file, drawn.getvalue())
+            write(file, figure_bytes(figure, suffix))
             on_figure(name, captions[name])
     write(out / INDEX, _index(figures, captions, suffix, is_measured=is_measured).encode())
     return [*files, out / INDEX]
 
 
-def _matplotlib() -> tuple[Any, Any]:
-    """Return matplotlib and its Figure class, which needs no display."""
-    try:
-        import matplotlib
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise OutputError(
-            "figures need matplotlib, which is not installed", "Install it with: pip install 'treadlink[plot]'."
-        ) from error
-    return matplotlib, Figure
-
-
-def _style() -> dict[str, object]:
+def _style() -> Any:
     from cycler import cycler
 
     return {
-        "axes.prop_cycle": cycler(color=_COLOURS),
-        "axes.grid": True,
-        "grid.color": "0.9",
-        "grid.linewidth": 0.8,
-        "axes.axisbelow": True,
-        "font.size": 10.0,
-        "axes.labelsize": 10.5,
-        "legend.frameon": True,
-        "legend.framealpha": 0.9,
-        "legend.edgecolor": "0.85",
-        "lines.linewidth": 1.6,
-        "svg.hashsalt": "treadlink",
-    }
+        "axes.prop_cycle": cycler(color=_COLOURS), "axes.grid": True, "grid.color": "0.9", "grid.linewidth": 0.8,
+        "axes.axisbelow": True, "font.size": 10.0, "axes.labelsize": 10.5, "legend.frameon": True,
+        "legend.framealpha": 0.9, "legend.edgecolor": "0.85", "lines.linewidth": 1.6, "svg.hashsalt": "treadlink",
+    }  # fmt: skip
 
 
 def make_room(out: Path, files: list[Path], *, force: bool) -> None:

@@ -17,6 +17,7 @@ from typing import Any, Final
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 
+from gateway.console.trend_history import TrendHistory
 from gateway.core.errors import TreadlinkError
 from gateway.core.estimates.results import SessionSnapshot
 from gateway.core.links.reasons import LinkCode
@@ -24,7 +25,6 @@ from gateway.core.reasons import Reason
 from gateway.core.text.page_parts import PageFile, joined_page, page_part
 from gateway.core.text.session_control import SessionControl
 from gateway.core.text.text import clean
-from gateway.core.text.trend_history import TrendHistory
 from gateway.core.text.wording import text as reason_text
 from gateway.publishing.page_listener import PageServer
 from gateway.publishing.payloads import encoded
@@ -66,8 +66,8 @@ def open_page(address: SinkAddress, setting: SinkSetting) -> PageSink:
 def page_file() -> PageFile:
     """Return the page."""
     names = ("uPlot.min.css", "uPlot.iife.min.js", "pictures.js")
-    own = [page_part(name, _PAGE) for name in ("page.css", "page.js")]
-    return joined_page("page.html", _PAGE, [*map(page_part, names), *own])
+    sheets = [page_part(name, _PAGE) for name in ("page.css", "page.js")]
+    return joined_page("page.html", _PAGE, [*map(page_part, names), *sheets])
 
 
 class PageSink(Sink):

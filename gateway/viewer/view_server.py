@@ -41,7 +41,7 @@ def page_file() -> PageFile:
     views = "gateway.compare.views"
     parts = [
         *map(page_part, ("uPlot.min.css", "uPlot.iife.min.js", "pictures.js")),
-        page_part("closure_report.css", "gateway.diagnosis.views"),
+        page_part("result_page.css"),
         *(page_part(f"drive_section.{suffix}", views) for suffix in ("css", "js")),
         *(page_part(f"viewer.{suffix}", _VIEW_PAGE) for suffix in ("css", "js")),
     ]

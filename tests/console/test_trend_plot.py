@@ -5,12 +5,12 @@ import math
 
 import pytest
 
+from gateway.console.trend_history import SPAN_S, TrendHistory, TrendPoint
 from gateway.console.trend_plot import SHOWN_S, draw_trend
 from gateway.console.waveform import Ink
 from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.reasons import Reason
-from gateway.core.text.trend_history import SPAN_S, TrendHistory, TrendPoint
 
 
 def drawn(values, unit="km/h", std=math.nan, width=67, height=12):

@@ -50,6 +50,7 @@ def test_wheel_contains_template_and_style(tmp_path):
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     with zipfile.ZipFile(next((tmp_path / "out").glob("*.whl"))) as wheel:
-        assert {"gateway/diagnosis/views/closure_report.html.j2", "gateway/diagnosis/views/closure_report.css"} <= set(
-            wheel.namelist()
-        )
+        assert {
+            "gateway/diagnosis/views/closure_report.html.j2",
+            "gateway/core/text/pictures/result_page.html.j2",
+        } <= set(wheel.namelist())

@@ -144,14 +144,14 @@ def test_estimate_is_compared_with_the_channel_at_each_revolution(sign: float, q
     for start_s, load_n in zip(starts, at_turn, strict=True):
         estimate = Estimate(RIG_CHANNELS[quantity], 0.96 * load_n + rng.normal() * 40.0, 40.0, Status.VALID)
         turns.add(SimpleNamespace(faults=(), period_s=0.11, start_s=start_s), (estimate,))  # type: ignore[arg-type]
-    found = turns.compare("W1", "cell", quantity, times_s, sign * channel, 10.0, 0.3)
-    assert (found.revolutions, found.measured) == (300, pytest.approx(at_turn.mean(), rel=1e-3))
-    assert found.difference == pytest.approx(-0.04 * at_turn.mean(), rel=0.06)
-    assert found.slope == pytest.approx(0.96, abs=4.0 * found.slope_std)
-    assert 0.0 < found.slope_std < 0.01
-    assert 3.0 < found.share_of_error < 5.0
-    assert found.difference_std > 10.0
-    first, second = reference_lines([found])
+    compared = turns.compare("W1", "cell", quantity, times_s, sign * channel, 10.0, 0.3)
+    assert (compared.revolutions, compared.measured) == (300, pytest.approx(at_turn.mean(), rel=1e-3))
+    assert compared.difference == pytest.approx(-0.04 * at_turn.mean(), rel=0.06)
+    assert compared.slope == pytest.approx(0.96, abs=4.0 * compared.slope_std)
+    assert 0.0 < compared.slope_std < 0.01
+    assert 3.0 < compared.share_of_error < 5.0
+    assert compared.difference_std > 10.0
+    first, second = reference_lines([compared])
     assert "300 revolutions" in first
     assert "N estimated" in first
     assert "where it varies, the estimate changes 0.9" in second

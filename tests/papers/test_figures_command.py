@@ -1,6 +1,5 @@
 """The command `treadlink figures` and the captions of the ring paper's figures."""
 
-import builtins
 import importlib.util
 import re
 from pathlib import Path
@@ -8,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from gateway.core import optional_packages
 from gateway.core.errors import ConfigError, OutputError
 from gateway.papers.figure_registry import all_figures, chosen, title
 from gateway.papers.figure_sheet import draw_figures
@@ -69,14 +69,7 @@ def test_figure_files_are_reproducible(tmp_path: Path) -> None:
 
 
 def test_missing_matplotlib_names_the_extra(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    real = builtins.__import__
-
-    def missing(name: str, *rest: object, **named: object) -> object:
-        if name.split(".")[0] == "matplotlib":
-            raise ImportError(name)
-        return real(name, *rest, **named)
-
-    monkeypatch.setattr(builtins, "__import__", missing)
+    monkeypatch.setattr(optional_packages, "find_spec", lambda _name: None)
     with pytest.raises(OutputError) as caught:
         draw_figures(chosen(("ring-fig-12",)), tmp_path / "out", suffix="png", write=Path.write_bytes)
     assert "treadlink[plot]" in caught.value.remedy

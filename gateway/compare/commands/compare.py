@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 @click.argument("second", type=click.Path(path_type=Path), metavar="SECOND")
 @config_option
 @path_option("--csv", "csv_path", help="Write the differences to this file.")
+@path_option("--html", "html_path", help="Write a page with pictures to this file; needs treadlink[plot].")
 @force_option
 @keys_option
 @estimator_option
@@ -29,6 +30,7 @@ def compare(
     second: Path,
     config_path: Path | None,
     csv_path: Path | None,
+    html_path: Path | None,
     force: bool,
     key_file: Path | None,
     estimators: tuple[str, ...],
@@ -43,11 +45,14 @@ def compare(
     \b
     Examples:
       treadlink compare before.mcap after.mcap
+      treadlink compare before.mcap after.mcap --html differences.html
       treadlink compare tire-a.mcap tire-b.mcap --csv differences.csv
     """
     from gateway.compare.mean_comparison import compared_means
+    from gateway.compare.views.comparison_page import comparison_page
     from gateway.compare.views.drive import Drives
     from gateway.compare.views.drive_comparison import comparison_csv, comparison_lines, means_of, radii_of
+    from gateway.compare.views.drive_page import check_page
     from gateway.core.cli.recording_estimates import estimate_recording
     from gateway.core.cli.summary_output import SummaryOutput
     from gateway.core.errors import RecordingError, TreadlinkError
@@ -56,7 +61,10 @@ def compare(
     from gateway.core.text.progress import progress_bar
     from gateway.core.text.wording import text
 
-    check_outputs([csv_path], [first, second, config_path, *effects_paths, key_file or default_key_file()], force=force)
+    outputs = (csv_path, html_path)
+    check_outputs(outputs, [first, second, config_path, *effects_paths, key_file or default_key_file()], force=force)
+    if html_path is not None:
+        check_page(html_path, force=force)
     collected, damaged = Drives(), []
     for path in (first, second):
         size = path.stat().st_size if path.is_file() else 0
@@ -80,12 +88,15 @@ def compare(
             "Name the wheels alike in the configuration, --config, or look at the recordings with treadlink inspect.",
         )
     differences = compared_means(means_of(before), means_of(after), radii_of(before), radii_of(after))
-    say = SummaryOutput([csv_path])
+    say = SummaryOutput(outputs)
     for line in comparison_lines(before, after, differences):
         say(line)
     if csv_path is not None:
         write_whole(csv_path, comparison_csv(differences), force=force)
-        say.written(csv_path)
+    if html_path is not None:
+        write_whole(html_path, comparison_page(before, after, differences), force=force)
+    for output in outputs:
+        say.written(output)
     if damaged:
         raise TreadlinkError("; ".join(damaged), "The readable part was compared.")
     say.finish()

@@ -6,15 +6,15 @@ from typing import Final
 
 from gateway.compare.mean_comparison import FALSE_ALARM, MeanDifference, Radius
 from gateway.compare.views.drive import Drive
+from gateway.compare.views.wheel_glance import GLANCE
 from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.weighted_mean import MeanEstimate
 from gateway.core.quantity_catalogue import unit_of
 from gateway.core.reasons import Reason
-from gateway.core.text.numbers import finite_or_none, fixed, round_to_error, split_name
+from gateway.core.text.numbers import finite_or_none, fixed, plain_name, round_to_error, split_name
 from gateway.core.text.readout import DISTANCE
 from gateway.core.text.table_sinks import CsvSink
 from gateway.core.text.text import clean, counted, pad, pad_left
-from gateway.core.text.wheel_glance import GLANCE
 from gateway.core.text.wording import joined, text
 
 _CSV_COLUMNS: Final = (
@@ -41,20 +41,19 @@ def radii_of(drive: Drive) -> dict[str, Radius]:
 
 def comparison_lines(first: Drive, second: Drive, differences: Sequence[MeanDifference]) -> Iterator[str]:
     """Yield the lines of a comparison, wheel by wheel."""
-    for wheel in [position for position in first.wheels if position in second.wheels]:
+    for wheel in shared_wheels(first, second):
         cells = [drive.wheels[wheel].cells() for drive in (first, second)]
         rows: list[tuple[str, ...]] = [(wheel, clean(first.name), clean(second.name), "difference", "significance")]
         rows += [(label, *(shown(values) for values in cells), "", "") for label, shown in GLANCE]
-        rows += [_row(difference) for difference in differences if difference.wheel == wheel]
+        rows += [(_label(row.name), *difference_cells(row)) for row in differences if row.wheel == wheel]
         widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
         for label, *texts in rows:
             yield "  ".join(
                 (pad(label, widths[0]), *(pad_left(t, w) for t, w in zip(texts, widths[1:], strict=True)))
             ).rstrip()
         yield ""
-    varying = dict.fromkeys(split_name(row.name)[0] for row in differences if row.first.reasons or row.second.reasons)
-    if varying:
-        yield f"~ {', '.join(varying)}: {text(Reason(EstimateCode.ROW_SCATTERS))}"
+    if varying := varying_line(differences):
+        yield varying
     significant = sum(difference.is_significant for difference in differences)
     yield (
         f"{significant} of {counted(len(differences), 'difference')} marked * are significant: were there none, chance "
@@ -62,8 +61,25 @@ def comparison_lines(first: Drive, second: Drive, differences: Sequence[MeanDiff
     )
 
 
-def _row(compared: MeanDifference) -> tuple[str, str, str, str, str]:
-    label, unit = split_name(compared.name)
+def shared_wheels(first: Drive, second: Drive) -> list[str]:
+    """Return the wheels that both recordings have, in the order of the first."""
+    return [position for position in first.wheels if position in second.wheels]
+
+
+def varying_line(differences: Sequence[MeanDifference]) -> str:
+    """Return what varied by far more than its errors and why its mean says little, empty without any."""
+    varying = dict.fromkeys(plain_name(row.name) for row in differences if row.first.reasons or row.second.reasons)
+    return f"~ {', '.join(varying)}: {text(Reason(EstimateCode.ROW_SCATTERS))}" if varying else ""
+
+
+def _label(name: str) -> str:
+    symbol = split_name(name)[1].symbol
+    return f"{plain_name(name)}, {symbol}" if symbol else plain_name(name)
+
+
+def difference_cells(compared: MeanDifference) -> tuple[str, str, str, str]:
+    """Return first mean, second mean, difference and its significance as text, without their unit."""
+    unit = split_name(compared.name)[1]
     texts = [
         round_to_error(value * unit.factor, std * unit.factor).joined() + " ~" * bool(reasons)
         for value, std, reasons in (
@@ -72,9 +88,7 @@ def _row(compared: MeanDifference) -> tuple[str, str, str, str, str]:
             (compared.difference, compared.std, ()),
         )
     ]
-    significance = fixed(compared.significance, 1)
-    mark = " *" if compared.is_significant else "  "
-    return f"{label}, {unit.symbol}" if unit.symbol else label, texts[0], texts[1], texts[2], significance + mark
+    return texts[0], texts[1], texts[2], fixed(compared.significance, 1) + (" *" if compared.is_significant else "  ")
 
 
 def comparison_csv(differences: Sequence[MeanDifference]) -> bytes:

@@ -4,33 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
-from gateway import __version__
 from gateway.compare.views.drive import Drive, Drives, DriveWheel
 from gateway.compare.views.drive_path_picture import path_picture
 from gateway.compare.views.drive_pictures import FIRST_DATE_NS, begin_ns, pictures_json
 from gateway.compare.views.drive_verdict import verdict
+from gateway.compare.views.wheel_glance import GLANCE, number
 from gateway.core.estimates.estimator import Status
 from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.optional_packages import require_packages
 from gateway.core.table_columns import RECORDING_PARTS
-from gateway.core.text.html_template import html_template, report_css
+from gateway.core.text.html_template import result_page, script_data
 from gateway.core.text.numbers import MISSING, STATUS_MARKS, fixed, plain_name, round_to_error, split_name
 from gateway.core.text.output_file import check_target, write_whole
-from gateway.core.text.page_parts import page_part, plot_licence, script_policy
+from gateway.core.text.page_parts import page_part
 from gateway.core.text.readout import DISTANCE
 from gateway.core.text.result_columns import iso_utc
 from gateway.core.text.table_sinks import Cell
-from gateway.core.text.text import clean, counted, json_text
-from gateway.core.text.wheel_glance import GLANCE, number
+from gateway.core.text.text import clean, counted
 from gateway.core.text.wording import joined
 
-if TYPE_CHECKING:
-    from markupsafe import Markup
-
 _VIEWS: Final = "gateway.compare.views"
-_TEMPLATE: Final = (_VIEWS, "drive_page.html.j2")
 
 
 class _Value(NamedTuple):
@@ -75,27 +70,21 @@ def open_pages(path: Path | None, *, force: bool) -> DrivePages | None:
 
 
 def drive_page(drives: Sequence[Drive]) -> str:
-    """Return recordings as an HTML page without external resources; deterministic.
+    """Return recordings as an HTML page without external resources; errors as for `result_page`."""
+    return page_over_time(
+        "drive_page.html.j2",
+        title=drives[0].name if len(drives) == 1 else counted(len(drives), "recording"),
+        facts="",
+        sections=[_section(f"r{index}", drive) for index, drive in enumerate(drives)],
+    )
 
-    Raises:
-        OutputError: jinja2 is missing.
-    """
-    require_packages("the page of a drive", "plot", "jinja2")
-    from markupsafe import Markup
 
+def page_over_time(template: str, **values: object) -> str:
+    """Return a page of this room with pictures over time; values and errors as for `result_page`."""
     scripts = [page_part("uPlot.iife.min.js"), page_part("pictures.js")]
     scripts += [page_part(name, _VIEWS) for name in ("drive_section.js", "drive_page.js")]
-    style = Markup(page_part("drive_section.css", _VIEWS).text)
-    sections = [_section(f"r{index}", drive) for index, drive in enumerate(drives)]
-    return html_template(*_TEMPLATE).render(
-        version=__version__,
-        policy=script_policy(scripts),
-        style=Markup(page_part("uPlot.min.css").text) + report_css() + style,
-        scripts=Markup("\n".join(script.html() for script in scripts)),
-        licence=Markup(plot_licence()),
-        title=drives[0].name if len(drives) == 1 else counted(len(drives), "recording"),
-        sections=sections,
-    )
+    style = "\n".join(page_part(name, _VIEWS).text for name in ("drive_section.css", "drive_page.css"))
+    return result_page(_VIEWS, template, scripts=scripts, style=style, **values)
 
 
 def _section(identity: str, drive: Drive) -> dict[str, object]:
@@ -120,18 +109,10 @@ def _section(identity: str, drive: Drive) -> dict[str, object]:
         ],
         "means": means,
         "notes": notes,
-        "data": _script_data(pictures_json(drive, first.events, start_ns)) if wheels else "",
+        "data": script_data(pictures_json(drive, first.events, start_ns)) if wheels else "",
         "drawn": _drawn(drive.wheels.values()),
         "path": path_picture({position: wheel.path for position, wheel in drive.wheels.items()}),
     }
-
-
-def _script_data(document: object) -> Markup:
-    """Return JSON as the content of a script element: nothing in it can end the element."""
-    from markupsafe import Markup
-
-    safe = json_text(document, compact=True).replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
-    return Markup(safe)
 
 
 def _means(drive: Drive) -> tuple[list[tuple[str, str, list[_Value]]], list[tuple[str, str, str]]]:

@@ -2,36 +2,50 @@
 
 from __future__ import annotations
 
-import html
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from gateway import __version__
-from gateway.compare.views.order_tables import order_lines, share_texts
+from gateway.compare.order_statistics import BLOCK_REVOLUTIONS, OrderStatistics
+from gateway.compare.views.order_tables import amplitude_rows, share_rows, share_texts
 from gateway.compare.views.wheel_orders import WheelOrders
 from gateway.core.constants import AXIS_NAMES
 from gateway.core.revolutions.angle_resampling import angle_grid
 from gateway.core.text.figure_file import check_figure, figure_bytes
+from gateway.core.text.html_template import result_page
 from gateway.core.text.output_file import write_whole
-from gateway.core.text.text import escaped
+from gateway.core.text.page_figure import AFTER, BEFORE, GOOD, GRID, QUIET, RESIDUAL, Drawing, inline_svg, report_style
+from gateway.core.text.text import clean, counted, escaped
+from gateway.core.text.wording import text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SUFFIXES: Final = (".html", ".svg", ".png")
 
-# The palette of Okabe and Ito, which is safe for colour-blind readers.
-_COLOURS: Final = ("#0072B2", "#009E73", "#D55E00")
+
+class _Palette(NamedTuple):
+    """Colours of the axes, of ranges of speed, of lines behind, and of a limit."""
+
+    axes: Sequence[str]
+    speeds: Sequence[str]
+    grid: str
+    limit: str
+
+
+# Of a picture alone: the palette of Okabe and Ito, which is safe for colour-blind readers. A page has its own roles.
+_ALONE: Final = _Palette(["#0072B2", "#009E73", "#D55E00"], ["#56B4E9", "#0072B2", "#E69F00", "#D55E00"], "0.9", "0.4")
+_ON_PAGE: Final = _Palette((AFTER, GOOD, BEFORE), (RESIDUAL, AFTER, GOOD, BEFORE), GRID, QUIET)
+_TEMPLATE: Final = ("gateway.compare.views", "order_page.html.j2")
 _RADIAL: Final = AXIS_NAMES.index("radial")
 _WIDTH_INCH, _HEIGHT_INCH = 11.0, 7.0
 _DECADES: Final = 4.0
 _SHOWN_ORDERS: Final = 30
-# Ranges of speed whose spectra are drawn above each other, with their colours.
-_SPEED_COLOURS: Final = ("#56B4E9", "#0072B2", "#E69F00", "#D55E00")
+# Distance from an integer order, in orders, from which its leakage is past.
+_BETWEEN: Final = 0.3
 
 
 def write_figure(path: Path, wheels: Sequence[WheelOrders], recording: str, *, force: bool = False) -> None:
@@ -44,40 +58,37 @@ def write_figure(path: Path, wheels: Sequence[WheelOrders], recording: str, *, f
     import matplotlib
 
     suffix = path.suffix.lower()
-    with matplotlib.rc_context({"svg.hashsalt": "treadlink", "font.size": 9.0, "axes.titlelocation": "left"}):
-        if suffix == ".html":
-            write_whole(path, _page(wheels, recording), force=force)
-        else:
-            write_whole(path, _drawn(wheels, suffix.removeprefix("."), title=escaped(recording)), force=force)
-
-
-def _drawn(wheels: Sequence[WheelOrders], kind: str, *, title: str = "") -> bytes:
+    if suffix == ".html":
+        write_whole(path, orders_page(wheels, recording), force=force)
+        return
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(_WIDTH_INCH, _HEIGHT_INCH * len(wheels)), dpi=110, layout="constrained")
-    if title:
-        figure.suptitle(title)
-    parts = figure.subfigures(len(wheels), 1, squeeze=False)[:, 0]
-    for part, wheel in zip(parts, wheels, strict=True):
-        _draw(part, wheel)
-    return figure_bytes(figure, kind)
+    with matplotlib.rc_context({"svg.hashsalt": "treadlink", "font.size": 9.0, "axes.titlelocation": "left"}):
+        figure = Figure(figsize=(_WIDTH_INCH, _HEIGHT_INCH * len(wheels)), dpi=110, layout="constrained")
+        figure.suptitle(escaped(recording))
+        parts = figure.subfigures(len(wheels), 1, squeeze=False)[:, 0]
+        for part, wheel in zip(parts, wheels, strict=True):
+            _draw(part, wheel, _ALONE)
+        write_whole(path, figure_bytes(figure, suffix.removeprefix(".")), force=force)
 
 
-def _draw(figure: Any, wheel: WheelOrders) -> None:
+def _title(wheel: WheelOrders) -> str:
     low, high = wheel.speed_range_kmh
-    figure.suptitle(
-        f"{wheel.wheel}: {wheel.statistics.revolutions} revolutions, {low:.0f} to {high:.0f} km/h", fontsize=11.0
-    )
+    return f"{clean(wheel.wheel)}: {counted(wheel.statistics.revolutions, 'revolution')}, {low:.0f} to {high:.0f} km/h"
+
+
+def _draw(figure: Any, wheel: WheelOrders, palette: _Palette) -> None:
+    figure.suptitle(_title(wheel), fontsize=11.0)
     (spectrum, waterfall), (signal, speeds), (average, share) = figure.subplots(3, 2, width_ratios=(1.35, 1.0))
-    _spectrum(spectrum, wheel)
+    _spectrum(spectrum, wheel, palette)
     _waterfall(figure, waterfall, wheel)
-    _signal(signal, wheel)
-    _by_speed(speeds, wheel)
-    _average(average, wheel)
-    _share(share, wheel)
+    _signal(signal, wheel, palette)
+    _by_speed(speeds, wheel, palette)
+    _average(average, wheel, palette)
+    _share(share, wheel, palette)
 
 
-def _spectrum(axes: Axes, wheel: WheelOrders) -> None:
+def _spectrum(axes: Axes, wheel: WheelOrders, palette: _Palette) -> None:
     statistics = wheel.statistics
     if statistics.blocks:
         orders, values = statistics.fine_order, statistics.fine_mps2
@@ -88,10 +99,10 @@ def _spectrum(axes: Axes, wheel: WheelOrders) -> None:
     top = 0.0
     for axis, name in enumerate(AXIS_NAMES):
         if np.isfinite(values[axis]).any():
-            axes.plot(orders[1:], values[axis][1:], color=_COLOURS[axis], lw=0.9, label=name)
+            axes.plot(orders[1:], values[axis][1:], color=palette.axes[axis], lw=0.9, label=name)
             top = max(top, float(np.nanmax(values[axis][1:])))
     for order in range(1, _SHOWN_ORDERS + 1):
-        axes.axvline(order, color="0.9", lw=0.6, zorder=0)
+        axes.axvline(order, color=palette.grid, lw=0.6, zorder=0)
     if top > 0.0:
         axes.set_yscale("log")
         axes.set_ylim(top * 10.0**-_DECADES, 2.0 * top)
@@ -125,18 +136,18 @@ def _waterfall(figure: Any, axes: Axes, wheel: WheelOrders) -> None:
     figure.colorbar(mesh, ax=axes, label="m/s²")
 
 
-def _signal(axes: Axes, wheel: WheelOrders) -> None:
+def _signal(axes: Axes, wheel: WheelOrders, palette: _Palette) -> None:
     """Draw the radial axis over consecutive revolutions."""
     axes.set(xlabel="revolutions", ylabel="radial, m/s²", title="radial axis over consecutive revolutions, as measured")
     radial = wheel.statistics.block_mps2[_RADIAL]
     if np.isfinite(radial).all() and len(radial):
         # Every second sample of the grid is enough for the eye.
         turns = np.arange(len(radial)) * (wheel.statistics.block_revolutions / len(radial))
-        axes.plot(turns[::2], radial[::2], color=_COLOURS[_RADIAL], lw=0.7)
+        axes.plot(turns[::2], radial[::2], color=palette.axes[_RADIAL], lw=0.7)
         axes.set_xlim(0, wheel.statistics.block_revolutions)
 
 
-def _by_speed(axes: Axes, wheel: WheelOrders) -> None:
+def _by_speed(axes: Axes, wheel: WheelOrders, palette: _Palette) -> None:
     """Draw the radial spectra at several speeds over the square of the angular speed: a tire's own shape coincides."""
     axes.set(
         xlim=(0, _SHOWN_ORDERS),
@@ -145,9 +156,9 @@ def _by_speed(axes: Axes, wheel: WheelOrders) -> None:
         title="radial spectrum by speed",
     )
     ranges = wheel.speeds_with_spectrum
-    picked = np.unique(np.linspace(0, len(ranges) - 1, min(len(ranges), len(_SPEED_COLOURS))).round().astype(int))
+    picked = np.unique(np.linspace(0, len(ranges) - 1, min(len(ranges), len(palette.speeds))).round().astype(int))
     top = 0.0
-    for index, colour in zip(picked.tolist(), _SPEED_COLOURS, strict=False):
+    for index, colour in zip(picked.tolist(), palette.speeds, strict=False):
         speed_bin = ranges[index]
         values = 1e3 * speed_bin.fine_mps2[_RADIAL][1:] / (0.5 * (speed_bin.low_radps + speed_bin.high_radps)) ** 2
         if not np.isfinite(values).any():
@@ -163,15 +174,15 @@ def _by_speed(axes: Axes, wheel: WheelOrders) -> None:
         axes.legend(fontsize=7.0, loc="upper right")
 
 
-def _average(axes: Axes, wheel: WheelOrders) -> None:
+def _average(axes: Axes, wheel: WheelOrders, palette: _Palette) -> None:
     radial = wheel.mean.radial
     degrees = np.degrees(angle_grid())
     scatter = np.nan_to_num(radial.scatter_mps2)
     mean = radial.radial_mps2
     axes.fill_between(
-        degrees, mean - scatter, mean + scatter, color=_COLOURS[_RADIAL], alpha=0.3, lw=0, label="scatter"
+        degrees, mean - scatter, mean + scatter, color=palette.axes[_RADIAL], alpha=0.3, lw=0, label="scatter"
     )
-    axes.plot(degrees, mean, color=_COLOURS[_RADIAL], lw=1.0, label="mean")
+    axes.plot(degrees, mean, color=palette.axes[_RADIAL], lw=1.0, label="mean")
     speed = wheel.kmh(wheel.mean.omega_radps)
     axes.set(
         xlim=(-180, 180),
@@ -183,38 +194,91 @@ def _average(axes: Axes, wheel: WheelOrders) -> None:
     axes.legend(fontsize=8.0)
 
 
-def _share(axes: Axes, wheel: WheelOrders) -> None:
+def _share(axes: Axes, wheel: WheelOrders, palette: _Palette) -> None:
     statistics = wheel.statistics
     places = np.arange(len(AXIS_NAMES))
     share = 100.0 * statistics.integer_share
     error = np.nan_to_num(100.0 * statistics.integer_share_std)
-    axes.bar(places, np.nan_to_num(share), yerr=error, color=_COLOURS, width=0.6)
-    for axis, text in zip(places.tolist(), share_texts(statistics), strict=True):
-        axes.text(axis, 2.0, text, ha="center", fontsize=8.0, bbox={"facecolor": "white", "lw": 0, "pad": 1.5})
-    axes.axhline(100.0 * statistics.noise_share, color="0.4", ls="--", lw=0.8)
+    axes.bar(places, np.nan_to_num(share), yerr=error, color=palette.axes, width=0.6)
+    for axis, share_text in zip(places.tolist(), share_texts(statistics), strict=True):
+        axes.text(axis, 106.0, share_text, ha="center", fontsize=8.0)
+    axes.axhline(100.0 * statistics.noise_share, color=palette.limit, ls="--", lw=0.8)
     axes.set_xticks(places, AXIS_NAMES)
-    axes.set(ylim=(0, 105), ylabel="%", title="power on integer orders (dashed: noise)")
+    axes.set(ylim=(0, 116), ylabel="%", title="power on integer orders (dashed: noise)")
 
 
-def _page(wheels: Sequence[WheelOrders], recording: str) -> bytes:
-    """Return a page with a figure and a table for each wheel, which loads nothing."""
-    name = html.escape(escaped(recording))
-    parts = [
-        "<!doctype html>",
-        f'<html lang="en"><head><meta charset="utf-8"><title>Orders of {name}</title>',
-        "<style>body{font:16px/1.5 sans-serif;max-width:68rem;margin:2rem auto;padding:0 1rem;background:#fff;"
-        "color:#111}svg{width:100%;height:auto}pre{overflow-x:auto;font-size:13px}</style></head><body>",
-        f"<h1>Orders of {name}</h1>",
-        "<p>Amplitudes are root mean squares over the revolutions. What repeats in every revolution lies on integer "
-        "orders; road, cavity and other shafts lie between them.</p>",
-    ]
-    for wheel in wheels:
-        svg = _drawn([wheel], "svg").decode()
-        lines = "\n".join(order_lines(wheel, _SHOWN_ORDERS))
-        parts += [
-            f"<section><h2>{html.escape(wheel.wheel)}</h2>",
-            svg[svg.index("<svg") :],
-            f"<details><summary>Numbers</summary><pre>{html.escape(lines)}</pre></details></section>",
-        ]
-    parts.append(f"<footer><p>treadlink {html.escape(__version__)}</p></footer></body></html>")
-    return ("\n".join(parts) + "\n").encode()
+def orders_page(wheels: Sequence[WheelOrders], recording: str) -> str:
+    """Return a page with verdict, figures and tables of every wheel, which loads nothing; errors as `result_page`."""
+    return result_page(
+        *_TEMPLATE,
+        title=f"Orders of {clean(recording)}",
+        facts=" · ".join(map(_title, wheels)),
+        answer=" ".join(_answer(wheels)) or "No wheel has a usable revolution.",
+        steps=[step for wheel in wheels for step in _steps(wheel)],
+        drawn=[_drawing(index, wheel) for index, wheel in enumerate(wheels)],
+        axes=AXIS_NAMES,
+        wheels=[
+            {
+                "id": f"w{index}",
+                "name": wheel.wheel,
+                "tables": (
+                    ("Shares", "Share of the power on integer orders", "Speed", share_rows(wheel)),
+                    (
+                        "Amplitudes",
+                        "Amplitude in m/s², rms over the revolutions, and the part of it that repeats in each",
+                        "Order",
+                        amplitude_rows(wheel, _SHOWN_ORDERS),
+                    ),
+                ),
+            }
+            for index, wheel in enumerate(wheels)
+        ],
+    )
+
+
+def _answer(wheels: Sequence[WheelOrders]) -> Iterator[str]:
+    """Yield how far the radial signal is the tire's own, and the largest amplitude between the orders."""
+    if not wheels:
+        return
+    shares = ", ".join(f"{clean(wheel.wheel)} {share_texts(wheel.statistics)[_RADIAL]}" for wheel in wheels)
+    noise = 100.0 * max(wheel.statistics.noise_share for wheel in wheels)
+    yield f"Of the radial signal's power this repeats with every revolution: {shares} (of white noise {noise:.1f} %)."
+    between = [(*largest, wheel.wheel) for wheel in wheels if (largest := _between_orders(wheel.statistics))]
+    if between:
+        amplitude_mps2, order, name = max(between)
+        yield f"The largest part that does not: {clean(name)}, {amplitude_mps2:.2g} m/s² near order {order:.1f}."
+
+
+def _between_orders(statistics: OrderStatistics) -> tuple[float, float] | None:
+    """Return the largest radial amplitude between integer orders, m/s², and its order; None without a spectrum."""
+    if not statistics.blocks:
+        return None
+    order, values = statistics.fine_order, statistics.fine_mps2[_RADIAL]
+    values = np.where(np.abs(order - np.round(order)) > _BETWEEN, values, math.nan)
+    if not np.isfinite(values).any():
+        return None
+    index = int(np.nanargmax(values))
+    return float(values[index]), float(order[index])
+
+
+def _steps(wheel: WheelOrders) -> Iterator[dict[str, str]]:
+    about = clean(wheel.wheel)
+    for doubt in wheel.doubts:
+        yield {"about": about, "step": clean(text(doubt))}
+    if wheel.rejected:
+        left_out = f"{counted(wheel.rejected, 'revolution')} with faults left out: treadlink inspect says what was lost"
+        yield {"about": about, "step": left_out}
+    if not wheel.statistics.blocks:
+        yield {"about": about, "step": f"record {BLOCK_REVOLUTIONS} revolutions in a row at a steady speed"}
+
+
+def _drawing(index: int, wheel: WheelOrders) -> Drawing:
+    from matplotlib.figure import Figure
+
+    with report_style():
+        figure = Figure(figsize=(_WIDTH_INCH, _HEIGHT_INCH), layout="constrained")
+        _draw(figure, wheel, _ON_PAGE)
+        svg = inline_svg(figure, f"w{index}")
+    name = clean(wheel.wheel)
+    alt = f"Orders, radial waveform and average of {name}; the numbers are in the tables."
+    return Drawing(svg, alt, f"{name}.", "Left: orders, consecutive revolutions, average. Right: the same by speed.")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain, repeat
 from pathlib import Path
 from typing import Final
 
@@ -40,30 +41,44 @@ def order_lines(wheel: WheelOrders, orders: int) -> Iterator[str]:
     yield f"{wheel.wheel}  {statistics.revolutions} revolutions at {low:.1f} to {high:.1f} km/h{left_out}"
     for doubt in wheel.doubts:
         yield f"  {text(doubt)}"
-    cells = "".join(f"{name:>21}" for name in AXIS_NAMES)
-    yield f"  {'':<24}{cells}"
-    yield f"  {'power on integer orders':<24}" + _columns(share_texts(statistics))
-    noise = f"{100.0 * statistics.noise_share:.1f} %"
-    yield f"  {'(white noise alone)':<24}" + _columns([noise] * len(AXIS_NAMES))
-    measured = wheel.speeds_with_spectrum
-    for speed_bin in measured if len(measured) > 1 else ():
-        between = f"{wheel.kmh(speed_bin.low_radps):.0f} to {wheel.kmh(speed_bin.high_radps):.0f} km/h"
-        yield f"    {between:<22}" + _columns(share_texts(speed_bin))
+    yield f"  {'':<24}" + _columns(AXIS_NAMES)
+    for indent, (label, cells) in zip(chain((2, 2), repeat(4)), share_rows(wheel), strict=False):
+        yield f"{'':{indent}}{label:<{26 - indent}}" + _columns(cells)
     yield "  amplitude in m/s^2, rms over the revolutions (the part that repeats):"
-    for order in range(min(orders, statistics.amplitude_mps2.shape[1] - 1) + 1):
-        texts = (
-            f"{fixed(amplitude, 2)} ({fixed(repeated, 2)})" if math.isfinite(amplitude) else MISSING
-            for amplitude, repeated in zip(
-                statistics.amplitude_mps2[:, order].tolist(), statistics.repeated_mps2[:, order].tolist(), strict=True
-            )
-        )
-        name = "mean" if order == 0 else f"order {order}"
-        yield f"  {name:<24}" + "".join(f"{text:>21}" for text in texts)
+    for label, cells in amplitude_rows(wheel, orders):
+        yield f"  {label:<24}" + _columns(cells)
     radial, speed = wheel.mean.radial, wheel.kmh(wheel.mean.omega_radps)
     yield (
         f"  radial average at {speed:.1f} km/h without gravity: rms {fixed(_rms(radial.radial_mps2), 2)}, scatter from "
         f"revolution to revolution {fixed(_rms(radial.scatter_mps2), 2)} m/s^2"
     )
+
+
+def share_rows(wheel: WheelOrders) -> list[tuple[str, list[str]]]:
+    """Return the shares of the power on integer orders: of all revolutions, of noise, of each range of speed."""
+    noise = f"{100.0 * wheel.statistics.noise_share:.1f} %"
+    measured = wheel.speeds_with_spectrum
+    return [
+        ("power on integer orders", share_texts(wheel.statistics)),
+        ("(white noise alone)", [noise] * len(AXIS_NAMES)),
+        *(
+            (f"{wheel.kmh(speeds.low_radps):.0f} to {wheel.kmh(speeds.high_radps):.0f} km/h", share_texts(speeds))
+            for speeds in (measured if len(measured) > 1 else ())
+        ),
+    ]
+
+
+def amplitude_rows(wheel: WheelOrders, orders: int) -> list[tuple[str, list[str]]]:
+    """Return the amplitude of each order, and in brackets the part of it that repeats, up to an order."""
+    statistics = wheel.statistics
+    rows = []
+    for order in range(min(orders, statistics.amplitude_mps2.shape[1] - 1) + 1):
+        values = zip(
+            statistics.amplitude_mps2[:, order].tolist(), statistics.repeated_mps2[:, order].tolist(), strict=True
+        )
+        cells = [f"{fixed(all_, 2)} ({fixed(part, 2)})" if math.isfinite(all_) else MISSING for all_, part in values]
+        rows.append(("mean" if order == 0 else f"order {order}", cells))
+    return rows
 
 
 def _columns(texts: Iterable[str]) -> str:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from gateway.core.errors import OutputError
+from gateway.core.optional_packages import require_packages
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,12 +24,7 @@ def check_figure(path: Path, suffixes: Sequence[str] = SUFFIXES) -> None:
     """
     if path.suffix.lower() not in suffixes:
         raise OutputError(f"the suffix of '{path}' names no format of a figure", f"Give one of {', '.join(suffixes)}.")
-    try:
-        import matplotlib  # noqa: F401 - only whether it is installed
-    except ImportError as error:
-        raise OutputError(
-            "figures need matplotlib, which is not installed", "Install it with: pip install 'treadlink[plot]'."
-        ) from error
+    require_packages("a figure", "plot", "matplotlib")
 
 
 def figure_bytes(figure: Figure, kind: str) -> bytes:

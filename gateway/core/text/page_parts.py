@@ -50,14 +50,15 @@ def script_policy(parts: Iterable[Part]) -> str:
         for part in parts
         if part.element == "script"
     ]
-    return f"default-src 'none'; script-src {' '.join(hashes)}; style-src 'unsafe-inline'; img-src data:"
+    scripts = f"script-src {' '.join(hashes)}; " if hashes else ""
+    return f"default-src 'none'; {scripts}style-src 'unsafe-inline'; img-src data:"
 
 
 def joined_page(name: str, package: str, parts: Sequence[Part]) -> PageFile:
     """Return a page of a package as one file: its markup with styles, scripts and the licence of the plots."""
     html = resources.files(package).joinpath(name).read_text(encoding="utf-8")
     html = html.replace("LICENCE OF THE PLOTS", plot_licence())
-    for place, element in (("<!-- STYLES -->", "style"), ("<!-- SCRIPTS -->", "script")):
-        html = html.replace(place, "\n".join(part.html() for part in parts if part.element == element))
+    for marker, element in (("<!-- STYLES -->", "style"), ("<!-- SCRIPTS -->", "script")):
+        html = html.replace(marker, "\n".join(part.html() for part in parts if part.element == element))
     of_server = "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
     return PageFile(html.encode(), f"{script_policy(parts)}; {of_server}")

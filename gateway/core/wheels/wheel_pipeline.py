@@ -638,9 +638,9 @@ def _may_hide_contacts(
     turn = (end - start) / turns
     reach = _HIDDEN_WITHIN_TURNS * turn
     places = (
-        (math.floor(start + place * turn - reach), math.ceil(start + place * turn + reach)) for place in range(1, turns)
+        (math.floor(start + span * turn - reach), math.ceil(start + span * turn + reach)) for span in range(1, turns)
     )
-    return all(buffer.missing_between(*place) or dips(buffer.view(*place)) for place in places)
+    return all(buffer.missing_between(*span) or dips(buffer.view(*span)) for span in places)
 
 
 def _dips(samples: NDArray[np.int16], column: int, level: float, scale: float) -> bool:

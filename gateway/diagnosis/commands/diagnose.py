@@ -187,7 +187,7 @@ def diagnose(
     )
     _check_recordings(recordings)
     if html_path is not None:
-        from gateway.diagnosis.views.figures import require_report_packages
+        from gateway.core.text.page_figure import require_report_packages
 
         require_report_packages()
     others = (jobs or min(2, os.cpu_count() or 1)) - 1

@@ -1,4 +1,4 @@
-"""A diagnosis as one self-contained HTML page: tables first, then figures with their captions."""
+"""A diagnosis as one self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from gateway import __version__
 from gateway.core.constants import AXIS_NAMES
 from gateway.core.reasons import Reason
-from gateway.core.text.html_template import html_template, report_css
+from gateway.core.text.html_template import result_page
 from gateway.core.text.numbers import MISSING, fixed, split_name
 from gateway.core.text.output_file import check_target, write_whole
+from gateway.core.text.page_figure import Drawing, inline_svg, report_style, require_report_packages
 from gateway.core.text.text import clean, counted
 from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.result import (
@@ -32,12 +32,8 @@ from gateway.diagnosis.result import (
 from gateway.diagnosis.views.figures import (
     CONTACT_VIEW_DEG,
     NOISE_STDS,
-    Drawing,
     effect_figure,
-    inline_svg,
     orders_figure,
-    report_style,
-    require_report_packages,
     residual_figure,
     spectra_figure,
     trend_figure,
@@ -129,7 +125,12 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
         OutputError: matplotlib or jinja2 is missing.
     """
     require_report_packages()
-    return html_template(*_TEMPLATE).render(
+    return result_page(
+        *_TEMPLATE,
+        title=f"Diagnosis of {clean(diagnosis.wheel)}: {model_words(diagnosis.model)}",
+        facts=_facts(diagnosis),
+        answer=" ".join(_answer(diagnosis)),
+        steps=next_steps(diagnosis),
         page=_page(diagnosis),
         diagnosis=diagnosis,
         bounded_probability=bounded_probability,
@@ -150,17 +151,11 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
 
 
 def _page(diagnosis: Diagnosis) -> dict[str, object]:
-    """Return the values of the template, which escapes all text except `style` and drawings."""
+    """Return the values of the template, which escapes all text except drawings."""
     estimates = estimate_rows(diagnosis)
     step_names, step_rows = omissions(diagnosis)
     return {
-        "version": __version__,
-        "style": report_css(),
         "wheel": clean(diagnosis.wheel),
-        "model": model_words(diagnosis.model),
-        "facts": _facts(diagnosis),
-        "answer": " ".join(_answer(diagnosis)),
-        "next_steps": next_steps(diagnosis),
         "folds": _folds(diagnosis),
         "errors": error_rows(diagnosis),
         "effects": [finding for finding in diagnosis.findings if finding.verdict is not Verdict.REFUSED],

@@ -62,7 +62,7 @@ def trends(
     """
     outputs = (html_path, json_path, csv_path)
     check_outputs(outputs, (odometer_path,), force=force)
-    from gateway.diagnosis.views.figures import require_report_packages
+    from gateway.core.text.page_figure import require_report_packages
     from gateway.fleet.parquet_parts import require_campaign_packages
 
     require_campaign_packages()

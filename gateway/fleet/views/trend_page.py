@@ -1,4 +1,4 @@
-"""Trends as one self-contained HTML page: findings and tables first, then a figure for each tire."""
+"""Trends as one self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -10,14 +10,11 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from gateway import __version__
 from gateway.core.estimates.estimator import Status
 from gateway.core.quantity import Trend
-from gateway.core.text.html_template import html_template, report_css
+from gateway.core.text.html_template import result_page
 from gateway.core.text.output_file import check_target, write_whole
-from gateway.core.text.text import clean, counted
-from gateway.core.text.wording import joined, text
-from gateway.diagnosis.views.figures import (
+from gateway.core.text.page_figure import (
     AFTER,
     BEFORE,
     MEASURED,
@@ -28,7 +25,8 @@ from gateway.diagnosis.views.figures import (
     report_style,
     require_report_packages,
 )
-from gateway.fleet.trends.marked_findings import finding_key
+from gateway.core.text.text import clean, counted
+from gateway.core.text.wording import joined, text
 from gateway.fleet.trends.trend_result import (
     FleetTrends,
     Quantity,
@@ -39,9 +37,11 @@ from gateway.fleet.trends.trend_result import (
     rate_of,
 )
 from gateway.fleet.trends.watched_series import SERIES, followed_by, label_of
+from gateway.fleet.views.trend_steps import trend_steps
 from gateway.fleet.views.trend_tables import (
     LABELS,
     day,
+    finding_rows,
     number_of,
     shown,
     tire_name,
@@ -185,19 +185,20 @@ def trends_page(trends: FleetTrends) -> str:
     """
     require_report_packages()
     drawn = _most_notable(trends)
-    return html_template(*_TEMPLATE).render(
-        version=__version__,
-        style=report_css(),
+    return result_page(
+        *_TEMPLATE,
+        title="Trends of tires and sensors",
         trends=trends,
         facts=_facts(trends),
         answer=" ".join(_answer(trends)),
+        steps=trend_steps(trends.tires),
         tables=[_table(trends.tires, *table) for table in _TABLES],
         most_outliers=MOST_OUTLIERS,
-        drawings=_drawings(drawn),
+        drawn=_drawings(drawn),
         drawings_left=len(trends.tires) - len(drawn),
         clean=clean,
         day=day,
-        finding_key=finding_key,
+        findings=finding_rows(trends.tires),
         label_of=label_of,
         labels=LABELS,
         value_texts=value_texts,
@@ -219,11 +220,14 @@ def _facts(trends: FleetTrends) -> str:
 
 def _answer(trends: FleetTrends) -> list[str]:
     """Return the summary, sentence by sentence."""
-    notable = sum(bool(trend.findings) for trend in trends.tires)
+    notable = [tire_name(trend) for trend in trends.tires if trend.findings]
     recordings = len({outlier.path for outlier in trends.outliers})
+    have = "has a finding" if len(notable) == 1 else "have findings"
     return [
-        f"{notable} of {len(trends.tires)} tires have a finding." if notable else "No tire has a finding.",
-        f"{recordings} of {trends.recordings} recordings do not fit the trend of their tire."
+        f"{len(notable)} of {counted(len(trends.tires), 'tire')} {have}: {tires_text(notable, len(trends.tires))}."
+        if notable
+        else "No tire has a finding: nothing to act on.",
+        f"{recordings} of {counted(trends.recordings, 'recording')} do not fit the trend of their tire."
         if recordings
         else "Every recording fits the trend of its tire.",
     ]

@@ -175,13 +175,10 @@ def trend_lines(trends: FleetTrends) -> Iterator[str]:
     if len(trends.tires) > _LISTED:
         yield f"... and {len(trends.tires) - _LISTED} more tires: --json, --csv or --html"
     yield from _mark_lines(trends.tires[:_LISTED])
-    findings = [(trend, finding) for trend in trends.tires for finding in trend.findings]
+    findings = finding_rows(trends.tires)
     yield ""
     yield "findings:" if findings else "no finding"
-    yield from (
-        f"  {finding_key(trend, finding)}  {tire_name(trend)}: {clean(text(finding))}"
-        for trend, finding in findings[:_LISTED]
-    )
+    yield from (f"  {key}  {name}: {said}" for name, said, key in findings[:_LISTED])
     if len(findings) > _LISTED:
         yield f"  ... and {len(findings) - _LISTED} more"
     yield from _pair_lines(trends.pairs)
@@ -194,6 +191,19 @@ def trend_lines(trends: FleetTrends) -> Iterator[str]:
         yield f"  {clean(name)}: {what} standard deviations from its trend"
     if len(recordings) > _LISTED:
         yield f"  ... and {len(recordings) - _LISTED} more"
+
+
+def finding_rows(tires: Sequence[TireTrend]) -> list[tuple[str, str, str]]:
+    """Return tire, text and key of each finding; of those with one key the last, with how many more there are."""
+    rows = []
+    for tire in tires:
+        alike: dict[str, list[Reason]] = {}
+        for finding in tire.findings:
+            alike.setdefault(finding_key(tire, finding), []).append(finding)
+        for key, findings in alike.items():
+            more = f" (and {len(findings) - 1} more)" if len(findings) > 1 else ""
+            rows.append((tire_name(tire), f"{clean(text(findings[-1]))}{more}", key))
+    return rows
 
 
 def _mark_lines(tires: Sequence[TireTrend]) -> Iterator[str]:

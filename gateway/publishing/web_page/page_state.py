@@ -8,6 +8,7 @@ import numpy as np
 
 from gateway.console.status import link_row, sink_row
 from gateway.console.styled_rows import Row, Run
+from gateway.console.trend_history import TrendHistory, TrendPoint
 from gateway.console.wheel_panel import (
     car_runs,
     counter_runs,
@@ -24,7 +25,6 @@ from gateway.core.text.numbers import MISSING, Shown, duration, plain_name
 from gateway.core.text.readout import LEADING, TRAILING
 from gateway.core.text.recording_topics import waveform_payload
 from gateway.core.text.text import clean, file_size
-from gateway.core.text.trend_history import TrendHistory, TrendPoint
 from gateway.core.text.wording import notice_text
 from gateway.core.text.wording import text as reason_text
 from gateway.core.types import ComplexArray, FloatArray

@@ -1,0 +1,106 @@
+"""Pages of results have one order, one style, and fit a phone in light and dark."""
+
+import re
+
+import pytest
+
+pytest.importorskip("jinja2")
+pytest.importorskip("matplotlib")
+
+from gateway.diagnosis.views.html import diagnosis_html
+from gateway.fleet.trends.fleet_analysis import analyse
+from gateway.fleet.views.trend_page import trends_page
+from tests.testkit.campaign_recordings import write_recording
+from tests.testkit.commands import run
+from tests.testkit.diagnosis_data import ordinary
+from tests.testkit.tire_histories import history
+
+KINDS = ("compare", "diagnose", "drive", "orders", "trends")
+ORDER = ["verdict", "steps", "pictures", "tables", "made"]
+# Text whose contrast with what is behind it is below 4.5 to 1, or 3 to 1 where it is large (WCAG 2.1, 1.4.3).
+FAINT = """
+(() => {
+  const parts = (colour) => colour.match(/[\\d.]+/g).map(Number);
+  const light = (rgb) => rgb.slice(0, 3).map((c) => c / 255)
+    .map((c) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4))
+    .reduce((sum, c, i) => sum + c * [0.2126, 0.7152, 0.0722][i], 0);
+  const behind = (element) => {
+    for (let one = element; one; one = one.parentElement) {
+      const colour = parts(getComputedStyle(one).backgroundColor);
+      if (colour.length === 3 || colour[3] === 1) return colour;
+    }
+    return [255, 255, 255];
+  };
+  const faint = [];
+  for (const element of document.querySelectorAll("body *")) {
+    const isText = [...element.childNodes].some((node) => node.nodeType === 3 && node.textContent.trim());
+    if (!isText || !element.checkVisibility({ opacityProperty: true, visibilityProperty: true })) continue;
+    if (element.closest("svg, script, style, noscript, :disabled")) continue;
+    const style = getComputedStyle(element), size = parseFloat(style.fontSize);
+    const [a, b] = [light(parts(style.color)), light(behind(element))].sort((x, y) => y - x);
+    const isLarge = size >= 24 || (size >= 18.66 && Number(style.fontWeight) >= 700);
+    if ((a + 0.05) / (b + 0.05) < (isLarge ? 3 : 4.5)) faint.push(element.outerHTML.slice(0, 120));
+  }
+  return faint;
+})()
+"""
+FITS = "document.documentElement.scrollWidth <= document.documentElement.clientWidth"
+SMALL = """
+[...document.querySelectorAll("body *")].filter((one) => !one.closest("svg, script, style, noscript")
+  && [...one.childNodes].some((node) => node.nodeType === 3 && node.textContent.trim())
+  && one.checkVisibility() && parseFloat(getComputedStyle(one).fontSize) < 12).map((one) => one.outerHTML.slice(0, 80))
+"""
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("pages")
+    paths = [
+        write_recording(
+            folder / f"{kpa}.mcap", "[motion]\nspeed_kmh = 70.0", wheels=(f"pressure_kpa = {kpa}",), duration_s=3.0
+        )
+        for kpa in (230, 190)
+    ]
+    run("compare", *paths, "--html", folder / "compare.html")
+    run("estimate", paths[0], "--html", folder / "drive.html")
+    run("orders", paths[0], "--figure", folder / "orders.html")
+    texts = {
+        "diagnose": diagnosis_html(ordinary(2)),
+        "trends": trends_page(analyse([history(1, 40, vehicle="van", leak_pa=4000.0)], recordings=40)),
+    }
+    for kind, text in texts.items():
+        (folder / f"{kind}.html").write_text(text, "utf-8")
+    return folder
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_pages_have_one_order(pages, kind):
+    text = (pages / f"{kind}.html").read_text("utf-8")
+    parts = re.findall(r'data-part="(\w+)"', text)
+    assert parts == [part for part in ORDER if part in parts]
+    assert set(parts) >= {"verdict", "pictures", "tables"}
+    assert not re.findall(r'(?:src|href)="(?!#|data:)', text)
+
+
+def test_comparison_says_what_differs_and_what_was_not_alike(pages):
+    text = (pages / "compare.html").read_text("utf-8")
+    assert re.search(r'data-part="steps".*?<b>pressure</b>: not alike: \S+ 230 and 190 kPa', text, re.DOTALL)
+    assert re.search(r"\d+ of \d+ differences are more than chance makes\. The clearest: ", text)
+
+
+def test_leak_is_answered_by_what_to_do(pages):
+    text = (pages / "trends.html").read_text("utf-8")
+    assert "1 of 1 tire has a finding: van FL" in text
+    assert text.count("look for a leak") == 1
+
+
+@pytest.mark.parametrize("is_dark", [False, True])
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_phone_shows_all_of_it_in_light_and_dark(browser, pages, kind, is_dark):
+    tab = browser.tab()
+    tab.open((pages / f"{kind}.html").as_uri(), 390, 800, is_dark=is_dark)
+    tab.until("document.readyState == 'complete' && document.querySelector('footer') !== null")
+    assert tab.value(FITS)
+    assert tab.value(FAINT) == []
+    assert tab.value(SMALL) == []
+    assert tab.errors == []
