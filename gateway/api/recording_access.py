@@ -40,6 +40,7 @@ from gateway.exporting.recorded_signals import (
     signals,
     survey,
 )
+from gateway.planner.uncertainty_budget import Budget, LatestRevolutions
 
 if TYPE_CHECKING:
     from gateway.simulator.truth import WheelTruth
@@ -282,6 +283,21 @@ class Recording(Mapping[str, "Wheel"]):
         """Return what `treadlink estimate` warns of: misplaced sensors, contradictions, missing revolutions."""
         return self._results(()).notices
 
+    def uncertainty_budget(self, estimators: str | Sequence[str] = ()) -> dict[str, list[Budget]]:
+        """Return what each statement adds to the last errors of each wheel: `parts`, and `advice` for a better one.
+
+        As `treadlink estimate --uncertainty-budget`; empty without a vehicle.
+
+        Args:
+            estimators: names; none for those given to `open`.
+        """
+        recording = self._opened()
+        latest = LatestRevolutions(() if self.vehicle is None else self.vehicle.wheel_setups())
+        names = several_names(estimators) or self._settings.estimators
+        for result in RecordingPass(recording, names, signals=recording.signals()):
+            latest.add(result)
+        return latest.budgets()
+
     def stream(self, estimators: str | Sequence[str] = ()) -> Iterator[Revolution]:
         """Yield the revolutions of all wheels with their estimates, one by one, in constant memory.
 
@@ -368,7 +384,7 @@ class Recording(Mapping[str, "Wheel"]):
         if path is not None:
             check_page(Path(path), force=force)
         recording = self._opened()
-        drive = Drive.of(recording.file)
+        drive = Drive.of(recording.file, recording.vehicle)
         estimation = RecordingPass(recording, self._settings.estimators, signals=recording.signals())
         for result in estimation:
             drive.add(result)

@@ -39,6 +39,8 @@ class Registry(StrEnum):
     EFFECTS = "treadlink.effects"
     SINKS = "treadlink.sinks"
     IMPORTERS = "treadlink.importers"
+    PLUGIN_CHECKS = "treadlink.plugin-checks"
+    """Function without arguments that returns each `PluginStatus` of a feature's registry, by any name."""
 
 
 class CommandLine(NamedTuple):

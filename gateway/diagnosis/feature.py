@@ -11,6 +11,9 @@ FEATURE: Final = Feature(
         ),
     },
     adds={
+        Registry.PLUGIN_CHECKS: {
+            "effects": "gateway.diagnosis.effects.catalogue:plugin_statuses",
+        },
         Registry.PARTS: {
             "effects file": "gateway.diagnosis.effects_opening:open_effects_file",
         },

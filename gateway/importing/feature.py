@@ -15,6 +15,9 @@ FEATURE: Final = Feature(
         Registry.ESTIMATE_OUTPUTS: {
             "references": "gateway.importing.reference_output:REFERENCES",
         },
+        Registry.PLUGIN_CHECKS: {
+            "readers": "gateway.importing.file_formats:plugin_statuses",
+        },
         Registry.PARTS: {
             "rig channels": "gateway.importing.rig_channels:RigChannels",
         },

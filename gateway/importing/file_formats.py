@@ -13,7 +13,7 @@ import numpy as np
 from gateway.core.errors import ImportDataError, reading_remedy
 from gateway.core.feature import Registry
 from gateway.core.nearest_name import missing_path_remedy
-from gateway.core.plugins import Plugin, load, missing_members
+from gateway.core.plugins import Plugin, PluginStatus, load, missing_members, statuses
 from gateway.core.reasons import CoreCode, Reason
 from gateway.importing.columns import Block, ColumnReader, FileFacts
 from gateway.importing.csv_columns import CsvColumns
@@ -257,6 +257,11 @@ def plugin_fault(_plugin: Plugin, loaded: object) -> Reason | None:
     if not callable(loaded):
         return Reason(CoreCode.PLUGIN_WRONG_TYPE, expected="a class of column readers")
     return missing_members(loaded, ("blocks", "sample", "close"))
+
+
+def plugin_statuses() -> list[PluginStatus]:
+    """Return the readers of plug-ins with the verdict."""
+    return statuses(Registry.IMPORTERS, PLUGIN_NAMES_TAKEN, plugin_fault)
 
 
 def _plugin_reader(path: Path) -> ColumnReader | None:

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 from gateway.core.config.vehicle import VehicleConfig
-from gateway.core.estimates.results import AlarmRecord, RevolutionResult, WheelSnapshot
-from gateway.core.estimates.wheel_setup import WheelSetup
+from gateway.core.estimates.results import AlarmRecord, WheelSnapshot
 from gateway.core.quantity_catalogue import quantity_of, unit_of
 from gateway.core.reasons import Notice
 from gateway.core.recording.recorded_file import RecordedFile
 from gateway.core.text.numbers import finite_or_none
 from gateway.core.text.output_file import OutputFile, check_target
-from gateway.core.text.wording import text
-from gateway.planner.uncertainty_budget import REVOLUTIONS, Budget, budgets
+from gateway.planner.uncertainty_budget import Budget, LatestRevolutions
 
 
 def open_budgets(path: Path | None, *, force: bool) -> BudgetFile | None:
@@ -41,7 +38,7 @@ class BudgetFile:
 
     def begin(self, file: RecordedFile, vehicle: VehicleConfig | None) -> _Collector:
         """Return what collects the latest revolutions of a recording."""
-        return _Collector.of(vehicle, str(file.info.path), self._entries)
+        return _Collector(vehicle, str(file.info.path), self._entries)
 
     def write(self) -> dict[str, str]:
         """Write the file; return its content.
@@ -55,22 +52,12 @@ class BudgetFile:
 
 
 class _Collector:
-    """Keeps the latest revolutions of each wheel that the vehicle has."""
+    """Latest revolutions of a recording on their way to budgets."""
 
-    def __init__(self, setups: Mapping[str, WheelSetup], recording: str, entries: list[dict[str, Any]]) -> None:
-        self._setups, self._recording, self._entries = setups, recording, entries
-        self._latest: dict[str, deque[RevolutionResult]] = {}
-
-    @classmethod
-    def of(cls, vehicle: VehicleConfig | None, recording: str, entries: list[dict[str, Any]]) -> Self:
-        """Return a collector for the wheels of a vehicle; of none without a vehicle."""
-        setups = () if vehicle is None else vehicle.wheel_setups()
-        return cls({setup.position: setup for setup in setups}, recording, entries)
-
-    def add(self, result: RevolutionResult) -> None:
-        """Take one revolution."""
-        if result.position in self._setups:
-            self._latest.setdefault(result.position, deque(maxlen=REVOLUTIONS)).append(result)
+    def __init__(self, vehicle: VehicleConfig | None, recording: str, entries: list[dict[str, Any]]) -> None:
+        self._latest = LatestRevolutions(() if vehicle is None else vehicle.wheel_setups())
+        self._recording, self._entries = recording, entries
+        self.add = self._latest.add
 
     def finish(
         self, states: Sequence[WheelSnapshot], alarms: Sequence[AlarmRecord], notices: Sequence[Notice]
@@ -78,13 +65,12 @@ class _Collector:
         """Make the budgets; return a line for each quantity that a better statement would help."""
         del states, alarms, notices
         lines = []
-        for position, results in sorted(self._latest.items()):
-            for budget in budgets(self._setups[position], [*results]):
+        for position, of_wheel in self._latest.budgets().items():
+            for budget in of_wheel:
                 self._entries.append({"recording": self._recording, "position": position, **_entry(budget)})
-                line = budget.line()
                 # Those that people follow; the file has all.
-                if line is not None and quantity_of(budget.estimate.name).watch is not None:
-                    lines.append(f"{position}: {text(line)}")
+                if budget.advice and quantity_of(budget.estimate.name).watch is not None:
+                    lines.append(f"{position}: {budget.advice}")
         return ["", "uncertainty budget", *lines] if lines else []
 
 
@@ -96,7 +82,7 @@ def _entry(budget: Budget) -> dict[str, Any]:
         "value": finite_or_none(estimate.value),
         "std": estimate.std,
         "status": str(estimate.status),
-        "parts": {**budget.parts, "scatter": budget.scatter_std, "model": budget.model_std},
+        "parts": budget.all_parts(),
         "better": None
         if promise is None
         else {

@@ -11,6 +11,10 @@ class PlannerCode(Codes):
         "{quantity} ±{std:.2g}{unit}: {part:.2g} of it is the {source}, stated to {stated:.2g}{of}; {how} to "
         "{better:.2g}{of} it would be ±{improved:.2g}"
     )
+    STATE_MISSING = Code(
+        "{quantity} ±{std:.2g}{unit}: {part:.2g} of it is the {source}, not stated and assumed within {stated:.2g}{of}"
+        "; {how} to {better:.2g}{of} it would be ±{improved:.2g}"
+    )
     # Planned sensors
     PLAN_FEW_REVOLUTIONS = Code("{share:.0f} % of the simulated wheels gave no estimates")
     PLAN_NOISE_UNKNOWN = Code("the noise is not known, so that no errors are planned: state it with --sensors")

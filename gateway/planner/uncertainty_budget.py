@@ -8,7 +8,8 @@ better, as the belt width of the new tire does. The promise of a better statemen
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -16,9 +17,13 @@ from firmware_protocol.messages import Environment
 from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.estimates.results import RevolutionResult
 from gateway.core.estimates.revolution_block import RevolutionArrays
+from gateway.core.estimates.tire_data import ASSUMED_DEGC, DIFFERENCE_STD_K, UNKNOWN_DIFFERENCE_K
 from gateway.core.estimates.wheel_setup import WheelSetup
-from gateway.core.quantity_catalogue import CATALOGUE, quantity_of, unit_of
+from gateway.core.quantity_catalogue import CATALOGUE, unit_of
 from gateway.core.reasons import Reason
+from gateway.core.text.numbers import plain_name
+from gateway.core.text.readout import DISTANCE
+from gateway.core.text.wording import text
 from gateway.core.wheels.tire_estimates import TireEstimates
 from gateway.planner.reasons import PlannerCode
 
@@ -41,6 +46,7 @@ class Source:
         how: how it is made.
         stated: returns its error in a setup; None where nothing is stated.
         with_error: returns the setup with another error.
+        is_assumed: whether its error is that of a statement which is missing.
     """
 
     name: str
@@ -49,6 +55,7 @@ class Source:
     how: str
     stated: Callable[[WheelSetup], float | None]
     with_error: Callable[[WheelSetup, float], WheelSetup]
+    is_assumed: bool = False
 
     @property
     def is_relative(self) -> bool:
@@ -81,6 +88,11 @@ def _with_reference(setup: WheelSetup, **errors: Any) -> WheelSetup:
     return replace(setup, tire=replace(tire, reference=replace(tire.reference, **errors)))
 
 
+def _with_temperature(setup: WheelSetup, error_k: float) -> WheelSetup:
+    """Return the setup with a temperature of the new tire: the error rests on whether it is known, not on its value."""
+    return _with_reference(setup, temperature_degc=ASSUMED_DEGC) if error_k < UNKNOWN_DIFFERENCE_K else setup
+
+
 SOURCES: Final = (
     Source(
         "load", "", 0.02, "weighed",
@@ -104,6 +116,13 @@ SOURCES: Final = (
         "softening by temperature", "/K", 5e-4, "calibrated at two temperatures",
         lambda setup: setup.tire.reference.softening_std_per_k,
         lambda setup, error: _with_reference(setup, softening_std_per_k=error),
+    ),
+    Source(
+        "temperature of the new tire", "K", DIFFERENCE_STD_K, "measured",
+        lambda setup: (
+            UNKNOWN_DIFFERENCE_K if setup.tire.reference.Bs and setup.tire.reference.temperature_degc is None else None
+        ),
+        _with_temperature, is_assumed=True,
     ),
     Source(
         "Bs of the new tire", "", 0.003, "calibrated",
@@ -138,7 +157,7 @@ class Budget:
     """Parts of the standard error of one quantity.
 
     Attributes:
-        estimate: of the latest revolution.
+        estimate: of the latest revolution, as it was printed.
         parts: standard error by each statement, in the quantity's unit; those without any are left out. Statements that
             one measurement bounds together, as the steady value does radius and gain, each have what they share.
         scatter_std: the part that differs between revolutions.
@@ -152,16 +171,27 @@ class Budget:
     model_std: float
     promise: Promise | None = None
 
-    def line(self) -> Reason | None:
-        """Return the line that says which statement helps most; None where none does."""
+    @property
+    def largest(self) -> str:
+        """Name of the largest part; empty where scatter and model exceed every statement."""
+        name = max(self.parts, key=lambda source: self.parts[source], default="")
+        return name if name and self.parts[name] >= max(self.scatter_std, self.model_std) else ""
+
+    def all_parts(self) -> dict[str, float]:
+        """Return the parts with those of scatter and model."""
+        return {**self.parts, "scatter": self.scatter_std, "model": self.model_std}
+
+    @property
+    def advice(self) -> str:
+        """The sentence that says which statement helps most; empty where none does."""
         promise = self.promise
         if promise is None:
-            return None
+            return ""
         name, unit, source = self.estimate.name, unit_of(self.estimate.name), promise.source
         factor = 100.0 if source.is_relative else 1.0
-        return Reason(
-            PlannerCode.STATE_BETTER,
-            quantity=quantity_of(name).label or name,
+        reason = Reason(
+            PlannerCode.STATE_MISSING if source.is_assumed else PlannerCode.STATE_BETTER,
+            quantity=plain_name(name),
             unit=f" {unit}" if unit else "",
             std=self.estimate.std,
             part=self.parts[source.name],
@@ -172,6 +202,25 @@ class Budget:
             stated=factor * promise.stated,
             better=factor * source.better,
         )
+        return text(reason)
+
+
+class LatestRevolutions:
+    """Keeps the latest revolutions of the wheels of a vehicle."""
+
+    def __init__(self, setups: Iterable[WheelSetup]) -> None:
+        """Take the wheels; those of others are left out."""
+        self._setups = {setup.position: setup for setup in setups}
+        self._latest: dict[str, deque[RevolutionResult]] = {}
+
+    def add(self, result: RevolutionResult) -> None:
+        """Take one revolution."""
+        if result.position in self._setups:
+            self._latest.setdefault(result.position, deque(maxlen=REVOLUTIONS)).append(result)
+
+    def budgets(self) -> dict[str, list[Budget]]:
+        """Return the budgets of each wheel, by position."""
+        return {position: budgets(self._setups[position], [*of]) for position, of in sorted(self._latest.items())}
 
 
 def budgets(setup: WheelSetup, results: Sequence[RevolutionResult]) -> list[Budget]:
@@ -190,19 +239,26 @@ def budgets(setup: WheelSetup, results: Sequence[RevolutionResult]) -> list[Budg
     }
     better: dict[str, dict[str, Estimate]] = {}
     result = []
-    for name, estimate in base.items():
-        if estimate.status is Status.INVALID or not estimate.std > 0.0:
+    for estimate in results[-1].estimates:
+        name, again = estimate.name, base.get(estimate.name)
+        if again is None or Status.INVALID in (estimate.status, again.status) or not estimate.std > 0.0:
             continue
-        parts = {source: part for source in stated if (part := _part(estimate, without[source].get(name)))}
+        # A distance is that of the whole recording, and grows with what rests on the statements.
+        scale = estimate.value / again.value if name == DISTANCE else 1.0
+        parts = {
+            source: min(scale * part, estimate.std)
+            for source in stated
+            if (part := _part(again, without[source].get(name)))
+        }
         explained = math.hypot(estimate.scatter_std, *parts.values())
         largest = max(parts, key=lambda source: parts[source], default=None)
         promise = None
         if largest is not None and parts[largest] ** 2 > _NAMED * estimate.std**2 and stated[largest] > largest.better:
             if largest.name not in better:
                 better[largest.name] = _latest(largest.with_error(setup, largest.better), results, estimators)
-            improved = better[largest.name].get(name)
-            if improved is not None and improved.std < estimate.std:
-                promise = Promise(largest, stated[largest], improved.std)
+            gain = scale * _part(again, better[largest.name].get(name))
+            if gain > 0.0:
+                promise = Promise(largest, stated[largest], math.sqrt(max(estimate.std**2 - gain**2, 0.0)))
         rest = math.sqrt(max(estimate.std**2 - explained**2, 0.0))
         by_name = {source.name: part for source, part in parts.items()}
         result.append(Budget(estimate, by_name, estimate.scatter_std, rest, promise))
@@ -211,7 +267,7 @@ def budgets(setup: WheelSetup, results: Sequence[RevolutionResult]) -> list[Budg
 
 def _part(estimate: Estimate, without: Estimate | None) -> float:
     """Return the standard error that goes with an error; 0 where none does."""
-    if without is None or not math.isfinite(without.std):
+    if without is None or without.status is Status.INVALID:
         return 0.0
     gone = estimate.std**2 - without.std**2
     return math.sqrt(gone) if gone > 1e-6 * estimate.std**2 else 0.0

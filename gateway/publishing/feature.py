@@ -6,6 +6,9 @@ from gateway.core.feature import Feature, Registry
 
 FEATURE: Final = Feature(
     adds={
+        Registry.PLUGIN_CHECKS: {
+            "live outputs": "gateway.publishing.sink:plugin_statuses",
+        },
         Registry.PARTS: {
             "live outputs": "gateway.publishing.publisher:open_outputs",
             "files of live outputs": "gateway.publishing.publisher:files_of",

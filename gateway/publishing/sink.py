@@ -17,7 +17,7 @@ from gateway.core.errors import TreadlinkError
 from gateway.core.estimates.results import AlarmChange, RevolutionResult, SessionSnapshot
 from gateway.core.feature import Registry
 from gateway.core.nearest_name import did_you_mean
-from gateway.core.plugins import Plugin, load, missing_factory, names
+from gateway.core.plugins import Plugin, PluginStatus, load, missing_factory, names, statuses
 from gateway.core.reasons import CoreCode, Reason
 from gateway.core.text.session_control import SessionControl
 from gateway.core.uri_parts import split_uri
@@ -241,6 +241,11 @@ def plugin_fault(_plugin: Plugin, sink: object) -> Reason | None:
     if not isinstance(sink, SinkKind):
         return Reason(CoreCode.PLUGIN_WRONG_TYPE, expected="a gateway.publishing.sink.SinkKind")
     return missing_factory(sink.factory)
+
+
+def plugin_statuses() -> list[PluginStatus]:
+    """Return the live outputs of plug-ins with the verdict."""
+    return statuses(Registry.SINKS, tuple(SINKS), plugin_fault)
 
 
 def kind_of(uri: str) -> SinkKind:

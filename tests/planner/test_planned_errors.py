@@ -9,14 +9,13 @@ import pytest
 
 from firmware_protocol.codec import encode_frame
 from firmware_protocol.messages import Frame, MessageType, SampleBlock
-from gateway.core.errors import ConfigError, OutputError
+from gateway.core.errors import ConfigError
 from gateway.core.reasons import Code, codes_of
 from gateway.core.trust.reasons import TrustCode
 from gateway.planner.accelerometer import Accelerometer, parse_accelerometers, shipped_accelerometers
 from gateway.planner.link_load import BLOCK_SAMPLES, PowerModel, link_load
 from gateway.planner.planned_errors import SensorPlan, fastest_mps, plan_sensor
 from gateway.planner.reasons import PlannerCode
-from gateway.planner.views.plan_figure import write_plan_figure
 from gateway.planner.views.sensor_plan import plan_json, plan_lines
 from gateway.simulator.scenario import load_scenario
 from tests.testkit.commands import invoked
@@ -154,21 +153,6 @@ def test_fastest_speed_is_where_the_range_ends():
     limit_kmh = 3.6 * fastest_mps(planned(unknown, 60.0))
     assert planned(unknown, 0.995 * limit_kmh).usable
     assert PlannerCode.PLAN_RANGE in codes(unknown, 1.005 * limit_kmh)
-
-
-def test_figure_has_each_sensor_and_quantity(tmp_path):
-    odd = QUIET.model_copy(update={"name": "50 $mg^", "range_g": 100.0})
-    write_plan_figure(tmp_path / "plan.svg", [planned(QUIET), planned(odd)])
-    text = (tmp_path / "plan.svg").read_text()
-    for label in ("quiet", "50 $mg^", "wear, mm", "load by width, N", "Ts/Cw"):
-        assert f"<!-- {label} -->" in text
-    write_plan_figure(tmp_path / "refused.png", [planned(odd)])
-    assert (tmp_path / "refused.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_figure_of_no_format_is_refused_before_the_work(tmp_path):
-    with pytest.raises(OutputError, match="names no format"):
-        write_plan_figure(tmp_path / "plan.txt", [])
 
 
 POWER = PowerModel(radio_kbps=700.0, radio_ma=6.0, controller_ma=1.0, battery_mah=210.0)

@@ -8,10 +8,10 @@ import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
 
+import gateway
 from gateway.core.cli import treadlink
 from gateway.core.config.vehicle import parse_vehicle
 from gateway.core.estimates.wheel_setup import WheelSetup
-from gateway.core.text.wording import text
 from gateway.planner.uncertainty_budget import REVOLUTIONS, SOURCES, Budget, budgets
 from tests.testkit.simulated_wheel import last, simulated
 
@@ -86,11 +86,8 @@ def test_parts_make_up_the_error() -> None:
     wear = made["wear_mm"]
     # A third of the load's error is that of the thickness.
     assert wear.parts["load"] == pytest.approx(15.0 * 0.1 / 3.0, rel=0.2)
-    line = wear.line()
-    assert line is not None
-    said = text(line)
-    assert said.startswith("wear ±0.5")
-    assert "of it is the load, stated to 10 %; weighed to 2 % it would be ±0.1" in said
+    assert wear.advice.startswith("wear ±0.5")
+    assert "of it is the load, stated to 10 %; weighed to 2 % it would be ±0.1" in wear.advice
 
 
 def test_every_source_reads_what_it_sets() -> None:
@@ -100,18 +97,37 @@ def test_every_source_reads_what_it_sets() -> None:
             assert source.stated(source.with_error(setup, 0.0123)) == pytest.approx(0.0123), source.name
 
 
-def test_estimate_writes_budgets(tmp_path: Path) -> None:
-    recording, target, table = (tmp_path / name for name in ("lab.mcap", "budget.json", "lab.parquet"))
-    assert CliRunner().invoke(treadlink, ["simulate", "lab", "--duration", "4", "--out", str(recording)]).exit_code == 0
-    result = CliRunner().invoke(
-        treadlink, ["estimate", str(recording), "--uncertainty-budget", str(target), "--parquet", str(table)]
-    )
+def test_budgets_of_file_program_and_page_agree(tmp_path: Path) -> None:
+    recording, target, table, page = (tmp_path / name for name in ("lab.mcap", "b.json", "lab.parquet", "lab.html"))
+    assert CliRunner().invoke(treadlink, ["simulate", "lab", "--duration", "6", "--out", str(recording)]).exit_code == 0
+    options = ["--uncertainty-budget", str(target), "--parquet", str(table), "--html", str(page)]
+    result = CliRunner().invoke(treadlink, ["estimate", str(recording), *options])
     assert result.exit_code == 0, result.output
     assert "uncertainty budget" in result.output
     entries = json.loads(target.read_text(encoding="utf-8"))
     metadata = pq.read_metadata(table).metadata
     assert json.loads(metadata[b"treadlink.uncertainty_budget"]) == entries
-    speed = next(entry for entry in entries if entry["quantity"] == "speed_mps")
-    assert speed["unit"] == "m/s"
-    assert speed["parts"]["belt radius"] > 0.9 * speed["std"]
-    assert speed["better"]["statement"] == "belt radius"
+    by_name = {entry["quantity"]: entry for entry in entries}
+    opened = gateway.open(recording)
+    estimates = {name: opened.estimates().select(name) for name in by_name}
+    made = {budget.estimate.name: budget for budget in opened.uncertainty_budget()["W1"]}
+    for name, entry in by_name.items():
+        # What was printed, also of a distance, which is that of the whole recording.
+        assert entry["std"] == pytest.approx(estimates[name].std[-1])
+        assert made[name].all_parts() == pytest.approx(entry["parts"])
+    for name, largest in (("speed_mps", "belt radius"), ("distance_m", "belt radius")):
+        assert by_name[name]["parts"][largest] > 0.9 * by_name[name]["std"]
+        assert by_name[name]["better"]["statement"] == largest
+    advice = made["wear_mm"].advice
+    assert "temperature of the new tire, not stated and assumed within 15 K; measured to 2 K it would" in advice
+    html = page.read_text(encoding="utf-8")
+    assert advice in html
+    assert ", error by belt radius</small>" in html
+
+
+def test_temperature_of_the_new_tire_brings_what_is_promised() -> None:
+    setup = parse_vehicle(VEHICLE.format(**CAREFUL).replace("temperature_degc = 25\n", ""), "").wheel_setups()[0]
+    promise = budgets_of(setup)["wear_mm"].promise
+    assert promise is not None
+    assert promise.source.is_assumed
+    assert promise.std == pytest.approx(budgets_of(setup_of())["wear_mm"].estimate.std, rel=0.05)

@@ -119,30 +119,25 @@ def check_plugins() -> Iterator[Check]:
     from gateway.core import cli
     from gateway.core.cli import estimate_outputs
     from gateway.core.estimates import registry
-    from gateway.core.feature import Registry, added
+    from gateway.core.feature import Registry, added, object_of
     from gateway.core.links import source
     from gateway.core.plugins import statuses
-    from gateway.diagnosis.effects import catalogue
-    from gateway.importing import file_formats
-    from gateway.publishing import sink
 
-    for group, taken, fault in (
-        (Registry.SOURCES, source.schemes_of_package(), source.plugin_fault),
-        (Registry.ESTIMATORS, registry.ESTIMATORS, registry.plugin_fault),
-        (Registry.EFFECTS, (), catalogue.plugin_fault),
-        (Registry.IMPORTERS, file_formats.PLUGIN_NAMES_TAKEN, file_formats.plugin_fault),
-        (Registry.SINKS, sink.SINKS, sink.plugin_fault),
-        (Registry.COMMANDS, cli.COMMANDS, cli.plugin_fault),
-        (Registry.ESTIMATE_OUTPUTS, added(Registry.ESTIMATE_OUTPUTS), estimate_outputs.plugin_fault),
-    ):
-        for plugin, refusal in ((status.plugin, status.refusal) for status in statuses(group, tuple(taken), fault)):
-            name = f"plug-in {plugin.name}"
-            origin = f"{group.removeprefix('treadlink.')} of {plugin.package} {plugin.version}"
-            if refusal is None:
-                yield Check(name, Level.OK, origin)
-            else:
-                remedy = f"Update or remove the package: pip uninstall {plugin.package}"
-                yield Check(name, Level.FAULT, f"{origin} refused: {wording(refusal)}", remedy)
+    checked = [
+        *statuses(Registry.SOURCES, source.schemes_of_package(), source.plugin_fault),
+        *statuses(Registry.ESTIMATORS, tuple(registry.ESTIMATORS), registry.plugin_fault),
+        *(status for target in added(Registry.PLUGIN_CHECKS).values() for status in object_of(target)()),
+        *statuses(Registry.COMMANDS, tuple(cli.COMMANDS), cli.plugin_fault),
+        *statuses(Registry.ESTIMATE_OUTPUTS, tuple(added(Registry.ESTIMATE_OUTPUTS)), estimate_outputs.plugin_fault),
+    ]
+    for plugin, refusal in ((status.plugin, status.refusal) for status in checked):
+        name = f"plug-in {plugin.name}"
+        origin = f"{plugin.group.removeprefix('treadlink.')} of {plugin.package} {plugin.version}"
+        if refusal is None:
+            yield Check(name, Level.OK, origin)
+        else:
+            remedy = f"Update or remove the package: pip uninstall {plugin.package}"
+            yield Check(name, Level.FAULT, f"{origin} refused: {wording(refusal)}", remedy)
 
 
 def check_ports() -> Iterator[Check]:

@@ -24,6 +24,7 @@ from gateway.core.text.readout import DISTANCE
 from gateway.core.text.table_sinks import Cell
 from gateway.core.text.wheel_rows import WheelRow
 from gateway.core.types import FloatArray
+from gateway.planner.uncertainty_budget import LatestRevolutions
 
 MAX_POINTS: Final = 480
 """Revolutions of a wheel that are drawn."""
@@ -202,6 +203,7 @@ class Drive:
         marks: time and text of each, in order.
         alarms: of the whole recording.
         notices: contradictions, and what has no result.
+        latest: revolutions of the wheels of a vehicle.
     """
 
     def __init__(self, name: str, run: Sequence[str] = (), start_ns: int | None = None) -> None:
@@ -213,11 +215,14 @@ class Drive:
         self._marks_taken: dict[str, int] = {}
         self._rig: RigChannels | None = None
         self._turns: dict[str, list[tuple[float, float]]] = {}
+        self.latest = LatestRevolutions(())
 
     @classmethod
-    def of(cls, file: RecordedFile) -> Drive:
+    def of(cls, file: RecordedFile, vehicle: VehicleConfig | None = None) -> Drive:
         """Return a collector for a recording, which also takes the marks that the file is read with."""
         drive = cls(file.info.path.name, file.info.described_run().lines(), file.info.start_ns)
+        if vehicle is not None:
+            drive.latest = LatestRevolutions(vehicle.wheel_setups())
         if isinstance(file, RecordingReader):
             file.watch(drive.take_mark)
             drive._rig = open_rig_channels(file)
@@ -240,6 +245,7 @@ class Drive:
         if not result.revolution.faults:
             self._turns.setdefault(result.position, []).append((result.revolution.start_s, result.revolution.period_s))
         wheel.add(result, [text for _, text in self.marks[begin:end]])
+        self.latest.add(result)
 
     def rig_means(self, position: str) -> dict[str, MeanEstimate]:
         """Return the means of the rig's channels at the revolutions of a wheel, after the last one."""
@@ -263,9 +269,9 @@ class Drives:
         """Start without a recording."""
         self.drives: list[Drive] = []
 
-    def begin(self, file: RecordedFile, _vehicle: VehicleConfig | None) -> Drive:
+    def begin(self, file: RecordedFile, vehicle: VehicleConfig | None) -> Drive:
         """Return a collector for a recording that is read next."""
-        self.drives.append(Drive.of(file))
+        self.drives.append(Drive.of(file, vehicle))
         return self.drives[-1]
 
     def write(self) -> None:

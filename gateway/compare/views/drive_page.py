@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -14,6 +14,7 @@ from gateway.compare.views.wheel_glance import GLANCE, number
 from gateway.core.estimates.estimator import Status
 from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.optional_packages import require_packages
+from gateway.core.quantity_catalogue import quantity_of
 from gateway.core.table_columns import RECORDING_PARTS
 from gateway.core.text.html_template import result_page, script_data
 from gateway.core.text.numbers import MISSING, STATUS_MARKS, fixed, plain_name, round_to_error, split_name
@@ -24,6 +25,7 @@ from gateway.core.text.result_columns import iso_utc
 from gateway.core.text.table_sinks import Cell
 from gateway.core.text.text import clean, counted
 from gateway.core.text.wording import joined
+from gateway.planner.uncertainty_budget import Budget
 
 _VIEWS: Final = "gateway.compare.views"
 
@@ -119,6 +121,7 @@ def _means(drive: Drive) -> tuple[list[tuple[str, str, list[_Value]]], list[tupl
     """Return rows of quantity, unit and the wheels' means, and notes of wheels, quantities and reason."""
     rows: dict[str, dict[str, _Value]] = {}
     reasons: dict[str, dict[str, list[str]]] = {}
+    budgets = drive.latest.budgets()
     for position, wheel in drive.wheels.items():
         if wheel.rolled is not None and wheel.rolled.reasons:
             reasons.setdefault(joined(wheel.rolled.reasons), {}).setdefault(position, []).append("distance")
@@ -129,7 +132,8 @@ def _means(drive: Drive) -> tuple[list[tuple[str, str, list[_Value]]], list[tupl
             cells: dict[str, Cell] = dict(zip(RECORDING_PARTS, values, strict=True))
             status, reason = Status(str(cells["_status"])), str(cells["_reason"])
             value, std, scatter = (number(cells, part) * unit.factor for part in ("", "_std", "_scatter"))
-            rows.setdefault(name, {})[position] = _value(value, std, scatter, status)
+            largest = next((each.largest for each in budgets.get(position, ()) if each.estimate.name == name), "")
+            rows.setdefault(name, {})[position] = _value(value, std, scatter, status, largest)
             span = wheel.spans.get(name)
             if span is not None and any(
                 reason.code is EstimateCode.ROW_SCATTERS for reason in wheel.row.means()[name].reasons
@@ -143,7 +147,18 @@ def _means(drive: Drive) -> tuple[list[tuple[str, str, list[_Value]]], list[tupl
         (plain_name(name), split_name(name)[1].symbol, [row.get(position, absent) for position in drive.wheels])
         for name, row in rows.items()
     ]
-    return table, list(_notes(reasons))
+    return table, [*_notes(reasons), *_better_statements(budgets)]
+
+
+def _better_statements(budgets: Mapping[str, Iterable[Budget]]) -> Iterator[tuple[str, str, str]]:
+    """Yield for each quantity that people follow the statement that helps it, of the wheel with the largest error."""
+    worst: dict[str, tuple[str, Budget]] = {}
+    for position, budget in ((position, budget) for position, of_wheel in budgets.items() for budget in of_wheel):
+        name, std = budget.estimate.name, budget.estimate.std
+        if budget.advice and quantity_of(name).watch and (name not in worst or std > worst[name][1].estimate.std):
+            worst[name] = position, budget
+    for name, (position, budget) in worst.items():
+        yield position, plain_name(name), clean(budget.advice)
 
 
 def _span(span: tuple[float, float], factor: float) -> _Value:
@@ -156,14 +171,15 @@ def _span(span: tuple[float, float], factor: float) -> _Value:
     return _Value(f"{fixed(low, decimals)} to {fixed(high, decimals)}", "varies", False)
 
 
-def _value(value: float, std: float, scatter: float, status: Status) -> _Value:
-    """Return the mean and the scatter of a quantity."""
+def _value(value: float, std: float, scatter: float, status: Status, largest: str) -> _Value:
+    """Return the mean, the scatter and the largest part of the error of a quantity."""
     if status is Status.INVALID:
         return _Value(MISSING, "", True)
     size = round_to_error(scatter, scatter)
     small = f"scatter {size.error}{size.power}" if size.error else ""
-    text = f"{round_to_error(value, std).joined()} {STATUS_MARKS[status]}".strip()
-    return _Value(text, small, status is not Status.VALID)
+    small = ", ".join(filter(None, (small, f"error by {largest}" if largest else "")))
+    mean = f"{round_to_error(value, std).joined()} {STATUS_MARKS[status]}".strip()
+    return _Value(mean, small, status is not Status.VALID)
 
 
 def _notes(reasons: dict[str, dict[str, list[str]]]) -> Iterator[tuple[str, str, str]]:

@@ -6,7 +6,7 @@ from functools import cache
 from itertools import takewhile
 
 from gateway.core.feature import Registry
-from gateway.core.plugins import Plugin, imported, installed, load_all
+from gateway.core.plugins import Plugin, PluginStatus, imported, installed, load_all, statuses
 from gateway.core.reasons import CoreCode, Reason
 from gateway.diagnosis import effects as package
 from gateway.diagnosis.effects.effect import BaselineModel, Effect
@@ -28,6 +28,11 @@ def catalogue() -> dict[str, Effect]:
     if len(by_name) < len(effects) or len({effect.rank for effect in effects}) < len(effects):
         raise ValueError(f"effects share a name or a rank: {[(effect.rank, effect.name) for effect in effects]}")
     return by_name
+
+
+def plugin_statuses() -> list[PluginStatus]:
+    """Return the effects of plug-ins with the verdict."""
+    return statuses(Registry.EFFECTS, (), plugin_fault)
 
 
 def plugin_fault(plugin: Plugin, loaded: object) -> Reason | None:

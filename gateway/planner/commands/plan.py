@@ -62,9 +62,6 @@ _SPEEDS_KMH = (60.0, 100.0, 150.0)
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the random numbers.")
 @path_option("--json", "json_path", allow_dash=True, help="Write everything to a JSON file.")
-@path_option(
-    "--figure", "figure_path", help="Draw the errors over speed and the usable speeds: .svg or .png. Without --want."
-)
 @force_option
 def plan(
     scenario: str,
@@ -77,7 +74,6 @@ def plan(
     wheels: int,
     seed: int,
     json_path: Path | None,
-    figure_path: Path | None,
     force: bool,
 ) -> None:
     """Say what accelerometers will be able to measure on the first tire of SCENARIO.
@@ -94,22 +90,16 @@ def plan(
     from gateway.core.cli.summary_output import SummaryOutput
     from gateway.core.config.validation import read_text
     from gateway.core.errors import ConfigError
-    from gateway.core.text.figure_file import check_figure
     from gateway.core.text.output_file import check_outputs, write_whole
     from gateway.core.text.progress import progress_view
     from gateway.planner.accelerometer import parse_accelerometers, shipped_accelerometers
     from gateway.planner.commands.wanted_errors import parse_speeds_mps, parse_want
     from gateway.planner.least_sensor import least_sensors
     from gateway.planner.planned_errors import plan_sensor, tire_at
-    from gateway.planner.views.plan_figure import write_plan_figure
     from gateway.planner.views.sensor_plan import least_json, least_line, parts_line, plan_json, plan_lines
     from gateway.simulator.scenario import load_scenario
 
-    if figure_path is not None:
-        if want_texts:
-            raise click.UsageError("--figure draws the errors of sensors; --want has none.")
-        check_figure(figure_path)
-    check_outputs((json_path, figure_path), (sensors_path, Path(scenario)), force=force)
+    check_outputs((json_path,), (sensors_path, Path(scenario)), force=force)
     if sensors_path is None:
         listed = shipped_accelerometers()
     else:
@@ -151,9 +141,6 @@ def plan(
                 with view.hidden():
                     for line in plan_lines(planned, listed.power):
                         say(line)
-        if figure_path is not None:
-            write_plan_figure(figure_path, plans, force=force)
-            say.written(figure_path)
         document, has_result = plan_json(plans, listed.power), any(planned.usable for planned in plans)
     if json_path is not None:
         write_whole(json_path, document, force=force)

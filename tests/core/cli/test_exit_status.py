@@ -246,7 +246,7 @@ INPUTS = [
     "plan lab --sensors {loop}",
     "doctor --config {loop}",
 ]
-OUTPUTS = ["plan lab --sensor ADXL382 --json {loop} --force", "plan lab --sensor ADXL382 --figure {loop}.svg --force"]
+OUTPUTS = ["plan lab --sensor ADXL382 --json {loop} --force"]
 
 
 @pytest.mark.parametrize("line", [*INPUTS, *OUTPUTS])
