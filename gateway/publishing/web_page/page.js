@@ -44,11 +44,14 @@
     };
   };
   const take = (message) => {
-    if (message.type === "state") { state = message; showState(state); }
+    if (message.type === "state") { state = message; showState(state); showHistory(state.alarms); }
     if (message.type === "waveform" && message.wheel === wheel) { waveform = message; showWaveform(); }
     if (message.type === "quantities") showQuantities(message.quantities);
     if (message.type === "trend" && message.name === quantity) mergeTrend(message);
-    if (message.type === "said") setText(byId("said"), message.text);
+    if (message.type === "said") {
+      setText(byId("said"), message.text);
+      if (message.text.startsWith("mark set")) remember(message.text, "");
+    }
   };
   // Old numbers must not look alive: without news the wheels have an age instead.
   const watch = () => {
@@ -67,6 +70,24 @@
       waveform = null;
       showWaveform();
     }
+  };
+
+  // What was marked and what alarmed, since the page was opened.
+
+  const HISTORY = 200, history = [], standing = new Map();
+  const remember = (text, role) => {
+    history.unshift([[state ? state.elapsed : "", "label"], [text, role]]);
+    history.length = Math.min(history.length, HISTORY);
+    setText(byId("history-note"), "since this page was opened, the last first");
+    setRows(byId("history"), history);
+  };
+  const showHistory = (alarms) => {
+    // The value behind the colon changes while the alarm stands.
+    const present = new Map(alarms.map((text) => [text.split(":")[0], text]));
+    for (const [key, text] of present) if (!standing.has(key)) remember(`ALARM ${text}`, "warning");
+    for (const key of standing.keys()) if (!present.has(key)) remember(`over: ${key}`, "");
+    standing.clear();
+    for (const [key, text] of present) standing.set(key, text);
   };
 
   // The state
@@ -224,6 +245,12 @@
     const options = makeOptions(pictures.axis());
     plots[id] = { key, width, uplot: new uPlot({ width, height, legend: { show: false }, ...options }, data, box) };
   };
+  // The values at the cursor, in words below the picture.
+  const reading = (target, nameOf, names) => (u) => {
+    const { idx } = u.cursor, values = names.map((name, i) => [name, idx == null ? null : u.data[i + 1][idx]]);
+    const text = values.map(([name, value]) => `${name} ${value == null ? "—" : Number(value.toPrecision(4))}`).join(", ");
+    setText(byId(target), idx == null ? "" : `${nameOf(u.data[0][idx])}: ${text} m/s²`);
+  };
   const clearPlot = (id) => { if (plots[id]) { plots[id].uplot.destroy(); delete plots[id]; } };
   const themeKey = () => document.documentElement.dataset.theme;
 
@@ -243,9 +270,10 @@
     plot("waveform", `${themeKey()}`, [angle, last, average, part(1), part(-1)], (axis) => ({
       scales: { x: { time: false } },
       axes: [{ ...axis, values: (_, ticks) => ticks.map((tick) => `${tick}°`) }, { ...axis, size: 62, label: "m/s²", labelSize: 18 }],
+      cursor: { drag: { x: false, y: false } },
       series: [{}, { stroke: css("--ink"), width: 2 }, { stroke: css("--pick"), width: 2, dash: [6, 4] }, { stroke: "transparent" }, { stroke: "transparent" }],
       bands: [{ series: [3, 4], fill: faint(css("--pick")) }],
-      hooks: { draw: [(u) => {
+      hooks: { setCursor: [reading("waveform-read", (x) => `${x.toFixed(1)}°`, ["last", "average"])], draw: [(u) => {
         u.ctx.save();
         u.ctx.strokeStyle = css("--warn");
         u.ctx.setLineDash([3, 3]);
@@ -265,6 +293,8 @@
     byId("orders").setAttribute("aria-label", `${name}: magnitude of orders 1 to ${orders[0].length}, bars average, points last revolution`);
     plot("orders", `${themeKey()}`, orders, (axis) => ({
       scales: { x: { time: false }, y: { distr: 3 } },
+      cursor: { drag: { x: false, y: false } },
+      hooks: { setCursor: [reading("orders-read", (x) => `order ${x}`, ["average", "last"])] },
       axes: [{ ...axis, label: "order", labelSize: 18 }, { ...axis, size: 62, label: "m/s²", labelSize: 18 }],
       series: [{}, { stroke: css("--pick"), fill: faint(css("--pick")), width: 1, paths: uPlot.paths.bars({ size: [0.7, 20] }), points: { show: false } },
         { stroke: css("--ink"), paths: () => null, points: { show: true, size: 5, fill: css("--ink") } }],
@@ -292,26 +322,41 @@
     for (const [position, kept] of points) points.set(position, kept.filter(([at]) => at >= latest - SPAN_S));
     showTrend();
   };
+  // Wheels that are left out of the trend, and the times that are shown of it: null follows the latest.
+  const absent = new Set();
+  let zoomed = null, writeTrend = () => {};
+  const zoom = (range) => { zoomed = range; byId("latest").setAttribute("aria-pressed", String(!zoomed)); showTrend(); };
+  const scaleTrend = (factor, shift) => {
+    const every = [...points.values()].flat().map(([at]) => at);
+    if (!every.length) return;
+    const first = Math.min(...every), last = Math.max(...every);
+    const [begin, end] = zoomed || [Math.max(first, last - 60 * Number(byId("minutes").value)), last];
+    const half = Math.max(2, (factor * (end - begin)) / 2), middle = (begin + end) / 2 + shift * (end - begin);
+    zoom([Math.max(first, Math.round(middle - half)), Math.min(last, Math.round(middle + half))]);
+  };
   const showTrend = () => {
     const shown = quantities.find((one) => one.name === quantity) || { label: "Trend", unit: "" };
     // A wheel keeps its colour, whichever quantities it has.
     const wheels = [...points.keys()].sort(), styleOf = (position) => wheels.indexOf(position);
-    const positions = wheels.filter((position) => points.get(position).length);
-    const every = positions.flatMap((position) => points.get(position).map(([at]) => at));
+    const present = wheels.filter((position) => points.get(position).length);
+    const positions = present.filter((position) => !absent.has(position));
+    const every = present.flatMap((position) => points.get(position).map(([at]) => at));
     setText(byId("trend-note"), every.length
       ? `${shown.label}: last revolution of each second, band one standard error, dashed provisional`
       : `${shown.label}: no value yet`);
-    if (!every.length) { clearPlot("trend"); byId("trend-legend").replaceChildren(); return; }
-    const end = Math.max(...every), begin = end - 60 * Number(byId("minutes").value);
-    const start = Math.max(begin, Math.min(...every));
+    if (!present.length) { clearPlot("trend"); byId("trend-legend").replaceChildren(); return; }
+    const last = Math.max(...every), end = zoomed ? zoomed[1] : last;
+    const begin = zoomed ? zoomed[0] : end - 60 * Number(byId("minutes").value);
+    const start = Math.max(begin, Math.min(...every, end));
     const times = Array.from({ length: end - start + 1 }, (_, i) => start + i);
-    const data = [times], legend = [];
+    const data = [times], known = new Map();
     positions.forEach((position) => {
-      const known = new Map(points.get(position).map((point) => [point[0], point]));
+      const ofWheel = new Map(points.get(position).map((point) => [point[0], point]));
+      known.set(position, ofWheel);
       const columns = [[], [], [], []];
       let heard = -Infinity;
       for (const at of times) {
-        const point = known.get(at);
+        const point = ofWheel.get(at);
         if (point) {
           // A gap that is too short for silence is drawn through; uPlot breaks lines at null only.
           if (at - heard <= GAP_S) for (let back = 1; back < at - heard; back += 1) for (const column of columns) column[column.length - back] = undefined;
@@ -321,23 +366,57 @@
         pictures.cellsOf(value, error, isProvisional).forEach((cell, i) => columns[i].push(cell));
       }
       data.push(...columns);
-      const [, value, error, isProvisional] = points.get(position).at(-1);
-      const item = element("li"), isOld = end - points.get(position).at(-1)[0] > GAP_S;
-      const number = pictures.written(value, error, shown.unit, isProvisional);
-      const text = `${position}: ${isOld ? `none for ${end - points.get(position).at(-1)[0]} s` : number}`;
-      item.append(pictures.key(styleOf(position), isProvisional ? [5, 4] : []), text);
-      legend.push(item);
     });
-    byId("trend-legend").replaceChildren(...legend);
-    byId("trend").setAttribute("aria-label", `trend of ${shown.label}: ${legend.map((item) => item.textContent).join(", ")}`);
+    // Of each wheel the value at the cursor, else the last one; a click leaves the wheel out.
+    const texts = (time) => present.map((position) => {
+      const [at, value, error, isProvisional] = time === null ? points.get(position).at(-1) : (known.get(position) || new Map()).get(time) || [time, null];
+      if (absent.has(position)) return [position, `${position}: left out`, false];
+      if (value === null) return [position, `${position}: —`, false];
+      const isOld = time === null && last - at > GAP_S;
+      return [position, `${position}: ${isOld ? `none for ${last - at} s` : pictures.written(value, error, shown.unit, isProvisional)}`, isProvisional];
+    });
+    const legend = byId("trend-legend");
+    while (legend.children.length > present.length) legend.lastChild.remove();
+    const write = (time) => texts(time).forEach(([position, text, isProvisional], i) => {
+      if (!legend.children[i]) {
+        const item = element("li"), button = element("button");
+        button.type = "button";
+        button.addEventListener("click", () => {
+          const { wheel: of } = button.dataset;
+          if (!absent.delete(of)) absent.add(of);
+          showTrend();
+        });
+        item.append(button);
+        legend.append(item);
+      }
+      const button = legend.children[i].firstChild;
+      button.dataset.wheel = position;
+      button.setAttribute("aria-pressed", String(!absent.has(position)));
+      button.replaceChildren(pictures.key(styleOf(position), isProvisional ? [5, 4] : []), text);
+    });
+    writeTrend = write;
+    write(null);
+    byId("trend").setAttribute("aria-label", `trend of ${shown.label}: ${legend.innerText}`);
+    if (!positions.length) { clearPlot("trend"); return; }
     plot("trend", `${themeKey()} ${quantity} ${positions.join("\n")}`, data, (axis) => ({
       axes: [
         { ...axis, space: 80, values: (_, ticks) => ticks.map((at) => new Date(1000 * at).toLocaleTimeString([], { hour12: false })) },
         { ...axis, size: 62, label: shown.unit || shown.label, labelSize: 18 },
       ],
+      cursor: { drag: { x: true, y: false, setScale: false } },
+      hooks: {
+        setCursor: [(u) => writeTrend(u.cursor.idx == null ? null : u.data[0][u.cursor.idx])],
+        setSelect: [(u) => {
+          const { left, width } = u.select;
+          if (width > 3) zoom([u.posToVal(left, "x"), u.posToVal(left + width, "x")].map(Math.round));
+          if (width) u.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
+        }],
+      },
       series: [{}, ...positions.flatMap((position) => pictures.seriesOf(styleOf(position)))],
       bands: pictures.bandsOf(positions.map(styleOf)),
     }));
+    const { idx } = plots.trend.uplot.cursor;
+    if (idx != null) write(times[idx]);
   };
 
   // What the user does
@@ -362,7 +441,11 @@
     ask({ record: true, run: Object.fromEntries(new FormData(run)) });
   });
   byId("quantity").addEventListener("change", (event) => { quantity = event.currentTarget.value; askForTrend(); });
-  byId("minutes").addEventListener("change", showTrend);
+  byId("minutes").addEventListener("change", () => zoom(null));
+  for (const [id, factor, shift] of [["zoom-in", 0.5, 0], ["zoom-out", 2, 0], ["earlier", 1, -0.5], ["later", 1, 0.5]]) {
+    byId(id).addEventListener("click", () => scaleTrend(factor, shift));
+  }
+  byId("latest").addEventListener("click", () => zoom(null));
   const dark = matchMedia("(prefers-color-scheme: dark)");
   const setTheme = (theme) => {
     document.documentElement.dataset.theme = theme;

@@ -14,36 +14,10 @@ from tests.testkit.campaign_recordings import write_recording
 from tests.testkit.commands import run
 from tests.testkit.diagnosis_data import ordinary
 from tests.testkit.tire_histories import history
+from tools.browser import FAINT_TEXT
 
 KINDS = ("compare", "diagnose", "drive", "orders", "trends")
 ORDER = ["verdict", "steps", "pictures", "tables", "made"]
-# Text whose contrast with what is behind it is below 4.5 to 1, or 3 to 1 where it is large (WCAG 2.1, 1.4.3).
-FAINT = """
-(() => {
-  const parts = (colour) => colour.match(/[\\d.]+/g).map(Number);
-  const light = (rgb) => rgb.slice(0, 3).map((c) => c / 255)
-    .map((c) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4))
-    .reduce((sum, c, i) => sum + c * [0.2126, 0.7152, 0.0722][i], 0);
-  const behind = (element) => {
-    for (let one = element; one; one = one.parentElement) {
-      const colour = parts(getComputedStyle(one).backgroundColor);
-      if (colour.length === 3 || colour[3] === 1) return colour;
-    }
-    return [255, 255, 255];
-  };
-  const faint = [];
-  for (const element of document.querySelectorAll("body *")) {
-    const isText = [...element.childNodes].some((node) => node.nodeType === 3 && node.textContent.trim());
-    if (!isText || !element.checkVisibility({ opacityProperty: true, visibilityProperty: true })) continue;
-    if (element.closest("svg, script, style, noscript, :disabled")) continue;
-    const style = getComputedStyle(element), size = parseFloat(style.fontSize);
-    const [a, b] = [light(parts(style.color)), light(behind(element))].sort((x, y) => y - x);
-    const isLarge = size >= 24 || (size >= 18.66 && Number(style.fontWeight) >= 700);
-    if ((a + 0.05) / (b + 0.05) < (isLarge ? 3 : 4.5)) faint.push(element.outerHTML.slice(0, 120));
-  }
-  return faint;
-})()
-"""
 FITS = "document.documentElement.scrollWidth <= document.documentElement.clientWidth"
 SMALL = """
 [...document.querySelectorAll("body *")].filter((one) => !one.closest("svg, script, style, noscript")
@@ -101,6 +75,6 @@ def test_a_phone_shows_all_of_it_in_light_and_dark(browser, pages, kind, is_dark
     tab.open((pages / f"{kind}.html").as_uri(), 390, 800, is_dark=is_dark)
     tab.until("document.readyState == 'complete' && document.querySelector('footer') !== null")
     assert tab.value(FITS)
-    assert tab.value(FAINT) == []
+    assert tab.value(FAINT_TEXT) == []
     assert tab.value(SMALL) == []
     assert tab.errors == []
