@@ -14,7 +14,7 @@ WHEEL = '[[wheel]]\nposition = "W"\nwheel = 0\n'
 
 def test_built_in_scenarios_parse_and_have_descriptions() -> None:
     scenarios = builtin_scenarios()
-    assert {"demo", "eq-27", "lab", "standstill_restart", "town"} <= set(scenarios)
+    assert {"demo", "eq-27", "lab", "slalom", "standstill_restart", "town"} <= set(scenarios)
     for name, text in scenarios.items():
         assert load_scenario(name).wheel
         assert text.endswith((".", "coupled.")), name
@@ -32,7 +32,7 @@ def test_town_block_has_four_corners_of_90_degrees() -> None:
     assert change == [-1.0, 1.0, -1.0, 1.0]
 
 
-@pytest.mark.parametrize("name", ["demo", "eq-27", "lab", "standstill_restart", "town"])
+@pytest.mark.parametrize("name", ["demo", "eq-27", "lab", "slalom", "standstill_restart", "town"])
 def test_vehicle_of_a_scenario_is_a_valid_configuration(name: str) -> None:
     scenario = load_scenario(name)
     vehicle = parse_vehicle(vehicle_toml(scenario), name)
