@@ -127,11 +127,7 @@ class WheelRecordings:
 
 
 def read_usable(
-    paths: Sequence[Path],
-    wheel: str,
-    *,
-    vehicle: VehicleConfig | None = None,
-    key_file: Path | None = None,
+    paths: Sequence[Path], wheel: str, *, vehicle: VehicleConfig | None = None, key_file: Path | None = None
 ) -> tuple[WheelRecordings, dict[int, Reason]]:
     """Read those of many recordings that can be used, and return why the others cannot, by their number.
 

@@ -140,11 +140,7 @@ def _sha256(path: Path) -> str:
 
 
 def diagnose_agreeing(
-    paths: Sequence[Path],
-    wheel: str,
-    *,
-    vehicle: VehicleConfig | None = None,
-    key_file: Path | None = None,
+    paths: Sequence[Path], wheel: str, *, vehicle: VehicleConfig | None = None, key_file: Path | None = None
 ) -> Diagnosis:
     """Diagnose one wheel from those of many recordings that can be used and do not contradict most others.
 
@@ -237,13 +233,7 @@ def transfer_effects(
     report = on_progress or (lambda _share, _text: None)
     report(0.0, "reading")
     campaign = read_campaign(
-        paths,
-        vehicle=vehicle,
-        wheel=table.position,
-        folds=folds,
-        workers=workers,
-        reverse=reverse,
-        key_file=key_file,
+        paths, vehicle=vehicle, wheel=table.position, folds=folds, workers=workers, reverse=reverse, key_file=key_file
     )
     report(_READ_SHARE, "comparing with and without the effects")
     result = transfer(campaign, table, model=model, origin=origin)

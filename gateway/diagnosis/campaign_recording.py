@@ -258,11 +258,7 @@ def _check_sensor(order: ReadOrder, sensors: SensorsHeard, position: str, *, has
 
 
 def _reduced(
-    order: ReadOrder,
-    recording: OpenedRecording,
-    reading: RecordingPass,
-    collected: _Collector,
-    last: RevolutionResult,
+    order: ReadOrder, recording: OpenedRecording, reading: RecordingPass, collected: _Collector, last: RevolutionResult
 ) -> RecordingRead:
     """Return the recording as groups; `last` is the last revolution of the wheel."""
     position, vehicle = last.position, recording.vehicle

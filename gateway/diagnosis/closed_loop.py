@@ -201,12 +201,7 @@ def _diagnose(
         rejected=sum(campaign.rejected.values()),
         noise_floor_mps2=noise,
         held_out=held_out,
-        findings=tuple(
-            sorted(
-                (*findings, *edges, *time_locked.findings),
-                key=lambda finding: _RANK[finding.verdict],
-            )
-        ),
+        findings=tuple(sorted((*findings, *edges, *time_locked.findings), key=lambda finding: _RANK[finding.verdict])),
         unexplained=tuple(sorted(residuals, key=lambda entry: -entry.rms_mps2)),
         estimates_before=numbers.before,
         estimates_after=numbers.after,

@@ -13,11 +13,7 @@ from pydantic import Field, ValidationError
 from gateway.core.config.validation import Section, read_text
 from gateway.core.config.vehicle import POSITION_PATTERN
 from gateway.core.errors import ConfigError
-from gateway.core.estimates.wheel_setup import (
-    CorrectedEffect,
-    CorrectionTable,
-    EffectParameter,
-)
+from gateway.core.estimates.wheel_setup import CorrectedEffect, CorrectionTable, EffectParameter
 
 VERSION: Final = 3
 """Of files that are written and read. Earlier ones have no digest, so that nothing shows whether they were edited."""

@@ -8,14 +8,10 @@ FEATURE: Final = Feature(
     commands={
         "diagnose": CommandLine(
             "gateway.diagnosis.commands.diagnose:diagnose", "Identify the physical effects that the model lacks."
-        ),
+        )
     },
     adds={
-        Registry.PLUGIN_CHECKS: {
-            "effects": "gateway.diagnosis.effects.catalogue:plugin_statuses",
-        },
-        Registry.PARTS: {
-            "effects file": "gateway.diagnosis.effects_opening:open_effects_file",
-        },
+        Registry.PLUGIN_CHECKS: {"effects": "gateway.diagnosis.effects.catalogue:plugin_statuses"},
+        Registry.PARTS: {"effects file": "gateway.diagnosis.effects_opening:open_effects_file"},
     },
 )

@@ -193,11 +193,7 @@ def _signal_of(campaign: Campaign) -> CorrectedSignal:
 
 
 def _kept(
-    campaign: Campaign,
-    core: Core,
-    data: Whitened,
-    effects: list[tuple[AngleEffect, FloatArray]],
-    start: Fit,
+    campaign: Campaign, core: Core, data: Whitened, effects: list[tuple[AngleEffect, FloatArray]], start: Fit
 ) -> Fit:
     """Return the fit of the tire's own parameters with the effects held.
 

@@ -6,11 +6,7 @@ from gateway.core.feature import Feature, Registry
 
 FEATURE: Final = Feature(
     adds={
-        Registry.QUANTITIES: {
-            "forward": "gateway.ring.quantities:FORWARD",
-        },
-        Registry.NUMBERS: {
-            "forward": "gateway.ring.forward:ForwardEstimator",
-        },
-    },
+        Registry.QUANTITIES: {"forward": "gateway.ring.quantities:FORWARD"},
+        Registry.NUMBERS: {"forward": "gateway.ring.forward:ForwardEstimator"},
+    }
 )

@@ -13,15 +13,7 @@ import numpy as np
 
 from gateway.core.estimates.reference_tire import TABLE_3_LOAD_NUMBER
 from gateway.core.types import BoolArray, ComplexArray, FloatArray
-from gateway.ring.forward_model import (
-    PRIOR_MEAN,
-    PRIOR_STD,
-    SIZE,
-    ForwardModel,
-    ForwardSolution,
-    P,
-    stacked,
-)
+from gateway.ring.forward_model import PRIOR_MEAN, PRIOR_STD, SIZE, ForwardModel, ForwardSolution, P, stacked
 from gateway.ring.rolling_ring import RingNotConvergedError
 
 # Largest change of a parameter in one step, in these units.
@@ -333,11 +325,7 @@ def _cost(solution: ForwardSolution, data: ComplexArray, variance: FloatArray, u
 
 
 def _normal(
-    rows: ComplexArray,
-    residual: ComplexArray,
-    variance: FloatArray,
-    used: BoolArray,
-    parameters: FloatArray,
+    rows: ComplexArray, residual: ComplexArray, variance: FloatArray, used: BoolArray, parameters: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the normal matrix and the gradient, priors included."""
     weight = np.where(used, 1.0 / np.sqrt(variance), 0.0)

@@ -77,7 +77,7 @@ def test_orders_are_those_of_a_belt_of_finite_elements(speed_kmh: float) -> None
     steady = solution.omega_radps**2 * np.stack([solution.sensor.radial_m, solution.sensor.circumferential_m])
     result = waveform_orders(steady + (0.05 * seen(solution, LOSSES)).real, 110)[:, list(orders)]
     true, without = np.array(list(orders.values())).T, waveform_orders(steady, 110)[:, list(orders)]
-    for axis, share in ((0, 0.03), (1, 0.08)):
+    for axis, share in ((0, 0.04), (1, 0.05)):
         size = np.linalg.norm(true[axis])
         assert np.linalg.norm(result[axis] - true[axis]) < share * size
         assert np.linalg.norm(without[axis] - true[axis]) > 0.9 * size
@@ -113,7 +113,7 @@ def test_free_belt_has_the_waves_of_its_dispersion(speed_kmh: float) -> None:
 
 def test_response_does_not_depend_on_the_grid() -> None:
     coarse, fine = (seen(rolling(60.0, nodes=nodes), LOSSES) for nodes in (960, 1920))
-    assert np.abs(coarse - fine[:, ::2]).max() < 0.06 * np.abs(fine).max()
+    assert np.abs(coarse - fine[:, ::2]).max() < 0.02 * np.abs(fine).max()
 
 
 def test_stiff_section_is_an_euler_belt() -> None:

@@ -35,7 +35,9 @@ def solved(load_n: float = 4500.0) -> RingSolution:
 
 
 def loaded(tread_npm2: float) -> RingSolution:
-    return solve_rolling_ring(replace(RING, tread_stiffness_npm2=tread_npm2), 4500.0, 2.2e5, OMEGA_RADPS, nodes=NODES)
+    return solve_rolling_ring(
+        replace(RING, tread_stiffness_npm2=tread_npm2), 4500.0, 2.2e5, OMEGA_RADPS, nodes=4 * NODES
+    )
 
 
 def belt() -> LoadedBelt:
@@ -62,16 +64,28 @@ def test_steady_rim_moves_the_belt_as_another_load_does() -> None:
 
 def test_stiffer_tread_all_around_is_that_of_another_ring() -> None:
     soft, stiff = (loaded(tread_npm2) for tread_npm2 in (5.94e7, 6.06e7))
-    slope = (stiff.sensor.radial_m - soft.sensor.radial_m) / 0.02
+    slope = (stiff.sensor.radial_m - soft.sensor.radial_m)[::4] / 0.02
     # The load is the same, so that the axle moves.
     rise_m = (stiff.axle_height_m - soft.axle_height_m) / 0.02
     result = (response(Change.TREAD_STIFFNESS) + rise_m * response(Change.RIM))[0, 0].real
-    assert np.linalg.norm(result - slope) < 0.05 * np.linalg.norm(slope)
+    assert np.linalg.norm(result - slope) < 0.02 * np.linalg.norm(slope)
+
+
+@pytest.mark.parametrize("change", [Change.BENDING, Change.MASS, Change.SIDEWALL, Change.TREAD, Change.RIM])
+@pytest.mark.parametrize("count", [3, 40, 80])
+def test_every_other_node_answers_as_all_do(change: Change, count: int) -> None:
+    """An extensible belt; chords over two segments are longer where the road bends it flat, its tension is not."""
+    ring = replace(RING, extension_stiffness_n=4e8)
+    fine = loaded_belt(solve_rolling_ring(ring, 4500.0, 2.2e5, OMEGA_RADPS, nodes=3 * NODES))
+    whole, half = (
+        local_response(belt, OMEGA_RADPS, 2e-5, 0.003, (change,), (count,))[0, 0, 0] for belt in (fine, fine.coarser())
+    )
+    assert np.linalg.norm(half - whole[:, ::2]) < 0.03 * np.linalg.norm(whole[:, ::2])
 
 
 def test_tread_all_around_is_an_axle_that_is_lower() -> None:
     tread, rim = response(Change.TREAD)[0], response(Change.RIM)[0]
-    assert np.abs(tread + rim).max() < 1e-9 * np.abs(rim).max()
+    assert np.abs(tread + rim).max() < 1e-7 * np.abs(rim).max()
 
 
 def test_mass_all_around_changes_nothing_of_an_inextensible_belt() -> None:

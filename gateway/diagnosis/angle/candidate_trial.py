@@ -114,11 +114,7 @@ def followed_trials(fit: Fit, effect: AngleEffect, shapes: Mapping[int, Shape]) 
 
 
 def _nearest(
-    fit: Fit,
-    model: ClosureModel,
-    effect: AngleEffect,
-    shapes: Mapping[int, Shape],
-    starts: Sequence[Sequence[float]],
+    fit: Fit, model: ClosureModel, effect: AngleEffect, shapes: Mapping[int, Shape], starts: Sequence[Sequence[float]]
 ) -> list[list[float]]:
     """Return the best start of an effect with refinements, by the slowest and the fastest group alone.
 
@@ -156,11 +152,7 @@ def _promise(trial: Trial) -> float:
 
 
 def _trials(
-    fit: Fit,
-    model: ClosureModel,
-    effect: AngleEffect,
-    shapes: Mapping[int, Shape],
-    starts: Sequence[Sequence[float]],
+    fit: Fit, model: ClosureModel, effect: AngleEffect, shapes: Mapping[int, Shape], starts: Sequence[Sequence[float]]
 ) -> list[Trial]:
     """Return the successful trials from these starts."""
     begun: list[tuple[FloatArray, list[FloatArray]]] = []

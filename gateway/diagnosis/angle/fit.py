@@ -297,12 +297,7 @@ def fit_model(
 
 
 def linearised(
-    model: ClosureModel,
-    data: Whitened,
-    vector: FloatArray,
-    *,
-    scale: float = 1.0,
-    applied: Applied | None = None,
+    model: ClosureModel, data: Whitened, vector: FloatArray, *, scale: float = 1.0, applied: Applied | None = None
 ) -> Fit:
     """Return a model at these parameters, which need not be its optimum.
 

@@ -86,11 +86,7 @@ def _list_effects(context: click.Context, _: click.Parameter, chosen: str | None
     help="Do not search: report the error with the effects of this file, exactly as found in other recordings.",
 )
 @click.option(
-    "--folds",
-    type=click.IntRange(2, 20),
-    default=5,
-    show_default=True,
-    help="Number of cross-validation folds.",
+    "--folds", type=click.IntRange(2, 20), default=5, show_default=True, help="Number of cross-validation folds."
 )
 @click.option(
     "--jobs", type=click.IntRange(1, 64), help="Maximum number of processes.  [default: 2, or 1 on a single processor]"

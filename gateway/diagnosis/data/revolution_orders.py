@@ -166,10 +166,7 @@ class RevolutionTable:
     """
 
     def __init__(
-        self,
-        columns: FloatArray,
-        orders_mps2: NDArray[np.complex64],
-        waveforms_mps2: dict[int, NDArray[np.float32]],
+        self, columns: FloatArray, orders_mps2: NDArray[np.complex64], waveforms_mps2: dict[int, NDArray[np.float32]]
     ) -> None:
         """Take the columns in the order of COLUMNS, (n, columns)."""
         self._columns = columns

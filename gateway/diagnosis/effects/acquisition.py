@@ -233,10 +233,7 @@ class AcCoupling(SignalEffect):
     axes = (CIRCUMFERENTIAL, LATERAL, RADIAL)
     observed_in = "lowest orders of all axes, best at low speed; the lost mean of a sensor declared as DC-coupled"
     confounders = (
-        Confounder(
-            ("speed drift",),
-            "its droop follows the sign of the acceleration and grows with speed",
-        ),
+        Confounder(("speed drift",), "its droop follows the sign of the acceleration and grows with speed"),
         Confounder(("zero-g offset",), "it changes the mean alone"),
     )
     start_values = ((0.5, 0.0),)

@@ -165,10 +165,7 @@ class SensorNonlinearity(LinearSignalEffect):
     summary = "The sensitivity of the radial axis changes with the acceleration itself."
     equation = "adds square * a^2 + cube * a^3 to the radial axis, a its acceleration"
     source = "second- and third-order expansion of the response"
-    parameters = (
-        _term("square_s2pm", "s^2/m", 1),
-        _term("cube_s4pm2", "s^4/m^2", 2),
-    )
+    parameters = (_term("square_s2pm", "s^2/m", 1), _term("cube_s4pm2", "s^4/m^2", 2))
     axes = (RADIAL,)
     observed_in = (
         "radial axis: free arc, overshoot and contact by different shares; two speeds: the square is a gain that grows "

@@ -194,9 +194,7 @@ def _modulation(block: ModelledBlock, order: float) -> _Modulation:
     phase = whole * block.theta_rad
     cosine, sine = np.cos(phase), np.sin(phase)
     return _Modulation(
-        np.stack([cosine, sine]),
-        np.stack([sine, 1.0 - cosine]) / whole,
-        np.stack([-whole * sine, whole * cosine]),
+        np.stack([cosine, sine]), np.stack([sine, 1.0 - cosine]) / whole, np.stack([-whole * sine, whole * cosine])
     )
 
 

@@ -45,10 +45,7 @@ class RunOut(RingEffect):
     )
     equation = "s (1 + x / R), s that of the round tire with its axle lower by x cos(theta) + y sin(theta)"
     source = "exact rolling ring with a deflection that varies with the first harmonic: the axle keeps its height"
-    parameters = (
-        _harmonic("cosine", _MAX_RUNOUT_M, 1e-3, 1e-5),
-        _harmonic("sine", _MAX_RUNOUT_M, 1e-3, 1e-5),
-    )
+    parameters = (_harmonic("cosine", _MAX_RUNOUT_M, 1e-3, 1e-5), _harmonic("sine", _MAX_RUNOUT_M, 1e-3, 1e-5))
     observed_in = (
         "radial axis, the smooth shape away from the contact, against which the load on the contact varies; it is fixed"
         " to the sensor and never averages out"

@@ -295,13 +295,7 @@ class ExactCore:
     ) -> _Solved:
         omega = _speed_radps(conditions, options)
         key = _Key(
-            parameters.tobytes(),
-            options,
-            conditions.load_n,
-            conditions.pressure_pa,
-            conditions.radius_m,
-            omega,
-            nodes,
+            parameters.tobytes(), options, conditions.load_n, conditions.pressure_pa, conditions.radius_m, omega, nodes
         )
         cached = self._cache.get(key)
         if cached is not None:

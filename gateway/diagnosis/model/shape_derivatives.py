@@ -22,11 +22,7 @@ class Tangents:
         self._cache: dict[Hashable, tuple[Shape, ...]] = {}
 
     def at(
-        self,
-        key: Hashable,
-        parameters: FloatArray,
-        options: RingOptions,
-        work_out: Callable[[], tuple[Shape, ...]],
+        self, key: Hashable, parameters: FloatArray, options: RingOptions, work_out: Callable[[], tuple[Shape, ...]]
     ) -> tuple[Shape, ...]:
         """Return the derivatives of a shape by the state's parameters.
 

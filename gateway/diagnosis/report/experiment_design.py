@@ -35,28 +35,16 @@ def _at(quantity: str, ratio: float) -> Reason:
 
 
 _OTHERS: Final[tuple[tuple[Reason, Callable[[GroupConditions], GroupConditions]], ...]] = (
-    (
-        _at("speed", 1.5),
-        lambda c: replace(c, omega_radps=1.5 * c.omega_radps),
-    ),
-    (
-        _at("speed", 0.25),
-        lambda c: replace(c, omega_radps=0.25 * c.omega_radps),
-    ),
-    (
-        _at("speed", 0.6),
-        lambda c: replace(c, omega_radps=0.6 * c.omega_radps),
-    ),
+    (_at("speed", 1.5), lambda c: replace(c, omega_radps=1.5 * c.omega_radps)),
+    (_at("speed", 0.25), lambda c: replace(c, omega_radps=0.25 * c.omega_radps)),
+    (_at("speed", 0.6), lambda c: replace(c, omega_radps=0.6 * c.omega_radps)),
     (Reason(DiagnosisCode.RECORD_REVERSED), lambda c: replace(c, reverse=not c.reverse)),
     (
         Reason(DiagnosisCode.RECORD_WARMER, difference_k=20.0),
         lambda c: replace(c, temperature_degc=c.temperature_degc + 20.0),
     ),
     (_at("load", 1.4), lambda c: replace(c, load_n=1.4 * c.load_n)),
-    (
-        _at("pressure", 0.7),
-        lambda c: replace(c, pressure_pa=0.7 * c.pressure_pa),
-    ),
+    (_at("pressure", 0.7), lambda c: replace(c, pressure_pa=0.7 * c.pressure_pa)),
 )
 
 

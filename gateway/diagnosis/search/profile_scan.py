@@ -118,11 +118,7 @@ class ProfileScan:
         return Promise(effect, np.array([size, angle_rad, width, *effect.start_values[0][3:-1], log_mass]), gain)
 
     def _gains(
-        self,
-        effect: LocalChange,
-        tried: Sequence[tuple[float, float]],
-        log_mass: float,
-        shapes: Mapping[int, Shape],
+        self, effect: LocalChange, tried: Sequence[tuple[float, float]], log_mass: float, shapes: Mapping[int, Shape]
     ) -> tuple[FloatArray, FloatArray]:
         """Return the gain of each place and width in the groups of some shapes, and the size there."""
         gains, sizes = np.empty(len(tried)), np.empty(len(tried))
@@ -170,7 +166,7 @@ class ProfileScan:
         return rows
 
 
-def fitted_with(promise: Promise, fit: Fit, data: Whitened) -> Fit | None:
+def fitted_with(promise: Promise, fit: Fit, data: Whitened, rival: Fit | None = None) -> Fit | None:
     """Return the fit of a model with an effect that promises much, None where it fails.
 
     Without the discrepancy, which stood for the effect and would let the fit end beside it.
@@ -179,7 +175,9 @@ def fitted_with(promise: Promise, fit: Fit, data: Whitened) -> Fit | None:
         promise: of the effect, by a scan of the fit.
         fit: of the model without it.
         data: whitened.
+        rival: with another effect; a fit that leaves far more than it is not worked out.
     """
+    enough = math.inf if rival is None else (rival.misfit - data.size) / criteria.FAR_LESS
     parameters = np.clip(promise.parameters, *bounds(promise.effect))
     tire, fitted = fit.vector[fit.model.layout.states], fit
     try:
@@ -191,7 +189,7 @@ def fitted_with(promise: Promise, fit: Fit, data: Whitened) -> Fit | None:
                 start[model.layout.effect(effect.name)] = parameters
             fitted = fit_model(model, data, start, most_steps=_STEPS)
             moved, tire = fitted.vector[model.layout.states] - tire, fitted.vector[model.layout.states]
-            if float(np.abs(moved).max()) < _SETTLED:
+            if float(np.abs(moved).max()) < _SETTLED or fitted.misfit - data.size > enough:
                 break
     except (FitFailedError, NoShapeError, np.linalg.LinAlgError):
         return None

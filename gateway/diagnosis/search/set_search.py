@@ -270,11 +270,12 @@ class SetSearch:
             promises = ProfileScan(best.fit).promises(changes)
         except (NoShapeError, np.linalg.LinAlgError):
             return False
+        rival: Fit | None = None
         for promise in promises[: criteria.REFITTED]:
-            least = max(criteria.LOOKED_AT, criteria.PROMISE_SHARE * promises[0].gain)
-            if promise.gain < least or self._stop():
+            if promise.gain < max(criteria.LOOKED_AT, criteria.PROMISE_SHARE * promises[0].gain) or self._stop():
                 break
-            if (fit := fitted_with(promise, best.fit, self.data)) is not None:
+            if (fit := fitted_with(promise, best.fit, self.data, rival)) is not None:
+                rival = fit if rival is None or fit.misfit < rival.misfit else rival
                 self._evaluate(fit, self.discrepancy.applied(criteria.SMALLER_DISCREPANCY * applied.amplitudes))
         return self.best is not best
 

@@ -18,17 +18,7 @@ from gateway.core.text.output_file import check_target, write_whole
 from gateway.core.text.page_figure import Drawing, inline_svg, report_style, require_report_packages
 from gateway.core.text.text import clean, counted
 from gateway.diagnosis.reasons import DiagnosisCode
-from gateway.diagnosis.result import (
-    Curves,
-    Diagnosis,
-    EffectCurves,
-    HeldOut,
-    Origin,
-    SelfTest,
-    Spectra,
-    Trend,
-    Verdict,
-)
+from gateway.diagnosis.result import Curves, Diagnosis, EffectCurves, HeldOut, Origin, SelfTest, Spectra, Trend, Verdict
 from gateway.diagnosis.views.figures import (
     CONTACT_VIEW_DEG,
     NOISE_STDS,

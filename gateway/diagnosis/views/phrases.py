@@ -13,26 +13,11 @@ from gateway.diagnosis.data.campaign_data import Remark
 from gateway.diagnosis.effects.catalogue import catalogue
 from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.report.effect_contribution import MEASURED
-from gateway.diagnosis.result import (
-    Diagnosis,
-    Finding,
-    Scaling,
-    ScalingStatus,
-    SelfTest,
-    Unexplained,
-    Verdict,
-)
+from gateway.diagnosis.result import Diagnosis, Finding, Scaling, ScalingStatus, SelfTest, Unexplained, Verdict
 from gateway.diagnosis.views.quantities import orders_text, parameter_label, show_fitted, span_text, typeset
 
-MODELS: Final = {
-    "paper": "the ring paper's series as printed",
-    "exact": "the exact ring",
-}
-VERDICTS: Final = {
-    Verdict.NAMED: "identified",
-    Verdict.INDISTINGUISHABLE: "undecided",
-    Verdict.REFUSED: "rejected",
-}
+MODELS: Final = {"paper": "the ring paper's series as printed", "exact": "the exact ring"}
+VERDICTS: Final = {Verdict.NAMED: "identified", Verdict.INDISTINGUISHABLE: "undecided", Verdict.REFUSED: "rejected"}
 SCALINGS: Final = {
     ScalingStatus.ONE_SPEED: "one speed",
     ScalingStatus.SEEN_AT_ONE_SPEED: "seen at one speed on this axis",

@@ -23,7 +23,19 @@ from typing import Final, NamedTuple, Self
 import numpy as np
 
 from gateway.core.types import ComplexArray, FloatArray, IntArray
-from gateway.ring.rolling_ring.force_balance import BeltLaw, Grid, belt_balance, outer, ring_grid
+from gateway.ring.rolling_ring.force_balance import (
+    Balance,
+    BeltLaw,
+    Grid,
+    belt_balance,
+    belt_stretch,
+    edge_tread_npm2,
+    following,
+    outer,
+    preceding,
+    ring_grid,
+    stretched_tension_n,
+)
 from gateway.ring.rolling_ring.newton_solver import folded_band
 from gateway.ring.rolling_ring.sensor_waveform import angle_derivatives
 
@@ -34,6 +46,9 @@ _FIRST: Final[FloatArray] = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0
 _FOURTH: Final[FloatArray] = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 _STENCIL: Final = 2
 _CENTRAL: Final = {-1: -0.5, 1: 0.5}
+_SECOND: Final = {-1: 1.0, 0: -2.0, 1: 1.0}
+# Degrees of freedom of a node without shear.
+_PLANAR: Final = 2
 # Neighbours on either side: two of the stiffness, one more for the rate of bending.
 _REACH: Final = 3
 # Places in `_Parts.acting` of the sidewall's damper: at rest, and as the belt passes.
@@ -50,12 +65,14 @@ class LoadedBelt:
         state: (N, d) unknowns of the nodes.
         height_m: of the axle.
         traction: friction per push.
+        stretch: (N,) of the segments over their length at rest; None for what the nodes' distances give.
     """
 
     law: BeltLaw
     state: FloatArray
     height_m: float
     traction: float
+    stretch: FloatArray | None = None
 
     def moved(self, slope: Self, step: float) -> Self:
         """Return the belt moved by a step along a slope."""
@@ -65,11 +82,24 @@ class LoadedBelt:
             self.state + step * slope.state,
             self.height_m + step * slope.height_m,
             self.traction + step * slope.traction,
+            self.stretch,
         )
 
     def coarser(self) -> Self:
-        """Return the belt by every other node: its vibration is off by 3 to 15 %, at half of the work."""
-        return self if len(self.state) % 2 else replace(self, state=self.state[::2])
+        """Return the belt by every other node, at half of the work.
+
+        Chords of a belt that is bent otherwise than at rest are of another length: the stretch is that of all nodes.
+        """
+        if len(self.state) % 2:
+            return self
+        stretch = belt_stretch(self.law.radius_m, self.state) if self.stretch is None else self.stretch
+        return replace(self, state=self.state[::2], stretch=stretch.reshape(-1, 2).mean(axis=1))
+
+    def balance(self, law: BeltLaw) -> Balance:
+        """Return the balance of the belt under another law."""
+        grid = ring_grid(len(self.state))
+        tension_n = None if self.stretch is None else stretched_tension_n(law, grid, self.stretch)
+        return belt_balance(law, grid, self.state, self.height_m, self.traction, tension_n)
 
     def scaled(self, factor: float) -> Self:
         """Return a change of a belt times a factor."""
@@ -257,23 +287,30 @@ def _dynamic(
 @lru_cache(maxsize=16)
 def _parts(belt: LoadedBelt) -> _Parts:
     """Return the parts of a belt; its tangent stiffness is linear in each stiffness, and in the mass."""
-    damped, grid = replace(belt.law, mass_kgpm=0.0, omega_radps=1.0), ring_grid(len(belt.state))
-    law = replace(damped, radial_damping_nspm2=0.0, tangential_damping_nspm2=0.0)
+    law, grid = replace(belt.law, mass_kgpm=0.0, omega_radps=1.0), ring_grid(len(belt.state))
+    law = replace(law, radial_damping_nspm2=0.0, tangential_damping_nspm2=0.0)
     nodes, dof = belt.state.shape
     length = law.radius_m * grid.step_rad
 
     def tangent(varied_law: BeltLaw) -> FloatArray:
-        return belt_balance(varied_law, grid, belt.state, belt.height_m, belt.traction).blocks
+        return belt.balance(varied_law).blocks
 
-    rest = belt_balance(law, grid, belt.state, belt.height_m, belt.traction)
+    rest = belt.balance(law)
     inertia = tangent(replace(law, mass_kgpm=1.0)) - rest.blocks
     bending = tangent(replace(law, bending_nm2=2.0 * law.bending_nm2)) - rest.blocks
-    tread = tangent(replace(law, tread_npm2=2.0 * law.tread_npm2)) - rest.blocks
-    sidewall = np.zeros_like(rest.blocks)
-    for damping, axis in ((damped.radial_damping_nspm2, grid.radial), (damped.tangential_damping_nspm2, grid.along)):
-        sidewall[_STENCIL, :, :2, :2] -= length * damping * outer(axis, axis)
+    tension = tangent(replace(law, tension_width_m=2.0 * law.tension_width_m)) - rest.blocks
+    edges = length * edge_tread_npm2(law, rest.road, belt.traction)
+    sidewall, tread = np.zeros_like(rest.blocks), np.zeros_like(rest.blocks)
+    tread[_STENCIL, :, :2, :2] = length * rest.slopes.position[1] + edges
     passing = np.zeros((3, 2 * _REACH + 1, nodes, dof, dof))
-    passing[0] = _widened(tangent(damped) - rest.blocks)
+    for damping, axis in (
+        (belt.law.radial_damping_nspm2, grid.radial),
+        (belt.law.tangential_damping_nspm2, grid.along),
+    ):
+        sidewall[_STENCIL, :, :2, :2] -= length * damping * outer(axis, axis)
+        for offset, neighbour in ((1, following(axis)), (-1, preceding(axis))):
+            rate = offset * length * damping / (2.0 * grid.step_rad)
+            passing[0, _REACH + offset, :, :2, :2] -= rate * outer(axis, neighbour)
     for offset, weight in _CENTRAL.items():
         # The belt bends in its own directions, which turn from node to node; the road stands still.
         turn = np.eye(dof)
@@ -283,6 +320,13 @@ def _parts(belt: LoadedBelt) -> _Parts:
     for offset, weight in zip(range(-_STENCIL, _STENCIL + 1), _FIRST, strict=True):
         passing[2, _REACH + offset] += weight / grid.step_rad * tread[_STENCIL]
     wide = [_widened(blocks) for blocks in (rest.blocks, inertia, sidewall, bending, tread)]
+    wide[0][_REACH, :, :2, :2] += edges
+    if dof == _PLANAR:
+        # Second differences take q^2 h^2 / 12 from the tension's stiffness to a wave q, and twice that from bending's.
+        short = bending / 6.0 + tension / 12.0
+        for offset, weight in _SECOND.items():
+            turn = _turned(-offset * grid.step_rad)
+            wide[0][1 + offset : 6 + offset] -= weight * short @ turn
     losses = np.stack(wide[2:])
     by_node = np.stack([wide[1], *losses, *passing]).transpose(2, 0, 3, 1, 4)
     acting = by_node.reshape(nodes, by_node.shape[1] * dof, -1)

@@ -247,6 +247,19 @@ def road_slopes(law: BeltLaw, grid: Grid, road: RoadForce, traction: float) -> R
     return RoadSlopes(d_position, d_height, road.pressure_npm[:, None] * along)
 
 
+def edge_tread_npm2(law: BeltLaw, road: RoadForce, traction: float) -> FloatArray:
+    """Return what the contact's edges, where they are between nodes, add to the derivative by position, (N, 2, 2).
+
+    A node stands for half a step to either side; by the nodes in contact alone a vibration's contact would be up to a
+    step too long or too short.
+    """
+    push = road.unclipped_npm
+    step = np.maximum(0.5 * np.abs(following(push) - preceding(push)), 1e-300)
+    share = np.clip(0.5 + push / step, 0.0, 1.0)
+    direction = road.normal + traction * (road.normal @ QUARTER_TURN.T)
+    return law.tread_npm2 * ((push > 0.0) - share)[:, None, None] * outer(direction, road.normal)
+
+
 class Segments(NamedTuple):
     """The belt between node i and node i + 1.
 
@@ -300,12 +313,7 @@ class Balance(NamedTuple):
 
 
 def belt_balance(
-    law: BeltLaw,
-    grid: Grid,
-    state: FloatArray,
-    height_m: float,
-    traction: float,
-    tension_n: FloatArray | None = None,
+    law: BeltLaw, grid: Grid, state: FloatArray, height_m: float, traction: float, tension_n: FloatArray | None = None
 ) -> Balance:
     """Return the force balance of every node.
 
@@ -404,7 +412,7 @@ def _belt_force(
     rest = 2.0 * radius * math.sin(h / 2)
     span = following(position) - position
     length = np.abs(span)
-    tension = _tension_n(law, grid, length)
+    tension = stretched_tension_n(law, grid, length / rest - 1.0)
     along = span / length
     turn = segment_turn(grid, _vectors(span))
     stiffness = law.bending_nm2 / (radius * h)
@@ -472,16 +480,23 @@ def _belt_force(
 
 def belt_tension_n(law: BeltLaw, grid: Grid, state: FloatArray) -> FloatArray:
     """Return the tension (N,) that the distances of the nodes give."""
-    position = plane(state)
-    return _tension_n(law, grid, np.abs(following(position) - position))
+    return stretched_tension_n(law, grid, belt_stretch(law.radius_m, state))
 
 
-def _tension_n(law: BeltLaw, grid: Grid, length_m: FloatArray) -> FloatArray:
+def belt_stretch(radius_m: float, state: FloatArray) -> FloatArray:
+    """Return the elongation (N,) of each segment over its length at rest."""
+    position, rest = plane(state), 2.0 * radius_m * math.sin(math.pi / len(state))
+    stretch: FloatArray = np.abs(following(position) - position) / rest - 1.0
+    return stretch
+
+
+def stretched_tension_n(law: BeltLaw, grid: Grid, stretch: FloatArray) -> FloatArray:
+    """Return the tension of segments that are stretched by a share (N,)."""
     h, radius = grid.step_rad, law.radius_m
     # Exact pretension of the grid, so that the resting polygon balances pressure and transport inertia to rounding.
     spin = law.mass_kgpm * (radius * law.omega_radps) ** 2
     pretension = law.pressure_pa * law.tension_width_m * radius * math.cos(h / 2) + spin * 2.0 * math.sin(h / 2) / h
-    result: FloatArray = pretension + law.extension_n * (length_m / (2.0 * radius * math.sin(h / 2)) - 1.0)
+    result: FloatArray = pretension + law.extension_n * stretch
     return result
 
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from gateway.core.types import ComplexArray, FloatArray
 from gateway.ring.rolling_ring.block_vibration import LoadedBelt, TreadBlocks, pushed_response
-from gateway.ring.rolling_ring.force_balance import belt_balance, following, preceding, ring_grid, segment_turn
+from gateway.ring.rolling_ring.force_balance import edge_tread_npm2, following, preceding, ring_grid, segment_turn
 
 PATTERNS: Final = 129
 """Patterns 0 to 128 of a turn: the highest order that is compared is 109."""
@@ -88,16 +88,14 @@ def local_response(
     """
     law = belt.law
     damping = 2.0 * _SIDEWALL_RATIO * math.sqrt(law.radial_npm2 * law.mass_kgpm)
-    lossy = LoadedBelt(
-        replace(
+    lossy = replace(
+        belt,
+        law=replace(
             law,
             mass_kgpm=law.mass_kgpm * math.exp(log_mass),
             radial_damping_nspm2=max(law.radial_damping_nspm2, damping),
             tangential_damping_nspm2=max(law.tangential_damping_nspm2, damping),
         ),
-        belt.state,
-        belt.height_m,
-        belt.traction,
     )
     heavier = replace(lossy, law=replace(lossy.law, mass_kgpm=2.0 * lossy.law.mass_kgpm))
     by_damping, by_mass = Slope.DAMPING in slopes, Slope.MASS in slopes
@@ -159,17 +157,20 @@ def _steady(belt: LoadedBelt) -> dict[Change, FloatArray]:
     for stiff, axis in ((law.radial_npm2, grid.radial), (law.tangential_npm2, grid.along)):
         deflection = np.einsum("ia,ia->i", out, axis)
         pull -= (length * stiff * deflection * (1.0 + law.stiffening_pm * np.abs(deflection)))[:, None] * axis
-    balance = belt_balance(law, grid, belt.state, belt.height_m, belt.traction)
-    road, by_height = balance.road, balance.slopes.height
+    balance = belt.balance(law)
+    road = balance.road
+    edges_npm2 = edge_tread_npm2(law, road, belt.traction)
+    by_height = balance.slopes.height + edges_npm2[:, :, 1]
     push = road.pressure_npm[:, None]
     touching = push > 0.0
-    towards = np.where(touching, road.force_npm / np.where(touching, push, 1.0), 0.0)
+    towards = np.where(touching, law.tread_npm2 * road.force_npm / np.where(touching, push, 1.0), 0.0)
+    towards -= np.einsum("iab,ib->ia", edges_npm2, road.normal)
     return {
         Change.BENDING: moment,
         Change.KINK: kink,
         Change.MASS: inertia,
         Change.SIDEWALL: pull,
-        Change.TREAD: length * law.tread_npm2 * towards,
+        Change.TREAD: length * towards,
         Change.TREAD_STIFFNESS: length * road.force_npm,
         Change.RIM: length * by_height,
         Change.RUN_OUT: -length * by_height,
@@ -182,6 +183,8 @@ def _by_moment(belt: LoadedBelt, moment: FloatArray, count: int) -> ComplexArray
     result = np.zeros(belt.state.shape, dtype=np.complex128)
     if belt.law.dof == 2:
         varied = moment * np.exp(1j * count * grid.theta_rad)
+        # The second derivative of a moment, to fourth order.
+        varied -= (following(varied) - 2.0 * varied + preceding(varied)) / 12.0
         span = following(belt.state) - belt.state
         square = np.square(span).sum(axis=1)
         normal = np.stack([-span[:, 1], span[:, 0]], axis=1)

@@ -37,10 +37,7 @@ class SensorWaveform(NamedTuple):
         """Return (radial, circumferential) specific force in m/s^2 at every angle; gravity 0 leaves it out."""
         radial = omega_radps**2 * self.radial_m + gravity_mps2 * self.gravity_radial
         along = omega_radps**2 * self.circumferential_m + gravity_mps2 * self.gravity_circumferential
-        return (
-            radial + omega_dot_radps2 * self.spin_radial_m,
-            along + omega_dot_radps2 * self.spin_circumferential_m,
-        )
+        return (radial + omega_dot_radps2 * self.spin_radial_m, along + omega_dot_radps2 * self.spin_circumferential_m)
 
 
 def angle_derivatives(values: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
