@@ -69,7 +69,7 @@ def test_turn_of_a_whole_recording_widens_the_errors() -> None:
     assert turned.std > 1.8 * straight.std
 
 
-@pytest.mark.parametrize(("turn_radps", "slip_deg"), [(0.3, -0.8), (-0.1, 0.3)])
+@pytest.mark.parametrize(("turn_radps", "slip_deg"), [(0.3, 0.8), (-0.1, -0.3)])
 def test_turn_rate_after_straights_is_that_of_the_wheel(turn_radps: float, slip_deg: float) -> None:
     turned = estimates(turn_radps, 0.0, 60, slip_deg)
     rate, radius, acceleration = (turned[name] for name in (TURNING_NAMES[0], TURNING_NAMES[1], TURNING_NAMES[3]))
@@ -82,7 +82,7 @@ def test_turn_rate_after_straights_is_that_of_the_wheel(turn_radps: float, slip_
 
 
 def test_turn_rate_is_valid_after_a_whole_curve() -> None:
-    after = estimates(0.3, 0.0, 60, -0.8, after=30)
+    after = estimates(0.3, 0.0, 60, 0.8, after=30)
     rate = after["turn_rate_radps"]
     assert rate.status is after["lateral_acceleration_mps2"].status is Status.VALID
     assert rate.value == pytest.approx(0.0, abs=3.0 * rate.std)

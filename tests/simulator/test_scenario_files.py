@@ -32,6 +32,15 @@ def test_town_block_has_four_corners_of_90_degrees() -> None:
     assert change == [-1.0, 1.0, -1.0, 1.0]
 
 
+@pytest.mark.parametrize("name", ["slalom", "town"])
+def test_tires_slip_into_the_curve(name: str) -> None:
+    scenario, times_s = load_scenario(name), np.linspace(0.0, 40.0, 400)
+    yaw = scenario.motion.yaw_rate_degps.at_times(times_s)
+    for wheel in scenario.wheels():
+        # A positive slip angle pulls to the left, as a positive yaw rate turns.
+        assert (wheel.slip_angle_deg.at_times(times_s) * yaw >= 0.0).all()
+
+
 @pytest.mark.parametrize("name", ["demo", "eq-27", "lab", "slalom", "standstill_restart", "town"])
 def test_vehicle_of_a_scenario_is_a_valid_configuration(name: str) -> None:
     scenario = load_scenario(name)
