@@ -150,8 +150,7 @@ class DiagnosisCode(Codes):
         "(chi-square {chi2:.3g} of {freedom})"
     )
     SIZE_CHANGES = Code(
-        "it has no one size: it changes from the first to the second half of a recording (chi-square {chi2:.3g} of "
-        "{freedom})"
+        "its size changes from the first to the second half of a recording (chi-square {chi2:.3g} of {freedom})"
     )
     UNTESTED_ELSEWHERE = Code("no recording of another speed, load or pressure can test it")
 

@@ -14,10 +14,9 @@ class FleetCode(Codes):
         "name in [vehicle]"
     )
     RECORDING_NOTHING_READABLE = Code("{damage}. The readable part gives nothing: {why}")
-    WORKER_ENDED = Code("its worker process ended each time that it was tried: killed or crashed")
+    WORKER_ENDED = Code("its worker process was killed or crashed, each time that it was tried")
     WORKER_MEMORY_ABOVE_LIMIT = Code(
-        "its worker process was ended each time that it was tried: it used more than its limit of "
-        "{limit_bytes:.0f MB} of memory"
+        "its worker process used more than its limit of {limit_bytes:.0f MB} of memory, each time that it was tried"
     )
     WORKER_MEMORY_FULL = Code("its worker process had no memory left")
     WORKERS_ABSENT = Code(
@@ -74,15 +73,15 @@ class FleetCode(Codes):
         "more in {count} recordings in a row: {first} to {last}"
     )
     TREND_PRESSURE_CONSTANT = Code(
-        "the pressure is {pressure_pa:.1f kPa} in all {count} recordings: the sensor is stuck, or too coarse to show "
-        "a loss"
+        "the pressure sensor is stuck, or too coarse to show a loss: it reads {pressure_pa:.1f kPa} in all {count} "
+        "recordings"
     )
     TREND_PRESSURE_FELL = Code(
         "the pressure has fallen by {fall_pa:.0f kPa} ± {std_pa:.1g kPa} in {span_s:.1f h}: {first} to {last}"
     )
     TREND_PRESSURE_STUCK = Code(
-        "sensor: the pressure is {pressure_pa:.1f kPa} in {count} recordings from {first} to {last}, while the "
-        "temperature varies: it is stuck, and left out of the trends"
+        "sensor: its pressure is stuck, and left out of the trends ({pressure_pa:.1f kPa} in {count} recordings from "
+        "{first} to {last}, while the temperature varies)"
     )
     TREND_PROVISIONAL = Code("provisional in {count} of {of} recordings: {why}")
     TREND_RATE_SINCE = Code(
@@ -107,8 +106,8 @@ class FleetCode(Codes):
     )
     TREND_SENSOR_NOISE = Code("sensor: its noise has become {factor:.1f} ± {std:.1f} times as large")
     TREND_SENSOR_STEADY = Code(
-        "sensor: its steady radial value has changed by {share:.1%} ± {std:.1%}: its gain by as much, or its zero by "
-        "{change_mps2:.1f m/s²}. Recordings at several speeds tell which"
+        "sensor: its gain or its zero has changed. Record at several speeds to know which (its steady radial value by "
+        "{share:.1%} ± {std:.1%}, a zero by {change_mps2:.1f m/s²})"
     )
     TREND_SLOPE_CHANGED = Code(
         "since {date}, {name:series} has another trend, and is {change:+.3g}{unit: } ± {std:.2g}{unit: } from its "
@@ -118,9 +117,7 @@ class FleetCode(Codes):
         "the recordings span {span_s:.2g days}: a rate per month needs {needed_s:.0f days}, as what changes from hour "
         "to hour is no trend"
     )
-    TREND_SPEED_WITH_TIME = Code(
-        "the speed changes with the time, so that the influences of the two cannot be separated"
-    )
+    TREND_SPEED_WITH_TIME = Code("influences of speed and time cannot be told apart: the speed changes with the time")
     TREND_STATED_CHANGED = Code(
         "the stated {statement} changed on {date}: no change of the {what}",
         statement={
@@ -144,12 +141,12 @@ class FleetCode(Codes):
     )
     TREND_TEMPERATURE_CONSTANT = Code("the temperature varies too little, or is not known")
     TREND_TEMPERATURE_IMPOSSIBLE = Code(
-        "sensor: a temperature of up to {temperature_degc:.0f} °C in {count} recordings, which no tire has; left out "
-        "of the trends"
+        "sensor: its temperature is wrong, and left out of the trends (up to {temperature_degc:.0f} °C in {count} "
+        "recordings)"
     )
     TREND_TEMPERATURE_STUCK = Code(
-        "the temperature is {temperature_degc:.1f} °C in all {count} recordings: if the sensor is stuck, the pressure "
-        "of a colder season looks like a loss"
+        "the pressure of a colder season looks like a loss if the temperature sensor is stuck: it reads "
+        "{temperature_degc:.1f} °C in all {count} recordings"
     )
     TREND_TOO_FEW = Code("{count} recordings with a value, {needed} are needed")
     TREND_TIRE_MOVED = Code(

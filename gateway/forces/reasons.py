@@ -11,8 +11,8 @@ class ForceCode(Codes):
 
     # Of forces
     ASYMMETRY_NOT_BALANCED = Code(
-        "the balance of a belt leaves {share:.0%} of the signal's asymmetry, the limit {limit:.0%}: a stone, water or "
-        "waves make it"
+        "a stone, water or waves make the signal asymmetric ({share:.0%} of it remain in the balance of a belt, the "
+        "limit is {limit:.0%})"
     )
     BEYOND_FRICTION = Code(
         "no friction carries {force:.1f} times the load as force and {torque:.1f} times load and radius as torque"
@@ -28,8 +28,8 @@ class ForceCode(Codes):
     )
     SLIP_NOT_LATERAL = Code("the longitudinal force is {ratio:.1f} times the side force, so the slip is not lateral")
     TIRE_GIVES_ENERGY = Code(
-        "the tire would not lose energy but give {share:.1%} ± {std:.1%} of the load: run-out, or something else that "
-        "turns with it, looks like a force"
+        "run-out, or something else that turns with the tire, looks like a force: the tire would not lose energy but "
+        "give {share:.1%} ± {std:.1%} of the load"
     )
 
     # Of load and wear
@@ -66,8 +66,8 @@ class ForceCode(Codes):
         "AC-coupled: the roll tilt of the sensor cannot be calibrated; the error includes {assumed_rad:.0f deg}"
     )
     ROLL_UNLIKELY = Code(
-        "the means of the axes give a roll of {roll_rad:.1f deg}, {expected_rad:.1f deg} ± {expected_std_rad:.1f deg} "
-        "is expected: a rolled sensor (state mounting.roll_deg) or a wrong zero of the lateral axis (record two speeds)"
+        "the sensor is rolled (state mounting.roll_deg), or the zero of its lateral axis is wrong (record two speeds): "
+        "its means give a roll of {roll_rad:.1f deg}, {expected_rad:.1f deg} ± {expected_std_rad:.1f deg} is expected"
     )
     SCATTER_UNKNOWN = Code("the scatter is not known before {needed:.0f} revolutions")
     SLIP_BEYOND_LAW = Code("beyond the slip angles that the slip calibration describes")
@@ -94,9 +94,9 @@ class ForceCode(Codes):
 
     # Of the road
     CAVITY_CONTRADICTED = Code(
-        "the inner liner reads {measured_degc:.0f} °C, but the cavity resonates as air of {found_degc:.0f} °C would: "
-        "another gas ({ratio:.2f} times gamma / M of air), cavity_length_mm or the temperature is wrong, or "
-        "it is another line"
+        "gas, cavity_length_mm or temperature is not as stated, or it is another line: the inner liner reads "
+        "{measured_degc:.0f} °C, the cavity resonates as air of {found_degc:.0f} °C would, or another gas "
+        "({ratio:.2f} times gamma / M of air)"
     )
     NEEDS_CAVITY_LENGTH = Code("needs cavity_length_mm or a size with the rim of the tire in the vehicle file")
     NEEDS_TEMPERATURE = Code("needs the temperature")

@@ -8,13 +8,13 @@ class ImportCode(Codes):
 
     # Files and configuration
     SCALE_UNLIKELY = Code(
-        "the steady acceleration of the radial column is {found_mps2:.4g m/s²}, {ratio:.3g} times the V²/R of "
-        "{expected_mps2:.4g m/s²} of its revolutions: is it in counts or volts? State `scale`, their size, in each axis"
+        "the radial column may be in counts or volts: state their size, `scale`, in each axis (its steady value is "
+        "{found_mps2:.4g m/s²}, {ratio:.3g} times the V²/R of {expected_mps2:.4g m/s²} of its revolutions)"
     )
     UNIT_UNLIKELY = Code(
-        "the radial column is stated in {stated}, but {fitting} fits: with {stated}, the steady acceleration is "
+        "the radial column is stated in {stated}, but {fitting} fits: state it so (in {stated} its steady value is "
         "{found_mps2:.4g m/s²}, {ratio:.3g} times the V²/R of {expected_mps2:.4g m/s²} of a revolution of "
-        "{period_s:.4g s} and a belt radius of {radius_m:.0f mm}"
+        "{period_s:.4g s} and a belt radius of {radius_m:.0f mm})"
     )
     VALUES_REPEATED = Code(
         "{samples} samples repeat exactly (axes: {axes}; runs: {runs}), first {first_s:.4g s} after the start: "

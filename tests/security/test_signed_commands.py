@@ -143,7 +143,7 @@ def test_older_protocol_is_reported_once() -> None:
         core.take(Chunk("test", 1, hub.hello()))
     results = [notice.reason for notice in core.take_notices() if notice.reason.code is SessionCode.OLDER_PROTOCOL]
     assert list(map(text, results)) == [
-        "its firmware uses protocol 1.0, older than treadlink's 1.1: it takes only unsigned commands"
+        "it takes only unsigned commands: its firmware uses protocol 1.0, older than treadlink's 1.1"
     ]
 
 

@@ -128,7 +128,7 @@ class SessionCode(Codes):
         "hub sends a HELLO every 2 s. Restart the hub; `treadlink protocol check` says what is wrong with a HELLO"
     )
     OLDER_PROTOCOL = Code(
-        "its firmware uses protocol {version}, older than treadlink's {own}: it takes only unsigned commands"
+        "it takes only unsigned commands: its firmware uses protocol {version}, older than treadlink's {own}"
     )
 
     # Content of a line without frames
@@ -217,7 +217,7 @@ class SessionCode(Codes):
         "times and the sampling rate cannot be checked. A fault of the firmware"
     )
     HUB_NUMBER_RESERVED = Code(
-        "the hub has the number 255, which commands use for every hub ({count} HELLOs): it cannot be commanded alone"
+        "the hub cannot be commanded alone: its number, 255, means every hub. Give it another ({count} HELLOs)"
     )
     HUB_SENDS_AS_WHEEL = Code(
         "the hub sends messages of a wheel under its own number, 255: {count} frames are not used. A fault of the "

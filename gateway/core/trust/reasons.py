@@ -30,8 +30,8 @@ class TrustCode(Codes):
     ERROR_COVERS = Code("{why}; the standard error covers the difference")
     GAIN_WOULD_FIT = Code("a gain of {gain:.3f} would fit")
     GRAVITY_ABSENT = Code(
-        "the {axis} axis shows {share:.2f} ± {std:.1g} of gravity as it turns: it is not connected, or not the axis "
-        "along the belt"
+        "the {axis} axis is not connected, or not the axis along the belt (it shows {share:.2f} ± {std:.1g} of gravity "
+        "as it turns)"
     )
     GRAVITY_CONTRADICTED = Code(
         "the gain of the radial axis is {gain:.2f} ± {std:.2f} times the stated one, as gravity shows"
