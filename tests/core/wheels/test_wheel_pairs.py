@@ -233,3 +233,26 @@ def test_lag_that_only_one_renewal_shows_is_none(late_ms: tuple[float, ...], is_
     latest = max(item.host_ns for item in taken) + 11 * 10**9
     taken += [replace(item, host_ns=latest) for item in taken[len(late_ms) - 1 :: len(late_ms)]]
     assert alarms(*taken) == ({"FR": TrustCode.AXIS_LATER_THAN_OTHERS} if is_late else {})
+
+
+@pytest.mark.parametrize(("own_ms", "is_late"), [(0.0, False), (0.6, True)])
+def test_lag_that_follows_the_driving_is_compared_at_its_time(own_ms: float, is_late: bool) -> None:
+    """Acceleration looks like a lag at all wheels; the one that turns more slowly shows it some revolutions later."""
+    driving_ms = np.array([0.4, 0.5, -0.1, 0.45, -0.4, 0.5, -0.4, 0.4])
+    (item,) = results("FL", [1.0])
+    taken: list[RevolutionResult] = []
+    for position, own, later_s in (("FL", own_ms, 0.4), ("FR", 0.0, 0.0), ("RL", 0.0, 0.2), ("RR", 0.0, 0.1)):
+        for tenth in range(540):
+            renewed_s = 6.0 * min((tenth - 10 * later_s) // 60, len(driving_ms) - 1) + later_s
+            lag_ms = float(np.interp(renewed_s / 6.0, np.arange(len(driving_ms)), driving_ms)) + own
+            lags = Lag(1e-3 * lag_ms, 0.07e-3), None
+            at_ns = 10**18 + 10**8 * tenth
+            taken.append(
+                replace(item, position=position, host_ns=at_ns, axis_lags=lags if renewed_s > 0 else (None, None))
+            )
+    taken.sort(key=lambda item: item.host_ns)
+    pairs, seen = WheelPairs(), set()
+    for result in taken:
+        list(pairs.compared([result]))
+        seen |= {alarm.position for alarm in pairs.alarms() if alarm.name == "axis lag"}
+    assert seen == ({"FL"} if is_late else set())
