@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gateway.core.estimates.estimator import Estimate, Status
+from gateway.core.estimates.estimator import Estimate, Status, is_evidence
 from gateway.core.estimates.results import Alarm, RevolutionResult
 from gateway.core.quantity import Basis
 from gateway.core.reasons import Reason
@@ -135,7 +135,9 @@ class VehicleJoin:
     def _compare(wheel: _Wheel, signal: VehicleSignal, reading: Reading, result: RevolutionResult) -> None:
         """Keep the ratio of a speed of the car to that of the wheel."""
         revolution, value = result.revolution, reading.value
-        if not signal.is_witness or revolution.faults or revolution.omega_radps < _LEAST_RADPS or value <= 0.0:
+        if not (
+            signal.is_witness and is_evidence(revolution) and revolution.omega_radps >= _LEAST_RADPS and value > 0.0
+        ):
             return
         if signal.quantity is Quantity.GROUND_SPEED and not _is_of_revolution(signal, reading, revolution.period_s):
             return

@@ -68,7 +68,7 @@ class _Wheel:
     known_ns: float = -math.inf
     late: _Late = _IN_TIME
 
-    def known(self, time_ns: float) -> list[tuple[int, _Lags]]:
+    def until(self, time_ns: float) -> list[tuple[int, _Lags]]:
         """Return the changes of the lags as known at a time."""
         return [change for change in self.changes if change[0] <= time_ns]
 
@@ -131,32 +131,35 @@ class AxisLags:
     def _judged(self, position: str, time_ns: int) -> _Late:
         """Return why each axis of a wheel is late as only this wheel's is, as known at a time."""
         wheel = self._wheels[position]
-        of_others = [other.known(time_ns) for name, other in self._wheels.items() if name != position]
+        of_others = [other.until(time_ns) for name, other in self._wheels.items() if name != position]
         others = [changes for changes in of_others if changes]
-        own = wheel.known(time_ns)
-        if own and any(changes[-1][0] < own[-1][0] for changes in others):
-            own.pop()  # others are yet to come to this time, or have none any more
+        history = wheel.until(time_ns)
+        if history and any(changes[-1][0] < history[-1][0] for changes in others):
+            history.pop()  # others are yet to come to this time, or have none any more
         along, lateral = (
-            _reason(axis, own[-2:], others, is_late=reason is not None) for axis, reason in enumerate(wheel.late)
+            _reason(axis, history[-2:], others, is_late=reason is not None) for axis, reason in enumerate(wheel.late)
         )
         return along, lateral
 
 
 def _reason(
-    axis: int, own: list[tuple[int, _Lags]], others: list[list[tuple[int, _Lags]]], *, is_late: bool
+    axis: int, history: list[tuple[int, _Lags]], others: list[list[tuple[int, _Lags]]], *, is_late: bool
 ) -> Reason | None:
     """Return the reason where an axis is later than those of the other wheels, which agree with each other."""
-    if len(own) < 2:
+    if len(history) < 2:
         return None
-    (before_ns, before), (end_ns, lags) = own
-    lag, mean = lags.axes[axis], _mean([_at(end_ns, axis, changes) for changes in others])
+    (before_ns, before), (end_ns, lags) = history
+    lag, mean = lags.axes[axis], _mean([_interpolated(end_ns, axis, changes) for changes in others])
     if lag is None or mean is None:
         return None
     beyond_s = lag.late_s - mean.late_s
     if not _are_apart(lag, mean, _STILL_APART if is_late else _APART) or abs(beyond_s) <= lags.sample_s:
         return None
     if not is_late:
-        lag_before, mean_before = before.axes[axis], _mean([_at(before_ns, axis, changes) for changes in others])
+        lag_before, mean_before = (
+            before.axes[axis],
+            _mean([_interpolated(before_ns, axis, changes) for changes in others]),
+        )
         if lag_before is None or mean_before is None or not _are_apart(lag_before, mean_before, _APART):
             return None
         if (lag_before.late_s - mean_before.late_s) * beyond_s <= 0.0:
@@ -165,13 +168,13 @@ def _reason(
     return Reason(TrustCode.AXIS_LATER_THAN_OTHERS, axis=AXIS_NAMES[axis], late_s=beyond_s, std_s=std_s)
 
 
-def _at(time_ns: int, axis: int, changes: list[tuple[int, _Lags]]) -> Lag | None:
+def _interpolated(time_ns: int, axis: int, changes: list[tuple[int, _Lags]]) -> Lag | None:
     """Return the lag of a wheel at a time between two of its changes, with the error by what lies between them."""
-    known = [(end_ns, lag) for end_ns, lags in changes if (lag := lags.axes[axis]) is not None]
-    index = max(bisect.bisect_left(known, time_ns, key=lambda change: change[0]), 1)
-    if index >= len(known):
+    with_lag = [(end_ns, lag) for end_ns, lags in changes if (lag := lags.axes[axis]) is not None]
+    index = max(bisect.bisect_left(with_lag, time_ns, key=lambda change: change[0]), 1)
+    if index >= len(with_lag):
         return None
-    (before_ns, before), (behind_ns, behind) = known[index - 1 : index + 1]
+    (before_ns, before), (behind_ns, behind) = with_lag[index - 1 : index + 1]
     # Below 0 for the first lag of a wheel that came a little later.
     share = (time_ns - before_ns) / (behind_ns - before_ns)
     if share < -_FIRST_LATER:

@@ -28,6 +28,8 @@ ZERO_MEASURED: Final = 0.3
 # Standard errors within which the latest revolutions agree with a statement: less than those of a contradiction, so
 # that one at the limit does not come and go.
 _AGREEING: Final = 2.0
+# Share of a zero-g offset that a mean must lack.
+_LACKING: Final = 0.5
 
 
 class Equations(NamedTuple):
@@ -167,16 +169,35 @@ def _compared(value: Value | None, stated: float, stated_std: float, most_std: f
     return Comparison(value.value - stated, value.std, stated_std, value.std < most_std)
 
 
-def is_refuted(every: tuple[Comparison, ...], latest: tuple[Comparison, ...]) -> bool:
-    """Return whether the latest revolutions agree with all statements, one of which all revolutions contradict."""
+def is_refuted(every: tuple[Comparison, ...], latest: tuple[Comparison, ...], *, at_odds: bool) -> bool:
+    """Return whether the latest revolutions agree with all statements, one of which all revolutions contradict.
+
+    Args:
+        every: comparisons of all revolutions, as `contradicted` returns them.
+        latest: those of the latest ones.
+        at_odds: whether the latest ones lack the zero-g offset of all, which they need not measure then.
+    """
     if any(each.is_beyond(_AGREEING) for each in latest):
         return False
+    if at_odds and every[1].is_beyond(CONTRADICTION):
+        return True
     return any(
         of_all.is_beyond(CONTRADICTION)
         and of_latest.is_certain
         and abs(of_all.difference - of_latest.difference) > CONTRADICTION * math.hypot(of_all.std, of_latest.std)
         for of_all, of_latest in zip(every, latest, strict=True)
     )
+
+
+def is_at_odds(every: Equations, latest: Equations) -> bool:
+    """Return whether the mean of the latest revolutions lacks the zero-g offset of all: at one speed, none shows."""
+    zero = zero_offset(every, math.inf)
+    if zero is None or not latest.bb > 0.0:
+        return False
+    expected = latest.ab / latest.bb
+    by_all = (every.a - every.ab * zero.value) / every.aa * expected + zero.value
+    lacking = math.copysign(1.0, zero.value) * (by_all - latest.b / latest.bb)
+    return lacking > max(_LACKING * abs(zero.value), CONTRADICTION * math.hypot(zero.std, latest.bb**-0.5))
 
 
 def are_silent(every: tuple[Comparison, ...], latest: tuple[Comparison, ...]) -> bool:

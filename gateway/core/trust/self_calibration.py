@@ -53,7 +53,7 @@ from gateway.core.revolutions.sensor_mounting import (
 )
 from gateway.core.revolutions.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS
 from gateway.core.trust.reasons import TrustCode
-from gateway.core.trust.refuted_sums import Equations, are_silent, contradicted, is_refuted, speed_errors
+from gateway.core.trust.refuted_sums import Equations, are_silent, contradicted, is_at_odds, is_refuted, speed_errors
 from gateway.core.types import BoolArray, ComplexArray, FloatArray
 
 NAMES: Final = (
@@ -413,17 +413,12 @@ class SelfCalibrationEstimator(BlockEstimator):
             return
         claims = conditions.claims
         steady_std = math.hypot(claims.gain_std, 2.0 * claims.rate_std, conditions.radius_std_m / conditions.radius_m)
+        means = [Equations(*sums[_MEAN].tolist()) for sums in (self._last.sums, self._refuting)]
         every, latest = (
-            contradicted(
-                Equations(*sums[_MEAN].tolist()),
-                Equations(*sums[_GRAVITY].tolist()),
-                steady_std,
-                claims.gain_std,
-                claims.zero_g_std_mps2,
-            )
-            for sums in (self._last.sums, self._refuting)
+            contradicted(mean, Equations(*sums[_GRAVITY].tolist()), steady_std, claims.gain_std, claims.zero_g_std_mps2)
+            for mean, sums in zip(means, (self._last.sums, self._refuting), strict=True)
         )
-        if is_refuted(every, latest):
+        if is_refuted(every, latest, at_odds=is_at_odds(*means)):
             sums = self._last.sums.copy()
             sums[_MEAN.start :] = self._refuting[_MEAN.start :]
             self._last = self._last._replace(sums=sums)

@@ -25,7 +25,7 @@ from typing import Final, NamedTuple, Protocol
 import numpy as np
 
 from gateway.core.estimates.disagreement import CONTRADICTION
-from gateway.core.estimates.estimator import Status
+from gateway.core.estimates.estimator import Status, is_evidence
 from gateway.core.estimates.results import Alarm, RevolutionResult
 from gateway.core.quantity import Basis
 from gateway.core.quantity_catalogue import declared
@@ -266,8 +266,9 @@ class WheelPairs:
                 continue
             self._axis_lags.compare(result)
             revolution, conditions = result.revolution, result.conditions
-            # An average that a revolution did not change is no further evidence.
-            slips = () if revolution.faults else result.estimates
+            # An average that a revolution did not change is no further evidence, nor is one with gaps.
+            is_evident = is_evidence(revolution)
+            slips = result.estimates if is_evident else ()
             direction = next((e.value for e in slips if e.name in self._names and e.status is not Status.INVALID), 0.0)
             right = right_of(result.position)
             if right is not None:
@@ -278,7 +279,7 @@ class WheelPairs:
                 result.host_ns - half_ns,
                 half_ns,
                 0.0 if math.isnan(direction) else direction,
-                math.nan if revolution.faults else conditions.radius_m * revolution.omega_radps,
+                conditions.radius_m * revolution.omega_radps if is_evident else math.nan,
                 math.hypot(conditions.radius_std_m / conditions.radius_m, conditions.claims.rate_std),
                 next((Rate(e.value, e.std) for e in result.estimates if e.name == TURN_RATE), Rate()),
             )

@@ -88,6 +88,30 @@ def test_rates_without_a_difference_of_speeds_say_nothing() -> None:
     assert sign.sign == 0
 
 
+@pytest.mark.parametrize(("wrong", "right", "sign"), [(900, 0, -1), (900, 300, 1), (30_000, 300, 1), (900, 100, -1)])
+def test_sign_that_was_wrong_ends_with_the_latest_curves(wrong: int, right: int, sign: int) -> None:
+    """Straights behind it contradict nothing."""
+    rng, taken = np.random.default_rng(5), LateralSign()
+    axis = np.repeat([-1.0, 1.0], [wrong, right])
+    rates = np.where(np.arange(len(axis)) // 40 % 3 == 1, 0.2, 0.0) + rng.normal(0.0, 0.006, len(axis))
+    ratios = 1.0 + TRACK_M * rates / SPEED_MPS + rng.normal(0.0, 5e-4, len(axis))
+    for rate, ratio in zip([*(axis * rates), *rng.normal(0.0, 0.006, 3000)], [*ratios, *[1.0] * 3000], strict=True):
+        taken.take(float(rate), SPEED_MPS, float(ratio))
+    assert taken.sign == sign
+
+
+@pytest.mark.parametrize("missing", [0.0, 0.05])
+def test_revolutions_with_gaps_say_nothing_of_a_pair(missing: float) -> None:
+    taken = [
+        replace(item, revolution=replace(item.revolution, missing_fraction=missing))
+        for position, lever, axis in (("FL", -0.5, 1.0), ("FR", 0.5, -1.0))
+        for item in results(position, CURVE, axis, lever * TRACK_M, 7)
+    ]
+    pairs = WheelPairs()
+    list(pairs.compared(taken))
+    assert bool(list(pairs.alarms())) is not bool(missing)
+
+
 def curves(count: int, left_gain: float, right_gain: float, error: float = 0.1) -> LateralGain:
     """Return what curves say that both wheels drive, each with an error of its own at either wheel that lasts."""
     rng, gain = np.random.default_rng(9), LateralGain()
