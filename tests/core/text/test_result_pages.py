@@ -78,3 +78,17 @@ def test_a_phone_shows_all_of_it_in_light_and_dark(browser, pages, kind, is_dark
     assert tab.value(FAINT_TEXT) == []
     assert tab.value(SMALL) == []
     assert tab.errors == []
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_paper_cuts_no_picture(browser, pages, kind):
+    tab = browser.tab()
+    tab.open((pages / f"{kind}.html").as_uri(), 720, 1000)
+    tab.until("document.readyState == 'complete' && document.querySelector('footer') !== null")
+    tab.call("Emulation.setEmulatedMedia", media="print")
+    cut = "[...document.querySelectorAll('.drawing')].filter((box) => box.scrollWidth > box.clientWidth + 1).length"
+    assert tab.value(cut) == 0
+    assert (
+        tab.value("getComputedStyle(document.querySelector('nav') || document.querySelector('.tools')).display")
+        == "none"
+    )
