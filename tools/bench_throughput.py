@@ -66,8 +66,7 @@ STAGES: Final = {
     "tire estimates": ("gateway.core.wheels.tire_estimates:TireEstimates.take_block",),
     "alarms": (
         "gateway.core.session.alarm_watch:RecordingAlarms.frames",
-        "gateway.core.session.alarm_watch:RecordingAlarms.result",
-        "gateway.core.session.alarm_watch:RecordingAlarms.end_of_block",
+        "gateway.core.session.alarm_watch:RecordingAlarms.results",
     ),
     "summary": ("gateway.core.text.session_summary:ResultSummary.add",),
 }

@@ -44,10 +44,15 @@ class LinkBlocks:
         if len(self._pending) >= _BLOCK_BYTES or len(self._ends) >= _BLOCK_CHUNKS:
             yield from self._decode(self._decoder.feed(self._take()))
 
+    def waiting(self) -> Iterator[tuple[FrameBatch, NDArray[np.int64]]]:
+        """Yield a batch of the chunks that wait for a full block."""
+        if self._pending:
+            yield from self._decode(self._decoder.feed(self._take()))
+
     def finish(self) -> Iterator[tuple[FrameBatch, NDArray[np.int64]]]:
         """Yield the remaining batches at the end of the link."""
         if self._arrivals_ns:
-            yield from self._decode(self._decoder.feed(self._take()))
+            yield from self.waiting()
             yield from self._decode(self._decoder.finish())
 
     def _take(self) -> bytes:
@@ -94,6 +99,12 @@ class DecodedLinks:
             blocks = self._links[chunk.link] = LinkBlocks(chunk.link, gate)
         for batch, arrivals_ns in blocks.add(chunk):
             yield chunk.link, batch, arrivals_ns
+
+    def waiting(self) -> Iterator[tuple[str, FrameBatch, NDArray[np.int64]]]:
+        """Yield the frames that wait for a full block, of all links."""
+        for name, blocks in self._links.items():
+            for batch, arrivals_ns in blocks.waiting():
+                yield name, batch, arrivals_ns
 
     def finish(self) -> Iterator[tuple[str, FrameBatch, NDArray[np.int64]]]:
         """Yield the remaining batches of all links."""

@@ -1,7 +1,7 @@
 """Silence and alarms of a session or recording, brought forward in the time of its frames."""
 
 from abc import ABC, abstractmethod
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
@@ -15,11 +15,9 @@ from gateway.core.estimates.estimator import Status
 from gateway.core.estimates.results import (
     Alarm,
     AlarmRecord,
-    DiskRoom,
     LinkSnapshot,
     RevolutionResult,
     Silence,
-    SinkSnapshot,
     WheelSnapshot,
     WheelState,
 )
@@ -28,17 +26,14 @@ from gateway.core.links.source import LinkEvent, LinkEventKind, VehicleData
 from gateway.core.reasons import Notice, Reason
 from gateway.core.session.alarm_log import AlarmLog
 from gateway.core.session.alarms import (
-    RECORDING,
     SILENCES,
     THRESHOLDS,
     AlarmKey,
     AlarmName,
     alarms,
-    disk_alarm,
     has_wheel_limits,
     present_values,
     silent_alarms,
-    sink_alarms,
     superseded,
     threshold_alarms,
 )
@@ -50,6 +45,7 @@ from gateway.core.trust.wheel_pairs import ALARMS as PAIR_ALARMS
 from gateway.core.wheels.wheels import Pipeline
 
 State = tuple[tuple[WheelSnapshot, ...], tuple[LinkSnapshot, ...]]
+Witnesses = Callable[[], Iterable[Alarm]]
 
 REVIEW_INTERVAL_NS: Final = 100_000_000
 """Interval of reviews, in the time of the frames."""
@@ -70,19 +66,14 @@ class AlarmWatch(ABC):
     """
 
     def __init__(
-        self,
-        vehicle: VehicleConfig | None,
-        pipeline: Pipeline,
-        witnesses: Callable[[], Iterable[Alarm]] = tuple,
-        *,
-        logs: bool = True,
+        self, vehicle: VehicleConfig | None, pipeline: Pipeline, witnesses: Witnesses, *, logs: bool = True
     ) -> None:
         """Start without frames.
 
         Args:
             vehicle: its thresholds and positions; None without any.
             pipeline: names and admits the wheels.
-            witnesses: returns the alarms of what the vehicle's signals contradict.
+            witnesses: returns the present alarms of what others compare or see.
             logs: whether alarms go to the program's log too.
         """
         self.thresholds = vehicle.thresholds if vehicle is not None else Thresholds()
@@ -112,20 +103,37 @@ class AlarmWatch(ABC):
         """Take frames of any source that is admitted, (frames,) with their arrivals; return new notices."""
         notices: list[Notice] = []
         for heard in block.heard(arrivals_ns, SLOT_NS):
-            notices += self._reach(link, heard.arrived_ns)
+            notices += self.advance(link, heard.arrived_ns)
             if self._pipeline.limit.admits(link, heard.hub, heard.wheel):
                 self.silence.heard(link, heard)
         return notices
 
-    def _reach(self, link: str, now_ns: int) -> list[Notice]:
-        """Take what came before a frame of a link that arrived at a time; return new notices."""
-        return self.advance(link, now_ns)
+    def vehicle(self, item: VehicleData) -> list[Notice]:
+        """Take the arrival of data of the vehicle; return new notices."""
+        notices = self.advance(item.link, item.host_ns)
+        self.silence.vehicle(item.link, parts_heard(item), item.host_ns)
+        return notices
 
     def link_event(self, event: LinkEvent) -> list[Notice]:
         """Take a change of a link at its time; return new notices."""
         notices = self.advance(event.link, event.host_ns)
         self.silence.turned(event.link, event.host_ns, None if event.kind.is_open else event.reason)
         return notices
+
+    def pause(self, link: str, pause_ns: int, end_ns: int) -> list[Notice]:
+        """Leave a pause of this computer out of the silence of a link; return new notices."""
+        # What was silent before the pause is so without it.
+        notices = self.advance(link, end_ns - pause_ns)
+        self.silence.paused(link, pause_ns, end_ns)
+        return notices
+
+    def results(self, compared: Iterable[tuple[RevolutionResult, bool]]) -> list[RevolutionResult]:
+        """Take the results of a block of frames, each with whether the comparison of wheels changes with it.
+
+        Returns:
+            The results, with what stands at their times where that is known.
+        """
+        return [result for result, _ in compared]
 
     def _witnesses(self) -> tuple[Alarm, ...]:
         return (*self._of_witnesses(), *(alarm for watch in self._watches for alarm in watch.alarms()))
@@ -154,50 +162,15 @@ class AlarmWatch(ABC):
 
 
 class SessionAlarms(AlarmWatch):
-    """Alarms of a session, from its present state.
-
-    Attributes:
-        sinks: present state of the live outputs.
-        disk: what is left of the disk of the recording, None when nothing is recorded.
-        stopped: reasons of what of the session has stopped, by its name.
-    """
+    """Alarms of a session, from its present state."""
 
     def __init__(
-        self,
-        vehicle: VehicleConfig | None,
-        pipeline: Pipeline,
-        state: Callable[[], State],
-        witnesses: Callable[[], Iterable[Alarm]] = tuple,
+        self, vehicle: VehicleConfig | None, pipeline: Pipeline, witnesses: Witnesses, state: Callable[[], State]
     ) -> None:
         """Start without frames; `state` returns the present snapshots of wheels and links, silence left out."""
         super().__init__(vehicle, pipeline, witnesses)
-        self.sinks: tuple[SinkSnapshot, ...] = ()
-        self.disk: DiskRoom | None = None
-        self.stopped: dict[str, Reason] = {}
         self._state = state
         self._sensor_ids = sensor_ids(vehicle)
-
-    def pause(self, link: str, pause_ns: int, end_ns: int) -> list[Notice]:
-        """Leave a pause of this computer out of the silence of a link; return new notices."""
-        # What was silent before the pause is so without it.
-        notices = self.advance(link, end_ns - pause_ns)
-        self.silence.paused(link, pause_ns, end_ns)
-        return notices
-
-    def take_sinks(self, sinks: tuple[SinkSnapshot, ...]) -> None:
-        """Take the present state of the live outputs."""
-        self.sinks = sinks
-
-    def take_disk(self, room: DiskRoom | None) -> None:
-        """Take what is left of the disk of the recording."""
-        self.disk = room
-
-    def recording_stopped(self, reason: Reason | None) -> None:
-        """Take why the present recording has stopped, None while it goes on."""
-        if reason is None:
-            self.stopped.pop(RECORDING, None)
-        else:
-            self.stopped[RECORDING] = reason
 
     def review(self) -> list[Notice]:
         """Compare the present alarms with those before; return new notices."""
@@ -214,18 +187,9 @@ class SessionAlarms(AlarmWatch):
         )
 
     def alarms(self, wheels: Sequence[WheelSnapshot], links: Sequence[LinkSnapshot]) -> tuple[Alarm, ...]:
-        """Return the present alarms of wheels, with their silences, of links and of live outputs."""
-        standing = self.log.standing()
-        present = alarms(wheels, links, self.thresholds, self._sensor_ids, standing=standing)
-        of_session = (Alarm(name, AlarmName.STOPPED, reason) for name, reason in self.stopped.items())
-        return (
-            *self._silent(wheels, len(links) > 1),
-            *present,
-            *self._witnesses(),
-            *sink_alarms(self.sinks),
-            *disk_alarm(self.disk, standing),
-            *of_session,
-        )
+        """Return the present alarms of wheels, with their silences, of links and of what others see."""
+        present = alarms(wheels, links, self.thresholds, self._sensor_ids, standing=self.log.standing())
+        return *self._silent(wheels, len(links) > 1), *present, *self._witnesses()
 
     def with_silences(self, wheels: Sequence[WheelSnapshot]) -> tuple[WheelSnapshot, ...]:
         """Return wheels with what is silent of them."""
@@ -239,12 +203,7 @@ class RecordingAlarms(AlarmWatch):
     """Alarms of a pass over a recording: silence by frame, thresholds and pairs by result, faults by block."""
 
     def __init__(
-        self,
-        vehicle: VehicleConfig | None,
-        pipeline: Pipeline,
-        witnesses: Callable[[], Iterable[Alarm]] = tuple,
-        *,
-        logs: bool = True,
+        self, vehicle: VehicleConfig | None, pipeline: Pipeline, witnesses: Witnesses, *, logs: bool = True
     ) -> None:
         """Start without frames; arguments as for `AlarmWatch`."""
         super().__init__(vehicle, pipeline, witnesses, logs=logs)
@@ -252,25 +211,26 @@ class RecordingAlarms(AlarmWatch):
         self._has_limits = has_wheel_limits(self.thresholds)
         # Wheels whose reading of a receiver beside the hubs is old.
         self._old: set[str] = set()
-        self._events: dict[str, deque[LinkEvent]] = {}
-        # Ends and lengths of the pauses of the computer that recorded, and how many of them each link has passed.
-        self._pauses: list[tuple[int, int]] = []
-        self._passed: Counter[str] = Counter()
         # Arrivals of the vehicle's data that are later than the frames of hubs taken so far.
         self._arrivals: dict[str, deque[tuple[int, frozenset[VehiclePart]]]] = {}
 
     def event(self, event: LinkEvent) -> None:
-        """Take a change of a link; it takes effect before the first frame that arrived later."""
-        if event.is_of_link:
-            self._events.setdefault(event.link, deque()).append(event)
-        elif event.pause_ns is not None:
-            self._pauses.append((event.host_ns, event.pause_ns))
+        """Take a change of a link, or a pause of the computer that recorded, after the frames before it."""
+        if event.pause_ns is not None:
+            for link in self.silence.links():
+                self.pause(link, event.pause_ns, event.host_ns)
+        elif event.kind is LinkEventKind.ENDED:
+            # A recording may end long after the last frame: that is no silence.
+            self.advance(event.link, min(event.host_ns, self.silence.newest_ns()))
+        elif event.is_of_link:
+            self.link_event(event)
+            self.review()
 
-    def vehicle(self, item: VehicleData) -> None:
+    def vehicle(self, item: VehicleData) -> list[Notice]:
         """Take the arrival of data of the vehicle; it takes effect before the first frame of a hub after it."""
         parts, host_ns = parts_heard(item), item.host_ns
         if not parts:
-            return
+            return []
         arrivals = self._arrivals.setdefault(item.link, deque())
         # Arrivals within a slot count as one, and many wait for the frames of a hub's block.
         is_of_slot = len(arrivals) > 1 and 0 <= host_ns - arrivals[-2][0] < _BUS_SLOT_NS
@@ -278,6 +238,7 @@ class RecordingAlarms(AlarmWatch):
             arrivals[-1] = host_ns, parts
         else:
             arrivals.append((host_ns, parts))
+        return []
 
     def frames(self, link: str, block: FrameBlock, arrivals_ns: NDArray[np.int64]) -> list[Notice]:
         """Take frames before their results."""
@@ -285,15 +246,27 @@ class RecordingAlarms(AlarmWatch):
         self._wheels.clear()
         return notices
 
-    def _reach(self, link: str, now_ns: int) -> list[Notice]:
-        self._take_vehicles(now_ns)
-        self._take_events(link, now_ns)
-        return self.advance(link, now_ns)
+    def advance(self, link: str, now_ns: int) -> list[Notice]:
+        """Bring a link to a time before its next frame is taken, after the vehicle's data that came before it."""
+        for of_vehicle, arrivals in self._arrivals.items():
+            while arrivals and arrivals[0][0] <= now_ns:
+                host_ns, parts = arrivals.popleft()
+                super().advance(of_vehicle, host_ns)
+                self.silence.vehicle(of_vehicle, parts, host_ns)
+            super().advance(of_vehicle, now_ns)
+        return super().advance(link, now_ns)
 
-    def result(self, result: RevolutionResult) -> RevolutionResult:
-        """Take a result; return it with the alarms that stand at its wheel and the silence before it."""
+    def results(self, compared: Iterable[tuple[RevolutionResult, bool]]) -> list[RevolutionResult]:
+        """Take the results of a block; return them with alarms and the silence before them, then take faults."""
+        results = [self._result(result, is_changed) for result, is_changed in compared]
+        self._take_faults()
+        return results
+
+    def _result(self, result: RevolutionResult, is_changed: bool) -> RevolutionResult:
         position = result.position
         at_s = self.silence.since_begin_s(result.host_ns)
+        if is_changed:
+            self.log.update(self._witnesses(), at_s, covers=lambda key: key[1] in PAIR_ALARMS)
         if self._has_limits:
             wheel = _as_snapshot(result)
             self.log.update(
@@ -333,13 +306,7 @@ class RecordingAlarms(AlarmWatch):
             names = watch.names
             self.log.update(watch.alarms(), at_s, covers=lambda key: key[0] == position and key[1] in names)  # noqa: B023
 
-    def compared(self, host_ns: int) -> None:
-        """Take the comparison of left and right wheels, which changes with a result of this time."""
-        at_s = self.silence.since_begin_s(host_ns)
-        self.log.update(self._witnesses(), at_s, covers=lambda key: key[1] in PAIR_ALARMS)
-
-    def end_of_block(self) -> None:
-        """Take the faults of sensors after the results of a block."""
+    def _take_faults(self) -> None:
         wheels = self._pipeline.wheels()
         flags = [Alarm(wheel.position, flag.name, flag.reason) for wheel in wheels for flag in wheel.flags]
         flags += self._witnesses()
@@ -349,13 +316,10 @@ class RecordingAlarms(AlarmWatch):
         """Return the history of every alarm, with the silences that last to the end of the recording."""
         waiting_ns = [arrivals[-1][0] for arrivals in self._arrivals.values() if arrivals]
         end_ns = max([self.silence.newest_ns(), *waiting_ns])
-        self._take_vehicles(end_ns)
-        for link in list(self._events):
-            self._take_events(link, end_ns)
         for link in self.silence.links():
             self.advance(link, end_ns)
         self.review()
-        self.end_of_block()
+        self._take_faults()
         return self.log.records()
 
     def review(self) -> list[Notice]:
@@ -368,38 +332,6 @@ class RecordingAlarms(AlarmWatch):
         return self._update(
             present, wheels, several_links=several, covers=lambda key: key[1] in _OF_STREAMS and key not in outside
         )
-
-    def advance(self, link: str, now_ns: int) -> list[Notice]:
-        """Bring a link to a time before its next frame is taken, over the pauses before it; return new notices."""
-        notices: list[Notice] = []
-        while self._passed[link] < len(self._pauses):
-            end_ns, pause_ns = self._pauses[self._passed[link]]
-            if end_ns > now_ns:
-                break
-            self._passed[link] += 1
-            notices += [notice for _ in self.silence.changes(link, end_ns - pause_ns) for notice in self.review()]
-            self.silence.paused(link, pause_ns, end_ns)
-        return notices + super().advance(link, now_ns)
-
-    def _take_vehicles(self, until_ns: int) -> None:
-        for link, arrivals in self._arrivals.items():
-            while arrivals and arrivals[0][0] <= until_ns:
-                host_ns, parts = arrivals.popleft()
-                self._take_events(link, host_ns)
-                self.advance(link, host_ns)
-                self.silence.vehicle(link, parts, host_ns)
-            self._take_events(link, until_ns)
-            self.advance(link, until_ns)
-
-    def _take_events(self, link: str, until_ns: int) -> None:
-        events = self._events.get(link)
-        while events and events[0].host_ns <= until_ns:
-            event = events.popleft()
-            if event.kind is LinkEventKind.ENDED:
-                self.advance(link, event.host_ns)
-            else:
-                self.link_event(event)
-            self.review()
 
     def _link_alarms(self) -> Iterator[Alarm]:
         for link, state in self.silence.down_links():

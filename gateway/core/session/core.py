@@ -2,8 +2,9 @@
 
 import logging
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -11,10 +12,11 @@ import numpy as np
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.frame_blocks import FrameList, SampleRun
 from firmware_protocol.messages import Frame, Hello, HubStatus, MessageType
-from gateway.core.config.vehicle import UNKNOWN_WHEEL, VehicleConfig
+from gateway.core.config.vehicle import VehicleConfig
 from gateway.core.constants import LATENCY_S
 from gateway.core.estimates.registry import DEFAULT_ESTIMATORS
 from gateway.core.estimates.results import (
+    Alarm,
     AlarmChange,
     DiskRoom,
     LinkSnapshot,
@@ -30,7 +32,8 @@ from gateway.core.links.reasons import LinkCode
 from gateway.core.links.source import BusFrames, Chunk, LinkEvent, LinkEventKind, LinkItem, VehicleData
 from gateway.core.reasons import Code, Level, Notice, Reason, codes_of
 from gateway.core.session.alarm_watch import SessionAlarms, State
-from gateway.core.session.corrections import effects_notices, with_effects
+from gateway.core.session.alarms import RECORDING, AlarmName, disk_alarm, sink_alarms
+from gateway.core.session.corrections import effects_notices
 from gateway.core.session.disk_watch import disk_notices
 from gateway.core.session.frame_guard import FrameGuard, GuardWatch
 from gateway.core.session.hub_log import HubLog
@@ -40,13 +43,11 @@ from gateway.core.session.missing_results import FrameCounts, long_missing
 from gateway.core.session.reasons import SessionCode
 from gateway.core.session.recent_loss import RecentLoss
 from gateway.core.session.recording_stage import Recorder, Stage
-from gateway.core.session.session_parts import VehicleSignals, open_tire_sensors, open_vehicle_signals
+from gateway.core.session.result_path import ResultPath
+from gateway.core.session.session_parts import VehicleSignals, open_vehicle_signals
 from gateway.core.session.session_recording import SessionRecording
 from gateway.core.session.silence import parts_heard
-from gateway.core.session.statement_watch import StatementWatch
 from gateway.core.session.wheel_identity import positions, unconfigured_wheel
-from gateway.core.trust.wheel_pairs import WheelPairs
-from gateway.core.wheels.wheels import Pipeline
 
 _logger = logging.getLogger(__name__)
 
@@ -133,26 +134,28 @@ class SessionCore:
         self._alarm_changes: deque[AlarmChange] = deque(maxlen=_WAITING_NOTICES)
         self._links: dict[str, _Link] = {}
         self.newest_ns = self._ticked_ns = 0
-        unknown = UNKNOWN_WHEEL
-        setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), effects)
         self._latency = self._present_latency = Latency(latency_s)
-        self._pipeline = Pipeline(setups, unknown, estimators, self._latency.hold_s)
         self._signals = signals or open_vehicle_signals(vehicle)
-        self._tire_sensors = open_tire_sensors(vehicle)
+        self._pipeline = ResultPath(vehicle, effects, estimators, self._latency.hold_s, self._signals)
+        self._statements = self._pipeline.statements
         self._vehicle = vehicle
         self._reported_missing: set[tuple[str, tuple[Code, ...]]] = set()
         # Configured wheels, and those that were reported not to be.
-        self._accounted_wheels = {setup.position for setup in setups}
-        self._statements = StatementWatch(positions(vehicle), self._pipeline.limit)
-        self._pairs = WheelPairs(self._signals.witness())
+        self._accounted_wheels = set(positions(vehicle).values())
         self._pipeline.attach(self._statements)
         self._pipeline.attach(self)
-        self._alarms = SessionAlarms(vehicle, self._pipeline, self._state, self._pairs.alarms)
+        self._alarms = SessionAlarms(vehicle, self._pipeline, self._present_alarms, self._state)
+        self._pipeline.raise_alarms(self._alarms)
+        self._sinks: tuple[SinkSnapshot, ...] = ()
+        self._disk: DiskRoom | None = None
+        # Reasons of what of the session has stopped, by its name.
+        self._stopped: dict[str, Reason] = {}
         for notice in vehicle.notices() if vehicle is not None else ():
             self.notify(notice)
         for notice in (*effects_notices(effects, vehicle), *self._watch.take_notices()):
             self.notify(notice)
-        _logger.info("session with %d configured wheels, estimators %s", len(setups), ", ".join(estimators))
+        configured = len(self._accounted_wheels)
+        _logger.info("session with %d configured wheels, estimators %s", configured, ", ".join(estimators))
 
     def notify(self, notice: Notice) -> None:
         """Add a notice."""
@@ -183,16 +186,16 @@ class SessionCore:
 
     def publishes_to(self, sinks: tuple[SinkSnapshot, ...]) -> None:
         """Set the present state of the live outputs, for alarms and snapshots."""
-        self._alarms.take_sinks(sinks)
+        self._sinks = sinks
 
     def watches_disk(self, room: DiskRoom | None) -> None:
         """Set what is left of the disk of the recording, for alarms and snapshots; say it once."""
         if self.recording.recorder is None:
             room = None
         if room is not None:
-            for notice in disk_notices(self._alarms.disk, room):
+            for notice in disk_notices(self._disk, room):
                 self.notify(notice)
-        self._alarms.take_disk(room)
+        self._disk = room
 
     def late(self, late_s: float) -> None:
         """Note by how much this computer is late: while it is, results wait longer, which takes less work."""
@@ -239,13 +242,10 @@ class SessionCore:
         if isinstance(item, BusFrames) and not self._signals.maps_bus and link.vehicle_frames is None:
             notices.append(Notice(item.link, Reason(SessionCode.BUS_NOT_MAPPED), Level.WARNING))
         link.vehicle_frames = (link.vehicle_frames or 0) + item.count
-        values = self._signals.take(item)
+        values, _ = self._pipeline.vehicle(item)
         if values:
             self.recording.signals(values, item.host_ns)
-        for position, reading in self._tire_sensors.take(item):
-            self._pipeline.outside(position, reading)
-        said = [*self._signals.take_notices(), *self._tire_sensors.take_notices()]
-        notices += [Notice(name, reason, Level.WARNING) for name, reason in said]
+        notices += [replace(notice, level=Level.WARNING) for notice in self._pipeline.notices_of_receivers()]
         self._report(item.link, notices, item.host_ns)
 
     def _link(self, name: str) -> _Link:
@@ -314,8 +314,8 @@ class SessionCore:
             return []
         block, arrivals_ns = FrameList(link.waiting), np.array(link.arrivals_ns)
         link.waiting, link.arrivals_ns = [], []
-        self._report(name, self._alarms.frames(name, block, arrivals_ns), link.newest_ns)
-        return self._deliver(self._pipeline.take(name, block, arrivals_ns), link.newest_ns)
+        report = partial(self._report, name, host_ns=link.newest_ns)
+        return self._deliver(self._pipeline.watched(name, block, arrivals_ns, report), link.newest_ns)
 
     def samples(self, link: str, run: SampleRun) -> None:
         """Take no notice: the wheel takes them."""
@@ -335,7 +335,6 @@ class SessionCore:
         self.recording.message(frame, self._pipeline.position(name, frame.hub, frame.wheel), name, host_ns)
 
     def _deliver(self, results: list[RevolutionResult], host_ns: int) -> list[RevolutionResult]:
-        results = [result for result, _ in self._pairs.compared(results)]
         for result in results:
             if result.position not in self._accounted_wheels:
                 self._accounted_wheels.add(result.position)
@@ -353,7 +352,6 @@ class SessionCore:
         """
         self._ticked_ns = now_ns
         self.recording.tick(now_ns)
-        self._alarms.recording_stopped(self.recording.stopped)
         self._report("", self._watch.tick(now_ns), now_ns)
         results = self._take_waiting()
         for name, link in self._links.items():
@@ -363,7 +361,7 @@ class SessionCore:
             # An item may carry a later time than the tick that follows it.
             link_ns = max(link_ns, link.newest_ns)
             if link_ns - link.newest_ns > _SILENT_NS:
-                results += self._deliver(self._pipeline.complete(name), link.newest_ns)
+                results += self._deliver(self._pipeline.compared(self._pipeline.complete(name)), link.newest_ns)
             self._report(name, self._alarms.advance(name, link_ns), now_ns)
             if link.connected and link.vehicle_frames is None:
                 self._report(name, link.health.tick(link_ns), now_ns)
@@ -383,7 +381,7 @@ class SessionCore:
 
     def stopped(self, name: str, reason: Reason) -> None:
         """Note that a part of the session has stopped, for alarms; say it."""
-        self._alarms.stopped[name] = reason
+        self._stopped[name] = reason
         self._report("", [Notice(name, reason, Level.ERROR)], self.newest_ns or self._ticked_ns)
 
     def dropped(self, link: str, stages: Mapping[Stage, int], refused_ns: int | None = None) -> None:
@@ -414,7 +412,7 @@ class SessionCore:
             self._report(name, link.hub_log.finish(), self.newest_ns)
         self.false_statements()
         self._report("", self._statements.new(), self.newest_ns)
-        results += self._deliver(self._pipeline.finish(), self.newest_ns)
+        results += self._deliver(self._pipeline.compared(self._pipeline.finish()), self.newest_ns)
         self._report("", [*self._alarms.review(), *self._watch.finish()], self.newest_ns)
         self._record_alarm_changes()
         self.recording.close()
@@ -424,13 +422,12 @@ class SessionCore:
     def snapshot(self, elapsed_s: float, *, ended: bool = False) -> SessionSnapshot:
         """Return the latest state, immutable."""
         wheels, links = self._state()
-        wheels = self._alarms.with_silences(wheels) if not ended else self._at_end(wheels)
-        alarms = self._alarms.alarms(wheels, links) if not ended else ()
+        wheels = self._at_end(wheels) if ended else self._alarms.with_silences(wheels)
+        alarms = () if ended else self._alarms.alarms(wheels, links)
         notices, records = tuple(self._notices), self._alarms.log.records()
-        sinks = self._alarms.sinks
-        disk = self._alarms.disk
+        recorded = self.recording.path_and_size
         return SessionSnapshot(
-            elapsed_s, wheels, links, alarms, notices, *self.recording.path_and_size, ended, records, sinks, disk
+            elapsed_s, wheels, links, alarms, notices, *recorded, ended, records, self._sinks, self._disk
         )
 
     def frame_counts(self) -> dict[str, FrameCounts]:
@@ -455,6 +452,15 @@ class SessionCore:
     def _state(self) -> State:
         """Return the present snapshots of wheels, without their silences, and of links."""
         return self._pipeline.wheels(), tuple(self._link_snapshot(name, link) for name, link in self._links.items())
+
+    def _present_alarms(self) -> Iterator[Alarm]:
+        """Yield the present alarms of wheels that are compared, and of the session itself."""
+        yield from self._pipeline.pairs.alarms()
+        yield from sink_alarms(self._sinks)
+        yield from disk_alarm(self._disk, self._alarms.log.standing())
+        of_recording = {RECORDING: self.recording.stopped} if self.recording.stopped is not None else {}
+        for name, reason in {**of_recording, **self._stopped}.items():
+            yield Alarm(name, AlarmName.STOPPED, reason)
 
     def _link_snapshot(self, name: str, link: _Link) -> LinkSnapshot:
         counters, status = link.decoder.counters, link.status

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from firmware_protocol.block_decoder import FrameBatch
 from firmware_protocol.counters import LinkCounters
-from gateway.core.config.vehicle import UNKNOWN_WHEEL, VehicleConfig, choose_vehicle
+from gateway.core.config.vehicle import VehicleConfig, choose_vehicle
 from gateway.core.estimates.registry import DEFAULT_ESTIMATORS
 from gateway.core.estimates.result_block import ResultBlock, blocks_of
 from gateway.core.estimates.results import AlarmRecord, RevolutionResult, WheelSnapshot
@@ -21,19 +21,12 @@ from gateway.core.recording.decoder_blocks import DecodedLinks
 from gateway.core.recording.recorded_clock import RecordedClock
 from gateway.core.recording.recorded_file import RecordedFile
 from gateway.core.session.alarm_watch import RecordingAlarms
-from gateway.core.session.corrections import effects_doubts, open_effects, with_effects
+from gateway.core.session.corrections import effects_doubts, open_effects
 from gateway.core.session.frame_guard import FrameGuard
 from gateway.core.session.missing_results import FrameCounts, missing_frames, missing_revolutions
-from gateway.core.session.session_parts import (
-    VehicleSignals,
-    open_guard,
-    open_tire_sensors,
-    open_vehicle_signals,
-)
-from gateway.core.session.statement_watch import StatementWatch
-from gateway.core.session.wheel_identity import SensorsHeard, positions
-from gateway.core.trust.wheel_pairs import WheelPairs
-from gateway.core.wheels.wheels import Pipeline
+from gateway.core.session.result_path import ResultPath
+from gateway.core.session.session_parts import VehicleSignals, open_guard, open_vehicle_signals
+from gateway.core.session.wheel_identity import SensorsHeard
 
 # Revolutions of a recording wait for a full block for as long as the buffer of their wheel has them.
 _HOLD_S: Final = 7.6
@@ -99,6 +92,8 @@ class OpenedRecording:
                     self.on_position(self.file.position)
                 yield from links.add(item)
             elif on_other is not None:
+                if isinstance(item, LinkEvent):
+                    yield from links.waiting()
                 on_other(item)
         yield from links.finish()
 
@@ -181,16 +176,14 @@ class RecordingPass:
         self._recording = recording
         self._guard = recording.guard()
         self._links = DecodedLinks(self._guard)
-        setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), recording.effects)
-        self._pipeline = Pipeline(setups, UNKNOWN_WHEEL, estimators, _HOLD_S)
-        self._signals, self._tire_sensors = signals, open_tire_sensors(vehicle)
-        self.statements = StatementWatch(positions(vehicle), self._pipeline.limit)
+        self._path = path = ResultPath(vehicle, recording.effects, estimators, _HOLD_S, signals)
+        self.statements = path.statements
+        self._alarms: RecordingAlarms | None = None
         if is_watched:
-            self._pipeline.attach(self.statements)
-            self._pipeline.attach(self.sensors)
-        self._pairs = WheelPairs(signals.witness() if signals is not None else None)
-        alarms = RecordingAlarms(vehicle, self._pipeline, self._pairs.alarms, logs=logs_alarms)
-        self._alarms = alarms if is_watched else None
+            path.attach(self.statements)
+            path.attach(self.sensors)
+            self._alarms = RecordingAlarms(vehicle, path, path.pairs.alarms, logs=logs_alarms)
+            path.raise_alarms(self._alarms)
         self._on_block = on_block
 
     def __iter__(self) -> Iterator[RevolutionResult]:
@@ -201,18 +194,12 @@ class RecordingPass:
         for link, batch, arrivals_ns in self._recording.blocks(self._links, self._take_other):
             if self._on_block is not None:
                 self._on_block(link, batch, arrivals_ns)
-            if self._alarms is not None:
-                first_ns, last_ns = int(arrivals_ns.min()), int(arrivals_ns.max())
-                before = self.span_ns or (first_ns, last_ns)
-                self.span_ns = min(first_ns, before[0]), max(last_ns, before[1])
-                self._alarms.frames(link, batch, arrivals_ns)
-            # A dump has no arrival times.
-            times_ns = arrivals_ns if arrivals_ns.any() else None
-            yield from self._completed(self._pipeline.take(link, batch, times_ns))
-            if self._alarms is not None:
-                self._alarms.end_of_block()
-        yield from self._completed(self._pipeline.finish())
-        self.wheels = self._pipeline.wheels()
+            first_ns, last_ns = int(arrivals_ns.min()), int(arrivals_ns.max())
+            before = self.span_ns or (first_ns, last_ns)
+            self.span_ns = min(first_ns, before[0]), max(last_ns, before[1])
+            yield from blocks_of(self._path.watched(link, batch, arrivals_ns, lambda _: None))
+        yield from blocks_of(self._path.compared(self._path.finish()))
+        self.wheels = self._path.wheels()
         for name, counted in self.links.items():
             self.statements.counters(name, counted)
 
@@ -235,8 +222,7 @@ class RecordingPass:
         # Where signatures are checked, the guard reports misplaced sensors, and what becomes of their frames.
         of_guard = self._guard.take_notices() if self._guard is not None else []
         of_sensors = of_guard or self.sensors.mismatches(heard)
-        of_receivers = [Notice(link, reason) for link, reason in self._signals.take_notices()] if self._signals else []
-        of_receivers += [Notice(link, reason) for link, reason in self._tire_sensors.take_notices()]
+        of_receivers = self._path.notices_of_receivers()
         # A receiver that contradicts the clock has its own notice.
         step = self.clock.set if self.clock.ahead_s and not of_receivers else None
         of_clock = [Notice("this computer", step, Level.WARNING)] if step is not None else []
@@ -247,16 +233,6 @@ class RecordingPass:
         counts = {name: FrameCounts(counted.frames, counted.refused) for name, counted in self.links.items()}
         return (*missing_frames(counts), *missing_revolutions(self.wheels, counts))
 
-    def _completed(self, results: list[RevolutionResult]) -> Iterator[ResultBlock]:
-        return blocks_of(self._watched(result, is_changed) for result, is_changed in self._pairs.compared(results))
-
-    def _watched(self, result: RevolutionResult, is_changed: bool) -> RevolutionResult:
-        if self._alarms is None:
-            return result
-        if is_changed:
-            self._alarms.compared(result.host_ns)
-        return self._alarms.result(result)
-
     def _take_other(self, item: VehicleData | LinkEvent) -> None:
         self.clock.take(item)
         if isinstance(item, LinkEvent):
@@ -265,9 +241,6 @@ class RecordingPass:
             return
         if self._alarms is not None:
             self._alarms.vehicle(item)
-        if self._signals is not None:
-            self._signals.take(item)
-        for position, reading in self._tire_sensors.take(item):
-            self._pipeline.outside(position, reading)
+        for position, reading in self._path.vehicle(item)[1]:
             if reading.reading.pressure_pa is not None:
                 self.sensors.hears_pressure(position)
