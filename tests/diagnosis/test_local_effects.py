@@ -15,6 +15,7 @@ from blind_rig.ring import NODES, Ring, rolled
 from gateway.core.errors import TreadlinkError
 from gateway.core.types import ComplexArray, FloatArray
 from gateway.diagnosis.angle.residual import residual_ratio
+from gateway.diagnosis.bayes.parameter_estimates import fitted_parameter
 from gateway.diagnosis.closed_loop import diagnose
 from gateway.diagnosis.effects.axis_errors import CrossAxis
 from gateway.diagnosis.effects.effect import (
@@ -107,6 +108,12 @@ def test_block_of_other_rubber_is_pressed_as_a_beam_on_it_is(share: float) -> No
     factor = LOCAL_TREAD_STIFFNESS.amplitude(current, size, width_rad / math.sqrt(3.0))[0] / size
     assert factor == pytest.approx(float(first @ finite / (first @ first)), rel=0.05)
     assert abs(factor - 1.0) > 0.02
+
+
+def test_place_is_known_to_a_twentieth_of_the_usual_window_at_best() -> None:
+    angle = LOCAL_CHANGES[0].parameters[1]
+    assert fitted_parameter(angle, 0.8, 0.0).std == pytest.approx(0.0015)
+    assert fitted_parameter(angle, 0.0, 0.002).std == pytest.approx(0.0025)
 
 
 def test_window_with_the_kurtosis_of_a_box_passes_what_a_box_does() -> None:

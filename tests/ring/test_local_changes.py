@@ -21,7 +21,7 @@ from gateway.ring.rolling_ring import (
 )
 from gateway.ring.rolling_ring import local_changes as module
 from gateway.ring.rolling_ring.block_vibration import pushed_response
-from gateway.ring.rolling_ring.force_balance import belt_balance, ring_grid
+from gateway.ring.rolling_ring.force_balance import belt_balance, edge_tread_npm2, ring_grid
 
 OMEGA_RADPS, NODES, PATTERNS = 55.0, 480, 4
 RING = RingParameters.from_numbers(
@@ -69,6 +69,16 @@ def test_stiffer_tread_all_around_is_that_of_another_ring() -> None:
     rise_m = (stiff.axle_height_m - soft.axle_height_m) / 0.02
     result = (response(Change.TREAD_STIFFNESS) + rise_m * response(Change.RIM))[0, 0].real
     assert np.linalg.norm(result - slope) < 0.02 * np.linalg.norm(slope)
+
+
+@pytest.mark.parametrize("edge", [0.1, 0.45, 0.55, 0.9])
+def test_contact_is_as_long_as_its_push_is_positive(edge: float) -> None:
+    """A push that is level in the middle, by nodes of one; the edges are between nodes."""
+    solution, nodes = belt(), np.arange(float(NODES))
+    push = np.minimum(20.0 + edge - np.abs(nodes - 240.0), 6.0)
+    road = solution.balance(solution.law).road._replace(unclipped_npm=push)
+    added = edge_tread_npm2(solution.law, road, 0.0)[:, 1, 1] / solution.law.tread_npm2
+    assert np.count_nonzero(push > 0.0) - added.sum() == pytest.approx(2.0 * (20.0 + edge))
 
 
 @pytest.mark.parametrize("change", [Change.BENDING, Change.MASS, Change.SIDEWALL, Change.TREAD, Change.RIM])

@@ -79,6 +79,7 @@ def fitted_parameter(parameter: Parameter, value: float, std: float, gain_std: f
     """
     shown = parameter.factor, parameter.display_unit, parameter.inverse_display
     by_gain = gain_std * value if parameter.by_gain else 0.0
-    std = math.hypot(std, parameter.shared_std or 0.0, by_gain, parameter.equation_share * value)
+    by_equation = math.hypot(parameter.equation_share * value, parameter.equation_std)
+    std = math.hypot(std, parameter.shared_std or 0.0, by_gain, by_equation)
     # A whole number is tried, not fitted: it has no error.
     return Fitted(value, 0.0 if parameter.whole else std, parameter.unit, *shown)

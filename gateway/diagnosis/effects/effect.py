@@ -113,6 +113,7 @@ class Parameter:
         by_gain: True where the value is in proportion to the gain of an axis, which nothing else in the signal shows:
             the gain's standard error is a part of the reported one.
         equation_share: error of the value by the effect's equation, as a share of it, a part of the reported one.
+        equation_std: the same where it does not go with the value.
         other_stds: further prior standard deviations, each as likely as `prior_std`, which is the widest: 0 for an
             amplitude that may be zero while others of the effect are not, a small one where some products are far
             better than others. They count in the evidence; a fit uses `prior_std`.
@@ -133,6 +134,7 @@ class Parameter:
     shared_std: float | None = None
     by_gain: bool = False
     equation_share: float = 0.0
+    equation_std: float = 0.0
     other_stds: tuple[float, ...] = ()
 
     @property

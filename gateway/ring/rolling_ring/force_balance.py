@@ -254,8 +254,9 @@ def edge_tread_npm2(law: BeltLaw, road: RoadForce, traction: float) -> FloatArra
     step too long or too short.
     """
     push = road.unclipped_npm
-    step = np.maximum(0.5 * np.abs(following(push) - preceding(push)), 1e-300)
-    share = np.clip(0.5 + push / step, 0.0, 1.0)
+    # Where the push is level, a node is wholly in contact or not at all.
+    step = np.maximum(0.5 * np.abs(following(push) - preceding(push)), 1e-9 * np.abs(push))
+    share = np.clip(0.5 + push / (step + 1e-300), 0.0, 1.0)
     direction = road.normal + traction * (road.normal @ QUARTER_TURN.T)
     return law.tread_npm2 * ((push > 0.0) - share)[:, None, None] * outer(direction, road.normal)
 
