@@ -17,6 +17,7 @@ class Accelerometer(Section):
     name: str = Field(min_length=1, max_length=60, description="part and setting")
     range_g: float = Field(ge=1, le=10_000, description="range in g")
     rate_hz: float | None = above(None, 0, 1e6, "sampling rate in Hz; left out for an analog part")
+    rate_error_percent: float = within(0.0, -5, 5, "error of the sampling rate in percent")
     bandwidth_hz: float | None = within(None, 10, 1e6, "-3 dB bandwidth in Hz")
     noise_mg_rthz: float | None = within(None, 0, 1000, "noise density in mg/sqrt(Hz)")
     resolution_mg: float | None = above(None, 0, 1e5, "step of the output in mg")

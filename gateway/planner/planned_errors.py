@@ -6,7 +6,7 @@ clipping are in the result. Nothing is predicted by a formula that the drives co
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -199,6 +199,22 @@ def plan_sensor(
     )
 
 
+def driven(
+    scenario: Scenario,
+    sensor: Accelerometer,
+    speed_mps: float,
+    *,
+    wheels: int,
+    seed: int = 0,
+    statements: Callable[[WheelSetup], WheelSetup] = lambda setup: setup,
+) -> tuple[WheelSetup, list[list[RevolutionResult]]]:
+    """Return the setup and the revolutions of drives as `plan_sensor` makes them, with other `statements`."""
+    planned = _with_sensor(scenario, sensor, speed_mps, sampling_rate_hz(sensor))
+    (plan,) = wheel_plans(planned)
+    setup = statements(_setup(planned, sensor))
+    return setup, _drives(plan, setup, speed_mps / plan.radius_m, wheels, seed)
+
+
 def _steady(scenario: Scenario, speed_mps: float) -> Scenario:
     """Return the scenario with its first wheel alone, at the speed."""
     first = scenario.wheels()[0]
@@ -218,6 +234,7 @@ def _with_sensor(scenario: Scenario, sensor: Accelerometer, speed_mps: float, ra
     data_sheet = first.sensor.model_copy(
         update={
             "rate_hz": sampled_hz,
+            "rate_error_ppm": 1e4 * sensor.rate_error_percent or first.sensor.rate_error_ppm,
             "axes": ("radial",),
             "range_g": sensor.range_g,
             "noise_mg_rthz": (sensor.noise_mg_rthz or 0.0,) * 3,
@@ -282,6 +299,8 @@ def _drives(
 
 def _drive(wheel: WheelSimulator, setup: WheelSetup, seconds: float) -> list[RevolutionResult]:
     pipeline, host, rate_hz = WheelPipeline(setup, ESTIMATORS), HostClock(), wheel.plan.sensor.rate_hz
+    # Stamps are those of the hub, which show the error of the sensor's clock.
+    true_hz = rate_hz * (1.0 + 1e-6 * wheel.plan.sensor.rate_error_ppm)
     pipeline.hello(hello_of(wheel))
     reading = Environment(wheel.plan.pressure_pa.at(0.0), wheel.plan.temperature_degc.at(0.0), None)
     counts = wheel.advance(seconds).counts
@@ -291,7 +310,7 @@ def _drive(wheel: WheelSimulator, setup: WheelSetup, seconds: float) -> list[Rev
     for first in range(0, len(counts) // BLOCK_SAMPLES * BLOCK_SAMPLES, part_samples):
         part = counts[first : first + part_samples]
         part = part[: len(part) // BLOCK_SAMPLES * BLOCK_SAMPLES]
-        ticks = [round((first + start) * 1e6 / rate_hz) for start in range(0, len(part), BLOCK_SAMPLES)]
+        ticks = [round((first + start) * 1e6 / true_hz) for start in range(0, len(part), BLOCK_SAMPLES)]
         pipeline.environment(ticks[0], reading)
         results += pipeline.samples(first, ticks, wheel.chain.axes, part, host)
     return results + pipeline.finish(host)

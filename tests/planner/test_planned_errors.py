@@ -57,6 +57,13 @@ def stays(sensor: Accelerometer, quantity: str, wheels: int = 4) -> float:
     return next(e.stays for e in errors if (e.quantity, e.revolutions) == (quantity, 100))
 
 
+def test_clock_of_the_sensor_is_seen_by_the_stamps():
+    off = QUIET.model_copy(update={"rate_error_percent": 0.2})
+    # Taken for nominal, it would move the speed by 0.2 %. It is measured after two seconds, which averages keep.
+    assert abs(stays(off, "speed_mps")) < 5e-4 * 80.0 / 3.6
+    assert scatter(planned(off), "Cw", 100) > 1.3 * scatter(planned(QUIET), "Cw", 100)
+
+
 def test_cross_axis_sensitivity_biases_by_its_sign():
     # The drives have the same noise, so that the difference is the axis that leaks.
     plain, *crossed = (
