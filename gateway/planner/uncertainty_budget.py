@@ -259,8 +259,7 @@ def budgets(setup: WheelSetup, results: Sequence[RevolutionResult]) -> list[Budg
             gain = scale * _part(again, better[largest.name].get(name))
             if gain > 0.0:
                 promise = Promise(largest, stated[largest], math.sqrt(max(estimate.std**2 - gain**2, 0.0)))
-        rest = math.sqrt(max(estimate.std**2 - explained**2, 0.0))
-        by_name = {source.name: part for source, part in parts.items()}
+        rest, by_name = math.sqrt(max(estimate.std**2 - explained**2, 0.0)), {of.name: parts[of] for of in parts}
         result.append(Budget(estimate, by_name, estimate.scatter_std, rest, promise))
     return result
 
