@@ -24,6 +24,7 @@ from gateway.importing.time_column import MAX_SOURCE_HZ, MAX_TIME_S, TimeColumn
 # A million g; no sensor reads as much, and its square must still be a number.
 _MAX_MPS2: Final = 1e7
 # A file with more gaps has columns of different rates.
+_JOINED_ROWS: Final = 16384
 _MAX_GAP_SHARE: Final = 0.5
 
 
@@ -180,6 +181,7 @@ class _WheelRange:
         self._low, self._high = np.full(len(self._axes), np.inf), np.full(len(self._axes), -np.inf)
         self._radial = self._axes.index(Axis.RADIAL)
         self._liveliest, self._most = np.empty(0), -1.0
+        self._recent = np.empty(0)
         self._gaps = 0
         self._bridged = BridgedGaps(len(self._axes))
         self.held = HeldSamples(len(self._axes))
@@ -192,9 +194,16 @@ class _WheelRange:
             return
         self._low = np.minimum(self._low, values_mps2[present].min(axis=0))
         self._high = np.maximum(self._high, values_mps2[present].max(axis=0))
-        scatter = float(values_mps2[present, self._radial].std())
+        # The parts of a folder may be shorter than a revolution.
+        self._recent = np.concatenate((self._recent, values_mps2[:, self._radial]))
+        if len(self._recent) >= _JOINED_ROWS:
+            self._compare_recent()
+
+    def _compare_recent(self) -> None:
+        scatter = float(np.nanstd(self._recent)) if np.isfinite(self._recent).any() else -1.0
         if scatter > self._most:
-            self._liveliest, self._most = values_mps2[:, self._radial].copy(), scatter
+            self._liveliest, self._most = self._recent, scatter
+        self._recent = np.empty(0)
 
     def check_gaps(self, path: Path, samples: int) -> None:
         if self._gaps > _MAX_GAP_SHARE * samples:
@@ -204,6 +213,7 @@ class _WheelRange:
             )
 
     def wheel_scan(self) -> WheelScan:
+        self._compare_recent()
         return WheelScan(
             gaps=self._gaps,
             low_mps2=dict(zip(self._axes, self._low.tolist(), strict=True)),

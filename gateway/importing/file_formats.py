@@ -54,9 +54,7 @@ _BUS: Final = "Record its signals: treadlink record SOURCE can:{name}."
 _TO_MCAP: Final = "Convert it to MCAP, with Imu messages: mcap convert {name} OUT.mcap."
 # First bytes of files that are no measurement, or not yet: what they are, and the way to one.
 _NO_MEASUREMENT: Final = {
-    b"LOGG": (" is a log of a CAN bus", _BUS),
-    b"date ": (" is a log of a CAN bus", _BUS),
-    b";$FILEVERSION": (" is a log of a CAN bus", _BUS),
+    **dict.fromkeys((b"LOGG", b"date ", b";$FILEVERSION"), (" is a log of a CAN bus", _BUS)),
     b'VERSION "': (
         " names the signals of a CAN bus",
         "Give it with a log: treadlink record SOURCE can:LOG?dbc={name}.",
@@ -65,7 +63,6 @@ _NO_MEASUREMENT: Final = {
     b"SQLite format 3": (" is an SQLite database, as bags of ROS 2 are", _TO_MCAP),
     b"TDSh": (" is the index of a TDMS file", "Give the .tdms file beside it."),
     b"\xd4\xc3\xb2\xa1": (" is a capture of network packets", _TO_CSV),
-    b"\n\r\r\n": (" is a capture of network packets", _TO_CSV),
     b"\xd0\xcf\x11\xe0": (" is a document of an old Office", _TO_CSV),
     b"{": (" is JSON", _TO_CSV),
     **dict.fromkeys(

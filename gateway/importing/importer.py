@@ -166,7 +166,7 @@ def parts_of(path: Path) -> tuple[Path, ...]:
     """
     if not path.is_dir():
         return (path,)
-    files = [entry for entry in path.iterdir() if entry.is_file() and not entry.name.startswith(".")]
+    files = [entry for entry in path.iterdir() if entry.is_file() and not entry.name.startswith((".", "_"))]
     kinds = sorted({file.suffix.lower() for file in files})
     if len(kinds) != 1:
         shown = ", ".join(kinds) or "nothing"

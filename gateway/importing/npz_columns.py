@@ -25,7 +25,12 @@ class NpzColumns(WaveformColumns):
         loaded = np.load(path, allow_pickle=False)
         arrays = {path.stem: loaded} if isinstance(loaded, np.ndarray) else loaded
         for name in arrays:
-            self._add(printable(name), np.asarray(arrays[name]))
+            try:
+                self._add(printable(name), np.asarray(arrays[name]))
+            except ValueError as error:
+                if "allow_pickle" not in str(error):
+                    raise
+                self.unusable[printable(name)] = ("contains objects of Python", "Save its values as numbers.")
         if not self.waveforms and self.unusable:
             name, (reason, remedy) = next(iter(self.unusable.items()))
             raise ImportDataError(f"{path}: '{name}' {reason}", remedy)

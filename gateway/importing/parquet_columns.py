@@ -41,7 +41,8 @@ class ParquetColumns:
 
         for name in names:
             kind = self._types[name]
-            numbers = pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind)
+            types = (pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean, pa.types.is_decimal)
+            numbers = any(is_type(kind) for is_type in types)
             if not (numbers or self._is_date(name) or _is_span(kind) or self._is_list(name)):
                 raise ImportDataError(
                     f"{self._path}: column '{name}' contains {kind}, not numbers", "Convert it before importing."

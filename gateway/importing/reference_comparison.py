@@ -152,15 +152,9 @@ class TurnLog:
 def _with_channel(
     position: str, name: str, quantity: str, measured: FloatArray, estimates: FloatArray, value_std: float
 ) -> ReferenceComparison:
-    """Return how estimates follow a channel of the rig at three revolutions or more.
+    """Return how (n, 2) estimates with their standard errors, NaN without one, follow (n,) values of a channel.
 
-    Args:
-        position: wheel position.
-        name: name of the reference.
-        quantity: one of `RIG_CHANNELS`.
-        measured: (n,) channel at the revolutions.
-        estimates: (n, 2) estimate and its standard error, NaN where there is none.
-        value_std: standard error of the channel, which all revolutions share.
+    `value_std` is the standard error of the channel, which all revolutions share.
     """
     both = np.isfinite(estimates).all(axis=1)
     if both.sum() < FEWEST_TURNS:
@@ -182,19 +176,10 @@ def _with_channel(
         parts = mean_std(rest * deviations) / float(np.mean(deviations**2))
         slope_std = max(parts, float(rest.std()) / math.sqrt(float(deviations @ deviations)))
     return ReferenceComparison(
-        position,
-        name,
-        quantity,
-        len(values),
-        estimated=float(values.mean()),
-        measured=float((values - differences).mean()),
-        difference=float(differences.mean()),
-        difference_std=math.hypot(mean_std(differences), value_std),
-        scatter=float(differences.std(ddof=1)),
-        share_of_error=float(np.sqrt(np.mean(differences**2 / (stds**2 + value_std**2)))),
-        slope=slope,
-        slope_std=slope_std,
-    )
+        position, name, quantity, len(values), float(values.mean()), float((values - differences).mean()),
+        float(differences.mean()), math.hypot(mean_std(differences), value_std), float(differences.std(ddof=1)),
+        float(np.sqrt(np.mean(differences**2 / (stds**2 + value_std**2)))), slope, slope_std,
+    )  # fmt: skip
 
 
 def turn_means(

@@ -1,12 +1,17 @@
 """Reader of the channels in WAV files, by scipy, run by `gateway.importing.reader_process`."""
 
+import io
+import struct
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
 from gateway.core.errors import ImportDataError
 from gateway.core.types import FloatArray
 from gateway.importing.waveform_columns import Waveform, WaveformColumns
+
+_HEADER_BYTES: Final = 4096
 
 
 class WavColumns(WaveformColumns):
@@ -23,7 +28,7 @@ class WavColumns(WaveformColumns):
 
         super().__init__(path)
         try:
-            rate_hz, samples = wavfile.read(path)
+            rate_hz, samples = wavfile.read(_ended(path))
         except ValueError as error:
             if "reshape" not in str(error):
                 raise
@@ -35,6 +40,17 @@ class WavColumns(WaveformColumns):
         zero = 128.0 if samples.dtype == np.uint8 else 0.0
         for k in range(columns.shape[1]):
             self.waveforms[f"channel {k + 1}"] = _waveform(columns[:, k], full - zero, zero, rate_hz)
+
+
+def _ended(path: Path) -> Path | io.BytesIO:
+    """Return a file, with the size of its samples where it was written to a pipe, which leaves that open."""
+    with path.open("rb") as file:
+        start = file.read(_HEADER_BYTES)
+    place = start.find(b"data", 12) + 4
+    if not start.startswith(b"RIFF") or start[place : place + 4] != b"\xff" * 4:
+        return path
+    content = path.read_bytes()
+    return io.BytesIO(content[:place] + struct.pack("<I", len(content) - place - 4) + content[place + 4 :])
 
 
 def _waveform(values: FloatArray, full: float, zero: float, rate_hz: float) -> Waveform:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import itertools
 import logging
 import re
 from collections.abc import Iterator
@@ -21,12 +22,14 @@ _DIGITS: Final = re.compile(r"(\d+)$")
 _FIRST_LINES: Final = 20
 # candump without -l: time of -ta, -tA or none, interface, identifier, length, bytes.
 _CONSOLE: Final = re.compile(
-    r"\s*(?:\((?P<time>[^)]+)\)\s+)?(?P<bus>[A-Za-z][\w.-]*)\s+(?:[RT]X\s+[\w-]+\s+)?(?P<id>[0-9A-Fa-f]{3,8})\s+"
+    r"\s*(?:\((?P<time>[^)]+)\)\s+)?(?P<bus>[A-Za-z][\w.-]*)\s+(?:[RT]X\s+(?:[\w-]+\s+){1,2})?(?P<id>[0-9A-Fa-f]{3,8})\s+"
     r"\[(?P<length>\d+)\](?P<rest>.*)"
 )
 _BYTE: Final = re.compile(r"\s*([0-9A-Fa-f]{2})(?=\s|$)")
 _LISTED: Final = re.compile(r"\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]+#")
 _SAVVY: Final = ("time stamp", "id", "extended")
+# Times of candump beyond this count from 1970.
+_SINCE_1970_S: Final = 1e8
 _ERROR_ID: Final = 1 << 29
 _ASC_STAMP: Final = re.compile(r"(\s*)(-?\d+\.\d+)(\s.*)", re.DOTALL)
 _ASC_HEADER: Final = re.compile(r"\s*(?://|date|base|(?:no\s+)?internal|begin|end|previous|version)", re.IGNORECASE)
@@ -102,8 +105,7 @@ def _library_frames(path: Path, offset_ns: int, suffix: str) -> Iterator[BusFram
     # Vector counts channels from 1, python-can from 0.
     first_channel = 1 if suffix in ("asc", "blf") else 0
     before_s = source.file.before_s if suffix == "asc" else 0.0
-    passed_over = _PassedOver()
-    with source as reader, passed_over.collected(suffix):
+    with source as reader, _passed_over(suffix) as messages:
         for message in reader:
             channel = channel_number(message.channel)
             channel = None if channel is None else channel + first_channel
@@ -111,33 +113,27 @@ def _library_frames(path: Path, offset_ns: int, suffix: str) -> Iterator[BusFram
         if suffix == "asc" and source.file.unread:
             raise ValueError(f"{source.file.unread} lines are none of an ASC log, the first is {source.file.first}")
         stated = getattr(reader, "file_size", 0) if suffix == "blf" else 0
-    if passed_over.messages:
-        raise ValueError(f"{len(passed_over.messages)} lines cannot be read: {passed_over.messages[0]}")
+    if messages:
+        raise ValueError(f"{len(messages)} lines cannot be read: {messages[0]}")
     if stated > path.stat().st_size:
         raise ValueError(f"the file is cut: it has {path.stat().st_size} of {stated} bytes")
 
 
-class _PassedOver(logging.Filter):
-    """Lines that python-can warns of, and passes over."""
+@contextmanager
+def _passed_over(suffix: str) -> Iterator[list[str]]:
+    """Collect what python-can warns of while it reads, which then does not go to the screen."""
+    messages: list[str] = []
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.messages: list[str] = []
-
-    def filter(self, record: logging.LogRecord) -> bool:
-        """Note a record; nothing of it goes to the screen."""
-        self.messages.append(record.getMessage())
+    def note(record: logging.LogRecord) -> bool:
+        messages.append(record.getMessage())
         return False
 
-    @contextmanager
-    def collected(self, suffix: str) -> Iterator[None]:
-        """Collect the warnings of the reader of a suffix."""
-        logger = logging.getLogger(f"can.io.{suffix}")
-        logger.addFilter(self)
-        try:
-            yield
-        finally:
-            logger.removeFilter(self)
+    logger = logging.getLogger(f"can.io.{suffix}")
+    logger.addFilter(note)
+    try:
+        yield messages
+    finally:
+        logger.removeFilter(note)
 
 
 class _ListedLines:
@@ -223,6 +219,7 @@ class _AscLines:
 
 def _console_frames(path: Path, offset_ns: int) -> Iterator[BusFrame]:
     """Yield the frames of what candump prints; lines without a time cannot be placed."""
+    is_since_last, last_ns = _are_differences(path), 0
     with _opened(path) as file:
         for number, line in enumerate(file, 1):
             if not line.strip():
@@ -235,16 +232,27 @@ def _console_frames(path: Path, offset_ns: int) -> Iterator[BusFrame]:
                 raise ValueError(f"line {number} has no time: record with candump -l, or with -ta")
             number_id, rest = int(match["id"], 16), match["rest"]
             is_error = "ERRORFRAME" in rest
+            last_ns = _console_ns(match["time"].strip(), number) + (last_ns if is_since_last else 0)
             data = bytes(int(byte, 16) for byte in _bytes_of(rest, int(match["length"])))
             yield BusFrame(
-                offset_ns + _console_ns(match["time"].strip(), number),
+                offset_ns + last_ns,
                 number_id & (_ERROR_ID - 1) if is_error else number_id,
                 len(match["id"]) > _EXTENDED_DIGITS and not is_error,
                 data,
+                len(match["length"]) > 1,
                 is_remote="remote request" in rest,
                 is_error=is_error,
                 channel=channel_number(match["bus"]),
             )
+
+
+def _are_differences(path: Path) -> bool:
+    """Return whether the times of candump are those since the last frame, as with -td: they begin again and again."""
+    matches = [_CONSOLE.fullmatch(line.rstrip()) for line in _first_lines(path, 200)]
+    times = [match["time"].strip() for match in matches if match is not None and match["time"]]
+    seconds = [float(text) for text in times if re.fullmatch(r"\d+\.\d+", text)]
+    steps_back = sum(later <= before for before, later in itertools.pairwise(seconds))
+    return len(seconds) > 2 and max(seconds) < _SINCE_1970_S and steps_back > 0.2 * len(seconds)
 
 
 def _bytes_of(text: str, count: int) -> list[str]:

@@ -155,10 +155,47 @@ def write_xlsx(path: Path) -> Path:
     return path
 
 
+def write_wav_to_a_pipe(path: Path) -> Path:
+    """Write the open sizes of a program that cannot go back, and a text before the samples."""
+    content = bytearray(write_wav(path).read_bytes())
+    place = content.index(b"data")
+    text = b"LIST" + struct.pack("<I", 18) + b"INFOISFT\x06\0\0\0rec 1\0"
+    content[place : place + 8] = text + b"data" + b"\xff" * 4
+    content[4:8] = b"\xff" * 4
+    path.write_bytes(content)
+    return path
+
+
+def write_parquet_by_duckdb(path: Path) -> Path:
+    """Write decimals, as data bases do."""
+    duckdb, pl = pytest.importorskip("duckdb"), pytest.importorskip("polars")
+    frame = pl.DataFrame({"t_s": WHEEL.times_s, **dict(zip(NAMES, AXES_G.T, strict=True))})
+    columns = ", ".join(f"cast({name} as decimal(14, 7)) as {name}" for name in frame.columns)
+    duckdb.connect().register("run", frame.to_arrow()).sql(f"copy (select {columns} from run) to '{path}'")
+    return path
+
+
+def write_parquet_by_polars(path: Path) -> Path:
+    """Write durations and lists of one length."""
+    pl = pytest.importorskip("polars")
+    blocks = AXES_G.reshape(-1, 40, 3)
+    span = pl.Series(np.rint(WHEEL.times_s[::40] * 1e6).astype(np.int64)).cast(pl.Duration("us"))
+    lists = {name: pl.Series(blocks[:, :, k], dtype=pl.Array(pl.Float32, 40)) for k, name in enumerate(NAMES)}
+    pl.DataFrame({"elapsed": span, **lists}).write_parquet(path)
+    return path
+
+
+def write_npz_with_objects(path: Path) -> Path:
+    np.savez_compressed(path, acc=np.asfortranarray(AXES_G), fs=[RATE_HZ], notes=np.array({"tire": 1}, dtype=object))
+    return path
+
+
 WRITERS = {
     "famos.raw": write_famos, "famos.dat": write_famos, "imu.mcap": write_imu, "log.vbo": write_vbo,
     "lists.parquet": write_parquet_lists, "daq.wav": write_wav, "run.npz": write_npz, "motec.csv": write_motec,
     "aim.csv": write_aim, "rig.tdx": write_tydex, "rig.xlsx": write_xlsx,
+    "pipe.wav": write_wav_to_a_pipe, "duck.parquet": write_parquet_by_duckdb, "polars.parquet": write_parquet_by_polars,
+    "objects.npz": write_npz_with_objects,
 }  # fmt: skip
 
 
@@ -258,6 +295,22 @@ def test_folder_of_parts_is_one_measurement(tmp_path: Path) -> None:
     (folder / "notes.pdf").write_text("no measurement")
     with pytest.raises(ImportDataError, match="several kinds of files"):
         imported(folder)
+
+
+def test_unit_of_parts_that_are_shorter_than_a_revolution_is_checked(tmp_path: Path) -> None:
+    folder = tmp_path / "parts"
+    folder.mkdir()
+    (folder / "_SUCCESS").touch()
+    for part, first in enumerate(range(0, len(AXES_G), 400)):
+        rows = slice(first, first + 400)
+        columns = {"t": WHEEL.times_s[rows], **{name: AXES_G[rows, k] for k, name in enumerate(NAMES)}}
+        write_csv(folder / f"part-{part}.csv", columns)
+    text = guess_map(folder)
+    assert text.count('unit = "g"') == 3
+    for unit, is_fitting in (("g", True), ("m/s^2", False)):
+        map_text = text.replace('unit = "g"', f'unit = "{unit}"')
+        report = import_file(folder, parse_map(map_text, "map"), tmp_path / f"{is_fitting}.mcap")
+        assert (report.wheels[0].findings == ()) is is_fitting
 
 
 def test_day_and_time_above_the_columns_are_proposed(tmp_path: Path) -> None:

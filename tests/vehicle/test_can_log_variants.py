@@ -138,6 +138,19 @@ def test_lines_out_of_order_and_cut_are_told(tmp_path: Path) -> None:
     assert any("last line has no end" in text for text in told)
 
 
+@pytest.mark.parametrize("is_apart", [True, False])
+def test_times_of_candump_since_the_last_frame_add_up(tmp_path: Path, is_apart: bool) -> None:
+    steps_s = [0.0, *(0.01 + 0.004 * (k % 3) for k in range(40))]
+    times_s = [sum(steps_s[: k + 1]) for k in range(len(steps_s))]
+    rows = [
+        f" ({step if is_apart else time:010.6f})  can0  RX B -  204  [02]  {k:02X} 10"
+        for k, (step, time) in enumerate(zip(steps_s, times_s, strict=True))
+    ]
+    frames = frames_of(written(tmp_path / "console.log", rows))
+    assert [frame.host_ns * 1e-9 for frame in frames] == pytest.approx(times_s)
+    assert all(frame.is_fd and frame.data[1] == 0x10 for frame in frames)
+
+
 @pytest.mark.parametrize("end", ["     41    0.0410 DT 1 0204 Rx - 2  1", "     41    0.0410 DT 1 02"])
 def test_cut_trc_is_told_and_keeps_its_frames(tmp_path: Path, end: str) -> None:
     head = [";$FILEVERSION=2.1", ";$STARTTIME=45415.25", ";$COLUMNS=N,O,T,B,I,d,R,L,D"]

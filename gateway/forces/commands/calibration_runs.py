@@ -6,6 +6,7 @@ from pathlib import Path
 
 from gateway.core.errors import CalibrationError
 from gateway.core.estimates.results import RevolutionResult
+from gateway.core.estimates.weighted_mean import MeanEstimate
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.session.recording_pass import RecordingPass, open_recording
 from gateway.core.session.session_parts import RigChannels, open_rig_channels
@@ -72,6 +73,25 @@ def read_runs(
             for index in indices:
                 _check_wheel(file, wheels[index], sorted(seen))
     return [rigs[index] for index in range(len(runs))]
+
+
+def rig_mean(
+    name: str, rig: RigChannels, position: str, quantity: str, turns: Sequence[tuple[float, float]]
+) -> MeanEstimate:
+    """Return the mean of a channel of the rig at the revolutions of a run.
+
+    Raises:
+        CalibrationError: it does not cover them.
+    """
+    channel = rig.at(position, quantity, turns)
+    covered = 0 if channel is None else channel.covered
+    if channel is None or covered < len(turns):
+        raise CalibrationError(
+            f"{name}: its recording has a {quantity.replace('_', ' ')} at {covered} of {len(turns)} revolutions",
+            "State it, or choose from_s and to_s; an import map keeps a column of the rig as a [[reference]] "
+            f'with quantity = "{quantity}".',
+        )
+    return channel.mean()
 
 
 def _check_wheel(file: Path, wanted: str | None, seen: Sequence[str]) -> None:

@@ -14,7 +14,7 @@ from gateway.core.errors import CalibrationError
 from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.estimates.results import RevolutionResult
 from gateway.core.session.session_parts import RigChannels
-from gateway.forces.commands.calibration_runs import read_runs, run_name
+from gateway.forces.commands.calibration_runs import read_runs, rig_mean, run_name
 from gateway.forces.known_runs import ForceRunsFile, ForceRunTable
 from gateway.forces.side_force import HORIZON_REVOLUTIONS
 from gateway.forces.side_force_calibration import LinearLaw, SideForceCalibration, fit_linear_law
@@ -69,24 +69,13 @@ class ForceRun:
             self.pressures_pa.append(result.conditions.pressure_pa)
 
     def take_force(self, rig: RigChannels, stated_std_n: float) -> None:
-        """Take the force as stated, or that of the rig at the revolutions used.
-
-        Raises:
-            CalibrationError: neither is known.
-        """
+        """Take the force as stated, or that of the rig at the revolutions used."""
         self.force_std_n = stated_std_n
         if self.table.side_force_n is not None:
             self.force_n = self.table.side_force_n
             return
-        channel = rig.at(self.turns[0][0], "side_force", [(start, period) for _, start, period in self.turns])
-        covered = 0 if channel is None else channel.covered
-        if channel is None or covered < len(self.turns):
-            raise CalibrationError(
-                f"{self.name}: its recording has a side force at {covered} of {len(self.turns)} revolutions",
-                "State side_force_n, or choose from_s and to_s; an import map keeps a column of the rig as a "
-                '[[reference]] with quantity = "side_force".',
-            )
-        mean = channel.mean()
+        turns = [(start, period) for _, start, period in self.turns]
+        mean = rig_mean(self.name, rig, self.turns[0][0], "side_force", turns)
         self.force_n, self.force_std_n = mean.value, math.hypot(mean.std, stated_std_n)
 
     @property

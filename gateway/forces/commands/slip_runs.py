@@ -10,9 +10,8 @@ from gateway.core.config.toml_writer import toml_text
 from gateway.core.errors import CalibrationError
 from gateway.core.estimates.results import RevolutionResult
 from gateway.core.revolutions.sensor_mounting import RollCalibration
-from gateway.core.session.session_parts import RigChannel
-from gateway.forces.commands.calibration_runs import read_runs, run_name
-from gateway.forces.known_runs import RunTable, SlipRunsFile
+from gateway.forces.commands.calibration_runs import read_runs, rig_mean, run_name
+from gateway.forces.known_runs import SlipRunsFile
 from gateway.forces.slip_calibration import SlipCalibration
 from gateway.forces.slip_fit import MIN_REVOLUTIONS, SlipFit, SlipRun, SlipRunRevolutions
 from gateway.forces.tire_tables import SlipCalibrationTable
@@ -52,31 +51,18 @@ def measured_runs(path: Path, runs: SlipRunsFile, fallback: Path | None) -> list
     rigs = read_runs(path, runs.run, wheels, ("kinematic",), fallback, take, skipped_revolutions=_SKIPPED_REVOLUTIONS)
     for run, measured in zip(runs.run, taken, strict=True):
         _check_usable(run_name(run), measured)
-    channels = [rig.at(positions.get(index, ""), "slip_angle", used[index]) for index, rig in enumerate(rigs)]
+    slips = []
+    for index, (run, rig) in enumerate(zip(runs.run, rigs, strict=True)):
+        std_rad = math.radians(runs.slip_std_deg if run.slip_std_deg is None else run.slip_std_deg)
+        if run.slip_deg is not None:
+            slips.append((math.radians(run.slip_deg), std_rad))
+            continue
+        mean = rig_mean(run_name(run), rig, positions.get(index, ""), "slip_angle", used[index])
+        slips.append((mean.value, math.hypot(mean.std, std_rad)))
     return [
-        measured.run(
-            run_name(run),
-            *_slip_rad(run, runs, channels[index], len(used[index])),
-            is_reverse=run.direction == "reverse",
-        )
-        for index, (run, measured) in enumerate(zip(runs.run, taken, strict=True))
+        measured.run(run_name(run), *slip, is_reverse=run.direction == "reverse")
+        for run, measured, slip in zip(runs.run, taken, slips, strict=True)
     ]
-
-
-def _slip_rad(run: RunTable, runs: SlipRunsFile, channel: RigChannel | None, used: int) -> tuple[float, float]:
-    """Return the slip angle of a run and its standard error: as stated, or that of the rig at the revolutions used."""
-    std_rad = math.radians(runs.slip_std_deg if run.slip_std_deg is None else run.slip_std_deg)
-    if run.slip_deg is not None:
-        return math.radians(run.slip_deg), std_rad
-    covered = 0 if channel is None else channel.covered
-    if channel is None or covered < used:
-        raise CalibrationError(
-            f"{run_name(run)}: its recording has a slip angle at {covered} of {used} revolutions",
-            "State slip_deg, or choose from_s and to_s; an import map keeps a column of the rig as a [[reference]] "
-            'with quantity = "slip_angle".',
-        )
-    mean = channel.mean()
-    return mean.value, math.hypot(mean.std, std_rad)
 
 
 def _check_usable(name: str, measured: SlipRunRevolutions) -> None:
