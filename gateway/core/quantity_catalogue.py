@@ -156,12 +156,12 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             rests_on=ON_WAVEFORM,
             possible=_GAINS,
             is_steady=True,
-            # As much as 40 K change it by a data sheet's 0.05 % per K.
+            # As much as 30 K change it by a data sheet's 0.05 % per K.
             watch=Watch(
                 number="gain",
                 unit="%",
                 factor=100.0,
-                notable=2.0,
+                notable=1.5,
                 trend=Trend.SENSOR,
                 shifted_by=_BY_RADIUS,
                 explains=_SCALE,

@@ -424,8 +424,7 @@ def read_description(root: Path) -> Description:
             raise OutputError(f"dataset '{root}' does not exist", missing_path_remedy(root)) from error
         fault = f"it has no file {DESCRIPTION}" if root.is_dir() else "it is no folder"
         raise OutputError(
-            f"'{root}' is not a dataset: {fault}",
-            "Make one: treadlink campaign PATH... --out DATASET",
+            f"'{root}' is not a dataset: {fault}", "Make one: treadlink campaign PATH... --out DATASET"
         ) from error
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise OutputError(f"'{path}' cannot be read: {error}", "Restore it, or choose a new folder.") from error

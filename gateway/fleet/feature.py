@@ -11,9 +11,5 @@ FEATURE: Final = Feature(
             "gateway.fleet.commands.trends:trends", "Report how tires and sensors of a dataset change."
         ),
     },
-    adds={
-        Registry.PARTS: {
-            "label of a series": "gateway.fleet.trends.watched_series:label_of",
-        },
-    },
+    adds={Registry.PARTS: {"label of a series": "gateway.fleet.trends.watched_series:label_of"}},
 )

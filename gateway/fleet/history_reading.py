@@ -128,11 +128,7 @@ class DatasetHistories:
 
 
 def read_histories(
-    root: Path,
-    odometer: Odometer | None = None,
-    *,
-    clock: Clock | None = None,
-    where: RunFilter = EVERY_RUN,
+    root: Path, odometer: Odometer | None = None, *, clock: Clock | None = None, where: RunFilter = EVERY_RUN
 ) -> DatasetHistories:
     """Read the table of recordings.
 

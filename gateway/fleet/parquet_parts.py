@@ -31,14 +31,7 @@ class PartFile(WholeOutput):
         rows: written so far.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        columns: Mapping[str, Column],
-        table: str,
-        *,
-        many_rows: bool = False,
-    ) -> None:
+    def __init__(self, path: Path, columns: Mapping[str, Column], table: str, *, many_rows: bool = False) -> None:
         """Open the file.
 
         Args:

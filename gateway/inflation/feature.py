@@ -8,5 +8,5 @@ FEATURE: Final = Feature(
     adds={
         Registry.VEHICLE_KEYS: {"tire.placard": "gateway.inflation.placard:PLACARD"},
         Registry.WHEEL_WATCHES: {"pressure warning": "gateway.inflation.pressure_warning:pressure_warning"},
-    },
+    }
 )

@@ -9,10 +9,7 @@ class InflationCode(Codes):
     PRESSURE_BELOW_PLACARD = Code(
         "{pressure_pa:.0f kPa} is {share:.0%} below the {warm_pa:.0f kPa} that {placard_pa:.0f kPa} of the placard are "
         "{at}: {course}",
-        at={
-            "warm": "at {temperature_degc:.0f} °C",
-            "unknown": "at an unknown temperature",
-        },
+        at={"warm": "at {temperature_degc:.0f} °C", "unknown": "at an unknown temperature"},
         course={
             "fast": "lost {fall_pa:.0f kPa} within {span_s:.0f min} of driving, a puncture or a valve",
             "slow": "no fast loss in the {span_s:.0f min} of driving that were watched",

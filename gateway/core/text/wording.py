@@ -84,13 +84,12 @@ class _Template(string.Formatter):
             # Text from a hub, a file or an error stays on its line and cannot control the terminal.
             value = escaped(value)
         number, _, unit = format_spec.partition(" ")
+        shown = format(value * _UNITS[unit], number) if unit else format(value, format_spec)
+        if number.endswith("g") and "e+0" in shown:
+            # Few digits of a large number: 20, not 2e+01.
+            shown = f"{float(shown):.0f}"
         if unit:
-            shown = format(value * _UNITS[unit], number)
-            if number.endswith("g") and "e+0" in shown:
-                # Few digits of a large number: 20, not 2e+01.
-                shown = f"{float(shown):.0f}"
             return f"{_unsigned_zero(shown)} {unit}"
-        shown = format(value, format_spec)
         if format_spec.endswith("%"):
             shown = f"{shown[:-1]} %"
         return _unsigned_zero(shown) if isinstance(value, float) else shown

@@ -39,11 +39,13 @@ class Change(NamedTuple):
         begin: recording from which on it changes; None where it drifts all the time.
         log_ratio: logarithm of the values after it over those before; None where they are not above zero, or unknown.
         std: error of `log_ratio`.
+        grows: whether it grows from `begin` on, as by a leak: what follows from it shows later.
     """
 
     begin: int | None
     log_ratio: float | None = None
     std: float = 0.0
+    grows: bool = False
 
 
 class Finding(NamedTuple):
@@ -108,8 +110,10 @@ def _follows(effect: Change, cause: Change, quantity: Quantity, explains: frozen
     """Return whether a change begins with another, and is no larger than what follows from it."""
     if (effect.begin is None) != (cause.begin is None):
         return False
-    if effect.begin is not None and cause.begin is not None and abs(effect.begin - cause.begin) > _TOGETHER:
-        return False
+    if effect.begin is not None and cause.begin is not None:
+        later = effect.begin - cause.begin
+        if later < -_TOGETHER or (later > _TOGETHER and not cause.grows):
+            return False
     # Through the sensor's gain, zero or place any other number may be read.
     if effect.log_ratio is None or cause.log_ratio is None or not explains <= _OF_TIRE:
         return True

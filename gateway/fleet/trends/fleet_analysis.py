@@ -38,6 +38,9 @@ from gateway.fleet.trends.watched_series import SERIES, followed_by
 _LEAST_FLEET: Final = 4
 _FAST_WEAR: Final = 1.5
 _FAST_WEAR_STDS: Final = 4.0
+# Loss of pressure in a month that a fleet of tight tires may have by permeation, and excess over it that is a finding.
+_MOST_PERMEATION_KPA: Final = 6.0
+_EXCESS_LOSS_KPA: Final = 1.0
 # Series of a tire that are tested for outliers.
 _SERIES_OF_TIRE: Final = 12
 
@@ -66,7 +69,7 @@ def analyse(
     ]
     moves = findings_of_moves(tires)
     return FleetTrends(
-        tires=_with_fast_wear([_with_moves(trend, moves) for trend, _ in trends]),
+        tires=_without_permeation(_with_fast_wear([_with_moves(trend, moves) for trend, _ in trends])),
         pairs=tuple(axle_pairs(tires)),
         outliers=tuple(outlier for _, tire in trends for outlier in tire.outliers),
         tested=sum(tire.tested for _, tire in trends),
@@ -224,3 +227,18 @@ def _with_fast_wear(tires: Sequence[TireTrend]) -> tuple[TireTrend, ...]:
         )
         judged.append(replace(tire, findings=(finding, *tire.findings)) if is_fast else tire)
     return tuple(judged)
+
+
+def _without_permeation(tires: Sequence[TireTrend]) -> tuple[TireTrend, ...]:
+    """Leave out the finding of a loss of pressure that tires of the fleet have alike: rubber lets gas through."""
+    losses = [next(n for n in tire.numbers if n.quantity == Quantity.PRESSURE_LOSS) for tire in tires]
+    valid_losses = [loss.value for loss in losses if loss.status is Status.VALID]
+    if len(valid_losses) < _LEAST_FLEET:
+        return tuple(tires)
+    usual_kpa = min(max(float(np.median(valid_losses)) + _EXCESS_LOSS_KPA, 0.0), _MOST_PERMEATION_KPA)
+    return tuple(
+        replace(tire, findings=tuple(item for item in tire.findings if item.code is not FleetCode.TREND_LOSES_PRESSURE))
+        if loss.value <= usual_kpa
+        else tire
+        for tire, loss in zip(tires, losses, strict=True)
+    )

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gateway.core.types import BoolArray, FloatArray, IntArray
-from gateway.fleet.trends.level_steps import LEAST_POINTS, find_steps, with_steps
+from gateway.fleet.trends.level_steps import LEAST_POINTS, find_levels, find_steps, with_steps
 from gateway.fleet.trends.regression import LEAST_FREEDOM, correlation_factor
 
 LEAST_AFTER: Final = 3
@@ -68,6 +68,7 @@ def find_shape(
     least_step: float = 0.0,
     least_change: float = 0.0,
     may_be_isolated: bool = True,
+    is_level: bool = False,
 ) -> Shape:
     """Return steps and the change that describe a series best.
 
@@ -81,6 +82,7 @@ def find_shape(
         least_step: size below which a step is not reported.
         least_change: size at the last value below which a change is not reported.
         may_be_isolated: whether isolated values may be errors, which are left out here.
+        is_level: whether a step is likelier than a trend.
     """
     if not np.ptp(values) > 0.0:
         return Shape([], None)
@@ -90,6 +92,8 @@ def find_shape(
         return _find_change(with_steps(design, steps), values, keep, family, least_change)
 
     steps = find_steps(design, values, family=family, least=least_step)
+    if is_level and not steps:
+        steps = find_levels(design, values, family=family)
     options = [Shape(steps, changed(steps))]
     first = options[0].change if not steps else changed([])
     if first is not None:

@@ -6,14 +6,16 @@ from typing import Final
 import numpy as np
 
 from gateway.core.types import BoolArray, FloatArray
+from gateway.fleet.trends.regression import correlation_factor
 
 LEAST_POINTS: Final = 4
 """Points of a level; fewer are outliers."""
 
 _FALSE_RATE: Final = 0.01
 _MOST_STEPS: Final = 12
-# A smaller step is significant in a long series, but of no consequence.
+# A smaller step is significant in a long series, but of no consequence; that of a level may be.
 _LEAST_SCATTERS: Final = 3.0
+_SCATTERS_OF_LEVEL: Final = 1.5
 _LOOK_AHEAD: Final = 3
 _NEIGHBOURS: Final = 5
 _SPIKE: Final = 6.0
@@ -25,42 +27,49 @@ _JUMP: Final = 4.0
 _LAD_ROUNDS: Final = 20
 
 
-def find_steps(design: FloatArray, values: FloatArray, *, family: int = 1, least: float = 0.0) -> list[int]:
+def find_steps(
+    design: FloatArray, values: FloatArray, *, family: int = 1, least: float = 0.0, scatters: float = _LEAST_SCATTERS
+) -> list[int]:
     """Return the indices at which a new level begins, in order.
 
     All jumps from one value to the next are tried together first: of a saw-tooth, such as a leak that is refilled every
     month, no single step reduces the residual. Further steps are added one at a time where they reduce it most. One
     that is not significant stays for a while, as several steps may show only together. Those are kept that an F-test
-    finds significant over all places and series in the end, and that are larger than three times the scatter that
+    finds significant over all places and series in the end, and that are larger than `scatters` times the scatter that
     remains and than `least`.
-
-    Args:
-        design: (n, p) of the trend without steps, in the order of time.
-        values: (n,) finite.
-        family: number of series that are tested together.
-        least: size below which a step is not reported.
     """
     # What the temperature makes of the values would hide spikes.
     keep = np.flatnonzero(~_spikes(values - design @ np.linalg.lstsq(design, values, rcond=None)[0]))
     rows, wanted = design[keep], values[keep]
     level = _FALSE_RATE / max(family, 1)
-    jumps = _significant(rows, wanted, _jumps(rows, wanted), level, least)
+    jumps = _significant(rows, wanted, _jumps(rows, wanted), level, least, scatters)
     added, significant = list(jumps), len(jumps)
     while len(added) - len(jumps) < _MOST_STEPS and len(added) - significant < _LOOK_AHEAD:
         best = _best_step(rows, wanted, added)
         if best is None:
             break
         added.append(best)
-        if _is_step(rows, wanted, added, best, level, least):
+        if _is_step(rows, wanted, added, best, level, least, scatters):
             significant = len(added)
-    return sorted(int(keep[index]) for index in _significant(rows, wanted, added[:significant], level, least))
+    return sorted(int(keep[index]) for index in _significant(rows, wanted, added[:significant], level, least, scatters))
 
 
-def _significant(rows: FloatArray, wanted: FloatArray, places: list[int], level: float, least: float) -> list[int]:
+def find_levels(design: FloatArray, values: FloatArray, *, family: int = 1) -> list[int]:
+    """Return the steps of a series that is usually level, as a load: a line through a step hides it.
+
+    Of the steps of (n,) values without the time, column 1 of the design (n, p), those that are significant with it too.
+    """
+    steps = find_steps(np.delete(design, 1, axis=1), values, family=family, scatters=_SCATTERS_OF_LEVEL)
+    return sorted(_significant(design, values, steps, _FALSE_RATE, 0.0, _SCATTERS_OF_LEVEL))
+
+
+def _significant(
+    rows: FloatArray, wanted: FloatArray, places: list[int], level: float, least: float, scatters: float
+) -> list[int]:
     """Return the steps that are significant beside each other; the last ones given are dropped first."""
     steps = list(places)
     while True:
-        weak = [step for step in steps if not _is_step(rows, wanted, steps, step, level, least)]
+        weak = [step for step in steps if not _is_step(rows, wanted, steps, step, level, least, scatters)]
         if not weak:
             return steps
         steps.remove(weak[-1])
@@ -118,7 +127,9 @@ def _best_step(rows: FloatArray, wanted: FloatArray, present: list[int]) -> int 
     return places[best] if gains[best] > 0.0 else None
 
 
-def _is_step(rows: FloatArray, wanted: FloatArray, steps: list[int], step: int, level: float, least: float) -> bool:
+def _is_step(
+    rows: FloatArray, wanted: FloatArray, steps: list[int], step: int, level: float, least: float, scatters: float
+) -> bool:
     """Return whether one of the steps found is significant beside the others, and large enough."""
     from scipy import stats
 
@@ -136,8 +147,12 @@ def _is_step(rows: FloatArray, wanted: FloatArray, steps: list[int], step: int, 
     rounding = _ROUNDING * float(wanted @ wanted)
     if gain <= rounding or rest <= rounding:
         return gain > rounding and size >= least
-    chance = float(stats.f.sf(gain * freedom / rest, 1, freedom))
-    return chance * count <= level and size >= max(_LEAST_SCATTERS * math.sqrt(rest / freedom), least)
+    scatter = math.sqrt(rest / freedom)
+    if size < max(scatters * scatter, least):
+        return False
+    if size < _LEAST_SCATTERS * scatter:
+        rest *= correlation_factor(residuals, columns.shape[1])
+    return float(stats.f.sf(gain * freedom / rest, 1, freedom)) * count <= level
 
 
 def with_steps(rows: FloatArray, places: list[int]) -> FloatArray:

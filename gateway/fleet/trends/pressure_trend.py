@@ -65,8 +65,6 @@ _OFTEN_MONTHS: Final = 7.0 * DAY_MONTHS
 _LEAST_REFILL_PA: Final = 3000.0
 # Change of the temperature in a month that a sensor that is stuck does not show.
 _UNSEEN_K: Final = 10.0
-# What tight wheels lose a month by permeation, which a comparison with them leaves out.
-_OF_OTHERS_KPA: Final = 2.0
 # Within hours, the sensor's temperature is behind that of a gas that a drive warms: 10 K are 11 kPa.
 _NOTABLE_FALL_PA: Final = 20e3
 
@@ -170,13 +168,7 @@ def _loss(tire: TireWork, line: TrendLine, refilled: PressureLoss | None) -> tup
     history, stuck = tire.history, stuck_temperature(tire, line)
     status, notes = (Status.VALID, ()) if stuck is None else (Status.PROVISIONAL, (stuck,))
     plain = rate_number(
-        Quantity.PRESSURE_LOSS,
-        "kPa/month",
-        line,
-        least=_LEAST_LEAK_MONTHS,
-        factor=-1.0,
-        status=status,
-        reasons=notes,
+        Quantity.PRESSURE_LOSS, "kPa/month", line, least=_LEAST_LEAK_MONTHS, factor=-1.0, status=status, reasons=notes
     )
     loss = (
         _with_refills(plain, refilled, line) if plain.status is not Status.INVALID and refilled is not None else plain
@@ -207,7 +199,7 @@ def _leak(tire: TireWork, cold_kpa: FloatArray) -> bool:
     is_stuck = is_constant(degc)
     # What an unseen change of the temperature makes of the pressure, by the gas law.
     unseen_kpa = (1e-3 * STANDARD_ATMOSPHERE_PA + values[-1]) * _UNSEEN_K / (REFERENCE_DEGC + ZERO_CELSIUS_K)
-    drift_kpa = _OF_OTHERS_KPA if tire.cold.has_trend else float(unseen_kpa)
+    drift_kpa = 1e-3 * NOTABLE_LOSS_PA if tire.cold.has_trend else float(unseen_kpa)
     leak = newest_leak(months, values, scatter_of(values), drift_kpa if is_stuck else 0.0)
     if leak is None:
         return False
@@ -234,14 +226,7 @@ def _leak(tire: TireWork, cold_kpa: FloatArray) -> bool:
     now = Reason(FleetCode.TREND_NOW_SINCE, count=after, date=date)
     status = Status.VALID if leak.is_certain else Status.PROVISIONAL
     for quantity, unit, value, std, state, why in (
-        (
-            Quantity.PRESSURE_LOSS,
-            "kPa/month",
-            leak.rate_kpa,
-            leak.rate_std_kpa,
-            status,
-            since,
-        ),
+        (Quantity.PRESSURE_LOSS, "kPa/month", leak.rate_kpa, leak.rate_std_kpa, status, since),
         (Quantity.PRESSURE_NOW, "kPa", leak.now_kpa, leak.now_std_kpa, status, now),
     ):
         number = TrendNumber(
@@ -259,7 +244,7 @@ def _leak(tire: TireWork, cold_kpa: FloatArray) -> bool:
         tire.numbers.append(with_doubts(number, line))
     if line.doubt is None and leak.rate_kpa > NOTABLE_LOSS_PA * 1e-3:
         level = float(series.expected[-1])
-        onset = Change(first, math.log(leak.now_kpa / level) if 0.0 < leak.now_kpa < level else None, 0.0)
+        onset = Change(first, math.log(leak.now_kpa / level) if 0.0 < leak.now_kpa < level else None, grows=True)
         part: dict[str, Value] = {
             "date": date, "until": until, "count": after,
             "first": history.recordings[first], "last": history.recordings[last],

@@ -149,12 +149,7 @@ def _tried(months: FloatArray, values: FloatArray, scatter: float) -> FloatArray
 
 
 def _log_likelihood(
-    months: FloatArray,
-    values: FloatArray,
-    counts: FloatArray,
-    losses: FloatArray,
-    kinds: FloatArray,
-    cell: float,
+    months: FloatArray, values: FloatArray, counts: FloatArray, losses: FloatArray, kinds: FloatArray, cell: float
 ) -> FloatArray:
     """Return the log likelihood of every loss (k,) under every kind of refills (h,), as (k, h).
 

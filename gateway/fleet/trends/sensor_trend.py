@@ -9,7 +9,7 @@ import numpy as np
 
 from gateway.core.estimates.estimator import Status
 from gateway.core.quantity import Trend
-from gateway.core.reasons import CoreCode, Reason
+from gateway.core.reasons import Reason
 from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.causes import Finding
 from gateway.fleet.trends.line_numbers import is_significant, rate_number, reason_missing
@@ -73,11 +73,7 @@ def add_sensor(tire: TireWork) -> None:
 def _judge_sensor(tire: TireWork, name: str, line: TrendLine, changes_from: int) -> None:
     """Add the rate of a series of the sensor, and what it shows: the changes of the line, a step or a drift.
 
-    Args:
-        tire: the work on the tire.
-        name: of the series.
-        line: of it.
-        changes_from: index of the first finding that the line has given.
+    From index `changes_from` on, the findings are those of the line.
     """
     watch = SERIES[name].watch
     rate = rate_number(rate_of(watch), f"{watch.unit}/month", line)
@@ -134,7 +130,9 @@ def _steady_value(tire: TireWork, line: TrendLine) -> Iterator[Finding]:
     history = tire.history
     radius_m, speed_mps = history.column("stated_radius_m"), history.column("speed_mean_mps")
     gain, zero = SERIES["gain"].watch, SERIES["zero_g_offset_mps2"].watch
-    parted = parted_drift(history.months, history.column("gain"), radius_m, speed_mps)
+    steps = sorted({*line.steps, *([line.change.begin] if line.change is not None else [])})
+    places = [int(line.places[step]) for step in steps]
+    parted = parted_drift(history.months, history.column("gain"), radius_m, speed_mps, places)
     change, std = combination(line, from_first_to_last(line))
     share, least_gain = change / gain.factor, gain.notable / gain.factor
     as_zero_mps2 = zero_of(share, radius_m, speed_mps)
@@ -145,11 +143,21 @@ def _steady_value(tire: TireWork, line: TrendLine) -> Iterator[Finding]:
         and parted.zero_std_mps2 < _PARTED * max(abs(as_zero_mps2), 2.0 * zero.notable)
     ):
         many = quantile_of(parted.freedom)
-        if abs(parted.gain) > max(many * parted.gain_std, least_gain):
-            yield Finding(Reason(CoreCode.TREND_SENSOR_GAIN, share=parted.gain, std=parted.gain_std), "gain")
-        if abs(parted.zero_mps2) > max(many * parted.zero_std_mps2, zero.notable):
-            moved = Reason(CoreCode.TREND_SENSOR_ZERO, change_mps2=parted.zero_mps2, std=parted.zero_std_mps2)
-            yield Finding(moved, "zero_g_offset_mps2")
+        moved = (
+            ("gain", parted.gain, parted.gain_std, least_gain),
+            ("zero_g_offset_mps2", parted.zero_mps2, parted.zero_std_mps2, zero.notable),
+        )
+        for name, size, size_std, least in moved:
+            watch = SERIES[name].watch
+            if abs(size) <= max(many * size_std, least) or watch.drift is None:
+                continue
+            if parted.begin is None:
+                code, value = watch.drift
+                yield Finding(Reason(code, **{value: size}, std=size_std), name)
+            else:
+                scaled, begin = (watch.factor * size, watch.factor * size_std), steps[parted.begin]
+                since = reason_of_change(watch.level, history, name, line, scaled, begin, len(line.values))
+                yield Finding(since, name)
     elif abs(change) > finding_quantile(line) * std and (abs(share) > least_gain or abs(as_zero_mps2) > zero.notable):
         yield Finding(
             Reason(FleetCode.TREND_SENSOR_STEADY, share=share, change_mps2=as_zero_mps2, std=std / gain.factor), "gain"

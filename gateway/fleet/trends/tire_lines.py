@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from gateway.core.estimates.wear import bending_left
-from gateway.core.quantity import Trend, Watch
+from gateway.core.quantity import Basis, Trend, Watch
 from gateway.core.reasons import Code, Reason
 from gateway.core.types import FloatArray, IntArray
 from gateway.fleet.reasons import FleetCode
@@ -54,9 +54,12 @@ _LEAST_SPREAD_K: Final = 2.0
 _LEAST_FOR_TEMPERATURE: Final = 12
 _LEAST_SPREAD_SPEED: Final = 0.03
 # What is worth a finding, besides being significant; the rest is in `gateway.fleet.trends.watched_series`.
-NOTABLE_LOSS_PA: Final = 1000.0
+NOTABLE_LOSS_PA: Final = 2000.0
 # Share of a notable change below which numbers do not follow it: readings have a resolution.
 _FOLLOWED: Final = 0.1
+_LEVELS: Final = {
+    name for name, _, w in SERIES.values() if Basis.LOAD in w.explains | w.follows and w.trend is not Trend.SENSOR
+}
 # Steps of the load that the wear is fitted beside.
 _MOST_LOAD_LEVELS: Final = 3
 
@@ -122,18 +125,7 @@ def fit_line(
     steps_from: float = 0.0,
     tested: bool = True,
 ) -> TrendLine | None:
-    """Fit a trend with steps, test for outliers, and keep the series; None with too few values.
-
-    Args:
-        tire: to add series and outliers to.
-        name: of the series; the wear is followed over the distance, others over the time.
-        values: (n,) NaN where unknown, in the unit of the series.
-        stds: (n,) stated errors.
-        warm: whether the temperature may have an influence.
-        covariate: (n,) another influence.
-        steps_from: least size of a step.
-        tested: whether outliers are reported.
-    """
+    """Fit a trend with steps, test for outliers, and keep the series; None with too few values."""
     history, watch = tire.history, SERIES[name].watch
     abscissa = 1e-3 * history.km if name == "wear_mm" else history.months
     usable = np.isfinite(values)
@@ -159,6 +151,7 @@ def fit_line(
         least_step=steps_from,
         least_change=_FOLLOWED * watch.notable,
         may_be_isolated=tested,
+        is_level=name in _LEVELS,
     )
     steps, change = shape.steps, shape.change
     of_all = history.doubts_of(name)
@@ -253,6 +246,8 @@ def _findings_of_line(tire: TireWork, name: str, line: TrendLine) -> Iterator[Fi
     """Yield a finding for each notable change from one recording on, and for recordings in a row that deviate."""
     history, fit, watch = tire.history, line.fit, SERIES[name].watch
     for begin, end in runs_of_outliers(line.search):
+        if not begin and fit.residuals[0] * watch.worse > 0.0:
+            continue
         scale = fit.scale / np.sqrt(fit.weights[begin:end])
         least = float(np.abs(fit.residuals[begin:end] / scale).min()) if fit.scale > 0.0 else math.inf
         passed = Reason(FleetCode.TREND_PASSED, name=name, deviations=least, **part_of_line(history, line, begin, end))
@@ -303,7 +298,9 @@ def _changed_rate(
             FleetCode.TREND_WEAR_CHANGED, before_m=1e-3 * before[0], before_std_m=1e-3 * before[1],
             after_m=1e-3 * after[0], after_std_m=1e-3 * after[1], **part,
         )  # fmt: skip
-    if name != "wear_mm" and bend < 0.0 and -after[0] > max(1e-3 * NOTABLE_LOSS_PA, 2.0 * after[1]):
+    # A pressure that rises was filled up: what follows is no change of a loss.
+    is_filled = before[0] > 2.0 * before[1]
+    if name != "wear_mm" and bend < 0.0 and not is_filled and -after[0] > max(1e-3 * NOTABLE_LOSS_PA, 2.0 * after[1]):
         return Reason(
             FleetCode.TREND_LOSS_CHANGED, before_pa=-1e3 * before[0], before_std_pa=1e3 * before[1],
             after_pa=-1e3 * after[0], after_std_pa=1e3 * after[1], **part,

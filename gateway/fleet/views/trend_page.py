@@ -261,10 +261,7 @@ def _most_notable(trends: FleetTrends) -> list[TireTrend]:
     with_outliers = {(outlier.vehicle, outlier.position, outlier.sensor_id) for outlier in trends.outliers}
     order = sorted(
         trends.tires,
-        key=lambda tire: (
-            not tire.findings,
-            (tire.vehicle, tire.position, tire.sensor_id) not in with_outliers,
-        ),
+        key=lambda tire: (not tire.findings, (tire.vehicle, tire.position, tire.sensor_id) not in with_outliers),
     )
     return order[:MOST_FIGURES]
 

@@ -56,6 +56,38 @@ def test_recordings_at_several_speeds_part_gain_and_zero(gain, zero_mps2):
         assert findings[CoreCode.TREND_SENSOR_ZERO]["change_mps2"] == pytest.approx(zero_mps2, abs=2.0)
 
 
+@pytest.mark.parametrize(("begin", "grows", "count"), [(46, True, 1), (46, False, 2), (36, True, 2)])
+def test_what_follows_from_a_leak_may_show_later(begin, grows, count):
+    leak = Finding(Reason(FleetCode.TREND_LOSES_PRESSURE), "pressure_at_20_degc", Change(40, -0.2, grows=grows))
+    softer = Finding(Reason(CoreCode.TREND_LEVEL_CHANGED, name="Ts"), "Ts", Change(begin, -0.08, 0.01))
+    assert len(with_causes([leak, softer], {})) == count
+
+
+@pytest.mark.parametrize(("gain", "zero_mps2", "name"), [(-0.03, 0.0, "gain"), (0.0, 14.0, "zero_g_offset_mps2")])
+def test_recordings_at_several_speeds_part_a_step_of_gain_and_zero_and_date_it(gain, zero_mps2, name):
+    since = (np.arange(100) >= 62).astype(float)
+    speed = np.random.default_rng(15).uniform(8.0, 30.0, 100)
+    tire = with_steady_value(speed, 1.0 + gain * since, zero_mps2 * since)
+    (finding,) = findings_of(tire).values()
+    assert (finding.code, finding["name"]) == (CoreCode.TREND_LEVEL_CHANGED, name)
+    assert finding["change"] == pytest.approx(100.0 * gain or zero_mps2, abs=4.0 * finding["std"])
+    assert abs(finding["count"] - 38) <= 2
+
+
+def test_what_explains_the_steady_value_alone_is_known_better_than_both():
+    rng = np.random.default_rng(16)
+    months, speed = np.linspace(0.0, 4.0, 60), rng.uniform(12.0, 30.0, 60)
+    right = 0
+    for seed in range(20):
+        noise = np.random.default_rng([16, seed]).normal(0.0, 1e-3, 60)
+        ratio = 1.0 + 8.0 * months / 4.0 * RADIUS_M / speed**2 + noise
+        parted = parted_drift(months, ratio, np.full(60, RADIUS_M), speed)
+        assert parted is not None
+        assert abs(parted.gain) < 4.0 * parted.gain_std or parted.gain == 0.0
+        right += parted.gain == 0.0 and abs(parted.zero_mps2 - 8.0) < 3.5 * parted.zero_std_mps2 < 3.0
+    assert right >= 16
+
+
 def test_at_one_speed_gain_or_zero_is_said():
     share = np.linspace(0.0, 1.0, 100)
     findings = findings_of(with_steady_value(np.full(100, 20.0), 1.0 + 0.19 * share, np.zeros(100)))

@@ -52,6 +52,43 @@ def test_step_of_the_load_is_told_once_and_is_no_wear():
     assert abs(now.value - 0.24) < 0.2
 
 
+@pytest.mark.parametrize("begin", [22, 33, 41])
+def test_step_of_a_load_that_persons_scatter_is_found_and_names_what_follows(begin):
+    rng = np.random.default_rng(begin)
+    load = 1.0 + 0.06 * rng.choice([0.0, 0.0, 1.0, 2.0], COUNT) + 0.13 * (begin <= INDEX)
+    (finding,) = trend_of(tire_with(estimated_load_n=load, contact_length_m=np.sqrt(load), Cw=load)).findings
+    assert (finding.code, finding["name"]) == (CoreCode.TREND_LEVEL_CHANGED, "estimated_load_n")
+    assert finding["change"] == pytest.approx(520.0, abs=3.5 * finding["std"])
+    assert abs(COUNT - finding["count"] - begin) <= 2
+    assert "Cw" in finding["consequences"]
+
+
+def with_losses(losses_kpa: list[float]) -> list[TireHistory]:
+    """Return the wheels of one vehicle that lose pressures a month."""
+    wheels = []
+    for wheel, loss_kpa in enumerate(losses_kpa):
+        tire = history(70 + wheel, COUNT, months=4.0, position=("FL", "FR", "RL", "RR")[wheel], sensor_id=f"d00{wheel}")
+        tire.columns["pressure_pa"] -= 1e3 * loss_kpa * tire.months
+        wheels.append(tire)
+    return wheels
+
+
+@pytest.mark.parametrize(("losses_kpa", "leaking"), [([3.1, 2.8, 3.4, 3.0], []), ([1.4, 1.1, 4.2, 1.6], ["RL"])])
+def test_a_loss_that_all_tires_have_is_permeation(losses_kpa, leaking):
+    tires = analyse(with_losses(losses_kpa), recordings=4 * COUNT).tires
+    assert [tire.position for tire in tires if tire.findings] == leaking
+    for tire, loss_kpa in zip(tires, losses_kpa, strict=True):
+        loss = number(tire, Quantity.PRESSURE_LOSS)
+        assert loss.value == pytest.approx(loss_kpa, abs=3.5 * loss.std)
+
+
+@pytest.mark.parametrize(("filled", "kpa"), [(3, 5.0), (6, 9.0)])
+def test_a_tire_that_was_filled_up_in_its_first_recordings_has_no_new_loss(filled, kpa):
+    tire = tire_with()
+    tire.columns["pressure_pa"] += 1e3 * (kpa * (filled <= INDEX) - 1.2 * tire.months)
+    assert trend_of(tire).findings == ()
+
+
 def test_stuck_temperature_makes_no_drift_of_the_season():
     season = 1.0 - 0.02 * np.sin(np.linspace(0.0, 1.5, COUNT))
     tire = tire_with(Bs=season, Rs=season, Ts=season)
