@@ -1,14 +1,21 @@
 """The least sensor that reaches the errors wanted: at each rate, the largest noise, by simulated drives."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import reduce
+from itertools import dropwhile
+from statistics import median
 from typing import Final
 
 from firmware_protocol.wire import MAX_RATE_HZ, MIN_RATE_HZ
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.estimates.estimator import Status
+from gateway.core.estimates.results import RevolutionResult
+from gateway.core.estimates.wheel_setup import WheelSetup
 from gateway.planner.accelerometer import Accelerometer
-from gateway.planner.planned_errors import plan_sensor, tire_at
+from gateway.planner.planned_errors import driven, tire_at
+from gateway.planner.uncertainty_budget import SOURCES, Budget, Source, budgets
 from gateway.planner.wants import Want
 from gateway.simulator.scenario_model import Scenario
 
@@ -24,6 +31,8 @@ _TRIALS: Final = 1 + math.ceil(math.log2(len(NOISES_MG_RTHZ)))
 _HEADROOM: Final = 5.0
 # Rates that are tried beyond the least one: a faster sensor may be noisier.
 _FASTER: Final = 1
+# Rate of the sensor that statements are looked at with.
+_QUIET_HZ: Final = 8000.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,14 +42,16 @@ class WorstError:
     Attributes:
         quantity: its name.
         speed_mps: where.
-        error: root sum of squares of scatter and what stays; infinite where too few drives gave an estimate.
+        error: standard error that will be printed, the median of the drives; infinite where most are not valid.
         wanted: its largest error.
+        minutes: of driving from which on every error is printed as small as is wanted.
     """
 
     quantity: str
     speed_mps: float
     error: float
     wanted: float
+    minutes: float = math.nan
 
     @property
     def share(self) -> float:
@@ -78,6 +89,7 @@ def least_sensors(
     revolutions: int,
     wheels: int,
     seed: int = 0,
+    better: Sequence[Source] = (),
     on_share: Callable[[float], None] = lambda _share: None,
 ) -> Iterator[LeastSensor]:
     """Yield what a sensor needs at each of `RATES_HZ`, up to one rate beyond the least that reaches every error.
@@ -91,33 +103,27 @@ def least_sensors(
         revolutions: after which, one of `AFTER`.
         wheels: simulated drives of each trial.
         seed: of the random numbers.
+        better: statements that are made with their better errors.
         on_share: called with the share of the trials that are done, 0 to 1, were every rate tried.
     """
     done = 0
-    peak_g = max(tire_at(scenario, speed).peak_mps2 for speed in speeds_mps) / STANDARD_GRAVITY_MPS2
+    peak_g = _peak_g(scenario, speeds_mps)
 
     def tried(rate_hz: float, noise_mg_rthz: float) -> tuple[float, WorstError]:
         range_g = peak_g + _HEADROOM * 1e-3 * noise_mg_rthz * math.sqrt(0.5 * rate_hz)
         sensor = Accelerometer(name="least", range_g=range_g, rate_hz=rate_hz, noise_mg_rthz=noise_mg_rthz)
-        worst: WorstError | None = None
+        errors: list[WorstError] = []
         nonlocal done
         for speed_mps in speeds_mps:
             on_share(done / (len(RATES_HZ) * _TRIALS * len(speeds_mps)))
             done += 1
-            plan = plan_sensor(scenario, sensor, speed_mps, wheels=wheels, seed=seed)
-            errors = {
-                error.quantity: math.hypot(error.scatter, error.stays)
-                for error in plan.errors
-                # Drives without an estimate would make the others look better than the sensor is.
-                if error.revolutions == revolutions and error.wheels == wheels
-            }
-            for want in wants:
-                error = WorstError(want.quantity, speed_mps, errors.get(want.quantity, math.inf), want.error)
-                worst = error if worst is None or error.share > worst.share else worst
-            if worst is not None and worst.share > 1.0:
+            setup, drives = driven(scenario, sensor, speed_mps, wheels=wheels, seed=seed, statements=_made(better))
+            turn_min = 2.0 * math.pi * setup.radius_m / speed_mps / 60.0
+            errors += [_printed(drives, want, speed_mps, revolutions, turn_min) for want in wants]
+            if any(error.share > 1.0 for error in errors):
                 break
-        assert worst is not None, "no error is wanted"
-        return range_g, worst
+        worst = max(errors, key=lambda error: error.share)
+        return range_g, replace(worst, minutes=max(error.minutes for error in errors))
 
     enough = 0
     for index, rate_hz in enumerate(RATES_HZ):
@@ -127,6 +133,61 @@ def least_sensors(
         enough += least.reached
         if enough > _FASTER:
             return
+
+
+def better_statements(
+    scenario: Scenario, wants: Sequence[Want], speeds_mps: Sequence[float], *, revolutions: int
+) -> tuple[list[Source], list[str]]:
+    """Return the statements to make better so that a quiet sensor reaches the errors, and what each brings."""
+    better: list[Source] = []
+    advice: list[str] = []
+    sensor = Accelerometer(
+        name="quiet", range_g=2.0 * _peak_g(scenario, speeds_mps), rate_hz=_QUIET_HZ, noise_mg_rthz=NOISES_MG_RTHZ[0]
+    )
+    while True:
+        missed: list[Budget | None] = []
+        for speed_mps in speeds_mps:
+            setup, (drive,) = driven(scenario, sensor, speed_mps, wheels=1, statements=_made(better))
+            by_name = {budget.estimate.name: budget for budget in budgets(setup, drive[:revolutions])}
+            beyond = [want for want in wants if not _std_in(by_name, want.quantity) <= want.error]
+            missed += [by_name.get(want.quantity) for want in beyond]
+        promise = next((budget.promise for budget in missed if budget is not None and budget.promise), None)
+        if not missed or promise is None or promise.source in better or len(better) == len(SOURCES):
+            return better, advice
+        better.append(promise.source)
+        advice.append(next(budget.advice for budget in missed if budget is not None and budget.promise is promise))
+
+
+def _std_in(by_name: Mapping[str, Budget], name: str) -> float:
+    return by_name[name].estimate.std if name in by_name else math.inf
+
+
+def _made(better: Sequence[Source]) -> Callable[[WheelSetup], WheelSetup]:
+    """Return what makes a setup with the better errors of statements."""
+    return lambda setup: reduce(lambda made, source: source.with_error(made, source.better), better, setup)
+
+
+def _peak_g(scenario: Scenario, speeds_mps: Sequence[float]) -> float:
+    return max(tire_at(scenario, speed).peak_mps2 for speed in speeds_mps) / STANDARD_GRAVITY_MPS2
+
+
+def _printed(
+    drives: Sequence[Sequence[RevolutionResult]], want: Want, speed_mps: float, revolutions: int, turn_min: float
+) -> WorstError:
+    """Return the error of a quantity that most drives print after some revolutions."""
+    rows = [
+        [
+            estimate.std if estimate.status is Status.VALID else math.inf
+            for result in drive[:revolutions]
+            for estimate in result.estimates
+            if estimate.name == want.quantity
+        ]
+        for drive in drives
+    ]
+    complete = [row for row in rows if len(row) == revolutions] or [[math.inf] * revolutions]
+    medians = [median(stds) for stds in zip(*complete, strict=True)]
+    beyond = sum(1 for _ in dropwhile(lambda std: std <= want.error, reversed(medians)))
+    return WorstError(want.quantity, speed_mps, medians[-1], want.error, turn_min * (beyond + 1))
 
 
 def largest_noise(rate_hz: float, tried: Callable[[float, float], tuple[float, WorstError]]) -> LeastSensor:

@@ -210,7 +210,8 @@ def driven(
 ) -> tuple[WheelSetup, list[list[RevolutionResult]]]:
     """Return the setup and the revolutions of drives as `plan_sensor` makes them, with other `statements`."""
     planned = _with_sensor(scenario, sensor, speed_mps, sampling_rate_hz(sensor))
-    (plan,), setup = wheel_plans(planned), statements(_setup(planned, sensor))
+    (plan,) = wheel_plans(planned)
+    setup = statements(_setup(planned, sensor))
     return setup, _drives(plan, setup, speed_mps / plan.radius_m, wheels, seed)
 
 
@@ -298,7 +299,8 @@ def _drives(
 
 def _drive(wheel: WheelSimulator, setup: WheelSetup, seconds: float) -> list[RevolutionResult]:
     pipeline, host, rate_hz = WheelPipeline(setup, ESTIMATORS), HostClock(), wheel.plan.sensor.rate_hz
-    true_hz = rate_hz * (1.0 + 1e-6 * wheel.plan.sensor.rate_error_ppm)  # by the hub's stamps
+    # Stamps are those of the hub, which show the error of the sensor's clock.
+    true_hz = rate_hz * (1.0 + 1e-6 * wheel.plan.sensor.rate_error_ppm)
     pipeline.hello(hello_of(wheel))
     reading = Environment(wheel.plan.pressure_pa.at(0.0), wheel.plan.temperature_degc.at(0.0), None)
     counts = wheel.advance(seconds).counts

@@ -77,7 +77,9 @@ def least_line(least: LeastSensor) -> str:
 def _worst(worst: WorstError) -> str:
     label, unit = split_name(worst.quantity)
     error, wanted = (f"{unit.factor * value:.3g} {unit.symbol}".rstrip() for value in (worst.error, worst.wanted))
-    given = f"{error} of {wanted}" if math.isfinite(worst.error) else "not every drive has an estimate"
+    given = f"{error} of {wanted}" if math.isfinite(worst.error) else "not valid in most drives"
+    if worst.share <= 1.0:
+        given += f", after {worst.minutes:.2g} min of driving"
     return f"{label} at {3.6 * worst.speed_mps:g} km/h: {given}"
 
 
