@@ -88,6 +88,7 @@ ESTIMATING = tuple(f"gateway.{room}." for room in ("core.estimates", "core.trust
 LISTS = {
     "gateway.diagnosis.angle.number_estimates": "errors of the closed loop's own grid, by parameter of its ring",
     "gateway.diagnosis.model.tire_state": "parameters of the closed loop's ring that the sidewall gives",
+    "gateway.importing.reference_comparison": "estimate that is compared with each channel of a rig",
     "gateway.planner.cramer_rao": "equations of the bound of each quantity",
     "gateway.planner.planned_errors": "true values of a simulated wheel",
 }

@@ -207,8 +207,8 @@ def test_stored_view_is_the_one_that_was_read(view, recorded, monkeypatch) -> No
     again.complete(never)
     assert again.rolled.pictures == view.rolled.pictures
     assert again.progress.stage == ""
-    for one, other in zip(again.samples(5.0, 5.01, 99)["W0"], view.samples(5.0, 5.01, 99)["W0"], strict=True):
-        assert np.array_equal(one, other, equal_nan=True)
+    for reopened, first in zip(again.samples(5.0, 5.01, 99)["W0"], view.samples(5.0, 5.01, 99)["W0"], strict=True):
+        assert np.array_equal(reopened, first, equal_nan=True)
     assert again.rolled.time_s("W0", 5) == view.rolled.time_s("W0", 5)
 
 
