@@ -129,7 +129,8 @@ def _steady_value(tire: TireWork, line: TrendLine) -> Iterator[Finding]:
     """Yield what has changed of a sensor whose recordings do not part gain and zero: either, where all together do."""
     history = tire.history
     radius_m, speed_mps = history.column("stated_radius_m"), history.column("speed_mean_mps")
-    gain, zero = SERIES["gain"].watch, SERIES["zero_g_offset_mps2"].watch
+    of_gain, of_zero = SERIES["gain"], SERIES["zero_g_offset_mps2"]
+    gain, zero = of_gain.watch, of_zero.watch
     steps = sorted({*line.steps, *([line.change.begin] if line.change is not None else [])})
     places = [int(line.places[step]) for step in steps]
     parted = parted_drift(history.months, history.column("gain"), radius_m, speed_mps, places)
@@ -144,11 +145,10 @@ def _steady_value(tire: TireWork, line: TrendLine) -> Iterator[Finding]:
     ):
         many = quantile_of(parted.freedom)
         moved = (
-            ("gain", parted.gain, parted.gain_std, least_gain),
-            ("zero_g_offset_mps2", parted.zero_mps2, parted.zero_std_mps2, zero.notable),
+            (of_gain, parted.gain, parted.gain_std, least_gain),
+            (of_zero, parted.zero_mps2, parted.zero_std_mps2, zero.notable),
         )
-        for name, size, size_std, least in moved:
-            watch = SERIES[name].watch
+        for (name, _, watch), size, size_std, least in moved:
             if abs(size) <= max(many * size_std, least) or watch.drift is None:
                 continue
             if parted.begin is None:
