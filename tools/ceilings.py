@@ -38,17 +38,17 @@ class Ceiling(NamedTuple):
 
 CEILINGS: Final[dict[str, Ceiling]] = {
     "lines of the core": Ceiling(32_000, 41_800),
-    "lines of gateway": Ceiling(95_000, 128_400),
-    "lines of tests": Ceiling(58_000, 75_200),
-    "lines of tools": Ceiling(17_000, 23_900),
-    "words of docs": Ceiling(60_000, 66_300),
-    "options": Ceiling(120, 92),
-    "reason codes": Ceiling(430, 606),
+    "lines of gateway": Ceiling(95_000, 127_770),
+    "lines of tests": Ceiling(58_000, 74_510),
+    "lines of tools": Ceiling(17_000, 23_770),
+    "words of docs": Ceiling(60_000, 65_900),
+    "options": Ceiling(120, 91),
+    "reason codes": Ceiling(430, 599),
     "functions over complexity 20": Ceiling(0, 28),
     "functions of more than eight parameters, commands aside": Ceiling(0, 8),
     "modules over 700 lines": Ceiling(0, 2),
-    "imports of this project in functions, commands aside": Ceiling(0, 24),
-    "arrows between rooms": Ceiling(110, 104),
+    "imports of this project in functions, commands aside": Ceiling(0, 21),
+    "arrows between rooms": Ceiling(110, 100),
 }
 """What is counted, in the order in which it is printed."""
 
