@@ -188,6 +188,8 @@ def add_stiffness(tire: TireWork, series: Series) -> None:
 def _begin_by_load(tire: TireWork, line: TrendLine) -> int | None:
     """Return the recording of the steps of the load beside which a line has no drift; None where it has one."""
     begins = [change.begin for change in tire.onsets.get("estimated_load_n", ()) if change.begin is not None]
+    if not begins:
+        return None
     steps = level_columns(line.places, begins)
     beside = fitted(np.column_stack([line.design, *steps]), line.values, line.fit.weights, ~line.search.is_outlier)
     if beside is None or abs(beside.coefficients[1]) > quantile_of(beside.freedom) * beside.std(1):
