@@ -38,8 +38,8 @@ class Ceiling(NamedTuple):
 
 CEILINGS: Final[dict[str, Ceiling]] = {
     "lines of the core": Ceiling(32_000, 41_800),
-    "lines of gateway": Ceiling(95_000, 127_770),
-    "lines of tests": Ceiling(58_000, 74_510),
+    "lines of gateway": Ceiling(95_000, 127_860),
+    "lines of tests": Ceiling(58_000, 74_520),
     "lines of tools": Ceiling(17_000, 23_770),
     "words of docs": Ceiling(60_000, 65_900),
     "options": Ceiling(120, 91),

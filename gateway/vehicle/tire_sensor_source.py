@@ -173,16 +173,16 @@ class TireSensorFileSource(LineLog):
         message = message_of(line)
         if message is None:
             return None
-        stated = message.get("time")
-        if isinstance(stated, str | int | float):
+        time_of_day = message.get("time")
+        if isinstance(time_of_day, str | int | float):
             with contextlib.suppress(ValueError, OverflowError):
-                return round(float(stated) * 1e9) + self._offset_ns
+                return round(float(time_of_day) * 1e9) + self._offset_ns
             with contextlib.suppress(ValueError):
-                return self._of_date_ns(datetime.fromisoformat(str(stated))) + self._offset_ns
+                return self._of_date_ns(datetime.fromisoformat(str(time_of_day))) + self._offset_ns
         if not is_needed:
             return None
         raise SourceError(
-            f"'{self._path}' has messages without a time of day: {str(stated)[:40]}",
+            f"'{self._path}' has messages without a time of day: {str(time_of_day)[:40]}",
             "Let rtl_433 print it: `rtl_433 -F json -M time:utc:usec:tz`.",
         )
 

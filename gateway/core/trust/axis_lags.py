@@ -131,25 +131,25 @@ class AxisLags:
     def _judged(self, position: str, time_ns: int) -> _Late:
         """Return why each axis of a wheel is late as only this wheel's is, as known at a time."""
         wheel = self._wheels[position]
-        of_others = [other.until(time_ns) for name, other in self._wheels.items() if name != position]
-        others = [changes for changes in of_others if changes]
+        histories = [peer.until(time_ns) for name, peer in self._wheels.items() if name != position]
+        peers = [changes for changes in histories if changes]
         history = wheel.until(time_ns)
-        if history and any(changes[-1][0] < history[-1][0] for changes in others):
+        if history and any(changes[-1][0] < history[-1][0] for changes in peers):
             history.pop()  # others are yet to come to this time, or have none any more
         along, lateral = (
-            _reason(axis, history[-2:], others, is_late=reason is not None) for axis, reason in enumerate(wheel.late)
+            _reason(axis, history[-2:], peers, is_late=reason is not None) for axis, reason in enumerate(wheel.late)
         )
         return along, lateral
 
 
 def _reason(
-    axis: int, history: list[tuple[int, _Lags]], others: list[list[tuple[int, _Lags]]], *, is_late: bool
+    axis: int, history: list[tuple[int, _Lags]], peers: list[list[tuple[int, _Lags]]], *, is_late: bool
 ) -> Reason | None:
     """Return the reason where an axis is later than those of the other wheels, which agree with each other."""
     if len(history) < 2:
         return None
     (before_ns, before), (end_ns, lags) = history
-    lag, mean = lags.axes[axis], _mean([_interpolated(end_ns, axis, changes) for changes in others])
+    lag, mean = lags.axes[axis], _mean([_interpolated(end_ns, axis, changes) for changes in peers])
     if lag is None or mean is None:
         return None
     beyond_s = lag.late_s - mean.late_s
@@ -158,7 +158,7 @@ def _reason(
     if not is_late:
         lag_before, mean_before = (
             before.axes[axis],
-            _mean([_interpolated(before_ns, axis, changes) for changes in others]),
+            _mean([_interpolated(before_ns, axis, changes) for changes in peers]),
         )
         if lag_before is None or mean_before is None or not _are_apart(lag_before, mean_before, _APART):
             return None
@@ -187,12 +187,12 @@ def _interpolated(time_ns: int, axis: int, changes: list[tuple[int, _Lags]]) -> 
 
 def _mean(lags: list[Lag | None]) -> Lag | None:
     """Return the mean of the lags of other wheels; None without any, or where they do not agree."""
-    others = [lag for lag in lags if lag is not None]
+    peers = [lag for lag in lags if lag is not None]
     # The odd one may be among them.
-    if not others or any(_are_apart(first, second, _APART) for first, second in combinations(others, 2)):
+    if not peers or any(_are_apart(first, second, _APART) for first, second in combinations(peers, 2)):
         return None
-    count = len(others)
-    return Lag(math.fsum(lag.late_s for lag in others) / count, math.hypot(*(lag.std_s for lag in others)) / count)
+    count = len(peers)
+    return Lag(math.fsum(lag.late_s for lag in peers) / count, math.hypot(*(lag.std_s for lag in peers)) / count)
 
 
 def _are_apart(first: Lag, second: Lag, errors: float) -> bool:

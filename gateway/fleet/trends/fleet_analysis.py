@@ -93,7 +93,7 @@ def _tires_of(history: TireHistory, family: int) -> Iterator[TireHistory]:
     if len(measured) > LEAST_FREEDOM + 2:
         levels = level_columns(measured, places_of(stated_changes(history), "wear_mm"))
         design = np.column_stack([np.ones(len(measured)), centred(history.km[measured]), *levels])
-        steps = find_steps(design, wear[measured], family=family, least=NEW_TIRE_MM)
+        steps = find_steps(design, wear[measured], family=family, min_size=NEW_TIRE_MM)
         if levels and steps:
             whole = np.column_stack([design, *level_columns(np.arange(len(measured)), steps)])
             by_levels = np.linalg.lstsq(whole, wear[measured], rcond=None)[0][2 : 2 + len(levels)]

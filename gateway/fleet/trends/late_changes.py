@@ -91,14 +91,14 @@ def find_shape(
     def changed(steps: list[int]) -> LateChange | None:
         return _find_change(with_steps(design, steps), values, keep, family, least_change)
 
-    steps = find_steps(design, values, family=family, least=least_step)
+    steps = find_steps(design, values, family=family, min_size=least_step)
     if is_level and not steps:
         steps = find_levels(design, values, family=family)
     options = [Shape(steps, changed(steps))]
     first = options[0].change if not steps else changed([])
     if first is not None:
         # The newest values that have left the trend count as such, also where a step would do.
-        others = find_steps(np.column_stack([design, first.column]), values, family=family, least=least_step)
+        others = find_steps(np.column_stack([design, first.column]), values, family=family, min_size=least_step)
         if others or steps:
             again = changed(others) if others else first
             # Steps alone that leave no change are not replaced by more parts: a scatter that grows would call for them.

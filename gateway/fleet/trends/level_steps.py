@@ -14,7 +14,7 @@ LEAST_POINTS: Final = 4
 _FALSE_RATE: Final = 0.01
 _MOST_STEPS: Final = 12
 # A smaller step is significant in a long series, but of no consequence; that of a level may be.
-_LEAST_SCATTERS: Final = 3.0
+_MIN_SCATTERS: Final = 3.0
 _SCATTERS_OF_LEVEL: Final = 1.5
 _LOOK_AHEAD: Final = 3
 _NEIGHBOURS: Final = 5
@@ -28,7 +28,7 @@ _LAD_ROUNDS: Final = 20
 
 
 def find_steps(
-    design: FloatArray, values: FloatArray, *, family: int = 1, least: float = 0.0, scatters: float = _LEAST_SCATTERS
+    design: FloatArray, values: FloatArray, *, family: int = 1, min_size: float = 0.0, scatters: float = _MIN_SCATTERS
 ) -> list[int]:
     """Return the indices at which a new level begins, in order.
 
@@ -36,22 +36,31 @@ def find_steps(
     month, no single step reduces the residual. Further steps are added one at a time where they reduce it most. One
     that is not significant stays for a while, as several steps may show only together. Those are kept that an F-test
     finds significant over all places and series in the end, and that are larger than `scatters` times the scatter that
-    remains and than `least`.
+    remains and than `min_size`.
+
+    Args:
+        design: (n, p) of the trend without steps, in the order of time.
+        values: (n,) finite.
+        family: number of series that are tested together.
+        min_size: size below which a step is not reported, in the unit of the values.
+        scatters: the same, in scatters that remain.
     """
     # What the temperature makes of the values would hide spikes.
     keep = np.flatnonzero(~_spikes(values - design @ np.linalg.lstsq(design, values, rcond=None)[0]))
     rows, wanted = design[keep], values[keep]
     level = _FALSE_RATE / max(family, 1)
-    jumps = _significant(rows, wanted, _jumps(rows, wanted), level, least, scatters)
+    jumps = _significant(rows, wanted, _jumps(rows, wanted), level, min_size, scatters)
     added, significant = list(jumps), len(jumps)
     while len(added) - len(jumps) < _MOST_STEPS and len(added) - significant < _LOOK_AHEAD:
         best = _best_step(rows, wanted, added)
         if best is None:
             break
         added.append(best)
-        if _is_step(rows, wanted, added, best, level, least, scatters):
+        if _is_step(rows, wanted, added, best, level, min_size, scatters):
             significant = len(added)
-    return sorted(int(keep[index]) for index in _significant(rows, wanted, added[:significant], level, least, scatters))
+    return sorted(
+        int(keep[index]) for index in _significant(rows, wanted, added[:significant], level, min_size, scatters)
+    )
 
 
 def find_levels(design: FloatArray, values: FloatArray, *, family: int = 1) -> list[int]:
@@ -64,12 +73,12 @@ def find_levels(design: FloatArray, values: FloatArray, *, family: int = 1) -> l
 
 
 def _significant(
-    rows: FloatArray, wanted: FloatArray, places: list[int], level: float, least: float, scatters: float
+    rows: FloatArray, wanted: FloatArray, places: list[int], level: float, min_size: float, scatters: float
 ) -> list[int]:
     """Return the steps that are significant beside each other; the last ones given are dropped first."""
     steps = list(places)
     while True:
-        weak = [step for step in steps if not _is_step(rows, wanted, steps, step, level, least, scatters)]
+        weak = [step for step in steps if not _is_step(rows, wanted, steps, step, level, min_size, scatters)]
         if not weak:
             return steps
         steps.remove(weak[-1])
@@ -128,7 +137,7 @@ def _best_step(rows: FloatArray, wanted: FloatArray, present: list[int]) -> int 
 
 
 def _is_step(
-    rows: FloatArray, wanted: FloatArray, steps: list[int], step: int, level: float, least: float, scatters: float
+    rows: FloatArray, wanted: FloatArray, steps: list[int], step: int, level: float, min_size: float, scatters: float
 ) -> bool:
     """Return whether one of the steps found is significant beside the others, and large enough."""
     from scipy import stats
@@ -146,11 +155,11 @@ def _is_step(
     rest, gain, size = float(residuals @ residuals), float(along[-1]) ** 2, abs(float(along[-1] / triangle[-1, -1]))
     rounding = _ROUNDING * float(wanted @ wanted)
     if gain <= rounding or rest <= rounding:
-        return gain > rounding and size >= least
+        return gain > rounding and size >= min_size
     scatter = math.sqrt(rest / freedom)
-    if size < max(scatters * scatter, least):
+    if size < max(scatters * scatter, min_size):
         return False
-    if size < _LEAST_SCATTERS * scatter:
+    if size < _MIN_SCATTERS * scatter:
         rest *= correlation_factor(residuals, columns.shape[1])
     return float(stats.f.sf(gain * freedom / rest, 1, freedom)) * count <= level
 

@@ -73,7 +73,11 @@ def add_sensor(tire: TireWork) -> None:
 def _judge_sensor(tire: TireWork, name: str, line: TrendLine, changes_from: int) -> None:
     """Add the rate of a series of the sensor, and what it shows: the changes of the line, a step or a drift.
 
-    From index `changes_from` on, the findings are those of the line.
+    Args:
+        tire: the work on the tire.
+        name: of the series.
+        line: of it.
+        changes_from: index of the first finding of the line.
     """
     watch = SERIES[name].watch
     rate = rate_number(rate_of(watch), f"{watch.unit}/month", line)

@@ -38,7 +38,12 @@ def parted_drift(
 ) -> SteadyDrift | None:
     """Return the drifts of gain and zero; None where the recordings do not determine both.
 
-    The ratio (n,) is the steady radial value over V^2 / R, NaN where unknown; it may change at once at one of `steps`.
+    Args:
+        months: (n,) times of the recordings.
+        ratio: (n,) steady radial value over V^2 / R, NaN where unknown.
+        radius_m: (n,) of the belt.
+        speed_mps: (n,) mean speed V.
+        steps: indices of recordings at one of which both may change at once.
     """
     from scipy import stats
 

@@ -125,7 +125,18 @@ def fit_line(
     steps_from: float = 0.0,
     tested: bool = True,
 ) -> TrendLine | None:
-    """Fit a trend with steps, test for outliers, and keep the series; None with too few values."""
+    """Fit a trend with steps, test for outliers, and keep the series; None with too few values.
+
+    Args:
+        tire: to add series and outliers to.
+        name: of the series; the wear is followed over the distance, others over the time.
+        values: (n,) NaN where unknown, in the unit of the series.
+        stds: (n,) stated errors.
+        warm: whether the temperature may have an influence.
+        covariate: (n,) another influence.
+        steps_from: least size of a step.
+        tested: whether outliers are reported.
+    """
     history, watch = tire.history, SERIES[name].watch
     abscissa = 1e-3 * history.km if name == "wear_mm" else history.months
     usable = np.isfinite(values)

@@ -18,20 +18,74 @@ class Series(NamedTuple):
 
 _OF_RECORDINGS: Final = (
     # Refills that are not seen make steps down of nearly this in a leak. A rise is a refill.
-    Series("pressure_at_20_degc", "pressure at 20 °C", Watch(number="pressure", unit="kPa", notable=5.0,
-        trend=Trend.APART, worse=-1.0, is_drawn=True, follows=frozenset(), explains=frozenset({Basis.PRESSURE}))),
+    Series(
+        "pressure_at_20_degc",
+        "pressure at 20 °C",
+        Watch(
+            number="pressure",
+            unit="kPa",
+            notable=5.0,
+            trend=Trend.APART,
+            worse=-1.0,
+            is_drawn=True,
+            follows=frozenset(),
+            explains=frozenset({Basis.PRESSURE}),
+        ),
+    ),
     # Less noise, losses or clipping is no fault.
-    Series("noise_mps2", "ln noise", Watch(number="noise", unit="%", notable=100.0 * math.log1p(0.25),
-        trend=Trend.SENSOR, is_logarithm=True, worse=1.0, is_drawn=True, drift=(FleetCode.TREND_SENSOR_NOISE,
-        "factor"))),
-    Series("samples_lost", "samples lost", Watch(number="loss", unit="%", notable=0.5, trend=Trend.SENSOR, worse=1.0,
-        drift=(FleetCode.TREND_SENSOR_LOSSES, "share"))),
-    Series("samples_saturated", "samples at the end of the range", Watch(number="clipping", unit="%", notable=0.1,
-        trend=Trend.SENSOR, worse=1.0, drift=(FleetCode.TREND_SENSOR_CLIPS, "share"))),
-    Series("mounting_offset_m", "distance from the neutral layer", Watch(number="offset", unit="mm", factor=1e3,
-        notable=1.0, trend=Trend.SENSOR, shifted_by=frozenset({Statement.RADIUS}), explains=frozenset({Basis.OFFSET}),
-        drift=(FleetCode.TREND_SENSOR_MOVES, "change_m"))),
-)  # fmt: skip
+    Series(
+        "noise_mps2",
+        "ln noise",
+        Watch(
+            number="noise",
+            unit="%",
+            notable=100.0 * math.log1p(0.25),
+            trend=Trend.SENSOR,
+            is_logarithm=True,
+            worse=1.0,
+            is_drawn=True,
+            drift=(FleetCode.TREND_SENSOR_NOISE, "factor"),
+        ),
+    ),
+    Series(
+        "samples_lost",
+        "samples lost",
+        Watch(
+            number="loss",
+            unit="%",
+            notable=0.5,
+            trend=Trend.SENSOR,
+            worse=1.0,
+            drift=(FleetCode.TREND_SENSOR_LOSSES, "share"),
+        ),
+    ),
+    Series(
+        "samples_saturated",
+        "samples at the end of the range",
+        Watch(
+            number="clipping",
+            unit="%",
+            notable=0.1,
+            trend=Trend.SENSOR,
+            worse=1.0,
+            drift=(FleetCode.TREND_SENSOR_CLIPS, "share"),
+        ),
+    ),
+    Series(
+        "mounting_offset_m",
+        "distance from the neutral layer",
+        Watch(
+            number="offset",
+            unit="mm",
+            factor=1e3,
+            notable=1.0,
+            trend=Trend.SENSOR,
+            shifted_by=frozenset({Statement.RADIUS}),
+            explains=frozenset({Basis.OFFSET}),
+            drift=(FleetCode.TREND_SENSOR_MOVES, "change_m"),
+        ),
+    ),
+)
 SERIES: Final = {
     series.name: series
     for series in (

@@ -262,6 +262,20 @@ def test_times_that_are_set_back_are_no_silence(hub) -> None:
     assert run([*chunks[:half], *again], vehicle).snapshot(0.0).alarm_records == ()
 
 
+def test_link_lost_after_the_last_frame_is_an_alarm_of_its_recording(hub, tmp_path) -> None:
+    items, vehicle = hub
+    path = tmp_path / "r.mcap"
+    core = run(
+        [*items, LinkEvent("sim:lab", items[-1].host_ns, LinkEventKind.LOST, "unplugged")],
+        vehicle,
+        recorder=RecordingWriter(path, start_ns=START_NS, vehicle_toml=vehicle.to_toml()),
+    )
+    core.finish()
+    batch = RecordingPass(OpenedRecording(RecordingReader(path), vehicle), FEW)
+    assert list(batch)
+    assert ("sim:lab", AlarmName.LINK) in {(record.position, record.name) for record in batch.alarms()}
+
+
 @pytest.mark.parametrize("part", range(4))
 def test_live_replay_and_batch_report_the_same_alarms(part: int, tmp_path) -> None:
     simulated, vehicle = lab(f"silence:part={part},at=2,for=7.5", duration_s=11)

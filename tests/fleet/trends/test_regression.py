@@ -109,7 +109,7 @@ def test_steps_are_found_and_outliers_are_none():
     values = 3.0 * position + rng.normal(size=100) + 8.0 * (np.arange(100) >= 50) - 6.0 * (np.arange(100) >= 80)
     values[[1, 20, 98]] += 25.0
     assert find_steps(design, values) == [50, 80]
-    assert find_steps(design, values, least=7.0) == [50]
+    assert find_steps(design, values, min_size=7.0) == [50]
 
 
 def test_steady_series_have_no_steps():
