@@ -266,7 +266,7 @@ def test_link_lost_after_the_last_frame_is_an_alarm_of_its_recording(hub, tmp_pa
     items, vehicle = hub
     path = tmp_path / "r.mcap"
     core = run(
-        [*items, LinkEvent("sim:lab", items[-1].host_ns, LinkEventKind.LOST, "unplugged")],
+        [*items, LinkEvent("sim:lab", items[-1].host_ns + 2 * S, LinkEventKind.LOST, "unplugged")],
         vehicle,
         recorder=RecordingWriter(path, start_ns=START_NS, vehicle_toml=vehicle.to_toml()),
     )
