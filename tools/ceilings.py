@@ -37,13 +37,13 @@ class Ceiling(NamedTuple):
 
 
 CEILINGS: Final[dict[str, Ceiling]] = {
-    "lines of the core": Ceiling(32_000, 41_800),
-    "lines of gateway": Ceiling(95_000, 127_860),
-    "lines of tests": Ceiling(58_000, 74_520),
-    "lines of tools": Ceiling(17_000, 23_770),
-    "words of docs": Ceiling(60_000, 65_900),
+    "lines of the core": Ceiling(32_000, 42_300),
+    "lines of gateway": Ceiling(95_000, 129_800),
+    "lines of tests": Ceiling(58_000, 76_400),
+    "lines of tools": Ceiling(17_000, 24_400),
+    "words of docs": Ceiling(60_000, 66_900),
     "options": Ceiling(120, 91),
-    "reason codes": Ceiling(430, 599),
+    "reason codes": Ceiling(430, 606),
     "functions over complexity 20": Ceiling(0, 28),
     "functions of more than eight parameters, commands aside": Ceiling(0, 8),
     "modules over 700 lines": Ceiling(0, 2),
