@@ -18,7 +18,7 @@ from firmware_protocol.messages import (
     SetStream,
     SetTime,
 )
-from gateway.core.clock import Clock
+from gateway.core.clock import Clock, wait_until
 from gateway.core.errors import LinkLostError, SourceError
 from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source, TwoWaySource, WrappedSource
 from gateway.core.session.hub_log import refusal
@@ -27,6 +27,7 @@ from gateway.security.cmac import Key
 from gateway.security.command_signing import HubAtLink, HubCommands, command_frame
 
 REPLY_TIMEOUT_S: Final = 5.0
+_REPEAT_PERIOD_NS: Final = 1_000_000_000
 _NO_KEYS: Final[Mapping[str, Key]] = {}
 
 
@@ -155,15 +156,16 @@ def execute(
     may_be_unsigned: bool = False,
     timeout_s: float = REPLY_TIMEOUT_S,
 ) -> Executed:
-    """Connect, send one command, wait for the reply and return which hub executed it.
+    """Connect, send one command until the reply comes, and return which hub executed it.
 
-    With keys the command is signed, and sent to the first hub that answers a challenge. A reply counts only if it
-    repeats the counter that was sent.
+    Command and reply can be lost, so the command is repeated every second under a new counter: it states the wanted
+    result, so that carried out twice it changes nothing more. With keys it is signed, and sent to the first hub that
+    answers a challenge. A reply counts only if it repeats a counter that was sent.
 
     Args:
         source: link of the hub.
-        command: to execute.
-        clock: limits the answers to hellos.
+        command: to execute; the time of a SetTime is that of sending.
+        clock: gives that time and those of repetitions, and limits the answers to hellos.
         keys: of sensors and hubs by identity.
         may_be_unsigned: whether with keys a hub that does not sign gets an unsigned command.
         timeout_s: from the connection on.
@@ -173,25 +175,35 @@ def execute(
     """
     exchange = _Exchange(source, command, clock, HubCommands(keys, may_be_unsigned=may_be_unsigned), bool(keys))
     stop = threading.Event()
-    deadline = threading.Timer(timeout_s, stop.set)
     try:
         for item in source.items(stop):
             if isinstance(item, LinkEvent):
                 if item.kind is LinkEventKind.CONNECTED:
-                    deadline.start()
                     exchange.begin()
+                    due = (exchange, clock, clock.now_ns(), timeout_s, stop)
+                    threading.Thread(target=_repeat, args=due, name="command", daemon=True).start()
                 elif item.kind is LinkEventKind.LOST:
                     raise SourceError(item.text, "Try again.")
             elif exchange.read(item.data):
                 stop.set()
     finally:
         stop.set()
-        deadline.cancel()
     return exchange.executed()
 
 
+def _repeat(exchange: "_Exchange", clock: Clock, due_ns: int, timeout_s: float, stop: threading.Event) -> None:
+    """Send the command again every second from `due_ns` until stopped, and stop when the time is over."""
+    end_ns = due_ns + round(timeout_s * 1e9)
+    while wait_until(clock, due_ns := min(due_ns + _REPEAT_PERIOD_NS, end_ns), stop, stop):
+        if due_ns == end_ns:
+            stop.set()
+            return
+        with suppress(LinkLostError, SourceError):  # the reading end reports a lost link
+            exchange.repeat()
+
+
 class _Exchange:
-    """One command to the first hub of a link that can take it, and the reply."""
+    """One command to the first hub of a link that can take it, and the reply; read and repeated by two threads."""
 
     def __init__(
         self, source: TwoWaySource, command: Command, clock: Clock, commands: HubCommands, has_keys: bool
@@ -202,27 +214,48 @@ class _Exchange:
         self._commands = commands
         self._has_keys = has_keys
         self._decoder = FrameDecoder(commands)
+        self._lock = threading.Lock()
         self._addressee: HubAtLink | None = None
-        self._seq: int | None = None
+        self._sent: list[int] = []
+        self._is_out = False
         self._reply: Frame | None = None
         self._refusal: Frame | None = None
 
     def begin(self) -> None:
         """Send the command at once if there is no key to sign it with."""
         if not self._has_keys:
-            self._send_unsigned()
+            with self._lock:
+                self._send_unsigned()
+
+    def repeat(self) -> None:
+        """Send again what has had no answer: the command, or the challenges before it."""
+        with self._lock:
+            addressee = self._addressee
+            if self._reply is not None:
+                return
+            if self._is_out and addressee is not None and addressee.verifies_commands:
+                self._send_signed(addressee)
+            elif self._is_out:
+                self._send_unsigned(EVERY_HUB if addressee is None else addressee.hub)
+            else:
+                for hub in self._commands.hubs.values():
+                    if hub.answered_ns is not None:
+                        self._answer_hello(hub)
 
     def read(self, data: bytes) -> bool:
         """Read a chunk and send what it makes due; return whether the reply has come."""
-        for frame in self._decoder.feed(data):
-            hub = self._commands.hubs.get(frame.hub)
-            if isinstance(frame.message, CommandResult):
-                self._take(frame, frame.message, hub)
-            elif self._has_keys and hub is not None and self._seq is None:
-                self._proceed(hub, frame)
-            if self._reply is not None:
-                return True
-        return False
+        with self._lock:
+            for frame in self._decoder.feed(data):
+                hub = self._commands.hubs.get(frame.hub)
+                if self._addressee is not None and frame.hub == self._addressee.hub and hub is not self._addressee:
+                    self._addressee, self._sent, self._is_out = None, [], False  # the hub has started again
+                if isinstance(frame.message, CommandResult):
+                    self._take(frame, frame.message, hub)
+                elif self._has_keys and hub is not None and not self._is_out:
+                    self._proceed(hub, frame)
+                if self._reply is not None:
+                    return True
+            return False
 
     def executed(self) -> Executed:
         """Return which hub has executed the command."""
@@ -235,34 +268,37 @@ class _Exchange:
             protocol = "" if hub is None else "{}.{}".format(*hub.protocol)
             return Executed(reply.hub, self._addressee is not None and self._addressee.verifies_commands, protocol)
         hubs = self._commands.hubs.values()
-        if self._has_keys and self._seq is None and hubs and not any(hub.verifies_commands for hub in hubs):
+        if self._has_keys and not self._sent and hubs and not any(hub.verifies_commands for hub in hubs):
             raise SourceError(
                 f"{self._source.link} does not sign its frames, or not with a key that is there, or its firmware takes "
                 "no signed commands; the command was not sent",
                 "Import the keys of its sensors: `treadlink keys import FILE`. If the hub really does not sign, "
                 "send the command with --unsigned.",
             )
+        sent = f" to the command, sent {len(self._sent)} times" if len(self._sent) > 1 else ""
         raise SourceError(
-            f"{self._source.link} did not reply", "Its firmware may take no commands; it then streams without them."
+            f"{self._source.link} did not reply{sent}",
+            "Its firmware may take no commands; it then streams without them.",
         )
 
     def _proceed(self, hub: HubAtLink, frame: Frame) -> None:
         """Send what a hub can take now: the command, or a challenge after a hello."""
         if hub.is_present:
             self._addressee = hub
-            try:
-                self._seq, data = self._commands.frame(self._command, hub)
-            except OverflowError:
+            if not self._send_signed(hub):
                 exhausted = CommandResult(0, COMMAND_TYPES[type(self._command)], Outcome.REPEATED)
                 self._reply = frame._replace(message=exhausted)
-                return
-            self._source.send(data)
-        elif isinstance(frame.message, Hello) and self._commands.may_answer_hello(hub, self._clock.now_ns()):
-            if hub.verifies_commands:
-                self._challenge(hub)
-            elif self._commands.may_be_unsigned:
-                self._addressee = hub
-                self._send_unsigned(hub.hub)
+        elif isinstance(frame.message, Hello):
+            self._answer_hello(hub)
+
+    def _answer_hello(self, hub: HubAtLink) -> None:
+        if not self._commands.may_answer_hello(hub, self._clock.now_ns()):
+            return
+        if hub.verifies_commands:
+            self._challenge(hub)
+        elif self._commands.may_be_unsigned:
+            self._addressee = hub
+            self._send_unsigned(hub.hub)
 
     def _challenge(self, hub: HubAtLink) -> None:
         try:
@@ -273,25 +309,41 @@ class _Exchange:
                 f"Import the key of {missing.args[0]}: treadlink keys import FILE.",
             ) from missing
 
+    def _command_now(self) -> Command:
+        return SetTime(self._clock.now_ns()) if isinstance(self._command, SetTime) else self._command
+
+    def _send_signed(self, hub: HubAtLink) -> bool:
+        """Sign and send the command; return False when the hub has no counter left."""
+        try:
+            seq, data = self._commands.frame(self._command_now(), hub)
+        except OverflowError:
+            return False
+        self._sent.append(seq)
+        self._is_out = True
+        self._source.send(data)
+        return True
+
     def _send_unsigned(self, hub: int = EVERY_HUB) -> None:
-        self._seq = 0
-        self._source.send(command_frame(self._command, 0, hub))
+        seq = len(self._sent)
+        self._sent.append(seq)
+        self._is_out = True
+        self._source.send(command_frame(self._command_now(), seq, hub))
 
     def _take(self, frame: Frame, result: CommandResult, hub: HubAtLink | None) -> None:
         """Take a result for the reply if it can only be that of the command as it was sent."""
-        if self._seq is None or result.command != COMMAND_TYPES[type(self._command)]:
+        if not self._sent or result.command != COMMAND_TYPES[type(self._command)]:
             return
         if self._addressee is None or not self._addressee.verifies_commands:
-            if result.seq == self._seq and (self._addressee is None or frame.hub == self._addressee.hub):
+            if result.seq in self._sent and (self._addressee is None or frame.hub == self._addressee.hub):
                 self._reply = frame
         elif hub is self._addressee:
             if result.outcome in (Outcome.REPEATED, Outcome.NOT_VERIFIED):
                 # Such an answer says nothing of the command sent: anybody can provoke it. It may only explain silence.
                 self._refusal = frame
                 if self._commands.resynchronise(hub, result):
-                    self._addressee = self._seq = None
+                    self._is_out = False
                     self._challenge(hub)
-            elif result.seq == self._seq:
+            elif result.seq in self._sent:
                 self._reply = frame
 
 

@@ -22,6 +22,7 @@ from gateway.core.errors import SourceError
 from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind, LinkItem
 from gateway.security.hub_commands import CommandedSource, execute
 from tests.testkit.signing_hub import KEYS, SECONDS, Hub, hello_message
+from tests.testkit.waiting import HeldClock
 
 
 class Attacker:
@@ -66,7 +67,7 @@ class Eavesdropper(Hub):
 def overheard(boot_count: int, running: bool) -> list[bytes]:
     """Return the hub's frames of a session in which one command was executed."""
     hub = Eavesdropper(boot_count)
-    assert execute(hub, SetStream(running), ManualClock(SECONDS * 10**9), keys=KEYS).signed
+    assert execute(hub, SetStream(running), HeldClock(SECONDS * 10**9), keys=KEYS).signed
     return hub.overheard
 
 
@@ -95,7 +96,7 @@ ALL = [*RECORDED, *STRIPPED, *OLD_HELLOS]
 def attacked(frames: Sequence[bytes], running: bool, seconds: int) -> Attacker:
     link = Attacker(frames)
     with pytest.raises(SourceError):
-        execute(link, SetStream(running), ManualClock(seconds * 10**9), keys=KEYS, timeout_s=30.0)
+        execute(link, SetStream(running), HeldClock(seconds * 10**9), keys=KEYS, timeout_s=30.0)
     return link
 
 
@@ -120,7 +121,7 @@ def test_command_kept_back_is_not_taken_for_the_next_one() -> None:
         hub.delivers = delivers
         hub.waiting.append(hub.hello())
         with pytest.raises(SourceError):
-            execute(hub, SetStream(running), ManualClock(SECONDS * 10**9), keys=KEYS, timeout_s=30.0)
+            execute(hub, SetStream(running), HeldClock(SECONDS * 10**9), keys=KEYS, timeout_s=30.0)
     assert hub.executed == []
 
 

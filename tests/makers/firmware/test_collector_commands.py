@@ -1,5 +1,6 @@
 """The reference collector: commands, signed, damaged, forged or replayed; starts after resets or a failing flash."""
 
+import itertools
 import json
 import subprocess
 import threading
@@ -16,6 +17,7 @@ from firmware_protocol.messages import (
     ChallengeAnswer,
     CommandResult,
     Hello,
+    MessageType,
     Outcome,
     SampleBlock,
     SetRate,
@@ -23,7 +25,6 @@ from firmware_protocol.messages import (
     SetTime,
     TimeSync,
 )
-from gateway.core.clock import ManualClock
 from gateway.core.errors import SourceError
 from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind, LinkItem
 from gateway.security.cmac import Key
@@ -56,6 +57,7 @@ from tests.testkit.collector_bench import (
 )
 from tests.testkit.emulated_firmware.bench_records import Kind, record
 from tests.testkit.emulated_firmware.firmware_build import build_host
+from tests.testkit.waiting import TIMEOUT_S, HeldClock
 
 Run = Callable[..., bytes]
 VECTORS = Path(firmware_protocol.__file__).parent / "vectors"
@@ -245,7 +247,7 @@ class Recorded(CollectorLink):
 
 
 def command(link: CollectorLink, running: bool) -> Executed:
-    return execute(link, SetStream(running), ManualClock(0), keys=KEYS, timeout_s=60.0)
+    return execute(link, SetStream(running), HeldClock(0), keys=KEYS, timeout_s=60.0)
 
 
 def test_collector_answers_challenge_and_command_in_every_start(run: Run) -> None:
@@ -280,6 +282,75 @@ def test_collector_refuses_a_command_kept_back_until_the_next_challenge(run: Run
     link.later(1.0)
     refused = run(*link._records)
     assert bytes((32, 5)) in refused  # command 32, outcome 5
+
+
+class LossyLink(CollectorLink):
+    """A link on which the first frame of a type to the collector, or the first from it, is lost.
+
+    When nothing more comes, a second passes.
+    """
+
+    def __init__(self, run: Run, clock: HeldClock, *, signs: bool, to_hub: int = 0, from_hub: int = 0) -> None:
+        super().__init__(run)
+        hub, wheel = (SIGNING_HUB, SIGNING_WHEEL) if signs else (HUB, WHEEL)
+        self._records[0] = started(hub, [wheel._replace(rates_hz=(9600.0, 4800.0))])
+        self._clock = clock
+        self._to_hub, self._from_hub = to_hub, from_hub
+        self._changed = threading.Condition()
+
+    def items(self, stop: threading.Event) -> Iterator[LinkItem]:
+        yield LinkEvent(self.link, 0, LinkEventKind.CONNECTED)
+        while not stop.is_set():
+            data = self._run(*self._records)[self._delivered :]
+            self._delivered += len(data)
+            if not data:
+                with self._changed:
+                    self._clock.advance_ns(10**9)
+                    assert self._changed.wait(TIMEOUT_S), "nothing is sent again"
+            elif self._from_hub in [frame.type for frame in delivered(data).frames]:
+                self._from_hub = 0
+            else:
+                yield Chunk(self.link, 0, data)
+
+    def send(self, data: bytes) -> None:
+        with self._changed:
+            if data[3] == self._to_hub:
+                self._to_hub = 0
+            else:
+                super().send(data)
+            self._changed.notify()
+
+
+LOSSES = {
+    "command": {"to_hub": MessageType.SET_RATE},
+    "reply": {"from_hub": MessageType.COMMAND_RESULT},
+    "challenge": {"to_hub": MessageType.CHALLENGE},
+    "answer": {"from_hub": MessageType.CHALLENGE_ANSWER},
+}
+
+
+@pytest.mark.parametrize(
+    ("signs", "lost", "carried_out"),
+    [
+        (True, "command", [3]),
+        (True, "reply", [2, 3]),
+        (True, "challenge", [2]),
+        (True, "answer", [3]),
+        (False, "command", [1]),
+        (False, "reply", [0, 1]),
+    ],
+)
+def test_command_or_answer_that_is_lost_is_repeated(run: Run, signs: bool, lost: str, carried_out: list[int]) -> None:
+    """The collector carries it out under these counters; twice changes nothing more than once."""
+    clock = HeldClock()
+    link = LossyLink(run, clock, signs=signs, **LOSSES[lost])
+    done = execute(link, SetRate(4800.0), clock, keys=KEYS if signs else {}, timeout_s=60.0)
+    assert done.signed == signs
+    link.later(0.1)
+    got = delivered(run(*link._records))
+    assert got.results == [(seq, Outcome.DONE) for seq in carried_out]
+    rates = [hello.rate_hz for hello in got.messages(Hello)]
+    assert sum(before != after for before, after in itertools.pairwise(rates)) == 1
 
 
 STEPS = 256 + 16 + 2
