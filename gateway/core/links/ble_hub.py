@@ -16,6 +16,9 @@ UART_SERVICE: Final = "6e400001-b5a3-f393-e0a9-e50e24dcca9e"
 UART_TO_HUB: Final = "6e400002-b5a3-f393-e0a9-e50e24dcca9e"
 UART_FROM_HUB: Final = "6e400003-b5a3-f393-e0a9-e50e24dcca9e"
 BATTERY_SERVICE: Final = "0000180f-0000-1000-8000-00805f9b34fb"
+MAX_SIGHTINGS: Final = 1000
+"""Devices that one scan keeps: addresses are free, so that a sender can advertise under any number of them."""
+_MAX_LISTED: Final = 8
 _ADDRESS: Final = re.compile(r"([0-9A-F]{2}:){5}[0-9A-F]{2}|[0-9A-F]{8}(-[0-9A-F]{4}){3}-[0-9A-F]{12}", re.IGNORECASE)
 
 
@@ -61,6 +64,23 @@ def is_meant(sighting: Sighting, target: str) -> bool:
     """Return whether `target`, an address or a name, names this device; case is ignored."""
     advertised = sighting.address if is_address(target) else sighting.name
     return advertised.casefold() == target.casefold()
+
+
+def keep(seen: dict[str, Sighting], sighting: Sighting, target: str = "") -> None:
+    """Add a sighting to those of a scan by address; above MAX_SIGHTINGS in place of one that matters less.
+
+    What matters most is the device that `target`, an address or a name, names, then hubs.
+    """
+
+    def rank(each: Sighting) -> tuple[bool, bool]:
+        return bool(target) and is_meant(each, target), each.is_hub
+
+    if len(seen) >= MAX_SIGHTINGS and sighting.address not in seen:
+        lowest = min(seen.values(), key=rank)
+        if rank(sighting) <= rank(lowest):
+            return
+        del seen[lowest.address]
+    seen[sighting.address] = sighting
 
 
 def pick(sightings: Iterable[Sighting], target: str) -> Sighting:
@@ -114,4 +134,5 @@ def uart_characteristics(
 
 def _listed(sightings: Iterable[Sighting]) -> str:
     strongest = sorted(sightings, key=lambda sighting: -(sighting.rssi_dbm or -128))
-    return ", ".join(map(str, strongest))
+    rest = f" and {len(strongest) - _MAX_LISTED} more" if len(strongest) > _MAX_LISTED else ""
+    return ", ".join(map(str, strongest[:_MAX_LISTED])) + rest

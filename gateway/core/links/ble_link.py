@@ -12,7 +12,7 @@ from bleak.backends.characteristic import BleakGATTCharacteristic
 from bleak.backends.device import BLEDevice
 
 from gateway.core.errors import LinkLostError, SourceError
-from gateway.core.links.ble_hub import Sighting, is_address, is_meant, pick, uart_characteristics
+from gateway.core.links.ble_hub import Sighting, is_address, is_meant, keep, pick, uart_characteristics
 from gateway.core.links.ble_radio import BLE_ERRORS, demands_pairing, explain, explain_pairing, radio
 from gateway.core.links.reasons import LinkCode
 from gateway.core.reasons import Reason
@@ -63,7 +63,7 @@ async def find(settings: BleSettings) -> Sighting:
     target_sighted = asyncio.Event()
 
     def hear(sighting: Sighting) -> None:
-        seen[sighting.address] = sighting
+        keep(seen, sighting, settings.target)
         if is_meant(sighting, settings.target):
             target_sighted.set()
 
@@ -91,8 +91,7 @@ class BleLink:
         self._client: BleakClient | None = None
         self._write_to: BleakGATTCharacteristic | None = None
         self._arrival = threading.Condition()
-        self._arrived: list[bytes] = []
-        self._arrived_bytes = 0
+        self._arrived = bytearray()
         self._dropped = 0
         self._lost = False
         self._closing = False
@@ -118,9 +117,8 @@ class BleLink:
         with self._arrival:
             if not self._arrived and not self._lost:
                 self._arrival.wait(timeout_s)
-            data = b"".join(self._arrived)
-            self._arrived.clear()
-            self._arrived_bytes = 0
+            data = bytes(self._arrived)
+            self._arrived = bytearray()
             lost = self._lost
         if lost and not data:
             raise LinkLostError(
@@ -216,11 +214,10 @@ class BleLink:
         if not data:
             return
         with self._arrival:
-            if self._arrived_bytes + len(data) > _PENDING_BYTES:
+            if len(self._arrived) + len(data) > _PENDING_BYTES:
                 self._dropped += 1
                 return
-            self._arrived.append(bytes(data))
-            self._arrived_bytes += len(data)
+            self._arrived += data
             self._arrival.notify()
 
     def _on_disconnected(self, _: BleakClient) -> None:

@@ -8,7 +8,7 @@ from typing import Final
 
 from gateway.core.clock import Clock
 from gateway.core.errors import SourceError
-from gateway.core.links.ble_hub import Sighting
+from gateway.core.links.ble_hub import Sighting, keep
 from gateway.core.links.ble_link import BleLink, BleSettings, find
 from gateway.core.links.ble_radio import BLE_ERRORS, explain, radio
 from gateway.core.links.reasons import LinkCode
@@ -143,7 +143,7 @@ def scan_devices(seconds: float, adapter: str = "") -> ScanResult:
 
 async def _listen(seconds: float, adapter: str, seen: dict[str, Sighting]) -> None:
     def hear(sighting: Sighting) -> None:
-        seen[sighting.address] = sighting
+        keep(seen, sighting)
 
     async with radio().scanner(adapter).listen(hear):
         await asyncio.sleep(seconds)

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from dbus_fast import Variant
 
 from firmware_protocol.codec import encode_frame
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Frame, MessageType, SampleBlock
 from gateway.core.clock import ManualClock
 from gateway.core.errors import LinkLostError, SourceError
-from gateway.core.links import ble_link
 from gateway.core.links.ble_link import BleLink, BleSettings
 from gateway.core.links.ble_source import BleSource, scan_devices
 from gateway.core.links.reasons import LinkCode
@@ -21,7 +21,7 @@ from gateway.core.reasons import Reason
 from gateway.core.text.wording import text
 from tests.core.ble.conftest import ADDRESSES
 from tests.testkit.bluetooth.bluez_thread import BluezStandIn
-from tests.testkit.bluetooth.peripheral import UART_FROM_HUB, UART_TO_HUB, Peripheral
+from tests.testkit.bluetooth.peripheral import DEVICE, UART_FROM_HUB, UART_TO_HUB, Peripheral
 from tests.testkit.hub_ends import TIMEOUT_S, Reader
 
 Read = Callable[[Source], Reader]
@@ -185,6 +185,25 @@ def test_hub_that_is_renamed_stays_the_same_and_its_name_is_no_ticket(
     assert data(reader, 5) == b"again"
 
 
+def test_hubs_that_take_each_others_name_are_not_mixed_up(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
+    other = bluez.add(Peripheral(ADDRESSES[1], "Treadlink-FR"))
+    hubs, readers = (hub, other), [read(opened(name, "scan=0.2")) for name in ("Treadlink-FL", "Treadlink-FR")]
+    for reader in readers:
+        reader.event(LinkEventKind.CONNECTED)
+    hub.name, other.name = other.name, hub.name
+    for each in hubs:
+        names = {"Name": Variant("s", each.name), "Alias": Variant("s", each.name)}
+        bluez.run(bluez.service._changed(each.path(bluez.service.adapter), DEVICE, names))
+        send(bluez, each, [each.address.encode()])
+        bluez.run(bluez.service.lose(each, advertising=True))
+    for each, reader in zip(hubs, readers, strict=True):
+        assert data(reader, 17) == each.address.encode()
+        assert reader.event(LinkEventKind.LOST).link.startswith("ble:Treadlink-F")
+        assert each.address in text(reader.event(LinkEventKind.RESTORED).reason)
+        send(bluez, each, [each.address.encode()])
+        assert data(reader, 17) == each.address.encode()
+
+
 def test_requested_disconnect_is_marked(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
     reader = read(opened("Treadlink-FL"))
     reader.event(LinkEventKind.CONNECTED)
@@ -318,22 +337,6 @@ def test_lost_links_leave_no_descriptor_open(bluez: BluezStandIn, hub: Periphera
 
     first = cycle()
     assert [cycle() for _ in range(20)][-1] <= first
-
-
-def test_slow_reader_reports_drops(bluez: BluezStandIn, hub: Peripheral, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ble_link, "_PENDING_BYTES", 1000)
-    source = BleSource(BleSettings("Treadlink-FL", scan_s=0.2), ManualClock())
-    items, stop = source.items(threading.Event()), threading.Event()
-    next(items)
-    send(bluez, hub, [b"0123456789" * 20] * 8)
-    link = source._current
-    assert isinstance(link, BleLink)
-    while link._dropped < 3:  # the rest is still on the bus
-        stop.wait(0.01)
-    assert len(getattr(next(items), "data", b"")) == 1000
-    assert getattr(next(items), "details", ()) == (Reason(LinkCode.NOTIFICATIONS_DROPPED, count=3),)
-    items.close()
-    assert not hub.connected
 
 
 def test_write_without_connection_raises() -> None:
