@@ -5,7 +5,7 @@ import itertools
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
@@ -40,7 +40,7 @@ _MAX_HEADER_LINES: Final = 200
 
 @dataclass(frozen=True, slots=True)
 class TextLayout:
-    """Layout of a text file.
+    """Layout of a text file; of another file, nothing.
 
     Attributes:
         layout: as in the import map.
@@ -54,15 +54,15 @@ class TextLayout:
         mv_per_g: sensitivity that they state, None where they state none or several.
     """
 
-    layout: FileLayout
-    units: dict[str, str]
-    dates: frozenset[str]
-    date_order: str
-    texts: dict[str, str]
-    rates_hz: dict[str, float]
-    stated: list[tuple[str, str, str]]
-    mv_per_g: float | None
-    identities: tuple[str, tuple[str, ...]] | None
+    layout: FileLayout = field(default_factory=FileLayout)
+    units: Mapping[str, str] = field(default_factory=dict)
+    dates: frozenset[str] = frozenset()
+    date_order: str = "ymd"
+    texts: Mapping[str, str] = field(default_factory=dict)
+    rates_hz: Mapping[str, float] = field(default_factory=dict)
+    stated: Sequence[tuple[str, str, str]] = ()
+    mv_per_g: float | None = None
+    identities: tuple[str, tuple[str, ...]] | None = None
 
 
 def recognise_layout(path: Path) -> TextLayout:
@@ -72,6 +72,45 @@ def recognise_layout(path: Path) -> TextLayout:
         ImportDataError: it has no lines of numbers.
         OSError: the file cannot be read.
     """
+    lines, encoding = _first_lines(path)
+    delimiter = _delimiter(lines)
+    rows = [_cells(line, delimiter) for line in lines]
+    header, start, width = _header(path, lines, rows)
+    names = column_names(rows[header]) if header < start else [str(k + 1) for k in range(width)]
+    data_rows = [row for row in rows[start:] if len(row) == width]
+    comma = delimiter != "comma" and any(_DECIMAL_COMMA.fullmatch(cell) for row in data_rows for cell in row)
+    layout = FileLayout(
+        delimiter=delimiter,
+        decimal="," if comma else ".",
+        encoding=encoding,
+        skip_rows=header,
+        header=header < start,
+        skip_rows_after_header=max(start - header - 1, 0),
+    )
+    columns = dict(zip(names, zip(*data_rows, strict=True), strict=False))
+    _require_axes_apart(path, columns)
+    dates = {name for name, cells in columns.items() if any(map(_DATE.fullmatch, cells))}
+    above = {f"line {k}": line for k, line in enumerate(lines[:start], 1)}
+    sensitivities = set(map(sensitivity_in_text, above.values())) - {None}
+    return TextLayout(
+        layout,
+        units=dict(zip(names, rows[header + 1], strict=True)) if start - header > 1 else {},
+        dates=frozenset(dates),
+        date_order=_date_order([cell for name in dates for cell in columns[name]]),
+        texts={
+            name: next(cell for cell in cells if cell and not _NUMBER.fullmatch(cell))
+            for name, cells in columns.items()
+            if name not in dates and _is_text(cells)
+        },
+        rates_hz={place: rate_hz for place, line in above.items() if (rate_hz := rate_in_text(line))},
+        stated=stated_conditions(above),
+        mv_per_g=sensitivities.pop() if len(sensitivities) == 1 else None,
+        identities=_identities(path, layout, columns),
+    )
+
+
+def _first_lines(path: Path) -> tuple[list[str], str]:
+    """Return the first lines of a text file that are whole, and its encoding."""
     with path.open("rb") as file:
         data = file.read(_READ_BYTES)
     if not data:
@@ -79,10 +118,11 @@ def recognise_layout(path: Path) -> TextLayout:
     text, encoding = _decoded(data)
     # Only these end a line for the reader; letters of other code pages may look like other ends.
     lines = re.split(r"\r\n|\r|\n", text)[:_LINES]
-    if len(data) == _READ_BYTES:
-        lines = lines[:-1]
-    delimiter = _delimiter(lines)
-    rows = [_cells(line, delimiter) for line in lines]
+    return lines[:-1] if len(data) == _READ_BYTES else lines, encoding
+
+
+def _header(path: Path, lines: Sequence[str], rows: Sequence[list[str]]) -> tuple[int, int, int]:
+    """Return the first line of the header and that of the data, which may have no header, and the number of columns."""
     starts = (k for k in range(min(len(rows), _MAX_HEADER_LINES)) if any(rows[k]))
     start = next((k for k in starts if _are_data(rows[k : k + 5])), None)
     if start is None:
@@ -91,58 +131,37 @@ def recognise_layout(path: Path) -> TextLayout:
             "Check that it is a text file of columns.",
         )
     width = len(rows[start])
-    above = [k for k in range(start) if len(rows[k]) == width and any(rows[k])]
     # A blank line may part the header from the data.
     start = next((k + 1 for k in range(start - 1, -1, -1) if lines[k].strip()), 0)
-    # A line of units is directly below that of the names, and has no unit without a name.
-    has_units = len(above) >= 2 and above[-1] == start - 1 and above[-2] == start - 2
-    if has_units:
-        # A remark may have as many commas, and a line that ends a header as many tabs.
-        is_remark = _is_comment(lines[start - 2]) and not _is_comment(lines[start - 1])
-        has_units = not is_remark and all(name or not unit for name, unit in zip(*rows[start - 2 : start], strict=True))
-    header = above[-2] if has_units else above[-1] if above and above[-1] == start - 1 else None
-    # Names, units, and a line of sources or remarks.
-    if header is not None and above[-3:] == [start - 3, start - 2, start - 1] and are_units(rows[start - 2]):
-        header, has_units = start - 3, True
-    names = column_names(rows[header]) if header is not None else [str(k + 1) for k in range(width)]
-    data_rows = [row for row in rows[start:] if len(row) == width]
-    comma = delimiter != "comma" and any(_DECIMAL_COMMA.fullmatch(cell) for row in data_rows for cell in row)
-    layout = FileLayout(
-        delimiter=delimiter,
-        decimal="," if comma else ".",
-        encoding=encoding,
-        skip_rows=start if header is None else header,
-        header=header is not None,
-        skip_rows_after_header=start - header - 1 if header is not None and has_units else 0,
-    )
-    columns = dict(zip(names, zip(*data_rows, strict=True), strict=False))
+    return start - _header_lines(lines, rows, start, width), start, width
+
+
+def _header_lines(lines: Sequence[str], rows: Sequence[list[str]], start: int, width: int) -> int:
+    """Return how many lines above the first of the data are of its columns: their names, units, and a remark."""
+    above = rows[max(start - 3, 0) : start][::-1]
+    count = next((k for k, row in enumerate(above) if len(row) != width or not any(row)), len(above))
+    if count == 3 and are_units(above[1]):
+        return 3
+    # A line of units is directly below that of the names, and has no unit without a name. A remark may have as many
+    # commas, and a line that ends a header as many tabs.
+    is_remark = count > 1 and _is_comment(lines[start - 2]) and not _is_comment(lines[start - 1])
+    if count > 1 and not is_remark and all(name or not unit for unit, name in zip(*above[:2], strict=True)):
+        return 2
+    return min(count, 1)
+
+
+def _require_axes_apart(path: Path, columns: Mapping[str, Sequence[str]]) -> None:
+    """Check that each row has the values of all axes.
+
+    Raises:
+        ImportDataError: a column states the axis that a row is of.
+    """
     for name, cells in columns.items():
         if _AXIS_COLUMN.fullmatch(name.strip()) and {cell.lower() for cell in cells} <= {"x", "y", "z"}:
             raise ImportDataError(
                 f"{path}: each row has one value, of the axis in its column '{name}'",
                 "Write the values of each axis as a column of their own, with one row for each time.",
             )
-    dates = {name for name, cells in columns.items() if any(_DATE.fullmatch(cell) for cell in cells)}
-    texts = {
-        name: next(cell for cell in cells if cell and not _NUMBER.fullmatch(cell))
-        for name, cells in columns.items()
-        if name not in dates and _is_text(cells)
-    }
-    units = dict(zip(names, rows[header + 1], strict=True)) if header is not None and has_units else {}
-    order = _date_order([cell for name in dates for cell in columns[name]])
-    stated = {f"line {k + 1}": rate_hz for k, line in enumerate(lines[:start]) if (rate_hz := rate_in_text(line))}
-    sensitivities = {mv_per_g for line in lines[:start] if (mv_per_g := sensitivity_in_text(line)) is not None}
-    return TextLayout(
-        layout,
-        units,
-        frozenset(dates),
-        order,
-        texts,
-        stated,
-        stated_conditions({f"line {k}": line for k, line in enumerate(lines[:start], 1)}),
-        sensitivities.pop() if len(sensitivities) == 1 else None,
-        _identities(path, layout, columns),
-    )
 
 
 def _identities(
@@ -244,13 +263,7 @@ def _share(row: list[str]) -> float:
     return good / max(sum(map(bool, row)), 1)
 
 
-def _are_data(rows: list[list[str]]) -> bool:
+def _are_data(rows: Sequence[list[str]]) -> bool:
     """Return whether rows consist of numbers and dates for the larger part, with at least one of them."""
-    if not rows:
-        return False
-    for row in rows:
-        if not any(row):
-            continue
-        if _share(row) < 0.5:
-            return False
-    return any(any(row) for row in rows)
+    filled = [row for row in rows if any(row)]
+    return bool(filled) and all(_share(row) >= 0.5 for row in filled)

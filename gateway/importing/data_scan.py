@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -104,9 +105,7 @@ def _scan(
     names = import_map.columns()
     start = _Start(import_map, names)
     bad = _BadValues(path, names, _limits(import_map))
-    reference_columns = [names.index(reference.column) for reference in import_map.reference]
-    ranges = np.column_stack((np.full(len(reference_columns), np.inf), np.full(len(reference_columns), -np.inf)))
-    sums = np.zeros((len(reference_columns), 3))
+    references = [_ReferenceRange(names.index(reference.column)) for reference in import_map.reference]
     rows: SampleRows | None = None
     wheels = [_WheelRange(wheel) for wheel in import_map.wheels()]
     samples = 0
@@ -120,23 +119,15 @@ def _scan(
             factor = factor or decimation_factor(start.first_rate_hz)
             rows = SampleRows(import_map, factor)
         values = block.values[start.rows_to_skip(block) :]
-        for k, column in enumerate(reference_columns):
-            present = values[:, column][np.isfinite(values[:, column])]
-            if len(present):
-                sums[k] += len(present), present.sum(), np.square(present).sum()
-                ranges[k] = min(ranges[k, 0], present.min()), max(ranges[k, 1], present.max())
+        for reference in references:
+            reference.look(values)
         for wheel, places in zip(wheels, rows.wheels, strict=True):
             wheel.held.add(values[:, places.axes])
         samples += _take(wheels, rows, rows.feed(values))
     bad.refuse()
     if rows is not None:
         samples += _take(wheels, rows, rows.finish(len(names)))
-    kept_count = start.rows - start.skipped
-    if kept_count < 2 or samples < 2:
-        shortage = (
-            "contains no rows of data" if start.rows == 0 else f"contains {max(kept_count, 0)} rows after start_s"
-        )
-        raise ImportDataError(f"{path} {shortage}", "Check the file, and start_s in [sampling] of the map.")
+    start.require_rows(path, samples)
     for wheel in wheels:
         wheel.check_gaps(path, samples)
     rate_hz, rate_std_hz = start.rate_hz(path)
@@ -154,16 +145,33 @@ def _scan(
         jitter_s=start.clock.jitter_s if start.clock else None,
         first_s=start.clock.first_s if start.clock else 0.0,
         wheels=tuple(wheel.wheel_scan() for wheel in wheels),
-        ranges=np.where(np.isfinite(ranges), ranges, np.nan),
-        means=_means(sums),
+        ranges=np.array([reference.range for reference in references]).reshape(-1, 2),
+        means=np.array([reference.mean for reference in references]).reshape(-1, 2),
     )
 
 
-def _means(sums: FloatArray) -> FloatArray:
-    """Return (n, 2) means and standard deviations from (n, 3) numbers, sums and sums of squares."""
-    counts = np.where(sums[:, 0] > 0, sums[:, 0], np.nan)
-    means = sums[:, 1] / counts
-    return np.column_stack((means, np.sqrt(np.maximum(sums[:, 2] / counts - means**2, 0.0))))
+class _ReferenceRange:
+    """Smallest and largest value of a reference, its mean and its standard deviation; NaN without a value."""
+
+    def __init__(self, column: int) -> None:
+        self._column = column
+        self._count, self._sum, self._squares = 0, 0.0, 0.0
+        self.range = (math.nan, math.nan)
+
+    def look(self, values: FloatArray) -> None:
+        present = values[:, self._column][np.isfinite(values[:, self._column])]
+        if len(present):
+            self._count += len(present)
+            self._sum += float(present.sum())
+            self._squares += float(np.square(present).sum())
+            self.range = float(np.fmin(self.range[0], present.min())), float(np.fmax(self.range[1], present.max()))
+
+    @property
+    def mean(self) -> tuple[float, float]:
+        if not self._count:
+            return math.nan, math.nan
+        mean = self._sum / self._count
+        return mean, math.sqrt(max(self._squares / self._count - mean**2, 0.0))
 
 
 def _take(wheels: Sequence[_WheelRange], rows: SampleRows, values: FloatArray) -> int:
@@ -310,6 +318,12 @@ class _Start:
         if self.clock:
             return 1.0 / self.clock.interval_s if self.clock.interval_s > 0 else 0.0
         return self._stated_hz or 0.0
+
+    def require_rows(self, path: Path, samples: int) -> None:
+        rows = max(self.rows - self.skipped, 0)
+        if min(rows, samples) < 2:
+            shortage = f"contains {rows} rows after start_s" if self.rows else "contains no rows of data"
+            raise ImportDataError(f"{path} {shortage}", "Check the file, and start_s in [sampling] of the map.")
 
     def rows_to_skip(self, block: Block) -> int:
         return min(max(self.skipped - block.first_row, 0), len(block.values))

@@ -9,7 +9,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from pydantic import ValidationError
@@ -45,6 +45,14 @@ _COLUMN: Final = re.compile(r"# column ")
 _MOST_LINES: Final = 10_000
 _TIME: Final = "device_s"
 _SLOW: Final = ("pressure_pa", "temperature_degc")
+# Key of a wheel in an import map, the condition of an export, and the factor between them.
+_WHEEL_NUMBERS: Final = (
+    ("load_n", "load_n", 1.0),
+    ("load_std_n", "load_std_n", 1.0),
+    ("radius_mm", "radius_m", 1e3),
+    ("radius_std_mm", "radius_std_m", 1e3),
+    ("pressure_kpa", "pressure_pa", 1e-3),
+)
 _PROBE: Final = ImportMap(
     sampling=Sampling(rate_hz=1e4), axis=Axes(radial=AxisColumn(column="?", unit="g")), sensor=Sensor(coupling="DC")
 )
@@ -145,29 +153,32 @@ def _wheel_reader(path: Path, position: str, conditions: Conditions, processes: 
 
 
 def _wheel_map(path: Path, position: str, conditions: Conditions, reader: _WheelReader) -> ImportMap:
-    present = dict.fromkeys((conditions.get("axes", ("", ""))[0] or ", ".join(AXIS_NAMES)).split(", "))
-    ends = dict(entry.rpartition(" ")[::2] for entry in conditions.get("ranges_mps2", ("", ""))[0].split(", "))
+    present = (_text(conditions, "axes") or ", ".join(AXIS_NAMES)).split(", ")
+    ends = dict(entry.rpartition(" ")[::2] for entry in _text(conditions, "ranges_mps2").split(", "))
     axes = {
         name: AxisColumn(column=f"{name}_mps2", unit="m/s^2", full_scale=_end(ends.get(name)))
         for name in AXIS_NAMES
         if name in present and f"{name}_mps2" in reader.facts.names
     }
     constants = [name if name in reader.facts.names else None for name in _SLOW]
-    radius_m, pressure_pa = _number(conditions, "radius_m"), _number(conditions, "pressure_pa")
-    radius_std_m = _number(conditions, "radius_std_m")
-    offset_m, load_n = _number(conditions, "mounting_offset_m"), _number(conditions, "load_n")
-    is_assumed = "assumed" in conditions.get("radius_m", ("", ""))[1]
-    rate_std = _number(conditions, "relative_rate_std")
+    unstated = set() if constants[0] is None else {"pressure_kpa"}
+    if "assumed" in conditions.get("radius_m", ("", ""))[1]:
+        unstated |= {"radius_mm", "radius_std_mm"}
+    numbers: dict[str, Any] = {
+        key: number * factor
+        for key, name, factor in _WHEEL_NUMBERS
+        if key not in unstated and (number := _number(conditions, name)) is not None
+    }
+    for error, key in (("load_std_n", "load_n"), ("radius_std_mm", "radius_mm")):
+        if key not in numbers:
+            numbers.pop(error, None)
+    offset_m, rate_std = _number(conditions, "mounting_offset_m"), _number(conditions, "relative_rate_std")
     try:
         sampling = Sampling(time_column=_TIME, rate_std_percent=None if rate_std is None else 100.0 * rate_std)
         wheel = ImportedWheel(
             position=position,
-            sensor_id=conditions.get("sensor_id", ("", ""))[0] or None,
-            load_n=load_n,
-            load_std_n=_number(conditions, "load_std_n") if load_n is not None else None,
-            radius_mm=None if radius_m is None or is_assumed else radius_m * 1e3,
-            radius_std_mm=None if radius_std_m is None or radius_m is None or is_assumed else radius_std_m * 1e3,
-            pressure_kpa=None if pressure_pa is None or constants[0] is not None else pressure_pa * 1e-3,
+            sensor_id=_text(conditions, "sensor_id") or None,
+            **numbers,
             axis=Axes(**axes),
             environment=EnvironmentColumns(
                 pressure_column=constants[0], pressure_unit="Pa", temperature_column=constants[1]
@@ -180,12 +191,12 @@ def _wheel_map(path: Path, position: str, conditions: Conditions, reader: _Wheel
             f"{path}: wheel '{position}': {'.'.join(map(str, first['loc']))}: {first['msg']}",
             "Import it with a map: treadlink import --guess writes a first one.",
         ) from error
-    assumed = conditions.get("assumed", ("", ""))[0]
+    assumed = _text(conditions, "assumed")
     named = {"name": conditions.get("vehicle"), "tire": conditions.get("tire_size")}
     return ImportMap(
         assumed=(assumed,) if assumed else (),
         sampling=sampling,
-        sensor=Sensor(coupling="AC" if conditions.get("coupling", ("", ""))[0] == "ac" else "DC"),
+        sensor=Sensor(coupling="AC" if _text(conditions, "coupling") == "ac" else "DC"),
         conditions=StatedConditions.model_validate(
             {key: condition[0] for key, condition in named.items() if condition is not None}
         ),
@@ -214,8 +225,13 @@ def _pairs(properties: Mapping[str, Sequence[str]]) -> Conditions:
 
 def _start_ns(conditions: Conditions) -> int | None:
     """Return the start of the recording, None where it is unknown. A double would round it to 0.2 us."""
-    text = conditions.get("start_ns", ("", ""))[0].split(" ")[0]
+    text = _text(conditions, "start_ns").split(" ")[0]
     return int(text) if text.isdecimal() and int(text) > 0 else None
+
+
+def _text(conditions: Conditions, name: str) -> str:
+    """Return the value of a condition, empty where there is none."""
+    return conditions.get(name, ("", ""))[0]
 
 
 def _end(text: str | None) -> float | None:

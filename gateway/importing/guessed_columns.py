@@ -4,7 +4,7 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -181,8 +181,7 @@ class Guess:
         candidates: columns that may be accelerations.
         missed: columns whose name or unit says an acceleration, and that cannot be read.
         references: reference columns.
-        pressure: column of the pressure with its unit.
-        temperature: column of the temperature, and what is doubtful about it.
+        environment: column of the `pressure` with its unit, that of the `temperature` with what is doubtful about it.
         others: (name, reason) of the columns that are not used.
         groups: groups of the file, as in its facts.
         stated: conditions that the file states: key of the map, its value in TOML, and where it stands.
@@ -203,8 +202,7 @@ class Guess:
     candidates: list[Seen] = field(default_factory=list)
     missed: list[str] = field(default_factory=list)
     references: list[Reference] = field(default_factory=list)
-    pressure: tuple[Seen, str] | None = None
-    temperature: tuple[Seen, str] | None = None
+    environment: dict[str, tuple[Seen, str]] = field(default_factory=dict)
     others: list[tuple[str, str]] = field(default_factory=list)
     groups: Mapping[str, Sequence[str]] = field(default_factory=dict)
     stated: list[tuple[str, str, str]] = field(default_factory=list)
@@ -220,45 +218,67 @@ def names_role(name: str, role: str) -> bool:
 
 def ordered_axes(columns: Sequence[Seen], rate_hz: float | None) -> list[Axis]:
     """Return the columns as axes, the most likely radial one first."""
-    axes = []
-    for column in columns:
-        values = _liveliest(column.values, rate_hz)
-        scale = None
-        lag = None if rate_hz is None else revolution_lag(values, rate_hz, ASSUMED_RADIUS_MM * 1e-3)
-        steady = float(np.nanmean(values))
-        if lag is not None:
-            down, up = contact_depth(values, lag), contact_depth(-values, lag)
-        else:
-            low, middle, high = np.nanpercentile(values, (1.0, 50.0, 99.0))
-            down, up = middle - low, high - middle
-        depth = float(down if down >= up else -up)
-        unit, why = (column.unit, "stated in the file") if column.is_acceleration else ("", "")
-        doubt = column.fault
-        if lag is not None and rate_hz is not None:
-            expected = (2.0 * math.pi * rate_hz / lag) ** 2 * ASSUMED_RADIUS_MM * 1e-3
-            largest = max(abs(steady), abs(depth))
-            for name in () if column.unit else _BY_SIZE:
-                if largest > 0.0 and fits(largest * _BY_SIZE[name], expected):
-                    unit, why = name, f"by magnitude: V²/R of its revolutions is {expected:.0f} m/s²"
-            size = largest * (column.unit_mps2 or _BY_SIZE.get(unit, 1.0))
-            if not doubt and (not unit or not (size > 0.0 and fits(size, expected))):
-                shown = f"its mean and contact are {size:.0f}" if unit else f"no unit makes {size:.4g} fit"
-                doubt = f"V²/R of its revolutions is {expected:.0f} m/s², {shown}"
-            # The contact's depth holds no reading at zero acceleration.
-            size_mps2 = column.unit_mps2 or _BY_SIZE.get(unit, STANDARD_GRAVITY_MPS2)
-            in_unit = abs(depth) * size_mps2
-            if in_unit > 0.0 and ((not unit and column.unit) or no_unit_fits(in_unit / expected)):
-                scale = expected / in_unit
-        axes.append(Axis(column, unit, why, steady, depth, float(np.nanstd(values)), doubt, lag is not None, scale))
-    named = ROLES["radial"]
     return sorted(
-        axes,
+        (_axis(column, rate_hz) for column in columns),
         key=lambda axis: (
-            not named.search(axis.seen.name),
+            not ROLES["radial"].search(axis.seen.name),
             # The mean of volts is their reading at zero acceleration.
             -max(abs(axis.steady) * (axis.seen.unit not in VOLTS), abs(axis.depth), 1e-3 * axis.swing),
         ),
     )
+
+
+class _Revolutions(NamedTuple):
+    """The part of a column with the largest scatter, and what its revolutions say; NaN where it shows none.
+
+    Attributes:
+        values: (n,) the part.
+        expected_mps2: V²/R.
+        down: depth of the contact in the column's unit.
+        up: the same of the reversed column.
+    """
+
+    values: FloatArray
+    expected_mps2: float
+    down: float
+    up: float
+
+    @classmethod
+    def of(cls, values: FloatArray, rate_hz: float | None) -> "_Revolutions":
+        part = _liveliest(values, rate_hz)
+        lag = None if rate_hz is None else revolution_lag(part, rate_hz, ASSUMED_RADIUS_MM * 1e-3)
+        if lag is None or rate_hz is None:
+            return cls(part, math.nan, math.nan, math.nan)
+        expected_mps2 = (2.0 * math.pi * rate_hz / lag) ** 2 * ASSUMED_RADIUS_MM * 1e-3
+        return cls(part, expected_mps2, contact_depth(part, lag), contact_depth(-part, lag))
+
+    def fits(self, size_mps2: float) -> bool:
+        """Return whether a size is that of V²/R."""
+        return size_mps2 > 0.0 and fits(size_mps2, self.expected_mps2)
+
+
+def _axis(column: Seen, rate_hz: float | None) -> Axis:
+    turns = _Revolutions.of(column.values, rate_hz)
+    is_seen = not math.isnan(turns.expected_mps2)
+    low, middle, high = np.nanpercentile(turns.values, (1.0, 50.0, 99.0))
+    down, up = (turns.down, turns.up) if is_seen else (middle - low, high - middle)
+    steady, depth = float(np.nanmean(turns.values)), float(down if down >= up else -up)
+    unit, why = (column.unit, "stated in the file") if column.is_acceleration else ("", "")
+    doubt, scale = column.fault, None
+    if is_seen:
+        expected_mps2, largest = turns.expected_mps2, max(abs(steady), abs(depth))
+        for name in () if column.unit else _BY_SIZE:
+            if turns.fits(largest * _BY_SIZE[name]):
+                unit, why = name, f"by magnitude: V²/R of its revolutions is {expected_mps2:.0f} m/s²"
+        size = largest * (column.unit_mps2 or _BY_SIZE.get(unit, 1.0))
+        if not doubt and not (unit and turns.fits(size)):
+            shown = f"its mean and contact are {size:.0f}" if unit else f"no unit makes {size:.4g} fit"
+            doubt = f"V²/R of its revolutions is {expected_mps2:.0f} m/s², {shown}"
+        # The contact's depth holds no reading at zero acceleration.
+        in_unit = abs(depth) * (column.unit_mps2 or _BY_SIZE.get(unit, STANDARD_GRAVITY_MPS2))
+        if in_unit > 0.0 and ((not unit and column.unit) or no_unit_fits(in_unit / expected_mps2)):
+            scale = expected_mps2 / in_unit
+    return Axis(column, unit, why, steady, depth, float(np.nanstd(turns.values)), doubt, is_seen, scale)
 
 
 def _liveliest(values: FloatArray, rate_hz: float | None) -> FloatArray:
@@ -299,11 +319,7 @@ def _sensors(columns: Sequence[Seen], groups: Mapping[str, Sequence[str]]) -> di
 
 def is_rolling(values: FloatArray, rate_hz: float, unit_mps2: float | None) -> bool:
     """Return whether values repeat as those of a rolling wheel whose V²/R fits, in a unit or in any."""
-    part = _liveliest(values, rate_hz)
-    lag = revolution_lag(part, rate_hz, ASSUMED_RADIUS_MM * 1e-3)
-    if lag is None:
-        return False
-    expected = (2.0 * math.pi * rate_hz / lag) ** 2 * ASSUMED_RADIUS_MM * 1e-3
-    size = max(abs(float(np.nanmean(part))), contact_depth(part, lag), contact_depth(-part, lag))
+    turns = _Revolutions.of(values, rate_hz)
+    size = max(abs(float(np.nanmean(turns.values))), turns.down, turns.up)
     units = (unit_mps2,) if unit_mps2 is not None else _BY_SIZE.values()
-    return any(size > 0.0 and fits(size * unit, expected) for unit in units)
+    return any(turns.fits(size * unit) for unit in units)

@@ -1,7 +1,7 @@
 """Column of times of a measurement, for a first map: by name and unit first, then by its steps."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -81,76 +81,115 @@ def _since_1970_d(days: float) -> float | None:
     return next((days - begin for (low, high), begin in _DAYS if low < days < high), None)
 
 
+@dataclass(frozen=True, slots=True)
+class _Times:
+    """A column whose values rise evenly.
+
+    Attributes:
+        column: the column.
+        values: (n,) its finite values, which a counter that starts again continues.
+        rows: (n,) their rows.
+        skipped: (n-1,) samples that each step skips.
+        step: usual step from row to row.
+        has_restarts: whether its counter starts again.
+    """
+
+    column: Seen
+    values: FloatArray
+    rows: IntArray
+    skipped: IntArray
+    step: float
+    has_restarts: bool
+
+    @classmethod
+    def of(cls, column: Seen, values: FloatArray) -> "_Times | None":
+        """Return a column of times, None where it is none."""
+        counter = TimeCounter()
+        values = counter.look(values)
+        rows = np.flatnonzero(np.isfinite(column.values))
+        steps, spans = np.diff(values), np.diff(rows)
+        if len(steps) < 2 or not (steps >= 0).all() or not steps.any() or np.mean(steps == 0.0) > _MOST_REPEATS:
+            return None
+        skipped = _skipped(steps) if (spans == 1).all() else np.zeros(len(steps), dtype=np.intp)
+        # Times may be rounded, but their trend is straight.
+        places = np.concatenate(([0], np.cumsum(spans + skipped)))
+        trend = values[0] + (values[-1] - values[0]) * places / places[-1]
+        step = _usual_step(steps / (spans + skipped))
+        farthest = 3.0 * max(step, float((steps / (spans + skipped)).max()))
+        if float(np.abs(values - trend).max()) > farthest * float(spans.max()):
+            return None
+        # Rounding repeats times, but leaves them near their line.
+        if not steps.all() and line_through(places, values)[1] > _MOST_OFF * step:
+            return None
+        if np.median(spans) > 1.0 and float(np.abs(steps - step * spans).max()) > 0.5 * step:
+            return None
+        return cls(column, values, rows, skipped, step, counter.restarts > 0)
+
+    def rate_hz(self, unit: str) -> float:
+        """Return the rate where they count in a unit."""
+        return 1.0 / (self.step * TIME_UNITS_S[unit])
+
+    def unit(self, units: Sequence[str], rates_hz: tuple[float, float], beside: Sequence[Seen]) -> str | None:
+        """Return the stated unit, or the first that gives a likely rate; None without one.
+
+        Without a stated unit, a slow rate in a larger unit counts first: a smaller unit only where accelerations then
+        show the revolutions of a wheel.
+        """
+        stated = self.column.unit
+        for unit in units:
+            rate_hz = self.rate_hz(unit)
+            # Another unit than the stated one counts where that allows no rate at all.
+            if stated in TIME_UNITS_S and unit != stated and self.rate_hz(stated) < LIKELY_HZ[1]:
+                return None
+            is_slow = unit not in (stated, units[-1]) and _SLOWEST_HZ <= rate_hz < LIKELY_HZ[0]
+            if is_slow and rates_hz == LIKELY_HZ and not _roll(beside, 1e3 * rate_hz):
+                return None
+            if rates_hz[0] <= rate_hz <= rates_hz[1] and (TIME.search(self.column.name) or self.step != 1.0):
+                return unit
+        return None
+
+    def doubt(self, unit: str, likeliest: str) -> str:
+        """Return what is doubtful where they count in a unit, empty where nothing is."""
+        column, rate_hz, gaps = self.column, self.rate_hz(unit), int(np.count_nonzero(self.skipped))
+        if rate_hz < MIN_RATE_HZ:
+            return f"too low: a contact edge takes {MIN_RATE_HZ:g} Hz or more"
+        if self.has_restarts:
+            return "its counter starts again"
+        if column.fault:
+            return column.fault
+        if (span := float(np.median(np.diff(self.rows)))) > 1.0:
+            return f"stamps of blocks of {span:.4g} rows"
+        if gaps:
+            return f"{int(self.skipped.sum())} samples are missing in {gaps} gap{'s' * (gaps > 1)}"
+        if unit != likeliest:
+            said = f"its name says {likeliest}, in which"
+            said = said if column.unit in TIME_UNITS_S else f"no unit is stated: in {likeliest}"
+            return f"{said} it would be {rate_hz * TIME_UNITS_S[unit] / TIME_UNITS_S[likeliest]:.6g} Hz"
+        steps = np.diff(self.values)
+        if 0 < np.count_nonzero(steps == 0.0) < _FEW_REPEATS * len(steps):
+            return f"repeats in {column.where(int(self.rows[np.argmin(steps) + 1]))}"
+        return ""
+
+
 def _is_time(
     column: Seen, values: FloatArray, guess: Guess, rates_hz: tuple[float, float], beside: Sequence[Seen]
 ) -> bool:
-    """Note a column of uniform times, with its unit: as stated, or the first that gives a likely rate.
-
-    Without a stated unit, a slow rate in a larger unit counts first: a smaller unit only where accelerations then show
-    the revolutions of a wheel.
-    """
-    counter = TimeCounter()
-    values = counter.look(values)
-    rows = np.flatnonzero(np.isfinite(column.values))
-    steps = np.diff(values)
-    if len(steps) < 2 or not (steps >= 0).all() or not steps.any():
+    """Note a column of uniform times, with its unit."""
+    times = _Times.of(column, values)
+    if times is None:
         return False
-    if np.mean(steps == 0.0) > _MOST_REPEATS:
+    units = _time_units(column, times.values)
+    unit = times.unit(units, rates_hz, beside)
+    if unit is None:
         return False
-    spans = np.diff(rows)
-    skipped = _skipped(steps) if (spans == 1).all() else np.zeros(len(steps), dtype=np.intp)
-    # Times may be rounded, but their trend is straight.
-    places = np.concatenate(([0], np.cumsum(spans + skipped)))
-    trend = values[0] + (values[-1] - values[0]) * places / places[-1]
-    step = _usual_step(steps / (spans + skipped))
-    farthest = 3.0 * max(step, float((steps / (spans + skipped)).max()))
-    if float(np.abs(values - trend).max()) > farthest * float(spans.max()):
-        return False
-    # Rounding repeats times, but leaves them near their line.
-    if not steps.all() and line_through(places, values)[1] > _MOST_OFF * step:
-        return False
-    is_block = float(np.median(spans)) > 1.0
-    if is_block and float(np.abs(steps - step * spans).max()) > 0.5 * step:
-        return False
-    units = _time_units(column, values)
-    for unit in units:
-        rate_hz = 1.0 / (step * TIME_UNITS_S[unit])
-        is_stated = unit == column.unit
-        # Another unit than the stated one counts where that allows no rate at all.
-        if column.unit in TIME_UNITS_S and not is_stated and step * TIME_UNITS_S[column.unit] > 1.0 / LIKELY_HZ[1]:
-            return False
-        is_slow = not is_stated and unit != units[-1] and _SLOWEST_HZ <= rate_hz < LIKELY_HZ[0]
-        if is_slow and rates_hz == LIKELY_HZ and not _roll(beside, 1e3 * rate_hz):
-            return False
-        if rates_hz[0] <= rate_hz <= rates_hz[1] and (TIME.search(column.name) or step != 1.0):
-            guess.time, guess.time_unit, guess.rate_hz = column.name, unit, rate_hz
-            gaps = int(np.count_nonzero(skipped))
-            if rate_hz < MIN_RATE_HZ:
-                guess.time_doubt = f"too low: a contact edge takes {MIN_RATE_HZ:g} Hz or more"
-            elif counter.restarts:
-                guess.time_doubt = "its counter starts again"
-            elif column.fault:
-                guess.time_doubt = guess.time_fault = column.fault
-            elif is_block:
-                guess.time_doubt = f"stamps of blocks of {float(np.median(spans)):.4g} rows"
-            elif gaps:
-                guess.time_doubt = f"{int(skipped.sum())} samples are missing in {gaps} gap{'s' * (gaps > 1)}"
-            elif unit != units[0]:
-                first_hz = rate_hz * TIME_UNITS_S[unit] / TIME_UNITS_S[units[0]]
-                said = (
-                    f"its name says {units[0]}, in which"
-                    if column.unit in TIME_UNITS_S
-                    else f"no unit is stated: in {units[0]}"
-                )
-                guess.time_doubt = f"{said} it would be {first_hz:.6g} Hz"
-            elif 0 < np.count_nonzero(steps == 0.0) < _FEW_REPEATS * len(steps):
-                guess.time_doubt = f"repeats in {column.where(int(rows[np.argmin(steps) + 1]))}"
-            first = _since_1970_d(float(values[0])) if unit == "d" else float(values[0])
-            since_1970_s = (first or 0.0) * TIME_UNITS_S[unit]
-            if _SINCE_1970_S[0] < since_1970_s < _SINCE_1970_S[1]:
-                guess.since_1970_s = since_1970_s
-            return True
-    return False
+    guess.time, guess.time_unit, guess.rate_hz = column.name, unit, times.rate_hz(unit)
+    guess.time_doubt = times.doubt(unit, units[0])
+    guess.time_fault = column.fault if guess.time_doubt == column.fault else ""
+    first = _since_1970_d(float(times.values[0])) if unit == "d" else float(times.values[0])
+    since_1970_s = (first or 0.0) * TIME_UNITS_S[unit]
+    if _SINCE_1970_S[0] < since_1970_s < _SINCE_1970_S[1]:
+        guess.since_1970_s = since_1970_s
+    return True
 
 
 def _roll(beside: Sequence[Seen], rate_hz: float) -> bool:

@@ -3,7 +3,7 @@
 import math
 import re
 import zoneinfo
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from datetime import timedelta, timezone, tzinfo
 from enum import StrEnum
 from pathlib import Path
@@ -559,8 +559,30 @@ def _mounting_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
 
 
 def _axis_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
-    """Yield faults of the axes: missing or repeated columns, and a single wheel beside several."""
+    """Yield faults of the wheels: missing or repeated columns, and a single wheel beside several."""
     wheels = [wheel for _, wheel in as_tables(data.get("wheel"))]
+    yield from _single_wheel_faults(data, len(wheels))
+    sections = {f"wheel[#{k}].": wheel for k, wheel in enumerate(wheels, 1)} or {"": data}
+    columns: dict[str, object] = {}
+    for prefix, section in sections.items():
+        axes = as_table(section.get("axis"))
+        if "axis" in section and "radial" not in axes:
+            yield Fault(f"{prefix}axis.radial", None, "the radial axis is required to find the revolutions")
+        tables = {f"{prefix}axis.{name}": axis for name, axis in axes.items() if isinstance(axis, Mapping)}
+        for key, axis in tables.items():
+            sign = axis.get("sign", 1)
+            if isinstance(sign, int) and not isinstance(sign, bool) and sign not in (1, -1):
+                yield Fault(f"{key}.sign", show(sign), "allowed: 1 or -1")
+        if not (prefix and "sensor" in section):
+            columns |= {f"{key}.column": axis.get("column") for key, axis in tables.items()}
+        yield from _wheel_faults(prefix, section, data) if prefix else ()
+    yield from _repeated(columns, lambda first: f"{first.removesuffix('.column')} has the same column")
+    positions = {f"{prefix}position": section.get("position") for prefix, section in sections.items() if prefix}
+    yield from _repeated(positions, lambda _: "another wheel has the same position")
+
+
+def _single_wheel_faults(data: Mapping[str, Any], wheels: int) -> Iterator[Fault]:
+    """Yield tables and keys of a single wheel beside several, and too many wheels or none."""
     if wheels:
         for key in ("axis", "environment", "mounting"):
             if key in data:
@@ -568,48 +590,38 @@ def _axis_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
         for key, table in (("position", "conditions"), ("load_n", "conditions"), ("sensor_id", "sensor")):
             if key in as_table(data.get(table)):
                 yield Fault(f"{table}.{key}", "beside [[wheel]]", "move it to each wheel")
-        if len(wheels) > _MAX_WHEELS:
-            yield Fault("wheel", f"{len(wheels)} wheels", f"at most {_MAX_WHEELS}")
+        if wheels > _MAX_WHEELS:
+            yield Fault("wheel", f"{wheels} wheels", f"at most {_MAX_WHEELS}")
     elif "axis" not in data:
         yield Fault("axis", None, "[axis.radial] is required, or [[wheel]] for several wheels")
-    columns: dict[str, str] = {}
-    positions: set[str] = set()
-    sections = [(f"wheel[#{k}].", wheel) for k, wheel in enumerate(wheels, 1)] or [("", data)]
-    for prefix, section in sections:
-        axes = as_table(section.get("axis"))
-        if "axis" in section and "radial" not in axes:
-            yield Fault(f"{prefix}axis.radial", None, "the radial axis is required to find the revolutions")
-        for name, axis in axes.items():
-            if not isinstance(axis, Mapping):
-                continue
-            sign, column = axis.get("sign", 1), axis.get("column")
-            if isinstance(sign, int) and not isinstance(sign, bool) and sign not in (1, -1):
-                yield Fault(f"{prefix}axis.{name}.sign", show(sign), "allowed: 1 or -1")
-            if isinstance(column, str) and not (prefix and "sensor" in section):
-                if column in columns:
-                    yield Fault(f"{prefix}axis.{name}.column", show(column), f"{columns[column]} has the same column")
-                columns.setdefault(column, f"{prefix}axis.{name}")
-        if prefix and ("sensor" in section) is not ("sensor_column" in as_table(data.get("file"))):
-            yield Fault(
-                f"{prefix}sensor",
-                show(section["sensor"]) if "sensor" in section else None,
-                "it goes with sensor_column in [file]: state both, or neither",
-            )
-        position = section.get("position") if prefix else None
-        if isinstance(position, str) and position in positions:
-            yield Fault(f"{prefix}position", show(position), "another wheel has the same position")
-        if isinstance(position, str):
-            positions.add(position)
-        for error, value in (*_ERRORS, ("radius_std_mm", "radius_mm")) if prefix else ():
-            if error in section and value not in section:
-                yield Fault(f"{prefix}{error}", show(section[error]), f"it needs {value} too")
+
+
+def _wheel_faults(prefix: str, wheel: Mapping[str, Any], data: Mapping[str, Any]) -> Iterator[Fault]:
+    """Yield keys of one of several wheels without those that they need."""
+    if ("sensor" in wheel) is not ("sensor_column" in as_table(data.get("file"))):
+        yield Fault(
+            f"{prefix}sensor",
+            show(wheel["sensor"]) if "sensor" in wheel else None,
+            "it goes with sensor_column in [file]: state both, or neither",
+        )
+    for error, value in (*_ERRORS, ("radius_std_mm", "radius_mm")):
+        if error in wheel and value not in wheel:
+            yield Fault(f"{prefix}{error}", show(wheel[error]), f"it needs {value} too")
+
+
+def _repeated(texts: Mapping[str, object], said: Callable[[str], str]) -> Iterator[Fault]:
+    """Yield keys with the text of an earlier one, whose key `said` gets."""
+    first: dict[str, str] = {}
+    for key, text in texts.items():
+        if isinstance(text, str) and first.setdefault(text, key) != key:
+            yield Fault(key, show(text), said(first[text]))
 
 
 def _reference_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
     """Yield faults of the references: units, repeated names, and unknown wheels."""
     wheels = [wheel.get("position") for _, wheel in as_tables(data.get("wheel"))]
     positions = wheels or [as_table(data.get("conditions")).get("position", "W1")]
-    names: set[object] = set()
+    names: dict[str, object] = {}
     for index, reference in as_tables(data.get("reference")):
         key, quantity, unit = f"reference[#{index + 1}]", reference.get("quantity"), reference.get("unit")
         units = REFERENCE_UNITS.get(quantity) if isinstance(quantity, str) else None
@@ -622,12 +634,9 @@ def _reference_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
             for pulse_key in ("pulses_per_turn", "threshold"):
                 if pulse_key in reference:
                     yield Fault(f"{key}.{pulse_key}", show(reference[pulse_key]), 'only for quantity = "pulses"')
-        name = reference.get("name")
-        if isinstance(name, str) and name in names:
-            yield Fault(f"{key}.name", show(name), "another reference has the same name")
-        if isinstance(name, str):
-            names.add(name)
+        names[f"{key}.name"] = reference.get("name")
         stated = reference.get("wheels", ())
         for wheel in stated if isinstance(stated, list) else ():
             if wheel not in positions:
                 yield Fault(f"{key}.wheels", show(wheel), f"the wheels are {', '.join(map(str, positions))}")
+    yield from _repeated(names, lambda _: "another reference has the same name")

@@ -2,9 +2,10 @@
 
 import contextlib
 import itertools
+import math
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -45,7 +46,6 @@ from gateway.importing.import_map import (
     Axes,
     AxisColumn,
     FileFormat,
-    FileLayout,
     ImportMap,
     Sampling,
     Sensor,
@@ -74,6 +74,8 @@ _UNITS_OF_CONSTANTS: Final = (
 _LOADS_N: Final = {"N": 1.0, "kN": 1e3, "kg": 9.80665}
 _LOAD: Final = re.compile(r"load|last|fz|force|kraft", re.IGNORECASE)
 _LISTED_REASONS: Final = 40
+# Span of an angle over a turn in each unit.
+_FULL_TURNS: Final = {"deg": (300.0, 361.0), "rad": (5.5, 6.3), "turns": (0.8, 1.0)}
 _SET: Final = re.compile(
     r"(?:^|[^a-z])(?:cmd|command(?:ed)?|set(?:point)?|soll|target|demand)(?:[^a-z]|$)", re.IGNORECASE
 )
@@ -91,19 +93,18 @@ def guess_map(path: Path, progress: Callable[[float], None] = lambda _: None) ->
     """
     path = parts_of(path)[0]
     text = _text_layout(path)
-    layout = text.layout if text is not None else FileLayout()
     # The columns are known only after the file is open; a map needs one. The zone of dates does not change their steps.
     sampling = Sampling(rate_hz=1e4)
-    if text is not None and text.dates:
+    if text.dates:
         order: Any = text.date_order.rstrip("?")
         sampling = Sampling(time_column=min(text.dates), time_unit=ISO, time_zone="UTC", date_order=order)
     probe = ImportMap(
-        file=layout,
+        file=text.layout,
         sampling=sampling,
         axis=Axes(radial=AxisColumn(column="?", unit="g")),
         sensor=Sensor(coupling="DC"),
     )
-    identities = text.identities if text is not None else None
+    identities = text.identities
     rows_of = None if identities is None else (identities[0], identities[1][0])
     with contextlib.closing(open_columns(path, probe, ReaderProcesses(), rows_of)) as reader:
         facts = reader.facts
@@ -130,31 +131,30 @@ def guess_map(path: Path, progress: Callable[[float], None] = lambda _: None) ->
             ),
             next(filter(None, remedies), f"It takes at least {_FEWEST_ROWS} rows of numbers that vary."),
         )
-    return map_text(path, layout, guess, facts)
+    return map_text(path, text.layout, guess, facts)
 
 
-def _text_layout(path: Path) -> TextLayout | None:
-    if path.is_file() and recognised_format(path) is FileFormat.CSV:
-        return recognise_layout(path)
-    return None
+def _text_layout(path: Path) -> TextLayout:
+    is_text = path.is_file() and recognised_format(path) is FileFormat.CSV
+    return recognise_layout(path) if is_text else TextLayout()
 
 
 def _columns(
-    reader: ColumnReader, path: Path, facts: FileFacts, text: TextLayout | None, progress: Callable[[float], None]
+    reader: ColumnReader, path: Path, facts: FileFacts, text: TextLayout, progress: Callable[[float], None]
 ) -> tuple[list[Seen], list[tuple[str, str]], list[str]]:
     """Return the first rows of every column of numbers, (name, reason) of the others, and remedies for these."""
     seen: list[Seen] = []
     remedies: list[str] = []
     skipped = [(name, f"{reason}. {remedy}".strip()) for name, (reason, remedy) in facts.unusable.items()]
     names = list(facts.names)
-    if text is not None:
-        skipped += [(name, f"text, such as '{text.texts[name][:40]}'") for name in names if name in text.texts]
-        skipped += [(name, "further dates") for name in sorted(text.dates - set(facts.dates))]
-        names = [name for name in names if name not in text.texts and name not in text.dates - set(facts.dates)]
+    skipped += [(name, f"text, such as '{text.texts[name][:40]}'") for name in names if name in text.texts]
+    further_dates = text.dates - set(facts.dates)
+    skipped += [(name, "further dates") for name in sorted(further_dates)]
+    names = [name for name in names if name not in text.texts and name not in further_dates]
     skipped += [(name, "not looked at") for name in names[MOST_COLUMNS:]]
     for k, name in enumerate(names[:MOST_COLUMNS]):
         progress(k / len(names))
-        stated = facts.units.get(name, "") or (text.units.get(name, "") if text is not None else "")
+        stated = facts.units.get(name, "") or text.units.get(name, "")
         first_rows = _first_rows(reader, path, name)
         if first_rows is None:
             # The time of an MDF file has rows only beside a channel.
@@ -165,23 +165,31 @@ def _columns(
         else:
             block, fault = first_rows
             seen.append(Seen(name, block.values[:, 0], unit_of(name, stated), block.where, fault))
+    main, others = _at_one_rate(seen, reader, facts)
+    return main, skipped + others, remedies
+
+
+def _at_one_rate(
+    seen: Sequence[Seen], reader: ColumnReader, facts: FileFacts
+) -> tuple[list[Seen], list[tuple[str, str]]]:
+    """Return columns at the rows of most accelerations, and (name, reason) of those that have no value there."""
     rows = _main_rows(seen)
     main = [column for column in seen if len(column.values) == rows]
-    if main:
-        beside = next((column for column in main if column.says_acceleration), main[0])
-        if facts.time_column is not None and all(column.name != facts.time_column for column in main):
-            main = [*_at_rows_of(beside, Seen(facts.time_column, beside.values, "s", beside.where), reader), *main]
-        for column in [column for column in seen if len(column.values) != rows]:
-            if column.says_acceleration and facts.steps_s.get(column.name) != facts.steps_s.get(beside.name):
-                skipped.append((column.name, f"{len(column.values)} rows, others {rows}"))
-                continue
-            if column.name in facts.cut:
-                main = _at_common_rows(main, column, reader, facts)
-                continue
-            resampled = _at_rows_of(beside, column, reader)
-            main += resampled
-            skipped += [] if resampled else [(column.name, f"{len(column.values)} rows, others {rows}")]
-    return main, skipped, remedies
+    if not main:
+        return [], []
+    skipped: list[tuple[str, str]] = []
+    beside = next((column for column in main if column.says_acceleration), main[0])
+    if facts.time_column is not None and all(column.name != facts.time_column for column in main):
+        main = [*_at_rows_of(beside, Seen(facts.time_column, beside.values, "s", beside.where), reader), *main]
+    for column in [column for column in seen if len(column.values) != rows]:
+        is_in_step = not column.says_acceleration or facts.steps_s.get(column.name) == facts.steps_s.get(beside.name)
+        if is_in_step and column.name in facts.cut:
+            main = _at_common_rows(main, column, reader, facts)
+            continue
+        resampled = _at_rows_of(beside, column, reader) if is_in_step else []
+        main += resampled
+        skipped += [] if resampled else [(column.name, f"{len(column.values)} rows, others {rows}")]
+    return main, skipped
 
 
 def _at_rows_of(beside: Seen, column: Seen, reader: ColumnReader) -> list[Seen]:
@@ -240,55 +248,52 @@ def _names_axis(name: str, unit: str) -> bool:
     return Seen(name, np.empty(0), unit, str).says_acceleration
 
 
-def _sorted(seen: Sequence[Seen], facts: FileFacts, text: TextLayout | None) -> Guess:
-    guess = Guess(groups=facts.groups, stated=[(key, value, place) for key, value, place in facts.stated])
-    if text is not None:
-        guess.stated, guess.mv_per_g = text.stated, text.mv_per_g
+def _sorted(seen: Sequence[Seen], facts: FileFacts, text: TextLayout) -> Guess:
+    stated = [*text.stated, *((key, value, place) for key, value, place in facts.stated)]
+    guess = Guess(groups=facts.groups, stated=stated, mv_per_g=text.mv_per_g)
     parts = parts_of_time([column.name for column in seen])
-    guess.others = [(column.name, "a part of the time of day") for column in seen if column.name in parts]
-    of_day = [(column, column.values[np.isfinite(column.values)]) for column in seen]
-    seen = [column for column in seen if column.name not in parts]
-    finite = [(column, column.values[np.isfinite(column.values)]) for column in seen]
-    volts: list[Seen] = []
+    of_day = [column for column in seen if column.name in parts]
+    guess.others = [(column.name, "a part of the time of day") for column in of_day]
+    finite = [(column, column.values[np.isfinite(column.values)]) for column in seen if column.name not in parts]
     if facts.dates:
-        guess.date_order = text.date_order if text is not None else "ymd"
-        name = next(iter(facts.dates))
-        dated = [(column, values) for column, values in finite if column.name == name]
-        for column, _ in dated:
-            column.unit = "s"
-        find_time(dated, guess)
-        guess.time_doubt = guess.time_doubt or guess.no_time or ""
-        guess.time, guess.time_unit, guess.no_time, guess.since_1970_s = name, ISO, None, None
-        guess.is_dated = text is None or facts.dates[name] is not None
+        _take_dates(finite, facts, text, guess)
     else:
         find_time(finite, guess)
     for column, values in finite:
-        if column.name == guess.time:
-            continue
-        kind = _kind(column, values, guess)
-        if kind is not None:
-            guess.others.append((column.name, kind))
-            volts += [column] if kind == f"unit {column.unit}" and column.unit in VOLTS else []
+        reason = None if column.name == guess.time else _kind(column, values, guess)
+        guess.others += [] if reason is None else [(column.name, reason)]
     if not guess.candidates:
-        guess.candidates = volts
-        guess.others = [other for other in guess.others if other[0] not in {column.name for column in volts}]
-    if guess.time_unit != ISO and guess.time is None and facts.time_column is not None:
+        left_out = {(column.name, f"unit {column.unit}"): column for column, _ in finite if column.unit in VOLTS}
+        guess.candidates = [left_out[other] for other in guess.others if other in left_out]
+        guess.others = [other for other in guess.others if other not in left_out]
+    if guess.time is None and facts.time_column is not None:
         guess.time = facts.time_column
-    if guess.time is None and guess.no_time is None and parts:
-        _take_part([(column, values) for column, values in of_day if column.name in parts], guess)
+    if guess.time is None and guess.no_time is None and of_day:
+        _take_part(of_day, guess)
     _leave_other_times(seen, guess)
     _leave_unnamed(guess)
     _leave_magnitudes(guess)
     if guess.time is None:
-        _take_rate({**facts.rates_hz, **(text.rates_hz if text is not None else {})}, guess)
+        _take_rate({**facts.rates_hz, **text.rates_hz}, guess)
     return guess
 
 
-def _take_part(parts: Sequence[tuple[Seen, FloatArray]], guess: Guess) -> None:
+def _take_dates(finite: Sequence[tuple[Seen, FloatArray]], facts: FileFacts, text: TextLayout, guess: Guess) -> None:
+    """Take the column of dates for the time."""
+    guess.date_order = text.date_order
+    name, first_ns = next(iter(facts.dates.items()))
+    dated = [(replace(column, unit="s"), values) for column, values in finite if column.name == name]
+    find_time(dated, guess)
+    guess.time_doubt = guess.time_doubt or guess.no_time or ""
+    guess.time, guess.time_unit, guess.no_time, guess.since_1970_s = name, ISO, None, None
+    guess.is_dated = not text.dates or first_ns is not None
+
+
+def _take_part(parts: Sequence[Seen], guess: Guess) -> None:
     """Take the rate by the microseconds of a time of day that has a column for each part."""
-    guess.no_time = "the time of day is in parts: " + ", ".join(f"'{column.name}'" for column, _ in parts)
-    micros = [values for column, values in parts if MICROSECONDS.fullmatch(column.name.strip())]
-    steps = np.mod(np.diff(micros[0]), 1e6) if micros else np.empty(0)
+    guess.no_time = "the time of day is in parts: " + ", ".join(f"'{column.name}'" for column in parts)
+    micros = [column.values for column in parts if MICROSECONDS.fullmatch(column.name.strip())]
+    steps = np.mod(np.diff(micros[0][np.isfinite(micros[0])]), 1e6) if micros else np.empty(0)
     typical = float(np.median(steps)) if len(steps) else 0.0
     if typical > 0.0 and LIKELY_HZ[0] <= 1e6 / typical <= LIKELY_HZ[1]:
         guess.rate_hz = 1e6 / float(steps[np.abs(steps - typical) <= 0.5 * typical].mean())
@@ -359,75 +364,97 @@ def _from_magnitude(column: Seen, columns: Sequence[Seen]) -> float:
 
 def _kind(column: Seen, values: FloatArray, guess: Guess) -> str | None:
     """Sort a column in; return the reason why it is left out, None when it is used."""
-    if len(values) < _FEWEST_ROWS:
-        return f"{len(values)} values only"
-    unit, name, spread = column.unit, column.name, float(values.std())
-    if unit in _LOADS_N and not np.ptp(values) > 0.0 and _LOAD.search(name):
-        guess.stated.append(("load_n", f"{values[0] * _LOADS_N[unit]:.6g}", f"column {name}"))
-        return f"constant, {values[0]:g} {unit}"
-    # The rounding of the mean gives a constant a spread.
-    if not np.ptp(values) > 0.0 and unit not in _UNITS_OF_CONSTANTS:
-        return f"constant, {values[0]:g}"
-    other = other_quantity(name)
-    if other is not None and (other == A_MAGNITUDE or not column.is_acceleration):
-        return f"{other} by its name"
-    if (np.diff(values) == 1.0).all():
-        return "a counter"
-    if unit in TIME_UNITS_S or (not unit and TIME.search(name) and not column.says_acceleration):
-        return "a time"
+    reason = _unused(column, values, guess)
+    if reason is not None:
+        return reason
     if column.says_acceleration:
         guess.candidates.append(column)
         return None
     # A contact changes an acceleration by its whole size within milliseconds.
     rows = min(_SLOW_ROWS, len(values) // 100)
     step = max(1, rows if guess.rate_hz is None else round(_SLOW_S * guess.rate_hz))
-    smooth = len(values) > step and float(np.abs(values[step:] - values[:-step]).mean()) < 0.05 * spread
+    change = float(np.abs(values[step:] - values[:-step]).mean()) if len(values) > step else math.inf
+    is_smooth = change < 0.05 * float(values.std())
     reference = _reference(column, values)
     if reference is not None:
         guess.references.append(reference)
         return None
-    if unit in PRESSURE_UNITS_PA or (PRESSURE.search(name) and not unit):
-        if guess.pressure is not None:
-            return f"a second pressure beside '{guess.pressure[0].name}'"
-        guess.pressure = column, unit
+    for quantity, doubt in _environment(column, is_smooth=is_smooth):
+        if quantity in guess.environment:
+            return f"a second {quantity} beside '{guess.environment[quantity][0].name}'"
+        guess.environment[quantity] = column, doubt
         return None
-    named = TEMPERATURE.search(name) is not None and smooth
-    if unit in _TEMPERATURE_UNITS or (named and not unit):
-        if guess.temperature is not None:
-            return f"a second temperature beside '{guess.temperature[0].name}'"
-        guess.temperature = column, "" if unit == "degC" or (unit and named) else "by its name" if named else unit
-        return None
-    if unit:
-        return f"unit {unit}"
-    if ANGLE.search(name) or smooth:
+    if column.unit:
+        return f"unit {column.unit}"
+    if ANGLE.search(column.name) or is_smooth:
         return "a slow quantity"
     guess.candidates.append(column)
     return None
 
 
+def _unused(column: Seen, values: FloatArray, guess: Guess) -> str | None:
+    """Return why a column can be nothing of a map but a time or a stated load, which is noted; None where it can."""
+    if len(values) < _FEWEST_ROWS:
+        return f"{len(values)} values only"
+    unit, name = column.unit, column.name
+    # The rounding of the mean gives a constant a spread.
+    is_constant = not np.ptp(values) > 0.0
+    if is_constant and unit in _LOADS_N and _LOAD.search(name):
+        guess.stated.append(("load_n", f"{values[0] * _LOADS_N[unit]:.6g}", f"column {name}"))
+        return f"constant, {values[0]:g} {unit}"
+    if is_constant and unit not in _UNITS_OF_CONSTANTS:
+        return f"constant, {values[0]:g}"
+    other = other_quantity(name)
+    if other is not None and (other == A_MAGNITUDE or not column.is_acceleration):
+        return f"{other} by its name"
+    if (np.diff(values) == 1.0).all():
+        return "a counter"
+    is_time = unit in TIME_UNITS_S or (not unit and TIME.search(name) and not column.says_acceleration)
+    return "a time" if is_time else None
+
+
+def _environment(column: Seen, *, is_smooth: bool) -> Iterator[tuple[str, str]]:
+    """Yield pressure or temperature where a column is one: with its unit, or with what is doubtful."""
+    unit, name = column.unit, column.name
+    if unit in PRESSURE_UNITS_PA or (PRESSURE.search(name) and not unit):
+        yield "pressure", unit
+    is_named = is_smooth and TEMPERATURE.search(name) is not None
+    if unit in _TEMPERATURE_UNITS:
+        yield "temperature", "" if unit == "degC" or is_named else unit
+    elif is_named and not unit:
+        yield "temperature", "by its name"
+
+
 def _reference(column: Seen, values: FloatArray) -> Reference | None:
     """Return a column as a reference by its unit; without one by its name or its values; None where it is none."""
     unit, name = column.unit, column.name
-    low, high = float(values.min()), float(values.max())
     for quantity, pattern in (("speed", SPEED), ("rotation", ROTATION)):
-        stated = unit in REFERENCE_UNITS[quantity]
-        if stated or (pattern.search(name) and not unit):
-            # A frequency may be of anything.
-            doubt = "" if stated and unit != "Hz" else "by its unit" if stated else "by its name"
-            doubt = "its name says a set value, which is not measured" if _SET.search(name) else doubt
-            return Reference(
-                column, quantity, unit, "" if pattern.search(name) and stated and not _SET.search(name) else doubt
-            )
+        is_named = pattern.search(name) is not None
+        if unit in REFERENCE_UNITS[quantity] or (is_named and not unit):
+            if _SET.search(name):
+                doubt = "its name says a set value, which is not measured"
+            elif not unit:
+                doubt = "by its name"
+            else:
+                # A frequency may be of anything.
+                doubt = "by its unit" if unit == "Hz" and not is_named else ""
+            return Reference(column, quantity, unit, doubt)
     for quantity, pattern in RIG.items():
         if unit in REFERENCE_UNITS[quantity] and pattern.search(name):
             return Reference(column, quantity, unit, "")
+    return _reference_by_values(column, values)
+
+
+def _reference_by_values(column: Seen, values: FloatArray) -> Reference | None:
+    """Return pulses or the angle of an encoder by the shape of its values, None where a column is neither."""
+    unit, low, high = column.unit, float(values.min()), float(values.max())
     if unit in _VOLTAGES:
+        is_named = PULSES.search(column.name) is not None
         at_ends = float(np.mean(np.minimum(values - low, high - values) < 0.1 * (high - low)))
-        if PULSES.search(name) or at_ends > _AT_ENDS:
-            return Reference(column, "pulses", "", "" if PULSES.search(name) else "by its values")
-    if _is_sawtooth(values) and (unit in REFERENCE_UNITS["angle"] or not unit):
-        full = high - low
-        by_size = "deg" if 300.0 < full < 361.0 else "rad" if 5.5 < full < 6.3 else "turns" if 0.8 < full <= 1.0 else ""
+        if is_named or at_ends > _AT_ENDS:
+            return Reference(column, "pulses", "", "" if is_named else "by its values")
+    if (unit in REFERENCE_UNITS["angle"] or not unit) and _is_sawtooth(values):
+        by_size = next((name for name, span in _FULL_TURNS.items() if span[0] < high - low <= span[1]), "")
         return Reference(column, "angle", unit or by_size, "" if unit else "by its values")
     return None
 

@@ -5,7 +5,7 @@ import re
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from gateway.core.config.toml_writer import toml_string
 from gateway.core.config.vehicle import ASSUMED_RADIUS_MM
@@ -26,82 +26,27 @@ from gateway.importing.import_map import ISO, REFERENCE_UNITS, FileLayout
 
 def map_text(path: Path, layout: FileLayout, guess: Guess, facts: FileFacts) -> str:
     """Return what was recognised in a file as a map in TOML, with doubts as comments marked by `?`."""
+    stated = {key: (value, place) for key, value, place in guess.stated}
+    wheels, unnamed = _wheels(guess)
+    several = len(wheels) > 1 or guess.identities is not None
     lines = [
         f"# First import map for {_comment(path.name)}. Check every line marked with ?, and state what is missing.",
         "# Meaning of the keys: docs/how-to/import-measurements.md",
         "",
+        *_warning_lines(facts),
+        *_file_lines(layout, guess),
+        "[sampling]",
+        *(_rate_lines(guess) if guess.time is None else _time_lines(guess, guess.time)),
+        *_start_lines(guess, facts, stated.get("date"), stated.get("clock")),
+        "",
     ]
-    sorted_in = [*guess.candidates, *(reference.seen for reference in guess.references)]
-    if guess.identities is not None:
-        layout = layout.model_copy(update={"sensor_column": guess.identities[0]})
-    lines += [
-        f"# ? The file is cut: {_comment(name)} has {rows} of {expected} samples; common rows are used."
-        for name, (rows, expected) in facts.cut.items()
-    ]
-    lines += [f"# ? Warned when it was read: {_comment(warning)}" for warning in facts.warnings]
-    lines += [""] if facts.cut or facts.warnings else []
-    lines += _file_lines(layout, [*filter(None, (guess.time_fault, *(column.fault for column in sorted_in)))])
-    rate_hz = guess.rate_hz
-    stated = {key: (value, place) for key, value, place in guess.stated}
-    day, clock = stated.pop("date", None), stated.pop("clock", None)
-    lines += ["[sampling]"]
-    if guess.time is not None:
-        mark = "? " if guess.time_doubt else ""
-        rate = f"{rate_hz:.6g} Hz in its first rows" if rate_hz else ""
-        said = ", ".join(filter(None, (rate, _comment(guess.time_doubt))))
-        seen = f"   # {mark}{said}" if said else ""
-        lines += [f"time_column = {toml_string(guess.time)}{seen}", f"time_unit = {toml_string(guess.time_unit)}"]
-        if guess.time_unit == ISO and guess.is_dated:
-            lines.append('# time_zone = "Europe/Berlin"   # ? needed if the times state no offset')
-        if guess.date_order != "ymd":
-            order = guess.date_order.rstrip("?")
-            other = "mdy" if order == "dmy" else "dmy"
-            lines.append(f'date_order = "{order}"' + (f"   # ? or {other}" if order != guess.date_order else ""))
-    elif guess.stated_rate:
-        beside = f"; {_comment(guess.no_time)}" if guess.no_time is not None else ""
-        lines.append(f"rate_hz = {rate_hz:.9g}   # ? stated in the file: {_comment(guess.stated_rate)}{beside}")
-    elif guess.no_time is not None:
-        lines.append(f"# rate_hz = {rate_hz or 10000.0:.6g}   # ? {_comment(guess.no_time)}")
-    else:
-        lines.append("# rate_hz = 10000.0   # ? not in the file: the sampling rate has to be stated")
-    if guess.since_1970_s is not None and facts.start_ns is None:
-        start = datetime.fromtimestamp(guess.since_1970_s, UTC).isoformat(timespec="milliseconds")
-        lines.append(f"start_utc = {start.replace('+00:00', 'Z')}   # ? if its times count from 1970 in UTC")
-    elif day and facts.start_ns is None and (guess.time_unit != ISO or not guess.is_dated):
-        missing = f"time by {clock[1]}: state the zone" if clock else "state the time of the first row"
-        hour = clock[0] if clock else "12:00:00"
-        lines.append(f"# start_utc = {day[0]}T{hour}Z   # ? date by {day[1]}; {missing}")
-    elif facts.start_ns is None and (guess.time_unit != ISO or not guess.is_dated):
-        why = "not in the file" if guess.is_dated else "the times have no date"
-        lines.append(f"# start_utc = 2024-05-01T12:00:00Z   # ? {why}; else its modification time")
-    lines.append("")
-    wheels = by_wheel(guess.candidates, guess.groups)
-    several = len(wheels) > 1 or guess.identities is not None
-    if guess.identities is not None:
-        columns = next(iter(wheels.values()))
-        sensors = _positions(guess.identities[1])
-        wheels = dict.fromkeys(sensors, columns)
-    used = {column.name for columns in wheels.values() for column in columns}
-    guess.others += [
-        (column.name, "names no wheel, as others do") for column in guess.candidates if column.name not in used
-    ]
-    axes = {position: ordered_axes(columns, rate_hz) for position, columns in wheels.items()}
-    for position, group in axes.items():
-        if several:
-            mark = "" if position_of(position) == position else "   # ? name of the wheel"
-            lines += ["[[wheel]]", f"position = {toml_string(position)}{mark}"]
-            if guess.identities is not None:
-                lines.append(f"sensor = {toml_string(sensors[position])}")
-                if position != next(iter(axes)):
-                    lines.append(f"# Its axes are as in the rows of {_comment(next(iter(sensors.values())))}.")
-            lines += ["# load_n = 4000.0   # ? vertical load", '# sensor_id = "0000a001"   # ?']
-        missed = [name for name in guess.missed if not several or position_of(name) == position]
-        lines += _axis_lines("wheel.axis" if several else "axis", group, missed, guess.mv_per_g)
-        lines += [f"# column {toml_string(axis.seen.name)}: more than three axes?" for axis in group[3:]]
-        if several:
-            lines.append("")
-    first = next(iter(axes.values()))[0]
-    lines += _sensor_lines(first)
+    for wheel in wheels:
+        missed = [name for name in guess.missed if not several or position_of(name) == wheel.position]
+        lines += _wheel_lines(wheel, wheels[0]) if several else []
+        lines += _axis_lines("wheel.axis" if several else "axis", wheel.axes, missed, guess.mv_per_g)
+        lines += [f"# column {toml_string(axis.seen.name)}: more than three axes?" for axis in wheel.axes[3:]]
+        lines += [""] if several else []
+    lines += _sensor_lines(wheels[0].axes[0])
     lines += _environment_lines(guess, several=several)
     lines += _reference_lines(guess)
     lines += [
@@ -112,17 +57,101 @@ def map_text(path: Path, layout: FileLayout, guess: Guess, facts: FileFacts) -> 
         f"# radius_mm = {ASSUMED_RADIUS_MM:g}   # ? belt radius: rolling circumference / (2 pi); assumed if not stated",
     ]
     if not several:
-        position = next(iter(axes))
-        lines += [f"position = {toml_string(position)}" + ("   # ?" if position == "W1" else "")]
+        position = wheels[0].position
+        lines.append(f"position = {toml_string(position)}" + ("   # ?" if position == "W1" else ""))
         lines.append(_stated_line(stated, "load_n", "4000.0", "vertical load"))
     lines.append(_stated_line(stated, "pressure_kpa", "220.0", "gauge pressure"))
     lines.append(_stated_line(stated, "tire", '"205/55R16"', "size"))
-    if guess.others:
+    others = [*guess.others, *((name, "names no wheel, as others do") for name in unnamed)]
+    if others:
         lines += ["", "# Columns that are not used:"]
-        lines += [f"#   {_comment(name)}: {_comment(reason)}" for name, reason in guess.others[:MOST_COLUMNS]]
-        if len(guess.others) > MOST_COLUMNS:
-            lines.append(f"#   and {len(guess.others) - MOST_COLUMNS} more")
+        lines += [f"#   {_comment(name)}: {_comment(reason)}" for name, reason in others[:MOST_COLUMNS]]
+        lines += [f"#   and {len(others) - MOST_COLUMNS} more"] if len(others) > MOST_COLUMNS else []
     return "\n".join(lines) + "\n"
+
+
+class _Wheel(NamedTuple):
+    """A wheel by its position, its axes, and the text by which rows state its sensor; None where they state none."""
+
+    position: str
+    axes: list[Axis]
+    sensor: str | None
+
+
+def _wheels(guess: Guess) -> tuple[list[_Wheel], list[str]]:
+    """Return the wheels, and the columns that are of none of them."""
+    groups = by_wheel(guess.candidates, guess.groups)
+    used = {column.name for columns in groups.values() for column in columns}
+    unnamed = [column.name for column in guess.candidates if column.name not in used]
+    axes = {position: ordered_axes(columns, guess.rate_hz) for position, columns in groups.items()}
+    if guess.identities is None:
+        return [_Wheel(position, group, None) for position, group in axes.items()], unnamed
+    group = next(iter(axes.values()))
+    return [_Wheel(position, group, text) for position, text in _positions(guess.identities[1]).items()], unnamed
+
+
+def _warning_lines(facts: FileFacts) -> list[str]:
+    lines = [
+        f"# ? The file is cut: {_comment(name)} has {rows} of {expected} samples; common rows are used."
+        for name, (rows, expected) in facts.cut.items()
+    ]
+    lines += [f"# ? Warned when it was read: {_comment(warning)}" for warning in facts.warnings]
+    return [*lines, ""] if lines else []
+
+
+def _time_lines(guess: Guess, time: str) -> list[str]:
+    rate = f"{guess.rate_hz:.6g} Hz in its first rows" if guess.rate_hz else ""
+    said = ", ".join(filter(None, (rate, _comment(guess.time_doubt))))
+    mark = "? " if guess.time_doubt else ""
+    lines = [
+        f"time_column = {toml_string(time)}" + (f"   # {mark}{said}" if said else ""),
+        f"time_unit = {toml_string(guess.time_unit)}",
+    ]
+    if guess.time_unit == ISO and guess.is_dated:
+        lines.append('# time_zone = "Europe/Berlin"   # ? needed if the times state no offset')
+    order = guess.date_order.rstrip("?")
+    if order != "ymd":
+        other = "mdy" if order == "dmy" else "dmy"
+        lines.append(f'date_order = "{order}"' + (f"   # ? or {other}" if order != guess.date_order else ""))
+    return lines
+
+
+def _rate_lines(guess: Guess) -> list[str]:
+    if guess.stated_rate:
+        beside = f"; {_comment(guess.no_time)}" if guess.no_time is not None else ""
+        return [f"rate_hz = {guess.rate_hz:.9g}   # ? stated in the file: {_comment(guess.stated_rate)}{beside}"]
+    if guess.no_time is not None:
+        return [f"# rate_hz = {guess.rate_hz or 10000.0:.6g}   # ? {_comment(guess.no_time)}"]
+    return ["# rate_hz = 10000.0   # ? not in the file: the sampling rate has to be stated"]
+
+
+def _start_lines(
+    guess: Guess, facts: FileFacts, day: tuple[str, str] | None, clock: tuple[str, str] | None
+) -> list[str]:
+    """Return the start as the times or the file state it, with the date and the time of day as (value, place)."""
+    if facts.start_ns is not None:
+        return []
+    if guess.since_1970_s is not None:
+        start = datetime.fromtimestamp(guess.since_1970_s, UTC).isoformat(timespec="milliseconds")
+        return [f"start_utc = {start.replace('+00:00', 'Z')}   # ? if its times count from 1970 in UTC"]
+    if guess.time_unit == ISO and guess.is_dated:
+        return []
+    if day is not None:
+        missing = f"time by {clock[1]}: state the zone" if clock else "state the time of the first row"
+        hour = clock[0] if clock else "12:00:00"
+        return [f"# start_utc = {day[0]}T{hour}Z   # ? date by {day[1]}; {missing}"]
+    why = "not in the file" if guess.is_dated else "the times have no date"
+    return [f"# start_utc = 2024-05-01T12:00:00Z   # ? {why}; else its modification time"]
+
+
+def _wheel_lines(wheel: _Wheel, first: _Wheel) -> list[str]:
+    """Return the head of one of several wheels."""
+    mark = "" if position_of(wheel.position) == wheel.position else "   # ? name of the wheel"
+    lines = ["[[wheel]]", f"position = {toml_string(wheel.position)}{mark}"]
+    if wheel.sensor is not None and first.sensor is not None:
+        lines.append(f"sensor = {toml_string(wheel.sensor)}")
+        lines += [f"# Its axes are as in the rows of {_comment(first.sensor)}."] if wheel is not first else []
+    return [*lines, "# load_n = 4000.0   # ? vertical load", '# sensor_id = "0000a001"   # ?']
 
 
 def _positions(identities: Sequence[str]) -> dict[str, str]:
@@ -141,10 +170,14 @@ def _stated_line(stated: Mapping[str, tuple[str, str]], key: str, example: str, 
     return f"# {key} = {example}   # ? {what}"
 
 
-def _file_lines(layout: FileLayout, faults: Sequence[str]) -> list[str]:
+def _file_lines(layout: FileLayout, guess: Guess) -> list[str]:
+    if guess.identities is not None:
+        layout = layout.model_copy(update={"sensor_column": guess.identities[0]})
     lines = [f"{key} = {json.dumps(value)}" for key, value in layout.model_dump(exclude_defaults=True).items()]
-    if faults:
-        lines.append(f'# unreadable = "missing"   # ? takes cells that are no numbers for gaps: {_comment(faults[0])}')
+    used = [*guess.candidates, *(reference.seen for reference in guess.references)]
+    fault = next(filter(None, (guess.time_fault, *(column.fault for column in used))), None)
+    if fault is not None:
+        lines.append(f'# unreadable = "missing"   # ? takes cells that are no numbers for gaps: {_comment(fault)}')
     return ["[file]", *lines, ""] if lines else []
 
 
@@ -153,46 +186,55 @@ def _axis_lines(prefix: str, group: Sequence[Axis], missed: Sequence[str], mv_pe
     ordered = _ordered(group)
     only_lateral = len(ordered) == 2 and names_role(ordered[1].seen.name, "lateral")
     for name, axis in zip(("radial", "lateral") if only_lateral else _AXES, ordered, strict=False):
-        begin = len(lines)
-        lines += [
+        of_axis = [
             f"[{prefix}.{name}]",
             f"column = {toml_string(axis.seen.name)}{_reason(name, axis, missed, len(group))}",
+            *_unit_lines(axis, group[0], mv_per_g),
+            _sign_line(name, axis),
+            "# full_scale = 500.0   # ? end of the sensor's range, in the column's unit",
         ]
-        # Only on the radial axis does V²/R say how large a value is.
-        says_unit = axis is group[0] or axis.seen.is_acceleration
-        unit = axis.unit if says_unit else group[0].unit
-        why = axis.why if says_unit and axis.why else "as the radial axis" if unit and not says_unit else _NO_UNIT
-        if (scaled := axis.seen.unit or unit) in SCALED_UNITS:
-            shown, scale = SCALED_UNITS[scaled]
-            said = f"the file says {scaled}" if axis.seen.unit else f"{scaled} {why}"
-            lines += [f'unit = "{shown}"   # {said}', f"scale = {scale:g}"]
-        elif axis.seen.unit in VOLTS and mv_per_g is not None:
-            scale = (1.0 if axis.seen.unit == "mV" else 1e3) / mv_per_g
-            lines += ['unit = "g"', f"scale = {scale:.6g}   # the file says {axis.seen.unit} and {mv_per_g:g} mV/g"]
-        elif axis.seen.unit and not axis.seen.is_acceleration:
-            said = _comment(axis.seen.unit)
-            lines.append(f'# unit = "g"   # ? the file says {said}: state scale, in g per {said}')
-        else:
-            lines.append(f"unit = {toml_string(unit or 'g')}   # {why}")
-        if group[0].scale is not None and not (axis.seen.unit in VOLTS and mv_per_g is not None):
-            size = f"# scale = {group[0].scale:.4g}"
-            lines.append(f"{size}   # ? counts or volts? V²/R fits with about this size of 1: state the exact one")
-            offset = axis.steady - (axis.depth if axis is group[0] else 0.0)
-            if abs(offset) > 0.3 * abs(group[0].depth):
-                lines.append(f"# offset = {offset:.3g}   # ? reading at zero acceleration")
-        if name == "radial":
-            # With a reading at zero acceleration, the mean says no direction.
-            by_mean = axis.is_steady and axis.scale is None
-            against = axis.steady < 0.0 if by_mean else axis.depth < 0.0
-            by = "positive toward the wheel centre, by its mean and contact"
-            by = by if axis.is_rolling else "? positive toward the wheel centre, by its mean and largest peaks"
-            lines.append(f"sign = {-1 if against else 1}   # {by}")
-        else:
-            lines.append("# sign = -1   # ? positive " + _DIRECTIONS[name])
-        lines.append("# full_scale = 500.0   # ? end of the sensor's range, in the column's unit")
-        if not _is_sure(name, axis, missed, len(group)):
-            lines[begin:] = [line if line.startswith("#") else f"# {line}" for line in lines[begin:]]
+        is_sure = _is_sure(name, axis, missed, len(group))
+        lines += [line if is_sure or line.startswith("#") else f"# {line}" for line in of_axis]
     return [*lines, ""]
+
+
+def _unit_lines(axis: Axis, radial: Axis, mv_per_g: float | None) -> list[str]:
+    """Return unit, scale and offset of an axis."""
+    stated = axis.seen.unit
+    # Only on the radial axis does V²/R say how large a value is.
+    says_unit = axis is radial or axis.seen.is_acceleration
+    unit = axis.unit if says_unit else radial.unit
+    why = axis.why if says_unit and axis.why else "as the radial axis" if unit and not says_unit else _NO_UNIT
+    if stated in VOLTS and mv_per_g is not None:
+        scale = (1.0 if stated == "mV" else 1e3) / mv_per_g
+        return ['unit = "g"', f"scale = {scale:.6g}   # the file says {stated} and {mv_per_g:g} mV/g"]
+    if (scaled := stated or unit) in SCALED_UNITS:
+        shown, scale = SCALED_UNITS[scaled]
+        said = f"the file says {scaled}" if stated else f"{scaled} {why}"
+        lines = [f'unit = "{shown}"   # {said}', f"scale = {scale:g}"]
+    elif stated and not axis.seen.is_acceleration:
+        said = _comment(stated)
+        lines = [f'# unit = "g"   # ? the file says {said}: state scale, in g per {said}']
+    else:
+        lines = [f"unit = {toml_string(unit or 'g')}   # {why}"]
+    if radial.scale is not None:
+        size = f"# scale = {radial.scale:.4g}"
+        lines.append(f"{size}   # ? counts or volts? V²/R fits with about this size of 1: state the exact one")
+        offset = axis.steady - (axis.depth if axis is radial else 0.0)
+        if abs(offset) > 0.3 * abs(radial.depth):
+            lines.append(f"# offset = {offset:.3g}   # ? reading at zero acceleration")
+    return lines
+
+
+def _sign_line(name: str, axis: Axis) -> str:
+    if name != "radial":
+        return f"# sign = -1   # ? positive {_DIRECTIONS[name]}"
+    # With a reading at zero acceleration, the mean says no direction.
+    by_mean = axis.is_steady and axis.scale is None
+    against = axis.steady < 0.0 if by_mean else axis.depth < 0.0
+    by = "positive toward the wheel centre, by its mean and contact"
+    by = by if axis.is_rolling else "? positive toward the wheel centre, by its mean and largest peaks"
+    return f"sign = {-1 if against else 1}   # {by}"
 
 
 def _is_sure(name: str, axis: Axis, missed: Sequence[str], count: int) -> bool:
@@ -249,18 +291,18 @@ def _sensor_lines(radial: Axis) -> list[str]:
 
 
 def _environment_lines(guess: Guess, *, several: bool) -> list[str]:
-    if guess.pressure is None and guess.temperature is None:
+    if not guess.environment:
         return []
     mark = "# " if several else ""
-    lines = [f"{mark}[environment]" if not several else "# Columns for [wheel.environment] of a wheel:"]
-    if guess.pressure is not None:
-        column, unit = guess.pressure
-        lines += [f"{mark}pressure_column = {toml_string(column.name)}"]
-        lines += [f"{mark}pressure_unit = {toml_string(unit or 'kPa')}" + ("" if unit else "   # ?")]
-    if guess.temperature is not None:
-        column, doubt = guess.temperature
+    lines = ["# Columns for [wheel.environment] of a wheel:" if several else "[environment]"]
+    if "pressure" in guess.environment:
+        column, unit = guess.environment["pressure"]
+        lines.append(f"{mark}pressure_column = {toml_string(column.name)}")
+        lines.append(f"{mark}pressure_unit = {toml_string(unit or 'kPa')}" + ("" if unit else "   # ?"))
+    if "temperature" in guess.environment:
+        column, doubt = guess.environment["temperature"]
         why = f"? degC, {doubt}" if doubt else "degC"
-        lines += [f"{mark}temperature_column = {toml_string(column.name)}   # {why}"]
+        lines.append(f"{mark}temperature_column = {toml_string(column.name)}   # {why}")
     return [*lines, ""]
 
 
