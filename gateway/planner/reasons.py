@@ -8,12 +8,12 @@ class PlannerCode(Codes):
 
     # Uncertainty budgets
     STATE_BETTER = Code(
-        "{quantity} ±{std:.2g}{unit}: {part:.2g} of it is the {source}, stated to {stated:.2g}{of}; {how} to "
-        "{better:.2g}{of} it would be ±{improved:.2g}"
+        "{quantity} ±{std:.2g}{unit}: its largest part, {part:.2g}{unit}, is the {source}, stated to {stated:.2g}{of}; "
+        "{how} to {better:.2g}{of}, it would be ±{improved:.2g}{unit}"
     )
     STATE_MISSING = Code(
-        "{quantity} ±{std:.2g}{unit}: {part:.2g} of it is the {source}, not stated and assumed within {stated:.2g}{of}"
-        "; {how} to {better:.2g}{of} it would be ±{improved:.2g}"
+        "{quantity} ±{std:.2g}{unit}: its largest part, {part:.2g}{unit}, is the {source}, not stated and assumed "
+        "within {stated:.2g}{of}; {how} to {better:.2g}{of}, it would be ±{improved:.2g}{unit}"
     )
     # Planned sensors
     PLAN_FEW_REVOLUTIONS = Code("{share:.0f} % of the simulated wheels gave no estimates")

@@ -19,9 +19,9 @@ from gateway.core.estimates.results import RevolutionResult
 from gateway.core.estimates.revolution_block import RevolutionArrays
 from gateway.core.estimates.tire_data import ASSUMED_DEGC, DIFFERENCE_STD_K, UNKNOWN_DIFFERENCE_K
 from gateway.core.estimates.wheel_setup import WheelSetup
-from gateway.core.quantity_catalogue import CATALOGUE, unit_of
+from gateway.core.quantity_catalogue import CATALOGUE
 from gateway.core.reasons import Reason
-from gateway.core.text.numbers import plain_name
+from gateway.core.text.numbers import plain_name, split_name
 from gateway.core.text.readout import DISTANCE
 from gateway.core.text.wording import text
 from gateway.core.wheels.tire_estimates import TireEstimates
@@ -187,18 +187,19 @@ class Budget:
         promise = self.promise
         if promise is None:
             return ""
-        name, unit, source = self.estimate.name, unit_of(self.estimate.name), promise.source
+        name, source = self.estimate.name, promise.source
+        unit = split_name(name)[1]
         factor = 100.0 if source.is_relative else 1.0
         reason = Reason(
             PlannerCode.STATE_MISSING if source.is_assumed else PlannerCode.STATE_BETTER,
             quantity=plain_name(name),
-            unit=f" {unit}" if unit else "",
-            std=self.estimate.std,
-            part=self.parts[source.name],
+            unit=f" {unit.symbol}" if unit.symbol else "",
+            std=unit.factor * self.estimate.std,
+            part=unit.factor * self.parts[source.name],
             source=source.name,
             of=" %" if source.is_relative else f" {source.unit}",
             how=source.how,
-            improved=promise.std,
+            improved=unit.factor * promise.std,
             stated=factor * promise.stated,
             better=factor * source.better,
         )

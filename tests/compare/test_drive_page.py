@@ -18,6 +18,8 @@ from gateway.core.estimates.results import AlarmRecord
 from gateway.core.links.reasons import LinkCode
 from gateway.core.reasons import Notice, Reason
 from gateway.core.recording.mcap_layout import JSON_ENCODING, MARKS_TOPIC, ChannelInfo, RecordedMessage
+from gateway.core.session.alarms import AlarmName
+from gateway.core.session.reasons import SessionCode
 
 HOSTILE = "<script>alert('x')</script>\x1b[2J"
 DOUBT = Reason(EstimateCode.NEEDS_LOAD)
@@ -53,7 +55,7 @@ def test_page_is_self_contained_and_escapes_names(make_drive):
     assert page.count("<script") == page.count("</script>") == 5
     assert "\x1b" not in page
     assert not re.findall(r'(?:src|href)="(?!#)', page)
-    assert set(data_of(page)) == {"begin_ms", "wheels", "quantities", "first", "events", "waveforms"}
+    assert set(data_of(page)) == {"begin_ms", "wheels", "quantities", "first", "pairs", "events", "waveforms"}
     assert data_of(page)["wheels"][0]["name"] == HOSTILE
     assert "2001-09-09 01:46:40 UTC" in page
 
@@ -125,7 +127,7 @@ def test_page_and_terminal_say_the_same_of_a_distance_that_was_bridged(made):
     bridged = Reason(EstimateCode.DISTANCE_BRIDGED, duration_s=35.0, distance_m=833.0, std_m=180.0)
     page = drive_page([with_silence(made, 50, 20, reason=bridged)])
     assert re.search(r">distance</th><td class=\"n\">98 ± 12 m ~<", page)
-    assert "FL, distance: 833.0 m ± 180.0 m of it was not measured, in 35.0 s without revolutions" in page
+    assert "FL, distance: 833 m ± 180 m of it was not measured, in 35 s without revolutions" in page
     assert '>distance</th><td class="n">98 ± 12 m<' in drive_page([with_silence(made, 50, 20)])
 
 
@@ -159,7 +161,7 @@ def test_what_stands_at_the_end_is_acted_on_and_what_has_ended_is_told(make_driv
     drive.finish((), (ended, standing), (Notice("FL", DOUBT),))
     said = said_of(drive)
     assert said.summary == "1 wheel in 2 s. 1 alarm came and went. 1 alarm stood at the end."
-    assert said.actions[0] == "FL silent: 171.0 kPa is below 180.0 kPa"
+    assert said.actions[0] == ("FL silent", "171.0 kPa is below 180.0 kPa")
     assert len(said.actions) == 2
     assert [(event.kind, event.times()) for event in said.events] == [
         ("alarm", "0:00:00 to 0:00:01"),
@@ -175,6 +177,50 @@ def test_a_silence_is_named_and_a_standstill_is_none(made, silent_s, kind):
     assert ("FL was silent for 35 s." in said.summary) == (kind == "silence")
     assert said.events[0].begin_s == pytest.approx(2.0)
     assert said.events[0].end_s == pytest.approx(37.0)
+    assert [action.about for action in said.actions] == ["FL"] * (kind == "silence")
+
+
+def test_a_silence_that_an_alarm_told_of_is_one_event_with_one_begin(made):
+    drive = with_silence(made, 40, 20, silent_s=35.0)
+    drive.start_ns = begin_ns(drive) - 10**9
+    reason = Reason(SessionCode.SAMPLES_SILENT, silence_s=34.0)
+    alarm = AlarmRecord("FL", AlarmName.SILENT, reason, 1, 34.0, 4.0, 38.0, is_standing=False)
+    drive.finish((), (alarm,), ())
+    said = said_of(drive)
+    assert said.summary == "1 wheel, 78 ± 12 m in 39 s. FL was silent for 35 s. Nothing else to act on."
+    ((begin_s, end_s, kind, wheel, words),) = said.events
+    assert (round(begin_s), round(end_s), kind, wheel) == (2, 37, "silence", "FL")
+    assert "no samples for 34 s, only other messages" in words
+    assert "look for a command that stopped it" in said.actions[0].step
+
+
+def test_an_alarm_of_another_time_stays_an_event_of_its_own(made):
+    drive = with_silence(made, 40, 20, silent_s=35.0)
+    reason = Reason(SessionCode.SENSOR_SILENT, silence_s=3.0)
+    drive.finish((), (AlarmRecord("FL", AlarmName.SILENT, reason, 1, 1.0, 50.0, 53.0, is_standing=False),), ())
+    said = said_of(drive)
+    assert "1 alarm came and went." in said.summary
+    assert [event.kind for event in said.events] == ["silence", "alarm"]
+
+
+def test_the_distance_is_that_of_a_wheel_that_was_measured_all_the_way(made):
+    bridged = Reason(EstimateCode.DISTANCE_BRIDGED, duration_s=35.0, distance_m=833.0, std_m=180.0)
+    drive = with_silence(made, 50, 20, reason=bridged)
+    drive.wheels["FR"] = with_silence(made, 40, 20).wheels["FL"]
+    assert said_of(drive).summary.startswith("2 wheels, 78 ± 12 m in ")
+
+
+def test_a_wear_below_zero_within_its_error_is_said_to_be_none(made):
+    drive = Drive("a.mcap")
+    for index in range(5):
+        wears = {"FL": (-0.2, 0.5), "FR": (-2.0, 0.5), "RL": (0.4, 0.5)}
+        for position, (wear_mm, std_mm) in wears.items():
+            estimates = (Estimate("wear_mm", wear_mm, std_mm, Status.VALID),)
+            drive.add(made.result(position=position, index=index, estimates=estimates))
+    page = drive_page([drive])
+    assert re.findall(r"<li>([^<]*): below zero by less than twice its error", page) == ["FL, wear"]
+    assert "<dt>Wear</dt>" in page
+    assert "(assumed)" in page, "no vehicle file states the belt radius"
 
 
 def test_marks_are_shown_and_keep_the_waveform_of_their_moment(make_drive, made):
@@ -220,7 +266,7 @@ def test_a_browser_draws_the_pictures_zooms_them_together_and_shows_a_waveform(b
     page.write_text(drive_page([drive]), "utf-8")
     tab = browser.tab()
     tab.show(page, 1280)
-    assert tab.value("document.querySelectorAll('.pictures canvas').length") == 3, "pressure, temperature, waveform"
+    assert tab.value("document.querySelectorAll('.pictures canvas').length") == 2, "pressure with temperature, waveform"
     tab.value("document.querySelector('.events button').click()")
     assert "FL at" in tab.value("document.querySelector('.grid').innerText")
     tab.value(

@@ -87,7 +87,7 @@ def test_parts_make_up_the_error() -> None:
     # A third of the load's error is that of the thickness.
     assert wear.parts["load"] == pytest.approx(15.0 * 0.1 / 3.0, rel=0.2)
     assert wear.advice.startswith("wear ±0.5")
-    assert "of it is the load, stated to 10 %; weighed to 2 % it would be ±0.1" in wear.advice
+    assert " is the load, stated to 10 %; weighed to 2 %, it would be ±0.1" in wear.advice
 
 
 def test_every_source_reads_what_it_sets() -> None:
@@ -119,10 +119,10 @@ def test_budgets_of_file_program_and_page_agree(tmp_path: Path) -> None:
         assert by_name[name]["parts"][largest] > 0.9 * by_name[name]["std"]
         assert by_name[name]["better"]["statement"] == largest
     advice = made["wear_mm"].advice
-    assert "temperature of the new tire, not stated and assumed within 15 K; measured to 2 K it would" in advice
+    assert "temperature of the new tire, not stated and assumed within 15 K; measured to 2 K, it would" in advice
     html = page.read_text(encoding="utf-8")
     assert advice in html
-    assert ", error by belt radius</small>" in html
+    assert ", most from belt radius</small>" in html
 
 
 def test_temperature_of_the_new_tire_brings_what_is_promised() -> None:

@@ -96,9 +96,11 @@ class DriveWheel:
         state: last state, None when it is not known.
         rolled: last estimate of the distance that is not invalid, None without one.
         path: by its speed and turn rate.
+        radius_source: whether the belt radius is stated or assumed.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, radius_source: str = "stated") -> None:
+        self.radius_source = radius_source
         self.row = WheelRow()
         self.points: list[Point] = []
         self.stride = 1
@@ -171,8 +173,12 @@ class DriveWheel:
 
     def cells(self) -> dict[str, Cell]:
         """Return its means and counts, and the distance with its error and status where an estimator gives it."""
-        distance = {"distance": show(self.rolled).text()} if self.rolled is not None else {}
-        return {**self.row.cells(self.state, ()), **distance}
+        cells = self.row.cells(self.state, ())
+        if self.rolled is not None:
+            cells["distance"] = show(self.rolled).text()
+        if self.row.conditions is not None:
+            cells |= {"radius_std_m": self.row.conditions.radius_std_m, "radius_source": self.radius_source}
+        return cells
 
 
 def _measured(result: RevolutionResult) -> dict[str, tuple[float, float, bool]]:
@@ -215,6 +221,7 @@ class Drive:
         self._marks_taken: dict[str, int] = {}
         self._rig: RigChannels | None = None
         self._turns: dict[str, list[tuple[float, float]]] = {}
+        self._radius_source = "assumed"
         self.latest = LatestRevolutions(())
 
     @classmethod
@@ -223,6 +230,8 @@ class Drive:
         drive = cls(file.info.path.name, file.info.described_run().lines(), file.info.start_ns)
         if vehicle is not None:
             drive.latest = LatestRevolutions(vehicle.wheel_setups())
+            if not any("radius" in text for text in vehicle.vehicle.assumed):
+                drive._radius_source = "stated"
         if isinstance(file, RecordingReader):
             file.watch(drive.take_mark)
             drive._rig = open_rig_channels(file)
@@ -237,7 +246,7 @@ class Drive:
         """Take one revolution."""
         wheel = self.wheels.get(result.position)
         if wheel is None:
-            wheel = self.wheels[result.position] = DriveWheel()
+            wheel = self.wheels[result.position] = DriveWheel(self._radius_source)
         begin = end = self._marks_taken.get(result.position, 0)
         while end < len(self.marks) and self.marks[end][0] <= result.host_ns:
             end += 1

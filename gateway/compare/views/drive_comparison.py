@@ -53,7 +53,7 @@ def comparison_lines(first: Drive, second: Drive, differences: Sequence[MeanDiff
             ).rstrip()
         yield ""
     if varying := varying_line(differences):
-        yield varying
+        yield f"~ {varying}"
     significant = sum(difference.is_significant for difference in differences)
     yield (
         f"{significant} of {counted(len(differences), 'difference')} marked * are significant: were there none, chance "
@@ -69,7 +69,7 @@ def shared_wheels(first: Drive, second: Drive) -> list[str]:
 def varying_line(differences: Sequence[MeanDifference]) -> str:
     """Return what varied by far more than its errors and why its mean says little, empty without any."""
     varying = dict.fromkeys(plain_name(row.name) for row in differences if row.first.reasons or row.second.reasons)
-    return f"~ {', '.join(varying)}: {text(Reason(EstimateCode.ROW_SCATTERS))}" if varying else ""
+    return f"{', '.join(varying)}: {text(Reason(EstimateCode.ROW_SCATTERS))}" if varying else ""
 
 
 def _label(name: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from gateway.compare.views.drive import Drive, Drives, DriveWheel
 from gateway.compare.views.drive_path_picture import path_picture
@@ -17,7 +17,7 @@ from gateway.core.optional_packages import require_packages
 from gateway.core.quantity_catalogue import quantity_of
 from gateway.core.table_columns import RECORDING_PARTS
 from gateway.core.text.html_template import result_page, script_data
-from gateway.core.text.numbers import MISSING, STATUS_MARKS, fixed, plain_name, round_to_error, split_name
+from gateway.core.text.numbers import MISSING, STATUS_MARKS, age, fixed, plain_name, round_to_error, split_name
 from gateway.core.text.output_file import check_target, write_whole
 from gateway.core.text.page_parts import page_part
 from gateway.core.text.readout import DISTANCE
@@ -28,6 +28,10 @@ from gateway.core.text.wording import joined
 from gateway.planner.uncertainty_budget import Budget
 
 _VIEWS: Final = "gateway.compare.views"
+_WEAR: Final = "wear_mm"
+# A value below zero by fewer standard errors is none.
+_WITHIN: Final = 2.0
+_NO_WEAR: Final = "below zero by less than twice its error: no wear can be measured"
 
 
 class _Value(NamedTuple):
@@ -73,11 +77,13 @@ def open_pages(path: Path | None, *, force: bool) -> DrivePages | None:
 
 def drive_page(drives: Sequence[Drive]) -> str:
     """Return recordings as an HTML page without external resources; errors as for `result_page`."""
+    sections = [_section(f"r{index}", drive) for index, drive in enumerate(drives)]
     return page_over_time(
         "drive_page.html.j2",
-        title=drives[0].name if len(drives) == 1 else counted(len(drives), "recording"),
-        facts="",
-        sections=[_section(f"r{index}", drive) for index, drive in enumerate(drives)],
+        title=f"Drive {drives[0].name}" if len(drives) == 1 else counted(len(drives), "recording"),
+        facts=recorded_at(drives[0]) if len(drives) == 1 else "",
+        steps=len(drives) == 1 and bool(sections[0]["verdict"].actions),
+        sections=sections,
     )
 
 
@@ -89,7 +95,15 @@ def page_over_time(template: str, **values: object) -> str:
     return result_page(_VIEWS, template, scripts=scripts, style=style, **values)
 
 
-def _section(identity: str, drive: Drive) -> dict[str, object]:
+def recorded_at(drive: Drive) -> str:
+    """Return date and time of the first revolution in UTC, and the time to the last one."""
+    start_ns = begin_ns(drive)
+    end_ns = max((wheel.points[-1].time_ns for wheel in drive.wheels.values()), default=start_ns)
+    date = iso_utc(start_ns)[:19].replace("T", " ") + " UTC" if start_ns > FIRST_DATE_NS else "date not recorded"
+    return f"{date}, {age((end_ns - start_ns) * 1e-9)}"
+
+
+def _section(identity: str, drive: Drive) -> dict[str, Any]:
     """Return what the page shows of one recording; the template escapes all text except data for the script."""
     wheels = list(drive.wheels)
     rows = {position: wheel.cells() for position, wheel in drive.wheels.items()}
@@ -100,7 +114,7 @@ def _section(identity: str, drive: Drive) -> dict[str, object]:
     return {
         "id": identity,
         "title": drive.name,
-        "facts": iso_utc(start_ns)[:19].replace("T", " ") + " UTC" if start_ns > FIRST_DATE_NS else "",
+        "facts": recorded_at(drive),
         "run": [clean(line) for line in drive.run],
         "wheels": wheels,
         "verdict": first,
@@ -133,6 +147,8 @@ def _means(drive: Drive) -> tuple[list[tuple[str, str, list[_Value]]], list[tupl
             status, reason = Status(str(cells["_status"])), str(cells["_reason"])
             value, std, scatter = (number(cells, part) * unit.factor for part in ("", "_std", "_scatter"))
             largest = next((each.largest for each in budgets.get(position, ()) if each.estimate.name == name), "")
+            if name == _WEAR and -_WITHIN * std < value < 0.0 and status is not Status.INVALID:
+                reasons.setdefault(_NO_WEAR, {}).setdefault(position, []).append(label)
             rows.setdefault(name, {})[position] = _value(value, std, scatter, status, largest)
             span = wheel.spans.get(name)
             if span is not None and any(
@@ -157,8 +173,8 @@ def _better_statements(budgets: Mapping[str, Iterable[Budget]]) -> Iterator[tupl
         name, std = budget.estimate.name, budget.estimate.std
         if budget.advice and quantity_of(name).watch and (name not in worst or std > worst[name][1].estimate.std):
             worst[name] = position, budget
-    for name, (position, budget) in worst.items():
-        yield position, plain_name(name), clean(budget.advice)
+    for position, budget in worst.values():
+        yield position, "", clean(budget.advice)
 
 
 def _span(span: tuple[float, float], factor: float) -> _Value:
@@ -177,7 +193,7 @@ def _value(value: float, std: float, scatter: float, status: Status, largest: st
         return _Value(MISSING, "", True)
     size = round_to_error(scatter, scatter)
     small = f"scatter {size.error}{size.power}" if size.error else ""
-    small = ", ".join(filter(None, (small, f"error by {largest}" if largest else "")))
+    small = ", ".join(filter(None, (small, f"most from {largest}" if largest else "")))
     mean = f"{round_to_error(value, std).joined()} {STATUS_MARKS[status]}".strip()
     return _Value(mean, small, status is not Status.VALID)
 

@@ -87,7 +87,8 @@ def pictures_json(drive: Drive, events: Sequence[Event], start_ns: int) -> dict[
         "begin_ms": start_ns // 1_000_000 if start_ns > FIRST_DATE_NS else None,
         "wheels": [{"name": position, "t": times[index]} for index, position in enumerate(drive.wheels)],
         "quantities": quantities,
-        "first": [name for name in _first() if name in names] or names[:1],
+        "first": [name for name in _first() if name in names and name not in _beside(names).values()] or names[:1],
+        "pairs": _beside(names),
         "events": [
             {
                 "kind": event.kind,
@@ -107,9 +108,15 @@ def pictures_json(drive: Drive, events: Sequence[Event], start_ns: int) -> dict[
 
 
 def _first() -> list[str]:
-    """Return the quantities whose pictures are open at first: speed, air, and what has a name outside this program."""
+    """Return the quantities whose pictures are open at first: speed, air, contact, and what has a name outside."""
     named = [quantity.name for quantity in declared() if quantity.entity]
-    return [SPEED, *MEASURED, *(name for name in named if name != SPEED)]
+    return [SPEED, *MEASURED, "contact_length_m", *(name for name in named if name not in (SPEED, "contact_fraction"))]
+
+
+def _beside(names: Sequence[str]) -> dict[str, str]:
+    """Return the quantity that is drawn with another one at first: the temperature with the pressure."""
+    pressure, temperature = MEASURED
+    return {pressure: temperature} if pressure in names and temperature in names else {}
 
 
 def _columns(line: Line) -> dict[str, Any]:

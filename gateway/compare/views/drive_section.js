@@ -17,6 +17,8 @@ const DriveSection = (() => {
     return `${Math.floor(whole / 3600)}:${part(Math.floor(whole / 60) % 60)}:${part(Math.floor(whole % 60))}${fraction}`;
   };
 
+  const titleOf = ({ label, unit }) => (unit ? `${label}, ${unit}` : label);
+
   class Section {
     // `whole`: the axis of time, else that of the data. `shortest`: what is zoomed to. `onZoom`, `onMoment`: what else
     // a zoom and a click do; a click shows the waveforms of the data where nothing else is said.
@@ -38,10 +40,37 @@ const DriveSection = (() => {
     take(data) {
       this.data = data;
       this.open = [...data.first];
+      // What is drawn with a quantity, on an axis of its own.
+      this.second = new Map(Object.entries(data.pairs || {}));
+      // Wheels are drawn all, or by choice.
+      this.choice = data.choices ? data.choices[data.chosen] : null;
       // One axis of time for all wheels: undefined is drawn through.
       this.times = [...new Set(data.wheels.flatMap((wheel) => wheel.t))].sort((a, b) => a - b);
       const index = new Map(this.times.map((time, i) => [time, i]));
       this.rows = data.wheels.map((wheel) => wheel.t.map((time) => index.get(time)));
+    }
+
+    isChosen(i) { return !this.choice || this.choice.wheels.includes(i); }
+
+    styleOf(i) { return this.data.wheels[i].style ?? i; }
+
+    quantity(name) { return this.data.quantities.find((one) => one.name === name); }
+
+    // A list of choices; `act` takes the value of the chosen one.
+    chooser(label, choices, act) {
+      const select = element("select");
+      select.setAttribute("aria-label", label);
+      this.offer(select, choices);
+      select.addEventListener("change", () => act(select.value));
+      return select;
+    }
+
+    offer(select, choices) {
+      select.replaceChildren(...choices.map(([value, text]) => {
+        const option = element("option", "", text);
+        option.value = value;
+        return option;
+      }));
     }
 
     tools() {
@@ -58,13 +87,21 @@ const DriveSection = (() => {
       button("−", "zoom out", () => this.scale(2, 0));
       button("←", "earlier", () => this.scale(1, -0.5));
       button("→", "later", () => this.scale(1, 0.5));
-      this.select = element("select");
-      this.select.setAttribute("aria-label", "add a picture");
-      this.select.addEventListener("change", () => {
-        this.open.push(this.select.value);
+      this.select = this.chooser("add a picture", [], (name) => {
+        this.open.push(name);
         this.draw();
       });
       bar.append(this.select);
+      const { choices, chosen } = this.data;
+      if (choices && choices.length > 1) {
+        const wheel = this.chooser("wheel", choices.map(({ name }, at) => [at, `wheel ${name}`]), (at) => {
+          this.choice = choices[at];
+          this.draw();
+          this.showWaveforms(this.shown ? this.shown.time : this.whole[0]);
+        });
+        wheel.value = chosen;
+        bar.prepend(wheel);
+      }
       this.waveform = element("div", "waveform");
       this.box.append(bar);
     }
@@ -107,48 +144,63 @@ const DriveSection = (() => {
       this.plots.clear();
       this.grid.replaceChildren(...this.open.map((name) => this.picture(name)));
       if (this.waveform.childElementCount) this.grid.append(...this.waveform.children);
-      const closed = this.data.quantities.filter((quantity) => !this.open.includes(quantity.name));
-      const first = element("option", "", "Add a picture …");
-      first.value = "";
-      this.select.replaceChildren(first, ...closed.map((quantity) => {
-        const option = element("option", "", quantity.unit ? `${quantity.label}, ${quantity.unit}` : quantity.label);
-        option.value = quantity.name;
-        return option;
-      }));
+      const drawn = [...this.open, ...this.open.map((name) => this.second.get(name))];
+      const closed = this.data.quantities.filter((quantity) => !drawn.includes(quantity.name));
+      this.offer(this.select, [["", "Add a picture …"], ...closed.map((quantity) => [quantity.name, titleOf(quantity)])]);
       this.resize();
     }
 
     picture(name) {
-      const quantity = this.data.quantities.find((one) => one.name === name);
+      const quantity = this.quantity(name), second = this.quantity(this.second.get(name));
       const figure = element("figure"), title = element("div", "picture-title");
-      title.append(element("span", "", quantity.unit ? `${quantity.label}, ${quantity.unit}` : quantity.label));
+      title.append(element("span", "", titleOf(quantity)));
+      const others = this.data.quantities.filter((one) => one !== quantity).map((one) => [one.name, `thin: ${titleOf(one)}`]);
+      const beside = this.chooser(`draw with ${quantity.label}`, [["", "and …"], ...others], (chosen) => {
+        if (chosen) this.second.set(name, chosen);
+        else this.second.delete(name);
+        this.draw();
+      });
+      beside.value = second ? second.name : "";
       const close = element("button", "", "×");
       close.type = "button";
       close.setAttribute("aria-label", `close the picture of ${quantity.label}`);
       close.addEventListener("click", () => { this.open = this.open.filter((one) => one !== name); this.draw(); });
-      title.append(close);
+      title.append(beside, close);
       const box = element("div"), legend = element("ul", "legend");
-      const wheels = this.data.wheels.map((_, i) => i).filter((i) => quantity.wheels[i]);
+      const wheelsOf = (one) => this.data.wheels.map((_, i) => i).filter((i) => this.isChosen(i) && one.wheels[i]);
+      const wheels = wheelsOf(quantity), also = second ? wheelsOf(second) : [];
+      const names = second ? `${quantity.label} and ${second.label}` : quantity.label;
       box.setAttribute("role", "img");
-      box.setAttribute("aria-label", `${quantity.label} over time of ${wheels.map((i) => this.data.wheels[i].name).join(", ")}`);
+      box.setAttribute("aria-label", `${names} over time of ${wheels.map((i) => this.data.wheels[i].name).join(", ")}`);
       figure.append(title, box, legend);
-      const plot = this.overTime(box, this.columns(quantity, wheels), {
-        series: wheels.flatMap((i) => pictures.seriesOf(i, { isPrinted: true })),
-        bands: pictures.bandsOf(wheels),
-      }, (u) => this.read(u, quantity, wheels, legend));
+      const read = (u) => this.read(u, quantity, second, wheels, legend);
+      const plot = this.overTime(box, [...this.columns(quantity, wheels), ...(second ? this.lines(second, also) : [])], {
+        series: [
+          ...wheels.flatMap((i) => pictures.seriesOf(this.styleOf(i), { isPrinted: true })),
+          ...also.map((i) => ({ scale: "second", stroke: pictures.colourOf(this.styleOf(i)), width: 1, points: { show: false } })),
+        ],
+        bands: pictures.bandsOf(wheels.map((i) => this.styleOf(i))),
+        second: second ? titleOf(second) : "",
+      }, read);
       this.plots.set(name, plot);
-      this.read(plot, quantity, wheels, legend);
+      read(plot);
       return figure;
     }
 
+    // One line a wheel: valid and provisional alike.
+    lines(quantity, wheels) {
+      const data = this.columns(quantity, wheels);
+      return wheels.map((_, at) => data[4 * at + 1].map((value, row) => (value === null ? data[4 * at + 2][row] : value)));
+    }
+
     // A picture over the common time, with its cursor, zoom and events.
-    overTime(box, data, { series, bands, height = HEIGHT, draw = [], y = {}, yAxis = {} }, read = () => {}) {
+    overTime(box, data, { series, bands, second = "", height = HEIGHT, draw = [], y = {}, yAxis = {} }, read = () => {}) {
       const axis = pictures.axis();
       return new uPlot({
         width: 420, height, legend: { show: false },
         cursor: { sync: { key: this.sync, scales: ["x", null] }, drag: { x: true, y: false } },
         scales: { x: { time: false, min: this.range[0], max: this.range[1] }, y },
-        axes: [{ ...axis, space: 80, values: (_, ticks, __, ___, step) => ticks.map((tick) => clock(tick, step)) }, { ...axis, size: 58, ...yAxis }],
+        axes: [{ ...axis, space: 80, values: (_, ticks, __, ___, step) => ticks.map((tick) => clock(tick, step)) }, { ...axis, size: 58, ...yAxis }, ...(second ? [{ ...axis, scale: "second", side: 1, size: 48, grid: { show: false } }] : [])],
         series: [{}, ...series],
         bands,
         hooks: {
@@ -169,16 +221,19 @@ const DriveSection = (() => {
     }
 
     // The values at the cursor, else the last ones.
-    read(u, quantity, wheels, legend) {
+    read(u, quantity, second, wheels, legend) {
       const time = u.cursor.idx == null ? Infinity : this.times[u.cursor.idx];
-      legend.replaceChildren(...wheels.map((i) => {
-        const { v, e, provisional } = quantity.wheels[i], times = this.data.wheels[i].t;
+      const textOf = (one, i) => {
+        const { v, e, provisional } = one.wheels[i], times = this.data.wheels[i].t;
         let last = times.length - 1;
         while (last > 0 && times[last] > time) last -= 1;
         if (time === Infinity) while (last > 0 && v[last] === null) last -= 1;
-        const text = v[last] == null ? "—" : pictures.written(v[last], e ? e[last] : null, quantity.unit, provisional.includes(last));
-        const item = element("li");
-        item.append(pictures.key(i, pictures.dashOf(i)), `${this.data.wheels[i].name}: ${text}`);
+        return v[last] == null ? "—" : pictures.written(v[last], e ? e[last] : null, one.unit, provisional.includes(last));
+      };
+      legend.replaceChildren(...wheels.map((i) => {
+        const texts = [quantity, second].filter((one) => one && one.wheels[i]).map((one) => textOf(one, i));
+        const item = element("li"), style = this.styleOf(i);
+        item.append(pictures.key(style, pictures.dashOf(style)), `${this.data.wheels[i].name}: ${texts.join(", ")}`);
         return item;
       }));
     }
@@ -190,7 +245,7 @@ const DriveSection = (() => {
         const from = u.valToPos(event.begin, "x", true);
         const to = event.end === null ? right : u.valToPos(event.end, "x", true);
         if (to < left || from > right) continue;
-        if (event.kind === "alarm") {
+        if (event.kind === "alarm" || event.kind === "silence") {
           u.ctx.fillStyle = pictures.css("--alarm");
           u.ctx.fillRect(Math.max(from, left), top, Math.max(Math.min(to, right) - Math.max(from, left), 3), 4 * devicePixelRatio);
         } else if (event.kind === "mark") {
@@ -207,7 +262,7 @@ const DriveSection = (() => {
 
     // Of each wheel the waveform next to a time.
     showWaveforms(time, isAsked = false) {
-      const nearest = this.data.wheels.map((_, i) => this.data.waveforms.filter((one) => one.wheel === i)
+      const nearest = this.data.wheels.map((_, i) => this.data.waveforms.filter((one) => one.wheel === i && this.isChosen(i))
         .reduce((best, one) => (best && Math.abs(best.t - time) <= Math.abs(one.t - time) ? best : one), null)).filter(Boolean);
       if (!nearest.length) return;
       const figure = element("figure"), title = element("div", "picture-title"), box = element("div"), legend = element("ul", "legend");
@@ -228,15 +283,16 @@ const DriveSection = (() => {
         width: 420, height: HEIGHT, legend: { show: false },
         scales: { x: { time: false } },
         axes: [{ ...axis, values: (_, ticks) => ticks.map((tick) => `${tick}°`) }, { ...axis, size: 58 }],
-        series: [{}, ...nearest.map((one) => pictures.seriesOf(one.wheel, { isPrinted: true })[0])],
+        series: [{}, ...nearest.map((one) => pictures.seriesOf(this.styleOf(one.wheel), { isPrinted: true })[0])],
       }, data, box);
       legend.replaceChildren(...nearest.map((one) => {
         const item = element("li");
-        item.append(pictures.key(one.wheel, pictures.dashOf(one.wheel)), `${this.data.wheels[one.wheel].name} at ${clock(one.t)}${one.cause ? `, ${one.cause}` : ""}`);
+        const style = this.styleOf(one.wheel);
+        item.append(pictures.key(style, pictures.dashOf(style)), `${this.data.wheels[one.wheel].name} at ${clock(one.t)}${one.cause ? `, ${one.cause}` : ""}`);
         return item;
       }));
       if (this.shown) { this.shown.plot.destroy(); this.shown.figure.remove(); }
-      this.shown = { plot, figure };
+      this.shown = { plot, figure, time };
       this.grid.append(figure);
       this.resize();
       if (isAsked) figure.scrollIntoView({ block: "nearest" });

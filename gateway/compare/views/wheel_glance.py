@@ -52,7 +52,7 @@ GLANCE: Final[tuple[tuple[str, Callable[[Cells], str]], ...]] = (
     ("load, stated", lambda cells: _stated(cells, "load_n")),
     ("pressure", lambda cells: _stated(cells, "pressure_pa")),
     ("temperature, mean and span", lambda cells: _spread(cells, _TEMPERATURES)),
-    ("belt radius", lambda cells: _stated(cells, "radius_m")),
+    ("belt radius", lambda cells: f"{_stated(cells, 'radius_m')} ({cells.get('radius_source') or 'stated'})"),
     ("samples lost", _lost),
 )
 """Label of each line, and its text; MISSING for what is not known."""

@@ -17,8 +17,8 @@ NAMES: Final = ("distance_m",)
 
 # Gap between two revolutions, in turns, that no jitter of a contact makes.
 _LEAST_GAP_TURNS: Final = 0.25
-# Usual deviation of a vehicle's acceleration from its mean over some seconds.
-_ACCELERATION_STD_MPS2: Final = 1.0
+# Deviation of a vehicle's acceleration from its mean over some seconds, as of a car that is driven briskly.
+_ACCELERATION_STD_MPS2: Final = 2.0
 # Standard error of the number of missing turns, and distance to a whole number, within which it is taken as whole.
 _WHOLE_STD_TURNS: Final = 0.15
 _WHOLE_WITHIN_TURNS: Final = 0.3

@@ -58,8 +58,8 @@ class EstimateCode(Codes):
 
     # Of distance
     DISTANCE_BRIDGED = Code(
-        "{distance_m:.1f m} ± {std_m:.1f m} of it was not measured, in {duration_s:.1f s} without revolutions: taken "
-        "from the mean speed"
+        "{distance_m:.0f m} ± {std_m:.0f m} of it was not measured, in {duration_s:.0f s} without revolutions: taken "
+        "from the speeds before and after"
     )
     DISTANCE_INTERRUPTED = Code("the hub restarted {count:.0f} times; what was rolled meanwhile is missing")
 
@@ -84,7 +84,7 @@ class EstimateCode(Codes):
         "needs {number} of the new tire, tire.reference in the vehicle file (treadlink calibrate)"
     )
     NEEDS_RING_THICKNESS = Code("needs ring_thickness_mm of the tire in the vehicle file")
-    NEEDS_WEAR_VALUES = Code("needs {revolutions:.0f} revolutions with valid wear (one in {spacing:.0f} is used)")
+    NEEDS_WEAR_VALUES = Code("needs {revolutions:.0f} revolutions with valid wear")
     NO_LOAD_FROM_BELT_WIDTH = Code("not from the belt width: {why}")
     NO_LOAD_FROM_CONTACT_ANGLE = Code("not from the contact angle: {why}")
     NUMBER_MISSING = Code("the estimator {estimator} does not give {number}")

@@ -93,9 +93,7 @@ class WearEstimator(RevolutionEstimator):
         count = self._values.count
         if count < _LEAST_VALUES:
             needed = (_LEAST_VALUES - 1) * _SPACING_REVOLUTIONS
-            return Estimate.invalid(
-                NAMES[2], Reason(EstimateCode.NEEDS_WEAR_VALUES, revolutions=needed, spacing=_SPACING_REVOLUTIONS)
-            )
+            return Estimate.invalid(NAMES[2], Reason(EstimateCode.NEEDS_WEAR_VALUES, revolutions=needed))
         (xx, xy), (_, yy) = self._values.variance()
         span = self._latest - self._first
         residual = max(float(yy - xy * xy / xx), 0.0) * (count - 1) / (count - 2)

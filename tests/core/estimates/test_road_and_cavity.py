@@ -184,10 +184,34 @@ def test_long_gap_is_bridged_with_its_error() -> None:
     result = rolled([0.0, period, 2.0 * period + 10.0])
     assert result.status is Status.PROVISIONAL
     assert result.value == pytest.approx(3.0 * TURN_M + 10.0 / period * TURN_M)
-    # 1 m/s^2 over ten seconds is up to 25 m to either side.
-    assert result.std == pytest.approx(25.0 / math.sqrt(3.0))
+    # 2 m/s^2 over ten seconds are up to 50 m to either side.
+    assert result.std == pytest.approx(50.0 / math.sqrt(3.0))
     (bridged,) = result.reasons
     assert bridged["duration_s"] == pytest.approx(10.0)
+
+
+@pytest.mark.parametrize("gap_s", [3.0, 8.0, 15.0, 30.0])
+def test_error_of_a_bridged_distance_covers_a_brisk_drive_wherever_it_is_silent(gap_s: float) -> None:
+    # Up to 3 m/s^2 between 30 and 100 km/h, again and again.
+    time_s = np.arange(0.0, 120.0, 0.01)
+    speed_mps = np.interp(time_s % 30.0, [0, 4, 9, 14, 19, 26, 29, 30], [11.1, 18, 18, 27.8, 27.8, 8.3, 8.3, 11.1])
+    distance_m = np.concatenate([[0.0], np.cumsum(0.01 * speed_mps)])
+    pulls = []
+    for begin_s in np.arange(0.0, 30.0, 0.5):
+        ends = [round(100.0 * at_s) for at_s in (begin_s, begin_s + gap_s)]
+        first, last = (
+            replace(REVOLUTION, omega_radps=speed / RADIUS_M, period_s=TURN_M / speed, start_s=start_s)
+            for speed, start_s in zip(
+                speed_mps[ends], (begin_s - TURN_M / speed_mps[ends[0]], ends[1] / 100.0), strict=True
+            )
+        )
+        estimator = DistanceEstimator()
+        estimator.update(first, AVERAGE, CONDITIONS)
+        (result,) = estimator.update(last, AVERAGE, CONDITIONS)
+        error_m = result.value - 2.0 * TURN_M - (distance_m[ends[1]] - distance_m[ends[0]])
+        pulls.append(error_m / max(result.std, 0.5 * TURN_M))
+    assert np.sqrt(np.mean(np.square(pulls))) < 1.2
+    assert np.abs(pulls).max() < 3.0
 
 
 def test_turns_between_contacts_that_were_not_seen_need_not_be_whole() -> None:
