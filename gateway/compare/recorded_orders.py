@@ -39,10 +39,12 @@ class RecordedOrders(NamedTuple):
     Attributes:
         wheels: each with a usable revolution.
         damage: what of the recording was unreadable, None without any.
+        start_ns: start of the recording by the computer's clock; None where it is not known.
     """
 
     wheels: tuple[WheelOrders, ...]
     damage: Reason | None
+    start_ns: int | None = None
 
 
 def recorded_orders(
@@ -102,5 +104,7 @@ def recorded_orders(
         )
     order = {wheel.position: index for index, wheel in enumerate(vehicle.wheel if vehicle is not None else ())}
     return RecordedOrders(
-        tuple(sorted(orders, key=lambda wheel_orders: order.get(wheel_orders.wheel, len(order)))), file.damage
+        tuple(sorted(orders, key=lambda wheel_orders: order.get(wheel_orders.wheel, len(order)))),
+        file.damage,
+        file.info.start_ns,
     )

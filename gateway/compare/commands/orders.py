@@ -82,7 +82,7 @@ def orders(
         check_figure(figure, SUFFIXES)
     say = SummaryOutput(outputs)
     with progress_bar(f"reading {recording.name}") as bar:
-        spectra, damage = recorded_orders(
+        spectra, damage, start_ns = recorded_orders(
             recording,
             wheels=wheels,
             speed_step_mps=speed_step_kmh / 3.6,
@@ -97,7 +97,7 @@ def orders(
         for line in order_lines(wheel, shown):
             say(line)
     if figure is not None:
-        write_figure(figure, spectra, recording.name, force=force)
+        write_figure(figure, spectra, recording.name, start_ns, force=force)
     if csv_path is not None:
         write_csv(csv_path, spectra, recording.name, force=force)
     if json_path is not None:

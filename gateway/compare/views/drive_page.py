@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 
 from gateway.compare.views.drive import Drive, Drives, DriveWheel
 from gateway.compare.views.drive_path_picture import path_picture
-from gateway.compare.views.drive_pictures import FIRST_DATE_NS, begin_ns, pictures_json
+from gateway.compare.views.drive_pictures import begin_ns, date_utc, pictures_json
 from gateway.compare.views.drive_verdict import verdict
 from gateway.compare.views.wheel_glance import GLANCE, number
 from gateway.core.estimates.estimator import Status
@@ -21,7 +21,6 @@ from gateway.core.text.numbers import MISSING, STATUS_MARKS, age, fixed, plain_n
 from gateway.core.text.output_file import check_target, write_whole
 from gateway.core.text.page_parts import page_part
 from gateway.core.text.readout import DISTANCE
-from gateway.core.text.result_columns import iso_utc
 from gateway.core.text.table_sinks import Cell
 from gateway.core.text.text import clean, counted
 from gateway.core.text.wording import joined
@@ -99,8 +98,7 @@ def recorded_at(drive: Drive) -> str:
     """Return date and time of the first revolution in UTC, and the time to the last one."""
     start_ns = begin_ns(drive)
     end_ns = max((wheel.points[-1].time_ns for wheel in drive.wheels.values()), default=start_ns)
-    date = iso_utc(start_ns)[:19].replace("T", " ") + " UTC" if start_ns > FIRST_DATE_NS else "date not recorded"
-    return f"{date}, {age((end_ns - start_ns) * 1e-9)}"
+    return f"{date_utc(start_ns)}, {age((end_ns - start_ns) * 1e-9)}"
 
 
 def _section(identity: str, drive: Drive) -> dict[str, Any]:

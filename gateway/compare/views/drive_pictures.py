@@ -11,6 +11,7 @@ from gateway.compare.views.drive_verdict import Event
 from gateway.core.quantity_catalogue import declared
 from gateway.core.text.numbers import plain_name, split_name
 from gateway.core.text.readout import DISTANCE, SPEED
+from gateway.core.text.result_columns import iso_utc
 from gateway.core.types import BoolArray, FloatArray
 
 # Digits of a number below its standard error: more than an eye can see of a picture.
@@ -38,6 +39,12 @@ class Line(NamedTuple):
     value: FloatArray
     std: FloatArray
     is_valid: BoolArray
+
+
+def date_utc(time_ns: int) -> str:
+    """Return date and time, or that they were not recorded."""
+    is_date = time_ns > FIRST_DATE_NS
+    return iso_utc(time_ns)[:19].replace("T", " ") + " UTC" if is_date else "date not recorded"
 
 
 def begin_ns(drive: Drive) -> int:

@@ -9,17 +9,28 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from gateway.compare.order_statistics import BLOCK_REVOLUTIONS, OrderStatistics
+from gateway.compare.views.drive_pictures import date_utc
 from gateway.compare.views.order_tables import amplitude_rows, share_rows, share_texts
+from gateway.compare.views.order_verdict import order_verdict
 from gateway.compare.views.wheel_orders import WheelOrders
 from gateway.core.constants import AXIS_NAMES
 from gateway.core.revolutions.angle_resampling import angle_grid
 from gateway.core.text.figure_file import check_figure, figure_bytes
 from gateway.core.text.html_template import result_page
 from gateway.core.text.output_file import write_whole
-from gateway.core.text.page_figure import AFTER, BEFORE, GOOD, GRID, QUIET, RESIDUAL, Drawing, inline_svg, report_style
+from gateway.core.text.page_figure import (
+    AFTER,
+    BEFORE,
+    GOOD,
+    GRID,
+    QUIET,
+    RESIDUAL,
+    Drawing,
+    inline_svg,
+    new_figure,
+    report_style,
+)
 from gateway.core.text.text import clean, counted, escaped
-from gateway.core.text.wording import text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -44,12 +55,13 @@ _RADIAL: Final = AXIS_NAMES.index("radial")
 _WIDTH_INCH, _HEIGHT_INCH = 11.0, 7.0
 _DECADES: Final = 4.0
 _SHOWN_ORDERS: Final = 30
-# Distance from an integer order, in orders, from which its leakage is past.
-_BETWEEN: Final = 0.3
+_NARROW_INCH: Final = (4.4, 3.0)
 
 
-def write_figure(path: Path, wheels: Sequence[WheelOrders], recording: str, *, force: bool = False) -> None:
-    """Draw the orders of wheels.
+def write_figure(
+    path: Path, wheels: Sequence[WheelOrders], recording: str, start_ns: int | None = None, *, force: bool = False
+) -> None:
+    """Draw the orders of wheels of a recording that starts at a time, ns since the epoch.
 
     Raises:
         OutputError: as `check_figure`, or the file cannot be written.
@@ -59,7 +71,7 @@ def write_figure(path: Path, wheels: Sequence[WheelOrders], recording: str, *, f
 
     suffix = path.suffix.lower()
     if suffix == ".html":
-        write_whole(path, orders_page(wheels, recording), force=force)
+        write_whole(path, orders_page(wheels, recording, start_ns), force=force)
         return
     from matplotlib.figure import Figure
 
@@ -79,13 +91,8 @@ def _title(wheel: WheelOrders) -> str:
 
 def _draw(figure: Any, wheel: WheelOrders, palette: _Palette) -> None:
     figure.suptitle(_title(wheel), fontsize=11.0)
-    (spectrum, waterfall), (signal, speeds), (average, share) = figure.subplots(3, 2, width_ratios=(1.35, 1.0))
-    _spectrum(spectrum, wheel, palette)
-    _waterfall(figure, waterfall, wheel)
-    _signal(signal, wheel, palette)
-    _by_speed(speeds, wheel, palette)
-    _average(average, wheel, palette)
-    _share(share, wheel, palette)
+    for draw, axes in zip(_PICTURES, figure.subplots(3, 2, width_ratios=(1.35, 1.0)).flat, strict=True):
+        draw(axes, wheel, palette)
 
 
 def _spectrum(axes: Axes, wheel: WheelOrders, palette: _Palette) -> None:
@@ -110,7 +117,7 @@ def _spectrum(axes: Axes, wheel: WheelOrders, palette: _Palette) -> None:
     axes.legend(fontsize=8.0)
 
 
-def _waterfall(figure: Any, axes: Axes, wheel: WheelOrders) -> None:
+def _waterfall(axes: Axes, wheel: WheelOrders, _: _Palette) -> None:
     from matplotlib.colors import LogNorm
 
     speeds = wheel.statistics.speeds
@@ -133,7 +140,7 @@ def _waterfall(figure: Any, axes: Axes, wheel: WheelOrders) -> None:
     columns = np.arange(values.shape[1] + 1) + 0.5
     mesh = axes.pcolormesh(columns, edges, values, norm=norm, cmap="viridis", rasterized=True)
     axes.set_xlim(0.5, _SHOWN_ORDERS + 0.5)
-    figure.colorbar(mesh, ax=axes, label="m/s²")
+    axes.figure.colorbar(mesh, ax=axes, label="m/s²")
 
 
 def _signal(axes: Axes, wheel: WheelOrders, palette: _Palette) -> None:
@@ -164,14 +171,13 @@ def _by_speed(axes: Axes, wheel: WheelOrders, palette: _Palette) -> None:
         if not np.isfinite(values).any():
             continue
         speed = f"{wheel.kmh(speed_bin.low_radps):.0f} to {wheel.kmh(speed_bin.high_radps):.0f} km/h"
-        label = f"{speed}: {share_texts(speed_bin)[_RADIAL]} on integer orders"
-        axes.plot(wheel.statistics.fine_order[1:], values, color=colour, lw=0.8, label=label)
+        axes.plot(wheel.statistics.fine_order[1:], values, color=colour, lw=0.8, label=speed)
         top = max(top, float(np.nanmax(values)))
     if top > 0.0:
         axes.set_yscale("log")
         # Room for the legend above the peaks.
         axes.set_ylim(top * 10.0**-_DECADES, 100.0 * top)
-        axes.legend(fontsize=7.0, loc="upper right")
+        axes.legend(fontsize=8.0, loc="upper right")
 
 
 def _average(axes: Axes, wheel: WheelOrders, palette: _Palette) -> None:
@@ -207,20 +213,26 @@ def _share(axes: Axes, wheel: WheelOrders, palette: _Palette) -> None:
     axes.set(ylim=(0, 116), ylabel="%", title="power on integer orders (dashed: noise)")
 
 
-def orders_page(wheels: Sequence[WheelOrders], recording: str) -> str:
+_PICTURES: Final = (_spectrum, _waterfall, _signal, _by_speed, _average, _share)
+
+
+def orders_page(wheels: Sequence[WheelOrders], recording: str, start_ns: int | None = None) -> str:
     """Return a page with verdict, figures and tables of every wheel, which loads nothing; errors as `result_page`."""
+    said = order_verdict(wheels)
     return result_page(
         *_TEMPLATE,
         title=f"Orders of {clean(recording)}",
-        facts=" · ".join(map(_title, wheels)),
-        answer=" ".join(_answer(wheels)) or "No wheel has a usable revolution.",
-        steps=[step for wheel in wheels for step in _steps(wheel)],
-        drawn=[_drawing(index, wheel) for index, wheel in enumerate(wheels)],
+        facts=" · ".join([date_utc(start_ns or 0), *map(_title, wheels)]),
+        answer=said.answer,
+        lines=said.lines,
+        steps=said.steps,
         axes=AXIS_NAMES,
         wheels=[
             {
                 "id": f"w{index}",
                 "name": wheel.wheel,
+                "title": _title(wheel),
+                "drawn": list(_drawings(index, wheel)),
                 "tables": (
                     ("Shares", "Share of the power on integer orders", "Speed", share_rows(wheel)),
                     (
@@ -236,49 +248,15 @@ def orders_page(wheels: Sequence[WheelOrders], recording: str) -> str:
     )
 
 
-def _answer(wheels: Sequence[WheelOrders]) -> Iterator[str]:
-    """Yield how far the radial signal is the tire's own, and the largest amplitude between the orders."""
-    if not wheels:
-        return
-    shares = ", ".join(f"{clean(wheel.wheel)} {share_texts(wheel.statistics)[_RADIAL]}" for wheel in wheels)
-    noise = 100.0 * max(wheel.statistics.noise_share for wheel in wheels)
-    yield f"Of the radial signal's power this repeats with every revolution: {shares} (of white noise {noise:.1f} %)."
-    between = [(*largest, wheel.wheel) for wheel in wheels if (largest := _between_orders(wheel.statistics))]
-    if between:
-        amplitude_mps2, order, name = max(between)
-        yield f"The largest part that does not: {clean(name)}, {amplitude_mps2:.2g} m/s² near order {order:.1f}."
-
-
-def _between_orders(statistics: OrderStatistics) -> tuple[float, float] | None:
-    """Return the largest radial amplitude between integer orders, m/s², and its order; None without a spectrum."""
-    if not statistics.blocks:
-        return None
-    order, values = statistics.fine_order, statistics.fine_mps2[_RADIAL]
-    values = np.where(np.abs(order - np.round(order)) > _BETWEEN, values, math.nan)
-    if not np.isfinite(values).any():
-        return None
-    index = int(np.nanargmax(values))
-    return float(values[index]), float(order[index])
-
-
-def _steps(wheel: WheelOrders) -> Iterator[dict[str, str]]:
-    about = clean(wheel.wheel)
-    for doubt in wheel.doubts:
-        yield {"about": about, "step": clean(text(doubt))}
-    if wheel.rejected:
-        left_out = f"{counted(wheel.rejected, 'revolution')} with faults left out: treadlink inspect says what was lost"
-        yield {"about": about, "step": left_out}
-    if not wheel.statistics.blocks:
-        yield {"about": about, "step": f"record {BLOCK_REVOLUTIONS} revolutions in a row at a steady speed"}
-
-
-def _drawing(index: int, wheel: WheelOrders) -> Drawing:
-    from matplotlib.figure import Figure
-
-    with report_style():
-        figure = Figure(figsize=(_WIDTH_INCH, _HEIGHT_INCH), layout="constrained")
-        _draw(figure, wheel, _ON_PAGE)
-        svg = inline_svg(figure, f"w{index}")
-    name = clean(wheel.wheel)
-    alt = f"Orders, radial waveform and average of {name}; the numbers are in the tables."
-    return Drawing(svg, alt, f"{name}.", "Left: orders, consecutive revolutions, average. Right: the same by speed.")
+def _drawings(index: int, wheel: WheelOrders) -> Iterator[Drawing]:
+    """Yield each picture of a wheel as a figure of its own, narrow enough for a phone; its title stands below it."""
+    for number, draw in enumerate(_PICTURES):
+        with report_style():
+            figure = new_figure(*_NARROW_INCH)
+            axes = figure.subplots()
+            draw(axes, wheel, _ON_PAGE)
+            title = axes.get_title(loc="left")
+            axes.set_title("", loc="left")
+            svg = inline_svg(figure, f"w{index}p{number}")
+        alt = f"{title}, {clean(wheel.wheel)}; the numbers are in the tables."
+        yield Drawing(svg, alt, f"{title[:1].upper()}{title[1:]}.", "")

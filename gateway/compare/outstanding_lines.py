@@ -1,0 +1,185 @@
+"""Lines between the integer orders that stand out of what lies around them, and what they keep as the speed changes.
+
+A line is judged against the median power of the bins between the orders around it. Under noise the mean power of n
+blocks has a chi-squared distribution with 2 n degrees of freedom, so that the ratio of a bin to its surroundings has
+nearly an F distribution. What repeats with every revolution lies on integer orders, and is not judged.
+"""
+
+import math
+from collections.abc import Iterator
+from enum import StrEnum
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gateway.compare.order_statistics import OrderStatistics
+from gateway.core.constants import AXIS_NAMES
+from gateway.core.types import BoolArray, FloatArray
+
+FALSE_ALARM: Final = 0.01
+"""Probability that noise alone makes any line of a wheel."""
+MINIMUM_TIMES: Final = 2.0
+"""Times the amplitude around it from which a line is told."""
+
+# Distance from an integer order, in orders, from which its leakage is past.
+_BETWEEN: Final = 0.3
+# Below it gravity leaks, which does not grow with the speed as the rest does; a steady speed has no such leakage.
+_LOWEST_ORDER: Final = 2.0
+_STEADY: Final = 1.01
+# Bins around a line that are its surroundings, to either side in orders.
+_AROUND_ORDERS: Final = 4.0
+_ENOUGH_AROUND: Final = 6
+# Relative efficiency of a median against a mean: 2 / pi.
+_EFFICIENCY: Final = 0.64
+# Speeds that differ by it tell what a line keeps, where so many times more of them show it than the contrary.
+_OTHER_SPEED: Final = 1.05
+_CLEAR: Final = 2.0
+
+
+class Keeps(StrEnum):
+    """What a line keeps as the speed changes."""
+
+    ORDER = "order"
+    FREQUENCY = "frequency"
+    UNKNOWN = "unknown"
+
+
+class OutstandingLine(NamedTuple):
+    """A line between the orders.
+
+    Attributes:
+        axis: that shows it clearest.
+        order: in cycles per revolution.
+        frequency_hz: at the middle of its range of speed.
+        amplitude_mps2: root mean square over the blocks of its amplitude.
+        times: its amplitude over that around it.
+        range_radps: angular speeds of the range.
+        keeps: as the speed changes.
+    """
+
+    axis: str
+    order: float
+    frequency_hz: float
+    amplitude_mps2: float
+    times: float
+    range_radps: tuple[float, float]
+    keeps: Keeps
+
+
+class _Spectrum(NamedTuple):
+    """Spectrum of a range of speed.
+
+    Attributes:
+        range_radps: angular speeds.
+        fine_mps2: (3, m) as in `SpeedBin`.
+        ratio: (3, m) power over the median power around it; NaN where it is not judged.
+        limit: (m,) that noise alone rarely exceeds.
+    """
+
+    range_radps: tuple[float, float]
+    fine_mps2: FloatArray
+    ratio: FloatArray
+    limit: FloatArray
+
+    @property
+    def rotation_hz(self) -> float:
+        return sum(self.range_radps) / (4.0 * math.pi)
+
+    @property
+    def half_width(self) -> float:
+        """Of the range of speed, over its middle."""
+        low, high = self.range_radps
+        return (high - low) / (high + low)
+
+
+def outstanding_lines(statistics: OrderStatistics) -> list[OutstandingLine]:
+    """Return the lines of a wheel, the clearest first; of one at several speeds or on several axes the clearest."""
+    low, high = statistics.omega_range_radps
+    orders = statistics.fine_order
+    is_judged = np.abs(orders - np.round(orders)) > _BETWEEN
+    is_judged &= orders > (_BETWEEN if high < _STEADY * low else _LOWEST_ORDER)
+    measured = [each for each in statistics.speeds if each.blocks]
+    tests = max(len(AXIS_NAMES) * len(measured) * int(is_judged.sum()), 1)
+    spectra = [
+        _Spectrum(
+            (each.low_radps, each.high_radps),
+            each.fine_mps2,
+            *_ratios(each.fine_mps2, is_judged, orders, each.blocks, tests),
+        )
+        for each in measured
+    ]
+    candidates = sorted(
+        (line for spectrum in spectra for line in _lines(spectrum, spectra, orders)),
+        key=lambda line: line.times,
+        reverse=True,
+    )
+    lines: list[OutstandingLine] = []
+    for line in candidates:
+        if not any(_is_same(line, clearer, orders[1]) for clearer in lines):
+            lines.append(line)
+    return lines
+
+
+def _ratios(
+    fine_mps2: FloatArray, is_judged: BoolArray, orders: FloatArray, blocks: int, tests: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return the power of each judged bin over the median power around it, (3, m), and its limit, (m,)."""
+    from scipy.stats import chi2, f
+
+    power = np.where(is_judged, np.square(fine_mps2), math.nan)
+    ratio, limit = np.full(power.shape, math.nan), np.full(len(orders), math.inf)
+    freedom = 2 * blocks
+    # A median of chi-squared powers lies below their mean.
+    below = float(chi2.ppf(0.5, freedom)) / freedom
+    for index in np.flatnonzero(is_judged):
+        distance = np.abs(orders - orders[index])
+        around = is_judged & (distance <= _AROUND_ORDERS) & (distance > 1.5 * orders[1])
+        if around.sum() < _ENOUGH_AROUND:
+            continue
+        level = np.median(power[:, around], axis=1)
+        np.divide(power[:, index], level, out=ratio[:, index], where=level > 0.0)
+        by_chance = float(f.isf(FALSE_ALARM / tests, freedom, _EFFICIENCY * freedom * around.sum())) / below
+        limit[index] = max(by_chance, MINIMUM_TIMES**2)
+    return ratio, limit
+
+
+def _lines(spectrum: _Spectrum, spectra: list[_Spectrum], orders: FloatArray) -> Iterator[OutstandingLine]:
+    for axis, index in np.argwhere(np.nan_to_num(spectrum.ratio) > spectrum.limit).tolist():
+        order, ratio = float(orders[index]), float(spectrum.ratio[axis, index])
+        yield OutstandingLine(
+            AXIS_NAMES[axis],
+            order,
+            order * spectrum.rotation_hz,
+            float(spectrum.fine_mps2[axis, index]),
+            math.sqrt(ratio),
+            spectrum.range_radps,
+            _keeps(axis, order, spectrum, spectra, orders),
+        )
+
+
+def _keeps(axis: int, order: float, spectrum: _Spectrum, spectra: list[_Spectrum], orders: FloatArray) -> Keeps:
+    """Return what a line keeps: the one that more of the other speeds show."""
+    votes, others = {Keeps.ORDER: 0, Keeps.FREQUENCY: 0}, 0
+    for other in spectra:
+        change = other.rotation_hz / spectrum.rotation_hz
+        if max(change, 1.0 / change) < _OTHER_SPEED:
+            continue
+        others += 1
+        # Within a range the speed, and so the order of a frequency, is known to its width.
+        shift = order / change * (spectrum.half_width + other.half_width)
+        for keeps, there, within in ((Keeps.ORDER, order, 0.0), (Keeps.FREQUENCY, order / change, shift)):
+            near = np.abs(orders - there) <= 1.01 * orders[1] + within
+            votes[keeps] += bool((np.nan_to_num(other.ratio[axis, near]) > other.limit[near]).any())
+    clearer, fewer = sorted(votes, key=lambda keeps: votes[keeps], reverse=True)
+    # One of many speeds may show it by chance.
+    is_clear = others > 0 and votes[clearer] >= max(_CLEAR * votes[fewer], min(others, 2))
+    return clearer if is_clear else Keeps.UNKNOWN
+
+
+def _is_same(line: OutstandingLine, other: OutstandingLine, step: float) -> bool:
+    """Return whether two lines are one: at another speed, on another axis, or in the next bin."""
+    near = 1.5 * step
+    if Keeps.FREQUENCY in (line.keeps, other.keeps):
+        both_hz = line.frequency_hz / line.order + other.frequency_hz / other.order
+        return abs(line.frequency_hz - other.frequency_hz) <= near * both_hz
+    return abs(line.order - other.order) <= near
