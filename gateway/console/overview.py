@@ -1,5 +1,6 @@
 """The overview: one line per wheel, for terminals too small for panels."""
 
+import math
 from collections.abc import Sequence
 from typing import Final
 
@@ -21,6 +22,7 @@ _SHORT_STATE: Final = {
     WheelState.SILENT: "silent",
     WheelState.ENDED: "ended",
 }
+_STATED: Final = "s"
 _NUMBER_WIDTHS: Final = (8, 6, 5, 5)
 _NUMBER_WIDTHS_WIDE: Final = (16, 13, 11, 11)
 
@@ -37,7 +39,7 @@ def overview(wheels: Sequence[WheelSnapshot], selected: int, alarmed: frozenset[
     labels = labels or next((_labels(r) for r in read if r), ())
     widths = list(_NUMBER_WIDTHS_WIDE if wide else _NUMBER_WIDTHS)
     header = (
-        f"   {pad('wheel', name_width)} {'state':<{10 if wide else 7}} {'km/h':>6} {'lead°':>7} {'trail°':>6} "
+        f"   {pad('wheel', name_width)} {'state':<{10 if wide else 7}} {'km/h':>6} {'begins°':>7} {'ends°':>6} "
         f"{'kPa':>6} {'°C':>5}{'       N' if wide else ''}  "
         + " ".join(f"{label:>{size}}" for label, size in zip(labels, widths, strict=False))
     )
@@ -65,18 +67,18 @@ def _values(
         return ((f" {silence_text(wheel)}", Role.WARNING),)
     rolling = wheel.state is WheelState.ROLLING
     state = f"{wheel.state.value:<10}" if wide else f"{_SHORT_STATE[wheel.state]:<7}"
-    speed = fixed(reading.speed.value, 2) if reading is not None and rolling else MISSING
-    lead = fixed(reading.leading.value, 2) if reading is not None else MISSING
-    trail = fixed(reading.trailing.value, 2) if reading is not None else MISSING
-    load = f" {fixed(wheel.load_n, 0):>7}" if wide else ""
+    speed = _marked(reading.speed) if reading is not None and rolling else MISSING
+    begin = _marked(reading.leading) if reading is not None else MISSING
+    end = _marked(reading.trailing) if reading is not None else MISSING
+    load = f" {_of_source(wheel, 'load_n', fixed(wheel.load_n, 0)):>7}" if wide else ""
     # The columns have no room for the age of old values; the details of the wheel show it.
     is_current = wheel.has_current_environment
-    pressure = kpa(wheel.pressure_pa) if is_current else MISSING
+    pressure = _of_source(wheel, "pressure_pa", kpa(wheel.pressure_pa)) if is_current else MISSING
     temperature = fixed(wheel.temperature_degc, 1) if is_current else MISSING
     row: list[Run] = [
         (f" {state} ", Role.GOOD if rolling else Role.WARNING),
         (f"{speed:>6} ", Role.VALUE),
-        (f"{lead:>7} {trail:>6} ", Role.TEXT),
+        (f"{begin:>7} {end:>6} ", Role.TEXT),
         (f"{pressure:>6} {temperature:>5}{load} ", Role.TEXT),
     ]
     if reading is None:
@@ -84,6 +86,15 @@ def _values(
     row.append((STATUS_MARKS[reading.status] or " ", Role.WARNING))
     row.append((" ".join(_cells(reading, wide, labels, widths)), Role.VALUE))
     return tuple(row)
+
+
+def _marked(shown: Shown) -> str:
+    return fixed(shown.value, 2) + shown.mark * math.isfinite(shown.value)
+
+
+def _of_source(wheel: WheelSnapshot, name: str, number: str) -> str:
+    """Return a number, with a mark where it is stated and not measured."""
+    return number + _STATED * (name in wheel.stated)
 
 
 def _short(shown: Shown) -> str:

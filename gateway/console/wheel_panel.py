@@ -32,7 +32,9 @@ from gateway.core.types import FloatArray
 
 PANEL_MIN_WIDTH: Final = 58
 PANEL_MIN_HEIGHT: Final = 12
-_DETAIL_WIDTH: Final = 33
+_DETAIL_WIDTH: Final = 38
+_DETAIL_WIDTH_WIDE: Final = 58
+_WIDE: Final = 120
 _PLOT_MIN_ROWS: Final = 6  # with its legend and axis
 _WAITING: Final = {
     WheelState.NO_DATA: "no data: nothing received from this sensor yet",
@@ -189,18 +191,23 @@ def shown_numbers(wheel: WheelSnapshot, reading: Reading | None) -> list[Shown]:
     return [*reading.numbers, *others]
 
 
-def number_rows(wheel: WheelSnapshot, reading: Reading | None) -> list[Row]:
-    """Return one row for each number: label, value with error, unit, mark."""
+def number_rows(wheel: WheelSnapshot, reading: Reading | None, cells: int) -> list[Row]:
+    """Return one row for each number: name, value with error, unit, mark.
+
+    Numbers have their symbols, and their plain names where all of these fit in `cells` cells.
+    """
+    numbers = shown_numbers(wheel, reading)
+    plain = [_number_row(shown.plain, shown) for shown in numbers]
+    if all(row_width(row) <= cells for row in plain):
+        return plain
     label_width = max((width(number.label) for number in reading.numbers), default=0) if reading is not None else 0
-    rows: list[Row] = []
-    for shown in shown_numbers(wheel, reading):
-        unit = f" {shown.unit}" if shown.unit else ""
-        mark = f" {shown.mark}" if shown.mark else ""
-        label = pad(shown.label, max(label_width, width(shown.label)))
-        rows.append(
-            ((label + " ", Role.LABEL), (shown.number.joined(), Role.VALUE), (unit, Role.TEXT), (mark, Role.WARNING))
-        )
-    return rows
+    return [_number_row(pad(shown.label, max(label_width, width(shown.label))), shown) for shown in numbers]
+
+
+def _number_row(name: str, shown: Shown) -> Row:
+    unit = f" {shown.unit}" if shown.unit else ""
+    mark = f" {shown.mark}" if shown.mark else ""
+    return (name + " ", Role.LABEL), (shown.number.joined(), Role.VALUE), (unit, Role.TEXT), (mark, Role.WARNING)
 
 
 def _grid(rows: Sequence[Row], columns: int, cells: int) -> list[Row]:
@@ -271,14 +278,14 @@ def panel(
     reading = current_reading(wheel)
     body: list[Row] = [fill_while_fitting(((_speed(wheel, reading), Role.TITLE),), surroundings(wheel), inner)]
     if reading is not None:
-        leading, trailing = f"leading {reading.leading.text()}", f"trailing {reading.trailing.text()}"
-        body.append(fill_while_fitting(((leading, Role.VALUE),), [(trailing, Role.VALUE)], inner))
+        body.append(_contact_row(reading, inner))
     if car := car_runs(reading):
         body.append(fill_while_fitting((("car", Role.LABEL),), car, inner))
     room = inner_height - len(body) - _PLOT_MIN_ROWS if reading is not None else inner_height
-    numbers = number_rows(wheel, reading)
     columns = max(2, inner // 28)
-    grid = _grid(numbers, columns, inner // columns)
+    grid = _grid(number_rows(wheel, reading, inner), columns, inner // columns)
+    if len(grid) > room:
+        grid = _grid(number_rows(wheel, reading, 0), columns, inner // columns)
     note = _wrap(note_of(wheel, reading), inner)
     # Numbers come first; the note gets as many lines as leave the waveform its minimum height.
     body += grid[: max(room, 1)]
@@ -293,6 +300,15 @@ def panel(
         for i in range(inner_height)
     ]
     return [_panel_top(wheel, number, cells, selected, alarm), *rows, _panel_bottom(wheel, cells, selected)]
+
+
+def _contact_row(reading: Reading, cells: int) -> Row:
+    """Return where the contact begins and ends; the unit once, where there is no room for two."""
+    begin, end = reading.leading, reading.trailing
+    row: Row = ((f"{begin.plain} {begin.text()}  {end.plain.removeprefix('contact ')} {end.text()}", Role.VALUE),)
+    if row_width(row) <= cells or begin.status is Status.INVALID or end.status is Status.INVALID:
+        return row
+    return ((f"contact from {begin.number.joined()} to {end.text()}", Role.VALUE),)
 
 
 def _panel_top(wheel: WheelSnapshot, number: int, cells: int, selected: bool, alarm: bool) -> Row:
@@ -329,12 +345,12 @@ def details(wheel: WheelSnapshot, number: int, cells: int, height: int, zoom: Zo
     end = (*legend, (" ══", Role.SELECTED_FRAME)) if reading is not None else EMPTY
     line = cells - row_width(rule) - len(revolution) - row_width(end) - 1
     rule = (*rule, (revolution, Role.LABEL), ("═" * line + " ", Role.SELECTED_FRAME), *end)
-    left_rows: list[Row] = number_rows(wheel, reading)
-    note = _cut(_wrap(note_of(wheel, reading), _DETAIL_WIDTH - 1), 4, _DETAIL_WIDTH - 1)
+    detail_width = _DETAIL_WIDTH_WIDE if cells >= _WIDE else _DETAIL_WIDTH
+    left_rows: list[Row] = number_rows(wheel, reading, detail_width - 1)
+    note = _cut(_wrap(note_of(wheel, reading), detail_width - 1), 4, detail_width - 1)
     if reading is not None:
-        motion = (("speed", reading.speed), ("lead ", reading.leading), ("trail", reading.trailing))
         left_rows[len(reading.numbers) : len(reading.numbers)] = [
-            ((f"{label} ", Role.LABEL), (shown.text(), Role.VALUE)) for label, shown in motion
+            _number_row(shown.plain, shown) for shown in (reading.speed, reading.leading, reading.trailing)
         ]
         left_rows[len(reading.numbers) : len(reading.numbers)] = [
             (("car ", Role.LABEL), run) for run in car_runs(reading)
@@ -343,8 +359,8 @@ def details(wheel: WheelSnapshot, number: int, cells: int, height: int, zoom: Zo
         shown_rows = max(height - 1 - len(note), len(reading.numbers))
         left_rows = left_rows[:shown_rows]
     left_rows = [*left_rows, *note, *((run,) for run in counter_runs(wheel))]
-    plot = plots.rows(wheel, cells - _DETAIL_WIDTH, height - 1, zoom)
-    return [rule, *beside(left_rows, _DETAIL_WIDTH, plot, height - 1)]
+    plot = plots.rows(wheel, cells - detail_width, height - 1, zoom)
+    return [rule, *beside(left_rows, detail_width, plot, height - 1)]
 
 
 def _wrap(run: Run | None, cells: int) -> list[Row]:

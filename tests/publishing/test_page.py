@@ -123,7 +123,7 @@ def test_state_has_the_words_of_the_console(served, items) -> None:
     assert float(error) > 0.0
     assert (unit, mark) == ("km/h", "")
     assert any(text.endswith("kPa") for text, _ in front["surroundings"])
-    assert {"bending stiffness number (Bs)", "contact width number (Cw)", "contact"} <= {
+    assert {"bending stiffness number (Bs)", "contact width number (Cw)", "contact length"} <= {
         number[0] for number in front["numbers"]
     }
     assert state["links"][0][:2] == [["sim:demo", "label"], ["connected", "good"]]

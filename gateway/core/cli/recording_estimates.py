@@ -13,7 +13,13 @@ from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.recorded_file import RawDump, open_recorded_file
 from gateway.core.session.recording_pass import RecordingPass, open_recording
 from gateway.core.text.result_table import ResultTable
-from gateway.core.text.session_summary import ResultSummary, effects_line, removed_line, summary_lines
+from gateway.core.text.session_summary import (
+    ResultSummary,
+    columns_of_terminal,
+    effects_line,
+    removed_line,
+    summary_lines,
+)
 from gateway.core.text.text import clean
 from gateway.core.text.wording import notice_text
 
@@ -90,7 +96,8 @@ def estimate_recording(
     for alarm in alarms:
         for table in tables:
             table.write_alarm(alarm, name)
-    lines += [clean(f"  {line}".rstrip()) for line in summary_lines(wheels, alarms=alarms)]
+    said = summary_lines(wheels, alarms=alarms, columns=columns_of_terminal())
+    lines += [clean(f"  {line}".rstrip()) for line in said]
     for collector in collectors:
         collected = collector.finish(estimation.wheels, alarms, (*notices, *missing))
         lines += [clean(f"  {line}".rstrip()) for line in collected]

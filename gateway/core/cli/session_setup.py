@@ -30,7 +30,7 @@ from gateway.core.session.session_parts import default_key_file, open_outputs, o
 from gateway.core.text.output_file import check_outputs, is_stdout
 from gateway.core.text.plain import PlainView
 from gateway.core.text.progress import can_move_cursor
-from gateway.core.text.session_summary import summary_lines
+from gateway.core.text.session_summary import columns_of_terminal, summary_lines
 from gateway.core.text.text import clean
 from gateway.core.text.wording import notice_text, text
 
@@ -274,9 +274,8 @@ def end_session(session: RunningSession, write: Callable[[str], None]) -> tuple[
     if session.publisher is not None and session.publisher.is_output_closed:
         return no_frames, no_revolutions  # its reader wants nothing more
     write("")
-    for line in summary_lines(
-        session.opened.summary.wheels(snapshot.wheels), snapshot.links, snapshot.alarm_records, sinks
-    ):
+    wheels = session.opened.summary.wheels(snapshot.wheels)
+    for line in summary_lines(wheels, snapshot.links, snapshot.alarm_records, sinks, columns=columns_of_terminal()):
         write(clean(line))
     for notice in (*session.live.core.false_statements(), *no_frames, *no_revolutions):
         write(clean(notice_text(notice)))

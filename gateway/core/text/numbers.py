@@ -150,7 +150,8 @@ def split_name(name: str) -> tuple[str, Unit]:
 
 def plain_name(name: str) -> str:
     """Return a quantity's name for people who know tires: `Bs` -> `bending stiffness number (Bs)`, else its label."""
-    return quantity_of(name).plain or split_name(name)[0]
+    prefix, plain = name.rpartition(":")[0], quantity_of(name).plain
+    return (f"{prefix}: {plain}" if prefix else plain) if plain else split_name(name)[0]
 
 
 class Shown(NamedTuple):
@@ -163,6 +164,7 @@ class Shown(NamedTuple):
         value: the value in that unit, not rounded; NaN when the estimate is invalid.
         status: as estimated.
         reasons: as estimated.
+        plain: name for people who know tires.
     """
 
     label: str
@@ -171,6 +173,7 @@ class Shown(NamedTuple):
     value: float
     status: Status
     reasons: tuple[Reason, ...]
+    plain: str = ""
 
     @property
     def mark(self) -> str:
@@ -193,11 +196,12 @@ class Shown(NamedTuple):
 def show(estimate: Estimate) -> Shown:
     """Convert an estimate to its shown unit and round it; an invalid one shows MISSING whatever its value."""
     label, unit = split_name(estimate.name)
+    plain = plain_name(estimate.name)
     if estimate.status is Status.INVALID:
-        return Shown(label, UNKNOWN, unit.symbol, math.nan, estimate.status, estimate.reasons)
+        return Shown(label, UNKNOWN, unit.symbol, math.nan, estimate.status, estimate.reasons, plain)
     value = estimate.value * unit.factor
     number = round_to_error(value, estimate.std * unit.factor)
-    return Shown(label, number, unit.symbol, value, estimate.status, estimate.reasons)
+    return Shown(label, number, unit.symbol, value, estimate.status, estimate.reasons, plain)
 
 
 def finite_or_none(value: float) -> float | None:

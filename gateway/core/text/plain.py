@@ -95,7 +95,7 @@ class PlainView:
         numbers = crop(_NUMBERS_TITLE, self._numbers_width())
         return (
             f"{pad('wheel', self._name_width)} {'rev':>6} {'device s':>10} {'km/h':>7} {'rpm':>6} {'m':>8} "
-            f"{'leading deg':>13} {'trailing deg':>12} {numbers:<{self._numbers_width()}} {'kPa':>6} st reason"
+            f"{'begins at deg':>13} {'ends at deg':>12} {numbers:<{self._numbers_width()}} {'kPa':>6} st reason"
         )
 
     def _numbers_width(self) -> int:

@@ -1,8 +1,9 @@
 """Summary of a session: per wheel revolutions, speed, losses and the last estimates with their errors."""
 
 import math
+import shutil
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby, zip_longest
 from textwrap import wrap
@@ -20,21 +21,29 @@ from gateway.core.estimates.results import (
 )
 from gateway.core.reasons import CoreCode, Reason
 from gateway.core.revolutions.effect_correction import CorrectionTable
-from gateway.core.text.numbers import MISSING, age, duration, fixed, percent, show
+from gateway.core.text.numbers import MISSING, age, duration, fixed, percent, plain_name, show
 from gateway.core.text.readout import DISTANCE, SPEED
 from gateway.core.text.text import counted, filled, pad, width
 from gateway.core.text.wording import joined, text
 
-LINE_WIDTH: Final = 96
-"""Columns of a wheel's rows behind their indent; commands indent the whole by two more."""
+LINE_WIDTH: Final = 98
+"""Columns of a wheel's lines, and two more where a command indents them."""
 
 _Row = tuple[str, str, str]
 _GAP: Final = "  "
 _NEXT_NAME: Final = ", "
-_LABEL_WIDTH: Final = 24
-_LEAST_NOTE: Final = 30
+_LABEL_WIDTH: Final = 30
+_INDENT: Final = "  "
+# Names that the line of a shared reason has; more are counted.
+_NAMED: Final = 2
+_LEAST_NOTE: Final = 24
 # Last revolutions whose values are those of the end.
 _OF_THE_END: Final = 8
+
+
+def columns_of_terminal() -> int:
+    """Return the columns that a summary has on the terminal: LINE_WIDTH, or fewer where the terminal is narrower."""
+    return min(LINE_WIDTH, shutil.get_terminal_size((LINE_WIDTH + 2, 24)).columns - 2)
 
 
 class Stale(NamedTuple):
@@ -192,9 +201,18 @@ def summary_lines(
     links: Sequence[LinkSnapshot] = (),
     alarms: Sequence[AlarmRecord] = (),
     sinks: Sequence[SinkSnapshot] = (),
+    columns: int = LINE_WIDTH,
 ) -> list[str]:
-    """Return a summary as aligned lines: a block for each wheel, the alarms, then a line for each link and output."""
-    blocks = [_wheel_lines(wheel) for wheel in wheels] or [["no revolution was completed"]]
+    """Return a summary as aligned lines: a block for each wheel, the alarms, then a line for each link and output.
+
+    Args:
+        wheels: summaries.
+        links: last states.
+        alarms: of the whole session.
+        sinks: live outputs.
+        columns: that a wheel's lines may have.
+    """
+    blocks = [_wheel_lines(wheel, columns) for wheel in wheels] or [["no revolution was completed"]]
     if alarms:
         blocks.append(["alarms", *map(alarm_line, alarms)])
     lines = [line for block in blocks for line in (*block, "")]
@@ -210,7 +228,7 @@ def alarm_line(alarm: AlarmRecord) -> str:
     return f"  {alarm.position} {alarm.name}: {times}: {text(alarm.reason)}"
 
 
-def _wheel_lines(wheel: WheelSummary) -> list[str]:
+def _wheel_lines(wheel: WheelSummary, columns: int) -> list[str]:
     rows: list[_Row] = [("revolutions", str(wheel.revolutions), _revolutions_note(wheel))]
     rows.append(_mean_speed_row(wheel))
     took = f"in {duration(wheel.rolling_s) if wheel.rolling_s >= 60 else fixed(wheel.rolling_s, 2) + ' s'}"
@@ -230,17 +248,17 @@ def _wheel_lines(wheel: WheelSummary) -> list[str]:
     else:
         rows.append(("distance", rolled.text(), "; ".join(filter(None, (took, rolled.reason)))))
     rows.append(("samples lost", _share(wheel.lost_fraction), _samples_note(wheel)))
-    last = _estimate_rows(wheel)
+    last, several = _estimate_rows(wheel)
     every = (*rows, *last)
-    # Names of a shared row wrap, so that they do not widen the column of all labels.
-    widest = max(width(label) for label, _, _ in every)
-    of_one = max(width(name) for label, _, _ in every for name in _names(label))
-    label_width = max(min(widest, _LABEL_WIDTH), of_one)
+    words = max(width(word) for label, _, _ in every for word in label.split())
+    label_width = max(min(max(width(label) for label, _, _ in every), _LABEL_WIDTH, columns // 3), words)
     value_width = max(width(value) for _, value, _ in every)
-    note_width = max(LINE_WIDTH - label_width - value_width - 2 * len(_GAP), _LEAST_NOTE)
+    note_width = max(columns - label_width - value_width - len(_INDENT) - 2 * len(_GAP), _LEAST_NOTE)
     blocks = [_row_lines(row, label_width, value_width, note_width) for row in every]
     lines = [[line for block in part for line in block] for part in (blocks[: len(rows)], blocks[len(rows) :])]
-    return [wheel.position, *lines[0], *(["  at the end:"] if last else []), *lines[1]]
+    lines.append([f"{_INDENT}{line}" for note in several for line in _hanging(note, columns - len(_INDENT))])
+    heads: tuple[list[str], ...] = ([], [f"{_INDENT}at the end:"], [f"{_INDENT}of several numbers:"])
+    return [wheel.position, *(line for head, part in zip(heads, lines, strict=True) if part for line in (*head, *part))]
 
 
 def _mean_speed_row(wheel: WheelSummary) -> _Row:
@@ -262,44 +280,88 @@ def _row_lines(row: _Row, label_width: int, value_width: int, note_width: int) -
     notes = (
         wrap(note, note_width, break_long_words=False, break_on_hyphens=False) if width(note) > note_width else [note]
     )
-    lines = zip_longest(filled(_names(label), label_width), [value], notes, fillvalue="")
+    lines = zip_longest(filled(label.split(), label_width), [value], notes, fillvalue="")
     return [
-        f"  {pad(label_line, label_width)}{_GAP}{pad(value_line, value_width)}{_GAP}{note_line}".rstrip()
+        f"{_INDENT}{pad(label_line, label_width)}{_GAP}{pad(value_line, value_width)}{_GAP}{note_line}".rstrip()
         for label_line, value_line, note_line in lines
     ]
 
 
-def _names(label: str) -> list[str]:
-    """Return the names that a label joins, each with the comma behind it."""
-    *others, last = label.split(_NEXT_NAME)
-    return [*(f"{name}{_NEXT_NAME.rstrip()}" for name in others), last]
+def _hanging(note: str, columns: int) -> list[str]:
+    """Return a note as lines, those behind the first indented."""
+    return wrap(note, columns, subsequent_indent=_INDENT, break_long_words=False, break_on_hyphens=False)
 
 
-def _estimate_rows(wheel: WheelSummary) -> list[_Row]:
-    """Return (label, value, note) of each estimate; invalid ones of one reason share a row, as do equal notes."""
-    rows: list[_Row] = []
+class _Group(NamedTuple):
+    """Neighbours with the same status and reasons."""
+
+    status: Status
+    reasons: tuple[Reason, ...]
+    stale: Stale | None
+    estimates: list[Estimate]
+
+    @property
+    def texts(self) -> list[str]:
+        """Reasons in words, each once; those of a stale group stand with its revolution."""
+        return [] if self.stale is not None else list(dict.fromkeys(map(text, self.reasons)))
+
+    @property
+    def names(self) -> list[str]:
+        """Plain names."""
+        return [plain_name(estimate.name) for estimate in self.estimates]
+
+
+def _groups(wheel: WheelSummary) -> list[_Group]:
     stales = wheel.stale
 
     def shared(estimate: Estimate) -> tuple[Status, tuple[Reason, ...], Stale | None]:
         return estimate.status, estimate.reasons, stales.get(estimate.name)
 
-    others = [quantity for quantity in wheel.estimates if quantity.name != DISTANCE]
-    for (status, reasons, stale), group in groupby(others, shared):
-        shown = [show(estimate) for estimate in group]
-        reason = joined(reasons)
-        word = "" if status is Status.VALID else str(status)
-        note = f"{word}: {reason}" if word and reason else word or reason
-        if stale is not None:
-            word = f"of revolution {stale.revolution} of {wheel.revolutions}, invalid since"
-            note = f"{word}: {joined(stale.reasons)}"
-        if status is Status.INVALID:
-            rows.append((_NEXT_NAME.join(quantity.label for quantity in shown), MISSING, note))
+    others = [estimate for estimate in wheel.estimates if estimate.name != DISTANCE]
+    return [_Group(*key, list(group)) for key, group in groupby(others, shared)]
+
+
+def _estimate_rows(wheel: WheelSummary) -> tuple[list[_Row], list[str]]:
+    """Return (label, value, note) of each estimate, and the reasons of several, each with their names.
+
+    Neighbours that are invalid for one reason share a row, as neighbours with equal notes share one.
+    """
+    groups = _groups(wheel)
+    times = Counter(said for group in groups for said in group.texts)
+    several = {
+        said: [name for group in groups if said in group.texts for name in group.names]
+        for said, count in times.items()
+        if count > 1
+    }
+    rows: list[_Row] = []
+    for group in groups:
+        note = _note(group, several, wheel.revolutions)
+        if group.status is Status.INVALID:
+            rows.append((_NEXT_NAME.join(group.names), MISSING, note))
             continue
-        for index, quantity in enumerate(shown):
-            rows.append(
-                (quantity.label, f"{quantity.number.joined()} {quantity.unit}".rstrip(), word if index else note)
-            )
-    return rows
+        repeated = "as above" if group.stale is not None else "" if group.status is Status.VALID else str(group.status)
+        for index, (name, quantity) in enumerate(zip(group.names, map(show, group.estimates), strict=True)):
+            value = f"{quantity.number.joined()} {quantity.unit}".rstrip()
+            rows.append((name, value, repeated if index else note))
+    return rows, [f"{_first_names(names)}: {said}" for said, names in several.items()]
+
+
+def _note(group: _Group, several: Collection[str], revolutions: int) -> str:
+    """Return status and reasons of a group, without those that several groups have."""
+    if group.stale is not None:
+        since = f"of revolution {group.stale.revolution} of {revolutions}, invalid since"
+        return f"{since}: {joined(group.stale.reasons)}"
+    word = "" if group.status is Status.VALID else str(group.status)
+    note = "; ".join(said for said in group.texts if said not in several)
+    if word and note:
+        return f"{word}: {note}"
+    return f"{word}, see below" if word and group.texts else word or note
+
+
+def _first_names(names: Sequence[str]) -> str:
+    """Return the first names, and how many more there are."""
+    more = len(names) - _NAMED
+    return ", ".join(names[:_NAMED]) + f" and {more} more" if more > 1 else ", ".join(names)
 
 
 def _share(fraction: float) -> str:

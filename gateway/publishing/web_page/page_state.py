@@ -21,8 +21,7 @@ from gateway.console.wheel_panel import (
 from gateway.core.estimates.estimator import Status
 from gateway.core.estimates.results import SessionSnapshot, WheelSnapshot, WheelState
 from gateway.core.revolutions.order_spectrum import order_coefficients
-from gateway.core.text.numbers import MISSING, Shown, duration, plain_name
-from gateway.core.text.readout import LEADING, TRAILING
+from gateway.core.text.numbers import MISSING, Shown, duration
 from gateway.core.text.recording_topics import waveform_payload
 from gateway.core.text.text import clean, file_size
 from gateway.core.text.wording import notice_text
@@ -72,7 +71,7 @@ def _wheel(wheel: WheelSnapshot, *, is_alarmed: bool) -> JsonObject:
     reading = current_reading(wheel)
     is_rolling = reading is not None and wheel.state is WheelState.ROLLING
     note = note_of(wheel, reading)
-    edges = ((LEADING, reading.leading), (TRAILING, reading.trailing)) if reading is not None else ()
+    edges = (reading.leading, reading.trailing) if reading is not None else ()
     return {
         "position": clean(wheel.position),
         "key": wheel.position,
@@ -80,11 +79,11 @@ def _wheel(wheel: WheelSnapshot, *, is_alarmed: bool) -> JsonObject:
         "kind": wheel.state.name.lower(),
         "alarm": is_alarmed,
         "speed": _shown(reading.speed) if reading is not None and is_rolling else [MISSING, "", "km/h", "", ""],
-        "edges": [f"{plain_name(name)} {shown.text()}" for name, shown in edges],
+        "edges": [f"{shown.plain} {shown.text()}" for shown in edges],
         "surroundings": _runs(surroundings(wheel)),
         "car": _runs(car_runs(reading)),
         "note": _runs([note])[0] if note is not None else None,
-        "numbers": [[plain_name(shown.label), *_shown(shown)] for shown in shown_numbers(wheel, reading)],
+        "numbers": [[shown.plain, *_shown(shown)] for shown in shown_numbers(wheel, reading)],
         "counters": _runs(counter_runs(wheel)),
         "flags": [clean(f"{flag.name}: {reason_text(flag.reason)}") for flag in wheel.flags],
     }

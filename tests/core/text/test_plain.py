@@ -34,7 +34,7 @@ def test_line_shows_the_measured_values(made, plain):
         *("Bs", "(3.083±0.012)e-3", "Cw", "0.1953±0.0012", "Rs", "2.974±0.031", "Ts", "2.529±0.099"),
         *("210.0", "ok"),
     ]
-    for title, value in (("rev", "7"), ("km/h", "65.000"), ("leading deg", "0.097"), ("kPa", "210.0")):
+    for title, value in (("rev", "7"), ("km/h", "65.000"), ("begins at deg", "0.097"), ("kPa", "210.0")):
         assert header.index(title) + len(title) == line.index(value, line.index("RL") + 2) + len(value)
 
 

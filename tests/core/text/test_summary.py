@@ -11,7 +11,7 @@ from gateway.core.reasons import Reason
 from gateway.core.revolutions.effect_correction import CorrectedEffect, CorrectionTable
 from gateway.core.revolutions.reasons import RevolutionCode
 from gateway.core.session.reasons import SessionCode
-from gateway.core.text.session_summary import ResultSummary, effects_line, removed_line, summary_lines
+from gateway.core.text.session_summary import LINE_WIDTH, ResultSummary, effects_line, removed_line, summary_lines
 from gateway.core.text.wording import text
 from gateway.core.trust.reasons import TrustCode
 from gateway.ring.reasons import RingCode
@@ -69,6 +69,7 @@ def test_lines_are_aligned_and_rounded_to_the_error() -> None:
     lines = summary_lines(summary.wheels())
     assert lines[0] == "FL"
     by_label = {line.split("  ")[1].strip(): line for line in lines[1:]}
+    by_label["Bs"] = by_label["bending stiffness number (Bs)"]
     assert "36.0004 ± 0.0076 km/h" in by_label["speed"]
     assert "(3.083 ± 0.012)e-3" in by_label["Bs"]
     assert f"provisional: {text(FEW)}" in by_label["Bs"]
@@ -137,7 +138,7 @@ def test_lines_of_many_invalid_estimates_are_narrow() -> None:
     summary.add(result("FL", 0.1, *(Estimate.invalid(name, chance) for name in names)))
     lines = summary_lines(summary.wheels())
     assert max(map(len, lines)) <= 98  # commands indent by two more
-    labels = " ".join(line[:26].strip() for line in lines)
+    labels = " ".join(line[:32].strip() for line in lines)
     for name in names:
         assert name.removesuffix("_rad").replace("_", " ") in labels
     words = " ".join(" ".join(lines).split())
@@ -152,10 +153,32 @@ def test_shared_reason_is_printed_once() -> None:
         for name in ("Rs_over_Cw", "Ts_over_Cw")
     ]
     summary.add(result("FL", 0.1, *refused, *early))
-    lines = [line.split() for line in summary_lines(summary.wheels())]
-    assert ["Bs,", "Cw", "—", "invalid:", *text(Reason(TrustCode.NOT_FINITE)).split()] in lines
-    assert ["Rs/Cw", "2.00", "±", "0.10", "provisional:", *text(Reason(RingCode.FIT_NOT_CONVERGED)).split()] in lines
-    assert ["Ts/Cw", "2.00", "±", "0.10", "provisional"] in lines
+    lines = summary_lines(summary.wheels(), columns=140)
+    (invalid,) = (line for line in lines if "invalid:" in line)
+    assert invalid.split()[:3] == ["bending", "stiffness", "number"]
+    assert invalid.endswith(f"—            invalid: {text(Reason(TrustCode.NOT_FINITE))}")
+    rows = [line.split() for line in lines]
+    assert ["Rs/Cw", "2.00", "±", "0.10", "provisional:", *text(Reason(RingCode.FIT_NOT_CONVERGED)).split()] in rows
+    assert ["Ts/Cw", "2.00", "±", "0.10", "provisional"] in rows
+
+
+def test_reason_of_several_numbers_is_printed_once_with_their_names() -> None:
+    unverified, early = Reason(TrustCode.NOT_FINITE), Reason(RingCode.FIT_NOT_CONVERGED)
+    names = ["Bs", "wear_mm", "Rs_over_Cw", "contact_length_m"]
+    estimates = [
+        Estimate(name, 2.0, 0.1, status, (unverified, Reason(EstimateCode.NOT_SETTLED, revolutions=i, needed=8.0)))
+        for i, (name, status) in enumerate(zip(names, (Status.VALID, Status.PROVISIONAL) * 2, strict=True))
+    ]
+    alone = Estimate("conicity_slope_rad", 0.0, 0.1, Status.PROVISIONAL, (early,))
+    summary = ResultSummary()
+    summary.add(result("FL", 0.1, *estimates, alone, Estimate("load_n", 1.0, 1.0, Status.PROVISIONAL, (unverified,))))
+    for columns in (78, LINE_WIDTH, 118):
+        lines = summary_lines(summary.wheels(), columns=columns)
+        words = " ".join(" ".join(lines).split())
+        assert words.count(text(unverified)) == words.count(text(early)) == 1
+        assert f"of several numbers: bending stiffness number (Bs), wear and 3 more: {text(unverified)}" in words
+        assert "load 1.0 ± 1.0 N provisional, see below" in words
+        assert max(map(len, lines)) <= columns
 
 
 def test_faults_and_links_are_printed() -> None:
