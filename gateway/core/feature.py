@@ -41,6 +41,8 @@ class Registry(StrEnum):
     IMPORTERS = "treadlink.importers"
     PLUGIN_CHECKS = "treadlink.plugin-checks"
     """Function without arguments that returns each `PluginStatus` of a feature's registry, by any name."""
+    VEHICLE_CHECKS = "treadlink.vehicle-checks"
+    """Function of a `WheelSetup` that yields what `doctor` says of a wheel that a file describes, by any name."""
 
 
 class CommandLine(NamedTuple):

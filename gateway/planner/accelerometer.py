@@ -31,6 +31,14 @@ class Accelerometer(Section):
     current_ma: float | None = Field(default=None, gt=0, description="supply current while it measures, in mA")
     source: str = Field(default="", description="document and its number")
 
+    def missing(self) -> tuple[str, ...]:
+        """Return the values without which no errors can be planned."""
+        stated = {
+            "rate and band": self.rate_hz is not None or self.bandwidth_hz is not None,
+            "noise": self.noise_mg_rthz is not None,
+        }
+        return tuple(name for name, is_stated in stated.items() if not is_stated)
+
 
 class AccelerometerList(Section):
     """A file of accelerometers."""

@@ -10,5 +10,8 @@ FEATURE: Final = Feature(
             "gateway.planner.commands.plan:plan", "Say what a sensor will be able to measure before it is bought."
         ),
     },
-    adds={Registry.ESTIMATE_OUTPUTS: {"uncertainty-budget": "gateway.planner.budget_option:BUDGET"}},
+    adds={
+        Registry.ESTIMATE_OUTPUTS: {"uncertainty-budget": "gateway.planner.budget_option:BUDGET"},
+        Registry.VEHICLE_CHECKS: {"errors": "gateway.planner.vehicle_budget:largest_errors"},
+    },
 )

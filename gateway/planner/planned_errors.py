@@ -97,7 +97,7 @@ class SensorPlan:
         contact_samples: in one passage of the contact.
         usable: whether its revolutions can be used at all.
         reasons: why it cannot be used, or what to doubt.
-        errors: of every quantity; empty when it cannot be used, or its noise is not known.
+        errors: of every quantity; empty when it cannot be used.
     """
 
     sensor: Accelerometer
@@ -176,8 +176,7 @@ def plan_sensor(
     refusals = tuple(_refusals(sensor, rate_hz, tire.peak_mps2))
     errors: tuple[PlannedError, ...] = ()
     doubts = tuple(_doubts(sensor, rate_hz, omega_radps))
-    # Without its noise, the scatter would be that of a perfect sensor.
-    if not refusals and sensor.noise_mg_rthz is not None:
+    if not refusals:
         drives = _drives(plan, _setup(planned, sensor), omega_radps, wheels, seed)
         complete = [drive for drive in drives if len(drive) >= AFTER[-1]]
         if len(complete) < wheels:
@@ -193,7 +192,7 @@ def plan_sensor(
         rate_hz=rate_hz,
         peak_mps2=tire.peak_mps2,
         contact_samples=tire.contact_s * rate_hz,
-        usable=bool(errors) or (not refusals and sensor.noise_mg_rthz is None),
+        usable=bool(errors),
         reasons=(*refusals, *doubts),
         errors=errors,
     )
@@ -257,16 +256,16 @@ def _refusals(sensor: Accelerometer, rate_hz: float, peak_mps2: float) -> Iterat
         yield Reason(PlannerCode.PLAN_RANGE, peak_g=peak_g, range_g=sensor.range_g)
     if sensor.survival_g is not None and peak_g > sensor.survival_g:
         yield Reason(PlannerCode.PLAN_SURVIVAL, peak_g=peak_g, survival_g=sensor.survival_g)
-    if math.isnan(rate_hz):
-        yield Reason(PlannerCode.PLAN_RATE_UNKNOWN)
-    elif rate_hz < MIN_RATE_HZ:
+    if missing := sensor.missing():
+        yield Reason(PlannerCode.PLAN_MISSING, values=" and no ".join(missing))
+    if rate_hz < MIN_RATE_HZ:
         yield Reason(PlannerCode.PLAN_RATE, rate_hz=rate_hz, least_hz=MIN_RATE_HZ)
 
 
 def _doubts(sensor: Accelerometer, rate_hz: float, omega_radps: float) -> Iterator[Reason]:
     """Yield what biases the numbers, or what the errors do not count."""
     wheel_hz = omega_radps / (2.0 * math.pi)
-    noise = Reason(PlannerCode.PLAN_NOISE_UNKNOWN) if sensor.noise_mg_rthz is None else None
+    noise = None
     if sensor.noise_mg_rthz is not None and sensor.resolution_mg is not None:
         band_hz = min(sensor.bandwidth_hz or math.inf, 0.5 * rate_hz)
         unit = 1e-3 * STANDARD_GRAVITY_MPS2

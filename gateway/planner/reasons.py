@@ -15,10 +15,10 @@ class PlannerCode(Codes):
         "{quantity} ±{std:.2g}{unit}: its largest part, {part:.2g}{unit}, is the {source}, not stated and assumed "
         "within {stated:.2g}{of}; {how} to {better:.2g}{of}, it would be ±{improved:.2g}{unit}"
     )
+    LARGEST_PART = Code("{quantity} ±{std:.2g}{unit}: its largest part, {part:.2g}{unit}, is the {source}")
     # Planned sensors
     PLAN_FEW_REVOLUTIONS = Code("{share:.0f} % of the simulated wheels gave no estimates")
-    PLAN_NOISE_UNKNOWN = Code("the noise is not known, so that no errors are planned: state it with --sensors")
+    PLAN_MISSING = Code("its data sheet gives no {values}: state it with --sensors")
     PLAN_RANGE = Code("the peak of {peak_g:.0f} g exceeds the range of {range_g:.0f} g")
     PLAN_RATE = Code("{rate_hz:.0f} samples per second are fewer than the {least_hz:.0f} that the protocol carries")
-    PLAN_RATE_UNKNOWN = Code("neither rate nor band is known")
     PLAN_SURVIVAL = Code("the peak of {peak_g:.0f} g exceeds the {survival_g:.0f} g that the part survives")

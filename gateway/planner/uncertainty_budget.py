@@ -17,10 +17,11 @@ from firmware_protocol.messages import Environment
 from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.estimates.results import RevolutionResult
 from gateway.core.estimates.revolution_block import RevolutionArrays
+from gateway.core.estimates.sensor_claims import HAND_MOUNTED_STD_M, UNKNOWN_OFFSET_STD_M
 from gateway.core.estimates.tire_data import ASSUMED_DEGC, DIFFERENCE_STD_K, UNKNOWN_DIFFERENCE_K
 from gateway.core.estimates.wheel_setup import WheelSetup
 from gateway.core.quantity_catalogue import CATALOGUE
-from gateway.core.reasons import Reason
+from gateway.core.reasons import Code, Reason
 from gateway.core.text.numbers import plain_name, split_name
 from gateway.core.text.readout import DISTANCE
 from gateway.core.text.wording import text
@@ -93,6 +94,11 @@ def _with_temperature(setup: WheelSetup, error_k: float) -> WheelSetup:
     return _with_reference(setup, temperature_degc=ASSUMED_DEGC) if error_k < UNKNOWN_DIFFERENCE_K else setup
 
 
+def _with_depth(setup: WheelSetup, error_m: float) -> WheelSetup:
+    """Return the setup with a depth of the sensor, at which it is taken to be while none is stated."""
+    return replace(setup, sensor=replace(setup.sensor, offset_m=0.0, offset_std_m=error_m))
+
+
 SOURCES: Final = (
     Source(
         "load", "", 0.02, "weighed",
@@ -111,7 +117,16 @@ SOURCES: Final = (
     Source("circumferential gain", "", 0.01, "calibrated", *_claimed("along_gain_std")),
     Source("linearity", "", 0.001, "calibrated", *_claimed("nonlinearity_std")),
     Source("zero-g offset", "m/s²", 0.2, "calibrated", *_claimed("zero_g_std_mps2")),
-    Source("sensor depth", "m", 2e-4, "measured in a cut tire", *_claimed("offset_std_m")),
+    Source(
+        "sensor depth", "m", 2e-4, "measured in a cut tire",
+        lambda setup: None if setup.sensor.offset_m is None else setup.sensor.offset_std_m,
+        lambda setup, error: replace(setup, sensor=replace(setup.sensor, offset_std_m=error)),
+    ),
+    Source(
+        "depth of the sensor", "m", HAND_MOUNTED_STD_M, "measured",
+        lambda setup: UNKNOWN_OFFSET_STD_M if setup.sensor.offset_m is None else None,
+        _with_depth, is_assumed=True,
+    ),
     Source(
         "softening by temperature", "/K", 5e-4, "calibrated at two temperatures",
         lambda setup: setup.tire.reference.softening_std_per_k,
@@ -182,28 +197,43 @@ class Budget:
         return {**self.parts, "scatter": self.scatter_std, "model": self.model_std}
 
     @property
+    def summary(self) -> str:
+        """The advice, or without one the sentence that names the largest part."""
+        parts = self.all_parts()
+        largest = max(parts, key=lambda part: parts[part])
+        return self.advice or self._sentence(PlannerCode.LARGEST_PART, largest)
+
+    @property
     def advice(self) -> str:
         """The sentence that says which statement helps most; empty where none does."""
         promise = self.promise
         if promise is None:
             return ""
-        name, source = self.estimate.name, promise.source
-        unit = split_name(name)[1]
+        source = promise.source
         factor = 100.0 if source.is_relative else 1.0
-        reason = Reason(
+        return self._sentence(
             PlannerCode.STATE_MISSING if source.is_assumed else PlannerCode.STATE_BETTER,
-            quantity=plain_name(name),
-            unit=f" {unit.symbol}" if unit.symbol else "",
-            std=unit.factor * self.estimate.std,
-            part=unit.factor * self.parts[source.name],
-            source=source.name,
+            source.name,
             of=" %" if source.is_relative else f" {source.unit}",
             how=source.how,
-            improved=unit.factor * promise.std,
+            improved=split_name(self.estimate.name)[1].factor * promise.std,
             stated=factor * promise.stated,
             better=factor * source.better,
         )
-        return text(reason)
+
+    def _sentence(self, code: Code, part: str, **values: Any) -> str:
+        unit = split_name(self.estimate.name)[1]
+        return text(
+            Reason(
+                code,
+                quantity=plain_name(self.estimate.name),
+                unit=f" {unit.symbol}" if unit.symbol else "",
+                std=unit.factor * self.estimate.std,
+                part=unit.factor * self.all_parts()[part],
+                source=part,
+                **values,
+            )
+        )
 
 
 class LatestRevolutions:

@@ -11,6 +11,7 @@ from firmware_protocol.codec import encode_frame
 from firmware_protocol.messages import Frame, MessageType, SampleBlock
 from gateway.core.errors import ConfigError
 from gateway.core.reasons import Code, codes_of
+from gateway.core.text.wording import text
 from gateway.core.trust.reasons import TrustCode
 from gateway.planner.accelerometer import Accelerometer, parse_accelerometers, shipped_accelerometers
 from gateway.planner.link_load import BLOCK_SAMPLES, PowerModel, link_load
@@ -96,7 +97,8 @@ def test_what_the_estimators_refuse_is_named():
         ({"range_g": 100.0}, PlannerCode.PLAN_RANGE),
         ({"survival_g": 100.0}, PlannerCode.PLAN_SURVIVAL),
         ({"rate_hz": 1000.0}, PlannerCode.PLAN_RATE),
-        ({"rate_hz": None}, PlannerCode.PLAN_RATE_UNKNOWN),
+        ({"rate_hz": None}, PlannerCode.PLAN_MISSING),
+        ({"noise_mg_rthz": None}, PlannerCode.PLAN_MISSING),
     ],
 )
 def test_refusals_are_named_and_have_no_errors(changed, code):
@@ -110,7 +112,6 @@ def test_refusals_are_named_and_have_no_errors(changed, code):
     ("changed", "code"),
     [
         ({"bandwidth_hz": 500.0}, TrustCode.SENSOR_BAND),
-        ({"noise_mg_rthz": None}, PlannerCode.PLAN_NOISE_UNKNOWN),
         ({"resolution_mg": 400.0}, TrustCode.SENSOR_STEPS),
     ],
 )
@@ -125,6 +126,16 @@ def test_shipped_list_has_sources_and_no_guessed_noise():
     assert len(parts) >= 12
     assert all(part.source for part in parts)
     assert len({part.name for part in parts}) == len(parts)
+
+
+def test_shipped_parts_that_can_be_planned_have_their_steps_and_others_say_what_is_missing():
+    parts = shipped_accelerometers().sensor
+    complete = [part for part in parts if not part.missing()]
+    assert {part.name for part in complete} >= {"ADXL372", "ADXL375", "LSM6DSV320X high-g"}
+    assert all(part.resolution_mg is not None or part.interface == "analog" for part in complete)
+    unknown = next(part for part in parts if part.name == "ADXL1004")
+    (reason,) = planned(unknown, 100.0).reasons
+    assert text(reason) == "its data sheet gives no noise: state it with --sensors"
 
 
 def test_fault_of_a_list_names_the_key():
@@ -156,10 +167,9 @@ def test_bound_lies_below_the_scatter_and_scales_with_the_noise():
 
 
 def test_fastest_speed_is_where_the_range_ends():
-    unknown = QUIET.model_copy(update={"noise_mg_rthz": None})
-    limit_kmh = 3.6 * fastest_mps(planned(unknown, 60.0))
-    assert planned(unknown, 0.995 * limit_kmh).usable
-    assert PlannerCode.PLAN_RANGE in codes(unknown, 1.005 * limit_kmh)
+    limit_kmh = 3.6 * fastest_mps(planned(QUIET))
+    assert PlannerCode.PLAN_RANGE not in codes(QUIET, 0.995 * limit_kmh)
+    assert PlannerCode.PLAN_RANGE in codes(QUIET, 1.005 * limit_kmh)
 
 
 POWER = PowerModel(radio_kbps=700.0, radio_ma=6.0, controller_ma=1.0, battery_mah=210.0)

@@ -125,6 +125,29 @@ def test_budgets_of_file_program_and_page_agree(tmp_path: Path) -> None:
     assert ", most from belt radius</small>" in html
 
 
+def test_a_depth_that_is_not_stated_is_named_and_brings_what_is_promised() -> None:
+    # Without the circumferential axis nothing measures it.
+    radial = SIGNAL.replace("range_g = 1000", 'range_g = 1000\naxes = ["radial"]')
+    unstated = VEHICLE.format(**CAREFUL).replace("[wheel.mounting]\noffset_mm = 0\noffset_std_mm = 0.1\n", "")
+    setup = parse_vehicle(unstated, "").wheel_setups()[0]
+    assert setup.sensor.offset_m is None
+    results = simulated(radial, SECONDS, setup, ESTIMATORS)[0]
+    budget = next(each for each in budgets(setup, results[-REVOLUTIONS:]) if each.estimate.name == "Cw")
+    promise = budget.promise
+    assert promise is not None
+    assert promise.source.name == "depth of the sensor"
+    assert "not stated and assumed within 0.005 m" in budget.advice
+    better = promise.source.with_error(setup, promise.source.better)
+    assert promise.std == pytest.approx(last(simulated(radial, SECONDS, better, ESTIMATORS)[0])["Cw"].std, rel=0.05)
+
+
+def test_summary_names_the_largest_part_where_nothing_is_to_be_stated_better() -> None:
+    length = budgets_of(setup_of(radius=0.5))["contact_length_m"]
+    assert length.advice == ""
+    assert length.summary.startswith("contact length ±")
+    assert length.summary.endswith(", is the model")
+
+
 def test_temperature_of_the_new_tire_brings_what_is_promised() -> None:
     setup = parse_vehicle(VEHICLE.format(**CAREFUL).replace("temperature_degc = 25\n", ""), "").wheel_setups()[0]
     promise = budgets_of(setup)["wear_mm"].promise

@@ -20,9 +20,10 @@ from validity import ranges
 from validity.bench import Order, ToldRun, judge_tire, told_runs
 from validity.cases import AIMS_PERCENT, CASES, drawn, named
 from validity.judging import Judged
+from validity.later_spoils import EVERY_SPOIL
 from validity.left_out import add_counts, count_left_out, left_out_table
 from validity.ranges import declared, derived, listed, spans
-from validity.spoils import SPOILS, Signal
+from validity.spoils import Signal
 from validity.statements import NotApplicableError, draw_statement
 from validity.summary import kind_table, quantity_table, share, well_table
 from validity.tires import draw_world
@@ -168,7 +169,7 @@ def test_rule_left_out_makes_falsely_valid_what_it_doubts(told: list[ToldRun]) -
 
 
 def test_share_counts_false_and_missing_estimates() -> None:
-    right = Judged("plain", "true", 0.0, 0, "car", 40, True, "weak-form", "Bs", 1.1, 0.1, 1.0, "valid", True, ())
+    right = Judged("plain", "true", 0.0, 0, "car", 40, True, "weak-form", "Bs", 1.1, 0.1, 0.0, 1.0, "valid", True, ())
     wrong = replace(right, value=1.5)
     missing = replace(right, value=math.nan, std=math.nan, status="invalid")
     result = share([right, wrong, missing, replace(missing, determinable=False)])
@@ -257,8 +258,9 @@ def test_what_a_sensor_does_to_its_samples_is_seen_in_them() -> None:
     angle = 40.0 * time_s
     values = np.stack([120.0 * np.sin(angle) ** 5, 20.0 * np.cos(3.0 * angle), 500.0 - 400.0 * np.cos(angle) ** 20], 1)
     signal = Signal(time_s, angle, values, 4000.0)
-    for name, spoil in SPOILS.items():
-        spoiled = spoil(signal, named([name])[0].span.sizes[1], np.random.default_rng(1))
+    for name, spoil in EVERY_SPOIL.items():
+        size = 1e-5 if name == "nonlinear" else named([name])[0].span.sizes[1]
+        spoiled = spoil(signal, size, np.random.default_rng(1))
         assert spoiled.shape == values.shape
         assert np.isfinite(spoiled).all()
         assert np.abs(spoiled - values).max() > 1e-3, name
@@ -279,7 +281,7 @@ def test_run_goes_on_where_its_file_ends(tmp_path: Path, capsys: pytest.CaptureF
 
 
 def test_tables_show_aims_and_the_worst_quantity_first() -> None:
-    right = Judged("plain", "true", 0.0, 0, "car", 40, True, "weak-form", "Bs", 1.1, 0.1, 1.0, "valid", True, ())
+    right = Judged("plain", "true", 0.0, 0, "car", 40, True, "weak-form", "Bs", 1.1, 0.1, 0.0, 1.0, "valid", True, ())
     wrong = replace(right, table="one", quantity="Cw", value=1.7)
     rows = {row[0]: row for row in kind_table([right, wrong]).rows}
     assert rows["one"][5:8] == ("100.00 %", "100.00 %", "0.3 %")

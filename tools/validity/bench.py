@@ -48,6 +48,7 @@ class Order:
         store: folder of kept solutions, None for none.
         rolled: folder of kept independent tires; None for tires that are solved.
         refereed: whether finite elements solve them, in place of the exact ring.
+        drive: number of the drive; another one has other noise.
     """
 
     seed: int
@@ -58,6 +59,7 @@ class Order:
     pairs: int = 0
     rolled: Path | None = None
     refereed: bool = False
+    drive: int = 0
 
 
 def judge_tire(order: Order) -> list[Judged]:
@@ -106,7 +108,9 @@ def told_runs(order: Order) -> Iterator[ToldRun]:
                 statement = replace(statement, calibration=calibrations[tire])
             if world not in runs:
                 runs = {plain: runs[plain]} if plain in runs else {}
-                runs[world] = record_world(world, (order.seed, order.tire))
+                runs[world] = record_world(
+                    world, (order.seed, order.tire, order.drive) if order.drive else (order.seed, order.tire)
+                )
             statement.vehicle(world)
         except (RingNotConvergedError, NotApplicableError, NotSteadyError, ConfigError):
             # No such tire stands, or the gateway rejects what is stated of it.

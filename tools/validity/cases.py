@@ -14,8 +14,9 @@ import numpy as np
 
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.estimates.tire_data import SOFTENING_PER_K, SOFTENING_STD_PER_K
+from validity.draws import draw_all
+from validity.later_spoils import EVERY_SPOIL
 from validity.ranges import STATED, Span, drawn_size, listed, spans
-from validity.spoils import SPOILS
 from validity.statements import NotApplicableError, Statement, known_exactly, moved_to, without_errors
 from validity.tires import REFERENCE_DEGC, World, ordinary, with_resistance
 
@@ -286,6 +287,20 @@ def _loading(world: World, said: Statement, size: float, _: np.random.Generator)
     return _steps(world, "wheel", "load_n", ((0.0, load), (0.5, load), (0.52, after), (1.0, after))), said
 
 
+def _kerb(world: World, said: Statement, size: float, _: np.random.Generator) -> Told:
+    """Run over a kerb that loads the wheel by `size` percent for 2 % of the run."""
+    load, high = world.load_n, world.load_n * (1.0 + 0.01 * size)
+    points = ((0.0, load), (0.5, load), (0.505, high), (0.515, high), (0.52, load), (1.0, load))
+    return _steps(world, "wheel", "load_n", points), said
+
+
+def _winter_compound(world: World, said: Statement, size: float, _: np.random.Generator) -> Told:
+    """Run 25 K colder than the reference on a rubber that softens by `size` percent per kelvin."""
+    cold = replace(world, temperature_degc=REFERENCE_DEGC - 25.0, softening=world.softening * math.exp(0.25 * size))
+    edit = ("tire.reference.temperature_degc", "is", REFERENCE_DEGC)
+    return cold, said if said.reference is None else replace(said, edits=(*said.edits, edit))
+
+
 def _leak(world: World, said: Statement, size: float, _: np.random.Generator) -> Told:
     return ramp(world, "wheel.pressure_kpa", -size), said
 
@@ -379,6 +394,8 @@ _CHANGES: Final[dict[str, Change]] = {
     "warming": _warming,
     "load-step": _loading,
     "leak": _leak,
+    "kerb": _kerb,
+    "winter-compound": _winter_compound,
     "lossy-tire": _lossy,
     "lost-frames": partial(_lost, 1),
     "lost-bursts": partial(_lost, 8),
@@ -393,7 +410,7 @@ _CHANGES: Final[dict[str, Change]] = {
     "depth-from-inside": _depth_from_inside,
     "altitude": _altitude,
     "tread-for-ring": partial(_edited, "tire.ring_thickness_mm", "is"),
-    **{name: partial(_spoil, name) for name in SPOILS},
+    **{name: partial(_spoil, name) for name in EVERY_SPOIL},
 }
 _RING_ONLY: Final = frozenset({"braking", "rough-road", "snow-chain", "bent-rim"})
 
@@ -405,6 +422,7 @@ def _named(kind: Kind) -> tuple[Case, ...]:
 
 
 NORMAL: Final = Case("normal", _ZERO, _normal, "everything off by its normal error", "normal")
+DRAWN: Final = Case("drawn", _ZERO, draw_all, "every statement off by the error that is stated of it", "true")
 CASES: Final[tuple[Case, ...]] = (*_TRUES, *map(_case, spans()), *_named("conditions"), *_named("stranger"))
 SINGLE: Final = tuple(case for case in CASES if case.kind == "one")
 
@@ -438,7 +456,7 @@ def named(names: Sequence[str] | None) -> list[Case]:
     Raises:
         ValueError: there is no such case.
     """
-    by_name = {case.name: case for case in (*CASES, NORMAL)}
+    by_name = {case.name: case for case in (*CASES, NORMAL, DRAWN)}
     chosen = []
     for name in names or [case.name for case in CASES]:
         first, _, second = name.partition(" + ")

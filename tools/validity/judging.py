@@ -76,6 +76,7 @@ class Judged:
         quantity: name.
         value: estimate.
         std: its standard error.
+        scatter: the part of it that differs between revolutions.
         truth: true value.
         status: as printed.
         determinable: whether the data could determine it.
@@ -93,6 +94,7 @@ class Judged:
     quantity: str
     value: float
     std: float
+    scatter: float
     truth: float
     status: str
     determinable: bool
@@ -156,7 +158,7 @@ def judge(
             estimate = estimates.get((estimator, name)) or Estimate.invalid(name)
             yield Judged(
                 case.name, case.kind, size, tire, run.world.kind, index, index >= len(results) - 1, estimator, name,
-                estimate.value, estimate.std, truth[name], str(estimate.status),
+                estimate.value, estimate.std, estimate.scatter_std, truth[name], str(estimate.status),
                 able.get(name, True) and estimator not in REFERENCES,
                 tuple(str(reason.code.name) for reason in estimate.reasons),
             )  # fmt: skip

@@ -33,7 +33,8 @@ from gateway.simulator.tire_model import TireModel
 from gateway.simulator.tire_table import LATERAL, TABLE_ANGLES, Range, TireTable, WaveformTable
 from gateway.simulator.truth import WheelTruth, slopes_of
 from gateway.simulator.wheel_plan import WheelPlan
-from validity.spoils import SPOILS, Signal
+from validity.later_spoils import EVERY_SPOIL
+from validity.spoils import Signal
 from validity.statements import Statement
 from validity.tires import World
 
@@ -288,7 +289,7 @@ def _spoiled(run: Run, statement: Statement) -> Sequence[Frame]:
     signal = Signal(time_s, run.truth.angle_rad(time_s), values, run.truth.plan.sample_rate_hz)
     for name, size in statement.spoils:
         rng = np.random.default_rng(zlib.crc32(name.encode()))
-        signal = signal._replace(values_mps2=SPOILS[name](signal, size, rng))
+        signal = signal._replace(values_mps2=EVERY_SPOIL[name](signal, size, rng))
     spoiled = np.clip(np.round(signal.values_mps2 / scale), -32768, 32767).astype(np.int16)
     parts = iter(np.split(spoiled, np.cumsum([len(block.counts) for block in blocks])[:-1]))
     return [

@@ -37,7 +37,7 @@ class Signal(NamedTuple):
 Spoil = Callable[[Signal, float, np.random.Generator], FloatArray]
 
 
-def _turned(values: FloatArray, first: int, second: int, angle_rad: FloatArray) -> FloatArray:
+def turned(values: FloatArray, first: int, second: int, angle_rad: FloatArray) -> FloatArray:
     result = values.copy()
     result[:, first] = np.cos(angle_rad) * values[:, first] - np.sin(angle_rad) * values[:, second]
     result[:, second] = np.sin(angle_rad) * values[:, first] + np.cos(angle_rad) * values[:, second]
@@ -47,14 +47,14 @@ def _turned(values: FloatArray, first: int, second: int, angle_rad: FloatArray) 
 def glue_creeps(signal: Signal, size: float, _: np.random.Generator) -> FloatArray:
     """Turn the sensor about its radial axis by `size` deg over the run."""
     share = signal.time_s / signal.time_s[-1]
-    return _turned(signal.values_mps2, CIRCUMFERENTIAL, LATERAL, math.radians(size) * share)
+    return turned(signal.values_mps2, CIRCUMFERENTIAL, LATERAL, math.radians(size) * share)
 
 
 def pad_rocks(signal: Signal, size: float, _: np.random.Generator) -> FloatArray:
     """Pitch the sensor on soft glue by `size` deg at the largest circumferential force."""
     pull = signal.swing()[:, CIRCUMFERENTIAL]
     pitch = math.radians(size) * pull / np.abs(pull).max()
-    return _turned(signal.values_mps2, CIRCUMFERENTIAL, RADIAL, pitch)
+    return turned(signal.values_mps2, CIRCUMFERENTIAL, RADIAL, pitch)
 
 
 def rigid_base(signal: Signal, size: float, _: np.random.Generator) -> FloatArray:
@@ -84,16 +84,16 @@ def magnetised_belt(signal: Signal, size: float, rng: np.random.Generator) -> Fl
 def motor_whine(signal: Signal, size: float, rng: np.random.Generator) -> FloatArray:
     """Shake the axle vertically at an order of the motor, in m/s^2."""
     shaken = size * np.cos(float(rng.uniform(30.0, 80.0)) * signal.angle_rad)
-    return _at_the_axle(signal, shaken)
+    return at_the_axle(signal, shaken)
 
 
 def worn_bearing(signal: Signal, size: float, rng: np.random.Generator) -> FloatArray:
     """Shake the axle vertically as balls pass a pit, 5.3 times a turn, in m/s^2."""
     shaken = size * np.cos(5.3 * signal.angle_rad) * (1.0 + 0.3 * rng.standard_normal(len(signal.time_s)))
-    return _at_the_axle(signal, shaken)
+    return at_the_axle(signal, shaken)
 
 
-def _at_the_axle(signal: Signal, upward_mps2: FloatArray) -> FloatArray:
+def at_the_axle(signal: Signal, upward_mps2: FloatArray) -> FloatArray:
     result = signal.values_mps2.copy()
     result[:, RADIAL] += upward_mps2 * np.cos(signal.angle_rad)
     result[:, CIRCUMFERENTIAL] -= upward_mps2 * np.sin(signal.angle_rad)
@@ -202,11 +202,16 @@ def left_handed(signal: Signal, size: float, _: np.random.Generator) -> FloatArr
     return signal.values_mps2 * np.where(np.arange(3) == (LATERAL if size > 1.0 else CIRCUMFERENTIAL), -1.0, 1.0)
 
 
+def nonlinear(signal: Signal, size: float, _: np.random.Generator) -> FloatArray:
+    """Add `size` times the square of each reading, per m/s^2."""
+    return signal.values_mps2 * (1.0 + size * signal.values_mps2)
+
+
 SPOILS: Final[dict[str, Spoil]] = {
     spoil.__name__.replace("_", "-"): spoil
     for spoil in (
         glue_creeps, pad_rocks, rigid_base, overload_tail, magnetised_belt, motor_whine, worn_bearing, radio_bursts,
         float_words, slow_slew, stuck_bit, word_wraps, range_switches, despiked, sends_on_change, sealant, gravel,
-        self_test, left_handed,
+        self_test, left_handed, nonlinear,
     )
 }  # fmt: skip

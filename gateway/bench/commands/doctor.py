@@ -32,6 +32,7 @@ _COLOURS: Final = {Level.OK: "green", Level.WARNING: "yellow", Level.FAULT: "red
 def doctor(sources: tuple[str, ...], config_path: Path | None, recordings: Path, as_json: bool) -> None:
     """Check packages, plug-ins, ports, Bluetooth, permissions, disk space, terminal, configuration and each SOURCE.
 
+    Of a configuration also the largest part of the errors of the main quantities, and the statement to make better.
     The exit status is 1 if there is a fault, and 0 if there are only warnings.
     """
     done = list(_run(sources, config_path, recordings))
@@ -56,6 +57,7 @@ def _run(sources: Sequence[str], config_path: Path | None, recordings: Path) -> 
     )
     if config_path is not None:
         yield from checks.check_config(config_path)
+        yield from checks.check_errors(config_path)
     clock = SystemClock()
     for uri in sources:
         yield from checks.check_source(uri, clock)

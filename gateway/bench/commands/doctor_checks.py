@@ -278,6 +278,24 @@ def check_config(path: Path) -> Iterator[Check]:
     )
 
 
+def check_errors(path: Path) -> Iterator[Check]:
+    """Name the largest part of the errors that the statements about the first wheel of a vehicle lead to."""
+    from gateway.core.config.vehicle import load_vehicle
+    from gateway.core.feature import Registry, added, object_of
+
+    try:
+        setup = load_vehicle(path).wheel_setups()[0]
+    except ConfigError:
+        # The faults of the file are named by `check_config`.
+        return
+    name = f"errors of {setup.position}"
+    try:
+        for target in added(Registry.VEHICLE_CHECKS).values():
+            yield from (Check(name, Level.OK, sentence) for sentence in object_of(target)(setup))
+    except TreadlinkError as error:
+        yield Check(name, Level.WARNING, str(error), error.remedy)
+
+
 def check_source(uri: str, clock: Any) -> Iterator[Check]:
     """Check that a source can be opened, without reading from it."""
     name = f"source {uri}"

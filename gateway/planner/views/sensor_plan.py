@@ -86,7 +86,7 @@ def _worst(worst: WorstError) -> str:
 def parts_line(least: LeastSensor, parts: Sequence[Accelerometer]) -> str:
     """Return which parts have the rate and the range of what is needed, and a noise that is small enough or unknown."""
     names = [
-        part.name if part.noise_mg_rthz is not None else f"{part.name} (noise unknown)"
+        f"{part.name} (noise unknown)" if part.missing() else part.name
         for part in parts
         if part.range_g >= least.range_g
         and sampling_rate_hz(part) >= least.rate_hz
