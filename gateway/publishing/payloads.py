@@ -21,7 +21,7 @@ _PRESENT: Final = frozenset({
     "rssi_dbm", "supply_w",
 })  # fmt: skip
 _AT_END: Final[Mapping[str, JsonObject]] = {
-    "wheel": {"state": str(WheelState.NO_DATA), "alarms": []},
+    "wheel": {"state": str(WheelState.ENDED), "alarms": []},
     "link": {"connected": False, "alarms": []},
     "session": {"ended": True, "alarms": []},
 }

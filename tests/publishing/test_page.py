@@ -530,6 +530,22 @@ def test_lost_connection_has_an_age_in_place_of_numbers_and_comes_back(browser, 
         again.end()
 
 
+def test_alarm_of_an_ended_session_is_not_over_and_a_mark_after_it_not_done(browser, items, made) -> None:
+    served = Served()
+    tab = browser.tab()
+    tab.open(served.sink.address)
+    show(served, items[-1:], lambda snapshot: dataclasses.replace(snapshot, alarms=(made.alarm("FR"),)))
+    tab.until("document.querySelector('#history')?.innerText.includes('ALARM FR')")
+    show(served, items[-1:], lambda snapshot: dataclasses.replace(snapshot, ended=True, alarms=()))
+    tab.until("link.innerText === 'session ended'")
+    assert "over" not in text_of(tab, "#history")
+    served.end()
+    click = "document.querySelector('#marks button').click()"
+    tab.until(f"{click} || said.innerText === 'not done: the session has ended'")
+    tab.value(f"document.querySelector('#mark-text').value = 'pothole'; {click}")
+    assert tab.value("document.querySelector('#mark-text').value") == "pothole", "it can be sent again"
+
+
 def test_names_from_outside_stay_text(browser, served, items) -> None:
     name = "<img src=x onerror=document.title='x'>"
 

@@ -42,7 +42,7 @@ def test_last_states_have_no_numbers_and_say_that_the_session_is_over(published)
         assert last.is_retained
         assert not PRESENT & payload.keys()
         assert payload["alarms"] == []
-        expected = {"wheel": ("state", "no data"), "link": ("connected", False), "session": ("ended", True)}
+        expected = {"wheel": ("state", "ended"), "link": ("connected", False), "session": ("ended", True)}
         name, value = expected[payload["type"]]
         assert payload[name] == value, topic
     assert published.messages[-1][:2] == ("car/status", b"offline")

@@ -32,7 +32,17 @@
 
   // The connection: it is made again whenever it is lost.
 
-  const ask = (wish) => { if (socket && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(wish)); };
+  const ask = (wish) => {
+    const isOpen = socket && socket.readyState === WebSocket.OPEN;
+    if (isOpen) socket.send(JSON.stringify(wish));
+    return isOpen;
+  };
+  // What the user wants is not lost without a word.
+  const want = (wish) => {
+    const isSent = ask(wish);
+    if (!isSent) setText(byId("said"), state && state.ended ? "not done: the session has ended" : "not done: no connection to treadlink");
+    return isSent;
+  };
   const askForTrend = () => { points = new Map(); ask({ trend: quantity }); };
   const connect = () => {
     socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/${location.search}`);
@@ -44,7 +54,7 @@
     };
   };
   const take = (message) => {
-    if (message.type === "state") { state = message; showState(state); showHistory(state.alarms); }
+    if (message.type === "state") { state = message; showState(state); if (!state.ended) showHistory(state.alarms); }
     if (message.type === "waveform" && message.wheel === wheel) { waveform = message; showWaveform(); }
     if (message.type === "quantities") showQuantities(message.quantities);
     if (message.type === "trend" && message.name === quantity) mergeTrend(message);
@@ -423,13 +433,12 @@
 
   byId("marks").addEventListener("submit", (event) => {
     event.preventDefault();
-    ask({ mark: byId("mark-text").value });
-    byId("mark-text").value = "";
+    if (want({ mark: byId("mark-text").value })) byId("mark-text").value = "";
   });
-  byId("acknowledge").addEventListener("click", () => ask({ acknowledge: true }));
+  byId("acknowledge").addEventListener("click", () => want({ acknowledge: true }));
   const run = byId("run");
   byId("record").addEventListener("click", (event) => {
-    if (event.currentTarget.dataset.on === "true") return ask({ record: false });
+    if (event.currentTarget.dataset.on === "true") return want({ record: false });
     for (const [name, text] of Object.entries(state.run)) run.elements[name].value = text;
     run.hidden = !run.hidden;
     return run.elements.test.focus();
@@ -438,7 +447,7 @@
   run.addEventListener("submit", (event) => {
     event.preventDefault();
     run.hidden = true;
-    ask({ record: true, run: Object.fromEntries(new FormData(run)) });
+    want({ record: true, run: Object.fromEntries(new FormData(run)) });
   });
   byId("quantity").addEventListener("change", (event) => { quantity = event.currentTarget.value; askForTrend(); });
   byId("minutes").addEventListener("change", () => zoom(null));
