@@ -70,7 +70,7 @@ def test_every_open_end_has_a_step() -> None:
     )
     steps = dict(next_steps(diagnosis))
     assert steps["mounting offset"].startswith("state it in the vehicle file")
-    assert steps["structural damping"].startswith("save with --save-effects")
+    assert steps["structural damping"].startswith("nothing to repair: use the estimates after. To have it subtracted")
     assert "20 K" in steps["gain or clipping"]
     assert steps["camber"] == "record longer, or at another speed or load"
     assert "radial, orders 12 to 52, 49.3 to 53.9 deg" in steps

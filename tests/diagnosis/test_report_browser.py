@@ -30,7 +30,7 @@ def tab(browser: Browser) -> Tab:
 
 def test_browser_shows_every_section(tab: Tab, report: Path) -> None:
     tab.show(report)
-    assert tab.value("document.title") == "Diagnosis of FL: the exact ring"
+    assert tab.value("document.title") == "Diagnosis of FL"
     assert {
         "Result", "Effects", "Unexplained residuals", "Estimates before and after", "Waveform and residual",
         "Order spectrum of the residual", "Trends of the residual", "Rejected effects",

@@ -20,7 +20,7 @@ from gateway.core.text.page_figure import inline_svg, report_style
 from gateway.diagnosis.views import html
 from gateway.diagnosis.views.figures import order_coefficients, orders_figure, trend_figure, waveform_figure
 from gateway.diagnosis.views.html import chapters, diagnosis_html
-from gateway.diagnosis.views.phrases import reason_text
+from gateway.diagnosis.views.phrases import Kind, effect_kind, reason_text
 from gateway.diagnosis.views.quantities import reference_group
 from gateway.diagnosis.views.report_tables import (
     by_state,
@@ -138,12 +138,12 @@ def test_undecided_effects_are_in_summary_and_omissions():
     first, second, *_ = ordinary().findings
     unsure = replace(second, verdict=Verdict.INDISTINGUISHABLE, rivals=("run-out", "gain"), decide_with=WARMER)
     answer = Page(diagnosis_html(replace(empty(), findings=(unsure,), held_out=HeldOut(4.0, 2.05, 40, 4)))).text
-    assert "The model lacks structural damping, run-out or gain; these data do not distinguish them." in answer
+    assert "The model needs structural damping, run-out or gain; these data do not distinguish them." in answer
     assert "from 4.00 to 2.05 m/s²" in answer
     assert "sufficient evidence" not in answer
     assert "Do not rely" not in answer
     answer = Page(diagnosis_html(replace(empty(), findings=(first,), held_out=HeldOut(2.0, 4.0, 40, 4)))).text
-    assert "the held-out error increases from 2.00 to 4.00" in answer
+    assert "the error on unseen revolutions increases from 2.00 to 4.00" in answer
     assert "Do not rely on the effects" in answer
     answer = Page(diagnosis_html(replace(empty(), complete=False))).text
     assert "No effect is identified: the search ended at its time limit." in answer
@@ -154,14 +154,14 @@ def test_undecided_effects_are_in_summary_and_omissions():
     )
     lasting = replace(first, lock="time")
     answer = Page(diagnosis_html(replace(empty(), findings=(lasting,), held_out=HeldOut(4.0, 2.0, 40, 4)))).text
-    assert "The held-out error is 2.00 m/s² rms" in answer
+    assert "The error on unseen revolutions is 2.00 m/s² rms" in answer
     assert "With this effect" not in answer
     probable = replace(second, name="ply steer", verdict=Verdict.REFUSED, probability=0.83)
     held_out = HeldOut(4.0, 2.0, 40, 4)
     answer = Page(diagnosis_html(replace(empty(), findings=(lasting, probable), held_out=held_out))).text
-    assert "With ply steer, which is not certain, the held-out error falls from 4.00 to 2.00" in answer
+    assert "With ply steer, which is not certain, the error on unseen revolutions falls from 4.00 to 2.00" in answer
     answer = Page(diagnosis_html(replace(empty(), findings=(first, probable), held_out=held_out))).text
-    assert "With this effect and ply steer, which is not certain, the held-out error falls" in answer
+    assert "With this effect and ply steer, which is not certain, the error on unseen revolutions falls" in answer
     shuffled = replace(ordinary(1), findings=(second, replace(first, verdict=Verdict.INDISTINGUISHABLE)))
     names, rows = omissions(shuffled)
     assert names[0] == "with all"
@@ -187,6 +187,25 @@ def test_page_says_what_it_was_made_of(page_text):
         assert part in text
 
 
+def test_a_term_of_the_model_is_no_fault_and_one_of_sensor_or_wheel_is_named_as_such():
+    first, *_ = ordinary().findings
+    term, sensor, uneven = (
+        replace(first, name=name, verdict=Verdict.NAMED)
+        for name in ("belt extension", "circumferential gain by the radial axis", "run-out")
+    )
+    calm = replace(empty(), findings=(term,), complete=True, held_out=HeldOut(4.0, 2.0, 40, 4), determined={})
+    answer = Page(diagnosis_html(calm)).text
+    assert "Nothing is wrong that these data show. To describe this wheel, the model needs belt extension" in answer
+    assert "not faults" in answer
+    assert "lacks" not in answer.partition("Effects")[0]
+    answer = Page(diagnosis_html(replace(calm, findings=(term, sensor, uneven)))).text
+    assert "Nothing is wrong" not in answer
+    assert "The sensor or its mounting is not as stated: circumferential gain by the radial axis." in answer
+    assert "Tire or rim is not the same all around: run-out." in answer
+    assert "Nothing is wrong" not in Page(diagnosis_html(replace(calm, unexplained=ordinary().unexplained))).text
+    assert {effect_kind(name) for name in ("cavity resonance", "not in the catalogue")} == {Kind.OTHER}
+
+
 def test_answer_says_on_which_axes_the_error_falls() -> None:
     """Ply steer takes nothing off the axes of the wheel's plane."""
     axes = tuple(
@@ -203,9 +222,14 @@ def test_answer_says_on_which_axes_the_error_falls() -> None:
     )
     diagnosis = undrawn()
     lateral = replace(diagnosis, held_out=replace(diagnosis.held_out, axes=axes))
-    assert "the held-out error falls, on the lateral axis only, from 12.3" in Page(diagnosis_html(lateral)).text
+    assert (
+        "the error on unseen revolutions falls, on the lateral axis only, from 12.3"
+        in Page(diagnosis_html(lateral)).text
+    )
     every = replace(lateral.held_out, axes=tuple(replace(ax, after_mps2=1.0) for ax in axes))
-    assert "the held-out error falls from 12.3" in Page(diagnosis_html(replace(lateral, held_out=every))).text
+    assert (
+        "the error on unseen revolutions falls from 12.3" in Page(diagnosis_html(replace(lateral, held_out=every))).text
+    )
 
 
 def test_errors_are_reported_by_axis():

@@ -34,11 +34,14 @@ from gateway.diagnosis.views.phrases import (
     GROWN,
     NON_STATIONARY,
     VERDICTS,
+    Kind,
+    effect_kind,
     effect_title,
     effects_listed,
     likely,
     listed,
     model_words,
+    named_sentences,
     no_residual,
     place_text,
     reason_text,
@@ -46,6 +49,7 @@ from gateway.diagnosis.views.phrases import (
     self_test_text,
     sentence,
     undecided_sets,
+    undetermined,
 )
 from gateway.diagnosis.views.quantities import (
     AxisResidual,
@@ -80,6 +84,10 @@ MOST_GROUPS: Final = 12
 """Groups other than the reference group whose residual is drawn."""
 MOST_SPECTRA: Final = 6
 # Notes that the summary repeats.
+_MODELS: Final = {
+    "exact": "the ring model, solved exactly, without effects",
+    "paper": "the series of the ring paper as printed",
+}
 _IN_SUMMARY: Final = (
     DiagnosisCode.SENSOR_IN_DOUBT,
     DiagnosisCode.NOT_A_RING,
@@ -117,10 +125,11 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
     require_report_packages()
     return result_page(
         *_TEMPLATE,
-        title=f"Diagnosis of {clean(diagnosis.wheel)}: {model_words(diagnosis.model)}",
+        title=f"Diagnosis of {clean(diagnosis.wheel)}",
         facts=_facts(diagnosis),
         answer=" ".join(_answer(diagnosis)),
         steps=next_steps(diagnosis),
+        is_calm=_is_all_well(diagnosis),
         page=_page(diagnosis),
         diagnosis=diagnosis,
         bounded_probability=bounded_probability,
@@ -167,10 +176,12 @@ def _page(diagnosis: Diagnosis) -> dict[str, object]:
 
 
 def _facts(diagnosis: Diagnosis) -> str:
-    parts = [
-        f"Baseline model: {model_words(diagnosis.model)}",
-        f"{diagnosis.revolutions} revolutions of {counted(len(diagnosis.recordings), 'recording')}",
-    ]
+    parts = [f"{diagnosis.revolutions} revolutions of {counted(len(diagnosis.recordings), 'recording')}"]
+    recordings = diagnosis.origin.recordings if diagnosis.origin is not None else ()
+    times_s = [time_s for each in recordings for time_s in (each.first_s, each.last_s) if time_s > 0.0]
+    if times_s:
+        parts.append(f"{_utc(min(times_s))} to {_utc(max(times_s))} UTC")
+    parts.append(f"compared with {_MODELS.get(diagnosis.model, model_words(diagnosis.model))}")
     if diagnosis.rejected:
         parts.append(f"{diagnosis.rejected} left out")
     return " · ".join(parts)
@@ -214,7 +225,9 @@ def _answer(diagnosis: Diagnosis) -> Iterator[str]:
         source = clean(diagnosis.taken_from)
         yield f"{sentence(effects_listed(named))[:-1]}: as found in {source}, nothing of it refitted."
     elif named:
-        yield f"The model lacks {effects_listed(named)}."
+        if _is_all_well(diagnosis):
+            yield "Nothing is wrong that these data show."
+        yield from named_sentences(named)
     elif not undecided:
         if diagnosis.complete:
             yield "No effect of the catalogue is supported by sufficient evidence."
@@ -224,9 +237,9 @@ def _answer(diagnosis: Diagnosis) -> Iterator[str]:
         subject = "It also" if named else "The model"
         if finding.rivals:
             names = effects_listed((finding.name, *finding.rivals), "or")
-            yield f"{subject} lacks {names}; these data do not distinguish them."
+            yield f"{subject} needs {names}; these data do not distinguish them."
         else:
-            yield f"{subject} may lack {effect_title(finding.name)}; these data do not decide."
+            yield f"{subject} may need {effect_title(finding.name)}; these data do not decide."
     for note in diagnosis.notes:
         if isinstance(note, Reason) and note.code in _IN_SUMMARY:
             yield sentence(remark(note))
@@ -241,11 +254,11 @@ def _answer(diagnosis: Diagnosis) -> Iterator[str]:
         added = ["this effect" if len(shaped) == 1 else "these effects"] if shaped else []
         unsure = f", which {'is' if len(uncertain) == 1 else 'are'} not certain," if uncertain else ""
         sets = f"With {listed([*added, *uncertain])}{unsure}"
-        yield f"{sets} the held-out error {verb} from {before} to {after} m/s² rms{over}"
+        yield f"{sets} the error on unseen revolutions {verb} from {before} to {after} m/s² rms{over}"
         if grown:
             yield "Do not rely on the effects before the rest of the residual is explained."
     else:
-        yield f"The held-out error is {after} m/s² rms{over}"
+        yield f"The error on unseen revolutions is {after} m/s² rms{over}"
     if diagnosis.unexplained:
         first = diagnosis.unexplained[0]
         rest = len(diagnosis.unexplained) - 1
@@ -255,6 +268,14 @@ def _answer(diagnosis: Diagnosis) -> Iterator[str]:
         yield f"Unexplained: {clean(first.axis)} axis, {place_text(first)}, {size} m/s² rms{doubt}{more}."
     else:
         yield f"{no_residual(diagnosis, 'Nothing else')}."
+
+
+def _is_all_well(diagnosis: Diagnosis) -> bool:
+    """Return whether a complete diagnosis has identified terms of the model only, and nothing is open."""
+    doubts = any(isinstance(note, Reason) and note.code in _IN_SUMMARY for note in diagnosis.notes)
+    is_open = diagnosis.unexplained or undecided_sets(diagnosis) or likely(diagnosis) or undetermined(diagnosis)
+    only_terms = all(effect_kind(finding.name) is Kind.TERM for finding in diagnosis.named)
+    return diagnosis.complete and only_terms and not doubts and not is_open
 
 
 def _where(held_out: HeldOut) -> str:

@@ -6,10 +6,11 @@ from typing import Final, NamedTuple
 
 from gateway.core.reasons import Reason
 from gateway.core.text.text import clean
-from gateway.diagnosis.effects.catalogue import catalogue
 from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.result import Diagnosis, ScalingStatus, Unexplained
 from gateway.diagnosis.views.phrases import (
+    Kind,
+    effect_kind,
     effect_title,
     effects_listed,
     likely,
@@ -22,8 +23,18 @@ from gateway.diagnosis.views.phrases import (
 )
 from gateway.diagnosis.views.quantities import span_text
 
-# Modules of effects that a vehicle file or a better sensor takes away.
-_OF_SENSOR: Final = frozenset({"mounting", "acquisition", "sensor_response"})
+_OF_KIND: Final = {
+    Kind.SENSOR: "state it in the vehicle file or repair the sensor, and diagnose again",
+    Kind.UNEVEN: (
+        "compare its size with what your test allows; turn the tire on its rim and record again: what turns with the "
+        "tire is the tire's, the rest the wheel's"
+    ),
+    **dict.fromkeys(
+        (Kind.TERM, Kind.OTHER),
+        "nothing to repair: use the estimates after. To have it subtracted from later recordings of this tire, save it "
+        "with this diagnosis (--save-effects) and give it to estimate or live (--effects)",
+    ),
+}
 _MOST_RESIDUALS: Final = 4
 # Beyond the contact's edge: the belt's bending layers.
 _NEAR_RAD: Final = 0.3
@@ -73,14 +84,10 @@ def next_steps(diagnosis: Diagnosis) -> list[NextStep]:
 
 def _steps(diagnosis: Diagnosis) -> Iterator[tuple[str, str]]:
     notes = [note for note in diagnosis.notes if isinstance(note, Reason)]
-    for of_sensor in (True, False):
-        names = [effect.name for effect in diagnosis.named if _is_of_sensor(effect.name) == of_sensor]
-        if diagnosis.taken_from:
-            break
-        if names and of_sensor:
-            yield effects_listed(names), "state it in the vehicle file or repair the sensor, and diagnose again"
-        elif names:
-            yield effects_listed(names), "save with --save-effects and subtract, or use the estimates after"
+    for kind, step in _OF_KIND.items():
+        names = [effect.name for effect in diagnosis.named if effect_kind(effect.name) is kind]
+        if names and not diagnosis.taken_from:
+            yield effects_listed(names), step
     for finding in undecided_sets(diagnosis):
         decide = reason_text(finding.decide_with) or "record at another speed, load or pressure"
         yield effects_listed((finding.name, *finding.rivals), "or"), decide
@@ -95,11 +102,6 @@ def _steps(diagnosis: Diagnosis) -> Iterator[tuple[str, str]]:
     for note in notes:
         if note.code in _OF_NOTES:
             yield _OF_NOTES[note.code]
-
-
-def _is_of_sensor(name: str) -> bool:
-    effect = catalogue().get(name)
-    return effect is not None and type(effect).__module__.rpartition(".")[2] in _OF_SENSOR
 
 
 def _half_angle_rad(diagnosis: Diagnosis) -> float:

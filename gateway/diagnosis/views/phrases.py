@@ -1,8 +1,9 @@
 """Phrases of a diagnosis that its JSON, page and terminal summary share, made from its values."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from enum import StrEnum
 from typing import Final, NamedTuple
 
 from gateway.core.reasons import Code, Reason
@@ -27,6 +28,7 @@ SCALINGS: Final = {
 }
 """Reasons why the growth of a residual with speed is unknown."""
 
+
 NON_STATIONARY: Final = "changes during the recording"
 
 SINGLE_TURNS: Final = {
@@ -36,6 +38,7 @@ SINGLE_TURNS: Final = {
 }
 """Phrases for a residual of single turns, by its lock."""
 
+_EFFECTS: Final = "gateway.diagnosis.effects"
 GROWN: Final = 1.02
 """Ratio of the held-out error after to that before above which it has increased."""
 
@@ -50,6 +53,47 @@ _IMPLAUSIBLE: Final = frozenset(
 
 # Relative standard error above which an estimate is not determined.
 _LARGEST_RELATIVE_STD: Final = 0.3
+
+
+class Kind(StrEnum):
+    """What an effect is about: the sensor, a wheel that is not even, how tires roll, or anything else."""
+
+    SENSOR = "sensor"
+    UNEVEN = "uneven"
+    TERM = "term"
+    OTHER = "other"
+
+
+# By the modules of the effects. Those of the sensor a vehicle file or a better sensor takes away.
+_KINDS: Final = {
+    **dict.fromkeys(("mounting", "acquisition", "sensor_response", "axis_errors"), Kind.SENSOR),
+    **dict.fromkeys(("wheel_nonuniformity", "local_effects"), Kind.UNEVEN),
+    **dict.fromkeys(
+        ("series_corrections", "damping", "belt_structure", "belt_waves", "contact", "lateral_loads", "wheel_motion"),
+        Kind.TERM,
+    ),
+}
+_MEANS: Final = {
+    Kind.SENSOR: "The sensor or its mounting is not as stated: {effects}.",
+    Kind.UNEVEN: "Tire or rim is not the same all around: {effects}.",
+    Kind.TERM: "To describe this wheel, the model needs {effects}: terms of how tires roll, not faults.",
+    Kind.OTHER: "The signal also has {effects}.",
+}
+
+
+def effect_kind(name: str) -> Kind:
+    """Return what an effect of the catalogue is about, by the module that it is in."""
+    effect = catalogue().get(name)
+    package, _, module = ("" if effect is None else type(effect).__module__).rpartition(".")
+    return _KINDS.get(module, Kind.OTHER) if package == _EFFECTS else Kind.OTHER
+
+
+def named_sentences(names: Sequence[str]) -> Iterator[str]:
+    """Yield what identified effects mean, those of sensor and wheel before the terms of the model."""
+    for kind, words in _MEANS.items():
+        of_kind = [name for name in names if effect_kind(name) is kind]
+        if of_kind:
+            yield words.format(effects=effects_listed(of_kind))
 
 
 def remark(value: Remark) -> str:
