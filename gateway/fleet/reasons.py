@@ -91,11 +91,11 @@ class FleetCode(Codes):
         "over the recorded {distance_m:.0f km} only, which is less than the tire has rolled (--odometer)"
     )
     TREND_REFILLS_HIDE = Code(
-        "refills that the scatter hides are not excluded: the loss is {low_pa:.2g kPa} to {high_pa:.2g kPa} a month"
+        "the loss is {low_pa:.2g kPa} to {high_pa:.2g kPa} a month, refills that the scatter hides included"
     )
     TREND_REFILLS_OFTEN = Code(
-        "if it is refilled {often:.0f} times a month at most: the scatter hides a loss of {hidden_pa:.0f kPa} a month "
-        "that is topped up every week"
+        "this holds for up to {often:.0f} refills a month: of a tire that is topped up every week, a loss of up to "
+        "{hidden_pa:.0f kPa} a month would not be seen"
     )
     TREND_REPEATED = Code("recordings that repeat another and count once: {count}. {pairs}")
     TREND_REPEATS = Code("{path} repeats {other}")

@@ -221,12 +221,12 @@ def _answer(diagnosis: Diagnosis) -> Iterator[str]:
     named = [finding.name for finding in diagnosis.named]
     undecided = undecided_sets(diagnosis)
     before, after = significant(held_out.rms_before_mps2), significant(held_out.rms_after_mps2)
+    if _is_all_well(diagnosis):
+        yield "Nothing is wrong that these data show."
     if named and diagnosis.taken_from:
         source = clean(diagnosis.taken_from)
         yield f"{sentence(effects_listed(named))[:-1]}: as found in {source}, nothing of it refitted."
     elif named:
-        if _is_all_well(diagnosis):
-            yield "Nothing is wrong that these data show."
         yield from named_sentences(named)
     elif not undecided:
         if diagnosis.complete:
@@ -271,11 +271,11 @@ def _answer(diagnosis: Diagnosis) -> Iterator[str]:
 
 
 def _is_all_well(diagnosis: Diagnosis) -> bool:
-    """Return whether a complete diagnosis has identified terms of the model only, and nothing is open."""
+    """Return whether a complete diagnosis has identified no more than terms of the model, and nothing is open."""
     doubts = any(isinstance(note, Reason) and note.code in _IN_SUMMARY for note in diagnosis.notes)
     is_open = diagnosis.unexplained or undecided_sets(diagnosis) or likely(diagnosis) or undetermined(diagnosis)
     only_terms = all(effect_kind(finding.name) is Kind.TERM for finding in diagnosis.named)
-    return diagnosis.complete and only_terms and not doubts and not is_open
+    return diagnosis.complete and not diagnosis.taken_from and only_terms and not doubts and not is_open
 
 
 def _where(held_out: HeldOut) -> str:

@@ -97,6 +97,12 @@ def tire_figure(trend: TireTrend) -> Figure | None:
     )
     for panel, line in zip(panels, series, strict=False):
         _draw(panel, line)
+        if line.against == "km":
+            # The last of long numbers would reach into the next panel.
+            panel.locator_params(axis="x", nbins=5, prune="upper")
+            panel.set_xlabel("km")
+        else:
+            panel.set_xlabel(f"months from {day(trend.first_ns)}")
     for panel in panels[len(series) :]:
         panel.set_visible(False)
     return figure
@@ -114,7 +120,7 @@ def _as_ratio(series: TrendSeries) -> TrendSeries:
         return series
     base = series.expected[0]
     values, expected = (np.exp((row - base) / 100.0) for row in (series.values, series.expected))
-    return replace(series, values=values, expected=expected, unit="ratio")
+    return replace(series, values=values, expected=expected, unit="begin = 1")
 
 
 def _draw(panel: Axes, series: TrendSeries) -> None:
@@ -139,7 +145,6 @@ def _draw(panel: Axes, series: TrendSeries) -> None:
     for step in series.steps:
         panel.axvline(0.5 * (series.abscissa[step - 1] + series.abscissa[step]), color=QUIET, lw=0.8, ls=":")
     panel.set_title(drawable(f"{label_of(series.name).removeprefix('ln ')}, {series.unit}"), fontsize=9.5)
-    panel.set_xlabel("km" if series.against == "km" else "months")
     panel.ticklabel_format(useOffset=False, axis="y")
     low, high = panel.get_ylim()
     span = _LEAST_SPAN * max(abs(low), abs(high))
