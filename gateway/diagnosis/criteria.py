@@ -115,7 +115,8 @@ PROMISE_SHARE: Final = 0.3
 
 STALLED: Final = 3
 """Sets of a chain in a row without more evidence than those before, after which it ends: where much is left and no
-candidate fits, each addition takes longer and explains less. Two effects that need each other are two sets."""
+candidate fits, each addition takes longer and explains less. Two effects that need each other are two sets. A chain
+all sets of which are worse than the best one by `WORTH_WORK` ends at the first."""
 
 WORTH_A_SCAN: Final = 0.05
 """Power left beyond noise, over that of the noise, below which changes at one place and laws are not looked for."""

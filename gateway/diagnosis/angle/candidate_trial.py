@@ -24,9 +24,11 @@ _BENT: Final = 1.5
 # Gain of log likelihood that its best start must have: at least a fifth of what a refined one gains, and refined ones
 # that gain 20 promise nothing.
 _WORTH_REFINING: Final = 4.0
-# Starts of an effect with refinements from which some linear steps are made, and their number.
+# Starts that two groups choose, and the linear steps that are made from those of an effect with refinements.
 _FINALISTS: Final = 8
 _FOLLOWED: Final = 3
+# Number of starts from which the slowest and the fastest group alone choose those that are tried in all.
+_MANY: Final = 16
 # Fraction of a ring effect's starts that is tried in addition.
 _SMALL: Final = 0.03
 
@@ -79,6 +81,9 @@ def try_effect(fit: Fit, effect: AngleEffect, shapes: Mapping[int, Shape]) -> Tr
     model = ClosureModel(fit.model.campaign, fit.model.core, (*fit.model.effects, effect))
     if effect.refinements:
         starts = _nearest(fit, model, effect, shapes, starts)
+    elif len(starts) > _MANY and len(shapes) > len(few := _extremes(fit, shapes)):
+        trials = sorted(_trials(fit, model, effect, few, starts), key=_promise, reverse=True)
+        starts = [trial.start.tolist() for trial in trials[:_FINALISTS]]
     best = max(_trials(fit, model, effect, shapes, starts), key=_promise, default=None)
     if best is None:
         return None
@@ -120,10 +125,8 @@ def _nearest(
 
     The best ones are followed for a few steps, as the promise of a start is that of a linear step from it.
     """
-    groups = fit.model.campaign.groups
-    by_speed = sorted(shapes, key=lambda index: (groups[index].conditions.omega_radps, index))
-    few = {index: shapes[index] for index in sorted({by_speed[0], by_speed[-1]})}
-    conditions = tuple(groups[index].conditions for index in few)
+    few = _extremes(fit, shapes)
+    conditions = tuple(fit.model.campaign.groups[index].conditions for index in few)
     # On a coarser belt, unless something else of the fit answers with the belt: its change would be tried as well.
     coarse = few
     if not any(isinstance(other, LocalChange) for other in fit.model.effects):
@@ -145,6 +148,13 @@ def _nearest(
         ends = [np.clip(trial.vector[where], *bounds(effect)).tolist() for trial in trials]
         trials += _trials(fit, model, effect, few, ends)
     return [max(trials, key=_promise).start.tolist()] if trials else []
+
+
+def _extremes(fit: Fit, shapes: Mapping[int, Shape]) -> dict[int, Shape]:
+    """Return the shapes of the slowest and of the fastest group."""
+    groups = fit.model.campaign.groups
+    by_speed = sorted(shapes, key=lambda index: (groups[index].conditions.omega_radps, index))
+    return {index: shapes[index] for index in sorted({by_speed[0], by_speed[-1]})}
 
 
 def _promise(trial: Trial) -> float:

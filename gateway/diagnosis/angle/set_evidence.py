@@ -121,7 +121,10 @@ def settled(evaluated: Evaluated, data: Whitened) -> Evaluated:
     try:
         for number in range(_MOST_ROUNDS):
             before = fit.vector
-            fit = fit_model(fit.model, data, _inside(before, fit), applied=applied, done=_AT_REST**2)
+            inside = _inside(before, fit)
+            # The first fit is moved, with derivatives of where it came from.
+            still = number and np.array_equal(inside, before)
+            fit = fit_model(fit.model, data, fit if still else inside, applied=applied, done=_AT_REST**2)
             fit, applied = _settled(fit, applied, _MOST_ROUNDS, _AMPLITUDES_AT_REST)
             # The first fit is that under the amplitudes as they were.
             if number and _in_errors(fit, fit.vector - before) < _AT_REST:

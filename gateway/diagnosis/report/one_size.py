@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from gateway.core.reasons import Code, Reason
 from gateway.core.types import FloatArray, IntArray
@@ -210,7 +210,7 @@ def _beside(parameters: Mapping[str, Fitted], effect: AngleEffect, freedom: Floa
 
 def _against(disagreeing: tuple[float, int], code: Code) -> Reason | None:
     square, freedom = disagreeing
-    if not freedom or float(chi2.sf(square, freedom)) >= _AGREES:
+    if not freedom or float(chdtrc(freedom, square)) >= _AGREES:
         return None
     return Reason(code, chi2=square, freedom=freedom)
 

@@ -477,7 +477,8 @@ class SetSearch:
             evaluated = self.evaluations.get(names_of(fit))
             stalled = 0 if evaluated is not None and evaluated.log_evidence > highest else stalled + 1
             highest = highest if evaluated is None else max(highest, evaluated.log_evidence)
-            if last or stalled >= criteria.STALLED or (self._at_noise(fit) and not better):
+            hopeful = highest > self.best.log_evidence - criteria.WORTH_WORK
+            if last or stalled >= (criteria.STALLED if hopeful else 1) or (self._at_noise(fit) and not better):
                 return
             nexts = self._fitted(fit)
             for other in nexts[1:]:
