@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from gateway.core.cli import COMMANDS
+from gateway.core.feature import Registry, added
+from gateway.core.plugins import installed
 from tools import rooms
 
 ROOT = Path(__file__).parents[1]
@@ -130,11 +132,28 @@ def test_help_imports_nothing_heavy():
     assert "scan" in done.stdout
 
 
+def imported(words: list[str], environment: dict[str, str]) -> tuple[set[str], str]:
+    """Return the modules that a command imports, and what it prints."""
+    command = [sys.executable, "-X", "importtime", "-m", "gateway.core.cli", *words]
+    done = subprocess.run(
+        command, capture_output=True, text=True, cwd=ROOT, check=False, env={**os.environ, **environment}
+    )
+    lines = [line for line in done.stderr.splitlines() if line.startswith("import time")]
+    return {line.rsplit("|", 1)[1].strip() for line in lines}, done.stdout
+
+
 def test_completion_of_commands_imports_no_command():
-    environment = {**os.environ, "_TREADLINK_COMPLETE": "bash_complete", "COMP_WORDS": "treadlink ", "COMP_CWORD": "1"}
-    command = [sys.executable, "-X", "importtime", "-m", "gateway.core.cli"]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False, env=environment)
-    assert "plain,estimate" in done.stdout
-    imported = {line.rsplit("|", 1)[1].strip() for line in done.stderr.splitlines() if line.startswith("import time")}
-    assert "gateway.core.cli" in imported
-    assert not imported & {*HEAVY, *(line.target.split(":")[0] for line in COMMANDS.values())}
+    modules, printed = imported(
+        [], {"_TREADLINK_COMPLETE": "bash_complete", "COMP_WORDS": "treadlink ", "COMP_CWORD": "1"}
+    )
+    assert "plain,estimate" in printed
+    assert "gateway.core.cli" in modules
+    assert not modules & {*HEAVY, *(line.target.split(":")[0] for line in COMMANDS.values())}
+
+
+def test_doctor_without_plug_ins_imports_no_effects_readers_or_outputs():
+    modules, _ = imported(["doctor"], {})
+    assert "gateway.bench.commands.doctor_checks" in modules
+    checks = {Registry(group): target.split(":")[0] for group, target in added(Registry.PLUGIN_CHECKS).items()}
+    assert len(checks) > 2
+    assert not modules & {module for group, module in checks.items() if not installed(group)}

@@ -40,7 +40,7 @@ class Registry(StrEnum):
     SINKS = "treadlink.sinks"
     IMPORTERS = "treadlink.importers"
     PLUGIN_CHECKS = "treadlink.plugin-checks"
-    """Function without arguments that returns each `PluginStatus` of a feature's registry, by any name."""
+    """Function that returns each `PluginStatus` of a feature's registry, by its group; called where it has plug-ins."""
     VEHICLE_CHECKS = "treadlink.vehicle-checks"
     """Function of a `WheelSetup` that yields what `doctor` says of a wheel that a file describes, by any name."""
 

@@ -11,7 +11,7 @@ FEATURE: Final = Feature(
         )
     },
     adds={
-        Registry.PLUGIN_CHECKS: {"effects": "gateway.diagnosis.effects.catalogue:plugin_statuses"},
+        Registry.PLUGIN_CHECKS: {Registry.EFFECTS: "gateway.diagnosis.effects.catalogue:plugin_statuses"},
         Registry.PARTS: {"effects file": "gateway.diagnosis.effects_opening:open_effects_file"},
     },
 )

@@ -16,7 +16,7 @@ FEATURE: Final = Feature(
             "references": "gateway.importing.reference_output:REFERENCES",
         },
         Registry.PLUGIN_CHECKS: {
-            "readers": "gateway.importing.file_formats:plugin_statuses",
+            Registry.IMPORTERS: "gateway.importing.file_formats:plugin_statuses",
         },
         Registry.PARTS: {
             "rig channels": "gateway.importing.rig_channels:RigChannels",

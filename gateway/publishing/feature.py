@@ -7,7 +7,7 @@ from gateway.core.feature import Feature, Registry
 FEATURE: Final = Feature(
     adds={
         Registry.PLUGIN_CHECKS: {
-            "live outputs": "gateway.publishing.sink:plugin_statuses",
+            Registry.SINKS: "gateway.publishing.sink:plugin_statuses",
         },
         Registry.PARTS: {
             "live outputs": "gateway.publishing.publisher:open_outputs",

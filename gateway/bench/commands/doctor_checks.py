@@ -121,12 +121,14 @@ def check_plugins() -> Iterator[Check]:
     from gateway.core.estimates import registry
     from gateway.core.feature import Registry, added, object_of
     from gateway.core.links import source
-    from gateway.core.plugins import statuses
+    from gateway.core.plugins import installed, statuses
 
+    # The modules of a registry are imported only where a package adds to it.
+    checks = {Registry(group): target for group, target in added(Registry.PLUGIN_CHECKS).items()}
     checked = [
         *statuses(Registry.SOURCES, source.schemes_of_package(), source.plugin_fault),
         *statuses(Registry.ESTIMATORS, tuple(registry.ESTIMATORS), registry.plugin_fault),
-        *(status for target in added(Registry.PLUGIN_CHECKS).values() for status in object_of(target)()),
+        *(status for group in checks if installed(group) for status in object_of(checks[group])()),
         *statuses(Registry.COMMANDS, tuple(cli.COMMANDS), cli.plugin_fault),
         *statuses(Registry.ESTIMATE_OUTPUTS, tuple(added(Registry.ESTIMATE_OUTPUTS)), estimate_outputs.plugin_fault),
     ]
