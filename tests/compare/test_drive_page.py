@@ -276,3 +276,24 @@ def test_a_browser_draws_the_pictures_zooms_them_together_and_shows_a_waveform(b
     tab.show(page, 390)
     assert tab.value("document.documentElement.scrollWidth") <= 390
     assert not tab.errors
+
+
+def test_paper_holds_every_column_and_the_times_of_what_happened(browser, made, tmp_path):
+    drive = with_silence(made, 60, 20, silent_s=35.0)
+    for position in ("FR", "RL", "RR"):
+        drive.wheels[position] = drive.wheels["FL"]
+    page = tmp_path / "drive.html"
+    page.write_text(drive_page([drive]), "utf-8")
+    tab = browser.tab()
+    tab.show(page, 1280)
+    tab.call("Emulation.setEmulatedMedia", media="print")
+    tab.call("Emulation.setDeviceMetricsOverride", width=700, height=900, deviceScaleFactor=1, mobile=False)
+    wide = "[...document.querySelectorAll('.scroll')].filter((one) => one.scrollWidth > one.clientWidth + 1).length"
+    assert tab.value(wide) == 0
+    cut = (
+        "[...document.querySelectorAll('canvas')].filter((c) => c.clientWidth > c.closest('figure').clientWidth).length"
+    )
+    assert tab.value(cut) == 0, "pictures that were drawn for a wide window"
+    assert "0:00:02 to 0:00:37" in tab.value("document.querySelector('.events').innerText")
+    shown = "[...document.querySelectorAll('.picture-title select')].filter((one) => one.checkVisibility()).length"
+    assert tab.value(shown) == 1, "pressure with temperature"

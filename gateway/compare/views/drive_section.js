@@ -161,6 +161,7 @@ const DriveSection = (() => {
         this.draw();
       });
       beside.value = second ? second.name : "";
+      beside.classList.toggle("empty", !second);
       const close = element("button", "", "×");
       close.type = "button";
       close.setAttribute("aria-label", `close the picture of ${quantity.label}`);
