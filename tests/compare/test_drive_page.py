@@ -16,6 +16,7 @@ from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.results import AlarmRecord
 from gateway.core.links.reasons import LinkCode
+from gateway.core.quantity_catalogue import declared
 from gateway.core.reasons import Notice, Reason
 from gateway.core.recording.mcap_layout import JSON_ENCODING, MARKS_TOPIC, ChannelInfo, RecordedMessage
 from gateway.core.session.alarms import AlarmName
@@ -297,3 +298,25 @@ def test_paper_holds_every_column_and_the_times_of_what_happened(browser, made, 
     assert "0:00:02 to 0:00:37" in tab.value("document.querySelector('.events').innerText")
     shown = "[...document.querySelectorAll('.picture-title select')].filter((one) => one.checkVisibility()).length"
     assert tab.value(shown) == 1, "pressure with temperature"
+
+
+def test_page_of_four_wheels_stays_below_three_megabytes_however_long_the_drive(made):
+    drive, random = Drive("a.mcap"), np.random.default_rng(1)
+    names = [quantity.name for quantity in declared()][:40]
+    positions = ("FL", "FR", "RL", "RR")
+    # So many revolutions that points are as many as ever, and a waveform is due at each.
+    for index in range(2 * MAX_POINTS - 1):
+        if index < MAX_WAVEFORMS:
+            drive.marks.append((10**18 + index * 61 * 10**9, "mark"))
+        values = random.normal(1.0, 0.01, size=(len(positions), len(names)))
+        for position, row in zip(positions, values, strict=True):
+            estimates = tuple(
+                Estimate(name, value, 0.0123456, Status.VALID) for name, value in zip(names, row.tolist(), strict=True)
+            )
+            result = made.result(position=position, index=index, estimates=estimates)
+            drive.add(replace(result, host_ns=10**18 + index * 61 * 10**9))
+    wheel = drive.wheels["FL"]
+    assert len(wheel.points) >= MAX_POINTS - 1
+    assert len(wheel.waveforms) + len(wheel.marked_waveforms) > 1.4 * MAX_WAVEFORMS
+    size = len(drive_page([drive]).encode())
+    assert 1e6 < size < 3e6
