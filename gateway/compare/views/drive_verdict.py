@@ -14,9 +14,9 @@ from gateway.core.text.text import clean, counted
 from gateway.core.text.wording import text
 
 _SILENT_S: Final = 2.0
-_SILENCE_STEP: Final = "check the sensor's battery, its distance from the hub, and the hub's antenna"
+_SILENCE_STEP: Final = "Check the sensor's battery, its distance from the hub, and the hub's antenna"
 _SILENCE_STEPS: Final[Mapping[Code, str]] = {
-    SessionCode.SAMPLES_SILENT: "its sensor sent other messages meanwhile: look for a command that stopped it, else "
+    SessionCode.SAMPLES_SILENT: "Its sensor sent other messages meanwhile: look for a command that stopped it, else "
     "have its firmware checked",
 }
 # From a kilometre on a distance is written in km.
@@ -79,7 +79,7 @@ def verdict(drive: Drive, start_ns: int, end_ns: int) -> Verdict:
     for wheel in dict.fromkeys(event.wheel for event in events if event.kind == "silence"):
         alarm = silences.get(wheel)
         step = _SILENCE_STEPS.get(alarm.reason.code, _SILENCE_STEP) if alarm is not None else _SILENCE_STEP
-        actions.append(Action(wheel, f"find why it was silent before it happens again: {step}"))
+        actions.append(Action(wheel, f"find why it was silent, before it happens again. {step}"))
     took = age((end_ns - start_ns) * 1e-9)
     sentences = [f"{counted(len(drive.wheels), 'wheel')}{_distance(list(drive.wheels.values()))} in {took}."]
     sentences += _silences(events)

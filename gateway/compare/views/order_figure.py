@@ -114,7 +114,7 @@ def _spectrum(axes: Axes, wheel: WheelOrders, palette: _Palette) -> None:
         axes.set_yscale("log")
         axes.set_ylim(top * 10.0**-_DECADES, 2.0 * top)
     axes.set(xlim=(0, _SHOWN_ORDERS), xlabel="order", ylabel="amplitude, m/s²", title=title)
-    axes.legend(fontsize=8.0)
+    axes.legend(fontsize=9.0)
 
 
 def _waterfall(axes: Axes, wheel: WheelOrders, _: _Palette) -> None:
@@ -177,7 +177,7 @@ def _by_speed(axes: Axes, wheel: WheelOrders, palette: _Palette) -> None:
         axes.set_yscale("log")
         # Room for the legend above the peaks.
         axes.set_ylim(top * 10.0**-_DECADES, 100.0 * top)
-        axes.legend(fontsize=8.0, loc="upper right")
+        axes.legend(fontsize=9.0, loc="upper right")
 
 
 def _average(axes: Axes, wheel: WheelOrders, palette: _Palette) -> None:
@@ -197,7 +197,7 @@ def _average(axes: Axes, wheel: WheelOrders, palette: _Palette) -> None:
         title=f"time synchronous average at {speed:.1f} km/h, gravity removed",
     )
     axes.set_xticks(range(-180, 181, 60))
-    axes.legend(fontsize=8.0)
+    axes.legend(fontsize=9.0)
 
 
 def _share(axes: Axes, wheel: WheelOrders, palette: _Palette) -> None:
