@@ -32,7 +32,7 @@ from gateway.core.recording.recorded_file import open_recorded_file  # noqa: E40
 from gateway.core.session.recording_pass import OpenedRecording  # noqa: E402
 from gateway.exporting.export_registry import FORMATS  # noqa: E402
 from gateway.exporting.recorded_signals import sample_blocks  # noqa: E402
-from gateway.exporting.recording_export import export_recording  # noqa: E402
+from gateway.exporting.recording_export import ExportRequest, export_recording  # noqa: E402
 
 WHEEL = "FL"
 COLUMN = "radial_mps2"
@@ -40,11 +40,11 @@ _CHILD = """
 import resource
 import sys
 from pathlib import Path
-from gateway.exporting.recording_export import export_recording
+from gateway.exporting.recording_export import ExportRequest, export_recording
 before = resource.getrusage(resource.RUSAGE_SELF)
 content = sys.argv[4]
-export_recording(Path(sys.argv[1]), Path(sys.argv[2]), contents=[content], format_name=sys.argv[3], wheels=["FL"],
-                 estimators=("kinematic", "weak-form"))
+request = ExportRequest([content], sys.argv[3], ("kinematic", "weak-form"), ["FL"])
+export_recording(Path(sys.argv[1]), Path(sys.argv[2]), request)
 after = resource.getrusage(resource.RUSAGE_SELF)
 print(after.ru_maxrss / 1024.0, after.ru_utime - before.ru_utime)
 """
@@ -162,9 +162,7 @@ def compare(recording: Path, folder: Path) -> Iterator[str]:
     for name in FORMATS:
         path = folder / f"exported{FORMATS[name].suffixes[0]}"
         wheels = [WHEEL] if name == "tydex" else []
-        export_recording(
-            recording, path, contents=["samples"], format_name=name, wheels=wheels, estimators=(), force=True
-        )
+        export_recording(recording, path, ExportRequest(["samples"], name, wheels=wheels), force=True)
         for of, reader, read in READERS:
             if of == name:
                 yield f"| {name} | {reader} | {len(truth)} | {agreement(read(path), truth)} |"

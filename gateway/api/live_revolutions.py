@@ -14,7 +14,7 @@ from gateway.core.clock import SystemClock
 from gateway.core.errors import RecordingError, SourceError, TreadlinkError
 from gateway.core.estimates.results import SessionSnapshot
 from gateway.core.session.program_arguments import Config, PathLike, chosen_vehicle, paths, several_names
-from gateway.core.session.session_opening import OpenedSession, open_session
+from gateway.core.session.session_opening import OpenedSession, SessionSettings, open_session
 from gateway.core.text.session_summary import summary_lines
 from gateway.core.text.wording import notice_text, text
 
@@ -54,14 +54,16 @@ def live(
     opened = open_session(
         sources,
         lambda provided: chosen_vehicle(config, provided, sources[0]),
+        SessionSettings(
+            config_path=path_of(config),
+            record=None if record is None else Path(record),
+            estimators=several_names(estimators),
+            key_file=None if keys is None else Path(keys),
+            effects_paths=paths(effects),
+            duration_s=duration_s,
+            latency_s=0.0,
+        ),
         clock=SystemClock(),
-        config_path=path_of(config),
-        record=None if record is None else Path(record),
-        estimators=several_names(estimators),
-        key_file=None if keys is None else Path(keys),
-        effects_paths=paths(effects),
-        duration_s=duration_s,
-        latency_s=0.0,
     )
     return LiveRevolutions(opened, sources)
 

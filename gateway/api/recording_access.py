@@ -350,7 +350,7 @@ class Recording(Mapping[str, "Wheel"]):
         """
         from gateway.core.text.output_file import check_outputs
         from gateway.exporting.export_registry import check_format, format_of
-        from gateway.exporting.recording_export import export_recording
+        from gateway.exporting.recording_export import ExportRequest, export_recording
 
         recording = self._recording
         if not self.path.is_file():
@@ -361,13 +361,11 @@ class Recording(Mapping[str, "Wheel"]):
         name = format_of(target, None)
         check_outputs([target], (self.path, recording.config_path), force=force)
         check_format(target, name, contents)
+        chosen = several_names(estimators) or self._settings.estimators or DEFAULT_ESTIMATORS
         export_recording(
             self.path,
             target,
-            contents=contents,
-            format_name=name,
-            wheels=tuple(wheels),
-            estimators=several_names(estimators) or self._settings.estimators or DEFAULT_ESTIMATORS,
+            ExportRequest(contents, name, chosen, tuple(wheels)),
             config_path=recording.config_path,
             effects_paths=self._settings.effects_paths,
             key_file=recording.key_file,

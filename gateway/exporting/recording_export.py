@@ -101,14 +101,28 @@ class ExportReport:
     doubts: tuple[Notice, ...] = ()
 
 
+@dataclass(frozen=True, slots=True)
+class ExportRequest:
+    """What is exported.
+
+    Attributes:
+        contents: names from CONTENTS; several only for a format that takes them.
+        format_name: name from FORMATS.
+        estimators: names from the registry, for estimates.
+        wheels: positions to export; all when empty.
+    """
+
+    contents: Sequence[str]
+    format_name: str
+    estimators: Sequence[str] = ()
+    wheels: Sequence[str] = ()
+
+
 def export_recording(
     path: Path,
     out: Path,
+    request: ExportRequest,
     *,
-    contents: Sequence[str],
-    format_name: str,
-    wheels: Sequence[str] = (),
-    estimators: Sequence[str],
     config_path: Path | None = None,
     effects_paths: Sequence[Path] = (),
     key_file: Path | None = None,
@@ -120,10 +134,7 @@ def export_recording(
     Args:
         path: recording or dump of a link.
         out: file; `-` is standard output.
-        contents: names from CONTENTS; several only for a format that takes them.
-        format_name: name from FORMATS.
-        wheels: positions to export; all when empty.
-        estimators: names from the registry, for estimates.
+        request: what is exported.
         config_path: vehicle configuration; None for the one in the recording.
         effects_paths: known effects to subtract from revolutions.
         key_file: sensor signing keys; None for the default file.
@@ -135,7 +146,7 @@ def export_recording(
             written, which then is as before.
     """
     file = open_recorded_file(path)
-    passes, size, done = 1 + len(contents), max(file.info.size_bytes, 1), 0
+    passes, size, done = 1 + len(request.contents), max(file.info.size_bytes, 1), 0
     recording = open_recording(
         file,
         config_path,
@@ -143,7 +154,7 @@ def export_recording(
         key_file=key_file,
         on_position=lambda position: on_progress((done + position / size) / passes),
     )
-    seen = first_pass(recording, wheels=wheels)
+    seen = first_pass(recording, wheels=request.wheels)
     done = 1
     damage = file.damage
     positions = [wheel.position for wheel in seen.wheels]
@@ -157,13 +168,15 @@ def export_recording(
         return blocks if seen.has_arrivals else map(on_hub_time, blocks)
 
     def results(with_estimators: bool) -> Iterator[RevolutionResult]:
-        revolution_results = revolutions(again(), tuple(estimators) if with_estimators else (), wheels=positions)
+        revolution_results = revolutions(
+            again(), tuple(request.estimators) if with_estimators else (), wheels=positions
+        )
         return revolution_results if seen.has_arrivals else map(_on_hub_time, revolution_results)
 
-    source = Source(samples, results, path.name, seen.start_ns, estimators)
+    source = Source(samples, results, path.name, seen.start_ns, request.estimators)
     stated = {wheel.position: conditions(wheel, seen, recording) for wheel in seen.wheels}
-    with ExportFile(out, format_name, force=force) as out_file:
-        measured_contents = [measured(what, source) for what in contents]
+    with ExportFile(out, request.format_name, force=force) as out_file:
+        measured_contents = [measured(what, source) for what in request.contents]
         tables: dict[tuple[str, str], WheelTable] = {
             (content.what, wheel): replace(content.table(wheel), conditions=stated[wheel])
             for content in measured_contents

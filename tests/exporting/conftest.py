@@ -5,7 +5,7 @@ from gateway.core.config.vehicle import recorded_vehicle
 from gateway.core.recording.recorded_file import open_recorded_file
 from gateway.core.session.recording_pass import OpenedRecording
 from gateway.exporting.recorded_signals import revolutions, sample_blocks
-from gateway.exporting.recording_export import export_recording
+from gateway.exporting.recording_export import ExportRequest, export_recording
 from tests.testkit.campaign_recordings import write_recording
 
 ESTIMATORS = ("kinematic", "weak-form")
@@ -54,10 +54,9 @@ def results(recorded, vehicle):
 def export(recorded, tmp_path):
     """Function that exports the recording and returns the path of the file."""
 
-    def exported(format_name, *contents, name="out", recording=recorded, **options):
+    def exported(format_name, *contents, name="out", recording=recorded, wheels=(), estimators=ESTIMATORS, **options):
         path = tmp_path / name
-        options = {"estimators": ESTIMATORS, **options}
-        export_recording(recording, path, contents=contents, format_name=format_name, **options)
+        export_recording(recording, path, ExportRequest(contents, format_name, estimators, wheels), **options)
         return path
 
     return exported

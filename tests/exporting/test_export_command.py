@@ -22,7 +22,7 @@ from gateway.exporting.column_file import ColumnFile
 from gateway.exporting.export_registry import FORMATS, check_format, format_of
 from gateway.exporting.export_table import Condition, WheelTable
 from gateway.exporting.formats import mat_file, mcap_file, mdf_file, parquet_file
-from gateway.exporting.recording_export import ExportFile, export_recording
+from gateway.exporting.recording_export import ExportFile, ExportRequest, export_recording
 from tests.testkit.campaign_recordings import write_recording
 from tests.testkit.commands import invoked
 
@@ -220,7 +220,7 @@ def test_recording_without_revolutions_has_no_orders(tmp_path):
         tmp_path / "s.mcap", "[motion]\nspeed_kmh = 0.0\n[sensor]\nrate_hz = 3200.0", duration_s=1.0
     )
     with pytest.raises(OutputError, match="has no orders to export"):
-        export_recording(standing, tmp_path / "o.npz", contents=["orders"], format_name="npz", estimators=())
+        export_recording(standing, tmp_path / "o.npz", ExportRequest(["orders"], "npz"))
     assert {path.name for path in tmp_path.iterdir()} == {"s.mcap"}
 
 
@@ -231,7 +231,7 @@ def test_control_characters_of_a_vehicle_reach_no_file(tmp_path):
     )  # fmt: skip
     for name in ("csv", "tydex"):
         out = tmp_path / name
-        export_recording(recording, out, contents=["average"], format_name=name, estimators=())
+        export_recording(recording, out, ExportRequest(["average"], name))
         data = out.read_bytes()
         assert b"\x1b" not in data
         assert rb"a\x1b[2J<b>\x07" in data
@@ -243,8 +243,7 @@ def test_dump_without_arrival_times_has_those_of_the_hub(recorded, tmp_path):
     dump.write_bytes(b"".join(item.data for item in items if isinstance(item, Chunk)))
     for content in ("samples", "estimates"):
         out = tmp_path / content
-        wheels = ["hub0.wheel0"]
-        export_recording(dump, out, contents=[content], format_name="npz", wheels=wheels, estimators=("kinematic",))
+        export_recording(dump, out, ExportRequest([content], "npz", ("kinematic",), ["hub0.wheel0"]))
     with np.load(tmp_path / "samples") as samples, np.load(tmp_path / "estimates") as estimates:
         device_s = samples["hub0.wheel0/device_s"]
         np.testing.assert_allclose(samples["hub0.wheel0/time_s"], device_s, atol=1e-9)
@@ -256,9 +255,7 @@ def test_dump_without_arrival_times_has_those_of_the_hub(recorded, tmp_path):
 
 def test_progress_rises_to_the_end(recorded, tmp_path):
     shares = []
-    export_recording(
-        recorded, tmp_path / "o", contents=["samples"], format_name="npz", estimators=(), on_progress=shares.append
-    )
+    export_recording(recorded, tmp_path / "o", ExportRequest(["samples"], "npz"), on_progress=shares.append)
     assert shares == sorted(shares)
     assert 0.4 < shares[len(shares) // 2] < 0.6
     assert shares[-1] == pytest.approx(1.0, abs=0.05)

@@ -25,7 +25,7 @@ from gateway.core.recording.split_writer import Split, SplitWriter
 from gateway.core.session.live import LiveSession
 from gateway.core.session.missing_results import missing_frames, missing_revolutions
 from gateway.core.session.publication import LiveOutputs
-from gateway.core.session.session_opening import OpenedSession, open_session
+from gateway.core.session.session_opening import OpenedSession, SessionSettings, open_session
 from gateway.core.session.session_parts import default_key_file, open_outputs, output_files
 from gateway.core.text.output_file import check_outputs, is_stdout
 from gateway.core.text.plain import PlainView
@@ -114,13 +114,9 @@ def start_session(
         opened = open_session(
             uris,
             lambda provided: choose_vehicle(options["config_path"], provided, uris[0]),
+            SessionSettings(record=record, split=split, run=run, latency_s=latency_s, **options),
             clock=clock,
-            record=record,
-            split=split,
             publish=opened_outputs,
-            run=run,
-            latency_s=latency_s,
-            **options,
         )
     except BaseException:
         for publisher in publishers:

@@ -25,7 +25,7 @@ from gateway.core.session.latency import Latency
 from gateway.core.session.live import LiveSession
 from gateway.core.session.publication import Publication
 from gateway.core.session.recording_stage import disk_watch_of
-from gateway.core.session.session_parts import commanded_links, open_guard, open_vehicle_signals
+from gateway.core.session.session_parts import VehicleSignals, commanded_links, open_guard, open_vehicle_signals
 from gateway.core.session.supervisor import Supervisor
 from gateway.core.text.session_summary import ResultSummary
 
@@ -121,28 +121,11 @@ class OpenedSession:
         return self.recorder is not None and _remove_empty(self.recorder)
 
 
-def open_session(
-    uris: Sequence[str],
-    choose: Callable[[Sequence[str | None]], VehicleConfig | None],
-    *,
-    clock: Clock,
-    config_path: Path | None = None,
-    record: Path | None = None,
-    split: Split | None = None,
-    estimators: Sequence[str] = (),
-    key_file: Path | None = None,
-    effects_paths: Sequence[Path] = (),
-    duration_s: float | None = None,
-    publish: Callable[[Sequence[str]], Publication | None] = lambda _: None,
-    run: RunDescription = NO_DESCRIPTION,
-    latency_s: float = LATENCY_S,
-) -> OpenedSession:
-    """Open sources, configuration and recording, and start the session.
+@dataclass(frozen=True, slots=True)
+class SessionSettings:
+    """What a user states of a session.
 
-    Args:
-        uris: of the sources.
-        choose: returns the vehicle, given the configurations (TOML) that the sources provide.
-        clock: of the session.
+    Attributes:
         config_path: configuration file, beside which its DBC file is searched.
         record: new recording, or a folder for it.
         split: where the recording goes on in a new file; None for one file.
@@ -150,44 +133,64 @@ def open_session(
         key_file: keys of signed frames; None for the user's.
         effects_paths: files of known effects.
         duration_s: limit of the time of the data, and of waiting for a silent hub.
-        publish: opens the live outputs, given the configured positions; the last step that can fail.
         run: description of the test run, which replaces that of the configuration.
         latency_s: longest time that a result may wait.
+    """
+
+    config_path: Path | None = None
+    record: Path | None = None
+    split: Split | None = None
+    estimators: Sequence[str] = ()
+    key_file: Path | None = None
+    effects_paths: Sequence[Path] = ()
+    duration_s: float | None = None
+    run: RunDescription = NO_DESCRIPTION
+    latency_s: float = LATENCY_S
+
+
+def open_session(
+    uris: Sequence[str],
+    choose: Callable[[Sequence[str | None]], VehicleConfig | None],
+    settings: SessionSettings,
+    *,
+    clock: Clock,
+    publish: Callable[[Sequence[str]], Publication | None] = lambda _: None,
+) -> OpenedSession:
+    """Open sources, configuration and recording, and start the session.
+
+    Args:
+        uris: of the sources.
+        choose: returns the vehicle, given the configurations (TOML) that the sources provide.
+        settings: what the user states.
+        clock: of the session.
+        publish: opens the live outputs, given the configured positions; the last step that can fail.
 
     Raises:
         TreadlinkError: a source, the configuration, the recording or a live output cannot be opened.
     """
     sources: list[Source] = []
+    record, duration_s = settings.record, settings.duration_s
     recorder: RecordingWriter | SplitWriter | None = None
     supervisor = Supervisor()
     try:
-        sources += [open_source(uri, clock) for uri in uris]
-        for source in sources:
-            if isinstance(source, ReconnectingSource):
-                source.gather_s = Latency(latency_s).read_s
+        sources += [_opened_source(uri, clock, settings.latency_s) for uri in uris]
         replays = tuple(source for source in sources if isinstance(source, ReplaySource))
-        vehicle = with_given_wear(choose([source.vehicle_toml for source in sources]), run)
-        stated = stated_run(vehicle, run)
-        effects = open_effects(effects_paths, vehicle)
+        vehicle = with_given_wear(choose([source.vehicle_toml for source in sources]), settings.run)
+        stated = stated_run(vehicle, settings.run)
+        effects = open_effects(settings.effects_paths, vehicle)
         # Files and simulations repeat frames, so they neither check nor advance the counters against replay.
-        guard = open_guard(vehicle, key_file, remembers=all(map(is_live, uris)))
-        texts = [getattr(source, "dbc_text", None) for source in sources]
+        guard = open_guard(vehicle, settings.key_file, remembers=all(map(is_live, uris)))
         is_replay = [parse_source_uri(uri).scheme == "replay" for uri in uris]
-        stated_texts = [text for text, recorded in zip(texts, is_replay, strict=True) if not recorded]
-        signals = open_vehicle_signals(
-            vehicle, config_path, stated=stated_texts, recorded=[text for text in texts if text not in stated_texts]
-        )
-        dbc_text = signals.dbc_text or next(filter(None, texts), None)
-        links = commanded_links(sources, clock, key_file, guard)
+        signals, dbc_text = _opened_signals(vehicle, settings.config_path, sources, is_replay)
+        links = commanded_links(sources, clock, settings.key_file, guard)
         sources = list(links.sources)
         open_recorder = partial(_open_recorder, clock=clock, vehicle=vehicle, uris=uris, dbc_text=dbc_text, run=stated)
-        recorder = open_recorder(record, split) if record is not None else None
+        recorder = open_recorder(record, settings.split) if record is not None else None
 
         def begun(described: RunDescription) -> RecordingWriter | SplitWriter:
             check_tires(vehicle, described)
-            return open_recorder(folder, None, run=described)
+            return open_recorder(_folder_of(record), None, run=described)
 
-        folder = Path() if record is None else record.parent if record.suffix == ".mcap" else record
         summary = ResultSummary()
         live = LiveSession(
             sources if duration_s is None else [limited(source, duration_s) for source in sources],
@@ -197,14 +200,14 @@ def open_session(
             summary=summary,
             recorder=recorder,
             disk=None if recorder is None else disk_watch_of(recorder),
-            estimators=estimators or DEFAULT_ESTIMATORS,
+            estimators=settings.estimators or DEFAULT_ESTIMATORS,
             guard=guard,
             effects=effects,
             publication=publish([wheel.position for wheel in vehicle.wheel] if vehicle is not None else []),
             signals=signals,
             open_recorder=None if all(is_replay) else begun,
             run=stated,
-            latency_s=latency_s,
+            latency_s=settings.latency_s,
             control=links.serve(),
             supervisor=supervisor,
         )
@@ -219,6 +222,29 @@ def open_session(
             _remove_empty(recorder)
         raise
     return OpenedSession(live, summary, recorder, duration_s if any(map(is_live, uris)) else None, replays)
+
+
+def _opened_source(uri: str, clock: Clock, latency_s: float) -> Source:
+    source = open_source(uri, clock)
+    if isinstance(source, ReconnectingSource):
+        source.gather_s = Latency(latency_s).read_s
+    return source
+
+
+def _opened_signals(
+    vehicle: VehicleConfig | None, config_path: Path | None, sources: Sequence[Source], is_replay: Sequence[bool]
+) -> tuple[VehicleSignals, str | None]:
+    """Return the decoder of the vehicle's bus, and the DBC file that the recording stores."""
+    texts = [getattr(source, "dbc_text", None) for source in sources]
+    stated = [text for text, recorded in zip(texts, is_replay, strict=True) if not recorded]
+    recorded_texts = [text for text in texts if text not in stated]
+    signals = open_vehicle_signals(vehicle, config_path, stated=stated, recorded=recorded_texts)
+    return signals, signals.dbc_text or next(filter(None, texts), None)
+
+
+def _folder_of(record: Path | None) -> Path:
+    """Return the folder for further recordings of a session."""
+    return Path() if record is None else record.parent if record.suffix == ".mcap" else record
 
 
 def _open_recorder(

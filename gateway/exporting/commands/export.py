@@ -76,7 +76,7 @@ def export(
     from gateway.core.text.text import clean, file_size
     from gateway.core.text.wording import notice_text, text
     from gateway.exporting.export_registry import check_format, format_of
-    from gateway.exporting.recording_export import export_recording
+    from gateway.exporting.recording_export import ExportRequest, export_recording
     from gateway.security.key_file import default_key_file
 
     name = format_of(out, format_name)
@@ -89,10 +89,7 @@ def export(
         report = export_recording(
             recording,
             out,
-            contents=chosen,
-            format_name=name,
-            wheels=tuple(dict.fromkeys(wheels)),
-            estimators=estimators or DEFAULT_ESTIMATORS,
+            ExportRequest(chosen, name, estimators or DEFAULT_ESTIMATORS, tuple(dict.fromkeys(wheels))),
             config_path=config_path,
             effects_paths=effects_paths,
             key_file=key_file,

@@ -23,7 +23,7 @@ from gateway.core.links.ble_source import BleSource, scan_devices
 from gateway.core.links.reasons import LinkCode
 from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind, Source, open_source
 from gateway.core.recording.reader import RecordingReader
-from gateway.core.session.session_opening import open_session
+from gateway.core.session.session_opening import SessionSettings, open_session
 from gateway.core.text.wording import text
 from tests.testkit.bluetooth.bluez_thread import BluezStandIn
 from tests.testkit.bluetooth.peripheral import CHARACTERISTIC, Peripheral
@@ -88,7 +88,9 @@ def test_session_records_a_flood_whole_and_says_what_was_dropped(
 ) -> None:
     monkeypatch.setattr(ble_link, "_PENDING_BYTES", 20_000)
     count, path = 4000, tmp_path / "r.mcap"
-    opened = open_session(["ble://Treadlink-FL?scan=0.2"], lambda _: None, clock=SystemClock(), record=path)
+    opened = open_session(
+        ["ble://Treadlink-FL?scan=0.2"], lambda _: None, SessionSettings(record=path), clock=SystemClock()
+    )
     try:
         until(lambda: hub.notifying)
         bluez.run(bluez.service.notify(hub, frames(count)))

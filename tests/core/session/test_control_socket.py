@@ -18,7 +18,7 @@ from gateway.core.clock import SystemClock
 from gateway.core.errors import TreadlinkError
 from gateway.core.links.source import Chunk, open_source
 from gateway.core.recording.reader import RecordingReader
-from gateway.core.session.session_opening import open_session
+from gateway.core.session.session_opening import SessionSettings, open_session
 from gateway.core.text.wording import notice_text
 from gateway.security.control_socket import ControlSocket, SessionSource, SharedLink, session_of, shared_links
 from gateway.security.hub_commands import execute
@@ -74,7 +74,7 @@ class SerialHub:
 def test_command_reaches_the_hub_through_its_session(tmp_path: Path) -> None:
     hub = SerialHub(tmp_path / "ttyHUB")
     clock, out = SystemClock(), tmp_path / "r.mcap"
-    opened = open_session([f"serial:{hub.port.path}"], lambda _: None, clock=clock, record=out)
+    opened = open_session([f"serial:{hub.port.path}"], lambda _: None, SessionSettings(record=out), clock=clock)
     try:
         until(lambda: len(hub.commands) >= 2)
         before = len(hub.commands)
@@ -135,7 +135,7 @@ def test_second_session_of_a_hub_is_told(monkeypatch: pytest.MonkeyPatch, tcp_hu
     with monkeypatch.context() as patch:
         patch.setattr(os, "getpid", lambda: 4242)
         control = ControlSocket(shared_links([stream]))
-    opened = open_session([f"tcp://127.0.0.1:{tcp_hub.port}"], lambda _: None, clock=SystemClock())
+    opened = open_session([f"tcp://127.0.0.1:{tcp_hub.port}"], lambda _: None, SessionSettings(), clock=SystemClock())
     try:
         until(lambda: opened.live.snapshot().notices)
         texts = [notice_text(notice) for notice in opened.live.snapshot().notices]
