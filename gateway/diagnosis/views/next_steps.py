@@ -21,7 +21,7 @@ from gateway.diagnosis.views.phrases import (
     undetermined,
     why_undetermined,
 )
-from gateway.diagnosis.views.quantities import span_text
+from gateway.diagnosis.views.quantities import parameter_label, span_text
 
 _OF_KIND: Final = {
     Kind.SENSOR: "state it in the vehicle file or repair the sensor, and diagnose again",
@@ -88,6 +88,10 @@ def _steps(diagnosis: Diagnosis) -> Iterator[tuple[str, str]]:
         names = [effect.name for effect in diagnosis.named if effect_kind(effect.name) is kind]
         if names and not diagnosis.taken_from:
             yield effects_listed(names), step
+    if any(note.code is DiagnosisCode.SEARCH_ENDED_EARLY for note in notes):
+        # What is left and not determined may be explained by a search that is complete.
+        yield _OF_NOTES[DiagnosisCode.SEARCH_ENDED_EARLY]
+        return
     for finding in undecided_sets(diagnosis):
         decide = reason_text(finding.decide_with) or "record at another speed, load or pressure"
         yield effects_listed((finding.name, *finding.rivals), "or"), decide
@@ -98,7 +102,7 @@ def _steps(diagnosis: Diagnosis) -> Iterator[tuple[str, str]]:
     for residual in diagnosis.unexplained[:_MOST_RESIDUALS]:
         yield f"{clean(residual.axis)}, {place_text(residual)}", _of_residual(residual, _half_angle_rad(diagnosis))
     if names := undetermined(diagnosis):
-        yield f"not determined: {listed(names)}", why_undetermined(diagnosis, names)
+        yield f"not determined: {listed([parameter_label(name) for name in names])}", why_undetermined(diagnosis, names)
     for note in notes:
         if note.code in _OF_NOTES:
             yield _OF_NOTES[note.code]
