@@ -13,6 +13,7 @@ roll tilt from the means of the lateral axis (`gateway.core.revolutions.sensor_m
 """
 
 import math
+from collections import deque
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Final, NamedTuple
@@ -53,7 +54,7 @@ from gateway.core.revolutions.sensor_mounting import (
 )
 from gateway.core.revolutions.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS
 from gateway.core.trust.reasons import TrustCode
-from gateway.core.trust.refuted_sums import Equations, are_silent, contradicted, is_at_odds, is_refuted, speed_errors
+from gateway.core.trust.refuted_sums import Equations, are_at_odds, are_silent, contradicted, is_refuted, speed_errors
 from gateway.core.types import BoolArray, ComplexArray, FloatArray
 
 NAMES: Final = (
@@ -100,6 +101,7 @@ _BEYOND_LATEST: Final = 2.0
 # Latest revolutions that may refute what all of them say of gain and zero-g offset; more where these have hardly
 # changed their speed.
 _REFUTING: Final = (128, 1024)
+_GROUPS: Final = 3
 # Share of its prior error below which the zero-g offset counts as determined, and of a stated error below which a
 # measured value stands against a statement that contradicts it.
 _SEPARATED: Final = 0.3
@@ -293,6 +295,8 @@ class SelfCalibrationEstimator(BlockEstimator):
         # All sums, of the latest revolutions, and the number of these.
         self._refuting: FloatArray = np.zeros(_SUMS)
         self._refuting_count = 0
+        # Sums of the means of the latest groups of so many revolutions whose speeds separated the zero-g offset.
+        self._groups: deque[Equations] = deque(maxlen=_GROUPS)
         # Sums of the axes, and of 1, the square of the speed and the reaction to angular acceleration; what the
         # relations of the axes said at the last renewal.
         self._axes: FloatArray = np.zeros((0, 0))
@@ -418,12 +422,16 @@ class SelfCalibrationEstimator(BlockEstimator):
             contradicted(mean, Equations(*sums[_GRAVITY].tolist()), steady_std, claims.gain_std, claims.zero_g_std_mps2)
             for mean, sums in zip(means, (self._last.sums, self._refuting), strict=True)
         )
-        if is_refuted(every, latest, at_odds=is_at_odds(*means)):
+        at_odds = are_at_odds(self._groups, means[1], claims.zero_g_std_mps2)
+        if is_refuted(every, latest, at_odds=at_odds):
+            self._groups.clear()
             sums = self._last.sums.copy()
             sums[_MEAN.start :] = self._refuting[_MEAN.start :]
             self._last = self._last._replace(sums=sums)
         elif are_silent(every, latest) and self._refuting_count < _REFUTING[1]:
             return
+        elif latest[1].is_certain:
+            self._groups.append(means[1])
         self._refuting, self._refuting_count = np.zeros(_SUMS), 0
 
     def _relate(self, block: RevolutionBlock, index: int, edges_rad: tuple[float, float]) -> None:
@@ -489,6 +497,7 @@ class SelfCalibrationEstimator(BlockEstimator):
             self._hub, self._axes, self._axes_with = np.zeros(HUB_SIZE), np.zeros((0, 0)), np.zeros(3)
             self._latest = np.zeros(MOUNTING_SIZE)
             self._refuting, self._refuting_count = np.zeros(_SUMS), 0
+            self._groups.clear()
             self._relations = AxisRelations()
             self._by_yaw_m, self._yaw = 0.0, _UNKNOWN_YAW
             self._ratio = self._offset_ratio(block.conditions[index])
