@@ -534,9 +534,11 @@ class SelfCalibrationEstimator(BlockEstimator):
         if self._is_absent:
             along[:] = False
         self._has_along |= bool(along.any())
-        # The circumferential axis reads the acceleration of wheel and car.
-        is_timed = np.array([not block.revolutions[index].assumed_steady for index in taken])
-        have_along = (along & is_timed).tolist()
+        # The circumferential axis reads the acceleration of wheel and car; what fills a gap says nothing of the sensor.
+        may_tell = [
+            is_evidence(block.revolutions[index]) and not block.revolutions[index].assumed_steady for index in taken
+        ]
+        have_along = (along & np.array(may_tell)).tolist()
         if any(have_along):
             order_max = np.array([block.revolutions[index].order_max for index in taken])
             with_mean = not first.ac_coupled

@@ -66,16 +66,18 @@ def spoilt(speed: Speed, spoil: Callable[[Samples], Samples], spoilt_s: float) -
     return samples
 
 
-def flags(samples: Samples) -> list[set[str]]:
-    """Return the alarms of a wheel after each second."""
+def flags(samples: Samples, lost: Callable[[int], bool] = lambda block: False) -> list[set[str]]:
+    """Return the alarms of a wheel after each second, without the blocks of samples that are lost."""
     counts = np.round(samples / SCALE_MPS2).astype(np.int16)
     wheel, host = WheelPipeline(SETUP, ("kinematic",)), HostClock()
     wheel.hello(hello(RATE_HZ, axes=0b111, range_mps2=(6000.0,) * 3, scale_mps2=(SCALE_MPS2,) * 3))
     seen = []
     second = round(RATE_HZ) // BLOCK
     for first in range(0, len(counts) // BLOCK - second + 1, second):
-        ticks = [round(index * BLOCK * 1e6 / RATE_HZ) for index in range(first, first + second)]
-        wheel.samples(first * BLOCK, ticks, 0b111, counts[first * BLOCK : (first + second) * BLOCK], host)
+        for block in range(first, first + second):
+            if not lost(block):
+                tick_us = round(block * BLOCK * 1e6 / RATE_HZ)
+                wheel.samples(block * BLOCK, [tick_us], 0b111, counts[block * BLOCK : (block + 1) * BLOCK], host)
         seen.append({flag.name for flag in wheel.snapshot().flags})
     return seen
 
@@ -113,6 +115,15 @@ def test_depth_that_was_wrong_at_first_is_no_alarm_for_long() -> None:
     seen = flags(samples)
     assert any("sensor offset" in names for names in seen[: round(SPOILT_S)])
     assert not any(seen[round(SPOILT_S) + 50 :])
+
+
+def test_depth_that_only_revolutions_with_gaps_show_is_no_alarm() -> None:
+    """A block of seven is lost: one in each revolution."""
+    begin, end = round(2.0 * RATE_HZ), round(SPOILT_S * RATE_HZ)
+    samples = rolled(city(TIME_S[:end]), RATE_HZ)
+    samples[begin:] = rolled(city(TIME_S[begin:end]), RATE_HZ, depth_m=0.009)
+    assert any("sensor offset" in names for names in flags(samples))
+    assert not any(flags(samples, lambda block: block * BLOCK > 0.5 * begin and block % 7 == 0))
 
 
 def test_nothing_is_said_of_a_sound_sensor() -> None:
