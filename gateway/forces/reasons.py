@@ -17,7 +17,9 @@ class ForceCode(Codes):
     BEYOND_FRICTION = Code(
         "no friction carries {force:.1f} times the load as force and {torque:.1f} times load and radius as torque"
     )
-    FRICTION_OF_LONGITUDINAL_ONLY = Code("of the longitudinal force only: the side force is not known")
+    FRICTION_OF_LONGITUDINAL_ONLY = Code(
+        "of the longitudinal force only: the side force needs the tire's side force calibration"
+    )
     NEEDS_SIDE_FORCE_CALIBRATION = Code(
         "needs the tire's side force calibration ([tire.side_force_calibration] in the vehicle file;"
         " run: treadlink calibrate side-force)"

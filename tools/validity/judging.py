@@ -268,6 +268,9 @@ def truths(run: Run, statement: Statement, result: RevolutionResult) -> dict[str
     for turned in (size for name, size in statement.spoils if name == "left-handed"):
         for name in _OF_LATERAL_SIGN if turned > 1.0 else ("pitch_tilt_rad",):
             true_values[name] *= -1.0
+    if "glue-lifts" in dict(statement.spoils):
+        # The sensor has another pitch in the contact than elsewhere.
+        true_values["pitch_tilt_rad"] = math.nan
     if abs(truth.plan.sensor.rate_error_ppm) > _CLOCKED_PPM:
         # Samples between two stamps of the hub are taken for later or earlier, so its centre is not known.
         true_values |= dict.fromkeys(("leading_edge_rad", "trailing_edge_rad"), math.nan)

@@ -301,7 +301,9 @@ class Axle(Section):
 
     wheels: tuple[str, ...] = Field(strict=False, min_length=1, description="positions of its wheels, at least one")
     weight_kg: float = Field(ge=20, le=40_000, description="weight on the axle in kg")
-    weight_std_kg: float = within(0.0, 0, 5000, "standard error of the scale in kg")
+    weight_std_kg: float | None = within(
+        None, 0, 5000, "standard error of the weight in kg; default: 10 % of each wheel's load, as of one not weighed"
+    )
     split_std_percent: float = within(5.0, 0, 50, "standard error of the equal split between the wheels, in percent")
 
     @property
@@ -311,7 +313,9 @@ class Axle(Section):
 
     @property
     def wheel_load_std_n(self) -> float:
-        """Standard error of that load in N: scale and equal split combined."""
+        """Standard error of that load in N: weight and equal split combined; that of any load where none is stated."""
+        if self.weight_std_kg is None:
+            return self.wheel_load_n * max(LOAD_STD, self.split_std_percent * 1e-2)
         scale_n = self.weight_std_kg * STANDARD_GRAVITY_MPS2 / len(self.wheels)
         return math.hypot(scale_n, self.wheel_load_n * self.split_std_percent * 1e-2)
 
@@ -546,12 +550,20 @@ class VehicleConfig(Section):
 
     def assumed_errors(self) -> Iterator[tuple[str, str, tuple[str, ...]]]:
         """Yield what is stated without a standard error: the quantity, its default with its unit, and the wheels."""
-        weighed = {position for axle in self.axle for position in axle.wheels}
+        on_axles = {position: axle for axle in self.axle for position in axle.wheels}
         tires = {wheel.position: self.tire_of(wheel) for wheel in self.wheel}
-        loads = [wheel for wheel in self.wheel if wheel.load_n is not None and wheel.position not in weighed]
+        loads = [
+            wheel.position
+            for wheel in self.wheel
+            if (
+                on_axles[wheel.position].weight_std_kg is None
+                if wheel.position in on_axles
+                else wheel.load_n is not None and wheel.load_std_n is None
+            )
+        ]
         for what, default, wheels in (
             ("belt radius", RADIUS_STD, [position for position, tire in tires.items() if tire.radius_std_mm is None]),
-            ("load", LOAD_STD, [wheel.position for wheel in loads if wheel.load_std_n is None]),
+            ("load", LOAD_STD, loads),
             ("pressure", PRESSURE_STD, [where for where, tire in tires.items() if tire.pressure_std_kpa is None]),
         ):
             if wheels:

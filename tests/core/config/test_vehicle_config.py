@@ -39,7 +39,7 @@ def test_setups_use_si_overrides_and_axle_weights() -> None:
     assert front_left.pressure_pa == pytest.approx(2.1e5)
     assert front_left.pressure_std_pa == pytest.approx(2e3)
     assert front_left.load_n == pytest.approx(450 * STANDARD_GRAVITY_MPS2)
-    assert front_left.load_std_n == pytest.approx(0.05 * 450 * STANDARD_GRAVITY_MPS2)
+    assert front_left.load_std_n == pytest.approx(0.1 * 450 * STANDARD_GRAVITY_MPS2)
     assert front_right.radius_m == pytest.approx(0.30)
     assert front_right.temperature_degc == 35.0
     assert front_right.pressure_pa == pytest.approx(2.1e5)
@@ -58,6 +58,17 @@ def test_setups_use_si_overrides_and_axle_weights() -> None:
 def test_axle_error_combines_scale_and_split() -> None:
     axle = Axle(wheels=("A", "B"), weight_kg=1000.0, weight_std_kg=30.0, split_std_percent=4.0)
     assert axle.wheel_load_std_n == pytest.approx(math.hypot(15.0, 20.0) * STANDARD_GRAVITY_MPS2)
+
+
+def test_a_weight_without_its_error_is_known_no_better_than_any_load() -> None:
+    unstated = Axle(wheels=("A", "B"), weight_kg=1000.0)
+    assert unstated.wheel_load_std_n == pytest.approx(0.1 * 500.0 * STANDARD_GRAVITY_MPS2)
+    uneven = Axle(wheels=("A", "B"), weight_kg=1000.0, split_std_percent=20.0)
+    assert uneven.wheel_load_std_n == pytest.approx(0.2 * 500.0 * STANDARD_GRAVITY_MPS2)
+    weighed = Axle(wheels=("A", "B"), weight_kg=1000.0, weight_std_kg=0.0)
+    assert weighed.wheel_load_std_n == pytest.approx(0.05 * 500.0 * STANDARD_GRAVITY_MPS2)
+    lines = {what: wheels for what, _, wheels in parse_vehicle(EXAMPLE, "car.toml").assumed_errors()}
+    assert lines["load"] == ("FL", "FR")
 
 
 def test_every_fault_is_listed_at_once() -> None:
