@@ -7,7 +7,7 @@ from typing import Final
 from gateway.console.styled_rows import Role, Row, Run, fit
 from gateway.console.wheel_panel import reading_of, silence_text
 from gateway.core.estimates.results import WheelSnapshot, WheelState
-from gateway.core.text.numbers import MISSING, STATUS_MARKS, Shown, fixed, kpa, round_to_error
+from gateway.core.text.numbers import MISSING, STATUS_MARKS, Shown, fixed, round_to_error, shown_value, unit_symbol
 from gateway.core.text.readout import Reading
 from gateway.core.text.text import clean, crop_middle, pad, pad_left, width
 
@@ -38,10 +38,11 @@ def overview(wheels: Sequence[WheelSnapshot], selected: int, alarmed: frozenset[
     labels = next((_labels(r) for r in read if r and not r.ratios_only), None)
     labels = labels or next((_labels(r) for r in read if r), ())
     widths = list(_NUMBER_WIDTHS_WIDE if wide else _NUMBER_WIDTHS)
+    load = f" {unit_symbol('load_n'):>7}" if wide else ""
     header = (
-        f"   {pad('wheel', name_width)} {'state':<{10 if wide else 7}} {'km/h':>6} {'begins°':>7} {'ends°':>6} "
-        f"{'kPa':>6} {'°C':>5}{'       N' if wide else ''}  "
-        + " ".join(f"{label:>{size}}" for label, size in zip(labels, widths, strict=False))
+        f"   {pad('wheel', name_width)} {'state':<{10 if wide else 7}} {unit_symbol('speed_mps'):>6} "
+        f"{'begins°':>7} {'ends°':>6} {unit_symbol('pressure_pa'):>6} {unit_symbol('temperature_degc'):>5}"
+        f"{load}  " + " ".join(f"{label:>{size}}" for label, size in zip(labels, widths, strict=False))
     )
     rows: list[Row] = [fit(((header, Role.LABEL),), cells)]
     for i, (wheel, reading) in enumerate(zip(wheels, read, strict=True)):
@@ -70,11 +71,11 @@ def _values(
     speed = _marked(reading.speed) if reading is not None and rolling else MISSING
     begin = _marked(reading.leading) if reading is not None else MISSING
     end = _marked(reading.trailing) if reading is not None else MISSING
-    load = f" {_of_source(wheel, 'load_n', fixed(wheel.load_n, 0)):>7}" if wide else ""
+    load = f" {_of_source(wheel, 'load_n', wheel.load_n, 0):>7}" if wide else ""
     # The columns have no room for the age of old values; the details of the wheel show it.
     is_current = wheel.has_current_environment
-    pressure = _of_source(wheel, "pressure_pa", kpa(wheel.pressure_pa)) if is_current else MISSING
-    temperature = fixed(wheel.temperature_degc, 1) if is_current else MISSING
+    pressure = _of_source(wheel, "pressure_pa", wheel.pressure_pa, 1) if is_current else MISSING
+    temperature = shown_value("temperature_degc", wheel.temperature_degc, 1) if is_current else MISSING
     row: list[Run] = [
         (f" {state} ", Role.GOOD if rolling else Role.WARNING),
         (f"{speed:>6} ", Role.VALUE),
@@ -92,9 +93,9 @@ def _marked(shown: Shown) -> str:
     return fixed(shown.value, 2) + shown.mark * math.isfinite(shown.value)
 
 
-def _of_source(wheel: WheelSnapshot, name: str, number: str) -> str:
+def _of_source(wheel: WheelSnapshot, name: str, value: float | None, decimals: int) -> str:
     """Return a number, with a mark where it is stated and not measured."""
-    return number + _STATED * (name in wheel.stated)
+    return shown_value(name, value, decimals) + _STATED * (name in wheel.stated)
 
 
 def _short(shown: Shown) -> str:

@@ -18,6 +18,7 @@ from gateway.console.styled_rows import Role, Row
 from gateway.console.waveform import Zoom
 from gateway.core.errors import TreadlinkError
 from gateway.core.estimates.results import SessionSnapshot
+from gateway.core.shown_units import ShownUnits, shown_in
 from gateway.core.text.session_control import ShownSession
 
 DRAW_INTERVAL_S: Final = 0.1
@@ -112,6 +113,7 @@ class ConsoleApp(App[None]):
         Binding("m", "mark"),
         Binding("a", "acknowledge"),
         Binding("r", "record"),
+        Binding("u", "units"),
         Binding("z", "zoom"),
         Binding("t", "trend"),
         Binding("comma", "quantity(-1)"),
@@ -169,7 +171,9 @@ class ConsoleApp(App[None]):
 
     def _draw(self) -> None:
         size = self._board.size
-        self._board.show(compose(self._frozen or self._live, self.view, size.width, size.height, self._live))
+        with shown_in(self._live.units):
+            rows = compose(self._frozen or self._live, self.view, size.width, size.height, self._live)
+        self._board.show(rows)
 
     def action_quit_session(self) -> None:
         """Ask the session to stop and leave."""
@@ -252,6 +256,11 @@ class ConsoleApp(App[None]):
             stated = self._form[name]
             keeps = f"Enter keeps '{stated}', {_CLEARED} clears it" if stated else "Enter leaves it out"
             self._open_input(f"record, {name}: {keeps}, Escape cancels")
+
+    def action_units(self) -> None:
+        """Show numbers in the next units, here and on the pages."""
+        units = list(ShownUnits)
+        self._session.show_in(units[(units.index(self._live.units) + 1) % len(units)])
 
     def action_acknowledge(self) -> None:
         """Acknowledge the alarms that stand."""

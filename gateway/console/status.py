@@ -31,6 +31,7 @@ _HELP: Final = (
     ("tab  1-8  arrows", "switch wheel"),
     ("z", "waveform: whole revolution or ±90° around the contact"),
     ("t  , .", "trend of the last three minutes in place of the waveform; previous, next quantity"),
+    ("u", "units: kPa, bar, or mph and psi; [vehicle] units of the vehicle file keeps them"),
     ("?", "this help"),
     ("q  ctrl+c", "quit, with a summary"),
     ("", ""),

@@ -96,19 +96,21 @@ class TrendHistory:
         wheel, column = self._wheels.get(position), self._columns.get(name)
         if wheel is None:
             return []
-        factor = split_name(name)[1].factor
+        _, factor, offset, _ = split_name(name)[1]
         points: list[TrendPoint] = []
         for row in reversed(wheel.rows):
             if row.at_s < since_s:
                 break
             if column is not None and column < len(row.statuses) and row.statuses[column]:
                 value, std = row.numbers[2 * column], row.numbers[2 * column + 1]
-                points.append(TrendPoint(row.at_s, value * factor, std * factor, _STATUSES[row.statuses[column]]))
+                points.append(
+                    TrendPoint(row.at_s, value * factor + offset, std * factor, _STATUSES[row.statuses[column]])
+                )
         points.reverse()
         if wheel.present is not None:
             at_s, result = wheel.present
             points += [
-                TrendPoint(at_s, estimate.value * factor, estimate.std * factor, estimate.status)
+                TrendPoint(at_s, estimate.value * factor + offset, estimate.std * factor, estimate.status)
                 for estimate in _estimates(result)
                 if estimate.name == name and estimate.status is not Status.INVALID
             ]

@@ -24,8 +24,9 @@ from gateway.console.waveform import LEGEND, Zoom, draw_waveform
 from gateway.core.estimates.estimator import Status
 from gateway.core.estimates.results import RevolutionResult, WheelSnapshot, WheelState
 from gateway.core.quantity_catalogue import quantity_of
-from gateway.core.text.numbers import MISSING, STATUS_MARKS, Shown, age, fixed, kpa, percent, show
-from gateway.core.text.readout import WEAR, Reading, read_result
+from gateway.core.shown_units import ShownUnits, shown_units
+from gateway.core.text.numbers import MISSING, STATUS_MARKS, Shown, age, fixed, percent, show, shown_value, unit_symbol
+from gateway.core.text.readout import SPEED, WEAR, Reading, read_result
 from gateway.core.text.text import ELLIPSIS, clean, crop, crop_middle, filled, pad, width
 from gateway.core.text.wording import text as reason_text
 from gateway.core.types import FloatArray
@@ -46,6 +47,9 @@ _WAITING: Final = {
 }
 
 
+_Shape = tuple[int, int, Zoom, TrendQuantity | None, ShownUnits]
+
+
 @dataclass(slots=True)
 class Plots:
     """The plot of each wheel: its waveform, drawn again only when it has a new revolution, or a trend.
@@ -57,15 +61,13 @@ class Plots:
 
     history: TrendHistory = field(default_factory=TrendHistory)
     trend: TrendQuantity | None = None
-    _drawn: dict[
-        str, tuple[RevolutionResult, FloatArray | None, tuple[int, int, Zoom, TrendQuantity | None], list[Row]]
-    ] = field(default_factory=dict)
+    _drawn: dict[str, tuple[RevolutionResult, FloatArray | None, _Shape, list[Row]]] = field(default_factory=dict)
 
     def rows(self, wheel: WheelSnapshot, width_cells: int, height: int, zoom: Zoom) -> list[Row]:
         """Return the wheel's waveform or trend, empty before its first revolution and in silence."""
         if wheel.last is None or wheel.silence is not None:
             return []
-        shape = (width_cells, height, zoom, self.trend)
+        shape = (width_cells, height, zoom, self.trend, shown_units())
         drawn = self._drawn.get(wheel.position)
         if drawn and drawn[0] is wheel.last and drawn[1] is wheel.average_mps2 and drawn[2] == shape:
             return drawn[3]
@@ -81,7 +83,7 @@ class Plots:
             )
         else:
             points = self.history.points(wheel.position, self.trend.name)
-            plot = draw_trend(points, self.trend.unit, width_cells, height)
+            plot = draw_trend(points, unit_symbol(self.trend.name), width_cells, height)
         rows = [plot_row(row) for row in plot]
         self._drawn[wheel.position] = (wheel.last, wheel.average_mps2, shape, rows)
         return rows
@@ -89,7 +91,7 @@ class Plots:
 
 def _speed(wheel: WheelSnapshot, reading: Reading | None) -> str:
     if reading is None or wheel.state is not WheelState.ROLLING:
-        return f"{MISSING} km/h"
+        return f"{MISSING} {unit_symbol(SPEED)}"
     return reading.speed.text()
 
 
@@ -103,12 +105,13 @@ def surroundings(wheel: WheelSnapshot) -> list[Run]:
     if wheel.silence is not None:
         load_n = wheel.last.conditions.load_n if wheel.last is not None else load_n
         if not wheel.has_current_environment:
-            return [(f"{MISSING} kPa", Role.VALUE), (f"{MISSING} °C", Role.VALUE), _load(wheel, load_n)]
+            missing = [(f"{MISSING} {unit_symbol(name)}", Role.VALUE) for name in ("pressure_pa", "temperature_degc")]
+            return [*missing, _load(wheel, load_n)]
     since = f" ({age(old.age_s)} old)" if old is not None else ""
     role = Role.VALUE if old is None else Role.WARNING
     return [
-        _of_source(wheel, "pressure_pa", f"{kpa(wheel.pressure_pa)} kPa{since}", role),
-        (f"{fixed(wheel.temperature_degc, 1)} °C", role),
+        _of_source(wheel, "pressure_pa", f"{_with_unit('pressure_pa', wheel.pressure_pa, 1)}{since}", role),
+        (_with_unit("temperature_degc", wheel.temperature_degc, 1), role),
         _load(wheel, load_n),
     ]
 
@@ -116,7 +119,11 @@ def surroundings(wheel: WheelSnapshot) -> list[Run]:
 def _load(wheel: WheelSnapshot, load_n: float | None) -> Run:
     if load_n is None:
         return "load not stated", Role.LABEL
-    return _of_source(wheel, "load_n", f"{fixed(load_n, 0)} N", Role.VALUE)
+    return _of_source(wheel, "load_n", _with_unit("load_n", load_n, 0), Role.VALUE)
+
+
+def _with_unit(name: str, value: float | None, decimals: int) -> str:
+    return f"{shown_value(name, value, decimals)} {unit_symbol(name)}"
 
 
 def _of_source(wheel: WheelSnapshot, name: str, text: str, role: Role) -> Run:
@@ -244,7 +251,8 @@ def counter_runs(wheel: WheelSnapshot) -> list[Run]:
 
 def _legend(wheel: WheelSnapshot, trend: TrendQuantity | None) -> Row:
     if trend is not None:
-        unit = f", {trend.unit}" if trend.unit else ""
+        symbol = unit_symbol(trend.name)
+        unit = f", {symbol}" if symbol else ""
         return ((f"{trend.label}{unit}", Role.VALUE), ("  dots: one standard error", Role.LABEL))
     row = plot_row(LEGEND)
     last = wheel.last.revolution.radial_mps2 if wheel.last is not None else None

@@ -22,6 +22,7 @@ from gateway.core.errors import TreadlinkError
 from gateway.core.estimates.results import SessionSnapshot
 from gateway.core.links.reasons import LinkCode
 from gateway.core.reasons import Reason
+from gateway.core.shown_units import ShownUnits, shown_in
 from gateway.core.text.page_parts import PageFile, joined_page, page_part
 from gateway.core.text.session_control import SessionControl
 from gateway.core.text.text import clean
@@ -40,7 +41,7 @@ from gateway.publishing.sink import (
     cannot_listen,
     host_and_port,
 )
-from gateway.publishing.web_page.page_state import page_quantities, page_state, page_trend, page_waveform
+from gateway.publishing.web_page.page_state import UNIT_NAMES, page_quantities, page_state, page_trend, page_waveform
 
 PORT: Final = 8780
 _PAGE: Final = "gateway.publishing.web_page"
@@ -185,7 +186,8 @@ class PageSink(Sink):
         if self._state[0] != self._number:
             control = self._session()
             form = control.run_form if control is not None and control.may_record else None
-            state = page_state(snapshot, run_form=form)
+            with shown_in(snapshot.units):
+                state = page_state(snapshot, run_form=form)
             self._state = self._number, encoded(state)
         return self._state
 
@@ -208,7 +210,10 @@ class PageSink(Sink):
             await page.connection.send(cached[1], text=True)
 
     async def _send_trend(self, page: _Page) -> None:
-        with self._lock:
+        units = self._snapshot.units if self._snapshot is not None else ShownUnits.SI
+        if page.trend_units is not units:
+            page.trend_units, page.trend_since_s = units, 0
+        with self._lock, shown_in(units):
             quantities = page_quantities(self._history)
             trend = page_trend(self._history, page.trend, page.trend_since_s)
         times = [points[-1][0] for points in trend["wheels"].values() if points]
@@ -220,7 +225,7 @@ class PageSink(Sink):
         await page.connection.send(encoded(trend), text=True)
 
     async def _take(self, page: _Page, message: str | bytes) -> None:
-        """Carry out what a page asks for: what to show, a mark, alarms seen, the start or the end of the recording."""
+        """Carry out what a page asks for: what to show, a mark, alarms seen, units, the recording's start or end."""
         try:
             asked: Any = json.loads(message)
         except ValueError:
@@ -241,6 +246,11 @@ class PageSink(Sink):
             )
         if asked.get("acknowledge") is True:
             await self._control(page, lambda control: control.acknowledge(), "alarms acknowledged", self._marks)
+        if asked.get("units") in list(ShownUnits):
+            units = ShownUnits(asked["units"])
+            await self._control(
+                page, lambda control: control.show_in(units), f"units: {UNIT_NAMES[units]}", self._marks
+            )
         if isinstance(asked.get("record"), bool):
             is_start, asked_run = asked["record"], asked.get("run")
             fields = asked_run.items() if isinstance(asked_run, dict) else ()
@@ -315,4 +325,5 @@ class _Page:
         self.trend = ""
         self.trend_since_s = 0
         self.trend_due_s = 0.0
+        self.trend_units = ShownUnits.SI
         self.quantities: list[Any] = []

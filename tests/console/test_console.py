@@ -47,6 +47,9 @@ class FakeSession:
             raise RecordingError("tire: wrong", "Give another.")
         self.recordings.append(dict(form))
 
+    def show_in(self, units):
+        self.change(units=units)
+
     def acknowledge(self):
         record = AlarmRecord("FL", "load", LOAD, 1, 1.0, 1.0, 2.0, is_standing=True, is_acknowledged=True)
         self.change(alarm_records=(record,))
@@ -176,6 +179,22 @@ async def test_keys_switch_the_wheel(session):
         app.tick()
         await pilot.press("tab", "1")
         assert has(screen(app), "waiting for the first hello")
+
+
+async def test_units_are_switched_in_turn(session):
+    app = ConsoleApp(session)
+    async with app.run_test(size=(120, 40)) as pilot:
+        assert has(await drawn(app, pilot), "210.0 kPa")
+        await pilot.press("u")
+        assert has(await drawn(app, pilot), "2.100 bar")
+        await pilot.press("u")
+        rows = await drawn(app, pilot)
+        assert has(rows, "40.389 ± 0.013 mph")
+        assert has(rows, "30.46 psi")
+        assert has(rows, "88.7 °F")
+        assert not any(unit in row for row in rows for unit in ("km/h", "kPa", "°C"))
+        await pilot.press("u")
+        assert has(await drawn(app, pilot), "210.0 kPa")
 
 
 async def test_zoom_and_help(session):

@@ -19,12 +19,14 @@ from gateway.core.estimates.results import Silence, SilentPart, WheelState
 from gateway.core.links.reasons import LinkCode
 from gateway.core.reasons import Notice, Reason
 from gateway.core.session.reasons import SessionCode
+from gateway.core.shown_units import ShownUnits
+from gateway.core.text.numbers import Unit
 from gateway.publishing import page_listener
 from gateway.publishing.page_server import PageSink
 from gateway.publishing.publisher import open_publisher
 from gateway.publishing.sink import PublishedRevolution, PublishedState, SinkError, SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
-from gateway.publishing.web_page.drive_face import place_on_car
+from gateway.publishing.web_page.drive_face import place_on_car, rounded
 from tests.testkit.waiting import TIMEOUT_S, until
 from tools.browser import FAINT_TEXT, Tab
 
@@ -50,6 +52,9 @@ class Session:
 
     def acknowledge(self) -> None:
         self.asked.append("acknowledge")
+
+    def show_in(self, units: ShownUnits) -> None:
+        self.asked.append(f"units {units}")
 
     @property
     def run_form(self) -> dict[str, str]:
@@ -389,8 +394,58 @@ def test_drive_face_says_what_to_do_and_what_is_stated(served, items) -> None:
     assert (front["position"], front["place"], front["kind"], front["state"]) == ("FL", [0, 0], "good", "rolling")
     assert front["values"]["pressure_pa"]["source"] == "measured"
     assert front["values"]["load_n"]["source"] == "stated"
-    assert front["values"]["load_n"]["std"] > 0.0
-    assert front["values"]["wear_mm"]["std"] > 0.0
+    assert front["values"]["load_n"]["unit"] == "N"
+    assert drive["speed"]["unit"] == "km/h"
+
+
+@pytest.mark.parametrize(
+    ("units", "symbols"), [("si", "km/h kPa °C N"), ("bar", "km/h bar °C N"), ("us", "mph psi °F lbf")]
+)
+def test_both_faces_and_the_trends_have_the_units_of_the_session(served, items, units, symbols) -> None:
+    show(served, items, lambda snapshot: dataclasses.replace(snapshot, units=ShownUnits(units)))
+    with guest(served) as connection:
+        state = next_of(connection, "state")
+        connection.send(json.dumps({"trend": "pressure_pa"}))
+        quantities = {item["name"]: item["unit"] for item in next_of(connection, "quantities")["quantities"]}
+        (*_, point) = next_of(connection, "trend")["wheels"]["FL"]
+    speed, pressure, temperature, load = symbols.split()
+    front, tile = state["wheels"][0], state["drive"]["wheels"][0]["values"]
+    assert front["speed"][2] == state["drive"]["speed"]["unit"] == quantities["speed_mps"] == speed
+    runs = " ".join(text for text, _ in front["surroundings"])
+    for symbol, name in ((pressure, "pressure_pa"), (temperature, "temperature_degc"), (load, "load_n")):
+        assert f" {symbol}" in runs
+        assert tile[name]["unit"] == symbol
+    true_kpa = items[-1].snapshot.wheels[0].pressure_pa * 1e-3
+    kpa = {"kPa": 1.0, "bar": 100.0, "psi": 6.894757}[pressure]
+    assert point[1] * kpa == pytest.approx(true_kpa, abs=1.0)
+    assert state["units"] == units
+
+
+def test_units_are_asked_of_the_session(served, items) -> None:
+    show(served, items)
+    with guest(served) as connection:
+        connection.send(json.dumps({"units": "us"}))
+        assert next_of(connection, "said")["text"] == "units: mph, psi, °F, lbf"
+        connection.send(json.dumps({"units": "furlongs"}))
+        connection.send(json.dumps({"acknowledge": True}))
+        assert next_of(connection, "said")["text"] == "alarms acknowledged"
+    assert served.session.asked == ["units us", "acknowledge"]
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "unit", "text"),
+    [
+        (228.4, 1.0, Unit("kPa"), "230"),
+        (2.284, 0.01, Unit("bar"), "2.3"),
+        (2.284, 0.3, Unit("bar"), "2.5"),
+        (-0.04, 0.02, Unit("mm"), "0.0"),
+        (64.6, 0.65, Unit("km/h"), "65"),
+        (64.6, math.nan, Unit("km/h"), "65"),
+        (1043.0, 60.0, Unit("lbf"), "1000"),
+    ],
+)
+def test_number_of_the_driver_is_no_finer_than_its_error(value, std, unit, text) -> None:
+    assert rounded(value, std, unit) == text
 
 
 def test_drive_face_begins_with_an_alarm_and_lists_the_others(served, items, made) -> None:
@@ -414,7 +469,6 @@ def test_drive_face_of_an_ended_or_silent_session_has_no_number_that_looks_alive
     with guest(served) as connection:
         drive = next_of(connection, "state")["drive"]
         assert drive["line"] == "FL: silent for 7 s."
-        assert drive["wheels"][0]["speed_mps"] is None
         assert not any(drive["wheels"][0]["values"].values())
         show(served, items[-1:], lambda snapshot: dataclasses.replace(snapshot, ended=True))
         while not (state := next_of(connection, "state"))["ended"]:
@@ -585,10 +639,13 @@ def test_drive_face_is_one_click_away_remembered_and_in_the_chosen_units(browser
     assert tab.value("document.querySelector('main').hidden")
     assert tab.value("document.documentElement.scrollWidth") <= 390
     first = text_of(tab, ".tile")
-    assert "bar" in first
+    assert "kPa" in first
     assert "load, stated" in first
     tab.value("units.value = 'us'; units.dispatchEvent(new Event('change'))")
+    until(lambda: served.session.asked == ["units us"])
+    show(served, items[-1:], lambda snapshot: dataclasses.replace(snapshot, units=ShownUnits.US))
     tab.until("document.querySelector('.tile').innerText.includes('psi')")
+    assert "mph" in text_of(tab, "#drive-speed")
     tab.open(served.sink.address, 390, 844)
     tab.until("document.querySelectorAll('.tile.good').length === 4")
     assert "psi" in text_of(tab, ".tile")

@@ -6,12 +6,13 @@ from pathlib import Path
 
 from firmware_protocol.counters import LinkCounters
 from gateway.core.cli.estimate_outputs import EstimateOutput
-from gateway.core.config.vehicle import ASSUMED_RADIUS_MM
+from gateway.core.config.vehicle import ASSUMED_RADIUS_MM, shown_units_of
 from gateway.core.estimates.registry import DEFAULT_ESTIMATORS
 from gateway.core.reasons import CoreCode, Reason
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.recorded_file import RawDump, open_recorded_file
 from gateway.core.session.recording_pass import RecordingPass, open_recording
+from gateway.core.shown_units import shown_in
 from gateway.core.text.result_table import ResultTable
 from gateway.core.text.session_summary import (
     ResultSummary,
@@ -96,7 +97,8 @@ def estimate_recording(
     for alarm in alarms:
         for table in tables:
             table.write_alarm(alarm, name)
-    said = summary_lines(wheels, alarms=alarms, columns=columns_of_terminal())
+    with shown_in(shown_units_of(vehicle)):
+        said = summary_lines(wheels, alarms=alarms, columns=columns_of_terminal())
     lines += [clean(f"  {line}".rstrip()) for line in said]
     for collector in collectors:
         collected = collector.finish(estimation.wheels, alarms, (*notices, *missing))

@@ -27,6 +27,7 @@ from gateway.core.session.missing_results import missing_frames, missing_revolut
 from gateway.core.session.publication import LiveOutputs
 from gateway.core.session.session_opening import OpenedSession, SessionSettings, open_session
 from gateway.core.session.session_parts import default_key_file, open_outputs, output_files
+from gateway.core.shown_units import shown_in
 from gateway.core.text.output_file import check_outputs, is_stdout
 from gateway.core.text.plain import PlainView
 from gateway.core.text.progress import can_move_cursor
@@ -162,10 +163,11 @@ def run_plain(session: RunningSession, stop: StopRequest, write: Callable[[str],
     live = session.live
 
     def show() -> None:
-        for notice in live.notices():
-            view.notice(notice)
-        for result in live.results():
-            view.result(result)
+        with shown_in(live.snapshot().units):
+            for notice in live.notices():
+                view.notice(notice)
+            for result in live.results():
+                view.result(result)
         if lines:
             text = "\n".join(lines)
             lines.clear()
@@ -271,7 +273,9 @@ def end_session(session: RunningSession, write: Callable[[str], None]) -> tuple[
         return no_frames, no_revolutions  # its reader wants nothing more
     write("")
     wheels = session.opened.summary.wheels(snapshot.wheels)
-    for line in summary_lines(wheels, snapshot.links, snapshot.alarm_records, sinks, columns=columns_of_terminal()):
+    with shown_in(snapshot.units):
+        lines = summary_lines(wheels, snapshot.links, snapshot.alarm_records, sinks, columns=columns_of_terminal())
+    for line in lines:
         write(clean(line))
     for notice in (*session.live.core.false_statements(), *no_frames, *no_revolutions):
         write(clean(notice_text(notice)))

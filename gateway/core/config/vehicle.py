@@ -40,6 +40,7 @@ from gateway.core.estimates.wheel_setup import (
     WheelSetup,
 )
 from gateway.core.reasons import CoreCode, Notice, Reason
+from gateway.core.shown_units import ShownUnits
 
 _logger = logging.getLogger(__name__)
 
@@ -68,6 +69,12 @@ class Vehicle(Section):
     """`[vehicle]`: the vehicle or test rig."""
 
     name: str = Field(default="", description="name of the vehicle or test rig")
+    units: ShownUnits = Field(
+        default=ShownUnits.SI,
+        strict=False,
+        description="units of the screen, the page and printed summaries: `si` (km/h, kPa, °C, N), `bar` (km/h, bar, "
+        "°C, N) or `us` (mph, psi, °F, lbf); files keep theirs",
+    )
     assumed: tuple[str, ...] = Field(
         default=(),
         strict=False,
@@ -670,3 +677,8 @@ def choose_vehicle(
         with suppress(ConfigError):
             vehicle = vehicle.with_sensors_of(recorded_vehicle(text, origin))
     return vehicle
+
+
+def shown_units_of(vehicle: VehicleConfig | None) -> ShownUnits:
+    """Return the units in which screens show numbers."""
+    return vehicle.vehicle.units if vehicle is not None else ShownUnits.SI

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from gateway.core.estimates.estimator import Estimate, Revolution, Status, TireConditions
 from gateway.core.reasons import Notice, Reason
 from gateway.core.revolutions.axis_relations import Lag
+from gateway.core.shown_units import ShownUnits
 from gateway.core.types import FloatArray
 
 
@@ -358,6 +359,7 @@ class SessionSnapshot:
         alarm_records: every alarm since the session began, in the order in which they were first raised.
         sinks: live outputs, in the order given.
         disk: what is left of the disk of the recording, None when nothing is recorded.
+        units: in which screens show numbers.
     """
 
     elapsed_s: float
@@ -371,6 +373,7 @@ class SessionSnapshot:
     alarm_records: tuple[AlarmRecord, ...] = ()
     sinks: tuple[SinkSnapshot, ...] = ()
     disk: DiskRoom | None = None
+    units: ShownUnits = ShownUnits.SI
 
     def is_acknowledged(self, alarm: Alarm) -> bool:
         """Return whether the user has acknowledged a present alarm."""

@@ -12,7 +12,7 @@ import numpy as np
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.frame_blocks import FrameList, SampleRun
 from firmware_protocol.messages import Frame, Hello, HubStatus, MessageType
-from gateway.core.config.vehicle import VehicleConfig
+from gateway.core.config.vehicle import VehicleConfig, shown_units_of
 from gateway.core.constants import LATENCY_S
 from gateway.core.estimates.registry import DEFAULT_ESTIMATORS
 from gateway.core.estimates.results import (
@@ -48,6 +48,7 @@ from gateway.core.session.session_parts import VehicleSignals, open_vehicle_sign
 from gateway.core.session.session_recording import SessionRecording
 from gateway.core.session.silence import parts_heard
 from gateway.core.session.wheel_identity import positions, unconfigured_wheel
+from gateway.core.shown_units import ShownUnits
 
 _logger = logging.getLogger(__name__)
 
@@ -139,6 +140,7 @@ class SessionCore:
         self._pipeline = ResultPath(vehicle, effects, estimators, self._latency.hold_s, self._signals)
         self._statements = self._pipeline.statements
         self._vehicle = vehicle
+        self._units = shown_units_of(vehicle)
         self._reported_missing: set[tuple[str, tuple[Code, ...]]] = set()
         # Configured wheels, and those that were reported not to be.
         self._accounted_wheels = set(positions(vehicle).values())
@@ -178,6 +180,10 @@ class SessionCore:
     def acknowledge_alarms(self) -> None:
         """Note that the user has seen the alarms that stand."""
         self._alarms.log.acknowledge(self._alarms.silence.elapsed_s())
+
+    def show_in(self, units: ShownUnits) -> None:
+        """Have screens show numbers in these units from the next snapshot on."""
+        self._units = units
 
     def _record_alarm_changes(self) -> None:
         for change in self._alarms.log.take_changes():
@@ -427,7 +433,7 @@ class SessionCore:
         notices, records = tuple(self._notices), self._alarms.log.records()
         recorded = self.recording.path_and_size
         return SessionSnapshot(
-            elapsed_s, wheels, links, alarms, notices, *recorded, ended, records, self._sinks, self._disk
+            elapsed_s, wheels, links, alarms, notices, *recorded, ended, records, self._sinks, self._disk, self._units
         )
 
     def frame_counts(self) -> dict[str, FrameCounts]:

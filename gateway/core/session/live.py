@@ -34,6 +34,7 @@ from gateway.core.session.reasons import SessionCode
 from gateway.core.session.recording_stage import Recorder, RecordingStage, Stage, disk_watch_of
 from gateway.core.session.session_parts import LinkServer, VehicleSignals
 from gateway.core.session.supervisor import Supervisor
+from gateway.core.shown_units import ShownUnits
 from gateway.core.text.session_summary import ResultSummary
 
 _logger = logging.getLogger(__name__)
@@ -283,6 +284,10 @@ class LiveSession:
     def acknowledge(self) -> None:
         """Note that the user has seen the alarms that stand, at the session's next look."""
         self._acknowledged.set()
+
+    def show_in(self, units: ShownUnits) -> None:
+        """Have the screen and the pages show numbers in these units."""
+        self.core.show_in(units)
 
     # Life cycle
 

@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.quantity_catalogue import quantity_of
 from gateway.core.reasons import Reason
+from gateway.core.shown_units import ShownUnits, conversion, shown_units
 from gateway.core.text.wording import joined
 
 MISSING: Final = "—"
@@ -24,10 +25,12 @@ _HUGE: Final = 1e30
 
 
 class Unit(NamedTuple):
-    """Unit of display: symbol, and factor from the unit in a quantity's name."""
+    """Unit of display: symbol, and factor from the unit in a quantity's name, to which the offset is added."""
 
     symbol: str
     factor: float = 1.0
+    offset: float = 0.0
+    decimals: int = 0
 
 
 # Suffix of a quantity's name -> shown unit. Longer suffixes first: `_mps2` must not be read as `_mps`.
@@ -136,16 +139,23 @@ def distinct_name(name: str, taken: Collection[str]) -> str:
     return RENAMED + name if name in taken else name
 
 
-@lru_cache(maxsize=256)
 def split_name(name: str) -> tuple[str, Unit]:
     """Split a quantity's name into a label and the unit it is shown in: `leading_edge_rad` -> `leading edge`, deg."""
+    return _split_name(name, shown_units())
+
+
+@lru_cache(maxsize=512)
+def _split_name(name: str, units: ShownUnits) -> tuple[str, Unit]:
     declared, prefix = quantity_of(name), name.rpartition(":")[0]
     suffix = next((suffix for suffix in UNITS if name.endswith(suffix) and len(name) > len(suffix)), "")
     label = name.removesuffix(suffix).replace("_", " ") if suffix else name.replace("_over_", "/").replace("_", " ")
     if declared.label:
         label = f"{prefix}:{declared.label}" if prefix else declared.label
     unit = UNITS[suffix] if suffix else _DIMENSIONLESS
-    return label, Unit(*declared.shown_unit) if declared.shown_unit is not None else unit
+    if declared.shown_unit is not None:
+        unit = Unit(*declared.shown_unit)
+    symbol, factor, offset, decimals = conversion(unit.symbol, units)
+    return label, Unit(symbol, unit.factor * factor, offset, decimals)
 
 
 def plain_name(name: str) -> str:
@@ -199,7 +209,7 @@ def show(estimate: Estimate) -> Shown:
     plain = plain_name(estimate.name)
     if estimate.status is Status.INVALID:
         return Shown(label, UNKNOWN, unit.symbol, math.nan, estimate.status, estimate.reasons, plain)
-    value = estimate.value * unit.factor
+    value = estimate.value * unit.factor + unit.offset
     number = round_to_error(value, estimate.std * unit.factor)
     return Shown(label, number, unit.symbol, value, estimate.status, estimate.reasons, plain)
 
@@ -216,9 +226,15 @@ def fixed(value: float | None, decimals: int, factor: float = 1.0) -> str:
     return f"{round(value * factor, decimals) + 0.0:.{decimals}f}"
 
 
-def kpa(pressure_pa: float | None) -> str:
-    """Return a pressure in kPa without its unit, e.g. `210.0`."""
-    return fixed(pressure_pa, 1, 1e-3)
+def shown_value(name: str, value: float | None, decimals: int) -> str:
+    """Return a value in the unit in which a quantity is shown, without it: 210000.0 of `pressure_pa` as `210.0`."""
+    unit = split_name(name)[1]
+    return fixed(None if value is None else value * unit.factor + unit.offset, decimals + unit.decimals)
+
+
+def unit_symbol(name: str) -> str:
+    """Return the unit in which a quantity is shown."""
+    return split_name(name)[1].symbol
 
 
 def duration(seconds: float) -> str:

@@ -6,14 +6,15 @@ from typing import Final
 from gateway.core.estimates.estimator import Status
 from gateway.core.estimates.results import RevolutionResult
 from gateway.core.reasons import Code, Notice, codes_of
-from gateway.core.text.numbers import MISSING, Shown, fixed, kpa
-from gateway.core.text.readout import Reading, read_result
+from gateway.core.text.numbers import MISSING, Shown, fixed, shown_value, unit_symbol
+from gateway.core.text.readout import SPEED, Reading, read_result
 from gateway.core.text.text import clean, crop, crop_middle, pad, width
 from gateway.core.text.wording import notice_text
 
 LINE_WIDTH: Final = 216
 HEADER_EVERY: Final = 40
 _NUMBERS_TITLE: Final = "numbers ± standard error (~ provisional, x invalid)"
+_PRESSURE: Final = "pressure_pa"
 _NAME_WIDTH_MIN: Final = 5
 # Both ends of `hub10.wheel10 on serial:/dev/ttyUSB1` are needed to tell wheels apart.
 _NAME_WIDTH_MAX: Final = 28
@@ -93,9 +94,10 @@ class PlainView:
 
     def _header(self) -> str:
         numbers = crop(_NUMBERS_TITLE, self._numbers_width())
+        pressure = unit_symbol(_PRESSURE)
         return (
-            f"{pad('wheel', self._name_width)} {'rev':>6} {'device s':>10} {'km/h':>7} {'rpm':>6} {'m':>8} "
-            f"{'begins at deg':>13} {'ends at deg':>12} {numbers:<{self._numbers_width()}} {'kPa':>6} st reason"
+            f"{pad('wheel', self._name_width)} {'rev':>6} {'device s':>10} {unit_symbol(SPEED):>7} {'rpm':>6} {'m':>8} "
+            f"{'begins at deg':>13} {'ends at deg':>12} {numbers:<{self._numbers_width()}} {pressure:>6} st reason"
         )
 
     def _numbers_width(self) -> int:
@@ -109,5 +111,5 @@ class PlainView:
             f"{reading.speed.number.value + reading.speed.mark:>7} {fixed(reading.rotation.value, 1):>6} "
             f"{fixed(reading.distance.value, 1) if reading.distance else MISSING:>8} {_cell(reading.leading):>13} "
             f"{_cell(reading.trailing):>12} {numbers:<{self._numbers_width()}} "
-            f"{kpa(result.conditions.pressure_pa):>6} {_STATUS_WORDS[reading.status]:<2} "
+            f"{shown_value(_PRESSURE, result.conditions.pressure_pa, 1):>6} {_STATUS_WORDS[reading.status]:<2} "
         )

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Protocol
 
 from gateway.core.estimates.results import RevolutionResult, SessionSnapshot
+from gateway.core.shown_units import ShownUnits
 
 
 class SessionControl(Protocol):
@@ -20,6 +21,10 @@ class SessionControl(Protocol):
 
     def acknowledge(self) -> None:
         """Note that the user has seen the alarms that stand."""
+        ...
+
+    def show_in(self, units: ShownUnits) -> None:
+        """Have all screens of the session show numbers in these units."""
         ...
 
     @property

@@ -21,7 +21,7 @@ from gateway.core.estimates.results import (
 )
 from gateway.core.reasons import CoreCode, Reason
 from gateway.core.revolutions.effect_correction import CorrectionTable
-from gateway.core.text.numbers import MISSING, age, duration, fixed, percent, plain_name, show
+from gateway.core.text.numbers import MISSING, age, duration, fixed, percent, plain_name, show, shown_value, unit_symbol
 from gateway.core.text.readout import DISTANCE, SPEED
 from gateway.core.text.text import counted, filled, pad, width
 from gateway.core.text.wording import joined, text
@@ -266,12 +266,13 @@ def _mean_speed_row(wheel: WheelSummary) -> _Row:
     speed = next((estimate for estimate in wheel.estimates if estimate.name == SPEED), None)
     if speed is not None and speed.status is Status.INVALID:
         return "mean speed", MISSING, "invalid"
-    note = f"{fixed(wheel.speed_min_mps, 2, 3.6)} to {fixed(wheel.speed_max_mps, 2, 3.6)} km/h"
+    unit = unit_symbol(SPEED)
+    note = f"{shown_value(SPEED, wheel.speed_min_mps, 2)} to {shown_value(SPEED, wheel.speed_max_mps, 2)} {unit}"
     if (stale := wheel.stale.get(SPEED)) is not None:
         note = f"{note}; invalid since revolution {stale.revolution + 1}"
     elif speed is not None and speed.status is Status.PROVISIONAL:
         note = f"{note}; provisional"
-    return "mean speed", f"{fixed(wheel.speed_mean_mps, 3, 3.6)} km/h", note
+    return "mean speed", f"{shown_value(SPEED, wheel.speed_mean_mps, 3)} {unit}", note
 
 
 def _row_lines(row: _Row, label_width: int, value_width: int, note_width: int) -> list[str]:

@@ -10,6 +10,7 @@ from typing import Any, Final
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.feature import Registry, added, object_of
 from gateway.core.reasons import Code, Level, Notice, Reason, Value
+from gateway.core.shown_units import ShownUnits, conversion, shown_units
 from gateway.core.text.probabilities import probability_text
 from gateway.core.text.text import escaped
 
@@ -84,7 +85,12 @@ class _Template(string.Formatter):
             # Text from a hub, a file or an error stays on its line and cannot control the terminal.
             value = escaped(value)
         number, _, unit = format_spec.partition(" ")
-        shown = format(value * _UNITS[unit], number) if unit else format(value, format_spec)
+        if unit:
+            symbol, factor, offset, decimals = conversion(unit, shown_units())
+            if decimals and number.endswith("f"):
+                number = f".{int(number[1:-1]) + decimals}f"
+            value, unit = value * _UNITS[unit] * factor + offset, symbol
+        shown = format(value, number)
         if number.endswith("g") and "e+0" in shown:
             # Few digits of a large number: 20, not 2e+01.
             shown = f"{float(shown):.0f}"
@@ -98,9 +104,13 @@ class _Template(string.Formatter):
 _FORMATTER: Final = _Template()
 
 
-@lru_cache(maxsize=1024)
 def text(reason: Reason) -> str:
-    """Return a reason as a phrase without a full stop."""
+    """Return a reason as a phrase without a full stop, in the units that are shown now."""
+    return _text(reason, shown_units())
+
+
+@lru_cache(maxsize=1024)
+def _text(reason: Reason, units: ShownUnits) -> str:  # noqa: ARG001 - the texts of each are kept apart
     values = dict(reason.values)
     try:
         worded = {

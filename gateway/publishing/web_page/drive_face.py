@@ -7,11 +7,14 @@ from typing import Any, Final
 from gateway.console.wheel_panel import state_text
 from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.estimates.results import Alarm, SessionSnapshot, WheelSnapshot, WheelState
+from gateway.core.text.numbers import MISSING, Unit, split_name, unit_symbol
 from gateway.core.text.readout import SPEED, WEAR
 from gateway.core.text.text import clean, counted
 from gateway.core.text.wording import text as reason_text
 
 JsonObject = dict[str, Any]
+# By which a driver's numbers differ; 1 in other units.
+_STEPS: Final = {"bar": 0.1, "mm": 0.1, "kPa": 10.0, "N": 100.0, "lbf": 10.0}
 _CAR: Final = re.compile(r"(?:.*[.:_ -])?(front|rear|f|r)[._ -]?(left|right|l|r)\d*", re.IGNORECASE)
 
 
@@ -22,6 +25,7 @@ def drive_face(snapshot: SessionSnapshot) -> JsonObject:
     return {
         "kind": kind,
         "line": clean(line),
+        "speed": _speed(snapshot),
         "alarms": [clean(_alarm_text(alarm)) for alarm in standing[1:]],
         "wheels": [_wheel(wheel, snapshot) for wheel in snapshot.wheels],
     }
@@ -72,7 +76,7 @@ def _wheel(wheel: WheelSnapshot, snapshot: SessionSnapshot) -> JsonObject:
     is_heard = wheel.silence is None
     is_current = wheel.has_current_environment and not snapshot.ended
     conditions = wheel.last.conditions if wheel.last is not None else None
-    is_rolling = is_heard and wheel.state is WheelState.ROLLING
+    is_rolling = _is_rolling(wheel)
     kind = "act" if is_alarmed or not is_heard else "good" if is_rolling else "unknown"
     return {
         "position": clean(wheel.position),
@@ -80,16 +84,19 @@ def _wheel(wheel: WheelSnapshot, snapshot: SessionSnapshot) -> JsonObject:
         "place": place_on_car(wheel.position),
         "kind": kind,
         "state": "alarm" if is_alarmed and is_heard else state_text(wheel),
-        SPEED: _value(wheel.estimate(SPEED)) if is_rolling else None,
         "values": {
             "pressure_pa": _number(
+                "pressure_pa",
                 wheel.pressure_pa if is_current else None,
                 conditions.pressure_std_pa if conditions is not None else 0.0,
                 _source(wheel, "pressure_pa"),
             ),
-            "temperature_degc": _number(wheel.temperature_degc if is_current else None, 0.0, "measured"),
+            "temperature_degc": _number(
+                "temperature_degc", wheel.temperature_degc if is_current else None, 0.0, "measured"
+            ),
             WEAR: _value(wheel.wear_mm) if is_heard else None,
             "load_n": _number(
+                "load_n",
                 wheel.load_n if is_heard else None,
                 _load_std_n(wheel),
                 _source(wheel, "load_n"),
@@ -109,14 +116,44 @@ def _source(wheel: WheelSnapshot, name: str) -> str:
     return "stated" if name in wheel.stated else "measured"
 
 
+def _is_rolling(wheel: WheelSnapshot) -> bool:
+    return wheel.silence is None and wheel.state is WheelState.ROLLING
+
+
+def _speed(snapshot: SessionSnapshot) -> JsonObject:
+    """Return one speed for all: the middle one of the wheels that roll."""
+    estimates = [estimate for wheel in snapshot.wheels if _is_rolling(wheel) and (estimate := wheel.estimate(SPEED))]
+    estimates.sort(key=lambda estimate: estimate.value)
+    middle = estimates[len(estimates) // 2] if estimates else None
+    return _value(middle) or {"text": MISSING, "unit": unit_symbol(SPEED), "source": "unknown"}
+
+
 def _value(estimate: Estimate | None) -> JsonObject | None:
     """Return an estimate as a value of the page."""
     if estimate is None:
         return None
-    return _number(estimate.value, estimate.std, "measured" if estimate.status is Status.VALID else "provisional")
+    source = "measured" if estimate.status is Status.VALID else "provisional"
+    return _number(estimate.name, estimate.value, estimate.std, source)
 
 
-def _number(value: float | None, std: float, source: str) -> JsonObject | None:
+def _number(name: str, value: float | None, std: float, source: str) -> JsonObject | None:
+    """Return a value rounded to what an eye takes in, never finer than its error; None where it is not known."""
     if value is None or not math.isfinite(value):
         return None
-    return {"value": value, "std": std if math.isfinite(std) else 0.0, "source": source}
+    unit = split_name(name)[1]
+    return {
+        "text": rounded(value * unit.factor + unit.offset, std * unit.factor, unit),
+        "unit": unit.symbol,
+        "source": source,
+    }
+
+
+def rounded(value: float, std: float, unit: Unit) -> str:
+    """Return a value in steps of its unit, doubled about so often that they are no finer than its error."""
+    step = _STEPS.get(unit.symbol, 1.0)
+    doublings = 0
+    while step < std < math.inf:
+        step *= 2.5 if doublings % 3 == 1 else 2.0
+        doublings += 1
+    # Adding 0 turns -0 into 0.
+    return f"{round(value / step) * step + 0.0:.{1 if step < 0.95 else 0}f}"

@@ -72,10 +72,10 @@
     setText(link, state && state.ended ? "session ended" : isOld ? age : "connected");
     link.className = `pill ${isOld || (state && state.ended) ? "bad" : "good"}`;
     if (isOld && state && !state.ended) {
-      const silent = { speed: ["—", "", "km/h", "", ""], edges: [], surroundings: [], car: [], numbers: [], counters: [], note: null };
+      const silent = { speed: ["—", "", state.drive.speed.unit, "", ""], edges: [], surroundings: [], car: [], numbers: [], counters: [], note: null };
       const wheels = state.wheels.map((one) => ({ ...one, ...silent, state: age, kind: "silent" }));
-      const unheard = state.drive.wheels.map((one) => ({ ...one, kind: "act", state: age, speed_mps: null, values: {} }));
-      const drive = { kind: "act", line: `This page hears nothing from treadlink: ${age}.`, alarms: [], wheels: unheard };
+      const unheard = state.drive.wheels.map((one) => ({ ...one, kind: "act", state: age, values: {} }));
+      const drive = { kind: "act", line: `This page hears nothing from treadlink: ${age}.`, speed: { ...state.drive.speed, text: "—" }, alarms: [], wheels: unheard };
       showState({ ...state, drive, wheels, alarms: [], links: [[[age, "warning"]]], rolling: "" });
       waveform = null;
       showWaveform();
@@ -115,6 +115,7 @@
     setRows(byId("alarms"), shown.alarms.map((text) => `ALARM ${text}`));
     byId("acknowledge").hidden = !shown.to_acknowledge;
     if (!shown.wheels.some((one) => one.key === wheel) && shown.wheels.length) choose(shown.wheels[0].key);
+    showUnits(shown.units, shown.unit_names);
     showDrive(shown.drive);
     showWheels(shown.wheels);
     setRows(byId("links"), [...shown.links, ...shown.outputs]);
@@ -125,20 +126,8 @@
 
   const stored = (name, fallback) => { try { return localStorage.getItem(name) || fallback; } catch { return fallback; } };
   const store = (name, value) => { try { localStorage.setItem(name, value); } catch { /* private windows forget */ } };
-  let face = stored("face", "engineer"), units = stored("units", "si");
-  const UNITS = {
-    si: { speed_mps: [3.6, 0, 1, "km/h"], pressure_pa: [1e-5, 0, 0.1, "bar"], temperature_degc: [1, 0, 1, "°C"], wear_mm: [1, 0, 0.1, "mm"], load_n: [1e-3, 0, 0.1, "kN"] },
-    us: { speed_mps: [2.236936, 0, 1, "mph"], pressure_pa: [1.450377e-4, 0, 1, "psi"], temperature_degc: [1.8, 32, 1, "°F"], wear_mm: [1, 0, 0.1, "mm"], load_n: [0.2248089, 0, 10, "lbf"] },
-  };
+  let face = stored("face", "engineer");
   const LABELS = { pressure_pa: "pressure", temperature_degc: "temperature", wear_mm: "wear", load_n: "load" };
-  const rounded = (name, { value, std }) => {
-    const [factor, offset, step, unit] = UNITS[units][name];
-    const error = std * factor;
-    let size = step;
-    for (let i = 0; size < error && i < 40; i += 1) size *= i % 3 === 1 ? 2.5 : 2;
-    // Adding 0 turns -0 into 0.
-    return [(Math.round((value * factor + offset) / size) * size + 0).toFixed(size < 0.95 ? 1 : 0), unit];
-  };
   const tileOf = (one) => {
     const tile = element("div", `tile ${one.kind}`), top = element("div", "top"), list = element("dl");
     top.append(element("span", "", one.position), element("span", "is", one.state));
@@ -146,8 +135,7 @@
       const value = one.values[name], box = element("div");
       const number = element("dd", value ? value.source : "unknown");
       if (value) {
-        const [text, unit] = rounded(name, value);
-        number.append(text, element("small", "", ` ${unit}`));
+        number.append(value.text, element("small", "", ` ${value.unit}`));
       } else number.append("—");
       const source = !value ? "unknown" : value.source === "measured" ? "" : value.source;
       box.append(element("dt", "", source ? `${label}, ${source}` : label), number);
@@ -158,21 +146,23 @@
     return tile;
   };
   const showDrive = (drive) => {
-    const line = byId("drive-line"), car = byId("car"), key = `${JSON.stringify(drive)} ${units}`;
+    const line = byId("drive-line"), car = byId("car"), key = JSON.stringify(drive);
     if (car.dataset.key === key) return;
     car.dataset.key = key;
     setText(line, drive.line);
-    // One speed for all: the middle one of the wheels.
-    const speeds = drive.wheels.map((one) => one.speed_mps).filter(Boolean).sort((a, b) => a.value - b.value);
-    const speed = byId("drive-speed"), middle = speeds[Math.floor(speeds.length / 2)];
-    const [text, unit] = middle ? rounded("speed_mps", middle) : ["—", UNITS[units].speed_mps[3]];
-    speed.replaceChildren(text, element("small", "", ` ${unit}`));
+    byId("drive-speed").replaceChildren(drive.speed.text, element("small", "", ` ${drive.speed.unit}`));
     line.className = drive.kind;
     setRows(byId("more-alarms"), drive.alarms);
     const places = drive.wheels.map((one) => one.place && one.place.join());
     const isCar = drive.wheels.length > 1 && places.every(Boolean) && new Set(places).size === places.length;
     car.className = isCar ? "car" : "";
     car.replaceChildren(...(isCar ? [element("div", "body")] : []), ...drive.wheels.map((one) => tileOf(isCar ? one : { ...one, place: null })));
+  };
+  // One choice for every screen of the session.
+  const showUnits = (units, names) => {
+    const select = byId("units");
+    if (!select.options.length) select.append(...Object.entries(names).map(([value, text]) => new Option(text, value)));
+    if (select.dataset.units !== units) { select.dataset.units = units; select.value = units; }
   };
   const setFace = (chosen) => {
     face = chosen;
@@ -466,8 +456,7 @@
   dark.addEventListener("change", () => setFace(face));
   byId("theme").addEventListener("click", () => { themeChosen = themeKey() === "dark" ? "light" : "dark"; setTheme(themeChosen); });
   for (const name of ["drive", "engineer"]) byId(`to-${name}`).addEventListener("click", () => { store("face", name); setFace(name); });
-  byId("units").value = units;
-  byId("units").addEventListener("change", (event) => { units = event.currentTarget.value; store("units", units); if (state) showDrive(state.drive); });
+  byId("units").addEventListener("change", (event) => ask({ units: event.currentTarget.value }));
   addEventListener("resize", () => { showWaveform(); showTrend(); });
   setFace(face);
   setInterval(watch, 500);

@@ -21,7 +21,9 @@ from gateway.console.wheel_panel import (
 from gateway.core.estimates.estimator import Status
 from gateway.core.estimates.results import SessionSnapshot, WheelSnapshot, WheelState
 from gateway.core.revolutions.order_spectrum import order_coefficients
-from gateway.core.text.numbers import MISSING, Shown, duration
+from gateway.core.shown_units import ShownUnits, conversion
+from gateway.core.text.numbers import MISSING, Shown, duration, unit_symbol
+from gateway.core.text.readout import SPEED
 from gateway.core.text.recording_topics import waveform_payload
 from gateway.core.text.text import clean, file_size
 from gateway.core.text.wording import notice_text
@@ -33,6 +35,10 @@ JsonObject = dict[str, Any]
 # The rows of links are for a terminal of this many cells: nothing is left out.
 _CELLS: Final = 1000
 _NAME_CELLS: Final = 60
+UNIT_NAMES: Final = {
+    units: ", ".join(conversion(symbol, units).symbol for symbol in ("km/h", "kPa", "°C", "N")) for units in ShownUnits
+}
+"""Units that a page can be switched to, in words."""
 
 
 def page_state(snapshot: SessionSnapshot, *, run_form: Mapping[str, str] | None) -> JsonObject:
@@ -58,6 +64,8 @@ def page_state(snapshot: SessionSnapshot, *, run_form: Mapping[str, str] | None)
             for alarm in snapshot.alarms
         ],
         "to_acknowledge": not all(map(snapshot.is_acknowledged, snapshot.alarms)),
+        "units": snapshot.units,
+        "unit_names": UNIT_NAMES,
         "drive": drive_face(snapshot),
         "wheels": [_wheel(wheel, is_alarmed=wheel.position in alarmed) for wheel in snapshot.wheels],
         "links": [_runs(link_row(link, _NAME_CELLS, _CELLS)) for link in snapshot.links],
@@ -78,7 +86,9 @@ def _wheel(wheel: WheelSnapshot, *, is_alarmed: bool) -> JsonObject:
         "state": state_text(wheel),
         "kind": wheel.state.name.lower(),
         "alarm": is_alarmed,
-        "speed": _shown(reading.speed) if reading is not None and is_rolling else [MISSING, "", "km/h", "", ""],
+        "speed": _shown(reading.speed)
+        if reading is not None and is_rolling
+        else [MISSING, "", unit_symbol(SPEED), "", ""],
         "edges": [f"{shown.plain} {shown.text()}" for shown in edges],
         "surroundings": _runs(surroundings(wheel)),
         "car": _runs(car_runs(reading)),

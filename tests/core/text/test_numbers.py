@@ -7,7 +7,19 @@ from hypothesis import strategies as st
 
 from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.reasons import Reason
-from gateway.core.text.numbers import MISSING, Unit, duration, fixed, kpa, percent, round_to_error, show, split_name
+from gateway.core.shown_units import ShownUnits, shown_in
+from gateway.core.text.numbers import (
+    MISSING,
+    Unit,
+    duration,
+    fixed,
+    percent,
+    round_to_error,
+    show,
+    shown_value,
+    split_name,
+    unit_symbol,
+)
 from gateway.core.text.plain_values import plain
 from gateway.core.text.text import file_size
 from gateway.core.wheels.reasons import WheelCode
@@ -68,7 +80,7 @@ def test_nan_is_never_shown(value, std):
     text = show(estimate).text()
     assert "nan" not in text
     assert "inf" not in text
-    assert "nan" not in fixed(value, 2) + kpa(value) + duration(value)
+    assert "nan" not in fixed(value, 2) + shown_value("pressure_pa", value, 1) + duration(value)
 
 
 @pytest.mark.parametrize(
@@ -124,14 +136,25 @@ def test_sizes_durations_and_shares():
         "75.0 %",
     ]
     assert fixed(None, 1) == MISSING
-    assert kpa(210_040.0) == "210.0"
+    assert shown_value("pressure_pa", 210_040.0, 1) == "210.0"
     assert fixed(-0.001, 1) == "0.0"
 
 
 def test_plain_values_are_those_of_json():
     value = {"nan": math.nan, "array": np.array([[1.0, math.inf]]), "flag": np.bool_(True), "path": "a\udcff"}
     assert plain(value) == {"nan": None, "array": [[1.0, None]], "flag": True, "path": "a\\udcff"}
-    assert plain(Unit("deg", 2.0)) == {"symbol": "deg", "factor": 2.0}
+    assert plain(Unit("deg", 2.0)) == {"symbol": "deg", "factor": 2.0, "offset": 0.0, "decimals": 0}
     assert plain((Reason(WheelCode.NO_SAMPLES),))[0]["code"] == "no_samples"
     with pytest.raises(TypeError, match="no object"):
         plain(object())
+
+
+def test_values_are_shown_in_the_chosen_units() -> None:
+    with shown_in(ShownUnits.US):
+        assert show(Estimate("speed_mps", 20.0, 0.2, Status.VALID)).text() == "44.74 ± 0.45 mph"
+        assert shown_value("pressure_pa", 220e3, 1) + unit_symbol("pressure_pa") == "31.91psi"
+        assert shown_value("temperature_degc", -40.0, 1) + unit_symbol("temperature_degc") == "-40.0°F"
+        assert show(Estimate("wear_mm", 1.0, 0.1, Status.VALID)).text() == "1.00 ± 0.10 mm"
+    with shown_in(ShownUnits.BAR):
+        assert shown_value("pressure_pa", 220e3, 1) + unit_symbol("pressure_pa") == "2.200bar"
+    assert show(Estimate("speed_mps", 20.0, 0.2, Status.VALID)).text() == "72.00 ± 0.72 km/h"

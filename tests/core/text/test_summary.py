@@ -163,19 +163,21 @@ def test_shared_reason_is_printed_once() -> None:
 
 
 def test_reason_of_several_numbers_is_printed_once_with_their_names() -> None:
-    unverified, early = Reason(TrustCode.NOT_FINITE), Reason(RingCode.FIT_NOT_CONVERGED)
+    unverified, not_converged = Reason(TrustCode.NOT_FINITE), Reason(RingCode.FIT_NOT_CONVERGED)
     names = ["Bs", "wear_mm", "Rs_over_Cw", "contact_length_m"]
     estimates = [
         Estimate(name, 2.0, 0.1, status, (unverified, Reason(EstimateCode.NOT_SETTLED, revolutions=i, needed=8.0)))
         for i, (name, status) in enumerate(zip(names, (Status.VALID, Status.PROVISIONAL) * 2, strict=True))
     ]
-    alone = Estimate("conicity_slope_rad", 0.0, 0.1, Status.PROVISIONAL, (early,))
+    conicity = Estimate("conicity_slope_rad", 0.0, 0.1, Status.PROVISIONAL, (not_converged,))
     summary = ResultSummary()
-    summary.add(result("FL", 0.1, *estimates, alone, Estimate("load_n", 1.0, 1.0, Status.PROVISIONAL, (unverified,))))
+    summary.add(
+        result("FL", 0.1, *estimates, conicity, Estimate("load_n", 1.0, 1.0, Status.PROVISIONAL, (unverified,)))
+    )
     for columns in (78, LINE_WIDTH, 118):
         lines = summary_lines(summary.wheels(), columns=columns)
         words = " ".join(" ".join(lines).split())
-        assert words.count(text(unverified)) == words.count(text(early)) == 1
+        assert words.count(text(unverified)) == words.count(text(not_converged)) == 1
         assert f"of several numbers: bending stiffness number (Bs), wear and 3 more: {text(unverified)}" in words
         assert "load 1.0 ± 1.0 N provisional, see below" in words
         assert max(map(len, lines)) <= columns

@@ -11,6 +11,8 @@ import treadlink
 from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.registry import ESTIMATORS
 from gateway.core.reasons import Code, Reason
+from gateway.core.session.reasons import SessionCode
+from gateway.core.shown_units import ShownUnits, shown_in
 from gateway.core.text.wording import as_json, fields, joined, text
 from gateway.core.trust.reasons import TrustCode
 from tools.reason_codes import all_codes
@@ -104,3 +106,18 @@ def test_a_share_is_written_as_every_percentage() -> None:
 def test_no_template_writes_a_percent_sign_twice(code: Code) -> None:
     assert "%} %" not in code.text_template
     assert "%}%" not in code.text_template
+
+
+@pytest.mark.parametrize(
+    ("units", "sentence"),
+    [
+        ("si", "pressure 210 kPa is below 230 kPa"),
+        ("bar", "pressure 2.10 bar is below 2.30 bar"),
+        ("us", "pressure 30.5 psi is below 33.4 psi"),
+    ],
+)
+def test_reason_is_in_the_shown_units_and_in_its_own_in_json(units: str, sentence: str) -> None:
+    low = Reason(SessionCode.VALUE_BELOW_LIMIT, quantity="pressure_pa", value=210e3, limit=230e3)
+    with shown_in(ShownUnits(units)):
+        assert text(low) == sentence
+    assert as_json(low)["text"] == "pressure 210 kPa is below 230 kPa"
