@@ -62,6 +62,13 @@ def opens(call: ast.Call) -> bool:
     return name in OPENERS or whole.startswith("subprocess.") or (name == "open" and writes(call))
 
 
+def is_held(statement: ast.Assign) -> bool:
+    """Return whether a descriptor stays open as an attribute, also where it is only read."""
+    value = statement.value
+    is_opened = isinstance(value, ast.Call) and ast.unparse(value.func) == "os.open"
+    return is_opened and isinstance(statement.targets[0], ast.Attribute)
+
+
 def openings(node: ast.AST, names: tuple[str, ...] = ()) -> Iterator[str]:
     """Yield the qualified names of functions and classes that open something."""
     for child in ast.iter_child_nodes(node):
@@ -70,7 +77,7 @@ def openings(node: ast.AST, names: tuple[str, ...] = ()) -> Iterator[str]:
             inner = (*names, child.name)
             if isinstance(child, ast.ClassDef) and OPENERS.intersection(map(last_name, child.bases)):
                 yield ".".join(inner)
-        elif isinstance(child, ast.Call) and opens(child):
+        elif (isinstance(child, ast.Call) and opens(child)) or (isinstance(child, ast.Assign) and is_held(child)):
             yield ".".join(names)
         yield from openings(child, inner)
 
@@ -117,6 +124,7 @@ def test_figures_of_a_row_are_those_of_the_code(name: str) -> None:
     [
         "threading.Thread(target=f)", "socket.create_server(a)", "path.open('ab')", "open(path, mode='x')",
         "os.open(path, os.O_WRONLY)", "subprocess.run([])", "class _A(ProcessPoolExecutor): pass", "a.write_text('')",
+        "self.a = os.open(path, os.O_RDONLY)",
     ],
 )  # fmt: skip
 def test_a_new_one_is_seen(code: str) -> None:
