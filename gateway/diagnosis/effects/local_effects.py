@@ -346,6 +346,11 @@ class LocalTreadStiffness(LocalChange):
         return size * factor, factor**2, by_width
 
 
+# Share of a height by which it is off where the belt's mass, here that of the baseline model, is a third more or less:
+# at 90 km/h, where the order is nearer to the ring's own resonance the higher it is.
+_BY_MASS: Final = {2: 0.1, 3: 0.35, 4: 0.6}
+
+
 class WheelOrder(_OnBelt):
     """Height that goes k times up and down in a turn: of the tire on the road, or of the axle."""
 
@@ -367,7 +372,9 @@ class WheelOrder(_OnBelt):
             self.equation = f"axle height + x cos({order} theta) + y sin({order} theta); the exact ring's linear answer"
         # As the first harmonic: 0.3 mm is usual, an oval rim or a flat spot from parking gives 3 mm.
         self.parameters = tuple(
-            Parameter(f"{part}_m", "m", -3e-3, 3e-3, 2e-4, 1e-6, factor=1e3, display_unit="mm", equation_share=0.03)
+            Parameter(
+                f"{part}_m", "m", -3e-3, 3e-3, 2e-4, 1e-6, factor=1e3, display_unit="mm", equation_share=_BY_MASS[order]
+            )
             for part in ("cosine", "sine")
         )
         self.start_values = ((2e-4, 2e-4),)
