@@ -53,6 +53,7 @@ from gateway.diagnosis.remainder.unexplained_orders import unexplained
 from gateway.diagnosis.remainder.unexplained_revolutions import unexplained_revolutions
 from gateway.diagnosis.report.effect_contribution import contribution_table
 from gateway.diagnosis.report.findings import apart_from, beside_more, confirmed, findings_of, of_common_size
+from gateway.diagnosis.report.free_waveform import beside_unknown
 from gateway.diagnosis.report.hold_out import alignment_note, hold_out
 from gateway.diagnosis.report.one_size import of_one_size
 from gateway.diagnosis.report.other_conditions import judged_elsewhere
@@ -256,6 +257,7 @@ def _judged(
     if exact is not None:
         findings = confirmed(apart_from(findings, exact.parameters), exact.absent)
     without = {name: posterior.without(name).fit for name in best.names}
+    findings = beside_unknown(findings, best.fit, without, posterior.temperatures)
     single = of_one_size(beside_more(findings, best.fit, data), best.fit, data)
     tested = judged_elsewhere(of_common_size(single), best.fit, without, data)
     return doubted(tested, tuple(effects.values()), campaign, over)

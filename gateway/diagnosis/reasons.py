@@ -152,6 +152,10 @@ class DiagnosisCode(Codes):
     SIZE_CHANGES = Code(
         "its size changes from the first to the second half of a recording (chi-square {chi2:.3g} of {freedom})"
     )
+    TAKEN_BY_UNKNOWN = Code(
+        "beside an unknown waveform on the {axis} axis, fixed in time or to an edge of the contact, {taken:.3g} of its "
+        "log odds are gone"
+    )
     UNTESTED_ELSEWHERE = Code("no recording of another speed, load or pressure can test it")
 
     # Diagnosis: deciding recordings

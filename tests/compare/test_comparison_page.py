@@ -79,7 +79,7 @@ def test_each_recording_has_its_date_and_the_wheel_that_differs_is_drawn_first(m
     assert "First: a.mcap, 2026-09-21 14:13:20 UTC, 39 s · second: b.mcap, 2026-09-22 14:13:20 UTC, 39 s" in page
     data = json.loads(re.search(r'id="both-data">(.*?)</script>', page)[1])
     choice = data["choices"][data["chosen"]]
-    assert [data["wheels"][index]["name"] for index in choice["wheels"]] == ["FR a.mcap", "FR b.mcap"]
+    assert [data["wheels"][at]["name"] for at in choice["wheels"]] == ["FR a.mcap", "FR b.mcap"]
     assert [wheel["style"] for wheel in data["wheels"]] == [0, 0, 1, 1]
     assert data["pairs"] == {"pressure_pa": "temperature_degc"}
 

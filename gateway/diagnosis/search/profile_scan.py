@@ -66,16 +66,8 @@ class ProfileScan:
 
     def __init__(self, fit: Fit) -> None:
         """Take the fit, with its discrepancy."""
-        if fit.applied is None:
-            raise ValueError("a scan needs the discrepancy of its fit")
         self.fit = fit
-        discrepancy, amplitudes = fit.applied.discrepancy, fit.applied.amplitudes
-        least = (criteria.LEAST_SHARE * discrepancy.reference_mps2) ** 2
-        self._fits = [
-            fit if factor == 1.0 else fit.under(discrepancy.applied(np.maximum(factor * amplitudes, least)))
-            for factor in _FACTORS
-        ]
-        self._levels = np.array([log_evidence(scaled_fit.moved(scaled_fit.step)) for scaled_fit in self._fits])
+        self._fits, self._levels = under_factors(fit)
         self._shapes = {index: fit.model.shape(fit.vector, index) for index in range(len(fit.model.campaign.groups))}
 
     def promises(self, effects: Sequence[LocalChange]) -> list[Promise]:
@@ -164,6 +156,19 @@ class ProfileScan:
             turn = np.exp(-1j * float(self.fit.vector[model.layout.centre(index)]) * _ORDER)
             rows[index] = as_real(orders * turn)
         return rows
+
+
+def under_factors(fit: Fit) -> tuple[list[Fit], FloatArray]:
+    """Return a fit under several factors of its discrepancy, 1 first, and the log evidence of each."""
+    if fit.applied is None:
+        raise ValueError("a scan needs the discrepancy of its fit")
+    discrepancy, amplitudes = fit.applied.discrepancy, fit.applied.amplitudes
+    least = (criteria.LEAST_SHARE * discrepancy.reference_mps2) ** 2
+    fits = [
+        fit if factor == 1.0 else fit.under(discrepancy.applied(np.maximum(factor * amplitudes, least)))
+        for factor in _FACTORS
+    ]
+    return fits, np.array([log_evidence(scaled_fit.moved(scaled_fit.step)) for scaled_fit in fits])
 
 
 def fitted_with(promise: Promise, fit: Fit, data: Whitened, rival: Fit | None = None) -> Fit | None:
