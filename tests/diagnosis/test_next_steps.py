@@ -89,10 +89,12 @@ def test_step_of_several_open_ends_stands_once() -> None:
 
 def test_a_search_that_ended_early_asks_for_time_and_not_for_what_it_has_not_explained() -> None:
     note = Reason(DiagnosisCode.SEARCH_ENDED_EARLY)
-    left = replace(
+    diagnosis = replace(
         empty(), unexplained=(ANGLE,), notes=(note,), determined={"Ts": False, "tread_stiffness_npm2": False}
     )
-    assert next_steps(left) == [("the search ended at its time limit", "give it more time: a larger --budget, or none")]
-    abouts = [step.about for step in next_steps(replace(left, notes=()))]
+    assert next_steps(diagnosis) == [
+        ("the search ended at its time limit", "give it more time: a larger --budget, or none")
+    ]
+    abouts = [step.about for step in next_steps(replace(diagnosis, notes=()))]
     assert any("tread stiffness" in about for about in abouts)
     assert not any("npm2" in about for about in abouts)
