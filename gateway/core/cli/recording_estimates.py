@@ -8,6 +8,7 @@ from firmware_protocol.counters import LinkCounters
 from gateway.core.cli.estimate_outputs import EstimateOutput
 from gateway.core.config.vehicle import ASSUMED_RADIUS_MM, shown_units_of
 from gateway.core.estimates.registry import DEFAULT_ESTIMATORS
+from gateway.core.estimates.wheel_setup import CorrectionTable
 from gateway.core.reasons import CoreCode, Reason
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.recorded_file import RawDump, open_recorded_file
@@ -16,6 +17,7 @@ from gateway.core.shown_units import shown_in
 from gateway.core.text.result_table import ResultTable
 from gateway.core.text.session_summary import (
     ResultSummary,
+    WheelSummary,
     columns_of_terminal,
     effects_line,
     removed_line,
@@ -87,12 +89,7 @@ def estimate_recording(
     wheels = summary.wheels(estimation.wheels)
     notices = estimation.notices([wheel.position for wheel in wheels])
     lines += [f"  {clean(notice_text(notice))}" for notice in notices]
-    for corrections in recording.effects:
-        effect_names = [effect.name for effect in corrections.effects]
-        for wheel_summary in wheels:
-            if wheel_summary.position == corrections.position:
-                lines.append(clean(f"  {effects_line(wheel_summary, effect_names)}"))
-                lines += [clean(f"  {line}") for line in (removed_line(wheel_summary, corrections),) if line]
+    lines += [clean(f"  {line}") for line in _effect_lines(recording.effects, wheels)]
     alarms, missing = estimation.alarms(), estimation.missing()
     for alarm in alarms:
         for table in tables:
@@ -116,6 +113,15 @@ def _opened(path: Path) -> RecordingReader | RawDump:
     """Return the recording, or the dump of a link."""
     dump = open_recorded_file(path) if path.suffix.lower() == ".bin" else None
     return dump if isinstance(dump, RawDump) else RecordingReader(path)
+
+
+def _effect_lines(effects: Sequence[CorrectionTable], wheels: Sequence[WheelSummary]) -> Iterator[str]:
+    """Yield the known effects of each wheel, and what of them was not subtracted."""
+    for corrections in effects:
+        for wheel in wheels:
+            if wheel.position == corrections.position:
+                yield effects_line(wheel, [effect.name for effect in corrections.effects])
+                yield from filter(None, (removed_line(wheel, corrections),))
 
 
 def _link_lines(counters: Mapping[str, LinkCounters]) -> Iterator[str]:

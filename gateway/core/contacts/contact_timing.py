@@ -150,6 +150,24 @@ class _Match(NamedTuple):
     covariances_rad2: FloatArray
 
 
+class _Window(NamedTuple):
+    """Samples around a contact.
+
+    Attributes:
+        number: of the revolution that it ends.
+        first: sample position of the first.
+        passage: of the template over them, with positions from the first.
+        samples: (n,) them.
+        gaps: (first, end) of those that are missing.
+    """
+
+    number: int
+    first: int
+    passage: Phase
+    samples: FloatArray
+    gaps: list[tuple[int, int]]
+
+
 class ContactTimer:
     """Refines the contacts of one wheel. Deterministic; the times do not depend on how many are refined at once."""
 
@@ -295,39 +313,21 @@ class ContactTimer:
         """Match the later contacts of the revolutions with the template, twice; return also which lack samples."""
         matches: list[_Match | None] = [None] * len(pairs)
         template = self._template
-        damaged = [pair.end.predicted or (template is None and _lacks_an_edge(pair.end, gaps)) for pair in pairs]
-        passages: list[Phase] = []
-        places: list[int] = []
-        samples: list[FloatArray] = []
-        firsts: list[int] = []
-        gaps_of: list[list[tuple[int, int]]] = []
-        begins_rad, ends_rad = template.whole.angles_rad[[0, -1]].tolist() if template is not None else (0.0, 0.0)
-        for index, pair in enumerate(pairs):
-            if template is None or pair.end.predicted:
-                continue
-            start, guess = pair.start.centre, pair.end.centre
-            passage = _passage(start, guess, pair.previous_period)
-            first = max(math.floor(guess + begins_rad / passage.rate) - MARGIN_SAMPLES, math.ceil(start))
-            last = min(math.ceil(guess + ends_rad / passage.rate) + MARGIN_SAMPLES, pair.decided_at)
-            lost = gaps(first, last)
-            damaged[index] = bool(lost)
-            if last - first >= _LEAST_SAMPLES:
-                places.append(index)
-                firsts.append(first)
-                gaps_of.append([(low - first, end - first) for low, end in lost])
-                passages.append(_moved(passage, -first))
-                samples.append(read(first, last))
+        windows, damaged = self._windows(pairs, read, gaps)
         times = [pair.end.centre for pair in pairs]
-        if template is None or not places:
+        if template is None or not windows:
             self._follow(pairs, times)
             return matches, damaged
-        around = ContactSamples(template, samples, passages, gaps_of)
-        own_hz = [rates_hz[index] for index in places]
+        passages = [window.passage for window in windows]
+        around = ContactSamples(
+            template, [window.samples for window in windows], passages, [window.gaps for window in windows]
+        )
+        own_hz = [rates_hz[window.number] for window in windows]
         first_match = around.match(passages, own_hz)
         share, apart, *points = self._weights
         guesses: dict[int, float] = {}
-        for index, first, passage, (leading, trailing), fits in zip(
-            places, firsts, passages, first_match.shift_rad.tolist(), first_match.fits.tolist(), strict=True
+        for (index, first, passage, *_), (leading, trailing), fits in zip(
+            windows, first_match.shift_rad.tolist(), first_match.fits.tolist(), strict=True
         ):
             if fits:
                 guesses[index] = passage.start + first + 0.5 * (leading + trailing) / passage.rate
@@ -337,14 +337,13 @@ class ContactTimer:
         rolling = self._follow(pairs, times)
         passages = [
             _moved(_passage(*rolling[index], zero_at=guesses[index]), -first) if index in guesses else passage
-            for index, first, passage in zip(places, firsts, passages, strict=True)
+            for index, first, passage, *_ in windows
         ]
         match = around.match(passages, own_hz)
         limit = around.largest_shift_rad
         good = (first_match.fits & match.fits).tolist()
-        for index, first, passage, fits, shift, residual, covariances in zip(
-            places,
-            firsts,
+        for (index, first, *_), passage, fits, shift, residual, covariances in zip(
+            windows,
             passages,
             good,
             match.shift_rad.tolist(),
@@ -357,6 +356,30 @@ class ContactTimer:
             if fits and max(abs(early + shift[0]), abs(early + shift[1])) < limit:
                 matches[index] = _Match(guess, passage.rate, tuple(shift), tuple(residual), covariances)
         return matches, damaged
+
+    def _windows(
+        self, pairs: Sequence[ContactPair], read: Callable[[int, int], FloatArray], gaps: Gaps
+    ) -> tuple[list[_Window], list[bool]]:
+        """Return the samples around the later contacts, and which of these lack samples."""
+        template = self._template
+        if template is None:
+            return [], [pair.end.predicted or _lacks_an_edge(pair.end, gaps) for pair in pairs]
+        damaged = [pair.end.predicted for pair in pairs]
+        windows: list[_Window] = []
+        begins_rad, ends_rad = template.whole.angles_rad[[0, -1]].tolist()
+        for index, pair in enumerate(pairs):
+            if pair.end.predicted:
+                continue
+            start, guess = pair.start.centre, pair.end.centre
+            passage = _passage(start, guess, pair.previous_period)
+            first = max(math.floor(guess + begins_rad / passage.rate) - MARGIN_SAMPLES, math.ceil(start))
+            last = min(math.ceil(guess + ends_rad / passage.rate) + MARGIN_SAMPLES, pair.decided_at)
+            lost = gaps(first, last)
+            damaged[index] = bool(lost)
+            if last - first >= _LEAST_SAMPLES:
+                in_window = [(low - first, end - first) for low, end in lost]
+                windows.append(_Window(index, first, _moved(passage, -first), read(first, last), in_window))
+        return windows, damaged
 
     def _follow(self, pairs: Sequence[ContactPair], times: Sequence[float]) -> list[tuple[float, float, float | None]]:
         """Return start, end and period before of each revolution by the times of the first match of their ends."""

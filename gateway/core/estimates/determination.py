@@ -247,20 +247,33 @@ def series_estimates(
     rows = list(zip(all_values.tolist(), errors.tolist(), scatters.tolist(), sound.tolist(), strict=True))
     estimates = []
     for index, (lacking, width) in enumerate(zip(missing, widths, strict=True)):
-        revolution_doubts = doubts[index]
         if lacking:
             numbers = [Estimate.invalid(name, *lacking) for name in RING_NUMBERS]
         else:
             reason = None if width is None else width.reason
-            code = None if reason is None else reason.code
-            of_all = () if reason is None or code is EstimateCode.SCALE_BY_WIDTH else (reason,)
-            doubted = (*revolution_doubts, *of_all) if code is EstimateCode.WIDTH_CONTRADICTED else revolution_doubts
-            noted = (*notes, *of_all) if code is EstimateCode.WIDTH_DISAGREES else notes
-            numbers = _estimates(fitted, index, rows[index], _NUMBERS, doubted, noted)
-            if reason is not None and code is EstimateCode.SCALE_BY_WIDTH and numbers[_CW].status is not Status.INVALID:
-                numbers[_CW] = numbers[_CW]._replace(reasons=(*numbers[_CW].reasons, reason))
-        estimates.append((*numbers, *_estimates(fitted, index, rows[index], _RATIOS, revolution_doubts, notes)))
+            numbers = _numbers(fitted, index, rows[index], reason, doubts[index], notes)
+        estimates.append((*numbers, *_estimates(fitted, index, rows[index], _RATIOS, doubts[index], notes)))
     return estimates
+
+
+def _numbers(
+    fitted: FittedSeries,
+    index: int,
+    row: tuple[list[float], list[float], list[float], list[bool]],
+    of_width: Reason | None,
+    doubts: tuple[Reason, ...],
+    notes: tuple[Reason, ...],
+) -> list[Estimate]:
+    """Return the four numbers with what the width of the belt says of them."""
+    if of_width is not None and of_width.code is EstimateCode.WIDTH_CONTRADICTED:
+        doubts = (*doubts, of_width)
+    if of_width is not None and of_width.code is EstimateCode.WIDTH_DISAGREES:
+        notes = (*notes, of_width)
+    numbers = _estimates(fitted, index, row, _NUMBERS, doubts, notes)
+    is_by_width = of_width is not None and of_width.code is EstimateCode.SCALE_BY_WIDTH
+    if of_width is not None and is_by_width and numbers[_CW].status is not Status.INVALID:
+        numbers[_CW] = numbers[_CW]._replace(reasons=(*numbers[_CW].reasons, of_width))
+    return numbers
 
 
 def _estimates(
