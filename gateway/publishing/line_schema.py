@@ -72,7 +72,7 @@ def _revolution() -> dict[str, Any]:
     schema = _object(
         "revolution",
         {"wheel": _TEXT, "index": _COUNT},
-        {name: field for name, field in recorded["properties"].items() if name != "index"},
+        {name: field for name, field in recorded["properties"].items() if name != "index"} | {"load_source": _SOURCE},
         "one revolution of one wheel; each estimate is NAME, NAME_std (one standard error), NAME_scatter_std (its "
         "scattering part, where known), NAME_status, NAME_reasons",
     )

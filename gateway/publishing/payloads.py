@@ -45,13 +45,16 @@ def encoded(payload: Mapping[str, Any]) -> bytes:
 
 
 def revolution(item: PublishedRevolution) -> JsonObject:
-    """Return a revolution with the fields of the topic `/wheel/POSITION/revolution` of a recording."""
+    """Return a revolution: the topic `/wheel/POSITION/revolution` of a recording, and that its load is stated."""
     result = item.result
+    # The load of a revolution's conditions is never measured: an estimated one is an estimate.
+    source = {"load_source": "stated"} if result.conditions.load_n is not None else {}
     return {
         "type": "revolution",
         "time_s": _seconds(item.host_ns),
         "wheel": result.position,
         **revolution_payload(result),
+        **source,
     }
 
 

@@ -478,7 +478,7 @@ def test_drive_face_of_an_ended_or_silent_session_has_no_number_that_looks_alive
 
 
 @pytest.mark.parametrize(
-    ("position", "place"),
+    ("position", "expected"),
     [
         ("FL", (0, 0)),
         ("RR", (1, 1)),
@@ -488,8 +488,8 @@ def test_drive_face_of_an_ended_or_silent_session_has_no_number_that_looks_alive
         ("drum", None),
     ],
 )
-def test_place_of_a_wheel_on_a_car(position, place) -> None:
-    assert place_on_car(position) == place
+def test_place_of_a_wheel_on_a_car(position, expected) -> None:
+    assert place_on_car(position) == expected
 
 
 # In a browser
