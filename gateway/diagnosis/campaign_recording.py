@@ -1,5 +1,6 @@
 """One recording of a campaign, read through the pipeline without estimators and reduced to groups."""
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -25,10 +26,12 @@ from gateway.core.text.wording import notice_text
 from gateway.core.trust.reasons import TrustCode
 from gateway.core.types import FloatArray
 from gateway.core.wheels.revolution import SensorReading
+from gateway.diagnosis import criteria
 from gateway.diagnosis.campaign_clock import UNKNOWN, HubClockError
 from gateway.diagnosis.data.campaign_data import Group, Remark, Repeats
 from gateway.diagnosis.data.group_statistics import Declared, make_groups
 from gateway.diagnosis.data.revolution_orders import RevolutionStore
+from gateway.diagnosis.data.wheel_rates import without_rates
 from gateway.diagnosis.provenance import Quantity, is_assumed, provenance_of
 from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.repeated_samples import RepeatedSamples
@@ -50,6 +53,8 @@ _SENSOR_FAULTS: Final = frozenset(
 )
 # Alarms that make every shape doubtful. What is stuck or dead does not turn, or is left out by axis.
 _DOUBTS: Final = frozenset({TrustCode.SENSOR_LOOSE, TrustCode.SENSOR_TILTED})
+# By which odds before the data become those of a named effect.
+_EVIDENCE_OF_A_RATE: Final = math.log(criteria.NAMED / (1.0 - criteria.NAMED) / criteria.PRIOR_ODDS)
 _NOT_RADIAL: Final = (Axis.CIRCUMFERENTIAL, Axis.LATERAL)
 _NOT_OF_SENSORS: Final = frozenset({*SILENCES, *THRESHOLDS, AlarmName.LINK})
 # Links whose arrival times are derived from the times of the samples.
@@ -188,7 +193,7 @@ class _Collector:
             if self._naming < 0:
                 return False
         if result.position == (self._wheel or next(iter(self.wheels))):
-            self.store.take(result.revolution, result.conditions, result.host_ns)
+            self.store.take(result.revolution, result.conditions, result.host_ns, result.estimates)
             self.last = result
         return True
 
@@ -228,7 +233,7 @@ def read_recording(order: ReadOrder, on_position: Callable[[int], None] | None =
     recording = open_recording(reader, order.vehicle, key_file=order.key_file, on_position=on_position)
     collected = _Collector(order)
     # Notes of the diagnosis report the alarms.
-    reading = RecordingPass(recording, (), logs_alarms=False, on_block=collected.block)
+    reading = RecordingPass(recording, ("turning",), logs_alarms=False, on_block=collected.block)
     for result in reading:
         if not collected.result(result):
             return RecordingRead(tuple(collected.wheels))
@@ -271,7 +276,9 @@ def _reduced(
         store.leave_out(_NOT_RADIAL)
     table = store.table()
     declared = _declared(order, vehicle, wheel, tire, last, store)
+    rates = without_rates(table, declared.radius_m, ac_coupled=declared.ac_coupled, least_evidence=_EVIDENCE_OF_A_RATE)
     groups = make_groups(table, declared, order.folds, store.reject) if len(table) else []
+    groups = [replace(group, rates=rates) for group in groups]
     host_s = table["host_s"]
     address = wheel_address(vehicle, position)
     samples = collected.samples(address)

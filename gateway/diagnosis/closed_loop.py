@@ -51,6 +51,7 @@ from gateway.diagnosis.remainder.drifts import drifts_of, with_drifts
 from gateway.diagnosis.remainder.non_stationary import beside_changes, changing
 from gateway.diagnosis.remainder.unexplained_orders import unexplained
 from gateway.diagnosis.remainder.unexplained_revolutions import unexplained_revolutions
+from gateway.diagnosis.remainder.wheel_rate_sizes import rate_findings
 from gateway.diagnosis.report.effect_contribution import contribution_table
 from gateway.diagnosis.report.findings import apart_from, beside_more, confirmed, findings_of, of_common_size
 from gateway.diagnosis.report.free_waveform import beside_unknown
@@ -191,6 +192,7 @@ def _diagnose(
         *beside_changes(time_locked.unexplained, changes),
         *unexplained_revolutions(campaign.groups),
     )
+    every = (*findings, *edges, *rate_findings(campaign), *time_locked.findings)
     shown = errors.fit_of[frozenset()], errors.fit_of[best.names]
     on_progress(1.0, "done")
     diagnosis = Diagnosis(
@@ -202,7 +204,7 @@ def _diagnose(
         rejected=sum(campaign.rejected.values()),
         noise_floor_mps2=noise,
         held_out=held_out,
-        findings=tuple(sorted((*findings, *edges, *time_locked.findings), key=lambda finding: _RANK[finding.verdict])),
+        findings=tuple(sorted(every, key=lambda finding: _RANK[finding.verdict])),
         unexplained=tuple(sorted(residuals, key=lambda entry: -entry.rms_mps2)),
         estimates_before=numbers.before,
         estimates_after=numbers.after,

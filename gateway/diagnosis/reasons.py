@@ -133,6 +133,12 @@ class DiagnosisCode(Codes):
     LEAVES_RESIDUAL_AT_EDGES = Code(
         "it leaves {residual_share:.0f %} of the scatter at the contact edges, so it stands in for another cause"
     )
+    TURN_WITHOUT_ACCELERATION = Code(
+        "the mean of the lateral axis does not follow it ({slope:.2f} ± {std:.2f} of what a turn makes of it)"
+    )
+    STRAIGHTS_NOT_SEEN = Code("straight driving and turns have not followed each other often enough to part them")
+    CAMBER_BESIDE_TURN = Code("the side force of a turn at {turn_radps:.2g rad/s} can make as much of the lateral axis")
+    CAMBER_TOO_LARGE = Code("the camber would change by {camber_rad:.3g rad}")
     NOTHING_REMAINS = Code("nothing of it remains beside the other effects")
     ORDER_OR_FREQUENCY = Code(
         "the residual is {noise_floors:.1f} times the noise floor, and one speed does not distinguish an "

@@ -122,7 +122,8 @@ class Finding:
         reason: why it was refused or not distinguished; None otherwise.
         summary: a description of the effect.
         equation: its contribution.
-        lock: "angle", "time", or "contact" for what scatters from one contact to the next.
+        lock: "angle", "time", "contact" for what scatters from one contact to the next, or "revolution" for what has
+            another size in each.
         probability: that the effect is present.
         log_odds: logarithm of its odds by the best sets with and without it; NaN for an impossible one.
         single_sizes: its sizes in each recording alone.

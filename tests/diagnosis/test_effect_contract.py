@@ -7,6 +7,7 @@ import pytest
 
 from gateway.core.types import FloatArray
 from gateway.diagnosis.effects.catalogue import catalogue, group_of
+from gateway.diagnosis.effects.contact import CONTACT_EDGE_JITTER
 from gateway.diagnosis.effects.effect import (
     CIRCUMFERENTIAL,
     LATERAL,
@@ -25,7 +26,6 @@ ALL = catalogue()
 RING = [name for name, effect in ALL.items() if isinstance(effect, RingEffect)]
 SIGNAL = [name for name, effect in ALL.items() if isinstance(effect, SignalEffect)]
 SPECTRUM = [name for name, effect in ALL.items() if isinstance(effect, SpectrumEffect)]
-SCATTER = [name for name, effect in ALL.items() if isinstance(effect, ScatterEffect)]
 BLOCKS = {
     "speeding up, warm": lambda: block_of(replace(CONDITIONS, omega_dot_radps2=5.0, temperature_degc=50.0)),
     "braking in reverse, offset": lambda: block_of(
@@ -189,11 +189,8 @@ def test_density_derivative_matches_differences(name: str) -> None:
             assert np.abs(row - slope(near, far, parameter.step)).max() <= 1e-5 * np.abs(row).max()
 
 
-@pytest.mark.parametrize("name", SCATTER)
-def test_scatter_windows_are_at_most_one(name: str) -> None:
-    effect = ALL[name]
-    assert isinstance(effect, ScatterEffect)
-    weights = effect.windows(THETA, 0.24)
+def test_windows_of_contact_edges_are_at_most_one() -> None:
+    weights = CONTACT_EDGE_JITTER.windows(THETA, 0.24)
     assert weights.shape[1:] == THETA.shape
     assert weights.max() <= 1.0
     assert weights.any(axis=1).all()

@@ -104,8 +104,11 @@ def test_receiver_follows_the_path() -> None:
     mounted = SimulatedReceiver(MotionProfile(constant(36.0)), 2.0, np.random.default_rng(1), yaw)
     lines = [sentences.data.decode().split(",") for sentences in islice(mounted.sentences(10**18), 0, 33)]
     north, east = (
-        [math.radians(int(line[at][: 2 + at // 5]) + float(line[at][2 + at // 5 :]) / 60.0) for line in lines]
-        for at in (3, 5)
+        [
+            math.radians(int(line[column][: 2 + column // 5]) + float(line[column][2 + column // 5 :]) / 60.0)
+            for line in lines
+        ]
+        for column in (3, 5)
     )
     moved = np.array([north[-1] - north[0], (east[-1] - east[0]) * math.cos(north[0])]) * EARTH_RADIUS_M
     assert moved == pytest.approx([100.0, -100.0 - 10.0 * (16.0 - 5.0 * math.pi)], abs=8.0)

@@ -7,6 +7,7 @@ from typing import Final, TypeAlias
 
 from gateway.core.reasons import Reason
 from gateway.core.types import BoolArray, ComplexArray, FloatArray
+from gateway.diagnosis.data.wheel_rates import WheelRate
 from gateway.diagnosis.effects.effect import GroupConditions
 
 Remark: TypeAlias = Reason | str
@@ -156,6 +157,7 @@ class Group:
         by_angle: power of the deviations by angle; None for too few revolutions.
         repeats: repeated samples of the group's recording; None without.
         step_mps2: of the sensor's converter by axis; 0 where it is not known.
+        rates: of the wheel, in the group's recording; revolutions are without those that it shows.
         sensor_doubted: True where the pipeline raised an alarm about the sensor that makes every shape doubtful.
     """
 
@@ -179,6 +181,7 @@ class Group:
     by_angle: AngleScatter | None = None
     repeats: Repeats | None = None
     step_mps2: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rates: tuple[WheelRate, ...] = ()
     sensor_doubted: bool = False
 
 

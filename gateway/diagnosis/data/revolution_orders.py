@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.core.estimates.estimator import Revolution, TireConditions
+from gateway.core.estimates.estimator import Estimate, Revolution, Status, TireConditions
 from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.reasons import Reason
 from gateway.core.types import ComplexArray, FloatArray
@@ -34,6 +34,7 @@ _AXES: Final = ("circumferential", "lateral")
 _DEAD_MPS2: Final = 1e-6
 _CUT_OFF: Final = frozenset({EstimateCode.RADIAL_SATURATED, WheelCode.RADIAL_CLIPPED})
 _SIGNS: Final[FloatArray] = np.where(np.arange(ORDERS) % 2, -1.0, 1.0)
+_UNKNOWN: Final = Estimate("", 0.0, math.inf, Status.PROVISIONAL)
 
 
 def waveform_orders(waveform_mps2: FloatArray) -> ComplexArray:
@@ -79,8 +80,10 @@ class RevolutionStore:
         """Number of revolutions kept."""
         return len(self._rows)
 
-    def take(self, revolution: Revolution, conditions: TireConditions, host_ns: int) -> None:
-        """Keep a revolution, or count the reason for its rejection."""
+    def take(
+        self, revolution: Revolution, conditions: TireConditions, host_ns: int, estimates: Iterable[Estimate] = ()
+    ) -> None:
+        """Keep a revolution with the rates of its wheel among its estimates, or count the reason for its rejection."""
         faults = [fault for fault in revolution.faults if fault.code not in _CUT_OFF]
         if faults:
             self.reject(faults[0])
@@ -117,6 +120,7 @@ class RevolutionStore:
                 math.nan if conditions.pressure_pa is None else conditions.pressure_pa,
                 math.nan if conditions.temperature_degc is None else conditions.temperature_degc,
                 bool(revolution.faults),
+                *_rates(estimates),
             )
         )
 
@@ -153,8 +157,20 @@ class RevolutionStore:
 
 COLUMNS: Final = (
     "index", "host_s", "period_s", "omega_radps", "omega_dot_radps2", "rate_hz", "half_angle_rad", "load_n",
-    "pressure_pa", "temperature_degc", "cut_off",
+    "pressure_pa", "temperature_degc", "cut_off", "turn_radps", "turn_shared_radps", "turn_scatter_radps",
+    "turn_valid", "camber_radps", "camber_shared_radps", "camber_scatter_radps", "camber_valid",
 )  # fmt: skip
+
+
+def _rates(estimates: Iterable[Estimate]) -> tuple[float, ...]:
+    """Return turn and camber rate, the errors that revolutions share and do not, and whether it is valid.
+
+    0 with an infinite error where unknown.
+    """
+    known = {estimate.name: estimate for estimate in estimates if estimate.status is not Status.INVALID}
+    rates = [known.get(name, _UNKNOWN) for name in ("turn_rate_radps", "camber_rate_radps")]
+    parts = ((rate.value, rate.constant_std, rate.scatter_std, rate.status is Status.VALID) for rate in rates)
+    return tuple(float(part) for rate in parts for part in rate)
 
 
 class RevolutionTable:

@@ -5,7 +5,7 @@ An effect is a class with declarative attributes and the equation in code. There
 - `RingEffect` changes the options that the ring is solved with.
 - `SignalEffect` adds to the sensor signal, locked to the wheel angle.
 - `SpectrumEffect` adds to the power spectral density of the part that is not locked to the wheel.
-- `ScatterEffect` describes how the contact differs from one revolution to the next.
+- `ScatterEffect` has another size in each revolution.
 
 All parameters are 0 where the effect is absent, except those that only shape it (a corner frequency, an order).
 
@@ -373,11 +373,8 @@ class SpectrumEffect(Effect):
 
 
 class ScatterEffect(Effect):
-    """Effect that moves parts of the waveform by a different amount in each revolution.
+    """Effect that has another size in each revolution.
 
-    It is estimated from single revolutions and removed before revolutions are averaged.
+    It is estimated from single revolutions and removed before revolutions are averaged. Its parameters are root mean
+    squares over revolutions, which differ between recordings.
     """
-
-    @abstractmethod
-    def windows(self, theta_rad: FloatArray, half_angle_rad: float) -> FloatArray:
-        """Return the weight of each of its displacements at angles, (terms, ...), at most 1."""
