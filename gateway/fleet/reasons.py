@@ -79,6 +79,7 @@ class FleetCode(Codes):
     TREND_PRESSURE_FELL = Code(
         "the pressure has fallen by {fall_pa:.0f kPa} ± {std_pa:.1g kPa} in {span_s:.1f h}: {first} to {last}"
     )
+    TREND_PRESSURE_RISES = Code("the pressure rises, as by refills or weather: the tire's own loss is not in it")
     TREND_PRESSURE_STUCK = Code(
         "sensor: its pressure is stuck, and left out of the trends ({pressure_pa:.1f kPa} in {count} recordings from "
         "{first} to {last}, while the temperature varies)"

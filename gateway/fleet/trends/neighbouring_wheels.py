@@ -25,6 +25,8 @@ _MAD_TO_STD: Final = 1.4826
 # Change of one wheel against the others, in scatters, that is its own; of most of the wheels, that is a refill of all.
 _OWN: Final = 5.0
 _LEAST_SCATTER_KPA: Final = 0.3
+# Recordings by which a refill is told from a rise that goes back.
+_HELD: Final = 7
 # What is common is left in only where taking it out adds more scatter than this: refills of wheels, not weather.
 _REDUCED: Final = 1.05
 # Recordings by which those are apart that weather makes different.
@@ -75,30 +77,35 @@ def _common(
     histories: Sequence[TireHistory], cold_kpa: Sequence[FloatArray], number: int, others: Sequence[int]
 ) -> FloatArray | None:
     """Return (n,) what the other wheels have in common at the recordings of one, NaN where it is not known."""
-    paths = histories[number].paths
-    rows = []
+    paths, own = histories[number].paths, cold_kpa[number]
+    measured = np.flatnonzero(np.isfinite(own))
+    rows, known = [], np.zeros(len(measured), dtype=int)
     for other in others:
         by_path = dict(zip(histories[other].paths, cold_kpa[other].tolist(), strict=True))
-        row = np.array([by_path.get(path, np.nan) for path in paths])
-        if np.isfinite(row).sum() >= _LEAST_RECORDINGS:
-            rows.append(row)
-    if len(rows) < _LEAST_OTHERS:
+        row = np.array([by_path.get(paths[index], np.nan) for index in measured.tolist()])
+        has_value = np.isfinite(row)
+        if has_value.sum() < max(_LEAST_RECORDINGS, _COMPARED * len(measured)):
+            continue
+        # Now and then a wheel sends nothing: the others have a median without it.
+        rows.append(np.interp(measured, measured[has_value], row[has_value]))
+        known += has_value
+    enough = known >= _LEAST_OTHERS
+    if len(rows) < _LEAST_OTHERS or enough.sum() < _COMPARED * len(measured) or not enough[-1]:
         return None
-    own = cold_kpa[number]
-    usable = np.flatnonzero(np.isfinite(np.stack(rows)).all(axis=0) & np.isfinite(own))
-    measured = np.flatnonzero(np.isfinite(own))
-    if len(usable) < max(_LEAST_RECORDINGS, _COMPARED * len(measured)) or usable[-1] != measured[-1]:
-        return None
-    values = np.stack([row[usable] for row in rows])
+    usable = measured[enough]
+    values = np.stack(rows)[:, enough]
     changes = np.diff(values, axis=1)
     middle = np.median(np.vstack([changes, np.diff(own[usable])]), axis=0)
     apart = changes - middle
     scatter = max(_MAD_TO_STD * float(np.median(np.abs(apart))), _LEAST_SCATTER_KPA)
     of_all = max(_MAD_TO_STD * float(np.median(np.abs(middle - np.median(middle)))), _LEAST_SCATTER_KPA)
     alone = np.where(np.abs(apart) > _OWN * scatter, apart, 0.0)
-    # A refill of all wheels is each one's own.
-    filled = middle > _OWN * max(of_all, scatter)
-    alone[:, filled] = changes[:, filled]
+    # A refill of all wheels is each one's own; a rise that goes back, as in mountains, is common.
+    level = np.concatenate([[0.0], np.cumsum(middle)])
+    for change in np.flatnonzero(middle > _OWN * max(of_all, scatter)).tolist():
+        before, after = level[max(change + 1 - _HELD, 0) : change + 1], level[change + 1 : change + 1 + _HELD]
+        if float(np.median(after) - np.median(before)) > 0.5 * float(middle[change]):
+            alone[:, change] = changes[:, change]
     values -= np.concatenate([np.zeros((len(values), 1)), np.cumsum(alone, axis=1)], axis=1)
     values -= np.median(values, axis=1, keepdims=True)
     common = np.full(len(paths), np.nan)

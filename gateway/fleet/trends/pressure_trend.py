@@ -67,6 +67,20 @@ _LEAST_REFILL_PA: Final = 3000.0
 _UNSEEN_K: Final = 10.0
 # Within hours, the sensor's temperature is behind that of a gas that a drive warms: 10 K are 11 kPa.
 _NOTABLE_FALL_PA: Final = 20e3
+# The same of the newest recordings together, which are below all before them: recordings, scatters, and size.
+_LEAST_NEW, _MOST_NEW = 2, 5
+_FRESH: Final = 6.0
+_NOTABLE_FRESH_PA: Final = 4e3
+# Recordings before them.
+_LEAST_BEFORE, _BEFORE = 4, 8
+_LEAST_SCATTER_KPA: Final = 0.3
+# Share of the rate of a leak to which it is known where the finding states it; else it states the fall.
+_KNOWN_RATE: Final = 0.4
+# Errors by which a pressure rises that are no chance.
+_CHANCE: Final = 2.0
+# Ambient pressure of the weather, which no wheel measures, and the time within which it is alike.
+_WEATHER_KPA: Final = 0.8
+_WEATHER_MONTHS: Final = 6.0 * DAY_MONTHS
 
 
 def cold_kpa(history: TireHistory, readings: PlausibleReadings) -> FloatArray:
@@ -134,12 +148,16 @@ def add_pressure(tire: TireWork) -> None:
         if line.doubt is None and (fell := _fallen(history, line)) is not None:
             tire.findings.append(Finding(fell, _NAME, Change(int(line.places[0]))))
         return
-    least = loss.value - finding_quantile(line) * plain.std
+    least = loss.value - finding_quantile(line) * math.hypot(plain.std, tire.cold.trend_std_kpa, _of_weather(line))
     is_certain = (least if refilled is None else min(refilled.least, least)) > 0.0
     if loss.status is Status.VALID and is_certain and loss.value > NOTABLE_LOSS_PA * 1e-3:
         loses = Reason(FleetCode.TREND_LOSES_PRESSURE, loss_pa=1e3 * loss.value, std_pa=1e3 * loss.std)
         whole = -loss.value * span_of(history.months), loss.std * span_of(history.months)
         tire.findings.append(Finding(loses, _NAME, relative_change(_NAME, line, None, whole)))
+    elif line.doubt is None and all(finding.series != _NAME for finding in tire.findings):
+        # A fall is worth a stop before it has a rate.
+        fresh = _fresh_fall(tire, cold + max(loss.value, 0.0) * (history.months - history.months[-1]))
+        tire.findings += () if fresh is None else (fresh,)
 
 
 def _fitted(tire: TireWork, cold_kpa: FloatArray) -> TrendLine | None:
@@ -173,7 +191,10 @@ def _loss(tire: TireWork, line: TrendLine, refilled: PressureLoss | None) -> tup
     loss = (
         _with_refills(plain, refilled, line) if plain.status is not Status.INVALID and refilled is not None else plain
     )
-    loss = replace(loss, std=math.hypot(loss.std, tire.cold.trend_std_kpa, OF_FLOW * loss.value))
+    loss = replace(loss, std=math.hypot(loss.std, tire.cold.trend_std_kpa, OF_FLOW * loss.value, _of_weather(line)))
+    if loss.status is Status.VALID and loss.value < -_CHANCE * loss.std:
+        # No tire gains gas by itself: refills or what is not measured have made the trend.
+        loss = replace(loss, status=Status.PROVISIONAL, reasons=(Reason(FleetCode.TREND_PRESSURE_RISES), *loss.reasons))
     fall = newest_fall(history.months[line.places], line.values, scatter_of(line.values))
     if loss.status is Status.VALID and fall is not None:
         # A leak that has begun has no rate yet, and the rate before it is not that of now.
@@ -183,6 +204,17 @@ def _loss(tire: TireWork, line: TrendLine, refilled: PressureLoss | None) -> tup
         )
         loss = replace(loss, status=Status.PROVISIONAL, reasons=(below, *loss.reasons))
     return plain, loss
+
+
+def _of_weather(line: TrendLine) -> float:
+    """Return the error of a rate by the ambient pressure, in kPa a month: gauges measure against it.
+
+    That of the least squares slope of values that are alike for some days, and scatter no more than the residuals.
+    """
+    months = line.design[line.change.begin if line.change is not None and line.change.is_slope else 0 :, 1]
+    span = max(float(np.ptp(months)), DAY_MONTHS)
+    scatter = float(line.fit.residuals[~line.search.is_outlier].std())
+    return min(_WEATHER_KPA, scatter) * math.sqrt(12.0 / max(span / _WEATHER_MONTHS, 2.0)) / span
 
 
 def _leak(tire: TireWork, cold_kpa: FloatArray) -> bool:
@@ -253,6 +285,9 @@ def _leak(tire: TireWork, cold_kpa: FloatArray) -> bool:
             FleetCode.TREND_LOSS_CHANGED, before_pa=-1e3 * before, before_std_pa=1e3 * before_std,
             after_pa=1e3 * leak.rate_kpa, after_std_pa=1e3 * leak.rate_std_kpa, **part,
         )  # fmt: skip
+        if leak.rate_std_kpa > _KNOWN_RATE * leak.rate_kpa:
+            fall_std = math.hypot(leak.now_std_kpa, scatter_of(values))
+            loses = _reason_of_fall(history, int(rows[leak.begin - 1]), last, level - leak.now_kpa, fall_std)
         tire.findings.append(Finding(loses, _NAME, onset))
         tire.onsets.setdefault(_NAME, []).append(onset)
     return True
@@ -280,10 +315,37 @@ def _fallen(history: TireHistory, line: TrendLine) -> Reason | None:
     change, std = combination(line, line.design[used[-1]] - line.design[used[0]])
     if -1e3 * change < _NOTABLE_FALL_PA or -change < finding_quantile(line) * std:
         return None
+    return _reason_of_fall(history, first, last, -change, std)
+
+
+def _fresh_fall(tire: TireWork, cold_kpa: FloatArray) -> Finding | None:
+    """Return the finding of a fall that the newest recordings show and that is too new for a rate; None without one.
+
+    Args:
+        tire: the work on the tire.
+        cold_kpa: (n,) pressures at one temperature without their trend, NaN where unknown.
+    """
+    rows = np.flatnonzero(np.isfinite(cold_kpa))
+    values = cold_kpa[rows]
+    if rows.size < LEAST_RECORDINGS:
+        return None
+    scatter = max(scatter_of(values), _LEAST_SCATTER_KPA)
+    for count in range(min(_MOST_NEW, rows.size - _LEAST_BEFORE), _LEAST_NEW - 1, -1):
+        before, after = values[:-count][-_BEFORE:], values[-count:]
+        level, std = float(np.median(before)), scatter * math.sqrt(1.0 + 0.5 * math.pi / len(before))
+        fall = level - float(after[-1])
+        if after.max() < before.min() - scatter and fall > max(1e-3 * _NOTABLE_FRESH_PA, _FRESH * std):
+            fell = _reason_of_fall(tire.history, int(rows[-count - 1]), int(rows[-1]), fall, std)
+            return Finding(fell, _NAME, Change(int(rows[-count]), -fall / level, grows=True))
+    return None
+
+
+def _reason_of_fall(history: TireHistory, first: int, last: int, fall_kpa: float, std_kpa: float) -> Reason:
+    """Return that the pressure has fallen between two recordings."""
     return Reason(
         FleetCode.TREND_PRESSURE_FELL,
-        fall_pa=-1e3 * change,
-        std_pa=1e3 * std,
+        fall_pa=1e3 * fall_kpa,
+        std_pa=1e3 * std_kpa,
         span_s=1e-9 * float(history.time_ns[last] - history.time_ns[first]),
         first=history.recordings[first],
         last=history.recordings[last],
