@@ -138,7 +138,7 @@ class DiagnosisCode(Codes):
     )
     STRAIGHTS_NOT_SEEN = Code("straight driving and turns have not followed each other often enough to part them")
     CAMBER_BESIDE_TURN = Code("the side force of a turn at {turn_radps:.2g rad/s} can make as much of the lateral axis")
-    CAMBER_TOO_LARGE = Code("the camber would change by {camber_rad:.3g rad}")
+    CAMBER_TOO_LARGE = Code("the camber would change by {camber_rad:.2g deg}")
     NOTHING_REMAINS = Code("nothing of it remains beside the other effects")
     ORDER_OR_FREQUENCY = Code(
         "the residual is {noise_floors:.1f} times the noise floor, and one speed does not distinguish an "

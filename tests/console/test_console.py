@@ -4,6 +4,7 @@ import os
 import re
 import sys
 import textwrap
+import time
 
 import pytest
 
@@ -79,6 +80,15 @@ async def drawn(app, pilot):
     app.tick()
     await pilot.pause()
     return screen(app)
+
+
+async def resized(app, pilot, width, height):
+    """Return the screen at a new size: the layout follows the terminal some time later."""
+    await pilot.resize_terminal(width, height)
+    end_s = time.monotonic() + 60.0
+    while {len(row) for row in screen(app)} != {width} and time.monotonic() < end_s:
+        await pilot.pause()
+    return await drawn(app, pilot)
 
 
 def has(rows, text):
@@ -343,12 +353,10 @@ async def test_resize_draws_for_the_new_size(session):
     app = ConsoleApp(session)
     async with app.run_test(size=(80, 24)) as pilot:
         await drawn(app, pilot)
-        await pilot.resize_terminal(120, 40)
-        rows = await drawn(app, pilot)
+        rows = await resized(app, pilot, 120, 40)
         assert {len(row) for row in rows} == {120}
         assert has(rows, "╔═ 1 FL")
-        await pilot.resize_terminal(30, 6)
-        rows = await drawn(app, pilot)
+        rows = await resized(app, pilot, 30, 6)
         assert (len(rows), {len(row) for row in rows}) == (6, {30})
 
 

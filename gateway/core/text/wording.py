@@ -38,6 +38,7 @@ _UNITS: Final = {
     "mm": 1e3,
     "ms": 1e3,
     "ppm": 1e6,
+    "rad/s": 1.0,
     "N": 1.0,
     "s": 1.0,
     "us": 1e6,

@@ -168,7 +168,7 @@ def _rates(estimates: Iterable[Estimate]) -> tuple[float, ...]:
     0 with an infinite error where unknown.
     """
     known = {estimate.name: estimate for estimate in estimates if estimate.status is not Status.INVALID}
-    rates = [known.get(name, _UNKNOWN) for name in ("turn_rate_radps", "camber_rate_radps")]
+    rates = [known.get("turn_rate_radps", _UNKNOWN), known.get("camber_rate_radps", _UNKNOWN)]
     parts = ((rate.value, rate.constant_std, rate.scatter_std, rate.status is Status.VALID) for rate in rates)
     return tuple(float(part) for rate in parts for part in rate)
 
