@@ -37,15 +37,15 @@ class Ceiling(NamedTuple):
 
 
 CEILINGS: Final[dict[str, Ceiling]] = {
-    "lines of the core": Ceiling(32_000, 42_300),
+    "lines of the core": Ceiling(32_000, 42_120),
     "lines of gateway": Ceiling(95_000, 129_800),
-    "lines of tests": Ceiling(58_000, 76_400),
-    "lines of tools": Ceiling(17_000, 24_400),
-    "words of docs": Ceiling(60_000, 66_900),
+    "lines of tests": Ceiling(58_000, 75_760),
+    "lines of tools": Ceiling(17_000, 24_380),
+    "words of docs": Ceiling(60_000, 66_480),
     "options": Ceiling(120, 91),
-    "reason codes": Ceiling(430, 606),
-    "functions over complexity 20": Ceiling(0, 28),
-    "functions of more than eight parameters, commands aside": Ceiling(0, 8),
+    "reason codes": Ceiling(430, 605),
+    "functions over complexity 20": Ceiling(0, 14),
+    "functions of more than eight parameters, commands aside": Ceiling(0, 6),
     "modules over 700 lines": Ceiling(0, 2),
     "imports of this project in functions, commands aside": Ceiling(0, 21),
     "arrows between rooms": Ceiling(110, 100),
