@@ -176,10 +176,10 @@ def _keeps(axis: int, order: float, spectrum: _Spectrum, spectra: list[_Spectrum
     return clearer if is_clear else Keeps.UNKNOWN
 
 
-def _is_same(line: OutstandingLine, other: OutstandingLine, step: float) -> bool:
-    """Return whether two lines are one: at another speed, on another axis, or in the next bin."""
+def _is_same(line: OutstandingLine, clearer: OutstandingLine, step: float) -> bool:
+    """Return whether a line is a clearer one again: at another speed, on another axis, or in the next bin."""
     near = 1.5 * step
-    if Keeps.FREQUENCY in (line.keeps, other.keeps):
-        both_hz = line.frequency_hz / line.order + other.frequency_hz / other.order
-        return abs(line.frequency_hz - other.frequency_hz) <= near * both_hz
-    return abs(line.order - other.order) <= near
+    if Keeps.FREQUENCY in (line.keeps, clearer.keeps):
+        both_hz = line.frequency_hz / line.order + clearer.frequency_hz / clearer.order
+        return abs(line.frequency_hz - clearer.frequency_hz) <= near * both_hz
+    return abs(line.order - clearer.order) <= near
