@@ -37,13 +37,13 @@ class Ceiling(NamedTuple):
 
 
 CEILINGS: Final[dict[str, Ceiling]] = {
-    "lines of the core": Ceiling(32_000, 42_120),
-    "lines of gateway": Ceiling(95_000, 129_800),
-    "lines of tests": Ceiling(58_000, 75_760),
-    "lines of tools": Ceiling(17_000, 24_380),
+    "lines of the core": Ceiling(32_000, 42_500),
+    "lines of gateway": Ceiling(95_000, 130_600),
+    "lines of tests": Ceiling(58_000, 77_000),
+    "lines of tools": Ceiling(17_000, 24_700),
     "words of docs": Ceiling(60_000, 66_480),
     "options": Ceiling(120, 91),
-    "reason codes": Ceiling(430, 605),
+    "reason codes": Ceiling(430, 612),
     "functions over complexity 20": Ceiling(0, 14),
     "functions of more than eight parameters, commands aside": Ceiling(0, 6),
     "modules over 700 lines": Ceiling(0, 2),
