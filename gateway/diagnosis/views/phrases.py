@@ -74,7 +74,7 @@ _KINDS: Final = {
     ),
 }
 _MEANS: Final = {
-    Kind.SENSOR: "The sensor or its mounting is not as stated: {effects}.",
+    Kind.SENSOR: "Sensor or mounting differ from what is stated or assumed: {effects}.",
     Kind.UNEVEN: "Tire or rim is not the same all around: {effects}.",
     Kind.TERM: "To describe this wheel, the model needs {effects}: terms of how tires roll, not faults.",
     Kind.OTHER: "The signal also has {effects}.",
