@@ -22,7 +22,7 @@ from gateway.core.revolutions.order_spectrum import ORDER_COUNT
 from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.types import FloatArray
 from gateway.forces.lateral_deformation import ORDERS, deformation, lateral_waveform
-from gateway.papers.measured_tires import SLOPES, MeasuredTire, Waveforms
+from gateway.papers.measured_tires import AHEAD, SLOPES, MeasuredTire, Waveforms
 from gateway.papers.ring_data import ESTIMATORS, measured_orders
 from gateway.papers.ring_figures import STYLES, draw_orders, draw_waveform, linear_trend, relative_residual
 
@@ -273,7 +273,9 @@ def _trend(points: _Points, label: str, against: str, figure: Figure) -> str:
     sentences = []
     for index, (name, values) in enumerate(points.items()):
         x, y, std = (list(column) for column in zip(*values, strict=True))
-        style = dict(STYLES.get(name, {"marker": "os^"[index % 3], "markersize": 5.5, "label": name.replace("_", " ")}))
+        style = dict(
+            STYLES.get(name, {"marker": "os^D"[index % 4], "markersize": 5.5, "label": name.replace("_", " ")})
+        )
         axes.errorbar(x, y, yerr=np.nan_to_num(std), linestyle="none", capsize=2.0, alpha=0.85, **style)
         if len(set(x)) >= _FEWEST_FOR_TREND:
             slope, correlation = linear_trend(x, y)
@@ -347,7 +349,7 @@ def _ply_13(tire: MeasuredTire, _: Waveforms, lateral_m: FloatArray, figure: Fig
     edges = np.array(tire.edges_rad)
     named = []
     for definition, (slope, std) in tire.slopes_rad.items():
-        if math.isfinite(slope):
+        if math.isfinite(slope) and definition != AHEAD:
             text = f"{definition.replace('_', ' ')}: {math.degrees(slope):.3f} ± {math.degrees(std):.3f}°"
             named.append(text)
             axes.plot(np.degrees(edges), 1e3 * slope * tire.radius_m * edges, ":", label=text)

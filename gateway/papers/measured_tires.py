@@ -21,7 +21,9 @@ from gateway.forces.lateral_shape import DEFINITIONS, has_lateral, lateral_recor
 from gateway.forces.ply_steer import ROLL_NAME
 from gateway.papers.ring_data import ESTIMATORS
 
-SLOPES: Final = {definition: f"ply_steer_{definition}_rad" for definition in DEFINITIONS}
+AHEAD: Final = "ahead"
+"""Definition whose slope is not in the contact: the one with the trends of the ply steer paper's Figs. 14 and 15."""
+SLOPES: Final = {definition: f"ply_steer_{definition}_rad" for definition in (*DEFINITIONS, AHEAD)}
 """Quantity of each definition of the ply steer angle."""
 SIDE_FORCE: Final = "side_force_n"
 """Quantity of the side force."""

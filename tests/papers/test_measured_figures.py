@@ -5,6 +5,7 @@ import importlib.util
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import gateway
@@ -124,6 +125,18 @@ def test_waveforms_of_all_recordings_are_drawn(tires):
         assert all(tire.name in caption for tire in tires), name
         if "11" in name or "12" in name:
             assert len(figure.subfigs) == len(tires)
+
+
+def test_slope_ahead_is_a_trend_and_no_line_in_the_contact(tires):
+    from matplotlib.figure import Figure
+
+    wheels = [replace(tires[0], load_n=load, slopes_rad={"ahead": (load / 1e6, 1e-4)}) for load in LOADS_N]
+    figures, _ = measured_figures(wheels, ["ply-steer-fig-13", "ply-steer-fig-15"])
+    trend, lines = Figure(), Figure()
+    figures["ply-steer-fig-15"](trend)
+    assert "no valid slope" in figures["ply-steer-fig-13"](lines)
+    points = trend.axes[0].containers[0].lines[0].get_xydata()
+    assert points.tolist() == pytest.approx(np.array([(load, math.degrees(load / 1e6)) for load in LOADS_N]))
 
 
 def test_forces_are_beside_the_angles_in_the_table(tires):

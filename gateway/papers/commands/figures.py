@@ -53,10 +53,10 @@ def figures(
     The caption of each figure compares the result of simulated tires with the paper. The page index.html in the output
     folder shows all figures.
 
-    With --from, those figures are drawn that the measurements allow: 7 and 11 to 16 of the ring paper, 13 to 15 of the
-    ply steer paper; a dataset has no waveforms. A --grid has a line for each recording with the columns recording,
-    wheel, load_n, pressure_kpa, wear_mm and speed_kmh, of which all but the first may be left out; what it states
-    replaces what the recording states. Conditions and numbers are printed, and written to conditions.csv.
+    With --from, those figures are drawn that the measurements allow: 7 and 11 to 16 of the ring paper, 2, 11 and 13 to
+    15 of the ply steer paper; a dataset has no waveforms. A --grid has a line for each recording with the columns
+    recording, wheel, load_n, pressure_kpa, wear_mm and speed_kmh, of which all but the first may be left out; what it
+    states replaces what the recording states. Conditions and numbers are printed, and written to conditions.csv.
 
     \b
     Examples:
