@@ -132,6 +132,7 @@ def test_an_mtu_that_changes_is_stated_with_the_new_connection(
 def test_bluetooth_crashes_and_returns(bus: PrivateBus, read: Read) -> None:
     clock = ManualClock()
     with BluezStandIn(bus.address, advertising_interval_s=0.02) as before:
+        settle(None)
         before.add(Peripheral(ADDRESSES[0], "Treadlink-FL"))
         reader = read(open_source("ble://Treadlink-FL?scan=0.2&silence=5", clock))
         reader.event(LinkEventKind.CONNECTED)
