@@ -20,6 +20,7 @@ from tools.docs_outputs import (
     marks_of,
     unmarked_outputs,
 )
+from tools.docs_site.filled_tables import filled
 
 MARKS = [mark for mark in all_marks() if mark.kind != "file"]
 QUICK_PAGES = [
@@ -71,6 +72,14 @@ def test_quick_command_prints_quoted_numbers(page: Path) -> None:
 @pytest.mark.parametrize("page", sorted((ROOT / "docs" / "evidence").glob("*.md")), ids=name_of)
 def test_every_output_in_evidence_is_marked(page: Path) -> None:
     assert not unmarked_outputs(page.read_text("utf-8"))
+
+
+def test_site_shows_the_command_above_its_numbers() -> None:
+    command = "python tools/bench_budget.py"
+    shown = filled(f"<!-- figures: {command} -->\n| a |\n|---|\n| 1 |\n")
+    assert shown == f"Printed by `{command}`:\n\n| a |\n|---|\n| 1 |\n"
+    itself = f"<!-- figures: {command} -->\n```text\n$ {command}\n```\n"
+    assert filled(itself) == itself
 
 
 def test_disagreement_names_the_line_that_is_not_printed() -> None:

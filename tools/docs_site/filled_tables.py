@@ -1,4 +1,7 @@
-"""Tables that the site adds to pages of docs/ from the code: `<!-- table: NAME -->` on a line stands for each."""
+"""What the site adds to pages of docs/: tables from the code, and the command above the numbers that it prints.
+
+`<!-- table: NAME -->` on a line stands for a table. A mark of figures (`tools.docs_outputs`) becomes its command.
+"""
 
 import re
 from collections.abc import Callable
@@ -18,6 +21,8 @@ from tools.docs_outputs import all_marks, table_of_commands
 from tools.docs_site.markdown import code, escaped, table
 
 _MARK: Final = re.compile(r"^<!-- table: (.+) -->$", re.MULTILINE)
+# A fenced block behind the mark shows its command itself.
+_FIGURES: Final = re.compile(r"^<!-- figures(?:\(slow\))?: (.+) -->\n(?!```)", re.MULTILINE)
 
 
 def _columns(columns: dict[str, Column]) -> str:
@@ -43,5 +48,6 @@ TABLES: Final[dict[str, Callable[[], str]]] = {
 
 
 def filled(text: str) -> str:
-    """Return a page with its tables; KeyError for a name that is not in `TABLES`."""
-    return _MARK.sub(lambda match: TABLES[match[1]](), text)
+    """Return a page with its tables and commands; KeyError for a name that is not in `TABLES`."""
+    with_commands = _FIGURES.sub(lambda match: f"Printed by `{match[1]}`:\n\n", text)
+    return _MARK.sub(lambda match: TABLES[match[1]](), with_commands)
