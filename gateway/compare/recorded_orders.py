@@ -8,11 +8,13 @@ from typing import NamedTuple
 
 from gateway.compare.order_statistics import OrderAccumulator
 from gateway.compare.views.wheel_orders import WheelOrders
+from gateway.core.config.vehicle import shown_units_of
 from gateway.core.errors import RecordingError
 from gateway.core.estimates.results import RevolutionResult
 from gateway.core.reasons import Reason
 from gateway.core.recording.recorded_file import open_recorded_file
 from gateway.core.session.recording_pass import open_recording
+from gateway.core.shown_units import ShownUnits
 from gateway.core.wheels.mean_revolution import MeanOfRevolutions
 from gateway.exporting.recorded_signals import revolutions
 
@@ -40,11 +42,13 @@ class RecordedOrders(NamedTuple):
         wheels: each with a usable revolution.
         damage: what of the recording was unreadable, None without any.
         start_ns: start of the recording by the computer's clock; None where it is not known.
+        units: that screens show.
     """
 
     wheels: tuple[WheelOrders, ...]
     damage: Reason | None
     start_ns: int | None = None
+    units: ShownUnits = ShownUnits.SI
 
 
 def recorded_orders(
@@ -107,4 +111,5 @@ def recorded_orders(
         tuple(sorted(orders, key=lambda wheel_orders: order.get(wheel_orders.wheel, len(order)))),
         file.damage,
         file.info.start_ns,
+        shown_units_of(vehicle),
     )

@@ -17,6 +17,7 @@ from gateway.core.config.vehicle import VehicleConfig
 from gateway.core.errors import RecordingError, TreadlinkError
 from gateway.core.reasons import Reason
 from gateway.core.recording.inspection import inspect_recording
+from gateway.core.shown_units import ShownUnits
 from gateway.core.text.wording import notice_text, text
 from gateway.core.types import IntArray
 from gateway.core.worker_pool import Workers
@@ -260,6 +261,7 @@ def _assemble(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead], wheel
         sensor_id=next(iter(sensors)) if len(sensors) == 1 else None,
         vehicle=_common(read.vehicle for read in reads if read.groups),
         tire=_common(read.tire for read in reads if read.groups),
+        units=next((read.units for read in reads if read.groups), ShownUnits.SI),
         times_s=tuple((read.first_s, read.last_s) for read in reads),
     )
 

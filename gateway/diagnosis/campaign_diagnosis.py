@@ -129,7 +129,9 @@ def _with_origin(diagnosis: Diagnosis, campaign: Campaign, paths: Sequence[Path]
         campaign.tire,
         commit=commit(),
     )
-    return replace(diagnosis, notes=_notes(diagnosis, campaign), stated=campaign.stated, origin=origin)
+    return replace(
+        diagnosis, notes=_notes(diagnosis, campaign), stated=campaign.stated, origin=origin, units=campaign.units
+    )
 
 
 def _sha256(path: Path) -> str:

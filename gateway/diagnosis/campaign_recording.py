@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from firmware_protocol.block_decoder import FrameBatch, SampleGroup
 from firmware_protocol.messages import Axis, Hello, MessageType
-from gateway.core.config.vehicle import ASSUMED_RADIUS_MM, Mounting, Tire, VehicleConfig, Wheel
+from gateway.core.config.vehicle import ASSUMED_RADIUS_MM, Mounting, Tire, VehicleConfig, Wheel, shown_units_of
 from gateway.core.constants import AXIS_NAMES
 from gateway.core.errors import ConfigError
 from gateway.core.estimates.results import AlarmRecord, RevolutionResult
@@ -22,6 +22,7 @@ from gateway.core.session.alarms import SILENCES, THRESHOLDS, AlarmName
 from gateway.core.session.reasons import SessionCode
 from gateway.core.session.recording_pass import OpenedRecording, RecordingPass, open_recording
 from gateway.core.session.wheel_identity import SensorsHeard, configured, configured_tire, wheel_address
+from gateway.core.shown_units import ShownUnits
 from gateway.core.text.wording import notice_text
 from gateway.core.trust.reasons import TrustCode
 from gateway.core.types import FloatArray
@@ -106,6 +107,7 @@ class RecordingRead:
         remarks: on the signals.
         vehicle: name of the vehicle, empty if unknown.
         tire: size of the wheel's tire, empty if unknown.
+        units: that screens show.
     """
 
     wheels: tuple[str, ...]
@@ -123,6 +125,7 @@ class RecordingRead:
     remarks: tuple[Reason, ...] = ()
     vehicle: str = ""
     tire: str = ""
+    units: ShownUnits = ShownUnits.SI
 
 
 class _SensorSamples:
@@ -320,6 +323,7 @@ def _reduced(
         remarks=tuple(remarks),
         vehicle=vehicle.name if vehicle is not None else "",
         tire=(tire.size or "") if tire is not None else "",
+        units=shown_units_of(vehicle),
     )
 
 

@@ -62,6 +62,11 @@ class DiagnosisCode(Codes):
     ASSUMED_OFFSET = Code("mounting offset 0.0 mm below the neutral layer (neither stated nor measured)")
     ASSUMED_PRESSURE = Code("pressure {pressure_pa:.0f kPa} (neither stated nor measured)")
     ASSUMED_TEMPERATURE = Code("temperature steady (neither stated nor measured)")
+    GROUP_LABEL = Code(
+        "{recording}: {speed_mps:.1f km/h}, {load_n:.0f N}, {pressure_pa:.0f kPa}{temperature}{way}",
+        temperature={"known": ", {temperature_degc:.0f degC}", "unknown": ""},
+        way={"forward": "", "reverse": ", reverse"},
+    )
     OF_RECORDINGS = Code("{statement}: {recordings}")
     STATED = Code(
         "{quantity} ({source})",

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from gateway.core.reasons import Reason
 from gateway.core.revolutions.effect_correction import CorrectionTable
+from gateway.core.shown_units import ShownUnits
 from gateway.core.types import FloatArray
 from gateway.diagnosis.data.campaign_data import Remark
 from gateway.diagnosis.effects.effect import InverseDisplay
@@ -98,7 +99,7 @@ class SingleSize:
         std: standard error, likewise.
     """
 
-    label: str
+    label: Remark
     parameter: str
     value: float
     std: float
@@ -165,7 +166,7 @@ class Drift:
 
     name: str
     parameter: str
-    label: str
+    label: Remark
     per_minute: Fitted
     begin: Fitted
     end: Fitted
@@ -218,7 +219,7 @@ class Unexplained:
     road_m: float = math.nan
     speeds: tuple[int, int] | None = None
     other_axes: tuple[tuple[str, float], ...] = ()
-    largest_in: str = ""
+    largest_in: Remark = ""
     timing_s: float = math.nan
     drifts: tuple[Drift, ...] = ()
 
@@ -260,7 +261,7 @@ class EffectCurves:
     """
 
     name: str
-    label: str
+    label: Remark
     theta_rad: FloatArray
     added_mps2: FloatArray
     std_mps2: FloatArray
@@ -280,7 +281,7 @@ class Curves:
         order_noise_mps2: (3, m) standard error of one real coefficient of each order of the mean.
     """
 
-    label: str
+    label: Remark
     theta_rad: FloatArray
     measured_mps2: FloatArray
     before_mps2: FloatArray
@@ -301,7 +302,7 @@ class Spectra:
         after_m2ps3: (3, m) with the named effects.
     """
 
-    label: str
+    label: Remark
     frequency_hz: FloatArray
     measured_m2ps3: FloatArray
     before_m2ps3: FloatArray
@@ -364,7 +365,7 @@ class BlockError:
         after_mps2: with effects.
     """
 
-    group: str
+    group: Remark
     revolutions: int
     time_s: float
     before_mps2: float
@@ -516,6 +517,7 @@ class Diagnosis:
         origin: what it was made of; None where that is not known.
         self_test: how simulations of the result are diagnosed; None where none was asked for.
         taken_from: where the effects were found, if nothing was searched for and they are as found there.
+        units: that screens and pages show.
     """
 
     model: str
@@ -549,6 +551,7 @@ class Diagnosis:
     origin: Origin | None = None
     self_test: SelfTest | None = None
     taken_from: str = ""
+    units: ShownUnits = ShownUnits.SI
 
     @property
     def named(self) -> tuple[Finding, ...]:

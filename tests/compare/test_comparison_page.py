@@ -10,8 +10,10 @@ from gateway.compare.mean_comparison import compared_means
 from gateway.compare.views.comparison_page import comparison_page
 from gateway.compare.views.comparison_verdict import comparison_verdict
 from gateway.compare.views.drive import Drive
-from gateway.compare.views.drive_comparison import means_of, radii_of
+from gateway.compare.views.drive_comparison import comparison_csv, comparison_lines, means_of, radii_of
+from gateway.compare.views.drive_page import drive_page
 from gateway.core.estimates.estimator import Estimate, Status
+from gateway.core.shown_units import ShownUnits
 
 START_NS = 1_790_000_000 * 10**9
 
@@ -99,3 +101,25 @@ def test_a_browser_draws_one_wheel_at_a_time_and_another_one_by_choice(browser, 
     assert "FR" not in tab.value(shown)
     assert tab.value("document.documentElement.scrollWidth") <= 390
     assert not tab.errors
+
+
+def test_units_of_the_vehicle_file_hold_on_the_page_and_in_the_terminal_and_files_keep_theirs(make_drive):
+    first, second = (
+        make_drive(name, pressure_pa=pressure_pa, pressure_std_pa=1e3, temperature_degc=degc)
+        for name, pressure_pa, degc in (("a.mcap", 250e3, 20.0), ("b.mcap", 210e3, 30.0))
+    )
+    first.units = second.units = ShownUnits.US
+    differences, _ = said_of(first, second)
+    page = comparison_page(first, second, differences)
+    assert "Pressure differs: FR 5.80 ± 0.21 psi lower (36.26, then 30.46 psi)." in page
+    assert "Temperature differs: FR 18.00 °F higher (68, then 86 °F)." in page
+    assert "kPa" not in re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)
+    data = json.loads(re.search(r'id="both-data">(.*?)</script>', page)[1])
+    drawn = {quantity["name"]: quantity for quantity in data["quantities"]}
+    assert [drawn[name]["unit"] for name in ("pressure_pa", "temperature_degc")] == ["psi", "°F"]
+    assert drawn["temperature_degc"]["wheels"][1]["v"][0] == pytest.approx(68.0)
+    assert drawn["pressure_pa"]["wheels"][1]["e"][0] == pytest.approx(0.145, abs=1e-3)
+    lines = list(comparison_lines(first, second, differences))
+    assert any(line.startswith("pressure") and "36.26 ± 0.15 psi" in line for line in lines)
+    assert "psi" in drive_page([first])
+    assert b"psi" not in comparison_csv(differences)

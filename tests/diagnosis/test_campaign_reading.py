@@ -81,7 +81,7 @@ class TestOneRecording:
         assert len(group.blocks) == campaign.folds == 5
         assert group.load_known
         assert group.pressure_known
-        assert group.label.startswith("slow.mcap: 60.0 km/h, 5000 N, 210 kPa")
+        assert text(group.label).startswith("slow.mcap: 60.0 km/h, 5000 N, 210 kPa")
 
     def test_conditions_match_the_revolutions(self, campaign, slow):
         (group,) = campaign.groups
@@ -274,7 +274,7 @@ class TestConditions:
         (plain,), (turned,) = (read_campaign([path], reverse=which).groups for which in ((), (path,)))
         assert not plain.conditions.reverse
         assert turned.conditions.reverse
-        assert "reverse" in turned.label
+        assert "reverse" in text(turned.label)
         first, other = plain.blocks[0].orders_mps2, turned.blocks[0].orders_mps2
         np.testing.assert_allclose(first[0], -other[0], rtol=1e-3, atol=1e-3)
         np.testing.assert_allclose(first[1:], other[1:], rtol=1e-3, atol=1e-3)

@@ -7,6 +7,7 @@ import click
 from gateway.core.cli.options import FiniteRange, config_option, effects_option, force_option, keys_option
 from gateway.core.cli.path_option import path_option
 from gateway.core.errors import TreadlinkError
+from gateway.core.shown_units import shown_in
 from gateway.core.text.wording import text
 
 _DEFAULT_ORDERS = 12
@@ -82,7 +83,7 @@ def orders(
         check_figure(figure, SUFFIXES)
     say = SummaryOutput(outputs)
     with progress_bar(f"reading {recording.name}") as bar:
-        spectra, damage, start_ns = recorded_orders(
+        spectra, damage, start_ns, units = recorded_orders(
             recording,
             wheels=wheels,
             speed_step_mps=speed_step_kmh / 3.6,
@@ -91,13 +92,14 @@ def orders(
             key_file=key_file,
             on_progress=bar.show,
         )
-    for index, wheel in enumerate(spectra):
-        if index:
-            say()
-        for line in order_lines(wheel, shown):
-            say(line)
-    if figure is not None:
-        write_figure(figure, spectra, recording.name, start_ns, force=force)
+    with shown_in(units):
+        for index, wheel in enumerate(spectra):
+            if index:
+                say()
+            for line in order_lines(wheel, shown):
+                say(line)
+        if figure is not None:
+            write_figure(figure, spectra, recording.name, start_ns, force=force)
     if csv_path is not None:
         write_csv(csv_path, spectra, recording.name, force=force)
     if json_path is not None:

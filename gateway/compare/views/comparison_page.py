@@ -10,6 +10,7 @@ from gateway.compare.views.drive_comparison import difference_cells, shared_whee
 from gateway.compare.views.drive_page import page_over_time, recorded_at
 from gateway.compare.views.drive_pictures import begin_ns, pictures_json
 from gateway.compare.views.wheel_glance import GLANCE
+from gateway.core.shown_units import shown_in
 from gateway.core.text.html_template import script_data
 from gateway.core.text.numbers import plain_name, split_name
 from gateway.core.text.text import clean
@@ -19,6 +20,11 @@ _ORDER: Final = ("First", "second")
 
 def comparison_page(first: Drive, second: Drive, differences: Sequence[MeanDifference]) -> str:
     """Return a comparison as an HTML page without external resources; errors as for `result_page`."""
+    with shown_in(second.units):
+        return _page(first, second, differences)
+
+
+def _page(first: Drive, second: Drive, differences: Sequence[MeanDifference]) -> str:
     wheels = shared_wheels(first, second)
     said = comparison_verdict(first, second, wheels, differences)
     recordings = [(drive.name, recorded_at(drive)) for drive in (first, second)]

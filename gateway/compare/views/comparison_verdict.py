@@ -107,7 +107,7 @@ def _causes(first: Drive, second: Drive, wheel: str) -> Iterator[Cause]:
         if not abs(difference) > share * scale or abs(difference) < _SURE * std:
             continue
         size = round_to_error(abs(difference) * unit.factor, std * unit.factor).joined()
-        values = ", then ".join(f"{value * unit.factor:.4g}" for value in (before, after))
+        values = ", then ".join(f"{unit.of(value):.4g}" for value in (before, after))
         symbol = "K" if unit.symbol == "°C" else unit.symbol
         words = "lower" if difference < 0.0 else "higher"
         yield Cause(wheel, label, f"{size} {symbol} {words} ({values} {unit.symbol})", difference < 0.0)

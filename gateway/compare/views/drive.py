@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gateway.compare.views.drive_path import WheelPath
-from gateway.core.config.vehicle import VehicleConfig
+from gateway.core.config.vehicle import VehicleConfig, shown_units_of
 from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.estimates.results import AlarmRecord, RevolutionResult, WheelSnapshot
 from gateway.core.estimates.weighted_mean import MeanEstimate
@@ -19,6 +19,7 @@ from gateway.core.recording.mcap_layout import MARKS_TOPIC, RecordedMessage, lin
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.recorded_file import RecordedFile
 from gateway.core.session.session_parts import RigChannels, open_rig_channels
+from gateway.core.shown_units import ShownUnits
 from gateway.core.text.numbers import show
 from gateway.core.text.readout import DISTANCE
 from gateway.core.text.table_sinks import Cell
@@ -210,6 +211,7 @@ class Drive:
         alarms: of the whole recording.
         notices: contradictions, and what has no result.
         latest: revolutions of the wheels of a vehicle.
+        units: that its page shows.
     """
 
     def __init__(self, name: str, run: Sequence[str] = (), start_ns: int | None = None) -> None:
@@ -223,11 +225,13 @@ class Drive:
         self._turns: dict[str, list[tuple[float, float]]] = {}
         self._radius_source = "assumed"
         self.latest = LatestRevolutions(())
+        self.units = ShownUnits.SI
 
     @classmethod
     def of(cls, file: RecordedFile, vehicle: VehicleConfig | None = None) -> Drive:
         """Return a collector for a recording, which also takes the marks that the file is read with."""
         drive = cls(file.info.path.name, file.info.described_run().lines(), file.info.start_ns)
+        drive.units = shown_units_of(vehicle)
         if vehicle is not None:
             drive.latest = LatestRevolutions(vehicle.wheel_setups())
             if not any("radius" in text for text in vehicle.vehicle.assumed):

@@ -11,6 +11,7 @@ from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.weighted_mean import MeanEstimate
 from gateway.core.quantity_catalogue import unit_of
 from gateway.core.reasons import Reason
+from gateway.core.shown_units import shown_in
 from gateway.core.text.numbers import finite_or_none, fixed, plain_name, round_to_error, split_name
 from gateway.core.text.readout import DISTANCE
 from gateway.core.text.table_sinks import CsvSink
@@ -39,8 +40,13 @@ def radii_of(drive: Drive) -> dict[str, Radius]:
     return {position: Radius.of(last) for position, last in conditions.items() if last is not None}
 
 
-def comparison_lines(first: Drive, second: Drive, differences: Sequence[MeanDifference]) -> Iterator[str]:
-    """Yield the lines of a comparison, wheel by wheel."""
+def comparison_lines(first: Drive, second: Drive, differences: Sequence[MeanDifference]) -> list[str]:
+    """Return the lines of a comparison, wheel by wheel."""
+    with shown_in(second.units):
+        return list(_lines(first, second, differences))
+
+
+def _lines(first: Drive, second: Drive, differences: Sequence[MeanDifference]) -> Iterator[str]:
     for wheel in shared_wheels(first, second):
         cells = [drive.wheels[wheel].cells() for drive in (first, second)]
         rows: list[tuple[str, ...]] = [(wheel, clean(first.name), clean(second.name), "difference", "significance")]
@@ -80,15 +86,12 @@ def _label(name: str) -> str:
 def difference_cells(compared: MeanDifference) -> tuple[str, str, str, str]:
     """Return first mean, second mean, difference and its significance as text, without their unit."""
     unit = split_name(compared.name)[1]
-    texts = [
-        round_to_error(value * unit.factor, std * unit.factor).joined() + " ~" * bool(reasons)
-        for value, std, reasons in (
-            (compared.first.value, compared.first.std, compared.first.reasons),
-            (compared.second.value, compared.second.std, compared.second.reasons),
-            (compared.difference, compared.std, ()),
-        )
+    means = [
+        round_to_error(unit.of(mean.value), mean.std * unit.factor).joined() + " ~" * bool(mean.reasons)
+        for mean in (compared.first, compared.second)
     ]
-    return texts[0], texts[1], texts[2], fixed(compared.significance, 1) + (" *" if compared.is_significant else "  ")
+    difference = round_to_error(compared.difference * unit.factor, compared.std * unit.factor).joined()
+    return means[0], means[1], difference, fixed(compared.significance, 1) + (" *" if compared.is_significant else "  ")
 
 
 def comparison_csv(differences: Sequence[MeanDifference]) -> bytes:

@@ -15,9 +15,10 @@ from gateway.core.estimates.estimator import Status
 from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.optional_packages import require_packages
 from gateway.core.quantity_catalogue import quantity_of
+from gateway.core.shown_units import shown_in
 from gateway.core.table_columns import RECORDING_PARTS
 from gateway.core.text.html_template import result_page, script_data
-from gateway.core.text.numbers import MISSING, STATUS_MARKS, age, fixed, plain_name, round_to_error, split_name
+from gateway.core.text.numbers import MISSING, STATUS_MARKS, Unit, age, fixed, plain_name, round_to_error, split_name
 from gateway.core.text.output_file import check_target, write_whole
 from gateway.core.text.page_parts import page_part
 from gateway.core.text.readout import DISTANCE
@@ -103,6 +104,11 @@ def recorded_at(drive: Drive) -> str:
 
 def _section(identity: str, drive: Drive) -> dict[str, Any]:
     """Return what the page shows of one recording; the template escapes all text except data for the script."""
+    with shown_in(drive.units):
+        return _shown_section(identity, drive)
+
+
+def _shown_section(identity: str, drive: Drive) -> dict[str, Any]:
     wheels = list(drive.wheels)
     rows = {position: wheel.cells() for position, wheel in drive.wheels.items()}
     means, notes = _means(drive)
@@ -143,16 +149,18 @@ def _means(drive: Drive) -> tuple[list[tuple[str, str, list[_Value]]], list[tupl
             label, unit = plain_name(name), split_name(name)[1]
             cells: dict[str, Cell] = dict(zip(RECORDING_PARTS, values, strict=True))
             status, reason = Status(str(cells["_status"])), str(cells["_reason"])
-            value, std, scatter = (number(cells, part) * unit.factor for part in ("", "_std", "_scatter"))
+            value, std, scatter = (number(cells, part) for part in ("", "_std", "_scatter"))
             largest = next((each.largest for each in budgets.get(position, ()) if each.estimate.name == name), "")
             if name == _WEAR and -_WITHIN * std < value < 0.0 and status is not Status.INVALID:
                 reasons.setdefault(_NO_WEAR, {}).setdefault(position, []).append(label)
-            rows.setdefault(name, {})[position] = _value(value, std, scatter, status, largest)
+            rows.setdefault(name, {})[position] = _value(
+                unit.of(value), std * unit.factor, scatter * unit.factor, status, largest
+            )
             span = wheel.spans.get(name)
             if span is not None and any(
                 reason.code is EstimateCode.ROW_SCATTERS for reason in wheel.row.means()[name].reasons
             ):
-                rows.setdefault(name, {})[position] = _span(span, unit.factor)
+                rows.setdefault(name, {})[position] = _span(span, unit)
                 continue
             if reason:
                 reasons.setdefault(reason, {}).setdefault(position, []).append(label)
@@ -175,9 +183,9 @@ def _better_statements(budgets: Mapping[str, Iterable[Budget]]) -> Iterator[tupl
         yield position, "", clean(budget.advice)
 
 
-def _span(span: tuple[float, float], factor: float) -> _Value:
+def _span(span: tuple[float, float], unit: Unit) -> _Value:
     """Return the span of a quantity that varies by far more than its errors: a mean would say nothing."""
-    low, high = sorted((span[0] * factor, span[1] * factor))
+    low, high = sorted(map(unit.of, span))
     size = round_to_error(high, (high - low) / 10.0)
     decimals = len(size.value.partition(".")[2]) if not size.power else None
     if decimals is None:

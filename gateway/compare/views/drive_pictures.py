@@ -62,7 +62,7 @@ def drawn_quantities(drive: Drive) -> list[str]:
 
 def lines_of(drive: Drive, name: str, start_ns: int) -> list[Line]:
     """Return the lines of a quantity, in the unit that it is shown in."""
-    factor, absent = split_name(name)[1].factor, (np.nan, np.nan, False)
+    unit, absent = split_name(name)[1], (np.nan, np.nan, False)
     lines = []
     for style, (position, wheel) in enumerate(drive.wheels.items()):
         if not any(name in point.values for point in wheel.points):
@@ -74,7 +74,9 @@ def lines_of(drive: Drive, name: str, start_ns: int) -> list[Line]:
             rows.append((point.time_ns, point.values.get(name, absent)))
         value, std, is_valid = np.array([values for _, values in rows], np.float64).T
         time_s = np.array([time_ns - start_ns for time_ns, _ in rows], np.float64) * 1e-9
-        lines.append(Line(position, style, time_s, factor * value, factor * std, is_valid > 0.0))
+        lines.append(
+            Line(position, style, time_s, value * unit.factor + unit.offset, std * unit.factor, is_valid > 0.0)
+        )
     return lines
 
 

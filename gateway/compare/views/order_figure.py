@@ -17,6 +17,7 @@ from gateway.core.constants import AXIS_NAMES
 from gateway.core.revolutions.angle_resampling import angle_grid
 from gateway.core.text.figure_file import check_figure, figure_bytes
 from gateway.core.text.html_template import result_page
+from gateway.core.text.numbers import split_name
 from gateway.core.text.output_file import write_whole
 from gateway.core.text.page_figure import (
     AFTER,
@@ -30,6 +31,7 @@ from gateway.core.text.page_figure import (
     new_figure,
     report_style,
 )
+from gateway.core.text.readout import SPEED
 from gateway.core.text.text import clean, counted, escaped
 
 if TYPE_CHECKING:
@@ -85,8 +87,8 @@ def write_figure(
 
 
 def _title(wheel: WheelOrders) -> str:
-    low, high = wheel.speed_range_kmh
-    return f"{clean(wheel.wheel)}: {counted(wheel.statistics.revolutions, 'revolution')}, {low:.0f} to {high:.0f} km/h"
+    speeds = wheel.speeds_text(0, *wheel.statistics.omega_range_radps)
+    return f"{clean(wheel.wheel)}: {counted(wheel.statistics.revolutions, 'revolution')}, {speeds}"
 
 
 def _draw(figure: Any, wheel: WheelOrders, palette: _Palette) -> None:
@@ -121,10 +123,11 @@ def _waterfall(axes: Axes, wheel: WheelOrders, _: _Palette) -> None:
     from matplotlib.colors import LogNorm
 
     speeds = wheel.statistics.speeds
-    edges = [wheel.kmh(speeds[0].low_radps)]
+    unit = split_name(SPEED)[1]
+    edges = [unit.of(wheel.radius_m * speeds[0].low_radps)]
     rows = []
     for speed_bin in speeds:
-        low, high = wheel.kmh(speed_bin.low_radps), wheel.kmh(speed_bin.high_radps)
+        low, high = (unit.of(wheel.radius_m * edge) for edge in (speed_bin.low_radps, speed_bin.high_radps))
         if low > edges[-1] + 1e-9:
             # A range without a revolution stays empty.
             rows.append(np.full(speed_bin.amplitude_mps2.shape[1] - 1, math.nan))
@@ -132,7 +135,7 @@ def _waterfall(axes: Axes, wheel: WheelOrders, _: _Palette) -> None:
         rows.append(speed_bin.amplitude_mps2[_RADIAL][1:])
         edges.append(high)
     values = np.array(rows)
-    axes.set(xlabel="order", ylabel="speed, km/h", title="radial amplitude against speed")
+    axes.set(xlabel="order", ylabel=f"speed, {unit.symbol}", title="radial amplitude against speed")
     if not np.isfinite(values).any():
         return
     top = float(np.nanmax(values))
@@ -170,7 +173,7 @@ def _by_speed(axes: Axes, wheel: WheelOrders, palette: _Palette) -> None:
         values = 1e3 * speed_bin.fine_mps2[_RADIAL][1:] / (0.5 * (speed_bin.low_radps + speed_bin.high_radps)) ** 2
         if not np.isfinite(values).any():
             continue
-        speed = f"{wheel.kmh(speed_bin.low_radps):.0f} to {wheel.kmh(speed_bin.high_radps):.0f} km/h"
+        speed = wheel.speeds_text(0, speed_bin.low_radps, speed_bin.high_radps)
         axes.plot(wheel.statistics.fine_order[1:], values, color=colour, lw=0.8, label=speed)
         top = max(top, float(np.nanmax(values)))
     if top > 0.0:
@@ -189,12 +192,12 @@ def _average(axes: Axes, wheel: WheelOrders, palette: _Palette) -> None:
         degrees, mean - scatter, mean + scatter, color=palette.axes[_RADIAL], alpha=0.3, lw=0, label="scatter"
     )
     axes.plot(degrees, mean, color=palette.axes[_RADIAL], lw=1.0, label="mean")
-    speed = wheel.kmh(wheel.mean.omega_radps)
+    speed = wheel.speeds_text(1, wheel.mean.omega_radps)
     axes.set(
         xlim=(-180, 180),
         xlabel="angle from the contact's centre, deg",
         ylabel="radial, m/s²",
-        title=f"time synchronous average at {speed:.1f} km/h, gravity removed",
+        title=f"time synchronous average at {speed}, gravity removed",
     )
     axes.set_xticks(range(-180, 181, 60))
     axes.legend(fontsize=9.0)

@@ -36,9 +36,9 @@ _COLUMNS: Final = (
 def order_lines(wheel: WheelOrders, orders: int) -> Iterator[str]:
     """Yield the orders of a wheel for a terminal: shares, then the amplitudes up to an order."""
     statistics = wheel.statistics
-    low, high = wheel.speed_range_kmh
+    speeds = wheel.speeds_text(1, *statistics.omega_range_radps)
     left_out = f", {wheel.rejected} with faults left out" if wheel.rejected else ""
-    yield f"{wheel.wheel}  {statistics.revolutions} revolutions at {low:.1f} to {high:.1f} km/h{left_out}"
+    yield f"{wheel.wheel}  {statistics.revolutions} revolutions at {speeds}{left_out}"
     for doubt in wheel.doubts:
         yield f"  {text(doubt)}"
     yield f"  {'':<24}" + _columns(AXIS_NAMES)
@@ -47,9 +47,9 @@ def order_lines(wheel: WheelOrders, orders: int) -> Iterator[str]:
     yield "  amplitude in m/s^2, rms over the revolutions (the part that repeats):"
     for label, cells in amplitude_rows(wheel, orders):
         yield f"  {label:<24}" + _columns(cells)
-    radial, speed = wheel.mean.radial, wheel.kmh(wheel.mean.omega_radps)
+    radial, speed = wheel.mean.radial, wheel.speeds_text(1, wheel.mean.omega_radps)
     yield (
-        f"  radial average at {speed:.1f} km/h without gravity: rms {fixed(_rms(radial.radial_mps2), 2)}, scatter from "
+        f"  radial average at {speed} without gravity: rms {fixed(_rms(radial.radial_mps2), 2)}, scatter from "
         f"revolution to revolution {fixed(_rms(radial.scatter_mps2), 2)} m/s^2"
     )
 
@@ -62,7 +62,7 @@ def share_rows(wheel: WheelOrders) -> list[tuple[str, list[str]]]:
         ("power on integer orders", share_texts(wheel.statistics)),
         ("(white noise alone)", [noise] * len(AXIS_NAMES)),
         *(
-            (f"{wheel.kmh(speeds.low_radps):.0f} to {wheel.kmh(speeds.high_radps):.0f} km/h", share_texts(speeds))
+            (wheel.speeds_text(0, speeds.low_radps, speeds.high_radps), share_texts(speeds))
             for speeds in (measured if len(measured) > 1 else ())
         ),
     ]

@@ -87,11 +87,10 @@ def _largest(wheels: Sequence[WheelOrders]) -> str:
 
 
 def _told(wheel: WheelOrders, line: OutstandingLine) -> str:
-    low, high = (wheel.kmh(omega_radps) for omega_radps in line.range_radps)
     return (
         f"{clean(wheel.wheel)}, {line.axis} axis: order {line.order:.2f} (about {line.frequency_hz:.0f} Hz) at "
-        f"{low:.0f} to {high:.0f} km/h, {line.amplitude_mps2:.2g} m/s², {line.times:.1f} times what lies around it; "
-        f"{_MADE_BY[line.keeps]}."
+        f"{wheel.speeds_text(0, *line.range_radps)}, {line.amplitude_mps2:.2g} m/s², "
+        f"{line.times:.1f} times what lies around it; {_MADE_BY[line.keeps]}."
     )
 
 

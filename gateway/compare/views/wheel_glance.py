@@ -20,15 +20,15 @@ def _stated(cells: Cells, name: str) -> str:
     """Return a condition with its error and unit."""
     unit = split_name(name)[1]
     stem, _, suffix = name.rpartition("_")
-    value, std = (number(cells, column) * unit.factor for column in (name, f"{stem}_std_{suffix}"))
-    text = round_to_error(value, std).joined()
+    value, std = (number(cells, column) for column in (name, f"{stem}_std_{suffix}"))
+    text = round_to_error(unit.of(value), std * unit.factor).joined()
     return text if text == MISSING else f"{text} {unit.symbol}"
 
 
 def _spread(cells: Cells, names: Sequence[str]) -> str:
     """Return the mean of a quantity with its least and its greatest value."""
     unit = split_name(names[0])[1]
-    mean, least, most = (fixed(number(cells, name), 1, unit.factor) for name in names)
+    mean, least, most = (fixed(unit.of(number(cells, name)), 1) for name in names)
     return mean if mean == MISSING else f"{mean} {unit.symbol}, {least} to {most}"
 
 

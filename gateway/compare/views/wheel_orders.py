@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 from gateway.compare.order_statistics import OrderStatistics, SpeedBin
 from gateway.core.reasons import Reason
+from gateway.core.text.numbers import shown_value, unit_symbol
+from gateway.core.text.readout import SPEED
 from gateway.core.wheels.mean_revolution import MeanRevolution
 
 
@@ -37,6 +39,11 @@ class WheelOrders:
     def speeds_with_spectrum(self) -> tuple[SpeedBin, ...]:
         """Ranges of speed that have a spectrum over several revolutions, slowest first."""
         return tuple(speed_bin for speed_bin in self.statistics.speeds if speed_bin.blocks)
+
+    def speeds_text(self, decimals: int, *omegas_radps: float) -> str:
+        """Return rolling speeds in the unit of the screen: `40.0 to 80.0 km/h`."""
+        speeds = [shown_value(SPEED, omega_radps * self.radius_m, decimals) for omega_radps in omegas_radps]
+        return f"{' to '.join(speeds)} {unit_symbol(SPEED)}"
 
     def kmh(self, omega_radps: float) -> float:
         """Return the rolling speed of an angular speed."""

@@ -88,24 +88,22 @@ def estimate_recording(
     lines = [f"{path}{assumed}"]
     wheels = summary.wheels(estimation.wheels)
     notices = estimation.notices([wheel.position for wheel in wheels])
-    lines += [f"  {clean(notice_text(notice))}" for notice in notices]
-    lines += [clean(f"  {line}") for line in _effect_lines(recording.effects, wheels)]
     alarms, missing = estimation.alarms(), estimation.missing()
-    for alarm in alarms:
-        for table in tables:
+    for table in tables:
+        for alarm in alarms:
             table.write_alarm(alarm, name)
-    with shown_in(shown_units_of(vehicle)):
-        said = summary_lines(wheels, alarms=alarms, columns=columns_of_terminal())
-    lines += [clean(f"  {line}".rstrip()) for line in said]
-    for collector in collectors:
-        collected = collector.finish(estimation.wheels, alarms, (*notices, *missing))
-        lines += [clean(f"  {line}".rstrip()) for line in collected]
-    lines += _link_lines(estimation.links)
-    for notice in missing:
-        lines.append(f"  {clean(notice_text(notice))}")
-        if notice.reason.code is CoreCode.NO_REVOLUTION:
-            for table in tables:
+        for notice in missing:
+            if notice.reason.code is CoreCode.NO_REVOLUTION:
                 table.write_missing(notice.subject, notice.reason, name)
+    with shown_in(shown_units_of(vehicle)):
+        said = [notice_text(notice) for notice in notices]
+        said += _effect_lines(recording.effects, wheels)
+        said += summary_lines(wheels, alarms=alarms, columns=columns_of_terminal())
+        for collector in collectors:
+            said += collector.finish(estimation.wheels, alarms, (*notices, *missing))
+        said += _link_lines(estimation.links)
+        said += [notice_text(notice) for notice in missing]
+    lines += [clean(f"  {line}".rstrip()) for line in said]
     return RecordingEstimated(tuple(lines), len(missing), reader.damage)
 
 
@@ -127,7 +125,7 @@ def _effect_lines(effects: Sequence[CorrectionTable], wheels: Sequence[WheelSumm
 def _link_lines(counters: Mapping[str, LinkCounters]) -> Iterator[str]:
     for link, counted in counters.items():
         yield (
-            f"  {clean(link)}: {counted.frames} frames, {counted.lost} lost, {counted.crc_errors} with a bad CRC, "
+            f"{link}: {counted.frames} frames, {counted.lost} lost, {counted.crc_errors} with a bad CRC, "
             f"{counted.duplicates} duplicate, {counted.reordered} late"
             + (f", {counted.bad_payload} with a bad payload" if counted.bad_payload else "")
             + (f", {counted.refused} rejected because not verified" if counted.refused else "")

@@ -32,6 +32,10 @@ class Unit(NamedTuple):
     offset: float = 0.0
     decimals: int = 0
 
+    def of(self, value: float) -> float:
+        """Return a value of the quantity in this unit; an error or a difference takes the factor alone."""
+        return value * self.factor + self.offset
+
 
 # Suffix of a quantity's name -> shown unit. Longer suffixes first: `_mps2` must not be read as `_mps`.
 UNITS: Final[dict[str, Unit]] = {
@@ -209,7 +213,7 @@ def show(estimate: Estimate) -> Shown:
     plain = plain_name(estimate.name)
     if estimate.status is Status.INVALID:
         return Shown(label, UNKNOWN, unit.symbol, math.nan, estimate.status, estimate.reasons, plain)
-    value = estimate.value * unit.factor + unit.offset
+    value = unit.of(estimate.value)
     number = round_to_error(value, estimate.std * unit.factor)
     return Shown(label, number, unit.symbol, value, estimate.status, estimate.reasons, plain)
 
@@ -229,7 +233,7 @@ def fixed(value: float | None, decimals: int, factor: float = 1.0) -> str:
 def shown_value(name: str, value: float | None, decimals: int) -> str:
     """Return a value in the unit in which a quantity is shown, without it: 210000.0 of `pressure_pa` as `210.0`."""
     unit = split_name(name)[1]
-    return fixed(None if value is None else value * unit.factor + unit.offset, decimals + unit.decimals)
+    return fixed(None if value is None else unit.of(value), decimals + unit.decimals)
 
 
 def unit_symbol(name: str) -> str:

@@ -193,7 +193,8 @@ def removed_line(wheel: WheelSummary, table: CorrectionTable) -> str:
     sizes = ", ".join(
         f"{axis} {math.sqrt(float(row @ row) / len(row)):.2f}" for axis, row in zip(AXIS_NAMES, removed, strict=True)
     )
-    return f"{wheel.position}: removed at {3.6 * wheel.speed_mean_mps:.1f} km/h, m/s² rms: {sizes}"
+    speed = shown_value(SPEED, wheel.speed_mean_mps, 1)
+    return f"{wheel.position}: removed at {speed} {unit_symbol(SPEED)}, m/s² rms: {sizes}"
 
 
 def summary_lines(

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from gateway.core.reasons import Reason
+from gateway.core.shown_units import ShownUnits
 from gateway.core.types import BoolArray, ComplexArray, FloatArray
 from gateway.diagnosis.data.wheel_rates import WheelRate
 from gateway.diagnosis.effects.effect import GroupConditions
@@ -161,7 +162,7 @@ class Group:
         sensor_doubted: True where the pipeline raised an alarm about the sensor that makes every shape doubtful.
     """
 
-    label: str
+    label: Remark
     recording: int
     state: int
     conditions: GroupConditions
@@ -203,6 +204,7 @@ class Campaign:
         stated: inputs that were stated or measured, with their source.
         vehicle: name of the vehicle or test rig, empty if unknown or not the same in all recordings.
         tire: size of the tire, likewise.
+        units: that screens show.
         times_s: host times of the first and the last revolution used of each recording, 0 where none is.
     """
 
@@ -218,6 +220,7 @@ class Campaign:
     stated: tuple[Reason, ...] = ()
     vehicle: str = ""
     tire: str = ""
+    units: ShownUnits = ShownUnits.SI
     times_s: tuple[tuple[float, float], ...] = ()
 
     @property

@@ -183,15 +183,17 @@ def _group(
     )
 
 
-def label(name: str, conditions: GroupConditions) -> str:
+def label(name: str, conditions: GroupConditions) -> Reason:
     """Return the label of a group: recording, speed, load and pressure."""
-    speed_kmh = 3.6 * conditions.omega_radps * conditions.radius_m
-    way = ", reverse" if conditions.reverse else ""
-    return (
-        f"{name}: {speed_kmh:.1f} km/h, {conditions.load_n:.0f} N, {conditions.pressure_pa * 1e-3:.0f} kPa, "
-        f"{conditions.temperature_degc:.0f} degC{way}"
-        if math.isfinite(conditions.temperature_degc)
-        else f"{name}: {speed_kmh:.1f} km/h, {conditions.load_n:.0f} N, {conditions.pressure_pa * 1e-3:.0f} kPa{way}"
+    return Reason(
+        DiagnosisCode.GROUP_LABEL,
+        recording=name,
+        speed_mps=conditions.omega_radps * conditions.radius_m,
+        load_n=conditions.load_n,
+        pressure_pa=conditions.pressure_pa,
+        temperature_degc=conditions.temperature_degc,
+        temperature="known" if math.isfinite(conditions.temperature_degc) else "unknown",
+        way="reverse" if conditions.reverse else "forward",
     )
 
 

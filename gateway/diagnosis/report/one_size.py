@@ -20,6 +20,7 @@ from gateway.diagnosis.angle.fit import Fit, FitFailedError, fit_model
 from gateway.diagnosis.angle.likelihood import Whitened, as_real, whiten
 from gateway.diagnosis.angle.remainder_freedom import remainder_covariance
 from gateway.diagnosis.angle.residual import POWER_SHARE, group_residuals
+from gateway.diagnosis.data.campaign_data import Remark
 from gateway.diagnosis.effects.effect import RingEffect, SignalEffect
 from gateway.diagnosis.model.closure_model import AngleEffect, ClosureModel
 from gateway.diagnosis.reasons import DiagnosisCode
@@ -44,7 +45,7 @@ _STEPS: Final = 20
 class Alone:
     """A recording, or a speed and load of a single one, with its own fit of a set of effects."""
 
-    label: str
+    label: Remark
     fit: Fit
 
 
@@ -63,7 +64,9 @@ def fitted_alone(fit: Fit) -> tuple[Alone, ...]:
     that cannot be fitted alone is left out.
     """
     model, campaign = fit.model, fit.model.campaign
-    parts = {campaign.recordings[recording]: groups for recording, groups in recordings_of(fit).items()}
+    parts: dict[Remark, list[int]] = {
+        campaign.recordings[recording]: groups for recording, groups in recordings_of(fit).items()
+    }
     if len(parts) < 2:
         parts = {group.label: [index] for index, group in enumerate(campaign.groups)}
     if len(parts) < 2:

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from gateway.core.types import BoolArray, ComplexArray, FloatArray, IntArray
-from gateway.diagnosis.data.campaign_data import Group
+from gateway.diagnosis.data.campaign_data import Group, Remark
 from gateway.diagnosis.effects.effect import CIRCUMFERENTIAL, RADIAL, GroupConditions
 
 RESOLUTION_HZ: Final = 1.0
@@ -43,7 +43,7 @@ class GroupSpectra:
         count: (b,) bins in each.
     """
 
-    label: str
+    label: Remark
     conditions: GroupConditions
     half_angle_rad: float
     present: BoolArray

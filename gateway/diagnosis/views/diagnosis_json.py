@@ -13,7 +13,7 @@ from gateway.core.text.text import json_text
 from gateway.diagnosis.data.campaign_data import Remark
 from gateway.diagnosis.result import Diagnosis, Finding, Fitted, Origin, Unexplained
 from gateway.diagnosis.views.next_steps import next_steps
-from gateway.diagnosis.views.phrases import residual_sentence, scaling_text
+from gateway.diagnosis.views.phrases import residual_sentence, said, scaling_text
 from gateway.diagnosis.views.quantities import residuals
 from gateway.diagnosis.views.transfer_report import held_out_json
 
@@ -63,7 +63,7 @@ def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
         },
         "groups": [
             {
-                "label": curves.label,
+                "label": said(curves.label),
                 "residual": {
                     axis.axis: {
                         "rms_before_mps2": axis.before_mps2,
@@ -120,7 +120,7 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "std": {name: fitted.std for name, fitted in finding.parameters.items()},
         "units": {name: fitted.unit for name, fitted in finding.parameters.items()},
         "probability": finding.probability,
-        "single_sizes": [record(size) for size in finding.single_sizes],
+        "single_sizes": [record(size, label=said(size.label)) for size in finding.single_sizes],
         "evidence": {
             "log_odds": finding.log_odds,
             "chi2": finding.chi2,
@@ -161,7 +161,7 @@ def _unexplained(residual: Unexplained) -> dict[str, Any]:
             {
                 "name": drift.name,
                 "parameter": drift.parameter,
-                "group": drift.label,
+                "group": said(drift.label),
                 "per_minute": _fitted(drift.per_minute),
                 "begin": _fitted(drift.begin),
                 "end": _fitted(drift.end),
@@ -186,4 +186,4 @@ def _reason_text(reason: Reason | None) -> str:
 
 
 def _remarks(remarks: Sequence[Remark]) -> list[str]:
-    return [_reason_text(remark) if isinstance(remark, Reason) else remark for remark in remarks]
+    return list(map(said, remarks))

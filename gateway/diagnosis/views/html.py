@@ -12,6 +12,7 @@ import numpy as np
 
 from gateway.core.constants import AXIS_NAMES
 from gateway.core.reasons import Reason
+from gateway.core.shown_units import shown_in
 from gateway.core.text.html_template import result_page
 from gateway.core.text.numbers import MISSING, fixed, split_name
 from gateway.core.text.output_file import check_target, write_whole
@@ -46,6 +47,7 @@ from gateway.diagnosis.views.phrases import (
     place_text,
     reason_text,
     remark,
+    said,
     self_test_text,
     sentence,
     undecided_sets,
@@ -60,7 +62,6 @@ from gateway.diagnosis.views.quantities import (
     residuals,
     show_fitted,
     significant,
-    typeset,
 )
 from gateway.diagnosis.views.report_tables import (
     bounded_probability,
@@ -123,6 +124,11 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
         OutputError: matplotlib or jinja2 is missing.
     """
     require_report_packages()
+    with shown_in(diagnosis.units):
+        return _page_of(diagnosis)
+
+
+def _page_of(diagnosis: Diagnosis) -> str:
     return result_page(
         *_TEMPLATE,
         title=f"Diagnosis of {clean(diagnosis.wheel)}",
@@ -140,6 +146,7 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
         fixed=fixed,
         held_out_change=held_out_change,
         reason_text=reason_text,
+        said=said,
         show_fitted=show_fitted,
         significant=significant,
         sizes_alone=sizes_alone,
@@ -297,7 +304,7 @@ def _chapters(diagnosis: Diagnosis) -> Iterator[Chapter]:
     if groups:
         index = reference_group(groups)
         reference = groups[index]
-        label = typeset(reference.label)
+        label = remark(reference.label)
         chosen = ""
         if len(groups) > 1:
             chosen = f" (of {len(groups)} groups, that with the largest residual relative to its noise)"
@@ -373,7 +380,7 @@ def _effect(number: int, curves: EffectCurves) -> Drawing:
         f"e{number}",
         f"What {title} adds to each axis, in m/s² over the wheel's angle, with its error.",
         sentence(title),
-        f"{typeset(curves.label)}.",
+        f"{remark(curves.label)}.",
     )
 
 
@@ -411,7 +418,7 @@ def _marked(diagnosis: Diagnosis, axis: int) -> bool:
 
 
 def _residual(index: int, curves: Curves) -> Drawing:
-    label = typeset(curves.label)
+    label = remark(curves.label)
     sizes = "Residual in m/s² rms, before → after (noise of the mean): " + ", ".join(
         f"{size.axis} {significant(size.before_mps2)} → {significant(size.after_mps2)} ({significant(size.noise_mps2)})"
         for size in residuals(curves)
@@ -422,7 +429,7 @@ def _residual(index: int, curves: Curves) -> Drawing:
 
 
 def _spectrum(prefix: str, spectra: Spectra, diagnosis: Diagnosis, *, small: bool = False) -> Drawing:
-    label = typeset(spectra.label)
+    label = remark(spectra.label)
     return _drawing(
         spectra_figure(spectra, diagnosis.unexplained, small=small),
         prefix,

@@ -98,7 +98,12 @@ def named_sentences(names: Sequence[str]) -> Iterator[str]:
 
 def remark(value: Remark) -> str:
     """Return the text of a reason, or a user's own text, in print."""
-    return typeset(wording.text(value) if isinstance(value, Reason) else value)
+    return typeset(said(value))
+
+
+def said(value: Remark) -> str:
+    """Return the text of a reason, or a user's own text, as files have it."""
+    return wording.text(value) if isinstance(value, Reason) else value
 
 
 def reason_text(reason: Reason | None) -> str:
@@ -198,7 +203,7 @@ def residual_remarks(residual: Unexplained) -> list[str]:
             if residual.other_axes
             else []
         )
-        return [single_turns(residual), *also, f"most in {residual.largest_in}"]
+        return [single_turns(residual), *also, f"most in {remark(residual.largest_in)}"]
     if residual.lock != "time":
         return []
     parts = []
@@ -237,7 +242,7 @@ def drift_texts(residual: Unexplained) -> list[str]:
         parameter = "" if drift.parameter == drift.name else f" {rate.label}"
         speed = f" {rate.joined()} per minute," if math.isfinite(drift.per_minute.value) else ""
         texts.append(
-            f"drift of {what}:{parameter}{speed} from {begin.joined()} to {end.joined()} in {clean(drift.label)}"
+            f"drift of {what}:{parameter}{speed} from {begin.joined()} to {end.joined()} in {remark(drift.label)}"
         )
     return texts
 
@@ -256,7 +261,7 @@ def residual_sentence(residual: Unexplained) -> str:
     """Return a residual as one sentence, as in JSON."""
     size = f"{residual.rms_mps2:.2g} m/s^2 rms"
     if residual.changes:
-        most = f", most in {residual.largest_in}" if residual.largest_in else ""
+        most = f", most in {remark(residual.largest_in)}" if residual.largest_in else ""
         cause = "; ".join(drift_texts(residual)) or (
             "load, slip angle, camber or temperature may change: record one state at a time"
         )
@@ -267,7 +272,7 @@ def residual_sentence(residual: Unexplained) -> str:
         also = "".join(f", {value:.2g} m/s^2 {axis}" for axis, value in residual.other_axes)
         return (
             f"{residual.axis} axis, {place_text(residual)}: {size} over the turn{also}; {single_turns(residual)}; "
-            f"most in {residual.largest_in}; scaling: {scaling_text(residual.scaling)}"
+            f"most in {remark(residual.largest_in)}; scaling: {scaling_text(residual.scaling)}"
         )
     if residual.lock != "time":
         where = "spread over the revolution"

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gateway.core.constants import AXIS_NAMES
-from gateway.core.text.numbers import MISSING, UNITS, Unit, round_to_error, split_name
+from gateway.core.text.numbers import MISSING, UNITS, Unit, round_to_error, shown_value, split_name, unit_symbol
 from gateway.core.text.text import clean
 from gateway.core.types import FloatArray
 from gateway.diagnosis.result import Curves, Fitted, TireState
@@ -110,7 +110,12 @@ def parameter_label(name: str) -> str:
 
 def state_text(state: TireState | None) -> str:
     """Return a load and pressure; empty for None, the state of the most revolutions."""
-    return "" if state is None else f"{state.load_n:.0f} N, {state.pressure_pa / 1e3:.0f} kPa"
+    if state is None:
+        return ""
+    return ", ".join(
+        f"{shown_value(name, value, 0)} {unit_symbol(name)}"
+        for name, value in (("load_n", state.load_n), ("pressure_pa", state.pressure_pa))
+    )
 
 
 def _label(name: str) -> tuple[str, Unit]:

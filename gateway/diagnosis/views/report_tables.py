@@ -15,6 +15,7 @@ from gateway.diagnosis.views.phrases import (
     effect_title,
     effects_listed,
     reason_text,
+    remark,
     residual_remarks,
     scaling_text,
 )
@@ -221,7 +222,7 @@ def sizes_alone(finding: Finding, parameter: str, recordings: Sequence[str]) -> 
     fitted = finding.parameters[parameter]
     return [
         (
-            f"{clean(PurePath(size.label).name if size.label in recordings else size.label)} alone",
+            f"{remark(PurePath(str(size.label)).name if size.label in recordings else size.label)} alone",
             show_fitted(parameter, replace(fitted, value=size.value, std=size.std)).joined(),
         )
         for size in finding.single_sizes

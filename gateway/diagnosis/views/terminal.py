@@ -5,6 +5,7 @@ from typing import Final
 
 from gateway.core.reasons import Reason
 from gateway.core.ring_quantities import RING_NUMBERS
+from gateway.core.shown_units import shown_in
 from gateway.core.text.numbers import fixed
 from gateway.core.text.probabilities import probability_text
 from gateway.core.text.text import clean, counted, crop, filled, pad, width
@@ -68,7 +69,8 @@ def closure_summary_lines(diagnosis: Diagnosis, columns: int = LINE_WIDTH, *, ha
             and the number of the rest.
     """
     columns = max(LINE_WIDTH, min(columns, MOST_WIDE))
-    return [crop(line.rstrip(), columns) for line in _Lines(columns, has_all_notes).of(diagnosis)]
+    with shown_in(diagnosis.units):
+        return [crop(line.rstrip(), columns) for line in _Lines(columns, has_all_notes).of(diagnosis)]
 
 
 class _Lines:

@@ -9,7 +9,7 @@ from gateway.core.text.plain_values import plain
 from gateway.core.text.text import clean, counted, pad
 from gateway.diagnosis.result import HeldOut
 from gateway.diagnosis.transfer import Transfer
-from gateway.diagnosis.views.phrases import effects_listed, listed, model_words, remark
+from gateway.diagnosis.views.phrases import effects_listed, listed, model_words, remark, said
 from gateway.diagnosis.views.quantities import ratio
 
 _LABEL_WIDTH: Final = 13
@@ -89,7 +89,7 @@ def held_out_json(held_out: HeldOut) -> dict[str, Any]:
         },
         "blocks": [
             {
-                "group": block.group,
+                "group": said(block.group),
                 "revolutions": block.revolutions,
                 "time_s": block.time_s,
                 "rms_before_mps2": block.before_mps2,

@@ -142,7 +142,7 @@ def _number(name: str, value: float | None, std: float, source: str) -> JsonObje
         return None
     unit = split_name(name)[1]
     return {
-        "text": rounded(value * unit.factor + unit.offset, std * unit.factor, unit),
+        "text": rounded(unit.of(value), std * unit.factor, unit),
         "unit": unit.symbol,
         "source": source,
     }
