@@ -27,6 +27,7 @@ FEATURE: Final = Feature(
             "cavity": "gateway.forces.quantities:CAVITY",
             "road": "gateway.forces.quantities:ROAD",
         },
+        Registry.PARTS: {"shared turn": "gateway.forces.shared_turn:SharedTurn"},
         Registry.ESTIMATORS: {
             "longitudinal-force": "gateway.forces.longitudinal_force:LongitudinalForceEstimator",
             "ply-steer": "gateway.forces.ply_steer:PlySteerEstimator",

@@ -1,6 +1,7 @@
 """Reasons of forces, each with the template of its text."""
 
 from gateway.core.reasons import Code, Codes
+from gateway.core.trust.reasons import WITNESSES
 
 
 class ForceCode(Codes):
@@ -106,3 +107,19 @@ class ForceCode(Codes):
     ROAD_CLASS = Code("class {letter} with a probability of {probability:.0%}, if G falls with n²")
     ROAD_WAVES = Code("from waves of {short_m:.1f m} to {long_m:.1f m}")
     TOO_SLOW_FOR_ROAD = Code("needs at least {limit_mps:.0f km/h}")
+
+    # Of curves
+    LATERAL_GAIN_CONTRADICTED = Code(
+        "the gain of the lateral axis, or the wheel's position, is not as stated: in curves it turns {gain:.2f} ± "
+        "{std:.2f} times as fast as {witness}",
+        witness=WITNESSES,
+    )
+    TURNS_UNRELATED = Code(
+        "the wheel is not where the vehicle file states it, or its lateral axis is another: in curves it does not "
+        "turn as {witness}",
+        witness=WITNESSES,
+    )
+    WHEELS_TURN_APART = Code(
+        "the gain of the lateral axis of this wheel or of {other}, or its position, is not as stated: it turns "
+        "{ratio:.2f} ± {std:.2f} times as fast, on the same body"
+    )

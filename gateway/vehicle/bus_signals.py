@@ -11,7 +11,10 @@ from gateway.vehicle.vehicle_signals import Quantity, SignalSetup
 class BusSignal(Section):
     """`[[vehicle_signals.signal]]`: one signal of the bus."""
 
-    quantity: Quantity = Field(strict=False, description="what it measures: " + ", ".join(Quantity))
+    quantity: Quantity = Field(
+        strict=False,
+        description=f"what it measures: {', '.join(Quantity)}; yaw_rate is positive to the left, course to the right",
+    )
     message: str = Field(min_length=1, max_length=200, description="name of its message in the DBC file")
     signal: str = Field(min_length=1, max_length=200, description="name of the signal in the message")
     wheel: str | None = Field(
@@ -26,7 +29,11 @@ class BusSignal(Section):
         default=1.0, description="multiplies the value, such as -1 for another sign or a scale that the DBC file lacks"
     )
     std_percent: float | None = within(
-        None, 0.01, 50, "standard error of a speed in percent; default: 0.5 for speeds of rotation, 1 for others"
+        None,
+        0.01,
+        50,
+        "standard error of a speed or yaw rate in percent; default: 0.5 for speeds of rotation, 2 for yaw rates, 1 for "
+        "others",
     )
 
 

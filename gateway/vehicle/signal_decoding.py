@@ -18,7 +18,7 @@ from gateway.vehicle.vehicle_witness import VehicleJoin
 
 
 class ReceiverDecoder:
-    """Reads position, ground speed and time from the sentences of a receiver."""
+    """Reads position, ground speed, course and time from the sentences of a receiver."""
 
     def __init__(self) -> None:
         """Start without a sentence."""
@@ -31,7 +31,7 @@ class ReceiverDecoder:
         for fix in self._reader.read(item.data):
             self._clock.take(fix, item.host_ns)
             if fix.has_position:
-                measured = (fix.latitude_deg, fix.longitude_deg, fix.ground_speed_mps)
+                measured = (fix.latitude_deg, fix.longitude_deg, fix.ground_speed_mps, fix.course_rad)
                 for signal, value in zip(RECEIVER_SIGNALS, measured, strict=True):
                     if math.isfinite(value):
                         yield SignalValue(signal.key, item.host_ns, value)

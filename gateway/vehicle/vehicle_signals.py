@@ -12,9 +12,12 @@ from gateway.core.constants import STANDARD_GRAVITY_MPS2
 # Values kept for revolutions that are not complete yet: a minute at 200 Hz, and what is kept when they are thinned out.
 _MOST_VALUES: Final = 24_000
 _KEPT_VALUES: Final = 12_000
-# Relative standard errors of a car's speeds of rotation and others, unless stated.
+# Relative standard errors of a car's speeds of rotation, its yaw rate and other speeds, unless stated.
 _ROTATION_STD: Final = 0.005
+_YAW_STD: Final = 0.02
 _SPEED_STD: Final = 0.01
+# Standard error of a yaw rate of zero: the drift of its sensor.
+_YAW_ZERO_RADPS: Final = 0.005
 # A longitude that changes by more has passed 180 degrees, between which there is nothing to interpolate.
 _HALF_TURN_DEG: Final = 180.0
 
@@ -27,6 +30,7 @@ class Quantity(StrEnum):
     GROUND_SPEED = "ground_speed"
     LATITUDE = "latitude"
     LONGITUDE = "longitude"
+    COURSE = "course"
     STEERING_ANGLE = "steering_angle"
     BRAKE_PRESSURE = "brake_pressure"
     BRAKE = "brake"
@@ -86,6 +90,7 @@ SUFFIXES: Final[dict[Quantity, frozenset[str]]] = {
     Quantity.GROUND_SPEED: frozenset({"mps"}),
     Quantity.LATITUDE: frozenset({"deg"}),
     Quantity.LONGITUDE: frozenset({"deg"}),
+    Quantity.COURSE: frozenset({"rad"}),
     Quantity.STEERING_ANGLE: frozenset({"rad"}),
     Quantity.BRAKE_PRESSURE: frozenset({"pa"}),
     Quantity.BRAKE: frozenset({""}),
@@ -130,7 +135,7 @@ class VehicleSignal:
         quantity: what it measures.
         suffix: unit of the name.
         wheel: position of its wheel, None for the whole vehicle.
-        relative_std: relative standard error of a speed, None where not stated.
+        relative_std: relative standard error of a speed or yaw rate, None where not stated.
         max_age_s: time after the last value from which there is none.
     """
 
@@ -155,6 +160,8 @@ class VehicleSignal:
         """Return the standard error of a value, NaN where it is not known."""
         if self.suffix == "deg":
             return _POSITION_STD_M / _M_PER_DEG
+        if self.quantity is Quantity.YAW_RATE:
+            return math.hypot(self.usual_std * value, _YAW_ZERO_RADPS)
         if not self.is_witness:
             return math.nan
         if self.relative_std is None and self.quantity is Quantity.GROUND_SPEED:
@@ -163,9 +170,11 @@ class VehicleSignal:
 
     @property
     def usual_std(self) -> float:
-        """Relative standard error of a speed that is not too low for it."""
+        """Relative standard error of a speed that is not too low for it, or of a yaw rate."""
         if self.relative_std is not None:
             return self.relative_std
+        if self.quantity is Quantity.YAW_RATE:
+            return _YAW_STD
         return _SPEED_STD if self.suffix == "mps" else _ROTATION_STD
 
     @property
@@ -178,6 +187,7 @@ _RECEIVED: Final = (
     (Quantity.LATITUDE, "deg"),
     (Quantity.LONGITUDE, "deg"),
     (Quantity.GROUND_SPEED, "mps"),
+    (Quantity.COURSE, "rad"),
 )
 # Receivers send once a second in general. Two intervals and a half: one value may be late or damaged.
 _RECEIVER_MAX_AGE_S: Final = 2.5
@@ -217,7 +227,8 @@ class Reading(NamedTuple):
         value: in SI, a position in degrees.
         age_s: time since the last value before it.
         nearest_s: time to the nearest value that it rests on.
-        slope_per_s: change of the value per second between the two latest values that it rests on; NaN with only one.
+        slope_per_s: change of the value per second between the two latest values that it rests on, of a course by the
+            shorter way round; NaN with only one.
     """
 
     value: float
@@ -240,6 +251,7 @@ class SignalHistory:
         self._max_age_ns = {signal.key: signal.max_age_s * 1e9 for signal in signals}
         self._first_ns: dict[str, int] = {}
         self._positions = {signal.key for signal in signals if signal.suffix == "deg"}
+        self._courses = {signal.key for signal in signals if signal.quantity is Quantity.COURSE}
         self._times_ns: dict[str, list[int]] = {signal.key: [] for signal in signals}
         self._values: dict[str, list[float]] = {signal.key: [] for signal in signals}
 
@@ -265,18 +277,22 @@ class SignalHistory:
         if age_ns > max_age_ns:
             return None
         if after < len(times_ns) and times_ns[after] <= known_ns and times_ns[after] - before_ns <= max_age_ns:
-            interval_ns, change = times_ns[after] - before_ns, values[after] - value
+            interval_ns, change = times_ns[after] - before_ns, self._change(key, values[after] - value)
             nearest_s = min(age_ns, times_ns[after] - at_ns) * 1e-9
             if abs(change) < _HALF_TURN_DEG or key not in self._positions:
                 value += age_ns / interval_ns * change
             return Reading(value, age_ns * 1e-9, nearest_s, change / interval_ns * 1e9)
         slope_per_s = math.nan
         if after > 1 and before_ns - times_ns[after - 2] <= max_age_ns:
-            slope_per_s = (value - values[after - 2]) / (before_ns - times_ns[after - 2]) * 1e9
+            change = self._change(key, value - values[after - 2])
+            slope_per_s = change / (before_ns - times_ns[after - 2]) * 1e9
         # A vehicle goes on: within a second it may be 50 m further.
         if key in self._positions and abs(slope_per_s) < _HALF_TURN_DEG:
             value += slope_per_s * age_ns * 1e-9
         return Reading(value, age_ns * 1e-9, age_ns * 1e-9, slope_per_s)
+
+    def _change(self, key: str, change: float) -> float:
+        return math.remainder(change, 2.0 * math.pi) if key in self._courses else change
 
     def has_begun(self, key: str, at_ns: int) -> bool:
         """Return whether a value was received by then."""
@@ -302,10 +318,13 @@ def signal_name(setup: SignalSetup, suffix: str) -> str:
     return f"{name}_{suffix}" if suffix else name
 
 
+COURSE_RATE: Final = "course_rate_radps"
+"""Name of the yaw rate by the course of a receiver, positive to the left, among the estimates of a revolution."""
+
 SIGNAL_NAMES: Final = frozenset(
     f"{prefix}{quantity}_{suffix}".rstrip("_")
     for quantity, suffixes in SUFFIXES.items()
     for suffix in suffixes
     for prefix in ("", "car_")
-)
+) | {COURSE_RATE}
 """Every name that a signal can have among the estimates of a revolution; see `signal_name`."""

@@ -21,6 +21,7 @@ from gateway.core.trust.reasons import TrustCode
 from gateway.core.trust.signal_evidence import Contradiction, Evidence, Subject
 from gateway.vehicle.reasons import VehicleCode
 from gateway.vehicle.vehicle_signals import (
+    COURSE_RATE,
     GROUND_SPEED_STD_MPS,
     RECEIVER_SIGNALS,
     Quantity,
@@ -36,6 +37,8 @@ _REVOLUTIONS: Final = 30
 _FEWEST: Final = 8
 # A car's speed says nothing at walking pace: its sensors have a lowest speed.
 _LEAST_RADPS: Final = 3.0
+# Speed from which a receiver's course says how the vehicle turns.
+_LEAST_COURSE_MPS: Final = 3.0
 # A receiver filters its speed and sends it up to this much later: a speed that changes is not that of the revolution.
 _RECEIVER_DELAY_S: Final = 0.3
 # A signal whose values all lie farther than this from the revolutions is not late, but of another date.
@@ -94,6 +97,8 @@ class VehicleJoin:
                 continue
             added.append(Estimate(signal.name, reading.value, signal.std(reading.value), Status.VALID))
             added.append(Estimate(age_name, reading.age_s, 0.0, Status.VALID))
+            if signal.quantity is Quantity.COURSE:
+                added += _course_rate(reading, result)
             self._compare(wheel, signal, reading, result)
         wheel.contradictions = tuple(self._contradictions(wheel, result))
         estimates = result.estimates
@@ -171,6 +176,14 @@ class VehicleJoin:
             if abs(ratio.value - 1.0) > _CONTRADICTION * error:
                 yield _speed(ratio, error, result, rate_holds=rate_holds)
                 return
+
+
+def _course_rate(reading: Reading, result: RevolutionResult) -> Iterator[Estimate]:
+    """Yield the yaw rate by the course of a receiver, which is known by its speed to the side; not at walking pace."""
+    speed_mps = result.conditions.radius_m * result.revolution.omega_radps
+    if speed_mps > _LEAST_COURSE_MPS and math.isfinite(reading.slope_per_s):
+        std = math.sqrt(2.0) * GROUND_SPEED_STD_MPS / speed_mps
+        yield Estimate(COURSE_RATE, -reading.slope_per_s, std, Status.VALID)
 
 
 def _is_of_revolution(signal: VehicleSignal, reading: Reading, period_s: float) -> bool:

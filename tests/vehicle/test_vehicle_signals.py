@@ -473,6 +473,7 @@ def test_position_of_the_bus_replaces_that_of_the_receiver() -> None:
     assert decoder.take(BusFrames("can:x", 0, pack([BusFrame(0, 769, False, data)], 0))) == pytest.approx(
         {"latitude_deg": 48.0}
     )
-    assert [signal.key for signal in decoder.history.signals] == ["latitude_deg", "longitude_deg", "ground_speed_mps"]
+    keys = [signal.key for signal in decoder.history.signals]
+    assert keys == ["latitude_deg", "longitude_deg", "ground_speed_mps", "course_rad"]
     with pytest.raises(ConfigError, match="unit 'km/h' is not known; give unit, one of deg"):
         BusDecoder([SignalSetup(Quantity.LATITUDE, "Gps", "Lat", unit="km/h")], 1.0, dbc, "logger.dbc")

@@ -14,7 +14,7 @@ import numpy as np
 from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.estimates.results import RevolutionResult
 from gateway.core.text.readout import DISTANCE, SPEED
-from gateway.core.trust.lateral_signs import TURN_RATE
+from gateway.core.trust.turn_verdict import TURN_RATE
 from gateway.core.types import FloatArray
 
 MAX_LEGS: Final = 960

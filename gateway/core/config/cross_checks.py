@@ -143,7 +143,7 @@ def _axles(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, Any]]])
                 positions = ", ".join(by_position) or "none"
                 allowed = f"no wheel has this position; {f'did you mean {guess}?' if guess else f'known: {positions}'}"
                 yield Fault(key, show(name), allowed)
-            elif "load_n" in by_position[name]:
+            elif "load_n" in by_position[name] and "weight_kg" in axle:
                 yield Fault(
                     f"wheel[{name}].load_n",
                     show(by_position[name]["load_n"]),
@@ -196,6 +196,8 @@ def _load_errors(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, A
     tables = [(key_of(data, ("wheel", index)), wheel, "load_n", "load_std_n") for index, wheel in wheels]
     for index, axle in as_tables(data.get("axle")):
         tables.append((f"axle[#{index + 1}]", axle, "weight_kg", "weight_std_kg"))
+        if not {"weight_kg", "track_width_mm"} & axle.keys():
+            yield Fault(f"axle[#{index + 1}].weight_kg", None, "required, or track_width_mm")
     for name, table, key, std_key in tables:
         value, std = table.get(key), table.get(std_key)
         if _is_within(value, _LOADS) and _is_number(std) and std > value:

@@ -62,6 +62,7 @@ _LINER_BELOW_BELT_M: Final = 0.006
 _CAVITY_STD: Final = 0.02
 # What a depth gauge and grooves that are worn unequally leave open.
 _WEAR_STD_MM: Final = 0.2
+_TRACK_STD: Final = 0.02  # camber, toe and load move the middles of the contacts
 POSITION_PATTERN: Final = r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,23}$"
 
 
@@ -304,23 +305,29 @@ add_keys(Tire, "tire")
 
 
 class Axle(Section):
-    """`[[axle]]`: an axle weighed as a whole instead of wheel by wheel."""
+    """`[[axle]]`: an axle weighed as a whole instead of wheel by wheel, and its track."""
 
     wheels: tuple[str, ...] = Field(strict=False, min_length=1, description="positions of its wheels, at least one")
-    weight_kg: float = Field(ge=20, le=40_000, description="weight on the axle in kg")
+    weight_kg: float | None = within(None, 20, 40_000, "weight on the axle in kg")
     weight_std_kg: float | None = within(
         None, 0, 5000, "standard error of the weight in kg; default: 10 % of each wheel's load, as of one not weighed"
     )
     split_std_percent: float = within(5.0, 0, 50, "standard error of the equal split between the wheels, in percent")
+    track_width_mm: float | None = within(
+        None, 300, 8000, "distance between the middles of its left and right contacts in mm, verifies lateral gains"
+    )
+    track_width_std_mm: float | None = within(None, 0, 1000, f"its standard error in mm; default: {_TRACK_STD:.0%}")
 
     @property
-    def wheel_load_n(self) -> float:
+    def wheel_load_n(self) -> float | None:
         """Load of each of its wheels in N: the weight split equally."""
-        return self.weight_kg * STANDARD_GRAVITY_MPS2 / len(self.wheels)
+        return None if self.weight_kg is None else self.weight_kg * STANDARD_GRAVITY_MPS2 / len(self.wheels)
 
     @property
     def wheel_load_std_n(self) -> float:
         """Standard error of that load in N: weight and equal split combined; that of any load where none is stated."""
+        if self.wheel_load_n is None:
+            return 0.0
         if self.weight_std_kg is None:
             return self.wheel_load_n * max(LOAD_STD, self.split_std_percent * 1e-2)
         scale_n = self.weight_std_kg * STANDARD_GRAVITY_MPS2 / len(self.wheels)
@@ -517,13 +524,22 @@ class VehicleConfig(Section):
         """Return the setups of the wheels for the pipeline, in SI, in the order of the file."""
         return tuple(self._setup(wheel) for wheel in self.wheel)
 
+    def tracks_m(self) -> dict[str, tuple[float, float]]:
+        """Return track widths in m with their standard errors, by position, as far as stated."""
+        tracks: dict[str, tuple[float, float]] = {}
+        for axle in self.axle:
+            if (width_mm := axle.track_width_mm) is not None:
+                std_mm = _TRACK_STD * width_mm if axle.track_width_std_mm is None else axle.track_width_std_mm
+                tracks |= dict.fromkeys(axle.wheels, (1e-3 * width_mm, 1e-3 * std_mm))
+        return tracks
+
     def _setup(self, wheel: Wheel) -> WheelSetup:
         tire = self.tire_of(wheel)
         assert tire.radius_m is not None  # ensured by cross_faults
         load_n = wheel.load_n
         load_std_n = LOAD_STD * (load_n or 0.0) if wheel.load_std_n is None else wheel.load_std_n
         for axle in self.axle:
-            if wheel.position in axle.wheels:
+            if wheel.position in axle.wheels and axle.weight_kg is not None:
                 load_n, load_std_n = axle.wheel_load_n, axle.wheel_load_std_n
         return WheelSetup(
             position=wheel.position,
@@ -557,7 +573,7 @@ class VehicleConfig(Section):
 
     def assumed_errors(self) -> Iterator[tuple[str, str, tuple[str, ...]]]:
         """Yield what is stated without a standard error: the quantity, its default with its unit, and the wheels."""
-        on_axles = {position: axle for axle in self.axle for position in axle.wheels}
+        on_axles = {position: axle for axle in self.axle if axle.weight_kg is not None for position in axle.wheels}
         tires = {wheel.position: self.tire_of(wheel) for wheel in self.wheel}
         loads = [
             wheel.position

@@ -1,4 +1,4 @@
-"""Position, ground speed and time from sentences of NMEA 0183, by pynmeagps."""
+"""Position, ground speed, course and time from sentences of NMEA 0183, by pynmeagps."""
 
 import importlib.util
 import logging
@@ -32,18 +32,20 @@ _AHEAD_S: Final = 2.0
 
 
 class Fix(NamedTuple):
-    """Position, speed and time of one sentence.
+    """Position, speed, course and time of one sentence.
 
     Attributes:
         latitude_deg: to the north, WGS 84; NaN without a position.
         longitude_deg: to the east; NaN without a position.
         ground_speed_mps: horizontal speed, NaN without one.
+        course_rad: over ground, from north to the right; NaN without one.
         utc_ns: time of the fix, ns since the epoch; None without date or time.
     """
 
     latitude_deg: float
     longitude_deg: float
     ground_speed_mps: float
+    course_rad: float
     utc_ns: int | None
 
     @property
@@ -52,7 +54,7 @@ class Fix(NamedTuple):
         return math.isfinite(self.latitude_deg)
 
 
-_NO_FIX: Final = Fix(math.nan, math.nan, math.nan, None)
+_NO_FIX: Final = Fix(math.nan, math.nan, math.nan, math.nan, None)
 
 
 def has_position(lines: bytes) -> bool:
@@ -135,12 +137,13 @@ def _fix(line: bytes) -> Fix | None:
             return _NO_FIX._replace(utc_ns=utc_ns)
         latitude_deg, longitude_deg = float(message.lat), float(message.lon)
         speed_mps = math.nan if message.spd == "" else float(message.spd) * _MPS_PER_KNOT
+        course_rad = math.nan if message.cog == "" else math.radians(float(message.cog))
     except Exception as error:  # the library raises errors of many kinds for what is no sentence
         _logger.debug("sentence cannot be read: %s", error)
         return None
     if not (abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0):
         return None
-    return Fix(latitude_deg, longitude_deg, speed_mps, utc_ns)
+    return Fix(latitude_deg, longitude_deg, speed_mps, course_rad, utc_ns)
 
 
 def _utc_ns(day: object, at: object) -> int | None:

@@ -13,7 +13,7 @@ from gateway.core.links.source import VehicleData
 from gateway.core.reasons import Notice
 from gateway.core.session.alarm_watch import AlarmWatch
 from gateway.core.session.corrections import with_effects
-from gateway.core.session.session_parts import VehicleSignals, open_tire_sensors
+from gateway.core.session.session_parts import VehicleSignals, open_shared_turn, open_tire_sensors
 from gateway.core.session.statement_watch import StatementWatch
 from gateway.core.session.wheel_identity import positions
 from gateway.core.trust.wheel_pairs import WheelPairs
@@ -41,7 +41,7 @@ class ResultPath(Pipeline):
         setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), effects)
         super().__init__(setups, UNKNOWN_WHEEL, estimators, hold_s)
         self.statements = StatementWatch(positions(vehicle), self.limit)
-        self.pairs = WheelPairs(signals.witness() if signals is not None else None)
+        self.pairs = WheelPairs(signals.witness() if signals is not None else None, open_shared_turn(vehicle))
         self._alarms: AlarmWatch | None = None
         self._signals, self._tire_sensors = signals, open_tire_sensors(vehicle)
 

@@ -16,6 +16,7 @@ from gateway.core.recording.recorded_file import RecordedFile
 from gateway.core.session.frame_guard import FrameGuard
 from gateway.core.session.publication import LiveOutputs
 from gateway.core.text.session_control import SessionControl, ShownSession
+from gateway.core.trust.turn_verdict import TurnComparison
 from gateway.core.trust.wheel_pairs import VehicleWitness
 from gateway.core.types import FloatArray
 from gateway.core.wheels.outside_readings import OutsideReading
@@ -25,6 +26,7 @@ _FRAME_GUARD: Final = "frame guard"
 _KEY_FILE: Final = "key file"
 _COMMANDED_LINKS: Final = "commanded links"
 _RIG_CHANNELS: Final = "rig channels"
+_SHARED_TURN: Final = "shared turn"
 _TIRE_SENSORS: Final = "tire sensors"
 _VEHICLE_SIGNALS: Final = "vehicle signals"
 _LIVE_OUTPUTS: Final = "live outputs"
@@ -204,6 +206,12 @@ def open_tire_sensors(vehicle: VehicleConfig | None) -> TireSensors:
     """Return a new decoder of the sensors that a vehicle file names."""
     sensors: TireSensors = _part(_TIRE_SENSORS)(vehicle)
     return sensors
+
+
+def open_shared_turn(vehicle: VehicleConfig | None) -> TurnComparison:
+    """Return a new comparison of the turn rates of a vehicle's wheels."""
+    turns: TurnComparison = _part(_SHARED_TURN)(vehicle.tracks_m() if vehicle is not None else {})
+    return turns
 
 
 def output_files(uris: Sequence[str]) -> list[Path]:

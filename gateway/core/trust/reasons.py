@@ -1,6 +1,16 @@
 """Reasons of doubt: what the signal says against what is stated, each with the template of its text."""
 
+from typing import Final
+
 from gateway.core.reasons import Code, Codes
+
+WITNESSES: Final = {
+    "track": "the speeds of its axle say with the track width",
+    "yaw_rate": "the yaw rate of the vehicle's bus says",
+    "course": "the course of the receiver says",
+    "wheels": "the other wheels do",
+}
+"""What turn rates are compared with."""
 
 
 class TrustCode(Codes):
@@ -82,14 +92,18 @@ class TrustCode(Codes):
         "the lateral axis of this wheel or of {other} points the wrong way, or their positions are not as stated: "
         "they slip to opposite sides in {opposite:.0f} revolutions, to the same side in {same:.0f}"
     )
+    TURNS_OPPOSITE = Code(
+        "the lateral axis points to the right, or the position is not as stated: it turns to the other side than "
+        "{witness}",
+        witness=WITNESSES,
+    )
     WHEELS_ROLL_APART = Code(
         "the belt radius or the sampling rate of this wheel or of {other} is not as stated: it rolls {ratio:.3f} ± "
         "{std:.3f} times as fast, more than in a curve"
     )
-
-    WHEELS_TURN_APART = Code(
-        "the gain of the lateral axis of this wheel or of {other}, or its position, is not as stated: it turns "
-        "{ratio:.2f} ± {std:.2f} times as fast, on the same body"
+    YAW_RATE_REVERSED = Code(
+        "the yaw rate of the vehicle's bus has the other sign than the speeds of the axle in curves (state factor = -1 "
+        "of its signal)"
     )
 
     # Of the sensor's calibration

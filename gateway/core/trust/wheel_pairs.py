@@ -7,9 +7,10 @@ whenever the other slips to the left has a lateral axis that points the other wa
 Both wheels roll the same way but in a curve, where speeds that differ by a share d at the speed v mean a lateral
 acceleration of d v^2 over the track. What no curve explains is a belt radius or a rate that is not as stated, until the
 speeds agree within their errors. One wheel alone shows neither. Where wheels measure their turn rate, a curve verifies
-the sign of their lateral axes, and both have one turn rate (`gateway.core.trust.lateral_signs`).
+the sign of their lateral axes (`gateway.core.trust.lateral_signs`).
 
-`gateway.core.trust.axis_lags` compares the axes of all wheels.
+`gateway.core.trust.axis_lags` compares the axes of all wheels, `gateway.core.trust.turn_verdict.TurnComparison` their
+turn rates.
 
 What is compared depends on the times of the revolutions alone, not on the order in which they come.
 """
@@ -32,10 +33,11 @@ from gateway.core.quantity_catalogue import declared
 from gateway.core.reasons import Reason
 from gateway.core.trust.axis_lags import ALARM as AXIS_LAG
 from gateway.core.trust.axis_lags import AxisLags
-from gateway.core.trust.lateral_signs import TURN_RATE, LateralGain, LateralSign, Rate
+from gateway.core.trust.lateral_signs import LateralSign
 from gateway.core.trust.qualification import provisional_where, verified
 from gateway.core.trust.reasons import TrustCode
 from gateway.core.trust.signal_evidence import Contradiction, Evidence, Subject
+from gateway.core.trust.turn_verdict import NOTHING, TURN_RATE, TurnComparison, Verdict, Witness
 from gateway.core.wheel_position import right_of
 
 ALARM: Final = "lateral axis"
@@ -71,7 +73,7 @@ class _Turn(NamedTuple):
     direction: float
     speed_mps: float
     speed_std: float
-    rate: Rate
+    rate_radps: float
 
 
 class _Both(NamedTuple):
@@ -82,14 +84,14 @@ class _Both(NamedTuple):
     ratio: float
     speed_mps: float
     std: float
-    rates: tuple[Rate, Rate]
+    rates_radps: tuple[float, float]
 
 
 class _Verdict(NamedTuple):
     """What is known from a time on: pairs of revolutions that slip apart and together, and the ratio of the speeds.
 
-    The counts are 0 where the slip says nothing, the ratio NaN where the speeds do not, and `gain`, of the turn rates,
-    where these do not. Signs are those of the lateral axes, left and right, as `LateralSign` has them.
+    The counts are 0 where the slip says nothing, the ratio NaN where the speeds do not. Signs are those of the lateral
+    axes, left and right, as `LateralSign` has them.
     """
 
     at_ns: float = -math.inf
@@ -98,28 +100,22 @@ class _Verdict(NamedTuple):
     ratio: float = math.nan
     std: float = math.nan
     signs: tuple[int, int] = (0, 0)
-    gain: float = math.nan
-    gain_std: float = math.nan
 
     @property
-    def says(self) -> tuple[bool, bool, bool, tuple[int, int]]:
-        return self.opposite > 0, math.isfinite(self.ratio), math.isfinite(self.gain), self.signs
+    def says(self) -> tuple[bool, bool, tuple[int, int]]:
+        """What changes alarms."""
+        return self.opposite > 0, math.isfinite(self.ratio), self.signs
 
     def reason_of_slip(self, other: str) -> Reason:
         return Reason(TrustCode.LATERAL_SLIP_APART, other=other, opposite=self.opposite, same=self.same)
 
     def contradictions(self, other: str, *, is_right: bool) -> tuple[Contradiction, ...]:
-        """Return those of speeds and turn rates at one of the wheels, were its radius, rate or gain the wrong one."""
-        contradictions = []
-        if math.isfinite(self.ratio):
-            ratio = 1.0 / self.ratio if is_right else self.ratio
-            reason = Reason(TrustCode.WHEELS_ROLL_APART, other=other, ratio=1.0 / ratio, std=self.std)
-            contradictions.append(Contradiction(Subject.WHEEL_SPEED, reason, {Basis.RADIUS: ratio, Basis.RATE: ratio}))
-        if math.isfinite(self.gain):
-            ratio = 1.0 / self.gain if is_right else self.gain
-            reason = Reason(TrustCode.WHEELS_TURN_APART, other=other, ratio=1.0 / ratio, std=self.gain_std)
-            contradictions.append(Contradiction(Subject.TURN_RATE, reason, {Basis.AXES: ratio}))
-        return tuple(contradictions)
+        """Return that of the speeds at one of the wheels, were its radius or rate the wrong one."""
+        if not math.isfinite(self.ratio):
+            return ()
+        ratio = 1.0 / self.ratio if is_right else self.ratio
+        reason = Reason(TrustCode.WHEELS_ROLL_APART, other=other, ratio=1.0 / ratio, std=self.std)
+        return (Contradiction(Subject.WHEEL_SPEED, reason, {Basis.RADIUS: ratio, Basis.RATE: ratio}),)
 
 
 _NOTHING: Final = _Verdict()
@@ -151,7 +147,6 @@ class _Pair:
         compared: how many there were.
         apart: ratio of the speeds and its error where they are apart, NaN where they are not.
         signs: of the lateral axes, by side.
-        gain: of the right lateral axis over that of the left one.
         verdicts: each from its time on.
     """
 
@@ -165,7 +160,6 @@ class _Pair:
     compared: int = 0
     apart: tuple[float, float] = _NOT_APART
     signs: tuple[LateralSign, LateralSign] = field(default_factory=lambda: (LateralSign(), LateralSign()))
-    gain: LateralGain = field(default_factory=LateralGain)
     verdicts: deque[_Verdict] = field(default_factory=lambda: deque((_NOTHING,), maxlen=_CHANGES))
 
     def take(self, side: int, turn: _Turn) -> None:
@@ -182,7 +176,7 @@ class _Pair:
                     right.speed_mps / left.speed_mps,
                     left.speed_mps,
                     math.hypot(left.speed_std, right.speed_std),
-                    (left.rate, right.rate),
+                    (left.rate_radps, right.rate_radps),
                 )
                 bisect.insort(self.both, both)
         self.waiting[side].append(turn)
@@ -195,9 +189,8 @@ class _Pair:
         if both.side > 0.0 or both.side < 0.0:
             self.opposite.append(both.side < 0.0)
         if math.isfinite(both.ratio):
-            for sign, rate in zip(self.signs, both.rates, strict=True):
-                sign.take(rate.radps, both.speed_mps, both.ratio)
-            self.gain.take(*both.rates)
+            for sign, rate_radps in zip(self.signs, both.rates_radps, strict=True):
+                sign.take(rate_radps, both.speed_mps, both.ratio)
             self.speeds.append(both)
             self.compared += 1
             if self.compared % _EVERY == 0:
@@ -207,7 +200,7 @@ class _Pair:
         last = self.verdicts[-1]
         opposite, same = (opposite, count - opposite) if slips_apart else (0, 0)
         signs = self.signs[0].sign, self.signs[1].sign
-        verdict = _Verdict(both.end_ns, opposite, same, *self.apart, signs, *self.gain.apart)
+        verdict = _Verdict(both.end_ns, opposite, same, *self.apart, signs)
         if verdict.says != last.says:
             self.verdicts.append(verdict)
 
@@ -235,14 +228,16 @@ class _Pair:
 class WheelPairs:
     """Compares the wheels of one vehicle; in whatever order their revolutions come, the same ones are compared."""
 
-    def __init__(self, join: VehicleWitness | None = None) -> None:
-        """Start without revolutions; `join` adds the vehicle's signals, None for none."""
-        self._join = join
+    def __init__(self, join: VehicleWitness | None = None, turns: TurnComparison | None = None) -> None:
+        """Start without revolutions; `join` adds the vehicle's signals, `turns` compares turn rates."""
+        self._join, self._turns = join, turns
         self._axis_lags = AxisLags()
         self._pairs: dict[str, _Pair] = {}
         self._lefts: dict[str, str] = {}
         self._names = frozenset(quantity.name for quantity in declared() if quantity.is_of_axle)
+        # Time of the latest result of a pair, and up to which a wheel's turn rate is judged.
         self._at_ns: dict[str, float] = {}
+        self._known_ns: dict[str, float] = {}
 
     def compared(self, results: list[RevolutionResult]) -> Iterator[tuple[RevolutionResult, bool]]:
         """Yield revolutions with the vehicle's signals and what these and the other wheels contradict.
@@ -265,6 +260,8 @@ class WheelPairs:
             if not result.host_ns:
                 continue
             self._axis_lags.compare(result)
+            if self._turns is not None:
+                self._turns.compare(result)
             revolution, conditions = result.revolution, result.conditions
             # An average that a revolution did not change is no further evidence, nor is one with gaps.
             is_evident = is_evidence(revolution)
@@ -281,49 +278,94 @@ class WheelPairs:
                 0.0 if math.isnan(direction) else direction,
                 conditions.radius_m * revolution.omega_radps if is_evident else math.nan,
                 math.hypot(conditions.radius_std_m / conditions.radius_m, conditions.claims.rate_std),
-                next((Rate(e.value, e.std) for e in result.estimates if e.name == TURN_RATE), Rate()),
+                next((e.value for e in result.estimates if e.name == TURN_RATE), math.nan),
             )
             self._pairs.setdefault(right or result.position, _Pair()).take(int(right is None), turn)
 
     def _take(self, result: RevolutionResult) -> tuple[RevolutionResult, bool]:
         if not result.host_ns:
             return result, False
-        known_ns = result.host_ns - _LATER_NS
+        position, known_ns = result.position, result.host_ns - _LATER_NS
         result, is_changed = self._axis_lags.take(result, known_ns)
-        right = right_of(result.position) or result.position
-        pair, left = self._pairs.get(right), self._lefts.get(right)
-        if pair is None or left is None:
-            return result, is_changed
-        before = pair.verdict(self._at_ns.get(right, -math.inf)).says
-        self._at_ns[right] = max(self._at_ns.get(right, -math.inf), result.host_ns)
-        is_changed |= pair.verdict(self._at_ns[right]).says != before
-        verdict = pair.verdict(known_ns)
-        slips_apart, _, _, signs = verdict.says
-        is_right = result.position == right
-        other, estimates = left if is_right else right, result.estimates
-        if signs[is_right] > 0:
+        before = self._turns_as(position)
+        self._known_ns[position] = max(self._known_ns.get(position, -math.inf), known_ns)
+        is_changed |= self._turns_as(position) != before
+        estimates, contradictions = result.estimates, self._verdict(position, known_ns).contradictions
+        sign, reversed_by = self._sign(position, known_ns)
+        if sign > 0:
             estimates = verified(estimates)
-        elif signs[is_right] < 0:
-            estimates = provisional_where(estimates, Basis.SIGN, Reason(TrustCode.LATERAL_AXIS_REVERSED, other=other))
-        if slips_apart:
-            estimates = provisional_where(estimates, Basis.SIGN, verdict.reason_of_slip(other))
-        if contradictions := verdict.contradictions(other, is_right=is_right):
+        elif reversed_by is not None:
+            estimates = provisional_where(estimates, Basis.SIGN, reversed_by)
+        right = right_of(position) or position
+        pair, left = self._pairs.get(right), self._lefts.get(right)
+        if pair is not None and left is not None:
+            said = pair.verdict(self._at_ns.get(right, -math.inf)).says
+            self._at_ns[right] = max(self._at_ns.get(right, -math.inf), result.host_ns)
+            is_changed |= pair.verdict(self._at_ns[right]).says != said
+            verdict, is_right = pair.verdict(known_ns), position == right
+            other = left if is_right else right
+            if verdict.opposite:
+                estimates = provisional_where(estimates, Basis.SIGN, verdict.reason_of_slip(other))
+            contradictions = (*verdict.contradictions(other, is_right=is_right), *contradictions)
+        if contradictions:
             evidence = Evidence.of_contradictions(contradictions)
             estimates = tuple([evidence.qualified(estimate) for estimate in estimates])
         return result if estimates is result.estimates else replace(result, estimates=estimates), is_changed
 
+    def _turns_as(self, position: str) -> tuple[object, ...]:
+        """Return what changes the alarms of a wheel's turn rate."""
+        known_ns = self._known_ns.get(position, -math.inf)
+        verdict = self._verdict(position, known_ns)
+        return self._sign(position, known_ns)[0], verdict.sign, [each.reason.code for each in verdict.contradictions]
+
+    def _verdict(self, position: str, at_ns: float) -> Verdict:
+        return NOTHING if self._turns is None else self._turns.verdict(position, at_ns)
+
+    def _sign_by_speeds(self, position: str, at_ns: float) -> tuple[int, str]:
+        """Return the sign of a lateral axis by its axle's speeds, and the other wheel; 0 where these do not show it."""
+        right = right_of(position) or position
+        left = self._lefts.get(right)
+        if left is None or right not in self._pairs:
+            return 0, ""
+        return self._pairs[right].verdict(at_ns).signs[position == right], left if position == right else right
+
+    def _sign(self, position: str, at_ns: float) -> tuple[int, Reason | None]:
+        """Return the sign of a lateral axis as known at a time, 0 where it is open, and why it points to the right."""
+        by_speeds, other = self._sign_by_speeds(position, at_ns)
+        if by_speeds:
+            return by_speeds, Reason(TrustCode.LATERAL_AXIS_REVERSED, other=other) if by_speeds < 0 else None
+        verdict = self._verdict(position, at_ns)
+        sign, witness = verdict.sign, verdict.by
+        for wheel, side in verdict.sides.items() if not sign else ():
+            sign = sign or side * (self._sign_by_speeds(wheel, at_ns)[0] or self._verdict(wheel, at_ns).sign)
+        return sign, Reason(TrustCode.TURNS_OPPOSITE, witness=str(witness)) if sign < 0 else None
+
+    def axis(self, position: str) -> Verdict:
+        """Return what all curves so far say of a wheel's lateral axis, after the last result."""
+        sign, reason = self._sign(position, math.inf)
+        verdict = self._verdict(position, math.inf)
+        return verdict._replace(sign=sign, reversed_by=reason)
+
     def alarms(self) -> Iterator[Alarm]:
-        """Yield those of the vehicle's signals, of axes, and of pairs that slip to opposite sides or roll apart."""
+        """Yield those of the vehicle's signals, of axes, and of wheels that turn, slip or roll apart."""
         if self._join is not None:
             yield from self._join.alarms()
         yield from self._axis_lags.alarms()
         for right, left in self._lefts.items():
             verdict = self._pairs[right].verdict(self._at_ns.get(right, -math.inf))
-            slips_apart, _, _, signs = verdict.says
-            for position, other, sign in ((left, right, signs[0]), (right, left, signs[1])):
+            for position, other, sign in ((left, right, verdict.signs[0]), (right, left, verdict.signs[1])):
                 if sign < 0:
                     yield Alarm(position, ALARM, Reason(TrustCode.LATERAL_AXIS_REVERSED, other=other))
-                elif slips_apart:
+                elif verdict.opposite:
                     yield Alarm(position, ALARM, verdict.reason_of_slip(other))
                 for contradiction in verdict.contradictions(other, is_right=position == right):
                     yield Alarm(position, str(contradiction.subject), contradiction.reason)
+        for position, known_ns in self._known_ns.items():
+            turn, (_, reversed_by) = self._verdict(position, known_ns), self._sign(position, known_ns)
+            by_speeds = self._sign_by_speeds(position, known_ns)[0]
+            if reversed_by is not None and not by_speeds:
+                yield Alarm(position, ALARM, reversed_by)
+            if by_speeds * turn.sign < 0 and turn.by is Witness.YAW_RATE:
+                yield Alarm(position, str(Subject.TURN_RATE), Reason(TrustCode.YAW_RATE_REVERSED))
+            for contradiction in turn.contradictions:
+                yield Alarm(position, str(contradiction.subject), contradiction.reason)

@@ -8,9 +8,9 @@ import pytest
 from gateway.core.estimates.estimator import Estimate, Status, TireConditions
 from gateway.core.estimates.results import RevolutionResult
 from gateway.core.reasons import Reason
-from gateway.core.trust.lateral_signs import TURN_RATE, LateralGain, LateralSign, Rate
+from gateway.core.trust.lateral_signs import LateralSign
 from gateway.core.trust.reasons import TrustCode
-from gateway.core.trust.signal_evidence import Subject
+from gateway.core.trust.turn_verdict import TURN_RATE
 from gateway.core.trust.wheel_pairs import ALARM, WheelPairs
 from tests.testkit.exact_ring import solution
 from tests.testkit.revolution_data import exact_wave, make_revolution
@@ -110,43 +110,3 @@ def test_revolutions_with_gaps_say_nothing_of_a_pair(missing: float) -> None:
     pairs = WheelPairs()
     list(pairs.compared(taken))
     assert bool(list(pairs.alarms())) is not bool(missing)
-
-
-def curves(count: int, left_gain: float, right_gain: float, error: float = 0.1) -> LateralGain:
-    """Return what curves say that both wheels drive, each with an error of its own at either wheel that lasts."""
-    rng, gain = np.random.default_rng(9), LateralGain()
-    for number in range(count):
-        rate = 0.15 * (-1.0) ** number
-        left, right = (rate * (axis + rng.normal(0.0, error)) for axis in (left_gain, right_gain))
-        for _ in range(30):
-            noise = rng.normal(0.0, 0.005, 2)
-            gain.take(Rate(left + noise[0], error * 0.15), Rate(right + noise[1], error * 0.15))
-        for _ in range(40):
-            noise = rng.normal(0.0, 0.005, 2)
-            gain.take(Rate(float(noise[0]), 0.006), Rate(float(noise[1]), 0.006))
-    return gain
-
-
-@pytest.mark.parametrize(("left_gain", "right_gain"), [(1.0, 0.8), (0.8, 1.0)])
-def test_wheels_of_one_body_that_turn_apart_are_a_contradiction(left_gain: float, right_gain: float) -> None:
-    ratio, std = curves(24, left_gain, right_gain).apart
-    assert ratio == pytest.approx(right_gain / left_gain, abs=3.0 * std)
-    assert std < 0.05
-
-
-@pytest.mark.parametrize(("count", "gain"), [(7, 0.5), (24, 1.0), (24, -1.0)])
-def test_few_curves_equal_or_opposite_axes_say_nothing_of_the_gain(count: int, gain: float) -> None:
-    assert np.isnan(curves(count, 1.0, gain).apart).all()
-
-
-def test_lateral_gain_that_differs_from_the_other_wheel_is_not_valid() -> None:
-    rates = np.concatenate([np.tile(np.concatenate([CURVE[40:160], -CURVE[40:160]]), 6), np.zeros(160)]) * 1.5
-    reasons, statuses, pairs = judged(rates, 1.0, 0.7)
-    assert {reason.code for reason in reasons["FL"]} == {reason.code for reason in reasons["FR"]} != set()
-    assert Status.VALID not in statuses.values()
-    turned = [alarm for alarm in pairs.alarms() if alarm.name == Subject.TURN_RATE]
-    assert {alarm.position for alarm in turned} == {"FL", "FR"}
-    assert {alarm.reason.code for alarm in turned} == {TrustCode.WHEELS_TURN_APART}
-    reasons, statuses, pairs = judged(rates, 1.0, 1.0)
-    assert set(statuses.values()) == {Status.VALID}
-    assert list(pairs.alarms()) == []

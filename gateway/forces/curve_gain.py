@@ -1,0 +1,147 @@
+"""Gain of a lateral axis by curves: the angle that a wheel turns through by its axis, over that by a witness.
+
+A curve is summed from straight to straight, so that what is late by some seconds, or a front wheel that steers, adds
+nothing. Zeros of both, such as belt radii that are not as stated, are their means on the straights between.
+"""
+
+import math
+from collections import deque
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gateway.core.trust.turn_verdict import Gain
+from gateway.core.types import FloatArray
+
+# Standard errors from which a revolution turns.
+_TURNS: Final = 4.0
+# Time below that ends a curve, the least of a curve, and the longest between two revolutions.
+_QUIET_S, _LEAST_S, _GAP_S = 0.4, 0.8, 1.0
+# Straight revolutions whose mean is zero, and the fewest.
+_ZERO_REVOLUTIONS, _LEAST_STRAIGHT = 100, 10
+_CURVES: Final = 64
+# Curves whose scatter says something.
+_FEW: Final = 5
+# Of a curve: angles by wheel and witness, their errors, time, speed squared, and what the zero of the witness counts.
+_SUMS: Final = 7
+# Error of the angle of a curve beyond that stated: one that is the same in no other.
+_OWN_STD: Final = 0.04
+# Scatter of curves over their errors at least: on random tires of finite elements it is 0.45.
+_LEAST_SCATTER: Final = 0.5
+# The outer wheel, with more load, rolls with a smaller radius: change of the ratio of the speeds with the lateral
+# acceleration over the track, s^2/m^2. Of car tires by data of their rolling radii and heights of centers of gravity.
+_BY_LOAD: Final = (4e-4, 3e-4)
+_LOADS: Final[FloatArray] = _BY_LOAD[0] + _BY_LOAD[1] * np.linspace(-3.0, 3.0, 13)
+
+
+class Rate(NamedTuple):
+    """Rate at which something turns, with its standard error; NaN without one."""
+
+    radps: float = math.nan
+    std_radps: float = math.nan
+
+    @property
+    def side(self) -> float:
+        """1 in a curve to the left, -1 in one to the right, 0 elsewhere."""
+        return math.copysign(1.0, self.radps) if abs(self.radps) > _TURNS * self.std_radps else 0.0
+
+
+def inverse(gain: Gain) -> Gain:
+    """Return the witness over the wheel."""
+    if not gain.value:
+        return gain._replace(value=math.nan)
+    return gain._replace(value=1.0 / gain.value, std=gain.std / gain.value**2)
+
+
+class CurveGain:
+    """Turn rate of a wheel over that of a witness, by the curves of a drive; deterministic."""
+
+    def __init__(self, late_s: float = 0.0, *, by_speeds: bool = False) -> None:
+        """Start without a curve.
+
+        Args:
+            late_s: time by which the witness may be late.
+            by_speeds: whether the witness is what the ratio of an axle's speeds has beyond 1, right over left, whatever
+                its unit; the gain is then over the track, 1/m.
+        """
+        self._late_s, self._by_speeds = late_s, by_speeds
+        self._last_s = -math.inf
+        self._before: deque[FloatArray] = deque()
+        self._zero, self._straights = np.zeros(2), 0
+        self._sums, self._turns_s, self._quiet_s, self._sides = np.zeros(_SUMS), 0.0, 0.0, [0.0, 0.0]
+        self._curves: deque[FloatArray] = deque(maxlen=_CURVES)
+        self.gain = Gain()
+
+    def take(self, at_s: float, period_s: float, read: Rate, witness: Rate, speed_mps: float) -> bool:
+        """Add a revolution; return whether a curve ended. Values that are not finite are ignored."""
+        if not math.isfinite(read.radps * read.std_radps * witness.radps):
+            return False
+        ended = False
+        if at_s - self._last_s > _GAP_S:
+            self._sums, self._turns_s = np.zeros(_SUMS), 0.0
+            self._before.clear()
+        self._last_s = at_s
+        shared = 0.0 if math.isinf(witness.std_radps) else witness.std_radps
+        scale = speed_mps if self._by_speeds else 1.0
+        values = period_s * np.array(
+            [read.radps, scale * witness.radps, read.std_radps, shared, 1.0, speed_mps**2, scale]
+        )
+        sides = [read.side, witness.side]
+        if any(sides):
+            if self._turns_s and any(now * before < 0.0 for now, before in zip(sides, self._sides, strict=True)):
+                ended = self._end()
+            if not self._turns_s:
+                self._sums, self._sides = sum(self._before, np.zeros(_SUMS)), [0.0, 0.0]
+                self._before.clear()
+            self._sides = [now or before for now, before in zip(sides, self._sides, strict=True)]
+            self._sums = self._sums + values
+            self._turns_s, self._quiet_s = self._turns_s + period_s, 0.0
+        elif self._turns_s:
+            self._sums = self._sums + values
+            self._quiet_s += period_s
+            if self._quiet_s >= max(_QUIET_S, self._late_s):
+                ended = self._end()
+        else:
+            self._before.append(values)
+            while self._before and sum(float(each[4]) for each in self._before) > self._late_s:
+                straight = self._before.popleft()
+                self._straights += 1
+                share = 1.0 / min(self._straights, _ZERO_REVOLUTIONS)
+                self._zero += share * (straight[:2] / straight[[4, 6]] - self._zero)
+        return ended
+
+    def _end(self) -> bool:
+        sums, turns_s, self._turns_s = self._sums, self._turns_s, 0.0
+        if turns_s < _LEAST_S or self._straights < _LEAST_STRAIGHT:
+            return False
+        sums[:2] -= self._zero * sums[[4, 6]]
+        self._curves.append(sums)
+        self.gain = self._fitted(np.array(self._curves))
+        return True
+
+    def _fitted(self, curves: FloatArray) -> Gain:
+        """Return the gain by curves, (n, 7) sums over the time of each."""
+        read, witness, read_std, witness_std, lasts, squares, _ = curves.T
+        variances = read_std**2 + witness_std**2 + (_OWN_STD * np.maximum(np.abs(read), _OWN_STD)) ** 2
+        # Share of the witness in the errors: the line lies between both regressions (Deming).
+        share = float(np.sum(witness_std**2 / variances) / np.sum(read_std**2 / variances + 1e-12))
+        loads, odds, values, stds = (_LOADS if self._by_speeds else np.zeros(1)), [], [], []
+        for number, load in enumerate(loads):
+            turned = witness / (1.0 + load * squares / lasts)
+            rr, ww, rw = (float(np.sum(a * b / variances)) for a, b in ((read, read), (turned, turned), (read, turned)))
+            if not ww or not rw:
+                return Gain(curves=len(curves))
+            apart = share * rr - ww
+            value = rw / ww if not share else (apart + math.sqrt(apart**2 + 4.0 * share * rw**2)) / (2.0 * share * rw)
+            rest = float(np.sum((read - value * turned) ** 2 / variances))
+            values.append(value)
+            scatter = 1.0 if len(curves) < _FEW else max(math.sqrt(rest / (len(curves) - 1)), _LEAST_SCATTER)
+            stds.append(scatter / math.sqrt(ww))
+            prior = 0.5 * ((load - _BY_LOAD[0]) / _BY_LOAD[1]) ** 2 if number or self._by_speeds else 0.0
+            odds.append(-prior - 0.5 * rest)
+        weights = np.exp(np.array(odds) - max(odds))
+        weights /= weights.sum()
+        mean = float(weights @ values)
+        std = math.sqrt(float(weights @ (np.square(stds) + np.square(np.array(values) - mean))))
+        correlation = float(np.sum(read * witness)) / math.sqrt(float(np.sum(read**2) * np.sum(witness**2)))
+        return Gain(mean, std, len(curves), abs(correlation) > 0.5)
