@@ -2,7 +2,7 @@
 
     python -m tools.table_3
 
-Told in docs/evidence/closure-table-3.md.
+docs/evidence/ring-paper-figures.md explains the result.
 """
 
 import math

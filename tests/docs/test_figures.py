@@ -77,7 +77,7 @@ def test_every_output_in_evidence_is_marked(page: Path) -> None:
 def test_site_shows_the_command_above_its_numbers() -> None:
     command = "python tools/bench_budget.py"
     shown = filled(f"<!-- figures: {command} -->\n| a |\n|---|\n| 1 |\n")
-    assert shown == f"Printed by `{command}`:\n\n| a |\n|---|\n| 1 |\n"
+    assert shown == f"Printed by `{command}`.\n\n| a |\n|---|\n| 1 |\n"
     itself = f"<!-- figures: {command} -->\n```text\n$ {command}\n```\n"
     assert filled(itself) == itself
 

@@ -102,7 +102,8 @@ def test_reference_page_lists_all_columns():
     assert "| `host_ns` | ns |" in sections["revolutions"]
     assert "| `attempts` |" in sections["failures"]
     assert "| `rms_mps2` | m/s^2 |" in sections["diagnoses"]
-    assert set(re.findall(r"^\| `(\w+)` \|", sections["Trends"], re.MULTILINE)) == {
+    (names,) = re.findall(r"^`quantity` is (.+?)\n\n", sections["Trends"], re.MULTILINE | re.DOTALL)
+    assert set(re.findall(r"`(\w+)`", names)) == {
         *Quantity,
         *(rate_of(item.watch) for item in followed_by(Trend.SENSOR) if item.name in recording_columns(())),
     }

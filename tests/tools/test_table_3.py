@@ -1,4 +1,4 @@
-"""The figures of docs/evidence/closure-table-3.md."""
+"""The figures of Table 3 in docs/evidence/ring-paper-figures.md."""
 
 from functools import lru_cache
 

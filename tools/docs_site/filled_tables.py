@@ -49,5 +49,5 @@ TABLES: Final[dict[str, Callable[[], str]]] = {
 
 def filled(text: str) -> str:
     """Return a page with its tables and commands; KeyError for a name that is not in `TABLES`."""
-    with_commands = _FIGURES.sub(lambda match: f"Printed by `{match[1]}`:\n\n", text)
+    with_commands = _FIGURES.sub(lambda match: f"Printed by `{match[1]}`.\n\n", text)
     return _MARK.sub(lambda match: TABLES[match[1]](), with_commands)
