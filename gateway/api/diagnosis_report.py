@@ -12,6 +12,7 @@ from gateway.core.errors import TreadlinkError
 from gateway.core.recording.file_content import check_distinct
 from gateway.core.session.program_arguments import Config, PathLike, chosen_vehicle
 from gateway.core.worker_pool import Workers
+from gateway.diagnosis.campaign import reading_orders
 from gateway.diagnosis.campaign_diagnosis import diagnose_recordings
 from gateway.diagnosis.effects.effect import BaselineModel
 from gateway.diagnosis.result import Diagnosis, Finding, Fitted, Unexplained
@@ -71,18 +72,16 @@ def diagnose(
     if not paths:
         raise TreadlinkError("there is no recording to diagnose", "Give at least one.")
     with Workers(jobs - 1) as workers:
-        diagnosis = diagnose_recordings(
+        orders = reading_orders(
             paths,
             vehicle=chosen_vehicle(config, (), ""),
             wheel=wheel,
-            model=chosen,
-            empirical=empirical,
             folds=folds,
-            workers=workers,
             reverse=[_path(recording) for recording in reverse],
             key_file=None if keys is None else Path(keys),
-            budget_s=budget_s,
-            on_progress=progress,
+        )
+        diagnosis = diagnose_recordings(
+            orders, model=chosen, empirical=empirical, workers=workers, budget_s=budget_s, on_progress=progress
         )
     return DiagnosisReport(diagnosis)
 

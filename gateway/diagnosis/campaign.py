@@ -49,45 +49,34 @@ _FOLDS: Final = 5
 
 
 def read_campaign(
-    paths: Sequence[Path],
+    orders: Sequence[ReadOrder],
     *,
-    vehicle: VehicleConfig | None = None,
-    wheel: str | None = None,
-    folds: int = _FOLDS,
     on_bytes: Callable[[int], None] | None = None,
     workers: Workers | None = None,
-    reverse: Collection[Path] = (),
-    key_file: Path | None = None,
 ) -> Campaign:
     """Read recordings and group one wheel's revolutions by their conditions.
 
     Except for rounding, the result does not depend on `workers`.
 
     Args:
-        paths: recordings.
-        vehicle: configuration for all recordings; None to use the one in each recording.
-        wheel: position; None when the recordings contain one wheel only.
-        folds: blocks of a group with enough revolutions, at least 2.
+        orders: of the recordings, see `reading_orders`.
         on_bytes: called with the number of bytes of the files read, for a progress bar.
         workers: other processes that share the work.
-        reverse: those of `paths` recorded in the opposite direction, or with the tire turned on the rim.
-        key_file: keys of signed frames, where the configuration asks for them.
 
     Raises:
         TreadlinkError: a recording cannot be read, contains nothing usable, repeats another, or contains several wheels
             and none was chosen.
-        ValueError: fewer than two folds, or no path.
+        ValueError: no recording.
     """
-    if folds < 2 or not paths:
-        raise ValueError("a campaign needs at least one recording and two folds")
-    orders = _orders(paths, vehicle, wheel, folds, reverse, key_file)
+    if not orders:
+        raise ValueError("a campaign needs at least one recording")
     by_index: dict[int, RecordingRead] = {}
     work = (workers or Workers()).work_on(read_recording, orders, on_bytes or (lambda _: None), sizes=_sizes(orders))
     with closing(work) as done:
         for index, read in done:
             by_index[index] = _checked_for_one_wheel(orders[index], read)
     reads = [by_index[index] for index in range(len(orders))]
-    campaign = _assemble(orders, reads, _chosen_wheel(orders, reads, wheel))
+    campaign = _assemble(orders, reads, _chosen_wheel(orders, reads, orders[0].wheel))
     for number, first in repeated_recordings(campaign.groups).items():
         raise RecordingError(
             f"'{orders[number].path}' holds the same revolutions as '{orders[first].path}'", "Give each recording once."
@@ -141,7 +130,7 @@ def read_usable(
     Raises:
         RecordingError: none of them can be used.
     """
-    orders = _orders(paths, vehicle, wheel, _FOLDS, (), key_file)
+    orders = reading_orders(paths, vehicle=vehicle, wheel=wheel, key_file=key_file)
     refused: dict[int, Reason] = {}
     reads = [RecordingRead(())] * len(orders)
     work = Workers().work_on(_read_or_refuse, orders, lambda _: None)
@@ -188,14 +177,31 @@ def _renumbered(read: RecordingRead, number: int) -> RecordingRead:
     return replace(read, groups=tuple(replace(group, recording=number) for group in read.groups))
 
 
-def _orders(
+def reading_orders(
     paths: Sequence[Path],
-    vehicle: VehicleConfig | None,
-    wheel: str | None,
-    folds: int,
-    reverse: Collection[Path],
-    key_file: Path | None,
+    *,
+    vehicle: VehicleConfig | None = None,
+    wheel: str | None = None,
+    folds: int = _FOLDS,
+    reverse: Collection[Path] = (),
+    key_file: Path | None = None,
 ) -> list[ReadOrder]:
+    """Return the orders to read the recordings of a campaign.
+
+    Args:
+        paths: recordings.
+        vehicle: configuration for all recordings; None to use the one in each recording.
+        wheel: position; None when the recordings contain one wheel only.
+        folds: blocks of a group with enough revolutions, at least 2.
+        reverse: those of `paths` recorded in the opposite direction, or with the tire turned on the rim.
+        key_file: keys of signed frames, where the configuration asks for them.
+
+    Raises:
+        RecordingError: one of `reverse` is not among the recordings.
+        ValueError: fewer than two folds.
+    """
+    if folds < 2:
+        raise ValueError("a campaign needs at least two folds")
     real_paths, reversed_paths = set(map(os.path.realpath, paths)), set(map(os.path.realpath, reverse))
     unknown = [path for path in reverse if os.path.realpath(path) not in real_paths]
     if unknown:

@@ -1,7 +1,7 @@
 """Diagnosis of recordings: reading and closing the loop, with one progress for both."""
 
 import hashlib
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -13,6 +13,7 @@ from gateway.core.revision import commit
 from gateway.core.revolutions.effect_correction import CorrectionTable
 from gateway.core.worker_pool import Workers
 from gateway.diagnosis.campaign import read_campaign, read_usable
+from gateway.diagnosis.campaign_recording import ReadOrder
 from gateway.diagnosis.checks.outvoted_recordings import RecordingsContradictedError, unlike_signals
 from gateway.diagnosis.closed_loop import SEARCHED, BaselineUnfittedError, baseline_fits, diagnose
 from gateway.diagnosis.data.campaign_data import Campaign
@@ -30,16 +31,11 @@ Progress = Callable[[float, str], None]
 
 
 def diagnose_recordings(
-    paths: Sequence[Path],
+    orders: Sequence[ReadOrder],
     *,
-    vehicle: VehicleConfig | None = None,
-    wheel: str | None = None,
     model: BaselineModel = BaselineModel.EXACT,
     empirical: bool = False,
-    folds: int = 5,
     workers: Workers | None = None,
-    reverse: Collection[Path] = (),
-    key_file: Path | None = None,
     budget_s: float | None = None,
     self_tests: int = 0,
     clock: Clock | None = None,
@@ -48,15 +44,10 @@ def diagnose_recordings(
     """Diagnose one wheel of one or more recordings.
 
     Args:
-        paths: recordings.
-        vehicle: configuration for all recordings; None to use the one in each recording.
-        wheel: position; None when the recordings contain one wheel only.
+        orders: of the recordings.
         model: baseline model.
         empirical: whether to fit an empirical correction to the unexplained residual.
-        folds: blocks of revolutions under the same conditions, for held-out errors.
         workers: other processes that share the work.
-        reverse: those of `paths` recorded in the opposite direction.
-        key_file: keys of signed frames, where the configuration asks for them.
         budget_s: time after which the search for effects ends, reading included; None sets no limit. The baseline
             model, the error on held-out revolutions and figures are computed in any case; a note says how long.
         self_tests: number of recordings to simulate from the result and to diagnose again.
@@ -69,6 +60,7 @@ def diagnose_recordings(
     clock = clock or SystemClock()
     begin_ns = clock.now_ns()
     report = on_progress or (lambda _share, _text: None)
+    paths = [order.path for order in orders]
     total = sum(path.stat().st_size for path in paths if path.is_file())
     read = 0
 
@@ -77,16 +69,7 @@ def diagnose_recordings(
         read += count
         report(_READING_SHARE * min(1.0, read / max(total, 1)), "reading")
 
-    campaign = read_campaign(
-        paths,
-        vehicle=vehicle,
-        wheel=wheel,
-        folds=folds,
-        on_bytes=on_bytes,
-        workers=workers,
-        reverse=reverse,
-        key_file=key_file,
-    )
+    campaign = read_campaign(orders, on_bytes=on_bytes, workers=workers)
     read_ns = clock.now_ns()
     searched_ns: int | None = None
 
@@ -203,29 +186,21 @@ def _is_alarm(note: Reason) -> bool:
 
 
 def transfer_effects(
-    paths: Sequence[Path],
+    orders: Sequence[ReadOrder],
     table: CorrectionTable,
     *,
-    vehicle: VehicleConfig | None = None,
     model: BaselineModel = BaselineModel.EXACT,
-    folds: int = 5,
     workers: Workers | None = None,
-    reverse: Collection[Path] = (),
-    key_file: Path | None = None,
     origin: str = "effects",
     on_progress: Progress | None = None,
 ) -> Transfer:
     """Return the error on recordings with the effects of an effects file, exactly as they were found.
 
     Args:
-        paths: recordings.
+        orders: of the recordings of the wheel of the effects file.
         table: of the effects file.
-        vehicle: configuration for all recordings; None to use the one in each recording.
         model: baseline model.
-        folds: blocks of revolutions under the same conditions, for held-out errors.
         workers: other processes that share the work.
-        reverse: those of `paths` recorded in the opposite direction.
-        key_file: keys of signed frames, where the configuration asks for them.
         origin: name of the effects file, for messages.
         on_progress: called with the share done, 0 to 1, and the present step.
 
@@ -234,11 +209,9 @@ def transfer_effects(
     """
     report = on_progress or (lambda _share, _text: None)
     report(0.0, "reading")
-    campaign = read_campaign(
-        paths, vehicle=vehicle, wheel=table.position, folds=folds, workers=workers, reverse=reverse, key_file=key_file
-    )
+    campaign = read_campaign(orders, workers=workers)
     report(_READ_SHARE, "comparing with and without the effects")
     result = transfer(campaign, table, model=model, origin=origin)
     report(1.0, "done")
     assert result.report is not None
-    return replace(result, report=_with_origin(result.report, campaign, paths))
+    return replace(result, report=_with_origin(result.report, campaign, [order.path for order in orders]))

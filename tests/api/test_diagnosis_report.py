@@ -27,8 +27,8 @@ def asked(monkeypatch):
     """Replace the diagnosis by a prepared result; return the arguments that it gets."""
     arguments = {}
 
-    def diagnose(paths, **options):
-        arguments.update(options, paths=paths)
+    def diagnose(orders, **options):
+        arguments.update(options, orders=orders)
         return ordinary()
 
     monkeypatch.setattr(diagnosis_report, "diagnose_recordings", diagnose)
@@ -42,16 +42,15 @@ def test_options_are_those_of_the_command(asked, recorded, recording, tmp_path):
         [recording, str(other)], wheel="FL", model="paper", reverse=[other], folds=3, empirical=True, keys="keys.toml"
     )
     assert isinstance(report, gateway.DiagnosisReport)
-    assert asked["paths"] == [recorded, other]
-    assert asked["reverse"] == [other]
+    assert [(order.path, order.reverse) for order in asked["orders"]] == [(recorded, False), (other, True)]
+    assert {(order.wheel, order.folds, str(order.key_file)) for order in asked["orders"]} == {("FL", 3, "keys.toml")}
     assert asked["model"] is BaselineModel.PAPER
-    assert (asked["wheel"], asked["folds"], asked["empirical"], len(asked["workers"])) == ("FL", 3, True, 0)
-    assert str(asked["key_file"]) == "keys.toml"
+    assert (asked["empirical"], len(asked["workers"])) == (True, 0)
 
 
 def test_single_recording_needs_no_list(asked, recorded):
     gateway.diagnose(recorded)
-    assert asked["paths"] == [recorded]
+    assert [order.path for order in asked["orders"]] == [recorded]
 
 
 def test_wrong_options_are_errors(asked, recorded):

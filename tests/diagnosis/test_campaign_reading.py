@@ -19,7 +19,7 @@ from gateway.core.recording.writer import RecordingWriter
 from gateway.core.session.recording_pass import RecordingPass, open_recording
 from gateway.core.text.wording import text
 from gateway.core.worker_pool import Workers
-from gateway.diagnosis.campaign import MAX_GROUPS, SPARE, read_campaign, read_usable
+from gateway.diagnosis.campaign import MAX_GROUPS, SPARE, read_campaign, read_usable, reading_orders
 from gateway.diagnosis.data.group_statistics import CUT_OFF, FEW
 from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.importing.import_map import load_map, parse_map
@@ -56,12 +56,12 @@ def pair(folder):
 
 @pytest.fixture(scope="module")
 def campaign(slow):
-    return read_campaign([slow])
+    return read_campaign(reading_orders([slow]))
 
 
 @pytest.fixture(scope="module")
 def both(slow, fast):
-    return read_campaign([slow, fast])
+    return read_campaign(reading_orders([slow, fast]))
 
 
 def revolutions(path):
@@ -130,7 +130,7 @@ class TestOneRecording:
 
     def test_progress_counts_every_byte_once(self, slow):
         progress = []
-        read_campaign([slow], on_bytes=progress.append)
+        read_campaign(reading_orders([slow]), on_bytes=progress.append)
         assert sum(progress) == slow.stat().st_size
         assert min(progress) >= 0
 
@@ -151,7 +151,7 @@ class TestSeveral:
     def test_processes_give_the_same(self, both, slow, fast):
         progress = []
         with Workers(1) as workers:
-            again = read_campaign([slow, fast], workers=workers, on_bytes=progress.append)
+            again = read_campaign(reading_orders([slow, fast]), workers=workers, on_bytes=progress.append)
         assert sum(progress) == slow.stat().st_size + fast.stat().st_size
         for first, other in zip(both.groups, again.groups, strict=True):
             assert first.label == other.label
@@ -164,38 +164,38 @@ class TestSeveral:
 
     def test_overlapping_recordings_are_sequenced(self, slow, folder):
         again = write_recording(folder / "again.mcap", AT_60, seed=5)
-        campaign = read_campaign([slow, again])
+        campaign = read_campaign(reading_orders([slow, again]))
         assert campaign.notes[0] == Reason(DiagnosisCode.RECORDING_ORDER_UNKNOWN)
         assert campaign.states == 1
         assert campaign.groups[1].conditions.time_s > campaign.groups[0].blocks[-1].conditions.time_s
 
     def test_process_error_is_complete(self, slow, folder):
         with pytest.raises(RecordingError, match="does not exist") as caught, Workers(1) as workers:
-            read_campaign([slow, folder / "absent.mcap"], workers=workers)
+            read_campaign(reading_orders([slow, folder / "absent.mcap"]), workers=workers)
         assert caught.value.remedy
 
 
 class TestWheels:
     def test_several_need_a_choice(self, pair):
         with pytest.raises(RecordingError, match="W0, W1") as caught:
-            read_campaign([pair])
+            read_campaign(reading_orders([pair]))
         assert "--wheel" in caught.value.remedy
-        assert read_campaign([pair], wheel="W1").groups[0].conditions.load_n == 4000
+        assert read_campaign(reading_orders([pair], wheel="W1")).groups[0].conditions.load_n == 4000
 
     def test_absent_wheel_is_an_error(self, pair, fast):
         with pytest.raises(RecordingError, match=r"fast.mcap' contains no revolution of wheel W1") as caught:
-            read_campaign([pair, fast], wheel="W1")
+            read_campaign(reading_orders([pair, fast], wheel="W1"))
         assert "it contains W0" in str(caught.value)
         assert caught.value.remedy == "Choose another wheel: --wheel W0. Or leave this recording out."
 
     def test_unrecorded_wheel_lists_the_others(self, pair):
         with pytest.raises(RecordingError, match="no revolution of wheel fl; it contains W0, W1") as caught:
-            read_campaign([pair], wheel="fl")
+            read_campaign(reading_orders([pair], wheel="fl"))
         assert caught.value.remedy == "Choose another wheel: --wheel W0 or --wheel W1."
 
     def test_unconfigured_wheel_uses_assumptions(self, folder):
         path = write_recording(folder / "bare.mcap", AT_60, configured=False, duration_s=16.0)
-        campaign = read_campaign([path])
+        campaign = read_campaign(reading_orders([path]))
         assert campaign.wheel == "hub0.wheel0"
         assert Reason(CoreCode.ASSUMED_RADIUS, radius_m=0.32) in campaign.assumed
         assert Reason(DiagnosisCode.ASSUMED_LOAD, load_n=4000.0) in campaign.assumed
@@ -206,13 +206,13 @@ class TestWheels:
     def test_given_configuration_takes_precedence(self, slow):
         text = RecordingReader(slow).vehicle_toml.replace("5000", "4600")
         vehicle = parse_vehicle(text, "test")
-        assert read_campaign([slow], vehicle=vehicle).groups[0].conditions.load_n == 4600
+        assert read_campaign(reading_orders([slow], vehicle=vehicle)).groups[0].conditions.load_n == 4600
 
 
 class TestConditions:
     def test_small_groups_of_a_ramp_are_left_out(self, folder):
         tables = "[motion]\nspeed_kmh = [[0.0, 50.0], [6.0, 50.0], [18.0, 70.0]]"
-        campaign = read_campaign([write_recording(folder / "ramp.mcap", tables, duration_s=18.0)])
+        campaign = read_campaign(reading_orders([write_recording(folder / "ramp.mcap", tables, duration_s=18.0)]))
         counts = [sum(block.count for block in group.blocks) for group in campaign.groups]
         assert max(counts) > 40
         assert min(counts) >= 4
@@ -230,7 +230,7 @@ class TestConditions:
 
     def test_most_informative_speeds_are_kept(self, folder):
         tables = "[motion]\nspeed_kmh = [[0.0, 40.0], [4.0, 40.0], [28.0, 100.0]]"
-        campaign = read_campaign([write_recording(folder / "drive.mcap", tables, duration_s=28.0)])
+        campaign = read_campaign(reading_orders([write_recording(folder / "drive.mcap", tables, duration_s=28.0)]))
         assert len(campaign.groups) == MAX_GROUPS
         assert campaign.rejected[SPARE] > 20
         assert (
@@ -242,7 +242,7 @@ class TestConditions:
         assert max(speeds) > 88
 
     def test_short_recording_has_single_revolution_blocks(self, folder):
-        campaign = read_campaign([write_recording(folder / "short.mcap", AT_60, duration_s=1.2)])
+        campaign = read_campaign(reading_orders([write_recording(folder / "short.mcap", AT_60, duration_s=1.2)]))
         assert {block.count for block in campaign.groups[0].blocks} == {1}
         assert len(campaign.groups[0].blocks) >= 3
 
@@ -257,21 +257,21 @@ class TestConditions:
     def test_recording_without_revolutions_is_an_error(self, tmp_path, tables, duration_s, result, remedy):
         path = write_recording(tmp_path / "none.mcap", tables, duration_s=duration_s)
         with pytest.raises(RecordingError, match=f"no whole revolution in .*none.mcap': {result}(\n|$)") as caught:
-            read_campaign([path])
+            read_campaign(reading_orders([path]))
         assert remedy in caught.value.remedy
 
     def test_recording_without_samples_is_an_error(self, tmp_path):
         path = tmp_path / "empty.mcap"
         RecordingWriter(path, start_ns=START_NS).close()
         with pytest.raises(RecordingError, match=r"no sample(\n|$)") as caught:
-            read_campaign([path])
+            read_campaign(reading_orders([path]))
         assert "inspect" in caught.value.remedy
 
     def test_reverse_flips_circumferential_axis_and_pitch(self, folder):
         path = write_recording(
             folder / "back.mcap", AT_60 + "\ndirection = 'reverse'", wheels=("[wheel.stated]\npitch_deg = 2.0",)
         )
-        (plain,), (turned,) = (read_campaign([path], reverse=which).groups for which in ((), (path,)))
+        (plain,), (turned,) = (read_campaign(reading_orders([path], reverse=which)).groups for which in ((), (path,)))
         assert not plain.conditions.reverse
         assert turned.conditions.reverse
         assert "reverse" in text(turned.label)
@@ -282,14 +282,14 @@ class TestConditions:
 
     def test_unlisted_recording_cannot_be_reverse(self, slow, fast):
         with pytest.raises(RecordingError, match="not among"):
-            read_campaign([slow], reverse=[fast])
+            read_campaign(reading_orders([slow], reverse=[fast]))
 
     def test_recording_path_is_normalized(self, slow, tmp_path, monkeypatch):
         monkeypatch.chdir(slow.parent)
         (tmp_path / "link.mcap").symlink_to(slow)
         for other in (Path(slow.name), tmp_path / "link.mcap"):
             for item, reverse in ((slow, other), (other, slow)):
-                assert read_campaign([item], reverse=[reverse]).groups[0].conditions.reverse
+                assert read_campaign(reading_orders([item], reverse=[reverse])).groups[0].conditions.reverse
 
 
 class TestRepetition:
@@ -298,7 +298,7 @@ class TestRepetition:
         later = START_NS + 300 * 10**9
         copy = write_recording(folder / "copy.mcap", AT_60, duration_s=15.8, start_ns=later)
         with pytest.raises(RecordingError, match=r"copy\.mcap' holds the same revolutions as '.*slow\.mcap'"):
-            read_campaign([slow, copy])
+            read_campaign(reading_orders([slow, copy]))
         used, refused = read_usable([slow, copy], "W0")
         assert len(used) == 1
         assert {number: (why.code, why["other"]) for number, why in refused.items()} == {
@@ -307,13 +307,13 @@ class TestRepetition:
 
     def test_another_drive_at_the_same_speed_is_no_repetition(self, folder, slow):
         again = write_recording(folder / "other.mcap", AT_60, seed=7, start_ns=START_NS + 300 * 10**9)
-        assert len(read_campaign([slow, again]).groups) == 2
+        assert len(read_campaign(reading_orders([slow, again])).groups) == 2
 
 
 class TestSensors:
     def test_ac_coupling_leaves_order_zero_unknown(self, folder):
         path = write_recording(folder / "ac.mcap", AT_60, wheels=("[wheel.sensor]\ncoupling = 'ac'",))
-        (group,) = read_campaign([path]).groups
+        (group,) = read_campaign(reading_orders([path])).groups
         assert group.conditions.ac_coupled
         assert np.isnan(group.blocks[0].orders_mps2[:, 0]).all()
         assert np.isfinite(group.blocks[0].orders_mps2[:, 1:]).all()
@@ -322,7 +322,7 @@ class TestSensors:
         path = write_recording(
             folder / "one.mcap", AT_60, wheels=("[wheel.sensor]\naxes = ['radial']\nrate_hz = 2400.0",)
         )
-        (group,) = read_campaign([path]).groups
+        (group,) = read_campaign(reading_orders([path])).groups
         orders = group.blocks[0].orders_mps2
         assert np.isnan(orders[:2]).all()
         last = int(np.flatnonzero(np.isfinite(orders[2]))[-1])
@@ -333,7 +333,7 @@ class TestSensors:
         path = write_recording(
             folder / "dead.mcap", AT_60, wheels=("[wheel.defect]\naxes = ['lateral']\ndead_from_s = 0.0",)
         )
-        campaign = read_campaign([path])
+        campaign = read_campaign(reading_orders([path]))
         assert np.isnan(campaign.groups[0].blocks[0].orders_mps2[1]).all()
         assert np.isfinite(campaign.groups[0].blocks[0].orders_mps2[[0, 2]]).all()
         assert any(
@@ -343,7 +343,7 @@ class TestSensors:
 
     def test_only_the_radial_axis_is_kept_where_gravity_is_elsewhere(self, folder):
         path = write_recording(folder / "turned.mcap", AT_60, wheels=("[wheel.sensor]\nyaw_deg = 90.0",))
-        campaign = read_campaign([path])
+        campaign = read_campaign(reading_orders([path]))
         (group,) = campaign.groups
         assert np.isnan(group.blocks[0].orders_mps2[:2]).all()
         assert np.isfinite(group.blocks[0].orders_mps2[2]).all()
@@ -355,19 +355,19 @@ class TestSensors:
     def test_clipped_revolutions_are_used_if_all_are(self, folder):
         """Up to 140 g at 60 km/h are cut at 95 g."""
         path = write_recording(folder / "cut.mcap", AT_60, wheels=("[wheel.defect]\nclip_g = 95.0",))
-        campaign = read_campaign([path])
+        campaign = read_campaign(reading_orders([path]))
         assert sum(block.count for block in campaign.groups[0].blocks) > 40
         assert CUT_OFF not in campaign.rejected
 
     def test_occasional_clipping_is_left_out(self, folder):
         tables = "[motion]\nspeed_kmh = 60.0\n[road]\nrms_mps2 = 8.0"
-        loud = read_campaign([write_recording(folder / "wide.mcap", tables)])
+        loud = read_campaign(reading_orders([write_recording(folder / "wide.mcap", tables)]))
         peaks = [
             revolution.axes_mps2[2].max() / STANDARD_GRAVITY_MPS2 for revolution in revolutions(folder / "wide.mcap")
         ]
         edge = float(np.quantile(peaks, 0.85))
         path = write_recording(folder / "narrow.mcap", tables, wheels=(f"[wheel.sensor]\nrange_g = {edge}",))
-        campaign = read_campaign([path])
+        campaign = read_campaign(reading_orders([path]))
         assert 0 < campaign.rejected[CUT_OFF] < 0.3 * len(peaks)
         assert CUT_OFF not in loud.rejected
         assert all(text(Reason(EstimateCode.RADIAL_SATURATED)) not in reason for reason in campaign.rejected)
@@ -405,8 +405,8 @@ def remarks(campaign):
 
 
 def test_revolutions_with_bridged_gaps_are_left_out_as_those_with_gaps(tmp_path):
-    lost = read_campaign([measurement(tmp_path, "lost", bridged=False)])
-    bridged = read_campaign([measurement(tmp_path, "bridged", bridged=True)])
+    lost = read_campaign(reading_orders([measurement(tmp_path, "lost", bridged=False)]))
+    bridged = read_campaign(reading_orders([measurement(tmp_path, "bridged", bridged=True)]))
     assert lost.rejected[LOST] > 20
     assert bridged.rejected == lost.rejected
     assert DiagnosisCode.SAMPLES_BRIDGED not in [reason.code for reason in remarks(bridged)]
@@ -414,7 +414,7 @@ def test_revolutions_with_bridged_gaps_are_left_out_as_those_with_gaps(tmp_path)
 
 def test_bridged_gaps_in_a_recording_are_reported(tmp_path, monkeypatch):
     monkeypatch.setattr("gateway.importing.importer._bridges", lambda _: (np.empty((0, 2), dtype=int), ()))
-    campaign = read_campaign([measurement(tmp_path, "bridged", bridged=True)])
+    campaign = read_campaign(reading_orders([measurement(tmp_path, "bridged", bridged=True)]))
     (note,) = remarks(campaign)
     assert note.code is DiagnosisCode.SAMPLES_BRIDGED
     assert note["lines"] > 25
@@ -425,7 +425,7 @@ def test_bridged_gaps_in_a_recording_are_reported(tmp_path, monkeypatch):
 def test_measured_recording_has_five_revolutions(tmp_path):
     path = tmp_path / "drum.mcap"
     import_file(MEASURED, load_map(MAP), path, lambda _: None)
-    campaign = read_campaign([path])
+    campaign = read_campaign(reading_orders([path]))
     (group,) = campaign.groups
     assert [block.count for block in group.blocks] == [1] * 5
     assert all(map(math.isnan, campaign.clock_error))

@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 from gateway.core.reasons import Code
 from gateway.core.types import FloatArray
 from gateway.diagnosis import criteria
-from gateway.diagnosis.campaign import read_campaign
+from gateway.diagnosis.campaign import read_campaign, reading_orders
 from gateway.diagnosis.data.campaign_data import Block, EdgeTiming, Group
 from gateway.diagnosis.data.contact_edge_timing import TERMS, Edges, bent_back, compare_edges, orders_bent_back
 from gateway.diagnosis.data.revolution_orders import waveform_orders
@@ -271,7 +271,7 @@ def test_failed_acceptance_test_is_refused(groups: list[Group], why: Code) -> No
 def test_jitter_is_found_in_recordings(tmp_path: Path, size: int, seed: int) -> None:
     case = draw(Order(Kind.EFFECT, seed, ("contact edge scatter",), size))
     stated = record(case, tmp_path, 5.0)
-    campaign = read_campaign(stated.paths, reverse=stated.reverse)
+    campaign = read_campaign(reading_orders(stated.paths, reverse=stated.reverse))
     (result,) = edge_findings(campaign.groups)
     assert result.verdict is Verdict.NAMED
     truth = case.tables["road"]["leading_jitter_mm"]
@@ -339,7 +339,7 @@ def test_mean_edges_make_the_mean_uncertain_not_its_orders(tmp_path: Path) -> No
         folder = tmp_path / name
         folder.mkdir()
         reading = record(replace(case, tables=tables), folder, 4.0)
-        (group,) = read_campaign(reading.paths[1:2]).groups
+        (group,) = read_campaign(reading_orders(reading.paths[1:2])).groups
         assert bool(group.edges.explained_m2ps4) == (name == "moving")
         seen.append(group)
     moving, still = seen

@@ -14,6 +14,7 @@ from gateway.core.reasons import Reason
 from gateway.core.recording.file_content import check_distinct
 from gateway.core.revolutions.effect_correction import CorrectedEffect, CorrectionTable, EffectParameter
 from gateway.diagnosis import campaign_diagnosis
+from gateway.diagnosis.campaign import reading_orders
 from gateway.diagnosis.closed_loop import SEARCHED
 from gateway.diagnosis.data.campaign_data import Campaign
 from gateway.diagnosis.effects.effect import BaselineModel
@@ -132,13 +133,13 @@ def test_budget_counts_reading_and_says_how_long_each_part_took(monkeypatch, rec
 
     monkeypatch.setattr(campaign_diagnosis, "read_campaign", read)
     monkeypatch.setattr(campaign_diagnosis, "diagnose", diagnose)
-    result = campaign_diagnosis.diagnose_recordings([recording], budget_s=5.0, clock=clock)
+    result = campaign_diagnosis.diagnose_recordings(reading_orders([recording]), budget_s=5.0, clock=clock)
     assert expired == [False, True]
     early, spent, *_ = result.notes
     assert early.code is DiagnosisCode.SEARCH_ENDED_EARLY
     assert (spent.code, spent["limit_s"]) == (DiagnosisCode.TIME_LIMIT_SPENT, 5.0)
     assert (spent["reading_s"], spent["search_s"], spent["after_s"]) == pytest.approx((3.0, 2.0, 1.0))
-    assert campaign_diagnosis.diagnose_recordings([recording], clock=clock).notes == (early,)
+    assert campaign_diagnosis.diagnose_recordings(reading_orders([recording]), clock=clock).notes == (early,)
 
 
 def test_summary_and_all_files_are_written(closed, recording, tmp_path):

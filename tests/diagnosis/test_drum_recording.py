@@ -12,7 +12,7 @@ from gateway.core.types import FloatArray
 from gateway.diagnosis.angle.candidate_trial import refit, shapes_of, try_effect
 from gateway.diagnosis.angle.fit import Fit, fit_model
 from gateway.diagnosis.angle.likelihood import Whitened, whiten
-from gateway.diagnosis.campaign import read_campaign
+from gateway.diagnosis.campaign import read_campaign, reading_orders
 from gateway.diagnosis.campaign_diagnosis import diagnose_recordings
 from gateway.diagnosis.closed_loop import diagnose
 from gateway.diagnosis.data.campaign_data import Campaign
@@ -81,7 +81,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def fitted(recording: Path) -> Fitted:
-    campaign = read_campaign([recording])
+    campaign = read_campaign(reading_orders([recording]))
     data = whiten(campaign, ExactCore())
     before = with_mounting(campaign, data)
     trial = try_effect(before, effect_of(WAVES), shapes_of(before, [0]))
@@ -175,7 +175,7 @@ def test_waves_explain_the_repeating_part(
 
 @pytest.mark.slow
 def test_diagnosis_names_the_waves(recording: Path) -> None:
-    diagnosis = diagnose_recordings([recording])
+    diagnosis = diagnose_recordings(reading_orders([recording]))
     results = {finding.name: finding for finding in diagnosis.findings if finding.verdict is Verdict.NAMED}
     assert set(results) == {"mounting offset", WAVES}
     assert all(finding.probability > 0.999 for finding in results.values())
@@ -196,7 +196,7 @@ def test_diagnosis_names_the_waves(recording: Path) -> None:
 
 @pytest.mark.slow
 def test_three_revolutions_give_the_same(recording: Path) -> None:
-    campaign = read_campaign([recording])
+    campaign = read_campaign(reading_orders([recording]))
     (group,) = campaign.groups
     blocks = group.blocks[::2]
     omega = math.sqrt(np.mean([block.conditions.omega_radps**2 for block in blocks]))

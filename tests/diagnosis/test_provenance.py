@@ -17,7 +17,7 @@ from gateway.core.text.wording import text
 from gateway.core.trust.reasons import TrustCode
 from gateway.diagnosis import criteria
 from gateway.diagnosis.angle.set_evidence import log_prior_odds
-from gateway.diagnosis.campaign import read_campaign
+from gateway.diagnosis.campaign import read_campaign, reading_orders
 from gateway.diagnosis.campaign_diagnosis import diagnose_recordings
 from gateway.diagnosis.data.campaign_data import Remark
 from gateway.diagnosis.effects.effect import RADIAL, BaselineModel, GroupConditions
@@ -49,7 +49,7 @@ def words(remarks: Iterable[Remark]) -> tuple[str, ...]:
 
 
 def test_recorded_configuration_is_stated(recording: Path) -> None:
-    assert words(read_campaign([recording]).stated) == (
+    assert words(read_campaign(reading_orders([recording])).stated) == (
         f"belt radius 320 mm {RECORDED}",
         f"load 4300 N {RECORDED}",
         "pressure 210 kPa (measured by the sensor)",
@@ -62,7 +62,7 @@ def test_given_configuration_is_stated(recording: Path) -> None:
     vehicle = parse_vehicle(
         "[tire]\nradius_mm = 315\n[[wheel]]\nposition = 'W0'\nhub = 0\nwheel = 0\nload_n = 4000", "test"
     )
-    assert words(read_campaign([recording], vehicle=vehicle).stated) == (
+    assert words(read_campaign(reading_orders([recording], vehicle=vehicle)).stated) == (
         "belt radius 315 mm (--config)",
         "load 4000 N (--config)",
         "pressure 210 kPa (measured by the sensor)",
@@ -75,7 +75,7 @@ def test_unmeasured_pressure_is_the_stated_one(recording: Path) -> None:
     stated, _ = provenance_of(
         vehicle,
         vehicle.wheel[0],
-        read_campaign([recording]).groups,
+        read_campaign(reading_orders([recording])).groups,
         CoreCode.FROM_CONFIGURATION,
         pressure_measured=False,
     )
@@ -86,7 +86,7 @@ def test_differing_values_name_their_recording(recording: Path, tmp_path: Path) 
     other = write_recording(
         tmp_path / "other.mcap", AT_60, wheels=("load_n = 3500.0",), duration_s=3.0, start_ns=START_NS + 10**11
     )
-    stated = words(read_campaign([recording, other]).stated)
+    stated = words(read_campaign(reading_orders([recording, other])).stated)
     assert f"belt radius 320 mm {RECORDED}" in stated
     assert f"load 4300 N {RECORDED}: rec.mcap" in stated
     assert f"load 3500 N {RECORDED}: other.mcap" in stated
@@ -98,14 +98,14 @@ def test_assumed_configuration_value_is_not_stated(recording: Path) -> None:
         "[[wheel]]\nposition = 'W0'\nhub = 0\nwheel = 0\nload_n = 4000",
         "test",
     )
-    campaign = read_campaign([recording], vehicle=vehicle)
+    campaign = read_campaign(reading_orders([recording], vehicle=vehicle))
     assert words(campaign.stated)[0] == "load 4000 N (--config)"
     assert campaign.assumed[0] == "belt radius 315 mm: not stated"
 
 
 def test_missing_configuration_is_assumed(tmp_path: Path) -> None:
     path = write_recording(tmp_path / "bare.mcap", AT_60, configured=False, duration_s=3.0)
-    campaign = read_campaign([path])
+    campaign = read_campaign(reading_orders([path]))
     assert words(campaign.stated) == (
         "pressure 210 kPa (measured by the sensor)",
         "mounting offset 0.0 mm below the neutral layer (measured by the sensor)",
@@ -132,7 +132,11 @@ def failing_recording(folder: Path, keys: str = "") -> Path:
 
 def about(path: Path) -> list[Reason]:
     """Return the notes on the recording, without its name."""
-    results = [note["reason"] for note in read_campaign([path]).notes if note.code is DiagnosisCode.ABOUT_RECORDING]
+    results = [
+        note["reason"]
+        for note in read_campaign(reading_orders([path])).notes
+        if note.code is DiagnosisCode.ABOUT_RECORDING
+    ]
     return [reason for reason in results if isinstance(reason, Reason)]
 
 
@@ -152,7 +156,7 @@ def test_alarm_is_noted(
     path = failing_recording(tmp_path, keys)
     alarms = [reason["reason"] for reason in about(path) if reason.code is DiagnosisCode.SENSOR_ALARM]
     assert code in [alarm.code for alarm in alarms if isinstance(alarm, Reason)]
-    assert {group.sensor_doubted for group in read_campaign([path]).groups} == {is_doubted}
+    assert {group.sensor_doubted for group in read_campaign(reading_orders([path])).groups} == {is_doubted}
     assert caplog.messages == []
 
 
@@ -228,19 +232,19 @@ def test_unstated_offset_is_listed_as_assumed(tmp_path: Path) -> None:
 
     keys = "[wheel.sensor]\noffset_mm = 3.0\naxes = ['radial']"
     path = write_recording(tmp_path / "rec.mcap", AT_60, wheels=(keys,), duration_s=3.0, change=unstated)
-    campaign = read_campaign([path])
+    campaign = read_campaign(reading_orders([path]))
     assert Reason(DiagnosisCode.ASSUMED_OFFSET) in campaign.assumed
     assert not any(group.conditions.offset_known for group in campaign.groups)
     assert all("offset_m" not in dict(reason.values).values() for reason in campaign.stated)
 
     recorded_toml = RecordingReader(path).vehicle_toml or ""
     text = recorded_toml.replace("[wheel.mounting]", "[wheel.mounting]\noffset_mm = 3.0")
-    stated = read_campaign([path], vehicle=parse_vehicle(text, "test"))
+    stated = read_campaign(reading_orders([path], vehicle=parse_vehicle(text, "test")))
     assert Reason(DiagnosisCode.ASSUMED_OFFSET) not in stated.assumed
     assert all(group.conditions.offset_known for group in stated.groups)
 
     listed = text.replace("[vehicle]", "[vehicle]\nassumed = ['mounting offset 3 mm: as on other tires']")
-    guessed = read_campaign([path], vehicle=parse_vehicle(listed, "test"))
+    guessed = read_campaign(reading_orders([path], vehicle=parse_vehicle(listed, "test")))
     assert guessed.assumed == ("mounting offset 3 mm: as on other tires",)
     assert not any(group.conditions.offset_known for group in guessed.groups)
     assert guessed.groups[0].declared_offset_m == pytest.approx(3e-3)

@@ -33,14 +33,16 @@ def main() -> None:
 
     names = json.loads((folder / "declared.json").read_text(encoding="utf-8"))
     began, used = perf_counter(), _cpu_s()
-    # One process, as without the option.
-    alone = {"jobs": 1} if "jobs" in inspect.signature(diagnose_recordings).parameters else {}
-    diagnosis = diagnose_recordings(
-        [folder / name for name in names["recordings"]],
-        model=BaselineModel(model),
-        reverse=[folder / name for name in names["reverse"]],
-        **alone,
-    )
+    recordings, reverse = ([folder / name for name in names[key]] for key in ("recordings", "reverse"))
+    parameters = inspect.signature(diagnose_recordings).parameters
+    if "orders" in parameters:
+        from gateway.diagnosis.campaign import reading_orders
+
+        diagnosis = diagnose_recordings(reading_orders(recordings, reverse=reverse), model=BaselineModel(model))
+    else:
+        # One process, as without the option.
+        alone = {"jobs": 1} if "jobs" in parameters else {}
+        diagnosis = diagnose_recordings(recordings, model=BaselineModel(model), reverse=reverse, **alone)
     results = {
         "gateway": gateway.__version__,
         "cpu_s": _cpu_s() - used,

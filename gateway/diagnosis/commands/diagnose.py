@@ -192,22 +192,26 @@ def diagnose(
         _report_transfer(result, known_path, json_path, html_path, force=force)
         return
     with _work(others) as (workers, on_progress):
+        from gateway.diagnosis.campaign import reading_orders
         from gateway.diagnosis.campaign_diagnosis import diagnose_recordings
         from gateway.diagnosis.effects.effect import BaselineModel
         from gateway.diagnosis.views.diagnosis_json import write_json
         from gateway.diagnosis.views.html import write_html
         from gateway.diagnosis.views.terminal import closure_summary_lines
 
-        diagnosis = diagnose_recordings(
+        orders = reading_orders(
             recordings,
             vehicle=_vehicle(config_path),
             wheel=wheel,
-            model=BaselineModel(model),
-            empirical=empirical,
             folds=folds,
-            workers=workers,
             reverse=reverse,
             key_file=key_file,
+        )
+        diagnosis = diagnose_recordings(
+            orders,
+            model=BaselineModel(model),
+            empirical=empirical,
+            workers=workers,
             budget_s=budget_s,
             self_tests=self_tests,
             on_progress=on_progress,
@@ -261,19 +265,25 @@ def _transferred(
 ) -> Transfer:
     """Return the error with the effects of a file, as found before."""
     with _work(min(others, len(recordings) - 1)) as (workers, on_progress):
+        from gateway.diagnosis.campaign import reading_orders
         from gateway.diagnosis.campaign_diagnosis import transfer_effects
         from gateway.diagnosis.effects.effect import BaselineModel
         from gateway.diagnosis.effects_opening import open_effects_file
 
-        return transfer_effects(
+        table = open_effects_file(known_path)
+        orders = reading_orders(
             recordings,
-            open_effects_file(known_path),
             vehicle=_vehicle(config_path),
-            model=BaselineModel(model),
+            wheel=table.position,
             folds=folds,
-            workers=workers,
             reverse=reverse,
             key_file=key_file,
+        )
+        return transfer_effects(
+            orders,
+            table,
+            model=BaselineModel(model),
+            workers=workers,
             origin=str(known_path),
             on_progress=on_progress,
         )

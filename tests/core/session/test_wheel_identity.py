@@ -11,7 +11,7 @@ from gateway.core.reasons import Reason
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.session.reasons import SessionCode
 from gateway.core.session.wheel_identity import misplaced_sensor
-from gateway.diagnosis.campaign import read_campaign
+from gateway.diagnosis.campaign import read_campaign, reading_orders
 from gateway.diagnosis.reasons import DiagnosisCode
 from tests.testkit.campaign_recordings import write_recording
 from tests.testkit.commands import invoked
@@ -52,7 +52,7 @@ def test_given_configuration_of_another_sensor_is_refused(recording: Path) -> No
     with pytest.raises(
         ConfigError, match="W0: sensor 0000b000 is here, but the configuration names 0000dead"
     ) as caught:
-        read_campaign([recording], vehicle=vehicle)
+        read_campaign(reading_orders([recording], vehicle=vehicle))
     assert "Without --config" in caught.value.remedy
 
 
@@ -63,25 +63,25 @@ def test_recorded_configuration_of_another_sensor_is_noted(tmp_path: Path) -> No
         "[motion]\nspeed_kmh = 60.0",
         change=lambda toml: toml.replace("0000b000", "0000dead"),
     )
-    (note,) = read_campaign([path]).notes
+    (note,) = read_campaign(reading_orders([path])).notes
     replaced = Reason(SessionCode.SENSOR_REPLACED, sensor="0000b000", expected="0000dead")
     assert note == Reason(DiagnosisCode.ABOUT_RECORDING, recording="renewed.mcap, W0", reason=replaced)
 
 
 def test_any_sensor_is_accepted_without_serial_number(recording: Path) -> None:
     vehicle = parse_vehicle(configuration(recording, 'sensor_id = "0000b000"\n', ""), "test")
-    assert read_campaign([recording], vehicle=vehicle).notes == ()
+    assert read_campaign(reading_orders([recording], vehicle=vehicle)).notes == ()
 
 
 def test_unconfigured_wheel_is_reported(recording: Path, tmp_path: Path) -> None:
     toml = configuration(recording, "wheel = 0", "wheel = 3")
     words = "hub0.wheel0: not configured (the configuration has W0 (hub 0, wheel 3)): belt radius 320 mm assumed"
-    campaign = read_campaign([recording], vehicle=parse_vehicle(toml, "test"))
+    campaign = read_campaign(reading_orders([recording], vehicle=parse_vehicle(toml, "test")))
     assert campaign.wheel == "hub0.wheel0"
     assert any(SessionCode.WHEEL_NOT_IN_CONFIGURATION in [inner.code for inner in note] for note in campaign.notes)
     assert words in estimate(recording, toml, tmp_path).output
     with pytest.raises(RecordingError) as caught:
-        read_campaign([recording], vehicle=parse_vehicle(toml, "test"), wheel="W0")
+        read_campaign(reading_orders([recording], vehicle=parse_vehicle(toml, "test"), wheel="W0"))
     assert words in str(caught.value)
 
 
