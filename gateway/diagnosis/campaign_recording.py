@@ -31,7 +31,7 @@ from gateway.diagnosis import criteria
 from gateway.diagnosis.campaign_clock import UNKNOWN, HubClockError
 from gateway.diagnosis.data.campaign_data import Group, Remark, Repeats
 from gateway.diagnosis.data.group_statistics import Declared, make_groups
-from gateway.diagnosis.data.revolution_orders import RevolutionStore
+from gateway.diagnosis.data.revolution_orders import RevolutionStore, RevolutionTable
 from gateway.diagnosis.data.wheel_rates import without_rates
 from gateway.diagnosis.provenance import Quantity, is_assumed, provenance_of
 from gateway.diagnosis.reasons import DiagnosisCode
@@ -159,14 +159,18 @@ class _SensorSamples:
         """Return the step of the converter by axis, 0 where it is not known."""
         return self._by_axis_mps2(self._repeated.step_counts())
 
-    def bridges(self) -> Reason | None:
-        """Return that gaps of the signal are bridged by straight lines, None without."""
-        bridging = self._bridged.result()
-        if bridging is None:
-            return None
-        return Reason(
-            DiagnosisCode.SAMPLES_BRIDGED, samples=bridging.samples, share=bridging.share, lines=len(bridging.lines)
-        )
+    def remarks(self, repeats: Repeats | None) -> list[Reason]:
+        """Return that samples are repeated, and that gaps of the signal are bridged by straight lines."""
+        remarks = []
+        if repeats is not None:
+            share = repeats.samples / repeats.total
+            remarks.append(Reason(DiagnosisCode.SAMPLES_STUCK, runs=repeats.runs, samples=repeats.samples, share=share))
+        if (bridging := self._bridged.result()) is not None:
+            lines = len(bridging.lines)
+            remarks.append(
+                Reason(DiagnosisCode.SAMPLES_BRIDGED, samples=bridging.samples, share=bridging.share, lines=lines)
+            )
+        return remarks
 
     def _by_axis_mps2(self, counts: FloatArray) -> tuple[float, float, float]:
         by_axis = np.zeros(3)
@@ -220,6 +224,10 @@ class _Collector:
     @property
     def has_host_times(self) -> bool:
         return bool(self.links) and not any(link.startswith(_WITHOUT_HOST_TIME) for link in self.links)
+
+    def clock_error(self, hub: int | None) -> tuple[float, float]:
+        """Return the clock error of a hub and its standard error, unknown without arrival times."""
+        return self.clock.error(hub) if self.has_host_times and hub is not None else UNKNOWN
 
 
 def read_recording(order: ReadOrder, on_position: Callable[[int], None] | None = None) -> RecordingRead:
@@ -284,26 +292,16 @@ def _reduced(
     groups = [replace(group, rates=rates) for group in groups]
     host_s = table["host_s"]
     address = wheel_address(vehicle, position)
-    samples = collected.samples(address)
-    repeats, bridges = (samples.repeats(), samples.bridges()) if samples is not None else (None, None)
     remarks = [*(Reason(DiagnosisCode.SENSOR_ALARM, reason=fault) for fault in faults), *store.notes()]
     if misplaced:
         remarks.append(Reason(DiagnosisCode.AXES_LEFT_OUT, axes=tuple(AXIS_NAMES[axis] for axis in _NOT_RADIAL)))
-    if (clipped := int(table["cut_off"].sum())) > 0:
-        remarks.append(Reason(DiagnosisCode.REVOLUTIONS_CLIPPED, count=clipped, total=len(table)))
-    elif saturated := sum(state.counters.samples_saturated for state in reading.wheels if state.position == position):
-        remarks.append(Reason(SessionCode.SENSOR_RANGE_REACHED, count=saturated))
+    remarks += _range_remarks(table, reading, position)
     if _is_doubted(faults, wheel):
         groups = [replace(group, sensor_doubted=True) for group in groups]
-    if samples is not None:
-        step_mps2 = samples.step_mps2()
-        groups = [replace(group, step_mps2=step_mps2) for group in groups]
-    if repeats is not None:
-        groups = [replace(group, repeats=repeats) for group in groups]
-        share = repeats.samples / repeats.total
-        remarks.append(Reason(DiagnosisCode.SAMPLES_STUCK, runs=repeats.runs, samples=repeats.samples, share=share))
-    if bridges is not None:
-        remarks.append(bridges)
+    if (samples := collected.samples(address)) is not None:
+        repeats, step_mps2 = samples.repeats(), samples.step_mps2()
+        groups = [replace(group, step_mps2=step_mps2, repeats=repeats) for group in groups]
+        remarks += samples.remarks(repeats)
     sensors, measures_pressure = reading.sensors.at(position), reading.sensors.measures_pressure(position)
     source = CoreCode.FROM_RECORDING if order.vehicle is None else CoreCode.FROM_CONFIGURATION
     stated, assumed = provenance_of(vehicle, wheel, groups, source, pressure_measured=measures_pressure)
@@ -314,7 +312,7 @@ def _reduced(
         last_s=float(host_s.max()) if len(table) else 0.0,
         host_times=collected.has_host_times,
         rejected=store.rejected,
-        clock_error=collected.clock.error(address[0]) if collected.has_host_times and address else UNKNOWN,
+        clock_error=collected.clock_error(address[0] if address else None),
         assumed=assumed,
         stated=stated,
         damage=recording.file.damage,
@@ -325,6 +323,14 @@ def _reduced(
         tire=(tire.size or "") if tire is not None else "",
         units=shown_units_of(vehicle),
     )
+
+
+def _range_remarks(table: RevolutionTable, reading: RecordingPass, position: str) -> list[Reason]:
+    """Return that the wheel's signal left the range of its sensor; empty where it did not."""
+    if (clipped := int(table["cut_off"].sum())) > 0:
+        return [Reason(DiagnosisCode.REVOLUTIONS_CLIPPED, count=clipped, total=len(table))]
+    saturated = sum(state.counters.samples_saturated for state in reading.wheels if state.position == position)
+    return [Reason(SessionCode.SENSOR_RANGE_REACHED, count=saturated)] if saturated else []
 
 
 def _faults(records: Iterable[AlarmRecord], position: str) -> tuple[Reason, ...]:

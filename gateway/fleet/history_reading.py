@@ -312,12 +312,7 @@ def _history(
 ) -> TireHistory:
     rows.sort(key=lambda row: (row["start_utc"], row["path"]))
     time_ns = np.array([row["start_utc"] for row in rows], dtype=np.int64)
-    numbers = [name for name in _PLAIN if name not in _TEXT] + [
-        name + part for name in estimates for part in ("", "_std")
-    ]
-    columns = {name: _numbers(rows, name) for name in numbers}
-    columns["damaged"] = np.array([float(bool(row.get("damage"))) for row in rows])
-    columns[AVERAGE_ORDERS.name] = _orders(rows)
+    columns = _number_columns(rows, estimates)
     vehicle, position, sensor_id = key
     readings = odometer.get(vehicle) if odometer is not None else None
     return TireHistory(
@@ -335,14 +330,30 @@ def _history(
         doubts={name: tuple(_doubt(row, name) for row in rows) for name in estimates},
         alarms=tuple(_alarms(row) for row in rows),
         faults=tuple(_commonest_fault(row) for row in rows),
-        stated={
-            Statement.LOAD: tuple(_as_text(row.get("load_n")) for row in rows),
-            Statement.RADIUS: tuple(_as_text(row.get("stated_radius_m")) for row in rows),
-            Statement.THICKNESS: tuple(_as_text(row.get("ring_thickness_m")) for row in rows),
-            Statement.REFERENCE: tuple(str(row.get("reference") or "") for row in rows),
-            Statement.CALIBRATION: tuple(str(row.get("load_calibration") or "") for row in rows),
-        },
+        stated=_statements(rows),
     )
+
+
+def _number_columns(rows: Sequence[Row], estimates: Sequence[str]) -> dict[str, FloatArray]:
+    """Return the columns of numbers of a tire's rows, NaN where a row has none."""
+    numbers = [name for name in _PLAIN if name not in _TEXT] + [
+        name + part for name in estimates for part in ("", "_std")
+    ]
+    columns = {name: _numbers(rows, name) for name in numbers}
+    columns["damaged"] = np.array([float(bool(row.get("damage"))) for row in rows])
+    columns[AVERAGE_ORDERS.name] = _orders(rows)
+    return columns
+
+
+def _statements(rows: Sequence[Row]) -> dict[Statement, tuple[str, ...]]:
+    """Return what was stated for each recording, as texts."""
+    return {
+        Statement.LOAD: tuple(_as_text(row.get("load_n")) for row in rows),
+        Statement.RADIUS: tuple(_as_text(row.get("stated_radius_m")) for row in rows),
+        Statement.THICKNESS: tuple(_as_text(row.get("ring_thickness_m")) for row in rows),
+        Statement.REFERENCE: tuple(str(row.get("reference") or "") for row in rows),
+        Statement.CALIBRATION: tuple(str(row.get("load_calibration") or "") for row in rows),
+    }
 
 
 def _orders(rows: Sequence[Row]) -> FloatArray:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from itertools import pairwise
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 
@@ -328,48 +328,32 @@ def _recording_rows(
     """Write the rows of the recording's wheels and return what was made."""
     names, content = order.settings.columns, order.content
     info, vehicle, damage = recording.file.info, recording.vehicle, recording.file.damage
-    # A wrong clock that was set, or that a receiver contradicts, would put the recording at a wrong place of a trend.
-    ahead_ns = round((estimation.clock.ahead_s or 0.0) * 1e9)
-    first_ns, last_ns = (0, 0)
-    if estimation.span_ns is not None:
-        first_ns, last_ns = (time_ns + ahead_ns for time_ns in estimation.span_ns)
-    start_ns = info.start_ns + ahead_ns if info.start_ns else first_ns
+    times = _Times.of(estimation, info.start_ns)
     states = {state.position: state for state in estimation.wheels}
     positions, alarms, counters = _heard(collected, estimation), estimation.alarms(), estimation.links.values()
     of_links = [alarm for alarm in alarms if alarm.position not in positions]
-    sensors = {
-        position: ",".join(f"{sensor:08x}" for sensor in sorted(estimation.sensors.at(position)))
-        for position in positions
-    }
+    sensors = {position: _sensor_ids(estimation, position) for position in positions}
     path = order.folder / f"{order.token}.{RECORDINGS}.parquet"
-    statements = estimation.statements.contradictions()
-    run, doubts = info.described_run(), recording.effects_doubts()
+    run = info.described_run()
     columns = {**recording_columns(names), AVERAGE_ORDERS.name: AVERAGE_ORDERS}
     with PartFile(path, columns, RECORDINGS) as part:
         for position in positions:
             tire = configured_tire(vehicle, position)
             mine = [*(alarm for alarm in alarms if alarm.position == position), *of_links]
-            stated = [
-                *(
-                    (_FALSE_STATEMENT, notice.reason)
-                    for notice in statements
-                    if _concerns(notice.subject, position, positions)
-                ),
-                *((_OTHER_EFFECTS, notice.reason) for notice in doubts if notice.subject == position),
-            ]
+            stated = _false_statements(recording, estimation, position, positions)
             cells = collected.wheels.get(position, WheelRow()).cells(states.get(position), names)
             if isinstance(zero_ns := cells.get("hub_zero_utc"), int):
-                cells["hub_zero_utc"] = zero_ns + ahead_ns
+                cells["hub_zero_utc"] = zero_ns + times.ahead_ns
             cells |= {
                 "recording_id": content.recording_id,
                 "recording": storable(content.path.name),
                 "path": storable(str(content.path)),
                 "position": position,
                 "sensor_id": sensors[position],
-                "start_utc": start_ns,
-                "begin_utc": first_ns,
-                "end_utc": last_ns,
-                "duration_s": (last_ns - first_ns) * 1e-9,
+                "start_utc": times.start_ns,
+                "begin_utc": times.first_ns,
+                "end_utc": times.last_ns,
+                "duration_s": (times.last_ns - times.first_ns) * 1e-9,
                 "pressure_measured": estimation.sensors.measures_pressure(position),
                 "frames": sum(counted.frames for counted in counters),
                 "frames_lost": sum(counted.lost for counted in counters),
@@ -397,7 +381,7 @@ def _recording_rows(
         rows[REVOLUTIONS] = collected.revolutions.rows
     return Estimated(
         vehicle=vehicle.name.strip() if vehicle is not None else "",
-        start_ns=start_ns,
+        start_ns=times.start_ns,
         parts=parts,
         rows=rows,
         wheels=tuple((position, sensors[position]) for position in collected.wheels),
@@ -405,6 +389,49 @@ def _recording_rows(
         damage=damage,
         peak_bytes=_peak_bytes(),
     )
+
+
+class _Times(NamedTuple):
+    """Times of a recording in ns since the epoch, by the time that its clock was set to later.
+
+    A wrong clock that was set, or that a receiver contradicts, would put the recording at a wrong place of a trend.
+
+    Attributes:
+        ahead_ns: what was added to the recorded times.
+        start_ns: start of the recording.
+        first_ns: first sample, 0 without any.
+        last_ns: last sample, 0 without any.
+    """
+
+    ahead_ns: int
+    start_ns: int
+    first_ns: int
+    last_ns: int
+
+    @classmethod
+    def of(cls, estimation: RecordingPass, start_ns: int | None) -> Self:
+        ahead_ns = round((estimation.clock.ahead_s or 0.0) * 1e9)
+        first_ns, last_ns = (0, 0)
+        if estimation.span_ns is not None:
+            first_ns, last_ns = (time_ns + ahead_ns for time_ns in estimation.span_ns)
+        return cls(ahead_ns, start_ns + ahead_ns if start_ns else first_ns, first_ns, last_ns)
+
+
+def _false_statements(
+    recording: OpenedRecording, estimation: RecordingPass, position: str, positions: Collection[str]
+) -> list[tuple[str, Reason]]:
+    """Return the statements about a wheel that its signal contradicts, and effects that are not of its tire."""
+    contradicted = (
+        (_FALSE_STATEMENT, notice.reason)
+        for notice in estimation.statements.contradictions()
+        if _concerns(notice.subject, position, positions)
+    )
+    of_others = ((_OTHER_EFFECTS, notice.reason) for notice in recording.effects_doubts() if notice.subject == position)
+    return [*contradicted, *of_others]
+
+
+def _sensor_ids(estimation: RecordingPass, position: str) -> str:
+    return ",".join(f"{sensor:08x}" for sensor in sorted(estimation.sensors.at(position)))
 
 
 def _average_orders(wheel: WheelSnapshot | None) -> str | None:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 
@@ -62,8 +62,18 @@ class _Sums:
     coefficients: FloatArray
 
     @classmethod
-    def empty(cls) -> _Sums:
+    def empty(cls) -> Self:
         return cls(*(np.zeros(_PLACES) for _ in range(5)))
+
+    @classmethod
+    def over(cls, predicted: Sequence[Sequence[ComplexArray | None]], data: Whitened) -> Self:
+        """Return the sums of what is predicted for each fold and group."""
+        sums = cls.empty()
+        for fold, every in enumerate(predicted):
+            for index, orders in enumerate(data.orders):
+                if (prediction := every[index]) is not None:
+                    sums.add(orders[fold] - prediction, data.weights[index][fold])
+        return sums
 
     def add(self, error: ComplexArray, weight: FloatArray) -> None:
         used = weight > 0.0
@@ -120,31 +130,17 @@ def hold_out(posterior: Posterior, data: Whitened, also: Sequence[Evaluated] = (
     sets = {evaluated.names: evaluated for evaluated in (*posterior.sets[:_MOST_SETS], posterior.baseline, *also)}
     least = {names: _least_squares(evaluated.fit, data) for names, evaluated in sets.items()}
     folds = {names: _at_its_best(_folds(evaluated, data, least[names]), data) for names, evaluated in sets.items()}
-    errors = {names: _Sums.empty() for names in sets}
-    after, corrected = _Sums.empty(), _Sums.empty()
-    chosen = []
-    possible = [evaluated.names for evaluated in posterior.sets[:_MOST_SETS]]
-    for fold in range(data.folds):
-        best = max(possible, key=lambda names: (folds[names][fold].log_evidence, sorted(names)))
-        chosen.append(best)
-        for index, orders in enumerate(data.orders):
-            if fold >= len(orders):
-                continue
-            weight = data.weights[index][fold]
-            for names in sets:
-                predicted = folds[names][fold].predicted[index]
-                if predicted is not None:
-                    errors[names].add(orders[fold] - predicted, weight)
-            predicted, whole = folds[best][fold].predicted[index], folds[best][fold].with_discrepancy[index]
-            if predicted is not None and whole is not None:
-                after.add(orders[fold] - predicted, weight)
-                corrected.add(orders[fold] - whole, weight)
+    chosen = _chosen({evaluated.names: folds[evaluated.names] for evaluated in posterior.sets[:_MOST_SETS]}, data.folds)
+    errors = {names: _Sums.over([fold.predicted for fold in folds[names]], data) for names in sets}
+    followed = [folds[names][fold] for fold, names in enumerate(chosen)]
+    after = _Sums.over([fold.predicted for fold in followed], data)
+    corrected = _Sums.over([fold.with_discrepancy for fold in followed], data)
     before = errors[frozenset()]
     curves = _curves(
         posterior.best.fit.model.campaign,
         data,
         [each.predicted for each in folds[frozenset()]],
-        [folds[names][fold].predicted for fold, names in enumerate(chosen)],
+        [fold.predicted for fold in followed],
     )
     summary = HeldOut(
         before.rms_mps2(),
@@ -278,15 +274,20 @@ def _at_its_best(folds: list[_Fold], data: Whitened) -> list[_Fold]:
     """Return the folds with the predictions of the smaller error: by the evidence, or by least squares."""
     if any(prediction.at_best is None for prediction in folds):
         return [replace(prediction, at_best=None) for prediction in folds]
-    usual, other = _Sums.empty(), _Sums.empty()
-    for fold, prediction in enumerate(folds):
-        for index, orders in enumerate(data.orders):
-            for sums, every in ((usual, prediction.predicted), (other, prediction.at_best or [])):
-                if (predicted := every[index]) is not None:
-                    sums.add(orders[fold] - predicted, data.weights[index][fold])
-    if usual.rms_mps2() <= other.rms_mps2():
+    by_evidence = _Sums.over([prediction.predicted for prediction in folds], data)
+    by_scatter = _Sums.over([prediction.at_best or [] for prediction in folds], data)
+    if by_evidence.rms_mps2() <= by_scatter.rms_mps2():
         return [replace(prediction, at_best=None) for prediction in folds]
     return [replace(prediction, predicted=prediction.at_best or prediction.predicted) for prediction in folds]
+
+
+def _chosen(folds: Mapping[frozenset[str], Sequence[_Fold]], count: int) -> list[frozenset[str]]:
+    """Return the set that has the highest evidence without each fold."""
+
+    def best_without(fold: int) -> frozenset[str]:
+        return max(folds, key=lambda names: (folds[names][fold].log_evidence, sorted(names)))
+
+    return [best_without(fold) for fold in range(count)]
 
 
 def _by_axis(before: _Sums, after: _Sums, corrected: _Sums) -> tuple[AxisError, ...]:

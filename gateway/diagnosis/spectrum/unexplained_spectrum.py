@@ -231,46 +231,23 @@ def _speeds(parts: Sequence[Part], sites: Sequence[Site]) -> set[int]:
 
 def _entry(sites: Sequence[Site], parts: Sequence[Part], locked: bool | None) -> Unexplained:
     """Return one entry; `locked` is None if only one speed shows it."""
-    sizes = {
-        axis: math.sqrt(np.mean([part.rms_mps2**2 for part in parts if part.axis == axis]))
-        for axis in sorted({part.axis for part in parts})
-    }
+    sizes = _axis_sizes(parts)
     axis = max(sizes, key=lambda each: sizes[each])
     axis_parts = [part for part in parts if part.axis == axis]
-    groups = sorted({part.group for part in axis_parts})
-    rms, std = [], []
-    for group in groups:
-        group_parts = [part for part in axis_parts if part.group == group]
-        rms.append(math.sqrt(sum(part.rms_mps2**2 for part in group_parts)))
-        std.append(math.sqrt(sum((part.rms_mps2 * part.std_mps2) ** 2 for part in group_parts)) / rms[-1])
+    groups, rms, std = _group_sizes(axis_parts)
     exponent, unsure = held_scaling([sites[group].spectra.speed_mps for group in groups], rms, std)
-    several = several_speeds(sites)
-    scaling = scaling_of(exponent, unsure, several=several)
+    scaling = scaling_of(exponent, unsure, several=several_speeds(sites))
     size = math.sqrt(float(np.mean(np.square(rms))))
     error = math.sqrt(float(np.square(np.array(rms) * std).sum())) / (len(rms) * size)
     line = all(part.line for part in axis_parts)
     low, high = min(part.low_hz for part in axis_parts), max(part.high_hz for part in axis_parts)
-    wheel = [sites[part.group].spectra.wheel_hz for part in axis_parts]
     # A constant frequency at several speeds is a multiple of the wheel's frequency only by chance.
     doubtful = locked is not False and all(part.multiple for part in axis_parts)
-    orders: tuple[int, int] | None = None
-    if locked or doubtful:
-        ratios = [part.centre_hz / hz for part, hz in zip(axis_parts, wheel, strict=True)]
-        ends = (
-            [part.low_hz / hz for part, hz in zip(axis_parts, wheel, strict=True)],
-            [part.high_hz / hz for part, hz in zip(axis_parts, wheel, strict=True)],
-        )
-        if doubtful:
-            # Integer orders within the width of the line.
-            orders = max(1, math.ceil(min(ends[0]) - 0.02)), max(1, math.floor(max(ends[1]) + 0.02))
-            if orders[0] > orders[1]:
-                orders = max(1, round(np.mean(ratios))), max(1, round(np.mean(ratios)))
-        else:
-            orders = math.floor(min(ends[0])), math.ceil(max(ends[1]))
+    orders = _orders(sites, axis_parts)
     return Unexplained(
         AXIS_NAMES[axis],
         "time",
-        orders,
+        _order_range(orders, doubtful=doubtful) if locked or doubtful else None,
         (low, high),
         None,
         scaling,
@@ -278,7 +255,7 @@ def _entry(sites: Sequence[Site], parts: Sequence[Part], locked: bool | None) ->
         error,
         lock_known=not doubtful,
         narrow=line,
-        centre_order=float(np.mean(ratios)) if locked else math.nan,
+        centre_order=float(np.mean([centre for _, centre, _ in orders])) if locked else math.nan,
         road_m=float(np.mean([sites[part.group].spectra.speed_mps / part.centre_hz for part in axis_parts]))
         if locked and not doubtful
         else math.nan,
@@ -286,6 +263,49 @@ def _entry(sites: Sequence[Site], parts: Sequence[Part], locked: bool | None) ->
         speeds=_number_of_speeds(sites, parts) if locked is False else None,
         other_axes=tuple((AXIS_NAMES[each], value) for each, value in sizes.items() if each != axis),
     )
+
+
+def _axis_sizes(parts: Sequence[Part]) -> dict[int, float]:
+    """Return the rms of the parts of each axis, in m/s²."""
+    return {
+        axis: math.sqrt(np.mean([part.rms_mps2**2 for part in parts if part.axis == axis]))
+        for axis in sorted({part.axis for part in parts})
+    }
+
+
+def _orders(sites: Sequence[Site], parts: Sequence[Part]) -> list[tuple[float, float, float]]:
+    """Return lower end, centre and upper end of each part over the wheel's frequency."""
+    wheel_hz = [sites[part.group].spectra.wheel_hz for part in parts]
+    return [
+        (part.low_hz / hz, part.centre_hz / hz, part.high_hz / hz) for part, hz in zip(parts, wheel_hz, strict=True)
+    ]
+
+
+def _group_sizes(parts: Sequence[Part]) -> tuple[list[int], list[float], list[float]]:
+    """Return the groups of some parts, the rms of their parts in each, and its relative standard error."""
+    groups = sorted({part.group for part in parts})
+    rms, std = [], []
+    for group in groups:
+        group_parts = [part for part in parts if part.group == group]
+        rms.append(math.sqrt(sum(part.rms_mps2**2 for part in group_parts)))
+        std.append(math.sqrt(sum((part.rms_mps2 * part.std_mps2) ** 2 for part in group_parts)) / rms[-1])
+    return groups, rms, std
+
+
+def _order_range(orders: Sequence[tuple[float, float, float]], *, doubtful: bool) -> tuple[int, int]:
+    """Return the first and the last order of parts.
+
+    Args:
+        orders: lower end, centre and upper end of each part over the wheel's frequency.
+        doubtful: whether they may be multiples of the wheel's frequency, which are integers within the line's width.
+    """
+    low, high = min(low for low, _, _ in orders), max(high for _, _, high in orders)
+    if not doubtful:
+        return math.floor(low), math.ceil(high)
+    first, last = max(1, math.ceil(low - 0.02)), max(1, math.floor(high + 0.02))
+    if first > last:
+        first = last = max(1, round(np.mean([centre for _, centre, _ in orders])))
+    return first, last
 
 
 def _number_of_speeds(sites: Sequence[Site], parts: Sequence[Part]) -> tuple[int, int]:

@@ -224,12 +224,28 @@ def _provenance(origin: Origin, tested: SelfTest | None) -> list[tuple[str, str]
 
 def _answer(diagnosis: Diagnosis) -> Iterator[str]:
     """Yield the summary of the diagnosis, sentence by sentence."""
-    held_out, floor = diagnosis.held_out, diagnosis.noise_floor_mps2
-    named = [finding.name for finding in diagnosis.named]
-    undecided = undecided_sets(diagnosis)
-    before, after = significant(held_out.rms_before_mps2), significant(held_out.rms_after_mps2)
     if _is_all_well(diagnosis):
         yield "Nothing is wrong that these data show."
+    yield from _effect_sentences(diagnosis)
+    for note in diagnosis.notes:
+        if isinstance(note, Reason) and note.code in _IN_SUMMARY:
+            yield sentence(remark(note))
+    yield from _error_sentences(diagnosis)
+    if diagnosis.unexplained:
+        first = diagnosis.unexplained[0]
+        rest = len(diagnosis.unexplained) - 1
+        more = f", and {rest} more" if rest else ""
+        size = plain(first.rms_mps2, first.std_mps2)
+        doubt = f" ({NON_STATIONARY})" if first.changes else "" if first.lock_known else " (lock not known)"
+        yield f"Unexplained: {clean(first.axis)} axis, {place_text(first)}, {size} m/s² rms{doubt}{more}."
+    else:
+        yield f"{no_residual(diagnosis, 'Nothing else')}."
+
+
+def _effect_sentences(diagnosis: Diagnosis) -> Iterator[str]:
+    """Yield which effects the model lacks, and which these data do not decide."""
+    named = [finding.name for finding in diagnosis.named]
+    undecided = undecided_sets(diagnosis)
     if named and diagnosis.taken_from:
         source = clean(diagnosis.taken_from)
         yield f"{sentence(effects_listed(named))[:-1]}: as found in {source}, nothing of it refitted."
@@ -247,14 +263,18 @@ def _answer(diagnosis: Diagnosis) -> Iterator[str]:
             yield f"{subject} needs {names}; these data do not distinguish them."
         else:
             yield f"{subject} may need {effect_title(finding.name)}; these data do not decide."
-    for note in diagnosis.notes:
-        if isinstance(note, Reason) and note.code in _IN_SUMMARY:
-            yield sentence(remark(note))
+
+
+def _error_sentences(diagnosis: Diagnosis) -> Iterator[str]:
+    """Yield the error on unseen revolutions, without and with the effects."""
+    held_out, floor = diagnosis.held_out, diagnosis.noise_floor_mps2
+    before, after = significant(held_out.rms_before_mps2), significant(held_out.rms_after_mps2)
     share = ratio(held_out.rms_after_mps2, floor)
     times = f"{fixed(share, 2)} times the" if math.isfinite(share) else "with a"
     over = f", {times} noise floor of {significant(floor)} m/s²."
     uncertain = [effect_title(finding.name) for finding in likely(diagnosis)]
-    shaped = [finding.name for finding in (*diagnosis.named, *undecided) if finding.lock == "angle"]
+    identified = (*diagnosis.named, *undecided_sets(diagnosis))
+    shaped = [finding.name for finding in identified if finding.lock == "angle"]
     if shaped or uncertain:
         grown = ratio(held_out.rms_after_mps2, held_out.rms_before_mps2) > GROWN
         verb = "increases" if grown else "changes" if before == after else f"falls{_where(held_out)}"
@@ -266,15 +286,6 @@ def _answer(diagnosis: Diagnosis) -> Iterator[str]:
             yield "Do not rely on the effects before the rest of the residual is explained."
     else:
         yield f"The error on unseen revolutions is {after} m/s² rms{over}"
-    if diagnosis.unexplained:
-        first = diagnosis.unexplained[0]
-        rest = len(diagnosis.unexplained) - 1
-        more = f", and {rest} more" if rest else ""
-        size = plain(first.rms_mps2, first.std_mps2)
-        doubt = f" ({NON_STATIONARY})" if first.changes else "" if first.lock_known else " (lock not known)"
-        yield f"Unexplained: {clean(first.axis)} axis, {place_text(first)}, {size} m/s² rms{doubt}{more}."
-    else:
-        yield f"{no_residual(diagnosis, 'Nothing else')}."
 
 
 def _is_all_well(diagnosis: Diagnosis) -> bool:

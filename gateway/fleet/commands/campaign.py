@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from gateway.core.recording.run_description import RunFilter
     from gateway.fleet.campaign_run import CampaignProgress
     from gateway.fleet.recording_estimation import Failure
+    from gateway.fleet.tire_diagnoses import DiagnosisCounts
 
 _LINE_EVERY_NS: Final = 30_000_000_000
 _LISTED: Final = 20
@@ -114,14 +115,8 @@ def campaign(
     process is killed, runs out of memory, or sends a scheduler nothing for a minute is tried once more. The exit
     status is 1 if there is a failure, a damaged recording, or a wheel that sent samples and has no revolution.
     """
-    if scheduler is not None and jobs is not None:
-        raise click.UsageError("--jobs is for this machine; the workers of --scheduler are started elsewhere.")
-    if scheduler is not None and not scheduler.startswith("tls://"):
-        click.echo(
-            f"--scheduler {clean(scheduler)} is neither encrypted nor authenticated: whoever reaches the scheduler can "
-            "run programs as you, here and on the workers. Use tls:// with certificates, or a network of your own.",
-            err=True,
-        )
+    if scheduler is not None:
+        _check_scheduler(scheduler, jobs)
     from gateway.fleet.parquet_parts import require_campaign_packages
 
     require_campaign_packages()
@@ -205,19 +200,34 @@ def campaign(
             )
     _report(progress, failures, root)
     if diagnose:
-        click.echo(
-            f"tires: {counts.made} diagnosed, {counts.made_before} done before, {counts.failed} without a diagnosis"
-        )
-        _list(_tire_lines((tire, (why,)) for tire, why in counts.reasons), "table diagnoses")
-        if counts.left_out:
-            recordings = sum(len(reasons) for _, reasons in counts.left_out)
-            click.echo(f"recordings left out of a diagnosis: {recordings}")
-            _list(_tire_lines(counts.left_out), "table diagnoses")
+        _report_diagnoses(counts)
     if stop.is_set():
         click.echo("stopped: run the same command to continue", err=True)
         _stopped(stop)
     if progress.failed or progress.failed_before or progress.standing or progress.damaged or counts.failed:
         raise SystemExit(exit_status.NO_RESULT)
+
+
+def _check_scheduler(scheduler: str, jobs: int | None) -> None:
+    """Refuse worker processes of this machine beside a scheduler; warn of one that anybody can use."""
+    if jobs is not None:
+        raise click.UsageError("--jobs is for this machine; the workers of --scheduler are started elsewhere.")
+    if not scheduler.startswith("tls://"):
+        click.echo(
+            f"--scheduler {clean(scheduler)} is neither encrypted nor authenticated: whoever reaches the scheduler can "
+            "run programs as you, here and on the workers. Use tls:// with certificates, or a network of your own.",
+            err=True,
+        )
+
+
+def _report_diagnoses(counts: DiagnosisCounts) -> None:
+    """Print what was diagnosed, and why some tires and recordings were not."""
+    click.echo(f"tires: {counts.made} diagnosed, {counts.made_before} done before, {counts.failed} without a diagnosis")
+    _list(_tire_lines((tire, (why,)) for tire, why in counts.reasons), "table diagnoses")
+    if counts.left_out:
+        recordings = sum(len(reasons) for _, reasons in counts.left_out)
+        click.echo(f"recordings left out of a diagnosis: {recordings}")
+        _list(_tire_lines(counts.left_out), "table diagnoses")
 
 
 def _list(lines: Sequence[str], where: str) -> None:

@@ -182,15 +182,7 @@ def trend_lines(trends: FleetTrends) -> Iterator[str]:
     if len(findings) > _LISTED:
         yield f"  ... and {len(findings) - _LISTED} more"
     yield from _pair_lines(trends.pairs)
-    recordings = dict.fromkeys((outlier.recording, outlier.path) for outlier in trends.outliers)
-    yield ""
-    yield f"outliers: {len(recordings)} of {trends.recordings} recordings" if recordings else "no outlier"
-    for name, path in list(recordings)[:_LISTED]:
-        mine = [outlier for outlier in trends.outliers if outlier.path == path]
-        what = "; ".join(f"{label_of(outlier.name)} {outlier.deviation:+.1f}" for outlier in mine)
-        yield f"  {clean(name)}: {what} standard deviations from its trend"
-    if len(recordings) > _LISTED:
-        yield f"  ... and {len(recordings) - _LISTED} more"
+    yield from _outlier_lines(trends)
 
 
 def finding_rows(tires: Sequence[TireTrend]) -> list[tuple[str, str, str]]:
@@ -240,6 +232,18 @@ def _pair_lines(pairs: Sequence[PairTrend]) -> Iterator[str]:
     for pair, number in valid[:_LISTED]:
         wheels = f"{clean(pair.vehicle)} {pair.left} {pair.right}"
         yield f"  {wheels}: {LABELS[number.quantity]} {shown(number)} {number.unit}"
+
+
+def _outlier_lines(trends: FleetTrends) -> Iterator[str]:
+    recordings = dict.fromkeys((outlier.recording, outlier.path) for outlier in trends.outliers)
+    yield ""
+    yield f"outliers: {len(recordings)} of {trends.recordings} recordings" if recordings else "no outlier"
+    for name, path in list(recordings)[:_LISTED]:
+        mine = [outlier for outlier in trends.outliers if outlier.path == path]
+        what = "; ".join(f"{label_of(outlier.name)} {outlier.deviation:+.1f}" for outlier in mine)
+        yield f"  {clean(name)}: {what} standard deviations from its trend"
+    if len(recordings) > _LISTED:
+        yield f"  ... and {len(recordings) - _LISTED} more"
 
 
 def _number_json(number: TrendNumber) -> dict[str, Any]:

@@ -1,11 +1,18 @@
 """`treadlink plan`: what a sensor will be able to measure on a tire, before it is bought."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from gateway.core.cli.options import FiniteRange, force_option
 from gateway.core.cli.path_option import path_option
+
+if TYPE_CHECKING:
+    from gateway.planner.accelerometer import Accelerometer
 
 _SPEEDS_KMH = (60.0, 100.0, 150.0)
 
@@ -87,7 +94,6 @@ def plan(
     """
     from gateway.core.cli.summary_output import SummaryOutput
     from gateway.core.config.validation import read_text
-    from gateway.core.errors import ConfigError
     from gateway.core.text.output_file import check_outputs, write_whole
     from gateway.core.text.progress import progress_view
     from gateway.planner.accelerometer import parse_accelerometers, shipped_accelerometers
@@ -102,13 +108,7 @@ def plan(
         listed = shipped_accelerometers()
     else:
         listed = parse_accelerometers(read_text(sensors_path, "the accelerometers"), str(sensors_path))
-    parts = listed.sensor
-    for name in names:
-        if not any(part.name.lower().startswith(name.lower()) for part in parts):
-            raise ConfigError(
-                f"there is no accelerometer '{name}'", f"Known: {', '.join(part.name for part in parts)}."
-            )
-    chosen = [part for part in parts if not names or part.name.lower().startswith(tuple(n.lower() for n in names))]
+    chosen = _parts_by_name(listed.sensor, names)
     loaded = load_scenario(scenario)
     say = SummaryOutput([json_path])
     if want_texts:
@@ -156,3 +156,15 @@ def plan(
     say.finish()
     if not has_result:
         raise click.exceptions.Exit(1)
+
+
+def _parts_by_name(parts: Sequence[Accelerometer], names: Sequence[str]) -> list[Accelerometer]:
+    """Return the parts whose names begin as one of `names`; all without names."""
+    from gateway.core.errors import ConfigError
+
+    for name in names:
+        if not any(part.name.lower().startswith(name.lower()) for part in parts):
+            raise ConfigError(
+                f"there is no accelerometer '{name}'", f"Known: {', '.join(part.name for part in parts)}."
+            )
+    return [part for part in parts if not names or part.name.lower().startswith(tuple(n.lower() for n in names))]
