@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.api.table_plot import abscissa_of, drawn
 from gateway.core.optional_packages import require_packages
 from gateway.core.quantity_catalogue import unit_of as quantity_unit
 from gateway.core.table_columns import REVOLUTION_COLUMNS, Column
@@ -161,8 +162,6 @@ class ColumnTable:
             KeyError: there is no such column.
             OutputError: matplotlib is not installed.
         """
-        from gateway.api.table_plot import abscissa_of, drawn
-
         x = abscissa_of(self.columns)
         numbers = [name for name in self.columns if self[name].ndim == 1 and self[name].dtype.kind == "f"]
         chosen = list(names) or [

@@ -23,6 +23,7 @@ from gateway.api.column_table import (
     utc_array,
 )
 from gateway.api.estimate_comparison import Comparison
+from gateway.api.table_plot import drawn_each
 from gateway.compare.mean_comparison import Radius, compared_means
 from gateway.core.estimates.covariance import CAUSES, covariance, relative_errors, scatter_correlation
 from gateway.core.estimates.estimator import Status
@@ -218,8 +219,6 @@ class Estimates(ColumnTable):
             KeyError: there is no such quantity.
             OutputError: matplotlib is not installed.
         """
-        from gateway.api.table_plot import drawn_each
-
         series = {}
         for name in names or self.names:
             rows = self.select(name)

@@ -24,6 +24,7 @@ from gateway.fleet.parquet_parts import require_campaign_packages
 from gateway.fleet.recording_estimation import EstimationSettings, RowsKept, estimate_names
 from gateway.fleet.trends.fleet_analysis import analyse
 from gateway.fleet.trends.trend_result import FleetTrends
+from gateway.fleet.views.trend_page import write_trends_page
 from gateway.fleet.views.trend_tables import trend_lines, trends_csv, trends_json
 
 
@@ -128,8 +129,6 @@ class TireTrends:
         """
         out = Path(path)
         if out.suffix == ".html":
-            from gateway.fleet.views.trend_page import write_trends_page
-
             write_trends_page(self.result, out, force=force)
         elif out.suffix == ".json":
             content = json_text(self.to_dict(), indent=2)

@@ -20,6 +20,8 @@ from gateway.api.signal_tables import (
     Revolutions,
     Samples,
 )
+from gateway.compare.views.drive import Drive
+from gateway.compare.views.drive_page import check_page, drive_page
 from gateway.core.config.vehicle import ASSUMED_RADIUS_MM
 from gateway.core.errors import OutputError, RecordingError, TreadlinkError
 from gateway.core.estimates.registry import DEFAULT_ESTIMATORS
@@ -30,7 +32,9 @@ from gateway.core.session.corrections import open_effects
 from gateway.core.session.program_arguments import Config, PathLike, chosen_vehicle, paths, several_names
 from gateway.core.session.recording_pass import OpenedRecording, RecordingPass
 from gateway.core.session.wheel_identity import configured_tire
+from gateway.core.text.output_file import check_outputs, write_whole
 from gateway.core.text.wording import notice_text, text
+from gateway.exporting.export_registry import check_format, format_of
 from gateway.exporting.recorded_signals import (
     EnvironmentReading,
     HeardWheel,
@@ -40,6 +44,7 @@ from gateway.exporting.recorded_signals import (
     signals,
     survey,
 )
+from gateway.exporting.recording_export import ExportRequest, export_recording
 from gateway.planner.uncertainty_budget import Budget, LatestRevolutions
 
 if TYPE_CHECKING:
@@ -348,10 +353,6 @@ class Recording(Mapping[str, "Wheel"]):
             OutputError: the recording is in memory only or its configuration no file; the file exists or cannot be
                 written.
         """
-        from gateway.core.text.output_file import check_outputs
-        from gateway.exporting.export_registry import check_format, format_of
-        from gateway.exporting.recording_export import ExportRequest, export_recording
-
         recording = self._recording
         if not self.path.is_file():
             raise OutputError("a simulation in memory cannot be exported", "Give gateway.simulate a file: out=...")
@@ -375,10 +376,6 @@ class Recording(Mapping[str, "Wheel"]):
 
     def report_html(self, path: PathLike | None = None, *, force: bool = False) -> str:
         """Return the page of `treadlink estimate --html`, and write it; arguments as `Diagnosis.report_html`."""
-        from gateway.compare.views.drive import Drive
-        from gateway.compare.views.drive_page import check_page, drive_page
-        from gateway.core.text.output_file import write_whole
-
         if path is not None:
             check_page(Path(path), force=force)
         recording = self._opened()

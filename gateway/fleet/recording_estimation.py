@@ -46,6 +46,7 @@ from gateway.core.text.text import storable
 from gateway.core.text.wheel_rows import WheelRow, json_cell
 from gateway.core.text.wording import as_json
 from gateway.core.wheels.reasons import WheelCode
+from gateway.diagnosis.effects_file import effects_text
 from gateway.diagnosis.provenance import Quantity, is_assumed
 from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.fleet.content_keys import settings_key
@@ -103,7 +104,7 @@ class EstimationSettings:
                 "estimators": self.estimators,
                 "rows": self.rows,
                 "vehicle": None if self.vehicle is None else self.vehicle.to_toml(),
-                "effects": [_effects_identity(table) for table in self.effects],
+                "effects": [effects_text(table) for table in self.effects],
                 "code": self.code,
                 "plugins": [
                     [plugin.name, plugin.package, plugin.version]
@@ -466,12 +467,6 @@ def _concerns(subject: str, position: str, positions: Collection[str]) -> bool:
     """Return whether a notice, whose subject is `FL`, `hub 0` or `LINK, FL`, is about a wheel or all wheels."""
     name = subject.rpartition(", ")[2]
     return name == position or name not in positions
-
-
-def _effects_identity(table: CorrectionTable) -> str:
-    from gateway.diagnosis.effects_file import effects_text
-
-    return effects_text(table)
 
 
 def _peak_bytes() -> int:

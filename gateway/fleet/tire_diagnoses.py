@@ -17,7 +17,9 @@ from gateway.core.table_columns import DIAGNOSIS_COLUMNS
 from gateway.core.text.plain_values import plain
 from gateway.core.text.text import storable
 from gateway.core.text.wording import as_json, joined, text
+from gateway.diagnosis.campaign_diagnosis import diagnose_agreeing
 from gateway.diagnosis.reasons import DiagnosisCode
+from gateway.diagnosis.views.diagnosis_json import diagnosis_json
 from gateway.fleet.content_keys import diagnosis_version, settings_key
 from gateway.fleet.dataset import DIAGNOSES, Dataset, Key, is_identified
 from gateway.fleet.parquet_parts import PartFile, read_rows
@@ -180,9 +182,6 @@ def diagnose_tire(order: DiagnosisOrder, _: Callable[[int], None] = lambda _: No
     Raises:
         OutputError: the dataset cannot be written.
     """
-    from gateway.diagnosis.campaign_diagnosis import diagnose_agreeing
-    from gateway.diagnosis.views.diagnosis_json import diagnosis_json
-
     try:
         diagnosis = diagnose_agreeing(order.paths, order.position, vehicle=order.config, key_file=order.key_file)
     except OutputError:

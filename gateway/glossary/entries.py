@@ -7,16 +7,15 @@ import pkgutil
 import re
 from collections.abc import Iterator
 from math import isinf
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 from gateway.core.estimates.registry import DEFAULT_ESTIMATORS
 from gateway.core.quantity import Basis, Quantity
 from gateway.core.quantity_catalogue import declared, given_by, unit_of
 from gateway.core.reasons import Code, Codes
 from gateway.core.text.numbers import split_name
-
-if TYPE_CHECKING:
-    from gateway.diagnosis.effects.effect import Effect
+from gateway.diagnosis.effects.catalogue import catalogue
+from gateway.diagnosis.effects.effect import Effect
 
 _STATUSES: Final = {
     "valid": "the value can be used; its standard error contains everything that is stated or known to be uncertain",
@@ -62,8 +61,6 @@ def entries() -> Iterator[Entry]:
     by_default = given_by(DEFAULT_ESTIMATORS)
     for quantity in declared():
         yield _of_quantity(quantity, is_default=quantity.name in by_default)
-    from gateway.diagnosis.effects.catalogue import catalogue
-
     for effect in catalogue().values():
         yield _of_effect(effect)
     for code in reason_codes():

@@ -9,14 +9,23 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
 from gateway.core.config.validation import read_text
 from gateway.core.errors import ConfigError, RecordingError
+from gateway.core.estimates.registry import DEFAULT_ESTIMATORS
 from gateway.core.nearest_name import did_you_mean
+from gateway.core.recording.recorded_file import open_recorded_file
 from gateway.core.ring_quantities import RING_NUMBERS
+from gateway.core.session.recording_pass import RecordingPass, open_recording
 from gateway.core.text.numbers import MISSING, fixed, round_to_error
+from gateway.core.text.progress import Bar, progress_bar
 from gateway.core.text.table_sinks import CsvSink
 from gateway.core.text.text import clean, pad, pad_left, width
 from gateway.core.types import FloatArray
+from gateway.fleet.dataset import read_description
+from gateway.fleet.parquet_parts import read_rows, require_campaign_packages
+from gateway.fleet.recording_estimation import RECORDINGS
 from gateway.papers.measured_tires import SIDE_FORCE, SLOPES, GridConditions, MeasuredTire, MeasuredWheel
 from gateway.papers.ring_data import ESTIMATORS
 
@@ -133,11 +142,6 @@ def measured_tires(
 
 
 def _of_recording(source: FigureSource, config_path: Path | None, *, show_progress: bool) -> list[MeasuredTire]:
-    from gateway.core.estimates.registry import DEFAULT_ESTIMATORS
-    from gateway.core.recording.recorded_file import open_recorded_file
-    from gateway.core.session.recording_pass import RecordingPass, open_recording
-    from gateway.core.text.progress import Bar, progress_bar
-
     file = open_recorded_file(source.path)
     wheels: dict[str, MeasuredWheel] = {}
     shown = progress_bar(f"reading {source.path.name}") if show_progress else nullcontext(Bar(None, None))
@@ -158,10 +162,6 @@ def _of_recording(source: FigureSource, config_path: Path | None, *, show_progre
 
 
 def _of_dataset(root: Path) -> list[MeasuredTire]:
-    from gateway.fleet.dataset import read_description
-    from gateway.fleet.parquet_parts import read_rows, require_campaign_packages
-    from gateway.fleet.recording_estimation import RECORDINGS
-
     require_campaign_packages()
     description = read_description(root)
     estimator = next((name for name in reversed(ESTIMATORS) if name in description.estimators), None)
@@ -176,8 +176,6 @@ def _of_dataset(root: Path) -> list[MeasuredTire]:
 
 
 def _of_row(row: Mapping[str, Any], estimator: str | None) -> MeasuredTire:
-    import numpy as np
-
     def number(name: str) -> float:
         value = row.get(name)
         return math.nan if value is None or row.get(f"{name}_status") == "invalid" else float(value)

@@ -26,7 +26,8 @@ from gateway.diagnosis.report.findings import findings_of
 from gateway.diagnosis.search import candidate_scan, set_search, tempered_posterior
 from gateway.diagnosis.search.candidate_scan import Scan
 from gateway.diagnosis.search.other_optima import other_optima
-from gateway.diagnosis.search.set_search import SetSearch, baseline_fit, is_taken, rivals_of
+from gateway.diagnosis.search.rival_effects import is_taken, rivals_of
+from gateway.diagnosis.search.set_search import SetSearch, baseline_fit
 from gateway.diagnosis.search.tempered_posterior import doubted_sets
 from tests.diagnosis.planted_campaign import (
     ALL_AXES,

@@ -291,7 +291,7 @@ def test_recordings_that_a_diagnosis_leaves_out_are_in_its_row(tmp_path, monkeyp
         DiagnosisCode.RECORDING_LEFT_OUT, recording="b.mcap", reason=Reason(DiagnosisCode.CIRCUMFERENTIAL_REVERSED)
     )
     result = replace(undrawn(), recordings=("a.mcap",), left_out=(reason,))
-    monkeypatch.setattr("gateway.diagnosis.campaign_diagnosis.diagnose_agreeing", lambda *_, **__: result)
+    monkeypatch.setattr("gateway.fleet.tire_diagnoses.diagnose_agreeing", lambda *_, **__: result)
     part = tmp_path / "part.parquet"
     order = DiagnosisOrder("v", "FL", "", (Path("a.mcap"), Path("b.mcap")), 0, None, None, part)
     outcome = diagnose_tire(order)

@@ -40,6 +40,7 @@ from gateway.diagnosis.search.candidate_scan import Helpers, Scan
 from gateway.diagnosis.search.discrepancy_concentration import Evident, most_evident
 from gateway.diagnosis.search.other_optima import other_optima
 from gateway.diagnosis.search.profile_scan import ProfileScan, fitted_with
+from gateway.diagnosis.search.rival_effects import is_taken, rivals_of
 
 
 @dataclass
@@ -665,13 +666,6 @@ class SetSearch:
         self._evaluate(after, best.fit.applied)
 
 
-def is_taken(effect: AngleEffect, taken: Sequence[AngleEffect]) -> bool:
-    """Return whether an effect, or another form of it, is among those taken."""
-    if any(effect.name == other.name for other in taken):
-        return True
-    return bool(effect.form_of) and any(other.form_of == effect.form_of for other in taken)
-
-
 def baseline_fit(campaign: Campaign, core: Core, data: Whitened) -> Fit:
     """Return the fit of the baseline model alone.
 
@@ -679,27 +673,6 @@ def baseline_fit(campaign: Campaign, core: Core, data: Whitened) -> Fit:
         FitFailedError: it has no equilibrium near its start.
     """
     return fit_model(ClosureModel(campaign, core), data, from_afar=True)
-
-
-def rivals_of(effect: str, worth: float, effects: Iterable[str], promises: Sequence[Mapping[str, float]]) -> list[str]:
-    """Return the effects that promised a large part of what another did to some set, or that were never tried.
-
-    Args:
-        effect: that they may take the place of.
-        worth: log evidence that it adds to its set. It may be far less than it promised: others explain some by now.
-        effects: all names.
-        promises: for every set of a chain, the gain of log evidence that each effect promised without a discrepancy.
-    """
-    tried = {name for promised in promises for name in promised}
-    share, slack = criteria.RIVAL_SHARE, criteria.LOOKED_AT
-    # Where it promised next to nothing itself, so did all others.
-    telling = [of for of in promises if share * of.get(effect, 0.0) > slack] or promises
-    return [
-        name
-        for name in effects
-        if name not in tried
-        or any(of.get(name, -math.inf) > share * min(of.get(effect, 0.0), worth) - slack for of in telling)
-    ]
 
 
 def _best(sets: Iterable[Evaluated]) -> Evaluated:

@@ -129,7 +129,6 @@ def campaign(
     from gateway.fleet.local_tasks import LocalTasks, WorkersNotStartedError
     from gateway.fleet.recording_estimation import EstimationSettings, RowsKept, estimate_names
     from gateway.fleet.scheduler_tasks import scheduler_tasks
-    from gateway.fleet.tire_diagnoses import DiagnosisCounts, diagnose_tires
     from gateway.fleet.worker_tasks import WorkerTasks
 
     recording_paths = find_recordings(paths, where)
@@ -152,7 +151,7 @@ def campaign(
     clock = SystemClock()
     memory_bytes = int(memory_gb * _GB)
     failures: list[tuple[Path, Failure]] = []
-    counts = DiagnosisCounts()
+    counts: DiagnosisCounts | None = None
     with stop_request() as stop, ExitStack() as stack:
         try:
             dataset = stack.enter_context(opened(root, description, _waiting(clock, stop, root)))
@@ -188,23 +187,28 @@ def campaign(
                 if stop.is_set():  # by the signal that ended them
                     _stopped(stop)
                 raise
-        if diagnose and not stop.is_set():
-            counts = diagnose_tires(
-                dataset,
-                connect,
-                recording_paths,
-                config=settings.vehicle,
-                key_file=key_file,
-                stop=stop,
-                on_tire=lambda done, every: click.echo(f"diagnosed {done} of {every} tires", err=True),
-            )
+        if diagnose:
+            from gateway.fleet.tire_diagnoses import DiagnosisCounts, diagnose_tires
+
+            counts = DiagnosisCounts()
+            if not stop.is_set():
+                counts = diagnose_tires(
+                    dataset,
+                    connect,
+                    recording_paths,
+                    config=settings.vehicle,
+                    key_file=key_file,
+                    stop=stop,
+                    on_tire=lambda done, every: click.echo(f"diagnosed {done} of {every} tires", err=True),
+                )
     _report(progress, failures, root)
-    if diagnose:
+    if counts is not None:
         _report_diagnoses(counts)
     if stop.is_set():
         click.echo("stopped: run the same command to continue", err=True)
         _stopped(stop)
-    if progress.failed or progress.failed_before or progress.standing or progress.damaged or counts.failed:
+    undiagnosed = counts is not None and counts.failed
+    if progress.failed or progress.failed_before or progress.standing or progress.damaged or undiagnosed:
         raise SystemExit(exit_status.NO_RESULT)
 
 

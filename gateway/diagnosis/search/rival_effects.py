@@ -1,0 +1,35 @@
+"""Effects that may take the place of each other in a set."""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+
+from gateway.diagnosis import criteria
+from gateway.diagnosis.model.closure_model import AngleEffect
+
+
+def is_taken(effect: AngleEffect, taken: Sequence[AngleEffect]) -> bool:
+    """Return whether an effect, or another form of it, is among those taken."""
+    if any(effect.name == other.name for other in taken):
+        return True
+    return bool(effect.form_of) and any(other.form_of == effect.form_of for other in taken)
+
+
+def rivals_of(effect: str, worth: float, effects: Iterable[str], promises: Sequence[Mapping[str, float]]) -> list[str]:
+    """Return the effects that promised a large part of what another did to some set, or that were never tried.
+
+    Args:
+        effect: that they may take the place of.
+        worth: log evidence that it adds to its set. It may be far less than it promised: others explain some by now.
+        effects: all names.
+        promises: for every set of a chain, the gain of log evidence that each effect promised without a discrepancy.
+    """
+    tried = {name for promised in promises for name in promised}
+    share, slack = criteria.RIVAL_SHARE, criteria.LOOKED_AT
+    # Where it promised next to nothing itself, so did all others.
+    promising = [of for of in promises if share * of.get(effect, 0.0) > slack] or promises
+    return [
+        name
+        for name in effects
+        if name not in tried
+        or any(of.get(name, -math.inf) > share * min(of.get(effect, 0.0), worth) - slack for of in promising)
+    ]
