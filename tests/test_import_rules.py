@@ -18,10 +18,10 @@ ROOT = Path(__file__).parents[1]
 ARROW_LIMIT = 101
 # Rooms and single modules of the closed loop: each may import those before it.
 CLOSURE_ORDER = (
-    "reasons", "effects", "data", "model", "criteria", "result", "bayes", "angle", "remainder", "search", "checks",
-    "spectrum", "report", "known_effects", "self_test", "transfer", "closed_loop", "effects_file", "campaign_clock",
-    "provenance", "repeated_samples", "campaign_recording", "campaign", "effects_opening", "next_recording",
-    "campaign_diagnosis", "views", "saved_effects", "feature", "commands",
+    "reasons", "revision", "effects", "data", "model", "criteria", "result", "bayes", "angle", "remainder", "search",
+    "checks", "spectrum", "report", "known_effects", "self_test", "transfer", "closed_loop", "effects_file",
+    "campaign_clock", "provenance", "repeated_samples", "campaign_recording", "campaign", "effects_opening",
+    "next_recording", "campaign_diagnosis", "views", "saved_effects", "feature", "commands",
 )  # fmt: skip
 # Standard modules that only some places may import.
 ONLY_IN = {

@@ -10,18 +10,17 @@ from collections.abc import Iterator
 import pytest
 
 from gateway.core.estimates.estimator import Estimate, Revolution, Status, TireConditions
-from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.registry import ESTIMATORS
 from gateway.core.quantity import Basis
 from gateway.core.quantity_catalogue import CATALOGUE, declared, quantity_of, rests_on_times_alone
-from gateway.core.reasons import Reason
+from gateway.core.reasons import CoreCode, Reason
 from gateway.core.recording.revolution_fields import CONDITIONS
 from gateway.core.trust.reasons import TrustCode
 from gateway.core.trust.signal_evidence import Contradiction, Subject
 from tests.test_import_rules import dotted, modules
 
 RATE = Contradiction(Subject.STEADY, Reason(TrustCode.NO_SINGLE_CAUSE), {Basis.RATE: 2.0})
-LOST_STEADY_VALUE = Contradiction(Subject.COUPLING, Reason(EstimateCode.NO_STEADY_VALUE), {Basis.COUPLING: math.nan})
+LOST_STEADY_VALUE = Contradiction(Subject.COUPLING, Reason(CoreCode.NO_STEADY_VALUE), {Basis.COUPLING: math.nan})
 
 
 def test_every_estimator_declares_its_quantities_once() -> None:

@@ -12,9 +12,9 @@ import numpy as np
 from scipy.optimize import brentq, least_squares
 
 from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
-from gateway.core.estimates.ring_series import Kinematics, RoadForce, signal_orders
 from gateway.core.types import FloatArray
 from gateway.forces.lateral_belt import ring_tension
+from gateway.ring.ring_series import Kinematics, RoadForce, signal_orders
 from gateway.ring.rolling_ring import RingNumbers, RingParameters, RingSolution, solve_rolling_ring
 from tools.bench_ring_paper import BASE, OMEGA, RADIUS_M, ratio_with_truth_given
 

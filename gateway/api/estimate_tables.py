@@ -22,10 +22,10 @@ from gateway.api.column_table import (
     unit_of,
     utc_array,
 )
+from gateway.api.covariance import CAUSES, covariance, relative_errors, scatter_correlation
 from gateway.api.estimate_comparison import Comparison
 from gateway.api.table_plot import drawn_each
 from gateway.compare.mean_comparison import Radius, compared_means
-from gateway.core.estimates.covariance import CAUSES, covariance, relative_errors, scatter_correlation
 from gateway.core.estimates.estimator import Status
 from gateway.core.estimates.result_block import ResultBlock
 from gateway.core.estimates.results import AlarmRecord

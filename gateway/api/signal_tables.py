@@ -20,7 +20,7 @@ from gateway.core.revolutions.order_spectrum import ORDER_COUNT, order_coefficie
 from gateway.core.table_columns import AVERAGE_COLUMNS, SAMPLE_COLUMNS, Column
 from gateway.core.text.wording import joined
 from gateway.core.types import BoolArray, ComplexArray, FloatArray
-from gateway.core.wheels.mean_revolution import MeanOfRevolutions, MeanRevolution
+from gateway.exporting.mean_revolution import MeanOfRevolutions, MeanRevolution
 from gateway.exporting.recorded_signals import EnvironmentReading, SignalBlock
 
 if TYPE_CHECKING:

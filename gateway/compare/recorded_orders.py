@@ -15,7 +15,7 @@ from gateway.core.reasons import Reason
 from gateway.core.recording.recorded_file import open_recorded_file
 from gateway.core.session.recording_pass import open_recording
 from gateway.core.shown_units import ShownUnits
-from gateway.core.wheels.mean_revolution import MeanOfRevolutions
+from gateway.exporting.mean_revolution import MeanOfRevolutions
 from gateway.exporting.recorded_signals import revolutions
 
 

@@ -26,7 +26,7 @@ from gateway.core.quantity import (
     Watch,
 )
 from gateway.core.reasons import CoreCode
-from gateway.core.ring_quantities import BY_RADIUS_AND_LOAD, RING, RING_AVERAGE
+from gateway.core.ring_quantities import BY_RADIUS_AND_LOAD, RING_AVERAGE
 
 _LOADS_N: Final = (0.0, 5e5)
 # Both are what a steady value of R Omega^2 leaves.
@@ -229,7 +229,6 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             is_steady=True,
         ),
     ),
-    "weak-form": RING,
     **_of(Registry.NUMBERS),
     "wear": (
         # A tread does not grow.

@@ -142,6 +142,8 @@ class CoreCode(Codes):
     )
     EFFECTS_OF_OTHER_SENSOR = Code("the effects were found on sensor {found_on}, but this is sensor {sensor}")
 
+    NO_STEADY_VALUE = Code("the radial signal has no positive mean: its steady value is missing")
+
     # Revolutions that do not come
     NO_REVOLUTION = Code("no revolution in {duration_s:.1f s} of samples: {why}")
     SAMPLES_WITHOUT_HELLO = Code(

@@ -9,7 +9,6 @@ from typing import Final
 from gateway.core.clock import Clock, SystemClock
 from gateway.core.config.vehicle import VehicleConfig
 from gateway.core.reasons import Reason
-from gateway.core.revision import commit
 from gateway.core.revolutions.effect_correction import CorrectionTable
 from gateway.core.worker_pool import Workers
 from gateway.diagnosis.campaign import read_campaign, read_usable
@@ -20,6 +19,7 @@ from gateway.diagnosis.data.campaign_data import Campaign
 from gateway.diagnosis.effects.effect import BaselineModel
 from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.result import Diagnosis, Origin, RecordingOrigin
+from gateway.diagnosis.revision import commit
 from gateway.diagnosis.transfer import Transfer, transfer
 
 # Share of reading in the total time.

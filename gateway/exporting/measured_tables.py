@@ -30,9 +30,9 @@ from gateway.core.table_columns import (
 from gateway.core.text.numbers import distinct_name
 from gateway.core.text.result_columns import TAKEN, Cells, as_objects, estimate_cells, result_columns, unknown
 from gateway.core.types import FloatArray
-from gateway.core.wheels.mean_revolution import MeanOfRevolutions
 from gateway.exporting.export_registry import CONTENTS, SAMPLES
 from gateway.exporting.export_table import DTYPES, Block, WheelTable
+from gateway.exporting.mean_revolution import MeanOfRevolutions
 from gateway.exporting.recorded_signals import SignalBlock
 
 # Revolutions in one block of rows.

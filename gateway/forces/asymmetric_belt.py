@@ -14,8 +14,8 @@ from typing import Final
 
 import numpy as np
 
-from gateway.core.estimates.belt_shape import MAX_ORDER
 from gateway.core.types import ComplexArray, FloatArray, IntArray
+from gateway.ring.belt_shape import MAX_ORDER
 
 STEPS: Final = 512
 STEP_RAD: Final = 2.0 * math.pi / STEPS

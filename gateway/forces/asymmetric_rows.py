@@ -20,7 +20,6 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gateway.core.estimates.weak_form_rows import dot
 from gateway.core.types import ComplexArray, FloatArray
 from gateway.forces.asymmetric_belt import (
     ALONG,
@@ -32,6 +31,7 @@ from gateway.forces.asymmetric_belt import (
     derivative,
     integral,
 )
+from gateway.ring.weak_form_rows import dot
 
 # Virtual rotations sin(j pi (theta - theta_b) / (theta_e - theta_b)), j = 1 to ROWS: twice those of the half circle.
 ROWS: Final = 64

@@ -10,9 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from gateway.core.estimates.belt_shape import MAX_ORDER
 from gateway.core.estimates.determination import NUMBER_UNITS
-from gateway.core.estimates.order_errors import BANDS
 from gateway.core.revolutions.order_spectrum import ORDER_COUNT
 from gateway.core.types import FloatArray
 from gateway.forces.asymmetric_belt import AsymmetricShape, asymmetric_shape, level_part
@@ -26,6 +24,8 @@ from gateway.forces.asymmetric_rows import (
     free_motion,
     row_sensitivity,
 )
+from gateway.ring.belt_shape import MAX_ORDER
+from gateway.ring.order_errors import BANDS
 
 # Places of the orders that are corrected, 2 to 60, cosines then sines. Order 1 is the closure's.
 _CORRECTED: Final = np.concatenate([np.arange(1, ORDER_COUNT - 1), MAX_ORDER + np.arange(1, ORDER_COUNT - 1)])

@@ -4,7 +4,7 @@ The ring is linear about the undeformed circle, inextensible (Eq. 8), and rolls 
 complex orders c - i s: w(theta) = Re sum w_n e^(i n theta), theta the material angle of the sensor. Radial and
 tangential damping of the sidewall, c_w and c_v, are apart: c_n = c_v + c_w n^2.
 
-The undamped model without speed, which the dimensionless numbers come from, is `gateway.core.estimates.ring_series`. At
+The undamped model without speed, which the dimensionless numbers come from, is `gateway.ring.ring_series`. At
 zero damping both agree to rounding, because the belt's inertia and the tension that it causes cancel
 (`dynamic_stiffness`).
 """
@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gateway.core.estimates.ring_series import Kinematics
 from gateway.core.types import ComplexArray, FloatArray
+from gateway.ring.ring_series import Kinematics
 from gateway.ring.rolling_ring import RingParameters
 
 

@@ -11,17 +11,15 @@ from typing import Final
 
 import numpy as np
 
-from gateway.core.estimates.belt_shape import MAX_ORDER, orders_about
 from gateway.core.estimates.determination import DETERMINED, doubt_about, positive, unusable
 from gateway.core.estimates.disagreement import CONTRADICTION
 from gateway.core.estimates.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
-from gateway.core.estimates.order_errors import relative_std, wave_std
 from gateway.core.estimates.pace import LONGEST, is_due
 from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.revolution_block import RevolutionBlock, RevolutionEstimator
 from gateway.core.estimates.sensor_claims import CORNER_TOLERANCE, Tilt
 from gateway.core.quantity_catalogue import quantity_of
-from gateway.core.reasons import Reason
+from gateway.core.reasons import CoreCode, Reason
 from gateway.core.revolutions.sensor_mounting import HUB_ORDER
 from gateway.core.trust.reasons import TrustCode
 from gateway.core.types import FloatArray
@@ -36,6 +34,9 @@ from gateway.forces.asymmetric_solve import (
 )
 from gateway.forces.lateral_shape import CIRCUMFERENTIAL, LATERAL
 from gateway.forces.reasons import ForceCode
+from gateway.ring.belt_shape import MAX_ORDER, orders_about
+from gateway.ring.order_errors import relative_std, wave_std
+from gateway.ring.reasons import RingCode
 
 NAMES: Final = ("longitudinal_force_n", "axle_torque_nm", "longitudinal_ratio", "rolling_resistance", "damping_loss")
 
@@ -213,7 +214,7 @@ class LongitudinalForceEstimator(RevolutionEstimator):
         max_order = min(MAX_ORDER, revolution.order_max)
         signal = orders_about(revolution.radial_mps2, 0.5 * (edges[0] + edges[1]), max_order)
         if not (np.isfinite(signal).all() and signal[0].real > 0.0):
-            return _all_invalid(Reason(EstimateCode.NO_STEADY_VALUE))
+            return _all_invalid(Reason(CoreCode.NO_STEADY_VALUE))
         curvature = curvature_from_signal(signal, conditions.sensor_offset_m / conditions.radius_m)
         tilted = _tilted(revolution, edges, max_order, float(signal[0].real), conditions.tilt)
         self._now.update(curvature, tilted)
@@ -223,9 +224,9 @@ class LongitudinalForceEstimator(RevolutionEstimator):
         try:
             self._solve(average, revolution, float(signal[0].real), edges, max_order, conditions.hub_mps2)
         except np.linalg.LinAlgError:
-            return _all_invalid(Reason(EstimateCode.NO_BELT_SHAPE))
+            return _all_invalid(Reason(RingCode.NO_BELT_SHAPE))
         if self._now.solution is None or self._tire.solution is None:
-            return _all_invalid(Reason(EstimateCode.NO_BELT_SHAPE))
+            return _all_invalid(Reason(RingCode.NO_BELT_SHAPE))
         return self._after_solution(revolution, conditions)
 
     def _solve(

@@ -16,10 +16,10 @@ import numpy as np
 
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.estimates.reference_tire import TABLE_3_LOAD_N, TABLE_3_NUMBERS, TABLE_3_PRESSURE_PA
-from gateway.core.estimates.ring_series import stiffness_terms
 from gateway.core.types import ComplexArray
 from gateway.forces.damped_modes import phase_lag
 from gateway.papers.ring_data import NOISE_MG_PER_RTHZ, OMEGA_RADPS, paper_ring
+from gateway.ring.ring_series import stiffness_terms
 from gateway.ring.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.ring.rolling_ring.sensor_waveform import waveform_orders
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 # Radial loss angle of the sidewall, c_w Omega / k_w; with c_v = c_w it gives a rolling resistance of 2 %.
 _LOSS: Final = 0.05
 _ORDERS: Final = np.arange(2, 31)
-# Orders of the fit of Eq. 11, those of `gateway.core.estimates.sidewall_damping`.
+# Orders of the fit of Eq. 11, those of `gateway.ring.sidewall_damping`.
 _FITTED: Final = slice(0, 14)
 _NODES: Final = 960
 # Steps of the derivatives: share of a damping, torque in N m.

@@ -15,7 +15,6 @@ import numpy as np
 
 from gateway.compare.order_statistics import BLOCK_REVOLUTIONS, OrderStatistics
 from gateway.core.errors import ConfigError
-from gateway.core.estimates.ring_series import signal_orders
 from gateway.core.nearest_name import did_you_mean
 from gateway.core.revolutions.angle_resampling import GRID_SIZE, angle_grid
 from gateway.core.revolutions.order_spectrum import ORDER_COUNT
@@ -25,6 +24,7 @@ from gateway.forces.lateral_deformation import ORDERS, deformation, lateral_wave
 from gateway.papers.measured_tires import AHEAD, SLOPES, MeasuredTire, Waveforms
 from gateway.papers.ring_data import ESTIMATORS, measured_orders
 from gateway.papers.ring_figures import STYLES, draw_orders, draw_waveform, linear_trend, relative_residual
+from gateway.ring.ring_series import signal_orders
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,7 +11,6 @@ from gateway.compare.order_statistics import OrderAccumulator, OrderStatistics
 from gateway.core.estimates.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
 from gateway.core.estimates.registry import make_estimator
 from gateway.core.estimates.revolution_block import extended
-from gateway.core.estimates.ring_series import pressure_number
 from gateway.core.estimates.weighted_mean import WeightedMean, mean_estimate
 from gateway.core.quantity_catalogue import quantity_of
 from gateway.core.revolutions.synchronous_average import RunningAverage
@@ -20,6 +19,7 @@ from gateway.core.types import FloatArray
 from gateway.forces.lateral_shape import DEFINITIONS, has_lateral, lateral_record
 from gateway.forces.ply_steer import ROLL_NAME
 from gateway.papers.ring_data import ESTIMATORS
+from gateway.ring.ring_series import pressure_number
 
 AHEAD: Final = "ahead"
 """Definition whose slope is not in the contact: the one with the trends of the ply steer paper's Figs. 14 and 15."""

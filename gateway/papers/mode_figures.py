@@ -17,7 +17,12 @@ from scipy.interpolate import CubicSpline
 from gateway.compare.order_statistics import BLOCK_REVOLUTIONS, OrderAccumulator, OrderStatistics
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
-from gateway.core.estimates.ring_series import (
+from gateway.core.revolutions.angle_resampling import GRID_SIZE, angle_grid
+from gateway.core.revolutions.order_spectrum import highest_order
+from gateway.core.ring_quantities import RING_NUMBERS
+from gateway.core.types import FloatArray
+from gateway.papers.ring_data import NOISE_MG_PER_RTHZ, RADIUS_M, RATE_HZ, fitted_orders, measured_orders, new_tire
+from gateway.ring.ring_series import (
     Kinematics,
     modal_force,
     modal_number,
@@ -25,11 +30,6 @@ from gateway.core.estimates.ring_series import (
     signal_orders,
     stiffness_terms,
 )
-from gateway.core.revolutions.angle_resampling import GRID_SIZE, angle_grid
-from gateway.core.revolutions.order_spectrum import highest_order
-from gateway.core.ring_quantities import RING_NUMBERS
-from gateway.core.types import FloatArray
-from gateway.papers.ring_data import NOISE_MG_PER_RTHZ, RADIUS_M, RATE_HZ, fitted_orders, measured_orders, new_tire
 from gateway.ring.rolling_ring import RingSolution
 
 if TYPE_CHECKING:

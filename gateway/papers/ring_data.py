@@ -14,7 +14,6 @@ from gateway.core.estimates.estimator import AngleAverage, Revolution, TireCondi
 from gateway.core.estimates.reference_tire import TABLE_3_LOAD_N, TABLE_3_NUMBERS, TABLE_3_PRESSURE_PA
 from gateway.core.estimates.registry import make_estimator
 from gateway.core.estimates.revolution_block import extended
-from gateway.core.estimates.ring_series import signal_orders
 from gateway.core.revolutions.angle_resampling import GRID_SIZE
 from gateway.core.revolutions.contact_edges import find_contact_edges
 from gateway.core.revolutions.order_spectrum import (
@@ -27,6 +26,7 @@ from gateway.core.revolutions.order_spectrum import (
 from gateway.core.revolutions.synchronous_average import RunningAverage
 from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.types import FloatArray
+from gateway.ring.ring_series import signal_orders
 from gateway.ring.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 
 RADIUS_M: Final = 0.32

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from gateway.core.estimates.ring_series import pressure_number, signal_waveform
 from gateway.core.revolutions.angle_resampling import angle_grid
 from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.types import FloatArray
@@ -38,6 +37,7 @@ from gateway.papers.trend_assumptions import (
     readings,
     trend,
 )
+from gateway.ring.ring_series import pressure_number, signal_waveform
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

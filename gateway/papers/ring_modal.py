@@ -17,8 +17,6 @@ from typing import Final
 
 import numpy as np
 
-from gateway.core.estimates.bounded_fit import BoundedFit, fit_nonnegative
-from gateway.core.estimates.contact_pressure import unit_road_orders
 from gateway.core.estimates.determination import (
     NUMBER_UNITS,
     FittedNumbers,
@@ -29,14 +27,15 @@ from gateway.core.estimates.determination import (
     unusable,
 )
 from gateway.core.estimates.estimator import AngleAverage, Estimate, Revolution, TireConditions
-from gateway.core.estimates.order_errors import band_mean, relative_std
-from gateway.core.estimates.reasons import EstimateCode
-from gateway.core.estimates.ring_series import stiffness_terms
-from gateway.core.reasons import Reason
+from gateway.core.reasons import CoreCode, Reason
 from gateway.core.revolutions.order_spectrum import ORDER_COUNT
 from gateway.core.types import BoolArray, ComplexArray, FloatArray
 from gateway.papers.reasons import PaperCode
+from gateway.ring.bounded_fit import BoundedFit, fit_nonnegative
+from gateway.ring.contact_pressure import unit_road_orders
+from gateway.ring.order_errors import band_mean, relative_std
 from gateway.ring.reasons import RingCode
+from gateway.ring.ring_series import stiffness_terms
 
 FIRST_ORDER: Final = 2
 _UNKNOWN_EDGE_STD_RAD: Final = 0.01
@@ -87,7 +86,7 @@ class RingModalEstimator:
             return self._cold(reason)
         mean = float(average.orders_mps2[0].real)
         if not mean > 0.0:
-            return self._cold(Reason(EstimateCode.NO_STEADY_VALUE))
+            return self._cold(Reason(CoreCode.NO_STEADY_VALUE))
         carried = int(np.flatnonzero(np.isfinite(average.orders_mps2))[-1])
         relative = average.orders_mps2 / mean
         std = relative_std(average.orders_std_mps2, mean, np.abs(np.nan_to_num(relative)), carried)

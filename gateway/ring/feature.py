@@ -6,7 +6,13 @@ from gateway.core.feature import Feature, Registry
 
 FEATURE: Final = Feature(
     adds={
-        Registry.QUANTITIES: {"forward": "gateway.ring.quantities:FORWARD"},
-        Registry.NUMBERS: {"forward": "gateway.ring.forward:ForwardEstimator"},
+        Registry.QUANTITIES: {
+            "weak-form": "gateway.core.ring_quantities:RING",
+            "forward": "gateway.ring.quantities:FORWARD",
+        },
+        Registry.NUMBERS: {
+            "weak-form": "gateway.ring.weak_form:WeakFormEstimator",
+            "forward": "gateway.ring.forward:ForwardEstimator",
+        },
     }
 )

@@ -9,9 +9,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.core.estimates.ring_series import signal_orders, signal_waveform
 from gateway.core.types import FloatArray
 from gateway.ring.polynomial_weights import polynomial_weights
+from gateway.ring.ring_series import signal_orders, signal_waveform
 from gateway.ring.rolling_ring import RingSolution
 from gateway.ring.rolling_ring.sensor_waveform import angle_derivatives
 from gateway.simulator.tire_model import TireModel

@@ -7,11 +7,11 @@ from pathlib import Path
 from firmware_protocol.decoder import FrameDecoder
 from gateway.core.errors import RecordingError
 from gateway.core.recording.container import McapOutput
-from gateway.core.recording.file_window import FileWindow
 from gateway.core.recording.mcap_layout import RAW_ENCODING, REPAIR_METADATA, SESSION_METADATA
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.regular_file import open_recording_file
 from gateway.core.recording.run_description import copy_notes
+from gateway.upkeep.file_window import FileWindow
 from gateway.upkeep.salvage import Salvage
 from gateway.upkeep.stitch import Losses, Stitcher
 

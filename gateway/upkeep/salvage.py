@@ -12,7 +12,6 @@ from typing import Any, Final, NamedTuple
 from mcap.opcode import Opcode
 from mcap.records import Channel, MessageIndex, Metadata
 
-from gateway.core.recording.file_window import FileWindow
 from gateway.core.recording.mcap_layout import (
     CHANNEL_METADATA,
     JSON_ENCODING,
@@ -41,6 +40,7 @@ from gateway.core.recording.mcap_records import (
     parse_small,
     walk,
 )
+from gateway.upkeep.file_window import FileWindow
 
 # A time is plausible within these limits of the last message of its channel; others are remains of deleted files.
 _MAX_STEP_BACK_NS: Final = 60 * 10**9

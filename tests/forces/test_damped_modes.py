@@ -7,10 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.core.estimates.contact_pressure import road_orders
 from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
-from gateway.core.estimates.ring_series import Kinematics, RoadForce, modal_number, modal_stiffness
-from gateway.core.estimates.ring_series import signal_orders as series_orders
 from gateway.forces.damped_modes import (
     displacement_orders,
     dynamic_stiffness,
@@ -18,6 +15,9 @@ from gateway.forces.damped_modes import (
     phase_lag,
     signal_orders,
 )
+from gateway.ring.contact_pressure import road_orders
+from gateway.ring.ring_series import Kinematics, RoadForce, modal_number, modal_stiffness
+from gateway.ring.ring_series import signal_orders as series_orders
 from gateway.ring.rolling_ring import RingParameters, solve_rolling_ring
 
 RADIUS_M, PRESSURE_PA, OMEGA = 0.32, 2.1e5, 56.4

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.core.estimates.belt_shape import MAX_ORDER, orders_about
 from gateway.core.estimates.estimator import Estimate, Status, TireConditions
 from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.revolution_block import extended
@@ -30,6 +29,8 @@ from gateway.forces.longitudinal_force import (
     LongitudinalForceEstimator,
 )
 from gateway.forces.reasons import ForceCode
+from gateway.ring.belt_shape import MAX_ORDER, orders_about
+from gateway.ring.reasons import RingCode
 from gateway.ring.rolling_ring import (
     RingParameters,
     RingSolution,
@@ -272,7 +273,7 @@ def test_force_or_torque_beyond_friction_is_provisional(monkeypatch: pytest.Monk
 def test_balance_that_does_not_carry_the_load_is_no_belt(monkeypatch: pytest.MonkeyPatch) -> None:
     result = solved_with(monkeypatch, [1.4, 0.1, 0.1, 0.01])
     assert {estimate.status for estimate in result.values()} == {Status.INVALID}
-    assert codes_of(result["longitudinal_ratio"].reasons) == (EstimateCode.NO_BELT_SHAPE,)
+    assert codes_of(result["longitudinal_ratio"].reasons) == (RingCode.NO_BELT_SHAPE,)
 
 
 def test_strong_noise_leaves_force_not_determined() -> None:
@@ -312,5 +313,5 @@ def test_no_belt_shape_is_invalid_and_not_solved_each_time(monkeypatch: pytest.M
 
     monkeypatch.setattr(longitudinal_force, "solve_asymmetric", fails)
     result = estimates(ring(60.0), revolutions=7)
-    assert codes_of(result["longitudinal_ratio"].reasons) == (EstimateCode.NO_BELT_SHAPE,)
+    assert codes_of(result["longitudinal_ratio"].reasons) == (RingCode.NO_BELT_SHAPE,)
     assert len(calls) < 11

@@ -16,8 +16,6 @@ from gateway.core.estimates.estimator import AngleAverage, Estimate, Status, Tir
 from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
 from gateway.core.estimates.revolution_block import extended
-from gateway.core.estimates.ring_series import signal_orders, signal_waveform, stiffness_terms
-from gateway.core.estimates.weak_form import WeakFormEstimator
 from gateway.core.reasons import Code, Reason, codes_of
 from gateway.core.revolutions.angle_resampling import angle_grid, fit_phase
 from gateway.core.revolutions.synchronous_average import RunningAverage
@@ -25,6 +23,8 @@ from gateway.core.ring_quantities import RING_NUMBERS, RING_RATIOS
 from gateway.papers import ring_paper
 from gateway.papers.ring_paper import RingPaperEstimator, fit_ring_numbers
 from gateway.ring.reasons import RingCode
+from gateway.ring.ring_series import signal_orders, signal_waveform, stiffness_terms
+from gateway.ring.weak_form import WeakFormEstimator
 from tests.testkit.exact_ring import PRESSURE_PA, RADIUS_M, cosine_orders, solution
 from tests.testkit.revolution_data import CONDITIONS, OMEGA, exact_wave, make_revolution, settled
 from tests.testkit.single_revolution import normalise_radial, resample_revolution

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.core.estimates.belt_shape import (
+from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
+from gateway.ring.belt_shape import (
     ANGLES_RAD,
     HALF_STEPS,
     MAX_ORDER,
@@ -16,7 +17,6 @@ from gateway.core.estimates.belt_shape import (
     integrate_from_zero,
     orders_about,
 )
-from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
 from gateway.ring.rolling_ring import RingParameters, solve_rolling_ring
 
 RADIUS_M = 0.32

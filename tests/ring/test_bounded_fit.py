@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares, nnls
 
-from gateway.core.estimates.bounded_fit import fit_nonnegative
+from gateway.ring.bounded_fit import fit_nonnegative
 
 
 @settings(max_examples=60)

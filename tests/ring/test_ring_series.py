@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
-from gateway.core.estimates.ring_series import (
+from gateway.ring.ring_series import (
     Kinematics,
     RoadForce,
     displacement_orders,

@@ -6,7 +6,7 @@ from gateway.compare.order_statistics import OrderStatistics, SpeedBin
 from gateway.core.reasons import Reason
 from gateway.core.text.numbers import shown_value, unit_symbol
 from gateway.core.text.readout import SPEED
-from gateway.core.wheels.mean_revolution import MeanRevolution
+from gateway.exporting.mean_revolution import MeanRevolution
 
 
 @dataclass(frozen=True, slots=True)

@@ -950,7 +950,7 @@ static PyObject *mounting_solutions(PyObject *self, PyObject *const *args, Py_ss
     return done(&held);
 }
 
-/* ---- Weak form: gateway/core/estimates/weak_form_rows.py ---------------------------------------------------------------- */
+/* ---- Weak form: gateway/ring/weak_form_rows.py ---------------------------------------------------------------- */
 
 /* row_sensitivity(tangent, along, axial, rotation, numbers, step, moved, out)
  *
@@ -1025,7 +1025,7 @@ static PyObject *row_sensitivity(PyObject *self, PyObject *const *args, Py_ssize
     return done(&held);
 }
 
-/* ---- Small systems: gateway/core/estimates/small_systems.py ----------------------------------------------------------- */
+/* ---- Small systems: gateway/ring/small_systems.py ----------------------------------------------------------- */
 
 /* solve_lower(factor, right, transposed, out) -> whether the factor is regular
  *

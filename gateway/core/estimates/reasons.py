@@ -26,7 +26,6 @@ class EstimateCode(Codes):
         "needs the pressure (set pressure_kpa of the tire in the vehicle file, or use a sensor that reports it)"
     )
     NO_CONTACT_EDGES = Code("no contact edges were found")
-    NO_STEADY_VALUE = Code("the radial signal has no positive mean: its steady value is missing")
     NOT_SETTLED = Code("settling: {revolutions:.0f} of {needed:.0f} revolutions")
     REVOLUTION_NOT_USED = Code("this revolution was not used: {faults}")
     SPEED_OR_RADIUS_UNKNOWN = Code("the angular speed or the belt radius is not known")
@@ -50,10 +49,6 @@ class EstimateCode(Codes):
     CORRELATED = Code("correlated {correlation:+.2f} with {number}")
     FIT_AT_ZERO = Code("not determined: the fit puts {number} at zero")
     MODEL_ERROR_SHARE = Code("{share:.0%} of the variance is model error")
-    NO_BELT_SHAPE = Code("the radial signal does not describe a belt")
-    NO_FLAT_CONTACT = Code(
-        "no flat contact at angle 0: its curvature is {curvature:.2f} of the mean, the limit {limit:.2f}"
-    )
     NOT_DETERMINED = Code("not determined: the standard error is {relative_error:times} the value")
 
     # Of distance

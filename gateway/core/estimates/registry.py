@@ -29,7 +29,6 @@ ESTIMATORS: Final[Mapping[str, str]] = {
     "kinematic": "gateway.core.estimates.kinematic:KinematicEstimator",
     "distance": "gateway.core.estimates.distance:DistanceEstimator",
     "self-calibration": "gateway.core.trust.self_calibration:SelfCalibrationEstimator",
-    "weak-form": "gateway.core.estimates.weak_form:WeakFormEstimator",
     **added(Registry.NUMBERS),
     "wear": "gateway.core.estimates.wear:WearEstimator",
     "load": "gateway.core.estimates.load:LoadEstimator",

@@ -36,7 +36,7 @@ from gateway.core.estimates.pace import is_due
 from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.revolution_block import BlockEstimator, RevolutionBlock, measured_shares
 from gateway.core.estimates.sensor_claims import HAND_MOUNTED_STD_M, Tilt
-from gateway.core.reasons import Reason
+from gateway.core.reasons import CoreCode, Reason
 from gateway.core.revolutions.axis_relations import AxisRelations, axis_relations
 from gateway.core.revolutions.contact_edges import contact_interior
 from gateway.core.revolutions.reasons import RevolutionCode
@@ -394,7 +394,7 @@ class SelfCalibrationEstimator(BlockEstimator):
         if not np.isfinite(average.radial_mps2).all():
             return Reason(RevolutionCode.AXIS_NOT_FINITE, axis=AXIS_NAMES[_RADIAL])
         if not float(average.radial_mps2.mean()) > 0.0:
-            return Reason(EstimateCode.NO_STEADY_VALUE)
+            return Reason(CoreCode.NO_STEADY_VALUE)
         if not math.isfinite(float(average.orders_std_mps2[1])):
             return Reason(TrustCode.AVERAGE_ERRORS_UNKNOWN)
         self._start_again_where_refuted(conditions)

@@ -19,7 +19,6 @@ from gateway.core.estimates.reference_tire import (
     TABLE_3_PRESSURE_PA,
     TABLE_3_RADIUS_M,
 )
-from gateway.core.estimates.ring_series import stiffness_terms
 from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.types import FloatArray
 from gateway.diagnosis.effects.effect import FIELD_SIZE, BaselineModel, GroupConditions
@@ -27,6 +26,7 @@ from gateway.diagnosis.effects.ring_options import RingOptions
 from gateway.diagnosis.model.baseline import Shape, differences, moved
 from gateway.diagnosis.model.exact_baseline import ExactCore
 from gateway.diagnosis.model.shape_derivatives import Tangents
+from gateway.ring.ring_series import stiffness_terms
 from gateway.ring.rolling_ring.sensor_waveform import SensorWaveform, waveform_orders
 
 # Table 3's tire; its stiffnesses over its load are the start of a fit at any load.

@@ -10,7 +10,6 @@ from firmware_protocol.decoder import FrameDecoder
 from gateway.core.cli.stop_signals import StopRequest, stop_request
 from gateway.core.clock import Clock
 from gateway.core.errors import LinkLostError, SourceError, TreadlinkError
-from gateway.core.links.read_ahead import ReadAheadSource
 from gateway.core.links.source import (
     DEFAULT_BAUDRATE,
     Chunk,
@@ -30,6 +29,7 @@ from gateway.core.text.wording import text
 from gateway.makers.check.clauses import CheckReport
 from gateway.makers.check.command_trial import CLAUSES, CommandTrial
 from gateway.makers.check.firmware_check import FirmwareCheck
+from gateway.makers.read_ahead import ReadAheadSource
 from gateway.makers.reasons import FirmwareCode
 from gateway.makers.views.frame_lines import FrameLines
 from gateway.security.cmac import Key

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.core.estimates import weak_form
 from gateway.core.estimates.estimator import Estimate, Revolution, Status
 from gateway.core.estimates.pace import LONGEST, differ, is_due
 from gateway.core.estimates.reasons import EstimateCode
@@ -24,6 +23,7 @@ from gateway.core.wheels import tire_estimates
 from gateway.core.wheels.reasons import WheelCode
 from gateway.core.wheels.tire_estimates import TireEstimates
 from gateway.forces import ply_steer
+from gateway.ring import weak_form
 from tests.testkit.simulated_wheel import simulated
 
 SETUP = WheelSetup("FL", 0, 0, 0.32, load_n=4200.0, pressure_pa=210e3)

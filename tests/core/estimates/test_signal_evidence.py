@@ -11,7 +11,7 @@ from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.sensor_claims import UNKNOWN_OFFSET_STD_M, SensorClaims
 from gateway.core.estimates.wheel_setup import ReferenceNumbers, TireData, WheelSetup
 from gateway.core.quantity import Basis
-from gateway.core.reasons import Code, Reason, codes_of
+from gateway.core.reasons import Code, CoreCode, Reason, codes_of
 from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.trust.reasons import TrustCode
 from gateway.core.trust.refuted_sums import Equations
@@ -292,7 +292,7 @@ def test_without_a_single_cause_rate_radius_and_gain_are_all_doubted(ratio: floa
 def test_error_of_a_number_does_not_cover_a_wrong_radius(name: str) -> None:
     """A zero-g offset, which the errors cover, is another possible cause."""
     ratios = {Basis.RADIUS: 0.93, Basis.ZERO: math.nan}
-    contradiction = Contradiction(Subject.STEADY, Reason(EstimateCode.NO_STEADY_VALUE), ratios)
+    contradiction = Contradiction(Subject.STEADY, Reason(CoreCode.NO_STEADY_VALUE), ratios)
     estimate = Estimate(name, 1.0, 0.004, Status.VALID)
     change = 0.93**-2.0 - 1.0 if name == "Bs" else 1.0 - 0.93**2.0
     assert contradiction.effect_on(estimate) == pytest.approx(change)

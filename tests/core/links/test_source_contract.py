@@ -10,9 +10,9 @@ import pytest
 
 from gateway.core.clock import ManualClock
 from gateway.core.errors import SourceError
-from gateway.core.links.read_ahead import ReadAheadSource
 from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source, open_source
 from gateway.core.recording.writer import RecordingWriter
+from gateway.makers.read_ahead import ReadAheadSource
 from tests.testkit.hub_ends import TIMEOUT_S, PtyPort, Reader, TcpHub
 
 Opened = tuple[Source, Callable[[], None]]

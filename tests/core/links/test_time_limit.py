@@ -9,9 +9,9 @@ import pytest
 from gateway.core.clock import ManualClock
 from gateway.core.errors import SourceError
 from gateway.core.links.playback import PlayedSource
-from gateway.core.links.read_ahead import ReadAheadSource
 from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind, LinkItem, open_source
 from gateway.core.links.time_limit import TimeLimitedSource, limited
+from gateway.makers.read_ahead import ReadAheadSource
 
 START_NS = 1_700_000_000_000_000_000
 

@@ -10,7 +10,7 @@ import pytest
 import treadlink
 from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.registry import ESTIMATORS
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Code, CoreCode, Reason
 from gateway.core.session.reasons import SessionCode
 from gateway.core.shown_units import ShownUnits, shown_in
 from gateway.core.text.wording import as_json, fields, joined, text
@@ -98,7 +98,7 @@ def test_no_stored_result_says_that_a_number_is_none() -> None:
 
 
 def test_a_share_is_written_as_every_percentage() -> None:
-    reason = Reason(TrustCode.MAY_CHANGE_BY, effect=0.0204, why=Reason(EstimateCode.NO_STEADY_VALUE))
+    reason = Reason(TrustCode.MAY_CHANGE_BY, effect=0.0204, why=Reason(CoreCode.NO_STEADY_VALUE))
     assert text(reason).startswith("may be wrong by 2.0 %: ")
 
 

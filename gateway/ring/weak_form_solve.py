@@ -12,11 +12,12 @@ from typing import Final, Self
 
 import numpy as np
 
-from gateway.core.estimates.belt_shape import belt_shape
-from gateway.core.estimates.bounded_fit import fit_nonnegative
 from gateway.core.estimates.determination import NUMBER_UNITS
-from gateway.core.estimates.small_systems import least_squares, solve_lower, upper_factor
-from gateway.core.estimates.weak_form_rows import (
+from gateway.core.types import BoolArray, FloatArray
+from gateway.ring.belt_shape import belt_shape
+from gateway.ring.bounded_fit import fit_nonnegative
+from gateway.ring.small_systems import least_squares, solve_lower, upper_factor
+from gateway.ring.weak_form_rows import (
     ROWS,
     SENSITIVE_ORDERS,
     UNKNOWNS,
@@ -24,7 +25,6 @@ from gateway.core.estimates.weak_form_rows import (
     balance_rows,
     row_sensitivity,
 )
-from gateway.core.types import BoolArray, FloatArray
 
 # Units of the unknowns: all are about 1 for a car tire at load number 1.
 UNITS: Final[FloatArray] = np.array([*NUMBER_UNITS, 0.18 / 0.2325, 0.08])

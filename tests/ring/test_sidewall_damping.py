@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.core.estimates.belt_shape import MAX_ORDER, orders_about
 from gateway.core.estimates.estimator import Status
 from gateway.core.estimates.reference_tire import TABLE_3_LOAD_NUMBER, TABLE_3_NUMBERS
-from gateway.core.estimates.sidewall_damping import sidewall_damping
 from gateway.core.revolutions.contact_edges import find_contact_edges
 from gateway.core.ring_quantities import RING_NUMBERS
+from gateway.ring.belt_shape import MAX_ORDER, orders_about
 from gateway.ring.rolling_ring import RingSolution, solve_rolling_ring
-from tests.core.estimates.test_weak_form import estimates_of
+from gateway.ring.sidewall_damping import sidewall_damping
+from tests.ring.test_weak_form import estimates_of
 from tests.testkit.exact_ring import BASE_RING, PRESSURE_PA, on_grid
 from tests.testkit.revolution_data import OMEGA, exact_wave
 

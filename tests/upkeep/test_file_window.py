@@ -15,14 +15,14 @@ from hypothesis import strategies as st
 
 from gateway.core.errors import RecordingError
 from gateway.core.links.source import Chunk
-from gateway.core.recording import file_window
 from gateway.core.recording.container import McapOutput
 from gateway.core.recording.file_content import read_content
-from gateway.core.recording.file_window import FileWindow
 from gateway.core.recording.reader import MEASUREMENT_SUFFIXES, RecordingReader
 from gateway.core.recording.recorded_file import open_recorded_file
 from gateway.importing.import_map import SUFFIXES
+from gateway.upkeep import file_window
 from gateway.upkeep.compact import compact_recording
+from gateway.upkeep.file_window import FileWindow
 from gateway.upkeep.repair import repair_recording
 from tests.core.recording import streams
 

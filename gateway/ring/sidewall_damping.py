@@ -22,10 +22,10 @@ from typing import Final
 
 import numpy as np
 
-from gateway.core.estimates.belt_shape import MAX_ORDER
-from gateway.core.estimates.ring_series import stiffness_terms
-from gateway.core.estimates.small_systems import upper_factor
 from gateway.core.types import ComplexArray, FloatArray
+from gateway.ring.belt_shape import MAX_ORDER
+from gateway.ring.ring_series import stiffness_terms
+from gateway.ring.small_systems import upper_factor
 
 # Orders of the fit: above them edge waves and the shape of the contact pressure decide the phases.
 _FIRST: Final = 2

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from gateway.core.revolutions.order_spectrum import order_coefficients
-from gateway.core.wheels.mean_revolution import MeanOfRevolutions
+from gateway.exporting.mean_revolution import MeanOfRevolutions
 
 N = 256
 

@@ -17,8 +17,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gateway.core.estimates.contact_pressure import road_orders
 from gateway.core.types import FloatArray
+from gateway.ring.contact_pressure import road_orders
 
 
 class Kinematics(StrEnum):

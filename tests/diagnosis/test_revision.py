@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.core.revision import commit_of_checkout
+from gateway.diagnosis.revision import commit_of_checkout
 
 COMMIT = "0123456789abcdef0123456789abcdef01234567"
 

@@ -9,17 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.core.estimates.belt_shape import MAX_ORDER, curvature_orders, orders_about
-from gateway.core.estimates.contact_pressure import road_orders
 from gateway.core.estimates.estimator import Estimate, Status, TireConditions
-from gateway.core.estimates.order_errors import relative_std, wave_std
 from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
 from gateway.core.estimates.revolution_block import extended
-from gateway.core.estimates.weak_form import WaveformFits, WeakFormEstimator
-from gateway.core.estimates.weak_form import fits_of as fits_of_solution
-from gateway.core.estimates.weak_form_rows import motion_begin
-from gateway.core.estimates.weak_form_solve import solve_balance
 from gateway.core.reasons import codes_of
 from gateway.core.revolutions.angle_resampling import angle_grid
 from gateway.core.revolutions.synchronous_average import RunningAverage
@@ -27,8 +20,15 @@ from gateway.forces.damped_modes import signal_orders
 from gateway.papers.reasons import PaperCode
 from gateway.papers.ring_modal import RingModalEstimator, fit_modal
 from gateway.papers.ring_paper import RingPaperEstimator
+from gateway.ring.belt_shape import MAX_ORDER, curvature_orders, orders_about
+from gateway.ring.contact_pressure import road_orders
+from gateway.ring.order_errors import relative_std, wave_std
 from gateway.ring.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.ring.tread_pattern import EdgeWaves
+from gateway.ring.weak_form import WaveformFits, WeakFormEstimator
+from gateway.ring.weak_form import fits_of as fits_of_solution
+from gateway.ring.weak_form_rows import motion_begin
+from gateway.ring.weak_form_solve import solve_balance
 from tests.testkit.exact_ring import BASE_RING, PRESSURE_PA, RADIUS_M, omega_at, on_grid, solution
 from tests.testkit.revolution_data import CONDITIONS, OMEGA, exact_wave, make_revolution, settled
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.core.estimates.covariance import covariance, scatter_correlation
+from gateway.api.covariance import covariance, scatter_correlation
 from gateway.core.estimates.determination import FittedNumbers, number_estimates
 from gateway.core.estimates.disagreement import CONTRADICTION, disagreement_std
 from gateway.core.estimates.estimator import Estimate, Status, TireConditions

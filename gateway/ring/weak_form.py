@@ -13,12 +13,6 @@ from typing import Final
 import numpy as np
 
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
-from gateway.core.estimates.belt_shape import (
-    MAX_ORDER,
-    curvature_orders,
-    gravity_orders,
-    orders_about,
-)
 from gateway.core.estimates.determination import (
     FittedSeries,
     all_invalid,
@@ -28,17 +22,23 @@ from gateway.core.estimates.determination import (
     unusable,
 )
 from gateway.core.estimates.estimator import Estimate
-from gateway.core.estimates.order_errors import QUARTER_TURN, by_band, relative_std, wave_std
 from gateway.core.estimates.pace import LONGEST, SHARE_OF_STD, differ, is_due
-from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.revolution_block import BlockEstimator, ConditionArrays, RevolutionBlock
-from gateway.core.estimates.sidewall_damping import SidewallDamping, sidewall_damping
-from gateway.core.estimates.weak_form_rows import ROWS, motion_begin
-from gateway.core.estimates.weak_form_solve import FREEDOM, WeakFormSolution, solve_balance
-from gateway.core.reasons import Reason
+from gateway.core.reasons import CoreCode, Reason
 from gateway.core.revolutions.order_spectrum import ORDER_COUNT
 from gateway.core.revolutions.sensor_mounting import HUB_ORDER
 from gateway.core.types import BoolArray, ComplexArray, FloatArray
+from gateway.ring.belt_shape import (
+    MAX_ORDER,
+    curvature_orders,
+    gravity_orders,
+    orders_about,
+)
+from gateway.ring.order_errors import QUARTER_TURN, by_band, relative_std, wave_std
+from gateway.ring.reasons import RingCode
+from gateway.ring.sidewall_damping import SidewallDamping, sidewall_damping
+from gateway.ring.weak_form_rows import ROWS, motion_begin
+from gateway.ring.weak_form_solve import FREEDOM, WeakFormSolution, solve_balance
 
 # The solution of the first revolution is the start of the next, so it need not converge on the noise.
 _COLD_PASSES: Final = 2
@@ -265,9 +265,9 @@ class WeakFormEstimator(BlockEstimator):
         plain, orders = sides[:1], sides[3:]
         by_offset_step = (sides[2] - sides[1])[:ORDER_COUNT] / (2.0 * _OFFSET_STEP)
         if not np.isfinite(plain).all():
-            return Reason(EstimateCode.NO_STEADY_VALUE)
+            return Reason(CoreCode.NO_STEADY_VALUE)
         if (curvature := float(plain[0].sum())) > _MAX_CONTACT_CURVATURE:
-            return Reason(EstimateCode.NO_FLAT_CONTACT, curvature=curvature, limit=_MAX_CONTACT_CURVATURE)
+            return Reason(RingCode.NO_FLAT_CONTACT, curvature=curvature, limit=_MAX_CONTACT_CURVATURE)
         noise_std = relative_std(average.orders_std_mps2, mean, plain[0], max_order)
         waves = wave_std(signal, noise_std, max_order)
         std = np.hypot(noise_std, waves)[np.newaxis]
@@ -288,9 +288,9 @@ class WeakFormEstimator(BlockEstimator):
                         break
                     followed, solution = numbers, solve_balance(orders, begin, std, solution, 1)
         except np.linalg.LinAlgError:
-            return Reason(EstimateCode.NO_BELT_SHAPE)
+            return Reason(RingCode.NO_BELT_SHAPE)
         if not (np.isfinite(solution.unknowns).all() and np.isfinite(solution.correction).all()):
-            return Reason(EstimateCode.NO_BELT_SHAPE)
+            return Reason(RingCode.NO_BELT_SHAPE)
         self._warm = solution
         systematic = [np.diag(waves)] if damping is None else [np.diag(waves), _damping_errors(damping, mean)]
         fits = fits_of(solution, noise_std[np.newaxis], np.concatenate(systematic))

@@ -23,7 +23,9 @@ from typing import Final, NamedTuple, TypeVar
 import numpy as np
 
 from gateway.core.compiled import core
-from gateway.core.estimates.belt_shape import (
+from gateway.core.revolutions.order_spectrum import ORDER_COUNT
+from gateway.core.types import ComplexArray, FloatArray
+from gateway.ring.belt_shape import (
     ALONG,
     ANGLES_RAD,
     COSINES,
@@ -34,8 +36,6 @@ from gateway.core.estimates.belt_shape import (
     BeltShape,
     integrate_from_zero,
 )
-from gateway.core.revolutions.order_spectrum import ORDER_COUNT
-from gateway.core.types import ComplexArray, FloatArray
 
 # Virtual rotations sin(j pi (theta - theta_c) / (pi - theta_c)), j = 1 to ROWS: orders up to about 35. The numbers need
 # two thirds of them; the others show waves that are not the belt's shape, of order 30 on real tires.
