@@ -21,7 +21,6 @@ from bench_ring_paper import BASE, OMEGA, ORDERS, RADIUS_M, revolution_of, sampl
 from scipy.optimize import least_squares
 
 from gateway.core.estimates.estimator import AngleAverage, Estimator, Revolution, TireConditions
-from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
 from gateway.core.estimates.registry import DEFAULT_ESTIMATORS, ESTIMATORS, make_estimator
 from gateway.core.estimates.revolution_block import extended
 from gateway.core.estimates.tire_data import ReferenceNumbers, TireData
@@ -30,6 +29,7 @@ from gateway.core.revolutions.contact_edges import find_contact_edges
 from gateway.core.revolutions.order_spectrum import ORDER_COUNT, order_coefficients
 from gateway.core.revolutions.speed_normalisation import normalise_revolutions
 from gateway.core.revolutions.synchronous_average import RunningAverage
+from gateway.ring.reference_tire import TABLE_3_NUMBERS
 from gateway.ring.ring_series import stiffness_terms
 from gateway.ring.rolling_ring import solve_rolling_ring
 

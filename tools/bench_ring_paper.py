@@ -13,7 +13,6 @@ from scipy.interpolate import CubicSpline
 
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.estimates.estimator import Revolution, TireConditions
-from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
 from gateway.core.estimates.revolution_block import extended
 from gateway.core.revolutions import contact_edges as contact
 from gateway.core.revolutions.angle_resampling import GRID_SIZE, fit_phase, resample_revolutions
@@ -24,6 +23,7 @@ from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.types import FloatArray
 from gateway.papers.ring_data import waveform_revolution
 from gateway.papers.ring_paper import RingPaperEstimator, fit_ring_numbers
+from gateway.ring.reference_tire import TABLE_3_NUMBERS
 from gateway.ring.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 
 RADIUS_M, SPEED_KMH, RATE_HZ = 0.32, 65.0, 9600.0

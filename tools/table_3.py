@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import brentq, least_squares
 
-from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
 from gateway.core.types import FloatArray
 from gateway.forces.lateral_belt import ring_tension
+from gateway.ring.reference_tire import TABLE_3_NUMBERS
 from gateway.ring.ring_series import Kinematics, RoadForce, signal_orders
 from gateway.ring.rolling_ring import RingNumbers, RingParameters, RingSolution, solve_rolling_ring
 from tools.bench_ring_paper import BASE, OMEGA, RADIUS_M, ratio_with_truth_given

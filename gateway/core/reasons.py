@@ -144,6 +144,12 @@ class CoreCode(Codes):
 
     NO_STEADY_VALUE = Code("the radial signal has no positive mean: its steady value is missing")
 
+    # Of what is estimated
+    CORRELATED = Code("correlated {correlation:+.2f} with {number}")
+    MODEL_ERROR_SHARE = Code("{share:.0%} of the variance is model error")
+    NOT_DETERMINED = Code("not determined: the standard error is {relative_error:times} the value")
+    NOT_SETTLED = Code("settling: {revolutions:.0f} of {needed:.0f} revolutions")
+
     # Revolutions that do not come
     NO_REVOLUTION = Code("no revolution in {duration_s:.1f s} of samples: {why}")
     SAMPLES_WITHOUT_HELLO = Code(

@@ -10,7 +10,6 @@ from typing import Final
 
 import numpy as np
 
-from gateway.core.estimates.determination import NUMBER_UNITS
 from gateway.core.revolutions.order_spectrum import ORDER_COUNT
 from gateway.core.types import FloatArray
 from gateway.forces.asymmetric_belt import AsymmetricShape, asymmetric_shape, level_part
@@ -25,6 +24,7 @@ from gateway.forces.asymmetric_rows import (
     row_sensitivity,
 )
 from gateway.ring.belt_shape import MAX_ORDER
+from gateway.ring.determination import NUMBER_UNITS
 from gateway.ring.order_errors import BANDS
 
 # Places of the orders that are corrected, 2 to 60, cosines then sines. Order 1 is the closure's.

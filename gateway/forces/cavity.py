@@ -11,8 +11,7 @@ import math
 from typing import Final
 
 from gateway.core.constants import ZERO_CELSIUS_K
-from gateway.core.estimates.determination import DETERMINED
-from gateway.core.estimates.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
+from gateway.core.estimates.estimator import DETERMINED, AngleAverage, Estimate, Revolution, Status, TireConditions
 from gateway.core.reasons import Reason
 from gateway.forces.nonsynchronous import wheel_order
 from gateway.forces.nonsynchronous_spectrum import spectral_lines

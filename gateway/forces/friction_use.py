@@ -14,8 +14,8 @@ from typing import Final
 
 import numpy as np
 
-from gateway.core.estimates.determination import DETERMINED
 from gateway.core.estimates.estimator import (
+    DETERMINED,
     Estimate,
     Status,
     TireConditions,

@@ -11,9 +11,16 @@ from typing import Final
 
 import numpy as np
 
-from gateway.core.estimates.determination import DETERMINED, doubt_about, positive, unusable
 from gateway.core.estimates.disagreement import CONTRADICTION
-from gateway.core.estimates.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
+from gateway.core.estimates.estimator import (
+    DETERMINED,
+    AngleAverage,
+    Estimate,
+    Revolution,
+    Status,
+    TireConditions,
+    not_used,
+)
 from gateway.core.estimates.pace import LONGEST, is_due
 from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.revolution_block import RevolutionBlock, RevolutionEstimator
@@ -35,6 +42,7 @@ from gateway.forces.asymmetric_solve import (
 from gateway.forces.lateral_shape import CIRCUMFERENTIAL, LATERAL
 from gateway.forces.reasons import ForceCode
 from gateway.ring.belt_shape import MAX_ORDER, orders_about
+from gateway.ring.determination import doubt_about, positive, unusable
 from gateway.ring.order_errors import relative_std, wave_std
 from gateway.ring.reasons import RingCode
 
@@ -297,7 +305,7 @@ class LongitudinalForceEstimator(RevolutionEstimator):
         losses = self._losses(doubts)
         load = conditions.load_n
         if load is None or not positive(load):
-            needs = Reason(EstimateCode.NEEDS_LOAD)
+            needs = Reason(RingCode.NEEDS_LOAD)
             return (Estimate.invalid(NAMES[0], needs), Estimate.invalid(NAMES[1], needs), ratio, *losses)
         relative = conditions.load_std_n / load
         lever = load * conditions.radius_m
@@ -333,7 +341,7 @@ class LongitudinalForceEstimator(RevolutionEstimator):
         resistance, std = _resistance(forces, covariance, tilt)
         scatter = self._tire.scatter
         rolling = _positive(NAMES[3], resistance, std, _root(float(_RESISTANCE @ scatter @ _RESISTANCE)), doubts)
-        undetermined = next((reason for reason in rolling.reasons if reason.code is EstimateCode.NOT_DETERMINED), None)
+        undetermined = next((reason for reason in rolling.reasons if reason.code is CoreCode.NOT_DETERMINED), None)
         return (
             # A difference of numbers some hundred times as large: below three errors it may be the road's direction.
             rolling if undetermined is None else Estimate.invalid(NAMES[3], undetermined),
@@ -419,7 +427,7 @@ def _positive(name: str, value: float, std: float, scatter_std: float, doubts: t
     if not (math.isfinite(value) and math.isfinite(std)):
         return Estimate.invalid(name, Reason(TrustCode.NOT_FINITE))
     if not value > DETERMINED * std:
-        doubts = (*doubts, Reason(EstimateCode.NOT_DETERMINED, relative_error=abs(std / value) if value else math.inf))
+        doubts = (*doubts, Reason(CoreCode.NOT_DETERMINED, relative_error=abs(std / value) if value else math.inf))
     return Estimate(name, value, std, Status.PROVISIONAL if doubts else Status.VALID, doubts, scatter_std)
 
 

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
-from gateway.core.estimates.determination import SETTLED_REVOLUTIONS
 from gateway.core.estimates.disagreement import disagreement_std
 from gateway.core.estimates.estimator import (
+    SETTLED_REVOLUTIONS,
     Estimate,
     Revolution,
     Status,
@@ -27,10 +27,9 @@ from gateway.core.estimates.estimator import (
     sign_not_determined,
 )
 from gateway.core.estimates.pace import LONGEST, SHARE_OF_STD, differ, is_due
-from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.revolution_block import BlockEstimator, RevolutionBlock
 from gateway.core.estimates.sensor_claims import SensorClaims
-from gateway.core.reasons import Reason
+from gateway.core.reasons import CoreCode, Reason
 from gateway.core.revolutions.sensor_mounting import MOUNTING_STD_RAD, OFFSET_STD_MPS2, RollCalibration
 from gateway.core.trust.reasons import TrustCode
 from gateway.core.types import BoolArray, FloatArray
@@ -48,6 +47,7 @@ from gateway.forces.lateral_shape import (
     slopes,
 )
 from gateway.forces.reasons import ForceCode
+from gateway.ring.reasons import RingCode
 
 NAMES: Final = tuple(f"ply_steer_{definition}_rad" for definition in DEFINITIONS)
 LINE_NAME: Final = "ply_steer_contact_line_rad"
@@ -430,9 +430,9 @@ def _doubt(followed: _Followed, claims: SensorClaims) -> Reason | None:
     """Return why the angle is provisional; None when it is not."""
     roll = followed.roll
     if followed.effective_count < SETTLED_REVOLUTIONS:
-        return Reason(EstimateCode.NOT_SETTLED, revolutions=followed.effective_count, needed=SETTLED_REVOLUTIONS)
+        return Reason(CoreCode.NOT_SETTLED, revolutions=followed.effective_count, needed=SETTLED_REVOLUTIONS)
     if followed.order_max < ENOUGH_ORDERS:
-        return Reason(EstimateCode.TOO_FEW_ORDERS, orders=followed.order_max, needed=ENOUGH_ORDERS)
+        return Reason(RingCode.TOO_FEW_ORDERS, orders=followed.order_max, needed=ENOUGH_ORDERS)
     if not roll.count:
         return Reason(ForceCode.ROLL_NOT_CALIBRATED, assumed_rad=MOUNTING_STD_RAD)
     if not _zero_is_measured(roll, claims):
@@ -526,7 +526,7 @@ def _doubted(name: str, value: float, std: float, notes: tuple[Reason, ...], dou
     if doubt is None and name == CONICITY_NAME:
         doubt = _NOT_SEPARATED
     elif doubt is None:
-        doubt = Reason(EstimateCode.NOT_DETERMINED, relative_error=std / abs(value) if value else math.inf)
+        doubt = Reason(CoreCode.NOT_DETERMINED, relative_error=std / abs(value) if value else math.inf)
     return Estimate(name, value, std, Status.PROVISIONAL, (*notes, doubt))
 
 
@@ -577,7 +577,7 @@ def _roll_estimate(roll: Roll, conditions: TireConditions, unusable: Reason | No
     doubt = unusable
     if doubt is None and roll.count < SETTLED_REVOLUTIONS:
         # A zero that is not as stated, or another axis, takes as many to show.
-        doubt = Reason(EstimateCode.NOT_SETTLED, revolutions=roll.count, needed=SETTLED_REVOLUTIONS)
+        doubt = Reason(CoreCode.NOT_SETTLED, revolutions=roll.count, needed=SETTLED_REVOLUTIONS)
     elif doubt is None and stated is None and not _zero_is_measured(roll, claims):
         doubt = _unlikely_roll(roll, claims)
     elif doubt is None and stated is not None and _differs_from_roll(roll, claims, stated):

@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
-from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
 from gateway.core.types import FloatArray
+from gateway.ring.reference_tire import TABLE_3_NUMBERS
 from gateway.ring.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 
 # Ply steer paper, Table I (400 kg) and Table II (2.1 bar), 205/55R16; their common point is listed once.

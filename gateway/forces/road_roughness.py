@@ -25,10 +25,18 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
-from gateway.core.estimates.determination import DETERMINED, SETTLED_REVOLUTIONS
-from gateway.core.estimates.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
+from gateway.core.estimates.estimator import (
+    DETERMINED,
+    SETTLED_REVOLUTIONS,
+    AngleAverage,
+    Estimate,
+    Revolution,
+    Status,
+    TireConditions,
+    not_used,
+)
 from gateway.core.estimates.reasons import EstimateCode
-from gateway.core.reasons import Reason
+from gateway.core.reasons import CoreCode, Reason
 from gateway.core.revolutions.angle_resampling import angle_grid
 from gateway.core.trust.reasons import TrustCode
 from gateway.core.types import ComplexArray, FloatArray
@@ -210,7 +218,7 @@ def _crossings(
     if speed_mps < _SLOWEST_MPS:
         return None, Reason(ForceCode.TOO_SLOW_FOR_ROAD, limit_mps=_SLOWEST_MPS)
     if average.effective_count < SETTLED_REVOLUTIONS:
-        return None, Reason(EstimateCode.NOT_SETTLED, revolutions=average.effective_count, needed=SETTLED_REVOLUTIONS)
+        return None, Reason(CoreCode.NOT_SETTLED, revolutions=average.effective_count, needed=SETTLED_REVOLUTIONS)
     n = len(average.radial_mps2)
     angles = angle_grid(n)
     inside = (angles > _PLATEAU_SHARE * average.leading_edge_rad) & (

@@ -5,10 +5,9 @@ from typing import Final
 
 import numpy as np
 
-from gateway.core.estimates.determination import SETTLED_REVOLUTIONS
-from gateway.core.estimates.estimator import AngleAverage, Revolution, not_used
+from gateway.core.estimates.estimator import SETTLED_REVOLUTIONS, AngleAverage, Revolution, not_used
 from gateway.core.estimates.reasons import EstimateCode
-from gateway.core.reasons import Reason
+from gateway.core.reasons import CoreCode, Reason
 from gateway.core.revolutions.angle_resampling import angle_grid
 from gateway.core.revolutions.reasons import RevolutionCode
 from gateway.core.revolutions.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS
@@ -108,7 +107,7 @@ def _unusable(revolution: Revolution, average: AngleAverage) -> Reason | None:
         # Its gaps are filled with the shape of other revolutions, which differs from the average by nothing of its own.
         return not_used((Reason(EstimateCode.SAMPLES_LOST),))
     if average.effective_count < SETTLED_REVOLUTIONS:
-        return Reason(EstimateCode.NOT_SETTLED, revolutions=average.effective_count, needed=SETTLED_REVOLUTIONS)
+        return Reason(CoreCode.NOT_SETTLED, revolutions=average.effective_count, needed=SETTLED_REVOLUTIONS)
     if not np.isfinite(revolution.radial_mps2 - average.radial_mps2).all():
         return Reason(RevolutionCode.AXIS_NOT_FINITE, axis="radial")
     return None

@@ -10,10 +10,8 @@ from typing import Final
 
 import numpy as np
 
-from gateway.core.estimates.determination import DETERMINED, SETTLED_REVOLUTIONS
-from gateway.core.estimates.estimator import Estimate, Status, TireConditions
-from gateway.core.estimates.reasons import EstimateCode
-from gateway.core.reasons import Reason
+from gateway.core.estimates.estimator import DETERMINED, SETTLED_REVOLUTIONS, Estimate, Status, TireConditions
+from gateway.core.reasons import CoreCode, Reason
 from gateway.core.trust.reasons import TrustCode
 from gateway.core.types import FloatArray
 from gateway.forces.free_belt import displacement_rows
@@ -74,7 +72,7 @@ class SideForceEstimator(LateralEstimator):
         count = steps.effective_counts[row]
         doubts: tuple[Reason, ...] = ()
         if count < SETTLED_REVOLUTIONS * (1.0 - 1e-9):
-            doubts = (Reason(EstimateCode.NOT_SETTLED, revolutions=count, needed=SETTLED_REVOLUTIONS),)
+            doubts = (Reason(CoreCode.NOT_SETTLED, revolutions=count, needed=SETTLED_REVOLUTIONS),)
         return (
             _plain(NAMES[0], shift, shift_std, scatters[0], doubts),
             _plain(NAMES[1], yaw, yaw_std, scatters[1], doubts),

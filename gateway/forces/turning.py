@@ -4,10 +4,16 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
-from gateway.core.estimates.determination import DETERMINED, SETTLED_REVOLUTIONS
-from gateway.core.estimates.estimator import Estimate, Status, TireConditions, sign_not_determined
+from gateway.core.estimates.estimator import (
+    DETERMINED,
+    SETTLED_REVOLUTIONS,
+    Estimate,
+    Status,
+    TireConditions,
+    sign_not_determined,
+)
 from gateway.core.estimates.reasons import EstimateCode
-from gateway.core.reasons import Reason
+from gateway.core.reasons import CoreCode, Reason
 from gateway.forces.lateral_shape import LateralEstimator, LateralSteps
 from gateway.forces.reasons import ForceCode
 
@@ -46,7 +52,7 @@ class TurningEstimator(LateralEstimator):
             return tuple(Estimate.invalid(name, Reason(EstimateCode.NO_CONTACT_EDGES)) for name in NAMES)
         doubts: tuple[Reason, ...] = ()
         if count < SETTLED_REVOLUTIONS * (1.0 - 1e-9):
-            doubts = (Reason(EstimateCode.NOT_SETTLED, revolutions=count, needed=SETTLED_REVOLUTIONS),)
+            doubts = (Reason(CoreCode.NOT_SETTLED, revolutions=count, needed=SETTLED_REVOLUTIONS),)
         status = Status.PROVISIONAL if doubts else Status.VALID
         turned, turn_doubts = status, doubts
         if not doubts and turn.changes < _LEAST_CHANGES:

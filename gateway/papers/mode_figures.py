@@ -16,12 +16,12 @@ from scipy.interpolate import CubicSpline
 
 from gateway.compare.order_statistics import BLOCK_REVOLUTIONS, OrderAccumulator, OrderStatistics
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
-from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
 from gateway.core.revolutions.angle_resampling import GRID_SIZE, angle_grid
 from gateway.core.revolutions.order_spectrum import highest_order
 from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.types import FloatArray
 from gateway.papers.ring_data import NOISE_MG_PER_RTHZ, RADIUS_M, RATE_HZ, fitted_orders, measured_orders, new_tire
+from gateway.ring.reference_tire import TABLE_3_NUMBERS
 from gateway.ring.ring_series import (
     Kinematics,
     modal_force,

@@ -11,7 +11,6 @@ import numpy as np
 
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.estimates.estimator import AngleAverage, Revolution, TireConditions
-from gateway.core.estimates.reference_tire import TABLE_3_LOAD_N, TABLE_3_NUMBERS, TABLE_3_PRESSURE_PA
 from gateway.core.estimates.registry import make_estimator
 from gateway.core.estimates.revolution_block import extended
 from gateway.core.revolutions.angle_resampling import GRID_SIZE
@@ -26,6 +25,7 @@ from gateway.core.revolutions.order_spectrum import (
 from gateway.core.revolutions.synchronous_average import RunningAverage
 from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.types import FloatArray
+from gateway.ring.reference_tire import TABLE_3_LOAD_N, TABLE_3_NUMBERS, TABLE_3_PRESSURE_PA
 from gateway.ring.ring_series import signal_orders
 from gateway.ring.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 

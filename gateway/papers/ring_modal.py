@@ -17,7 +17,14 @@ from typing import Final
 
 import numpy as np
 
-from gateway.core.estimates.determination import (
+from gateway.core.estimates.estimator import AngleAverage, Estimate, Revolution, TireConditions
+from gateway.core.reasons import CoreCode, Reason
+from gateway.core.revolutions.order_spectrum import ORDER_COUNT
+from gateway.core.types import BoolArray, ComplexArray, FloatArray
+from gateway.papers.reasons import PaperCode
+from gateway.ring.bounded_fit import BoundedFit, fit_nonnegative
+from gateway.ring.contact_pressure import unit_road_orders
+from gateway.ring.determination import (
     NUMBER_UNITS,
     FittedNumbers,
     all_invalid,
@@ -26,13 +33,6 @@ from gateway.core.estimates.determination import (
     number_estimates,
     unusable,
 )
-from gateway.core.estimates.estimator import AngleAverage, Estimate, Revolution, TireConditions
-from gateway.core.reasons import CoreCode, Reason
-from gateway.core.revolutions.order_spectrum import ORDER_COUNT
-from gateway.core.types import BoolArray, ComplexArray, FloatArray
-from gateway.papers.reasons import PaperCode
-from gateway.ring.bounded_fit import BoundedFit, fit_nonnegative
-from gateway.ring.contact_pressure import unit_road_orders
 from gateway.ring.order_errors import band_mean, relative_std
 from gateway.ring.reasons import RingCode
 from gateway.ring.ring_series import stiffness_terms

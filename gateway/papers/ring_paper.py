@@ -12,21 +12,14 @@ from typing import Final
 
 import numpy as np
 
-from gateway.core.estimates.determination import (
-    FittedNumbers,
-    all_invalid,
-    doubt_about,
-    load_number,
-    number_estimates,
-    unusable,
-)
 from gateway.core.estimates.estimator import AngleAverage, Estimate, Revolution, TireConditions
-from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
 from gateway.core.reasons import Reason
 from gateway.core.types import BoolArray, FloatArray
 from gateway.papers.reasons import PaperCode
 from gateway.ring.bounded_fit import BoundedFit, Model, fit_nonnegative
+from gateway.ring.determination import FittedNumbers, all_invalid, doubt_about, load_number, number_estimates, unusable
 from gateway.ring.reasons import RingCode
+from gateway.ring.reference_tire import TABLE_3_NUMBERS
 from gateway.ring.ring_series import stiffness_terms
 
 # Residual, as a share of the signal, above which the ring is rejected: 0.06 on the exact ring, 0.24 on the measured

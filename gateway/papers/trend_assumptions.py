@@ -16,7 +16,6 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gateway.core.estimates.estimator import TireConditions
-from gateway.core.estimates.reference_tire import TABLE_3_LOAD_N, TABLE_3_PRESSURE_PA
 from gateway.core.estimates.registry import make_estimator
 from gateway.core.revolutions.contact_edges import contact_levels, smoothing_order
 from gateway.core.revolutions.order_spectrum import ORDER_COUNT
@@ -24,6 +23,7 @@ from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.types import FloatArray
 from gateway.papers.ring_data import LOADS_N, OMEGA_RADPS, PRESSURES_PA, RADIUS_M, paper_ring, quiet_average
 from gateway.papers.ring_paper import fit_ring_numbers
+from gateway.ring.reference_tire import TABLE_3_LOAD_N, TABLE_3_PRESSURE_PA
 from gateway.ring.ring_series import pressure_number
 from gateway.ring.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.ring.rolling_ring.sensor_waveform import waveform_orders

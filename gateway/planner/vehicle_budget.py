@@ -9,13 +9,13 @@ from typing import Any, Final
 from gateway.core.config.toml_writer import toml_text
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.errors import TreadlinkError
-from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
 from gateway.core.estimates.wheel_setup import WheelSetup
 from gateway.core.quantity_catalogue import CATALOGUE
 from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.planner.accelerometer import Accelerometer
 from gateway.planner.planned_errors import ESTIMATORS, driven
 from gateway.planner.uncertainty_budget import REVOLUTIONS, Budget, budgets
+from gateway.ring.reference_tire import TABLE_3_NUMBERS
 from gateway.ring.rolling_ring import RingNotConvergedError
 from gateway.simulator.scenario import parse_scenario
 

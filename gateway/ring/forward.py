@@ -12,17 +12,9 @@ from typing import Final
 
 import numpy as np
 
-from gateway.core.estimates.determination import (
-    FittedNumbers,
-    all_invalid,
-    doubt_about,
-    load_number,
-    number_estimates,
-    unusable,
-)
 from gateway.core.estimates.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
-from gateway.core.estimates.reasons import EstimateCode
-from gateway.core.reasons import Reason
+from gateway.core.reasons import CoreCode, Reason
+from gateway.ring.determination import FittedNumbers, all_invalid, doubt_about, load_number, number_estimates, unusable
 from gateway.ring.forward_fit import ForwardFit, fit_forward
 from gateway.ring.forward_model import ForwardModel, P
 from gateway.ring.reasons import RingCode
@@ -126,7 +118,7 @@ def _with_shear_doubt(estimate: Estimate, fit: ForwardFit) -> Estimate:
     covariance = fit.noise + fit.model
     correlation = covariance[P.BS, P.SHEAR] / math.sqrt(covariance[P.BS, P.BS] * covariance[P.SHEAR, P.SHEAR])
     if abs(correlation) < _INSEPARABLE or not any(
-        reason.code is EstimateCode.NOT_DETERMINED for reason in estimate.reasons
+        reason.code is CoreCode.NOT_DETERMINED for reason in estimate.reasons
     ):
         return estimate
     alike = Reason(RingCode.BENDING_LIKE_SHEAR, correlation=float(correlation))

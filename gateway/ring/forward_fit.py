@@ -11,9 +11,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gateway.core.estimates.reference_tire import TABLE_3_LOAD_NUMBER
 from gateway.core.types import BoolArray, ComplexArray, FloatArray
 from gateway.ring.forward_model import PRIOR_MEAN, PRIOR_STD, SIZE, ForwardModel, ForwardSolution, P, stacked
+from gateway.ring.reference_tire import TABLE_3_LOAD_NUMBER
 from gateway.ring.rolling_ring import RingNotConvergedError
 
 # Largest change of a parameter in one step, in these units.

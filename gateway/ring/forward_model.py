@@ -21,8 +21,8 @@ from typing import Final, NamedTuple, Self
 
 import numpy as np
 
-from gateway.core.estimates.reference_tire import TABLE_3_LOAD_N, TABLE_3_NUMBERS, TABLE_3_PRESSURE_PA, TABLE_3_RADIUS_M
 from gateway.core.types import ComplexArray, FloatArray
+from gateway.ring.reference_tire import TABLE_3_LOAD_N, TABLE_3_NUMBERS, TABLE_3_PRESSURE_PA, TABLE_3_RADIUS_M
 from gateway.ring.rolling_ring import RingParameters, RingSolution, RingTangent, solve_rolling_ring
 from gateway.ring.rolling_ring.sensor_waveform import waveform_orders
 

@@ -13,14 +13,6 @@ from typing import Final
 import numpy as np
 
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
-from gateway.core.estimates.determination import (
-    FittedSeries,
-    all_invalid,
-    doubt_about,
-    load_number,
-    series_estimates,
-    unusable,
-)
 from gateway.core.estimates.estimator import Estimate
 from gateway.core.estimates.pace import LONGEST, SHARE_OF_STD, differ, is_due
 from gateway.core.estimates.revolution_block import BlockEstimator, ConditionArrays, RevolutionBlock
@@ -34,6 +26,7 @@ from gateway.ring.belt_shape import (
     gravity_orders,
     orders_about,
 )
+from gateway.ring.determination import FittedSeries, all_invalid, doubt_about, load_number, series_estimates, unusable
 from gateway.ring.order_errors import QUARTER_TURN, by_band, relative_std, wave_std
 from gateway.ring.reasons import RingCode
 from gateway.ring.sidewall_damping import SidewallDamping, sidewall_damping

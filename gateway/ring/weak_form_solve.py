@@ -12,10 +12,10 @@ from typing import Final, Self
 
 import numpy as np
 
-from gateway.core.estimates.determination import NUMBER_UNITS
 from gateway.core.types import BoolArray, FloatArray
 from gateway.ring.belt_shape import belt_shape
 from gateway.ring.bounded_fit import fit_nonnegative
+from gateway.ring.determination import NUMBER_UNITS
 from gateway.ring.small_systems import least_squares, solve_lower, upper_factor
 from gateway.ring.weak_form_rows import (
     ROWS,

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from gateway.api.covariance import covariance, scatter_correlation
-from gateway.core.estimates.determination import FittedNumbers, number_estimates
 from gateway.core.estimates.disagreement import CONTRADICTION, disagreement_std
 from gateway.core.estimates.estimator import Estimate, Status, TireConditions
 from gateway.core.estimates.reasons import EstimateCode
@@ -20,6 +19,7 @@ from gateway.core.reasons import codes_of
 from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.text.result_columns import result_columns, values_of
 from gateway.core.trust.qualification import OwnDrift
+from gateway.ring.determination import FittedNumbers, number_estimates
 from tests.testkit.simulated_wheel import simulated
 
 NEW = TireData(0.015, reference=ReferenceNumbers(3.08e-3, 0.195, 2.97, 2.53, pressure_pa=210e3, temperature_degc=25.0))

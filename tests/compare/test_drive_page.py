@@ -21,9 +21,10 @@ from gateway.core.reasons import Notice, Reason
 from gateway.core.recording.mcap_layout import JSON_ENCODING, MARKS_TOPIC, ChannelInfo, RecordedMessage
 from gateway.core.session.alarms import AlarmName
 from gateway.core.session.reasons import SessionCode
+from gateway.ring.reasons import RingCode
 
 HOSTILE = "<script>alert('x')</script>\x1b[2J"
-DOUBT = Reason(EstimateCode.NEEDS_LOAD)
+DOUBT = Reason(RingCode.NEEDS_LOAD)
 
 
 def data_of(page: str) -> dict:

@@ -8,10 +8,9 @@ from gateway.console.styled_rows import Role, row_width
 from gateway.console.waveform import Zoom
 from gateway.console.wheel_panel import _grid
 from gateway.core.estimates.estimator import Estimate, Status
-from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.results import Silence, SilentPart, WheelCounters, WheelSnapshot, WheelState
 from gateway.core.links.reasons import LinkCode
-from gateway.core.reasons import Notice, Reason
+from gateway.core.reasons import CoreCode, Notice, Reason
 from gateway.core.session.reasons import SessionCode
 from gateway.core.wheels.reasons import WheelCode
 
@@ -196,7 +195,7 @@ def test_ratios_stand_under_their_numerators_in_the_overview(made):
 @pytest.mark.parametrize(("status", "mark"), [(Status.PROVISIONAL, "~"), (Status.INVALID, "x")])
 def test_status_is_a_mark_with_a_reason(made, size, status, mark):
     wheel = made.wheel(
-        "FL", result={"status": status, "reasons": (Reason(EstimateCode.NOT_SETTLED, revolutions=3.0, needed=8.0),)}
+        "FL", result={"status": status, "reasons": (Reason(CoreCode.NOT_SETTLED, revolutions=3.0, needed=8.0),)}
     )
     rows = page(made.snapshot([wheel]), size)
     assert row_with(rows, f"{mark} settling: 3 of 8")

@@ -9,8 +9,8 @@ from gateway.console.trend_history import SPAN_S, TrendHistory, TrendPoint
 from gateway.console.trend_plot import SHOWN_S, draw_trend
 from gateway.console.waveform import Ink
 from gateway.core.estimates.estimator import Estimate, Status
-from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.reasons import Reason
+from gateway.ring.reasons import RingCode
 
 
 def drawn(values, unit="km/h", std=math.nan, width=67, height=12):
@@ -71,7 +71,7 @@ def result_at(result, at_s, speed_mps=20.0, status=Status.VALID, position="FL"):
     estimates = (
         Estimate("speed_mps", speed_mps, 0.1, status)
         if status is not Status.INVALID
-        else Estimate.invalid("speed_mps", Reason(EstimateCode.NEEDS_LOAD)),
+        else Estimate.invalid("speed_mps", Reason(RingCode.NEEDS_LOAD)),
         Estimate("Rs", 3.0, math.nan, Status.PROVISIONAL),
         Estimate("vehicle_speed_age_s", 0.1, 0.0, Status.VALID),
     )

@@ -9,7 +9,6 @@ import numpy as np
 
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.estimates.estimator import Revolution
-from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
 from gateway.core.estimates.wheel_setup import WheelSetup
 from gateway.core.types import FloatArray
 from gateway.diagnosis.effects.effect import (
@@ -20,6 +19,7 @@ from gateway.diagnosis.effects.effect import (
     GroupConditions,
     ModelledBlock,
 )
+from gateway.ring.reference_tire import TABLE_3_NUMBERS
 from gateway.ring.rolling_ring import LoadedBelt, RingParameters, RingSolution, loaded_belt, solve_rolling_ring
 from gateway.ring.rolling_ring.sensor_waveform import SensorWaveform
 from tests.testkit.exact_ring import on_grid

@@ -6,13 +6,13 @@ from typing import cast
 import numpy as np
 import pytest
 
-from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
 from gateway.core.types import FloatArray
 from gateway.diagnosis.effects.catalogue import candidates, catalogue
 from gateway.diagnosis.effects.effect import BaselineModel, GroupConditions, RingEffect
 from gateway.diagnosis.effects.ring_options import RingOptions
 from gateway.diagnosis.model.exact_baseline import ExactCore
 from gateway.diagnosis.model.series_baseline import SeriesCore
+from gateway.ring.reference_tire import TABLE_3_NUMBERS
 from gateway.ring.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.ring.rolling_ring.sensor_waveform import waveform_orders
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
 from gateway.core.types import FloatArray
 from gateway.diagnosis.effects.effect import FIELD_SIZE, GroupConditions
 from gateway.diagnosis.effects.ring_options import RingOptions
 from gateway.diagnosis.model.series_baseline import SeriesCore
 from gateway.ring.contact_pressure import road_orders
+from gateway.ring.reference_tire import TABLE_3_NUMBERS
 from gateway.ring.ring_series import Kinematics, RoadForce, modal_stiffness, signal_orders
 from gateway.ring.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.ring.rolling_ring.sensor_waveform import waveform_orders

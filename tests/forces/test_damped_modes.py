@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
 from gateway.forces.damped_modes import (
     displacement_orders,
     dynamic_stiffness,
@@ -16,6 +15,7 @@ from gateway.forces.damped_modes import (
     signal_orders,
 )
 from gateway.ring.contact_pressure import road_orders
+from gateway.ring.reference_tire import TABLE_3_NUMBERS
 from gateway.ring.ring_series import Kinematics, RoadForce, modal_number, modal_stiffness
 from gateway.ring.ring_series import signal_orders as series_orders
 from gateway.ring.rolling_ring import RingParameters, solve_rolling_ring

@@ -36,6 +36,7 @@ from gateway.forces.ply_steer import (
     separate_plysteer_conicity,
 )
 from gateway.forces.reasons import ForceCode
+from gateway.ring.reasons import RingCode
 from gateway.ring.rolling_ring import RingSolution
 from tests.testkit.revolution_data import settled
 from tools.generators.lateral_signals import RADIUS_M, Sensor, lateral, radial, samples, through_pipeline
@@ -176,7 +177,7 @@ def test_few_orders_widen_the_error_of_the_peak(order_max: int) -> None:
 def test_too_few_orders_make_slopes_provisional() -> None:
     result = estimate(with_orders(rolled(radial()), 9))
     assert result[LINE_NAME].status is Status.PROVISIONAL
-    assert Reason(EstimateCode.TOO_FEW_ORDERS, orders=9, needed=10) in result[LINE_NAME].reasons
+    assert Reason(RingCode.TOO_FEW_ORDERS, orders=9, needed=10) in result[LINE_NAME].reasons
 
 
 @lru_cache(maxsize=4)

@@ -14,7 +14,7 @@ from gateway.core.estimates.revolution_block import extended
 from gateway.core.estimates.sensor_claims import Tilt
 from gateway.core.estimates.tire_data import RUN_OUT_M, TireData
 from gateway.core.quantity_catalogue import quantity_of
-from gateway.core.reasons import Reason, codes_of
+from gateway.core.reasons import CoreCode, Reason, codes_of
 from gateway.core.revolutions.angle_resampling import angle_grid
 from gateway.core.revolutions.synchronous_average import RunningAverage
 from gateway.core.trust.reasons import TrustCode
@@ -217,8 +217,8 @@ def test_usual_run_out_is_in_the_errors() -> None:
 
 def test_without_load_only_the_ratio_is_given() -> None:
     result = estimates(ring(60.0), revolutions=4, conditions=TireConditions(radius_m=RADIUS_M))
-    assert codes_of(result["longitudinal_force_n"].reasons) == (EstimateCode.NEEDS_LOAD,)
-    assert codes_of(result["axle_torque_nm"].reasons) == (EstimateCode.NEEDS_LOAD,)
+    assert codes_of(result["longitudinal_force_n"].reasons) == (RingCode.NEEDS_LOAD,)
+    assert codes_of(result["axle_torque_nm"].reasons) == (RingCode.NEEDS_LOAD,)
     assert result["longitudinal_ratio"].value == pytest.approx(ring(60.0).longitudinal_force_n / LOAD_N, abs=0.02)
 
 
@@ -285,7 +285,7 @@ def test_strong_noise_leaves_force_not_determined() -> None:
 
 def test_first_revolutions_are_provisional() -> None:
     result = estimates(ring(60.0), revolutions=3)
-    assert EstimateCode.NOT_SETTLED in codes_of(result["longitudinal_ratio"].reasons)
+    assert CoreCode.NOT_SETTLED in codes_of(result["longitudinal_ratio"].reasons)
 
 
 def test_revolution_that_is_not_used_leaves_the_forces_as_they_are() -> None:

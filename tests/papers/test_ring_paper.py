@@ -11,18 +11,17 @@ from scipy.optimize import least_squares
 
 import gateway
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
-from gateway.core.estimates.determination import SETTLED_REVOLUTIONS
-from gateway.core.estimates.estimator import AngleAverage, Estimate, Status, TireConditions
+from gateway.core.estimates.estimator import SETTLED_REVOLUTIONS, AngleAverage, Estimate, Status, TireConditions
 from gateway.core.estimates.reasons import EstimateCode
-from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
 from gateway.core.estimates.revolution_block import extended
-from gateway.core.reasons import Code, Reason, codes_of
+from gateway.core.reasons import Code, CoreCode, Reason, codes_of
 from gateway.core.revolutions.angle_resampling import angle_grid, fit_phase
 from gateway.core.revolutions.synchronous_average import RunningAverage
 from gateway.core.ring_quantities import RING_NUMBERS, RING_RATIOS
 from gateway.papers import ring_paper
 from gateway.papers.ring_paper import RingPaperEstimator, fit_ring_numbers
 from gateway.ring.reasons import RingCode
+from gateway.ring.reference_tire import TABLE_3_NUMBERS
 from gateway.ring.ring_series import signal_orders, signal_waveform, stiffness_terms
 from gateway.ring.weak_form import WeakFormEstimator
 from tests.testkit.exact_ring import PRESSURE_PA, RADIUS_M, cosine_orders, solution
@@ -74,7 +73,7 @@ def test_a_stated_linear_ring_may_have_gravity_or_not(gravity: float) -> None:
     data = make_revolution(wave, edges=(-HALF, HALF), edge_std=0.002)
     exact = WeakFormEstimator().update(data, settled(data), conditions)
     assert {estimate.status for estimate in exact} == {Status.PROVISIONAL}
-    assert codes_of(exact[0].reasons)[0] is EstimateCode.SIGNAL_OF_LINEAR_RING
+    assert codes_of(exact[0].reasons)[0] is RingCode.SIGNAL_OF_LINEAR_RING
 
 
 def test_contact_centre_does_not_change_the_numbers() -> None:
@@ -125,10 +124,10 @@ def test_fit_matches_scipy_from_many_starts(load_n: float, noise: float) -> None
 @pytest.mark.parametrize(
     ("conditions", "codes"),
     [
-        (replace(CONDITIONS, load_n=None), (EstimateCode.NEEDS_LOAD,)),
+        (replace(CONDITIONS, load_n=None), (RingCode.NEEDS_LOAD,)),
         (replace(CONDITIONS, pressure_pa=None), (EstimateCode.NEEDS_PRESSURE,)),
-        (replace(CONDITIONS, load_n=None, pressure_pa=None), (EstimateCode.NEEDS_LOAD, EstimateCode.NEEDS_PRESSURE)),
-        (replace(CONDITIONS, load_n=math.nan), (EstimateCode.NEEDS_LOAD,)),
+        (replace(CONDITIONS, load_n=None, pressure_pa=None), (RingCode.NEEDS_LOAD, EstimateCode.NEEDS_PRESSURE)),
+        (replace(CONDITIONS, load_n=math.nan), (RingCode.NEEDS_LOAD,)),
         (replace(CONDITIONS, pressure_pa=0.0), (EstimateCode.NEEDS_PRESSURE,)),
     ],
 )
@@ -226,7 +225,7 @@ def test_provisional_until_settled_and_on_faults() -> None:
     wave = series_wave()
     early = estimate_once(wave, edges=(-HALF, HALF), count=int(SETTLED_REVOLUTIONS) - 1)
     assert {e.status for e in early.values()} == {Status.PROVISIONAL}
-    assert all(EstimateCode.NOT_SETTLED in codes_of(e.reasons) for e in early.values())
+    assert all(CoreCode.NOT_SETTLED in codes_of(e.reasons) for e in early.values())
     late = estimate_once(wave, edges=(-HALF, HALF), count=int(SETTLED_REVOLUTIONS))
     assert late["Rs"].status is Status.VALID
     faulty = estimate_once(wave, edges=(-HALF, HALF), faults=(Reason(EstimateCode.SAMPLES_LOST),))
@@ -244,7 +243,7 @@ def test_known_bias_is_in_the_error() -> None:
         assert abs(result[name].value - true) < 3.0 * result[name].std
     for name in ("Bs", "Cw", "Ts"):
         assert result[name].status is Status.PROVISIONAL
-        assert codes_of(result[name].reasons)[:2] == (EstimateCode.NOT_DETERMINED, EstimateCode.MODEL_ERROR_SHARE)
+        assert codes_of(result[name].reasons)[:2] == (CoreCode.NOT_DETERMINED, CoreCode.MODEL_ERROR_SHARE)
 
 
 def test_number_at_zero_is_not_determined() -> None:
@@ -255,7 +254,7 @@ def test_number_at_zero_is_not_determined() -> None:
     estimates = estimate_once(wave, edges=(-HALF, HALF))
     for name in ("Ts", "Ts/Cw"):
         assert estimates[name].status is Status.INVALID
-        assert codes_of(estimates[name].reasons) == (EstimateCode.FIT_AT_ZERO,)
+        assert codes_of(estimates[name].reasons) == (RingCode.FIT_AT_ZERO,)
         assert math.isnan(estimates[name].value)
     assert estimates["Rs"].status is Status.VALID
     for name in ("Bs", "Cw", "Bs/Cw"):

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
 from gateway.ring.belt_shape import (
     ANGLES_RAD,
     HALF_STEPS,
@@ -17,6 +16,7 @@ from gateway.ring.belt_shape import (
     integrate_from_zero,
     orders_about,
 )
+from gateway.ring.reference_tire import TABLE_3_NUMBERS
 from gateway.ring.rolling_ring import RingParameters, solve_rolling_ring
 
 RADIUS_M = 0.32

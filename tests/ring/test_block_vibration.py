@@ -6,9 +6,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
 from gateway.core.types import ComplexArray
 from gateway.diagnosis.effects.belt_dispersion import BlockTread, belt_wave
+from gateway.ring.reference_tire import TABLE_3_NUMBERS
 from gateway.ring.rolling_ring import (
     RingParameters,
     RingSolution,

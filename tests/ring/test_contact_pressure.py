@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
 from gateway.ring.contact_pressure import road_orders, unit_road_orders
+from gateway.ring.reference_tire import TABLE_3_NUMBERS
 from gateway.ring.ring_series import RoadForce, modal_force
 from gateway.ring.rolling_ring import RingParameters, solve_rolling_ring
 

@@ -10,9 +10,8 @@ import pytest
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.contacts.segmentation import find_contacts, refine_contact
 from gateway.core.estimates.estimator import Estimate, Status, TireConditions
-from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.revolution_block import extended
-from gateway.core.reasons import codes_of
+from gateway.core.reasons import CoreCode, codes_of
 from gateway.core.revolutions.angle_resampling import fit_phase
 from gateway.core.revolutions.synchronous_average import RunningAverage
 from gateway.ring.forward import SHAPE, ForwardEstimator
@@ -235,7 +234,7 @@ def test_measured_tire_leaves_numbers_undetermined() -> None:
     actual = named(ForwardEstimator().update(revolution, result, TireConditions(0.3, 3500.0, 2.2e5)))
     for name in ("Bs", "Ts", "Bs/Cw", "Ts/Cw"):
         assert actual[name].status is not Status.VALID
-        assert {EstimateCode.NOT_DETERMINED, EstimateCode.FIT_AT_ZERO} & {*codes_of(actual[name].reasons)}, name
+        assert {CoreCode.NOT_DETERMINED, RingCode.FIT_AT_ZERO} & {*codes_of(actual[name].reasons)}, name
     # Only the order of magnitude is checked: this tire's numbers are not known, and the fit has two minima, at about 7
     # and 13, of which the edges that it starts from decide.
     assert actual["Rs/Cw"].value == pytest.approx(10.0, rel=0.5)

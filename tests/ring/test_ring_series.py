@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
+from gateway.ring.reference_tire import TABLE_3_NUMBERS
 from gateway.ring.ring_series import (
     Kinematics,
     RoadForce,

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from gateway.core.estimates.estimator import Status
-from gateway.core.estimates.reference_tire import TABLE_3_LOAD_NUMBER, TABLE_3_NUMBERS
 from gateway.core.revolutions.contact_edges import find_contact_edges
 from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.ring.belt_shape import MAX_ORDER, orders_about
+from gateway.ring.reference_tire import TABLE_3_LOAD_NUMBER, TABLE_3_NUMBERS
 from gateway.ring.rolling_ring import RingSolution, solve_rolling_ring
 from gateway.ring.sidewall_damping import sidewall_damping
 from tests.ring.test_weak_form import estimates_of

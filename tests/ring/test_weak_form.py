@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from gateway.core.estimates.estimator import Estimate, Status, TireConditions
 from gateway.core.estimates.reasons import EstimateCode
-from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
 from gateway.core.estimates.revolution_block import extended
 from gateway.core.reasons import codes_of
 from gateway.core.revolutions.angle_resampling import angle_grid
@@ -23,6 +22,8 @@ from gateway.papers.ring_paper import RingPaperEstimator
 from gateway.ring.belt_shape import MAX_ORDER, curvature_orders, orders_about
 from gateway.ring.contact_pressure import road_orders
 from gateway.ring.order_errors import relative_std, wave_std
+from gateway.ring.reasons import RingCode
+from gateway.ring.reference_tire import TABLE_3_NUMBERS
 from gateway.ring.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.ring.tread_pattern import EdgeWaves
 from gateway.ring.weak_form import WaveformFits, WeakFormEstimator
@@ -149,7 +150,7 @@ def test_ratios_need_neither_load_nor_pressure() -> None:
     full, ratios = estimates_of(wave), estimates_of(wave, TireConditions(RADIUS_M))
     for name in ("Bs", "Cw", "Rs", "Ts"):
         assert ratios[name].status is Status.INVALID
-        assert codes_of(ratios[name].reasons) == (EstimateCode.NEEDS_LOAD, EstimateCode.NEEDS_PRESSURE)
+        assert codes_of(ratios[name].reasons) == (RingCode.NEEDS_LOAD, EstimateCode.NEEDS_PRESSURE)
     for name in ("Bs/Cw", "Rs/Cw", "Ts/Cw"):
         assert ratios[name].value == pytest.approx(full[name].value, rel=1e-9)
         assert ratios[name].status is Status.VALID

@@ -7,8 +7,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
-from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
 from gateway.core.types import FloatArray
+from gateway.ring.reference_tire import TABLE_3_NUMBERS
 from gateway.ring.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 
 RADIUS_M = 0.32

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from gateway.core.estimates.estimator import Estimate, Status, TireConditions
-from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.results import (
     Alarm,
     LinkSnapshot,
@@ -20,11 +19,12 @@ from gateway.core.estimates.results import (
 )
 from gateway.core.links.reasons import LinkCode
 from gateway.core.reasons import Notice, Reason
+from gateway.ring.reasons import RingCode
 from tests.testkit.revolution_data import plain_revolution
 
 RADIUS_M = 0.32
 NUMBERS = {"Bs": (3.0833e-3, 1.2e-5), "Cw": (0.1953, 0.0012), "Rs": (2.974, 0.031), "Ts": (2.529, 0.099)}
-NEEDS_LOAD = Reason(EstimateCode.NEEDS_LOAD)
+NEEDS_LOAD = Reason(RingCode.NEEDS_LOAD)
 
 
 def _curve(omega_radps: float, n: int = 512) -> np.ndarray:

@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
+from gateway.ring.reference_tire import TABLE_3_NUMBERS
 from gateway.ring.ring_series import Kinematics
 from gateway.ring.rolling_ring import RingSolution
 from tools.bench_ring_paper import RADIUS_M, ratio_with_truth_given

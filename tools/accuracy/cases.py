@@ -5,7 +5,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
+from gateway.ring.reference_tire import TABLE_3_NUMBERS
 from gateway.ring.rolling_ring import RingParameters
 from gateway.ring.tread_pattern import EdgeWaves
 

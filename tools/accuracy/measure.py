@@ -12,7 +12,6 @@ from accuracy.chain import Turn, hello_of, turns_of
 from accuracy.signals import samples_of, truth_of
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.estimates.estimator import Estimate, Status
-from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
 from gateway.core.estimates.registry import make_estimator
 from gateway.core.estimates.revolution_block import extended
 from gateway.core.estimates.tire_data import ReferenceNumbers, TireData
@@ -20,6 +19,7 @@ from gateway.core.estimates.wheel_setup import WheelSetup
 from gateway.core.reasons import Reason
 from gateway.core.revolutions.synchronous_average import RunningAverage
 from gateway.planner.cramer_rao import cramer_rao, order_variance, relative_bounds, waveform_sensitivity
+from gateway.ring.reference_tire import TABLE_3_NUMBERS
 
 LONG = 100
 # Of one revolution each, without averaging; after LONG revolutions the mean of theirs counts.

@@ -14,13 +14,13 @@ import numpy as np
 from accuracy.tables import Table
 
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
-from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS, TABLE_3_PRESSURE_PA, TABLE_3_RADIUS_M
 from gateway.core.revolutions.order_spectrum import ORDER_COUNT
 from gateway.core.types import FloatArray
 from gateway.forces.asymmetric_belt import curvature_from_signal
 from gateway.forces.asymmetric_rows import Force
 from gateway.forces.asymmetric_solve import solve_asymmetric
 from gateway.ring.belt_shape import orders_about
+from gateway.ring.reference_tire import TABLE_3_NUMBERS, TABLE_3_PRESSURE_PA, TABLE_3_RADIUS_M
 from gateway.ring.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.ring.rolling_ring.sensor_waveform import waveform_orders
 

@@ -21,13 +21,13 @@ from forces.runs import Measured
 from gateway.core.config.toml_writer import toml_text
 from gateway.core.config.vehicle import VehicleConfig, parse_vehicle
 from gateway.core.estimates.estimator import Estimate, Status
-from gateway.core.estimates.reference_tire import TABLE_3_LOAD_N, TABLE_3_NUMBERS, TABLE_3_PRESSURE_PA, TABLE_3_RADIUS_M
 from gateway.core.types import FloatArray
 from gateway.forces.brush_tread import BrushNotConvergedError
 from gateway.forces.free_belt import displacement_rows
 from gateway.forces.lateral_belt import LateralBelt
 from gateway.forces.lateral_deformation import ORDERS
 from gateway.forces.side_force_calibration import SideForceCalibration, fit_linear_law
+from gateway.ring.reference_tire import TABLE_3_LOAD_N, TABLE_3_NUMBERS, TABLE_3_PRESSURE_PA, TABLE_3_RADIUS_M
 from gateway.ring.rolling_ring import RingNotConvergedError, RingParameters, RingSolution, solve_rolling_ring
 from gateway.simulator.tire_model import TireModel
 from gateway.simulator.tire_table import LATERAL, TABLE_ANGLES, Range, TireTable

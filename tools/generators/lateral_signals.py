@@ -14,13 +14,13 @@ from scipy.interpolate import CubicSpline
 
 from firmware_protocol.messages import Axis, Coupling, Hello
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
-from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
 from gateway.core.estimates.results import RevolutionResult
 from gateway.core.estimates.wheel_setup import WheelSetup
 from gateway.core.types import FloatArray
 from gateway.core.wheels.timebase import HostClock
 from gateway.core.wheels.wheel_pipeline import WheelPipeline
 from gateway.forces.lateral_belt import LateralBelt, LateralSolution, solve_lateral_belt
+from gateway.ring.reference_tire import TABLE_3_NUMBERS
 from gateway.ring.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 
 RADIUS_M, REFERENCE_PRESSURE_PA = 0.32, 2.1e5

@@ -11,7 +11,7 @@ import numpy as np
 
 from gateway.core.config.toml_writer import toml_text
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
-from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS, TABLE_3_PRESSURE_PA, TABLE_3_RADIUS_M
+from gateway.ring.reference_tire import TABLE_3_NUMBERS, TABLE_3_PRESSURE_PA, TABLE_3_RADIUS_M
 from gateway.ring.rolling_ring import RingNotConvergedError, RingParameters, solve_rolling_ring
 from gateway.simulator.scenario import parse_scenario
 from gateway.simulator.wheel_plan import WheelPlan, wheel_plans

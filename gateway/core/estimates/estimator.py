@@ -17,6 +17,11 @@ from gateway.core.revolutions.synchronous_average import (
 )
 from gateway.core.types import ComplexArray, FloatArray
 
+SETTLED_REVOLUTIONS: Final = 8.0
+"""Effective revolutions in an average from which its estimates are valid."""
+DETERMINED: Final = 3.0
+"""Standard errors from zero at which a number is determined."""
+
 
 class Status(StrEnum):
     """Validity of an estimate."""

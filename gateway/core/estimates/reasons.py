@@ -21,15 +21,12 @@ class EstimateCode(Codes):
 
     # Of any estimator
     EDGE_ERRORS_UNKNOWN = Code("the standard errors of the contact edges are not known")
-    NEEDS_LOAD = Code("needs the load (set load_n of the wheel, or weight_kg of its axle, in the vehicle file)")
     NEEDS_PRESSURE = Code(
         "needs the pressure (set pressure_kpa of the tire in the vehicle file, or use a sensor that reports it)"
     )
     NO_CONTACT_EDGES = Code("no contact edges were found")
-    NOT_SETTLED = Code("settling: {revolutions:.0f} of {needed:.0f} revolutions")
     REVOLUTION_NOT_USED = Code("this revolution was not used: {faults}")
     SPEED_OR_RADIUS_UNKNOWN = Code("the angular speed or the belt radius is not known")
-    TOO_FEW_ORDERS = Code("only {orders:.0f} orders, {needed:.0f} are needed: the sampling is too slow for this speed")
 
     # Of what the signal says against what is stated
     SCALE_BY_WIDTH = Code(
@@ -44,12 +41,6 @@ class EstimateCode(Codes):
         "load, pressure or belt radius may not be as stated: the error includes {error:.1%} for it (Cw is "
         "{ratio:.3f} ± {std:.3f} times that of the new tire)"
     )
-
-    # Of the tire's four numbers
-    CORRELATED = Code("correlated {correlation:+.2f} with {number}")
-    FIT_AT_ZERO = Code("not determined: the fit puts {number} at zero")
-    MODEL_ERROR_SHARE = Code("{share:.0%} of the variance is model error")
-    NOT_DETERMINED = Code("not determined: the standard error is {relative_error:times} the value")
 
     # Of distance
     DISTANCE_BRIDGED = Code(
@@ -92,9 +83,6 @@ class EstimateCode(Codes):
         "temperature not compensated, its error assumes a difference of {difference_k:.0f K}"
     )
     UNKNOWN_ESTIMATOR = Code("tire.reference names '{estimator}', which is not an estimator")
-    SIGNAL_OF_LINEAR_RING = Code(
-        "the signal is stated to be that of a linear ring, which this estimator does not assume"
-    )
     WEAR_CONTRADICTED = Code("contradicts the stated wear of {stated_m:.1f mm} ± {stated_std_m:.1f mm}")
     WEAR_UNKNOWN = Code("wear since the calibration is not known: an error of {relative_error:.0%} is included")
     WEARS_DISAGREE = Code(

@@ -11,9 +11,8 @@ from typing import Final
 
 import numpy as np
 
-from gateway.core.estimates.determination import DETERMINED
 from gateway.core.estimates.disagreement import CONTRADICTION
-from gateway.core.estimates.estimator import Estimate, Revolution, Status, TireConditions
+from gateway.core.estimates.estimator import DETERMINED, Estimate, Revolution, Status, TireConditions
 from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.registry import estimator_names
 from gateway.core.estimates.revolution_block import RevolutionBlock, RevolutionEstimator

@@ -7,11 +7,10 @@ import math
 from typing import Final
 
 from gateway.core.contacts.contact_timing import MOST_UNSEEN
-from gateway.core.estimates.determination import DETERMINED
-from gateway.core.estimates.estimator import OF_LOSS, Estimate, Revolution, Status
+from gateway.core.estimates.estimator import DETERMINED, OF_LOSS, Estimate, Revolution, Status
 from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.quantity_catalogue import quantities_of
-from gateway.core.reasons import Code
+from gateway.core.reasons import Code, CoreCode
 from gateway.core.trust.reasons import TrustCode
 
 # They say what an error contains, and lower no status.
@@ -29,10 +28,10 @@ _NOTES: Final = frozenset(
 # average follows its own noise within its memory, most of which both values of a comparison share.
 _NOT_DETERMINED: Final = frozenset(
     {
-        EstimateCode.NOT_DETERMINED,
+        CoreCode.NOT_DETERMINED,
         TrustCode.FORCE_NOT_DETERMINED,
-        EstimateCode.MODEL_ERROR_SHARE,
-        EstimateCode.CORRELATED,
+        CoreCode.MODEL_ERROR_SHARE,
+        CoreCode.CORRELATED,
     }
 )
 _CHANCE: Final = 0.5
@@ -135,7 +134,7 @@ class SteadyStatus:
 def _of_limit(estimate: Estimate) -> frozenset[Code]:
     """Return the codes of the reasons that say that a value is not determined, where it nearly is."""
     for reason in estimate.reasons:
-        if reason.code is EstimateCode.NOT_DETERMINED:
+        if reason.code is CoreCode.NOT_DETERMINED:
             beyond = DETERMINED * _number(reason["relative_error"])
         elif reason.code is TrustCode.FORCE_NOT_DETERMINED:
             by_value = DETERMINED * estimate.std / abs(estimate.value) if estimate.value else math.inf

@@ -887,7 +887,7 @@ def _gain_estimates(
 def _unsettled(step: _Step) -> Reason | None:
     if step.revolutions >= _LEAST_REVOLUTIONS:
         return None
-    return Reason(EstimateCode.NOT_SETTLED, revolutions=step.revolutions, needed=_LEAST_REVOLUTIONS)
+    return Reason(CoreCode.NOT_SETTLED, revolutions=step.revolutions, needed=_LEAST_REVOLUTIONS)
 
 
 def _refused(revolution: Revolution, conditions: TireConditions) -> Reason | None:

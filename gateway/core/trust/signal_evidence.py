@@ -21,10 +21,9 @@ from enum import StrEnum
 from typing import Any, Final, NamedTuple, Self
 
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
-from gateway.core.estimates.determination import SETTLED_REVOLUTIONS
 from gateway.core.estimates.disagreement import CONTRADICTION, disagreement_std
 from gateway.core.estimates.doubt_rules import EVERY_RULE, DoubtRule
-from gateway.core.estimates.estimator import Estimate, Status, TireConditions
+from gateway.core.estimates.estimator import SETTLED_REVOLUTIONS, Estimate, Status, TireConditions
 from gateway.core.estimates.lost_steady_value import LostSteadyValue
 from gateway.core.estimates.sensor_claims import UNKNOWN_OFFSET_STD_M, SensorClaims, Tilt
 from gateway.core.quantity import LARGEST_ZERO_MPS2, Basis

@@ -4,10 +4,10 @@ import math
 from dataclasses import replace
 from typing import Final
 
-from gateway.core.estimates.reference_tire import TABLE_3_LOAD_NUMBER
 from gateway.core.types import FloatArray
 from gateway.diagnosis.effects.effect import EXACT_ONLY, RADIAL, Confounder, GroupConditions, Parameter, RingEffect
 from gateway.diagnosis.effects.ring_options import RingOptions
+from gateway.ring.reference_tire import TABLE_3_LOAD_NUMBER
 
 
 class BeltKinematics(RingEffect):

@@ -7,7 +7,6 @@ from typing import Final
 
 import numpy as np
 
-from gateway.core.estimates.reference_tire import TABLE_3_LOAD_NUMBER, TABLE_3_NUMBERS
 from gateway.core.types import ComplexArray, FloatArray
 from gateway.diagnosis.effects.belt_dispersion import BlockTread, belt_wave, mass_of_wave
 from gateway.diagnosis.effects.belt_geometry import relative_offset
@@ -22,6 +21,7 @@ from gateway.diagnosis.effects.effect import (
     SignalEffect,
     Stage,
 )
+from gateway.ring.reference_tire import TABLE_3_LOAD_NUMBER, TABLE_3_NUMBERS
 from gateway.ring.rolling_ring import BlockResponse, LoadedBelt, TreadBlocks, block_response
 
 # Numbers of blocks and masses that are tried, with so much loss that each answers its neighbours as well. Less loss

@@ -9,7 +9,6 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gateway.core.estimates.reference_tire import TABLE_3_LOAD_N, TABLE_3_LOAD_NUMBER, TABLE_3_NUMBERS, TABLE_3_RADIUS_M
 from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.types import FloatArray
 from gateway.diagnosis.effects.effect import FIELD_SIZE, BaselineModel, GroupConditions
@@ -17,6 +16,7 @@ from gateway.diagnosis.effects.ring_options import RingOptions
 from gateway.diagnosis.model.baseline import Shape, moved, slopes, stepped
 from gateway.diagnosis.model.run_out_shape import LoadedShape, load_steps, out_of_round
 from gateway.diagnosis.model.shape_derivatives import Tangents
+from gateway.ring.reference_tire import TABLE_3_LOAD_N, TABLE_3_LOAD_NUMBER, TABLE_3_NUMBERS, TABLE_3_RADIUS_M
 from gateway.ring.rolling_ring import (
     RingNotConvergedError,
     RingParameters,

@@ -12,13 +12,6 @@ from typing import Final
 import numpy as np
 from scipy.special import spherical_jn
 
-from gateway.core.estimates.reference_tire import (
-    TABLE_3_LOAD_N,
-    TABLE_3_LOAD_NUMBER,
-    TABLE_3_NUMBERS,
-    TABLE_3_PRESSURE_PA,
-    TABLE_3_RADIUS_M,
-)
 from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.types import FloatArray
 from gateway.diagnosis.effects.effect import FIELD_SIZE, BaselineModel, GroupConditions
@@ -26,6 +19,13 @@ from gateway.diagnosis.effects.ring_options import RingOptions
 from gateway.diagnosis.model.baseline import Shape, differences, moved
 from gateway.diagnosis.model.exact_baseline import ExactCore
 from gateway.diagnosis.model.shape_derivatives import Tangents
+from gateway.ring.reference_tire import (
+    TABLE_3_LOAD_N,
+    TABLE_3_LOAD_NUMBER,
+    TABLE_3_NUMBERS,
+    TABLE_3_PRESSURE_PA,
+    TABLE_3_RADIUS_M,
+)
 from gateway.ring.ring_series import stiffness_terms
 from gateway.ring.rolling_ring.sensor_waveform import SensorWaveform, waveform_orders
 

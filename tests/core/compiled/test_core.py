@@ -18,11 +18,11 @@ from hypothesis import strategies as st
 import hatch_build
 from gateway.core.compiled import core
 from gateway.core.contacts import contact_template, contact_tracking, segmentation
-from gateway.core.estimates import small_systems, weak_form_rows
 from gateway.core.revolutions import angle_resampling, sensor_mounting, speed_normalisation
 from gateway.core.revolutions.angle_resampling import Phase, Scale, elapsed_angles
 from gateway.forces import switching_step, turn_tracker
 from gateway.forces.free_belt import first_order_rows
+from gateway.ring import small_systems, weak_form_rows
 from tests.core.compiled import core_calls
 
 ROOT = Path(__file__).parents[3]

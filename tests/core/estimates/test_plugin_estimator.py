@@ -19,7 +19,7 @@ from gateway.core.estimates.plugin_estimator import PluginEstimator
 from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.quantity import Basis, Quantity
 from gateway.core.quantity_catalogue import declare, quantities_of
-from gateway.core.reasons import Reason
+from gateway.core.reasons import CoreCode, Reason
 from gateway.core.table_columns import estimate_columns
 from gateway.core.text import wording
 from gateway.core.text.numbers import split_name
@@ -43,7 +43,7 @@ THINGS = st.one_of(
     st.just("x" * 100_000),
     st.sampled_from([b"1", [1.0], {}, object(), np.ones(3), np.float32(2.0), np.array(1.0), Fraction(1, 3), ("a",)]),
     st.sampled_from(
-        [*Status, "valid", Reason(EstimateCode.NOT_SETTLED), Reason(EstimateCode.PLUGIN_FAILED, error="y" * 100_000)]
+        [*Status, "valid", Reason(CoreCode.NOT_SETTLED), Reason(EstimateCode.PLUGIN_FAILED, error="y" * 100_000)]
     ),
 )
 ESTIMATES = st.builds(

@@ -6,7 +6,7 @@ import pytest
 from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.links.reasons import LinkCode
-from gateway.core.reasons import Notice, Reason
+from gateway.core.reasons import CoreCode, Notice, Reason
 from gateway.core.text.plain import HEADER_EVERY, LINE_WIDTH, PlainView
 from gateway.core.text.wording import text
 from gateway.core.wheels.reasons import WheelCode
@@ -116,10 +116,10 @@ def test_remark_on_valid_numbers_is_written_once(made, plain):
 
 def test_usual_reasons_fit_the_last_column(made, plain):
     view, lines = plain
-    undetermined = Reason(EstimateCode.NOT_DETERMINED, relative_error=0.36)
+    undetermined = Reason(CoreCode.NOT_DETERMINED, relative_error=0.36)
     old, settling = (
         Reason(WheelCode.PRESSURE_OLD, age_s=12.0),
-        Reason(EstimateCode.NOT_SETTLED, revolutions=3.0, needed=8.0),
+        Reason(CoreCode.NOT_SETTLED, revolutions=3.0, needed=8.0),
     )
     for reason in (settling, old, undetermined):
         view.result(made.result(status=Status.PROVISIONAL, reasons=(reason,)))
@@ -139,7 +139,7 @@ def test_differing_marks_are_at_the_numbers(made, plain):
     view, lines = plain
     estimates = (
         Estimate("Cw", 0.1953, 0.0012, Status.VALID),
-        Estimate("Ts", 2.5, 2.6, Status.PROVISIONAL, (Reason(EstimateCode.NOT_DETERMINED, relative_error=1.04),)),
+        Estimate("Ts", 2.5, 2.6, Status.PROVISIONAL, (Reason(CoreCode.NOT_DETERMINED, relative_error=1.04),)),
     )
     view.result(made.result(estimates=estimates))
     assert "Cw 0.1953±0.0012 " in lines[1]

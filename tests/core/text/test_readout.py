@@ -6,15 +6,16 @@ import pytest
 from gateway.console.wheel_panel import shown_numbers
 from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.estimates.reasons import EstimateCode
-from gateway.core.reasons import Reason
+from gateway.core.reasons import CoreCode, Reason
 from gateway.core.text.numbers import MISSING, show
 from gateway.core.text.readout import read_result
 from gateway.core.text.wording import text
 from gateway.papers.reasons import PaperCode
+from gateway.ring.reasons import RingCode
 
 LINEAR = Reason(PaperCode.LINEAR_RING)
-FEW = Reason(EstimateCode.NOT_SETTLED, revolutions=3.0, needed=8.0)
-AT_ZERO = Reason(EstimateCode.FIT_AT_ZERO, number="Rs")
+FEW = Reason(CoreCode.NOT_SETTLED, revolutions=3.0, needed=8.0)
+AT_ZERO = Reason(RingCode.FIT_AT_ZERO, number="Rs")
 SATURATED = Reason(EstimateCode.RADIAL_SATURATED)
 
 

@@ -7,7 +7,7 @@ import pytest
 from gateway.core.estimates.estimator import Estimate, Status, TireConditions
 from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.results import AlarmRecord, LinkSnapshot, RevolutionResult, WheelCounters, WheelSnapshot
-from gateway.core.reasons import Reason
+from gateway.core.reasons import CoreCode, Reason
 from gateway.core.revolutions.effect_correction import CorrectedEffect, CorrectionTable
 from gateway.core.revolutions.reasons import RevolutionCode
 from gateway.core.session.reasons import SessionCode
@@ -18,7 +18,7 @@ from gateway.ring.reasons import RingCode
 from tests.testkit.revolution_data import plain_revolution
 
 LOST = Reason(EstimateCode.SAMPLES_LOST)
-FEW = Reason(EstimateCode.NOT_SETTLED, revolutions=3.0, needed=8.0)
+FEW = Reason(CoreCode.NOT_SETTLED, revolutions=3.0, needed=8.0)
 OUTSIDE = Reason(RevolutionCode.EFFECTS_OUTSIDE_RANGE, quantity="load_n", value=6500.0, low=4000.0, high=6000.0)
 
 
@@ -166,7 +166,7 @@ def test_reason_of_several_numbers_is_printed_once_with_their_names() -> None:
     unverified, not_converged = Reason(TrustCode.NOT_FINITE), Reason(RingCode.FIT_NOT_CONVERGED)
     names = ["Bs", "wear_mm", "Rs_over_Cw", "contact_length_m"]
     estimates = [
-        Estimate(name, 2.0, 0.1, status, (unverified, Reason(EstimateCode.NOT_SETTLED, revolutions=i, needed=8.0)))
+        Estimate(name, 2.0, 0.1, status, (unverified, Reason(CoreCode.NOT_SETTLED, revolutions=i, needed=8.0)))
         for i, (name, status) in enumerate(zip(names, (Status.VALID, Status.PROVISIONAL) * 2, strict=True))
     ]
     conicity = Estimate("conicity_slope_rad", 0.0, 0.1, Status.PROVISIONAL, (not_converged,))

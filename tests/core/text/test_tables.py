@@ -15,14 +15,14 @@ from gateway.core.estimates.estimator import Estimate, Status, TireConditions
 from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.result_block import blocks_of
 from gateway.core.estimates.results import RevolutionResult
-from gateway.core.reasons import Reason
+from gateway.core.reasons import CoreCode, Reason
 from gateway.core.text.result_columns import iso_utc
 from gateway.core.text.result_table import COLUMNS_FIXED_AFTER_ROWS, ResultTable, TableFormat, open_table
 from gateway.core.text.text import escaped
 from gateway.core.text.wording import joined, text
 from tests.testkit.revolution_data import plain_revolution
 
-FEW = Reason(EstimateCode.NOT_SETTLED, revolutions=3.0, needed=8.0)
+FEW = Reason(CoreCode.NOT_SETTLED, revolutions=3.0, needed=8.0)
 UNKNOWN = Reason(EstimateCode.UNKNOWN_ESTIMATOR, estimator='says; "none"')
 FAULTS = (Reason(EstimateCode.SAMPLES_LOST), Reason(EstimateCode.RADIAL_SATURATED))
 START_NS = 1_700_000_000_123_456_789

@@ -56,7 +56,7 @@ def test_every_template_prints_its_values(code: Code) -> None:
 
 
 def test_non_finite_values_are_null_in_json() -> None:
-    values = as_json(Reason(EstimateCode.NOT_DETERMINED, relative_error=math.inf))["values"]
+    values = as_json(Reason(CoreCode.NOT_DETERMINED, relative_error=math.inf))["values"]
     assert values == {"relative_error": None}
 
 
@@ -78,7 +78,7 @@ def test_zero_has_no_sign() -> None:
 
 @pytest.mark.parametrize(("error", "shown"), [(3.4, "3.4 times"), (1.1e4, "more than 10 times")])
 def test_large_relative_error_has_no_size(error: float, shown: str) -> None:
-    assert shown in text(Reason(EstimateCode.NOT_DETERMINED, relative_error=error))
+    assert shown in text(Reason(CoreCode.NOT_DETERMINED, relative_error=error))
 
 
 def test_no_reason_of_a_drive_says_that_a_number_is_none() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_protocol.messages import Coupling, Hello
-from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
+from gateway.ring.reference_tire import TABLE_3_NUMBERS
 from gateway.ring.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 
 RADIUS_M = 0.32

@@ -15,7 +15,7 @@ from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.revolution_block import RevolutionArrays
 from gateway.core.estimates.wheel_setup import SensorClaims, WheelSetup
 from gateway.core.quantity_catalogue import quantity_of
-from gateway.core.reasons import Reason
+from gateway.core.reasons import CoreCode, Reason
 from gateway.core.revolutions.angle_resampling import angle_grid, elapsed_angles, fit_phase
 from gateway.core.trust.lost_revolutions import LossStreak, SteadyStatus
 from gateway.core.trust.reasons import TrustCode
@@ -158,8 +158,8 @@ def test_streak_is_as_long_as_what_the_average_lacks() -> None:
 @pytest.mark.parametrize(("errors", "status"), [(2.9, Status.VALID), (2.6, Status.VALID), (2.4, Status.PROVISIONAL)])
 def test_value_is_determined_until_it_is_beyond_the_limit_by_more_than_chance(errors: float, status: Status) -> None:
     why = (
-        Reason(EstimateCode.NOT_DETERMINED, relative_error=1.0 / errors),
-        Reason(EstimateCode.MODEL_ERROR_SHARE, share=0.5),
+        Reason(CoreCode.NOT_DETERMINED, relative_error=1.0 / errors),
+        Reason(CoreCode.MODEL_ERROR_SHARE, share=0.5),
     )
     losses = Losses("weak-form")
     (before,) = losses.steadied(number(Status.PROVISIONAL, *why), CLEAN)

@@ -12,13 +12,13 @@ from firmware_protocol.messages import Coupling, Frame, Hello, MessageType, Samp
 from gateway.core.constants import STANDARD_GRAVITY_MPS2 as G
 from gateway.core.contacts.missing_revolutions import rotation_period_s
 from gateway.core.contacts.reasons import ContactCode
-from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
 from gateway.core.estimates.results import WheelSnapshot
 from gateway.core.estimates.wheel_setup import WheelSetup
 from gateway.core.reasons import CoreCode, Reason
 from gateway.core.trust.reasons import TrustCode
 from gateway.core.wheels.reasons import WheelCode
 from gateway.core.wheels.wheels import Pipeline
+from gateway.ring.reference_tire import TABLE_3_NUMBERS
 from gateway.ring.rolling_ring import RingParameters, solve_rolling_ring
 from tests.core.wheels.rolling_signals import PRESSURE_PA, RADIUS_M, SCALE_MPS2, Rolling, hello
 

@@ -7,9 +7,8 @@ import pytest
 
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.estimates.estimator import Status
-from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.wheel_setup import WheelSetup
-from gateway.core.reasons import Reason, codes_of
+from gateway.core.reasons import CoreCode, Reason, codes_of
 from gateway.core.wheels.wheels import Pipeline
 from gateway.forces.nonsynchronous import NonsynchronousEstimator
 from gateway.forces.reasons import ForceCode
@@ -59,7 +58,7 @@ def test_road_vibration_is_measured() -> None:
 def test_too_few_revolutions_are_invalid() -> None:
     results, _ = simulated("", 3.0, SETUP, ("kinematic", "asynchronous"))
     for estimate in results[-1].estimates[-3:]:
-        assert estimate.reasons[0].code in (ForceCode.NEEDS_UNINTERRUPTED_ROLLING, EstimateCode.NOT_SETTLED)
+        assert estimate.reasons[0].code in (ForceCode.NEEDS_UNINTERRUPTED_ROLLING, CoreCode.NOT_SETTLED)
 
 
 def test_gap_restarts_the_spectrum() -> None:

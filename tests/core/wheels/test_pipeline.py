@@ -19,6 +19,7 @@ from gateway.core.reasons import codes_of
 from gateway.core.wheels.reasons import WheelCode
 from gateway.core.wheels.tire_estimates import TireEstimates
 from gateway.core.wheels.wheels import Pipeline
+from gateway.ring.reasons import RingCode
 from tests.testkit.agreement import assert_agree, by_wheel, values_of
 
 SETUP = WheelSetup("FL", 0, 0, 0.32, load_n=5000.0, load_std_n=50.0)
@@ -287,7 +288,7 @@ def test_unknown_load_gives_ratios_only(roll, to_frames):
     estimates = {estimate.name: estimate for estimate in results[-1].estimates}
     for name in ("Bs", "Cw", "Rs", "Ts"):
         assert estimates[name].status is Status.INVALID
-        assert EstimateCode.NEEDS_LOAD in codes_of(estimates[name].reasons)
+        assert RingCode.NEEDS_LOAD in codes_of(estimates[name].reasons)
     assert estimates["Rs/Cw"].value > 0
 
 

@@ -8,7 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.core.estimates.determination import (
+from gateway.core.estimates.estimator import Status, TireConditions
+from gateway.core.reasons import CoreCode, Reason, codes_of
+from gateway.core.ring_quantities import RING_NUMBERS, RING_RATIOS
+from gateway.papers.reasons import PaperCode
+from gateway.ring.determination import (
     FittedNumbers,
     all_invalid,
     determination,
@@ -16,11 +20,6 @@ from gateway.core.estimates.determination import (
     number_estimates,
     scale_error,
 )
-from gateway.core.estimates.estimator import Status, TireConditions
-from gateway.core.estimates.reasons import EstimateCode
-from gateway.core.reasons import Reason, codes_of
-from gateway.core.ring_quantities import RING_NUMBERS, RING_RATIOS
-from gateway.papers.reasons import PaperCode
 from gateway.ring.reasons import RingCode
 
 CONDITIONS = TireConditions(0.32, 5000.0, 2.1e5)
@@ -41,7 +40,7 @@ def test_determined_means_three_standard_errors_with_model_error() -> None:
     estimates = {e.name: e for e in number_estimates("weak-form", numbers, CONDITIONS, ())}
     assert [estimates[name].status for name in RING_NUMBERS] == [Status.VALID] * 2 + [Status.PROVISIONAL] * 2
     undetermined, share = estimates["Ts"].reasons
-    assert undetermined == Reason(EstimateCode.NOT_DETERMINED, relative_error=result.relative_error[3])
+    assert undetermined == Reason(CoreCode.NOT_DETERMINED, relative_error=result.relative_error[3])
     assert share["share"] == pytest.approx(0.5**2 / (0.2**2 + 0.5**2))
     assert estimates["Rs"].reasons[1]["share"] < 0.5
     assert estimates["Ts"].std == pytest.approx(0.53852 * 2.5, rel=1e-4)
@@ -52,7 +51,7 @@ def test_ratio_needs_its_own_determination() -> None:
     results = {e.name: e for e in number_estimates("weak-form", fitted([0.2, 0.5, 0.1, 0.1]), CONDITIONS, ())}
     assert results["Bs"].status is Status.VALID
     assert results["Bs/Cw"].status is Status.PROVISIONAL
-    assert codes_of(results["Bs/Cw"].reasons)[0] is EstimateCode.NOT_DETERMINED
+    assert codes_of(results["Bs/Cw"].reasons)[0] is CoreCode.NOT_DETERMINED
 
 
 def test_weak_bending_needs_a_smaller_error() -> None:
@@ -66,12 +65,12 @@ def test_number_on_its_bound_is_invalid_others_valid() -> None:
     held = replace(fitted(0.1), values=VALUES * [1, 1, 1, 0], free=np.array([True, True, True, False]))
     results = {e.name: e for e in number_estimates("weak-form", held, CONDITIONS, ())}
     assert results["Ts"].status is results["Ts/Cw"].status is Status.INVALID
-    assert results["Ts"].reasons == (Reason(EstimateCode.FIT_AT_ZERO, number="Ts"),)
+    assert results["Ts"].reasons == (Reason(RingCode.FIT_AT_ZERO, number="Ts"),)
     assert results["Rs"].status is results["Rs/Cw"].status is Status.VALID
     without_cw = replace(fitted(0.1), values=VALUES * [1, 0, 1, 1], free=np.array([True, False, True, True]))
     results = {e.name: e for e in number_estimates("weak-form", without_cw, CONDITIONS, ())}
     assert {results[name].status for name in RING_RATIOS} == {Status.INVALID}
-    assert {results[name].reasons for name in RING_RATIOS} == {(Reason(EstimateCode.FIT_AT_ZERO, number="Cw"),)}
+    assert {results[name].reasons for name in RING_RATIOS} == {(Reason(RingCode.FIT_AT_ZERO, number="Cw"),)}
 
 
 def test_correlated_numbers_are_reported() -> None:
@@ -82,9 +81,9 @@ def test_correlated_numbers_are_reported() -> None:
     result = determination(both)
     assert result.condition == pytest.approx(1.98 / 0.02)
     confounded = result.why_not(1)[-1]
-    assert (confounded.code, confounded["number"]) == (EstimateCode.CORRELATED, "Rs")
+    assert (confounded.code, confounded["number"]) == (CoreCode.CORRELATED, "Rs")
     assert confounded["correlation"] == pytest.approx(-0.98)
-    assert EstimateCode.CORRELATED not in codes_of(determination(fitted(0.5)).why_not(1))
+    assert CoreCode.CORRELATED not in codes_of(determination(fitted(0.5)).why_not(1))
 
 
 @settings(max_examples=50)

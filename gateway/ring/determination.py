@@ -16,6 +16,8 @@ import numpy as np
 from gateway.core.estimates.disagreement import CONTRADICTION, disagreement_std
 from gateway.core.estimates.doubt_rules import DoubtRule
 from gateway.core.estimates.estimator import (
+    DETERMINED,
+    SETTLED_REVOLUTIONS,
     AngleAverage,
     Estimate,
     Revolution,
@@ -25,10 +27,11 @@ from gateway.core.estimates.estimator import (
     not_used,
 )
 from gateway.core.estimates.reasons import EstimateCode
-from gateway.core.estimates.reference_tire import TABLE_3_NUMBERS
-from gateway.core.reasons import Reason
+from gateway.core.reasons import CoreCode, Reason
 from gateway.core.ring_quantities import RING_NUMBERS, RING_RATIOS
 from gateway.core.types import BoolArray, FloatArray
+from gateway.ring.reasons import RingCode
+from gateway.ring.reference_tire import TABLE_3_NUMBERS
 
 _CW: Final = 1
 _NAMES: Final = (*RING_NUMBERS, *RING_RATIOS)
@@ -41,12 +44,9 @@ _OVER_CW: Final = np.array([0, 2, 3])
 NUMBER_UNITS: Final[FloatArray] = np.array(TABLE_3_NUMBERS) / 0.2325
 """Units of the four numbers in fits: all are about 1 for a car tire at load number 1. 0.2325 is Table 3's, rounded."""
 
-# Effective revolutions in an average from which its estimates are valid.
-SETTLED_REVOLUTIONS: Final = 8.0
 # Least number of orders: 95 % of the sensitivity to tangential stiffness lies in orders up to 4, to bending up to 14.
 LEAST_ORDERS: Final = 16
 
-DETERMINED: Final = 3.0
 # Bs below this share of Cw changes the shape only within millimetres of the edges, where a real tire has waves of its
 # own: it must be determined better by this factor.
 _WEAK_BENDING: Final = 1e-3
@@ -133,15 +133,15 @@ class Determination:
         """Return why a number, or its ratio to Cw of that relative error, is not determined."""
         error = float(self.relative_error[index] if relative_error is None else relative_error)
         if not math.isfinite(error):
-            return (Reason(EstimateCode.FIT_AT_ZERO, number=RING_NUMBERS[index]),)
-        reasons = [Reason(EstimateCode.NOT_DETERMINED, relative_error=error)]
+            return (Reason(RingCode.FIT_AT_ZERO, number=RING_NUMBERS[index]),)
+        reasons = [Reason(CoreCode.NOT_DETERMINED, relative_error=error)]
         if self.model_share.any():
-            reasons.append(Reason(EstimateCode.MODEL_ERROR_SHARE, share=float(self.model_share[index])))
+            reasons.append(Reason(CoreCode.MODEL_ERROR_SHARE, share=float(self.model_share[index])))
         others = np.abs(self.correlation[index]) - np.eye(4)[index]
         other = int(np.argmax(others))
         if others[other] > _CONFOUNDED:
             correlation = float(self.correlation[index, other])
-            reasons.append(Reason(EstimateCode.CORRELATED, correlation=correlation, number=RING_NUMBERS[other]))
+            reasons.append(Reason(CoreCode.CORRELATED, correlation=correlation, number=RING_NUMBERS[other]))
         return tuple(reasons)
 
 
@@ -308,7 +308,7 @@ def _undetermined(
     fitted: FittedNumbers, column: int, value: float, error: float, doubts: tuple[Reason, ...]
 ) -> Estimate:
     """Return the estimate of a number or ratio, by its column, that is not known or not determined."""
-    name, at_zero = _NAMES[column], Reason(EstimateCode.FIT_AT_ZERO, number=RING_NUMBERS[_CW])
+    name, at_zero = _NAMES[column], Reason(RingCode.FIT_AT_ZERO, number=RING_NUMBERS[_CW])
     if column < _COUNT:
         why_not = determination(fitted).why_not(column)
     elif not (fitted.free[_CW] and fitted.values[_CW] > 0.0):
@@ -398,7 +398,7 @@ def missing_conditions(conditions: TireConditions) -> tuple[Reason, ...]:
     """Return what is missing for absolute numbers; empty when nothing is."""
     missing = []
     if not positive(conditions.load_n):
-        missing.append(Reason(EstimateCode.NEEDS_LOAD))
+        missing.append(Reason(RingCode.NEEDS_LOAD))
     if not positive(conditions.pressure_pa):
         missing.append(Reason(EstimateCode.NEEDS_PRESSURE))
     return tuple(missing)
@@ -410,11 +410,11 @@ def doubt_about(revolution: Revolution, effective_count: float, *, is_linear_rin
     With `is_linear_ring` the signal is that of a linear ring, and the model has the exact geometry.
     """
     if is_linear_ring:
-        return (Reason(EstimateCode.SIGNAL_OF_LINEAR_RING),)
+        return (Reason(RingCode.SIGNAL_OF_LINEAR_RING),)
     if revolution.faults:
         return (not_used(revolution.faults),)
     if effective_count < SETTLED_REVOLUTIONS * (1.0 - 1e-9):
-        return (Reason(EstimateCode.NOT_SETTLED, revolutions=effective_count, needed=SETTLED_REVOLUTIONS),)
+        return (Reason(CoreCode.NOT_SETTLED, revolutions=effective_count, needed=SETTLED_REVOLUTIONS),)
     return ()
 
 
@@ -422,7 +422,7 @@ def unusable(average: AngleAverage, conditions: TireConditions) -> Reason | None
     """Return why no ring can be fitted to the average at all; None when one can."""
     orders = int(np.count_nonzero(np.isfinite(average.orders_mps2[1:])))
     if orders < LEAST_ORDERS:
-        return Reason(EstimateCode.TOO_FEW_ORDERS, orders=orders, needed=LEAST_ORDERS)
+        return Reason(RingCode.TOO_FEW_ORDERS, orders=orders, needed=LEAST_ORDERS)
     if not 0.0 < 0.5 * (average.trailing_edge_rad - average.leading_edge_rad) < math.pi / 2.0:
         return Reason(EstimateCode.NO_CONTACT_EDGES)
     if not (positive(average.omega_radps) and positive(conditions.radius_m)):
