@@ -82,11 +82,14 @@ class Path:
         """
         direction = -1.0 if self.reverse else 1.0
         yaw = direction * np.asarray(self.yaw_radps.at_times(time_s))
+        # The wheel heads into a curve by its slip angle.
+        slip, toward_mps2 = np.asarray(self.slip_rad.at_times(time_s)), yaw * omega_radps * radius_m
         motion = HubMotion(
             turn_radps=yaw + self.slip_rad.rates_at(time_s),
             camber_rad=self.camber_rad.at_times(time_s),
             camber_radps=self.camber_rad.rates_at(time_s),
-            left_mps2=yaw * omega_radps * radius_m,
+            forward_mps2=toward_mps2 * np.sin(slip),
+            left_mps2=toward_mps2 * np.cos(slip),
             grade_rad=direction * np.asarray(self.grade_rad.at_times(time_s)),
             bank_rad=self.bank_rad.at_times(time_s),
         )

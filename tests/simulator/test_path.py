@@ -77,6 +77,24 @@ def test_lateral_axis_reads_coriolis_and_centripetal_acceleration() -> None:
     assert 2.0 * (added[whole] * np.sin(angle)).mean() == pytest.approx(0.0, abs=0.02 * speed * yaw)
 
 
+@pytest.mark.parametrize("yaw_degps", [20.0, -20.0])
+def test_slip_heads_into_the_curve(yaw_degps: float) -> None:
+    slip = f"slip_angle_deg = {math.copysign(5.0, yaw_degps)}"
+    steered = SCENARIO.replace("phase_deg = 0.0", f"phase_deg = 0.0\n{slip}", 1)
+    straight, turning = (
+        read(wheel_plans(parse_scenario(steered + motion, "test"))[0])[:, 0]
+        for motion in ("track_m = 0.0", f"yaw_rate_degps = {yaw_degps}\ntrack_m = 0.0")
+    )
+    plan = plans()[0]
+    scale = SensorChain(plan.sensor, np.random.default_rng(0), plan.defect).scale_mps2[0]
+    added = (turning - straight) * scale
+    time_s = np.arange(len(added)) / plan.sample_rate_hz
+    whole = time_s < 3 * math.tau * plan.radius_m / 15.0
+    angle = 15.0 / plan.radius_m * time_s[whole]
+    forward = 15.0 * math.radians(20.0) * math.sin(math.radians(5.0))
+    assert -2.0 * (added[whole] * np.cos(angle)).mean() == pytest.approx(forward, rel=0.05)
+
+
 def test_grade_and_bank_turn_gravity() -> None:
     level, sloping = (read(plans(motion)[0]) for motion in ("", "grade_deg = 10.0\nbank_deg = 4.0"))
     plan = plans()[0]
