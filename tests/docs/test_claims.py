@@ -100,6 +100,26 @@ def test_relative_links_resolve():
     assert list(broken_links()) == []
 
 
+def anchors_of(page: Path) -> set[str]:
+    """Return the names that the site gives the headings of a page (Python-Markdown)."""
+    text = re.sub(r"^```.*?^```$", "", page.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE)
+    headings = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
+    return {re.sub(r"[-\s]+", "-", re.sub(r"[^\w\s-]", "", heading).strip().lower()) for heading in headings}
+
+
+def test_links_lead_to_headings_that_exist():
+    written = [ROOT / "README.md", *written_pages().values()]
+    anchors = {path.resolve(): anchors_of(path) for path in written}
+    broken = []
+    for path in written:
+        for link in re.findall(r"\]\(([^()\s:]*#[^()\s]+)\)", path.read_text("utf-8")):
+            target, _, anchor = link.partition("#")
+            linked = (path.parent / target).resolve() if target else path.resolve()
+            if anchor not in anchors.get(linked, {anchor}):
+                broken.append(f"{path.relative_to(ROOT)}: {link}")
+    assert broken == []
+
+
 def test_every_page_is_in_the_navigation():
     site = tomllib.loads((ROOT / "zensical.toml").read_text("utf-8"))["project"]
     pages = list(navigated(site["nav"]))
