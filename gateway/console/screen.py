@@ -133,7 +133,7 @@ class ConsoleApp(App[None]):
         self._frozen: SessionSnapshot | None = None
         self._mark_at_s = 0.0
         self._form: dict[str, str] | None = None
-        self._asked: list[str] = []
+        self._unanswered: list[str] = []
         self._leaving = False
         self.view = ViewState(addresses=addresses, may_record=session.may_record)
         self._board = WheelBoard()
@@ -241,18 +241,18 @@ class ConsoleApp(App[None]):
     def action_record(self) -> None:
         """Ask for the description of the run, field by field, and begin a recording; none while one runs."""
         if self._live.recording or not self._session.may_record:
-            self._form, self._asked = {}, []
+            self._form, self._unanswered = {}, []
             recording = self._live.recording
             message = f"{recording} is being recorded" if recording else "this session cannot begin a recording"
             self._open_input(f"{message}; Enter or Escape goes back")
             return
         self._form = self._session.run_form
-        self._asked = list(self._form)
+        self._unanswered = list(self._form)
         self._ask_next()
 
     def _ask_next(self) -> None:
-        if self._form is not None and self._asked:
-            name = self._asked[0]
+        if self._form is not None and self._unanswered:
+            name = self._unanswered[0]
             stated = self._form[name]
             keeps = f"Enter keeps '{stated}', {_CLEARED} clears it" if stated else "Enter leaves it out"
             self._open_input(f"record, {name}: {keeps}, Escape cancels")
@@ -269,13 +269,13 @@ class ConsoleApp(App[None]):
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Set the mark, with the time of its key press; or take a field of the form, and record after the last."""
         if self._form is not None:
-            if not self._asked:  # what went wrong was read
+            if not self._unanswered:  # what went wrong was read
                 self._close_input()
                 return
-            name, answer = self._asked.pop(0), event.value.strip()
+            name, answer = self._unanswered.pop(0), event.value.strip()
             if answer:
                 self._form[name] = "" if answer == _CLEARED else answer
-            if self._asked:
+            if self._unanswered:
                 self._ask_next()
             else:
                 self._begin_recording(self._form)

@@ -377,13 +377,13 @@ def given_by(estimators: Iterable[str]) -> dict[str, Quantity]:
 
     A name that an earlier estimator uses has the prefix of the later one: `ring-paper:Bs`.
     """
-    given: dict[str, Quantity] = {}
+    quantities: dict[str, Quantity] = {}
     for estimator in estimators:
-        given |= {
-            f"{estimator}:{quantity.name}" if quantity.name in given else quantity.name: quantity
+        quantities |= {
+            f"{estimator}:{quantity.name}" if quantity.name in quantities else quantity.name: quantity
             for quantity in quantities_of(estimator)
         }
-    return given
+    return quantities
 
 
 def declared() -> tuple[Quantity, ...]:

@@ -24,8 +24,8 @@ from gateway.core.worker_pool import Workers
 from gateway.diagnosis.campaign_clock import combined
 from gateway.diagnosis.campaign_recording import ReadOrder, RecordingRead, read_recording
 from gateway.diagnosis.data.campaign_data import Campaign, Group, Remark
-from gateway.diagnosis.data.condition_groups import telling, tire_states
-from gateway.diagnosis.data.group_statistics import FEW, label
+from gateway.diagnosis.data.condition_groups import most_informative, tire_states
+from gateway.diagnosis.data.group_statistics import TOO_FEW_REVOLUTIONS, label
 from gateway.diagnosis.data.shared_noise import repeated_recordings
 from gateway.diagnosis.effects.effect import GroupConditions
 from gateway.diagnosis.reasons import DiagnosisCode
@@ -303,7 +303,7 @@ def _usable_groups(reads: Sequence[RecordingRead], wheel: str, rejected: dict[Re
     large = [group for group in groups if _count(group) >= MIN_REVOLUTIONS]
     if large and len(large) < len(groups):
         small = [group for group in groups if _count(group) < MIN_REVOLUTIONS]
-        rejected[FEW] = rejected.get(FEW, 0) + sum(map(_count, small))
+        rejected[TOO_FEW_REVOLUTIONS] = rejected.get(TOO_FEW_REVOLUTIONS, 0) + sum(map(_count, small))
         groups = large
     groups, spare = _most_informative(groups)
     if spare:
@@ -340,7 +340,7 @@ def _recording_remarks(orders: Sequence[ReadOrder], reads: Sequence[RecordingRea
 
 
 def _left_out_remarks(rejected: Mapping[Reason, int]) -> Iterator[Reason]:
-    for reason in (SPARE, FEW):
+    for reason in (SPARE, TOO_FEW_REVOLUTIONS):
         if reason in rejected:
             yield Reason(DiagnosisCode.REVOLUTIONS_LEFT_OUT, revolutions=rejected[reason], reason=reason)
 
@@ -364,7 +364,7 @@ def _states(groups: Sequence[Group]) -> IntArray:
 
 def _most_informative(groups: list[Group]) -> tuple[list[Group], int]:
     """Return the groups that inform the diagnosis most, and the number of revolutions in the others."""
-    chosen = telling(
+    chosen = most_informative(
         np.array([group.recording for group in groups]),
         _states(groups),
         np.array([group.conditions.omega_radps for group in groups]),

@@ -55,23 +55,23 @@ def known_effects(
             )
         if any(effect.name == other.name for other, _ in effects):
             raise TreadlinkError(f"{origin}: effect '{corrected.name}' stands twice", _AGAIN)
-        given = {parameter.name: parameter for parameter in corrected.parameters}
+        in_file = {parameter.name: parameter for parameter in corrected.parameters}
         if isinstance(effect, LocalChange):
             # Files of before hold changes of a belt of the baseline model's mass.
-            given.setdefault("log_mass", EffectParameter("log_mass", 0.0, math.nan, ""))
+            in_file.setdefault("log_mass", EffectParameter("log_mass", 0.0, math.nan, ""))
         names = [parameter.name for parameter in effect.parameters]
         for name in names:
-            if name not in given:
+            if name not in in_file:
                 raise TreadlinkError(f"{origin}: effect '{corrected.name}' lacks the parameter '{name}'", _AGAIN)
-        for name in given:
+        for name in in_file:
             if name not in names or sum(parameter.name == name for parameter in corrected.parameters) > 1:
                 raise TreadlinkError(
                     f"{origin}: effect '{corrected.name}' has no parameter '{name}', or has it twice", _AGAIN
                 )
         for parameter in effect.parameters:
-            _check_range(effect, parameter, given[parameter.name], origin)
+            _check_range(effect, parameter, in_file[parameter.name], origin)
         used = effect.held() if isinstance(effect, LocalChange) else effect
-        effects.append((used, np.array([given[name].value for name in names])))
+        effects.append((used, np.array([in_file[name].value for name in names])))
     return effects
 
 

@@ -158,14 +158,14 @@ def transfer(
 
 def _as_finding(fit: Fit, effect: AngleEffect, corrected: CorrectedEffect) -> Finding:
     """Return an effect of a file as a finding: parameters and errors are those of the file."""
-    given = {parameter.name: parameter for parameter in corrected.parameters}
+    in_file = {parameter.name: parameter for parameter in corrected.parameters}
     return Finding(
         name=effect.name,
         verdict=Verdict.NAMED,
         parameters={
-            parameter.name: fitted_parameter(parameter, given[parameter.name].value, given[parameter.name].std)
+            parameter.name: fitted_parameter(parameter, in_file[parameter.name].value, in_file[parameter.name].std)
             for parameter in effect.parameters
-            if parameter.name in given
+            if parameter.name in in_file
         },
         chi2=math.nan,
         rms_mps2=float(np.max(sizes_of(fit, effect))),

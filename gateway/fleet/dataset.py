@@ -179,10 +179,10 @@ class Dataset:
         self._forget(old)
         self._remember(new)
 
-    def follow(self, content: FileContent, given: Collection[str]) -> None:
-        """Note the new path of a content whose old path, by its identity, is not among those given any more."""
+    def follow(self, content: FileContent, campaign_keys: Collection[str]) -> None:
+        """Note the new path of a content whose old path, by its identity, is not in the campaign any more."""
         key = self._done.get(content.recording_id)
-        if key is not None and key.path not in given:
+        if key is not None and key.path not in campaign_keys:
             self.keep(content)
 
     def commit(

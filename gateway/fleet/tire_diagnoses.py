@@ -103,19 +103,19 @@ class DiagnosisCounts:
 def diagnose_tires(
     dataset: Dataset,
     tasks: Callable[[], WorkerTasks],
-    given: Collection[Path],
+    campaign_paths: Collection[Path],
     *,
     config: VehicleConfig | None,
     key_file: Path | None,
     stop: threading.Event,
     on_tire: Callable[[int, int], None] = lambda _, __: None,
 ) -> DiagnosisCounts:
-    """Diagnose the tires of the given recordings, as far as that is not done.
+    """Diagnose the tires of the recordings of a campaign, as far as that is not done.
 
     Args:
         dataset: with the rows of the recordings.
         tasks: returns the tasks of the workers.
-        given: recordings of the campaign; others may not exist any more.
+        campaign_paths: its recordings; others of the dataset may not exist any more.
         config: configuration for all recordings, None for the one in each.
         key_file: keys of signed frames.
         stop: event that asks to stop.
@@ -126,7 +126,7 @@ def diagnose_tires(
     """
     counts = DiagnosisCounts()
     orders: dict[str, tuple[DiagnosisOrder, list[Path]]] = {}
-    for tire, rows in _tires(dataset.root, given).items():
+    for tire, rows in _tires(dataset.root, campaign_paths).items():
         vehicle, _, sensor_id = tire
         if len(rows) > 1 and not is_identified(vehicle, sensor_id):
             counts.add(tire, TireOutcome(text(Reason(FleetCode.TIRE_UNIDENTIFIED, recordings=len(rows)))))

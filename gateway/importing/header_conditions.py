@@ -8,13 +8,13 @@ from typing import Final
 _KG_N: Final = 9.80665
 _TIRE: Final = re.compile(r"\b(?:LT|P|ST)?\d{3}/\d{2,3}\s?Z?[RBD-]\s?\d{2}(?:[.,]5)?C?\b")
 _NUMBER: Final = r"[^\d\n+-]{0,20}?(?P<value>\d+(?:[.,]\d+)?)"
-_BETWEEN: Final = r"[\s;,:\t\])\"]*"
+_SEPARATORS: Final = r"[\s;,:\t\])\"]*"
 _LOAD: Final = re.compile(
-    rf"(?:\b|_)(?:(?:wheel|vertical|normal)?\s?load|radlast|last|fz)\b(?P<before>{_NUMBER}){_BETWEEN}(?P<unit>k?N\b|kg\b)?",
+    rf"(?:\b|_)(?:(?:wheel|vertical|normal)?\s?load|radlast|last|fz)\b(?P<before>{_NUMBER}){_SEPARATORS}(?P<unit>k?N\b|kg\b)?",
     re.IGNORECASE,
 )
 _PRESSURE: Final = re.compile(
-    rf"(?:\b|_)(?:inflation|(?:tire|tyre)?\s?pressure|luftdruck|reifendruck|fülldruck)\b(?P<before>{_NUMBER}){_BETWEEN}"
+    rf"(?:\b|_)(?:inflation|(?:tire|tyre)?\s?pressure|luftdruck|reifendruck|fülldruck)\b(?P<before>{_NUMBER}){_SEPARATORS}"
     r"(?P<unit>kPa\b|bar\b|psi\b)?",
     re.IGNORECASE,
 )

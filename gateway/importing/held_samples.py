@@ -16,7 +16,7 @@ _SHORTEST: Final = 8
 _CHANCE: Final = 1e-6
 _REMEMBERED: Final = 10_000
 # Runs of a single axis up to this number, or one in so many samples: in each contact a quiet signal may stay.
-_FEW: Final = 3
+_MAX_QUIET_RUNS: Final = 3
 _ONE_IN: Final = 10_000
 # Share of the samples in several runs of an axis that is quiet against its steps.
 _QUIET: Final = 0.2
@@ -108,7 +108,9 @@ class _Runs:
             if length >= max(_SHORTEST, shortest) and value not in (self._low, self._high)
         ]
         samples = sum(length + 1 for _, length in runs)
-        is_quiet = len(runs) > max(_FEW, self._rows / _ONE_IN) or (len(runs) > 1 and samples > _QUIET * self._rows)
+        is_quiet = len(runs) > max(_MAX_QUIET_RUNS, self._rows / _ONE_IN) or (
+            len(runs) > 1 and samples > _QUIET * self._rows
+        )
         if not runs or (len(self.axes) == 1 and is_quiet):
             return None
         return Held(self.axes, len(runs), samples, runs[0][0])

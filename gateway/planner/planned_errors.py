@@ -384,7 +384,7 @@ def _errors(
 ) -> Iterator[PlannedError]:
     for name, truth in truths.items():
         for count in AFTER:
-            estimates = [given for drive in drives if (given := _estimate(drive, name, count)) is not None]
+            estimates = [estimate for drive in drives if (estimate := _estimate(drive, name, count)) is not None]
             if len(estimates) < 2:
                 continue
             values = np.array([value for value, _, _ in estimates])

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.core.revolutions.order_spectrum import order_coefficients
-from gateway.diagnosis.data.condition_groups import alike, far_apart, folded, modes, telling, tire_states
+from gateway.diagnosis.data.condition_groups import alike, far_apart, folded, modes, most_informative, tire_states
 from gateway.diagnosis.data.revolution_deviations import deviation_rate_hz, deviations
 from gateway.diagnosis.data.revolution_orders import carried_order, waveform_orders
 from gateway.diagnosis.data.revolution_scatter import settle
@@ -83,7 +83,9 @@ class TestGrouping:
 
 class TestInformative:
     def taken(self, recording, state, omega, count, most):
-        return telling(*map(np.asarray, (recording, state)), np.asarray(omega), np.asarray(count, float), most).tolist()
+        return most_informative(
+            *map(np.asarray, (recording, state)), np.asarray(omega), np.asarray(count, float), most
+        ).tolist()
 
     def test_far_apart_groups_cover_speeds_loads_and_directions(self):
         groups = [

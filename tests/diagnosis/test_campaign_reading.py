@@ -20,7 +20,7 @@ from gateway.core.session.recording_pass import RecordingPass, open_recording
 from gateway.core.text.wording import text
 from gateway.core.worker_pool import Workers
 from gateway.diagnosis.campaign import MAX_GROUPS, SPARE, read_campaign, read_usable, reading_orders
-from gateway.diagnosis.data.group_statistics import CUT_OFF, FEW
+from gateway.diagnosis.data.group_statistics import CUT_OFF, TOO_FEW_REVOLUTIONS
 from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.importing.import_map import load_map, parse_map
 from gateway.importing.importer import import_file
@@ -217,9 +217,14 @@ class TestConditions:
         assert max(counts) > 40
         assert min(counts) >= 4
         assert len(counts) > 5
-        assert campaign.rejected.get(FEW, 0) > 0
+        assert campaign.rejected.get(TOO_FEW_REVOLUTIONS, 0) > 0
         assert (
-            Reason(DiagnosisCode.REVOLUTIONS_LEFT_OUT, revolutions=campaign.rejected[FEW], reason=FEW) in campaign.notes
+            Reason(
+                DiagnosisCode.REVOLUTIONS_LEFT_OUT,
+                revolutions=campaign.rejected[TOO_FEW_REVOLUTIONS],
+                reason=TOO_FEW_REVOLUTIONS,
+            )
+            in campaign.notes
         )
         for group in campaign.groups:
             speeds = [block.conditions.omega_radps for block in group.blocks]

@@ -36,7 +36,7 @@ _KINK: Final = 6.0
 # Samples of an unfinished line that are kept until the next ones come.
 _KEPT: Final = 4096
 # Share of the samples from which the whole signal was interpolated, rather than gaps in it.
-_MOST: Final = 0.5
+_INTERPOLATED_SHARE: Final = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ class Bridging:
     @property
     def is_everywhere(self) -> bool:
         """Whether the whole signal was interpolated, as from a lower rate."""
-        return self.share > _MOST
+        return self.share > _INTERPOLATED_SHARE
 
 
 class BridgedGaps:

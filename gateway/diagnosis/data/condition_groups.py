@@ -21,9 +21,9 @@ STATE_PRESSURE_WIDTH: Final = 0.01
 _ANGLE_WIDTH: Final = 0.08
 _CONTACT_SPEED_WIDTH: Final = 0.1
 # Distance of speeds, as a logarithm, beyond which a further distance adds no information on speed dependence.
-_APART: Final = 0.2
+_SPEED_DISTANCE_LN: Final = 0.2
 # Ratio of speeds, loads or pressures from which recordings can test each other.
-_OTHER: Final = 1.05
+_TESTING_RATIO: Final = 1.05
 # Difference of temperatures that counts as much as that of speeds.
 _WARMER_K: Final = 10.0
 
@@ -122,7 +122,9 @@ def contact_groups(state: IntArray, omega_radps: FloatArray, half_angle_rad: Flo
                 yield [alike_speed[angles == label] for label in np.unique(angles).tolist()]
 
 
-def telling(recording: IntArray, state: IntArray, omega_radps: FloatArray, count: FloatArray, most: int) -> IntArray:
+def most_informative(
+    recording: IntArray, state: IntArray, omega_radps: FloatArray, count: FloatArray, most: int
+) -> IntArray:
     """Return the indices of the `most` most informative groups, ascending; more if there are more recordings.
 
     The largest group of each recording is included. Groups with many revolutions at a speed far from all others follow.
@@ -142,7 +144,7 @@ def telling(recording: IntArray, state: IntArray, omega_radps: FloatArray, count
     while len(taken) < min(most, len(count)):
         away = np.abs(speed[:, None] - speed[taken])
         away[state[:, None] != state[taken]] = np.inf
-        score = count * np.minimum(1.0, away.min(axis=1) / _APART)
+        score = count * np.minimum(1.0, away.min(axis=1) / _SPEED_DISTANCE_LN)
         score[taken] = -1.0
         taken.append(int(np.argmax(score)))
     return np.array(sorted(taken), dtype=np.intp)
@@ -160,7 +162,8 @@ def far_apart(places: IntArray, conditions: Sequence[GroupConditions], most: int
         return places
     candidates = [conditions[index] for index in places.tolist()]
     log = (
-        np.log([[condition.omega_radps, condition.load_n, condition.pressure_pa] for condition in candidates]) / _APART
+        np.log([[condition.omega_radps, condition.load_n, condition.pressure_pa] for condition in candidates])
+        / _SPEED_DISTANCE_LN
     )
     warmth = np.nan_to_num([condition.temperature_degc for condition in candidates]) / _WARMER_K
     features = np.column_stack((log, warmth, [float(condition.reverse) for condition in candidates]))
@@ -188,7 +191,7 @@ def has_other_conditions(groups: Sequence[Group], recording: int) -> bool:
     """Return whether a recording has a speed, load or pressure that no other one has."""
 
     def apart(first: float, second: float) -> bool:
-        return max(first, second) > _OTHER * min(first, second)
+        return max(first, second) > _TESTING_RATIO * min(first, second)
 
     of_recording = [group.conditions for group in groups if group.recording == recording]
     others = [group.conditions for group in groups if group.recording != recording]

@@ -20,10 +20,10 @@ TERMS: Final = 4
 
 _ROUNDS: Final = 4
 # Revolutions, and pairs of neighbours among them, from which jitter can be evident. One outlier in three is no scatter.
-_LEAST: Final = 4
+_MIN_REVOLUTIONS: Final = 4
 # Fewer revolutions cannot tell jitter from the edges' dependence on speed, unless the speed changes by less than this
 # share from turn to turn.
-_FEW: Final = 12
+_MIN_AT_CHANGING_SPEED: Final = 12
 _STEADY: Final = 1e-3
 # The same shapes are fitted away from the contact. This bounds the amplitude that all other causes produce. Causes
 # fixed in space contribute more at some angles than at others.
@@ -73,7 +73,7 @@ class Edges:
             index: (n,) running numbers of the revolutions.
         """
         follows = np.flatnonzero(np.diff(index) == 1)
-        if len(follows) < _LEAST or not self.evident:
+        if len(follows) < _MIN_REVOLUTIONS or not self.evident:
             return np.empty((0, *mean_mps2.shape), dtype=np.complex128)
         # Both edges of one contact: the leading one ends a revolution, the trailing one begins the next.
         leading, trailing = slice(0, TERMS, 2), slice(1, TERMS, 2)
@@ -157,9 +157,9 @@ def compare_edges(
     timing = EdgeTiming()
     nothing = Edges(np.zeros((count, TERMS)), half_angle_rad, timing)
     follows = np.flatnonzero(np.diff(index) == 1)
-    if count < _LEAST or len(follows) < _LEAST or not 0.0 < half_angle_rad < 0.5 * math.pi:
+    if count < _MIN_REVOLUTIONS or len(follows) < _MIN_REVOLUTIONS or not 0.0 < half_angle_rad < 0.5 * math.pi:
         return nothing
-    if count < _FEW and np.median(np.abs(np.diff(omega_radps))) > _STEADY * float(omega_radps.mean()):
+    if count < _MIN_AT_CHANGING_SPEED and np.median(np.abs(np.diff(omega_radps))) > _STEADY * float(omega_radps.mean()):
         return nothing
     raw = orders_mps2.astype(np.complex128)
     present = np.isfinite(raw).all(axis=0)
@@ -204,7 +204,7 @@ def _timing(early: FloatArray, noise: FloatArray, follows: IntArray, folds: int,
     other = noise[:, follows, 0] - noise[:, follows + 1, 1]
     # Differences between successive contacts: a slow drift, as of the load, is not jitter.
     steps = np.flatnonzero(np.diff(follows) == 1)
-    if len(steps) < _LEAST // 2:
+    if len(steps) < _MIN_REVOLUTIONS // 2:
         return EdgeTiming()
     power = 0.5 * np.square(np.diff(length))[steps]
     noise_power = 0.5 * np.square(np.diff(other, axis=1))[:, steps]
@@ -278,7 +278,7 @@ def _leading_share(
     lengths[follows + 1] = length
     step, away = lengths[1:-1] - lengths[:-2], turned_rad[:-1]
     used = np.flatnonzero(np.isfinite(step))
-    if len(used) < _LEAST:
+    if len(used) < _MIN_REVOLUTIONS:
         return 0.5, 0.5
     step, away = _detrended(step[used]), _detrended(away[used])
     below = float(step @ step) - 2.0 * noise_power * len(step)

@@ -29,7 +29,7 @@ CUT_OFF: Final = Reason(DiagnosisCode.CLIPPED_UNLIKE_GROUP)
 
 MOST_ALIKE: Final = 5000
 """Revolutions of one group; comparing them takes 30 kB each."""
-ENOUGH: Final = Reason(DiagnosisCode.BEYOND_GROUP_LIMIT, limit=MOST_ALIKE)
+GROUP_IS_FULL: Final = Reason(DiagnosisCode.BEYOND_GROUP_LIMIT, limit=MOST_ALIKE)
 
 _DEVIATIONS_S: Final = 30.0
 _DRIFT_OVER: Final = 9
@@ -90,16 +90,16 @@ def make_groups(
     for places in alike(table["omega_radps"], load, pressure, table["temperature_degc"], drift):
         chosen = _cut_off_or_not(table, places, reject)
         if len(chosen) < 2:
-            reject(FEW, len(chosen))
+            reject(TOO_FEW_REVOLUTIONS, len(chosen))
             continue
         if len(chosen) > MOST_ALIKE:
-            reject(ENOUGH, len(chosen) - MOST_ALIKE)
+            reject(GROUP_IS_FULL, len(chosen) - MOST_ALIKE)
             chosen = chosen[:MOST_ALIKE]
         made.append(_group(table, chosen, declared, folds, reject))
     return made
 
 
-FEW: Final = Reason(DiagnosisCode.TOO_FEW_ALIKE)
+TOO_FEW_REVOLUTIONS: Final = Reason(DiagnosisCode.TOO_FEW_ALIKE)
 
 
 def _cut_off_or_not(table: RevolutionTable, places: IntArray, reject: Callable[[Reason, int], None]) -> IntArray:

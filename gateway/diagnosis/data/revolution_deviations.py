@@ -27,7 +27,7 @@ CELLS: Final = 64
 """Angles of a profile: 0.1 rad each, the width of a burst that a wheel's turn smears."""
 
 # Fewer revolutions do not show what is rare.
-_LEAST: Final = 12
+_MIN_REVOLUTIONS: Final = 12
 # Share of the revolutions that is left out of a cell: those of the largest power.
 _TRIMMED: Final = 0.05
 # Share of the largest powers, burst excepted, below which a cell of a clipped signal has next to no scatter: noise is
@@ -48,7 +48,7 @@ def angle_scatter(
         clipped: whether the radial axis reaches the end of its range in some of them.
     """
     count = len(residuals)
-    if count < _LEAST:
+    if count < _MIN_REVOLUTIONS:
         return None
     parts = residuals.reshape(count, 3, CELLS, -1)
     cells = np.square(parts).mean(axis=-1)

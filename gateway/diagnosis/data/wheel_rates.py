@@ -14,7 +14,7 @@ from gateway.diagnosis.effects.wheel_motion import CAMBER_RATE, TURNING_WHEEL
 from gateway.diagnosis.reasons import DiagnosisCode
 
 # Revolutions that have one rate: a curve, a lane that is kept.
-_ALIKE: Final = 15.0
+_CORRELATED_REVOLUTIONS: Final = 15.0
 _FEWEST: Final = 30
 # Slope of the lateral mean over speed times turn: 1, but for camber and bank in curves.
 _SLOPE_ERROR, _SLOPE_SIGMAS = 0.3, 3.0
@@ -119,14 +119,14 @@ def _of_turn(
     evidences = []
     for path in paths:
         rest = mean - (path[finite] - path[finite].mean())
-        evidences.append(0.5 * len(mean) / _ALIKE * math.log(before / max(float(rest @ rest), 1e-300)))
+        evidences.append(0.5 * len(mean) / _CORRELATED_REVOLUTIONS * math.log(before / max(float(rest @ rest), 1e-300)))
     # All lags are as likely before the data.
     evidence = float(np.logaddexp.reduce(evidences)) - math.log(len(paths))
     path_mps2 = paths[int(np.argmax(evidences))]
     path = path_mps2[finite] - path_mps2[finite].mean()
     power = max(float(path @ path), 1e-300)
     slope = float(path @ mean) / power
-    std = math.sqrt(float(np.sum((mean - slope * path) ** 2)) * _ALIKE / len(path) / power)
+    std = math.sqrt(float(np.sum((mean - slope * path) ** 2)) * _CORRELATED_REVOLUTIONS / len(path) / power)
     objection = None
     if abs(slope - 1.0) > _SLOPE_ERROR + _SLOPE_SIGMAS * std:
         objection = Reason(DiagnosisCode.TURN_WITHOUT_ACCELERATION, slope=slope, std=std)
@@ -153,7 +153,7 @@ def _error(rate_radps: FloatArray, shared_radps: FloatArray, scatter_radps: Floa
     shared, scatter = (
         math.sqrt(float(np.average(np.square(x), weights=weights))) for x in (shared_radps, scatter_radps)
     )
-    return math.hypot(shared, scatter * math.sqrt(min(_ALIKE / len(rate_radps), 1.0)))
+    return math.hypot(shared, scatter * math.sqrt(min(_CORRELATED_REVOLUTIONS / len(rate_radps), 1.0)))
 
 
 def _of_camber(

@@ -23,8 +23,8 @@ SAMPLES: Final = "samples"
 """Locks of an unexplained signal: one angle with a new waveform each turn, every second turn, data faults."""
 
 # Places listed, and cells by which one may differ between groups.
-_MOST: Final = 4
-_BESIDE: Final = 1
+_MAX_PLACES: Final = 4
+_CELL_TOLERANCE: Final = 1
 # Independent values in the mean square of successive differences, per value: each is part of two of them.
 _SUCCESSIVE: Final = 2.0 / 3.0
 # Angles of a cell at which a waveform's rate is worked out.
@@ -70,7 +70,7 @@ def _places(groups: Sequence[Group], lock: str) -> list[Unexplained]:
     reverse = [group.conditions.reverse for group in groups]
     orders = [[False] * len(groups), *([reverse] if len(set(reverse)) > 1 else [])]
     entries: list[Unexplained] = []
-    while len(entries) < _MOST:
+    while len(entries) < _MAX_PLACES:
         mirrored = max(orders, key=lambda order: _clearest(profiles.ordered(order))[0])
         ordered = profiles.ordered(mirrored)
         rare, members = _clearest(ordered)
@@ -79,7 +79,7 @@ def _places(groups: Sequence[Group], lock: str) -> list[Unexplained]:
         cells = _stretch(ordered, members)
         entries.append(_entry(groups, lock, ordered, cells, mirrored, members))
         count = profiles.over.shape[-1]
-        beside = np.arange(cells[0] - _BESIDE, cells[0] + len(cells) + _BESIDE) % count
+        beside = np.arange(cells[0] - _CELL_TOLERANCE, cells[0] + len(cells) + _CELL_TOLERANCE) % count
         for group, is_mirrored in enumerate(mirrored):
             profiles.over[group][:, count - 1 - beside if is_mirrored else beside] = 0.0
     return entries

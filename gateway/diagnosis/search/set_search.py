@@ -31,7 +31,7 @@ from gateway.diagnosis.angle.set_evidence import (
 )
 from gateway.diagnosis.bayes.posterior import Names
 from gateway.diagnosis.data.campaign_data import Campaign
-from gateway.diagnosis.data.condition_groups import far_apart, has_other_conditions, telling
+from gateway.diagnosis.data.condition_groups import far_apart, has_other_conditions, most_informative
 from gateway.diagnosis.effects.catalogue import corrections
 from gateway.diagnosis.effects.local_effects import LocalChange
 from gateway.diagnosis.model.baseline import Core, NoShapeError
@@ -91,7 +91,7 @@ class SetSearch:
         groups = self.campaign.groups
         self._scanned = tuple(
             far_apart(
-                telling(
+                most_informative(
                     np.array([group.recording for group in groups]),
                     np.array([group.state for group in groups]),
                     np.array([group.conditions.omega_radps for group in groups]),

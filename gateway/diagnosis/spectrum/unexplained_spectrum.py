@@ -23,7 +23,7 @@ _BESIDE_TURNS: Final = 10.0
 _MOST_PARTS: Final = 16
 _LINE_HZ: Final = 8.0
 # Share of a band's power that a line in it must hold for the band to be that line.
-_MOST: Final = 0.5
+_LINE_POWER_SHARE: Final = 0.5
 _SAME_HZ: Final = 1.0
 _SAME_ORDER: Final = 0.06
 # A multiple of the wheel's frequency, so near; a band is of multiples where it is this many times as high near them.
@@ -170,7 +170,7 @@ def _main_line(frequency: FloatArray, excess: FloatArray) -> slice:
     half = max(1, round(0.5 * _LINE_HZ / float(frequency[1] - frequency[0])) - 1)
     peak = int(np.argmax(excess))
     line = slice(max(0, peak - half), peak + half + 1)
-    return line if float(excess[line].sum()) > _MOST * float(excess.sum()) else slice(None)
+    return line if float(excess[line].sum()) > _LINE_POWER_SHARE * float(excess.sum()) else slice(None)
 
 
 def _within(free: BoolArray, peak: int, half: int) -> slice:

@@ -30,12 +30,12 @@ def parse_want(text: str, truths: Mapping[str, float]) -> Want:
     if match is None:
         raise ConfigError(f"'{text}' asks for no error", "Write --want wear=0.5mm, or a share of the value: Ts=3%.")
     short = {split_name(name)[0].replace(" ", "_"): name for name in truths}
-    given = match[1].strip().replace(" ", "_")
-    name = given if given in truths else short.get(given)
+    wanted = match[1].strip().replace(" ", "_")
+    name = wanted if wanted in truths else short.get(wanted)
     if name is None:
         raise ConfigError(
-            f"'{given}' is no quantity that is planned",
-            f"{did_you_mean(given, short)}Known: {', '.join(short)}.",
+            f"'{wanted}' is no quantity that is planned",
+            f"{did_you_mean(wanted, short)}Known: {', '.join(short)}.",
         )
     unit, error = split_name(name)[1], float(match[2])
     if match[3] == "%" and truths[name]:
@@ -45,7 +45,7 @@ def parse_want(text: str, truths: Mapping[str, float]) -> Want:
     else:
         units = [symbol for symbol in (unit.symbol, "%" if truths[name] else "") if symbol]
         if not match[3]:
-            raise ConfigError(f"the error of {given} has no unit", f"Write {given}={match[2]}{units[0]}.")
+            raise ConfigError(f"the error of {wanted} has no unit", f"Write {wanted}={match[2]}{units[0]}.")
         raise ConfigError(f"'{match[3]}' is no unit of the error of {name}", f"Give it in {' or '.join(units)}.")
     if largest <= 0.0:
         raise ConfigError(f"no sensor has an error of {match[2]} in {name}", "Give an error above 0.")

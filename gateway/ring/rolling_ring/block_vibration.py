@@ -52,7 +52,7 @@ _PLANAR: Final = 2
 # Neighbours on either side: two of the stiffness, one more for the rate of bending.
 _REACH: Final = 3
 # Places in `_Parts.acting` of the sidewall's damper: at rest, and as the belt passes.
-_HELD: Final = 1
+_AT_REST: Final = 1
 _PASSED: Final = 4
 
 
@@ -251,7 +251,7 @@ def _damped(parts: _Parts, vibrations: ComplexArray, omega_radps: float, count: 
     """Return what the sidewall's damper does to vibrations (k, N, d), likewise."""
     dof = vibrations.shape[2]
     by_node = parts.acting.reshape(len(parts.acting), -1, dof, parts.acting.shape[2])
-    damper = np.ascontiguousarray(by_node[:, [_HELD, _PASSED]]).reshape(len(by_node), 2 * dof, -1)
+    damper = np.ascontiguousarray(by_node[:, [_AT_REST, _PASSED]]).reshape(len(by_node), 2 * dof, -1)
     held, passed = _acted(damper, vibrations)
     result: ComplexArray = omega_radps * (passed - 1j * count * held)
     return result
