@@ -37,17 +37,17 @@ class Ceiling(NamedTuple):
 
 
 CEILINGS: Final[dict[str, Ceiling]] = {
-    "lines of the core": Ceiling(32_000, 42_500),
+    "lines of the core": Ceiling(32_000, 39_900),
     "lines of gateway": Ceiling(95_000, 130_600),
     "lines of tests": Ceiling(58_000, 77_000),
     "lines of tools": Ceiling(17_000, 24_700),
     "words of docs": Ceiling(60_000, 60_000),
     "options": Ceiling(120, 91),
     "reason codes": Ceiling(430, 612),
-    "functions over complexity 20": Ceiling(0, 14),
-    "functions of more than eight parameters, commands aside": Ceiling(0, 6),
-    "modules over 700 lines": Ceiling(0, 2),
-    "imports of this project in functions, commands aside": Ceiling(0, 21),
+    "functions over complexity 20": Ceiling(0, 5),
+    "functions of more than eight parameters, commands aside": Ceiling(0, 4),
+    "modules over 700 lines": Ceiling(0, 1),
+    "imports of this project in functions, commands aside": Ceiling(0, 1),
     "arrows between rooms": Ceiling(110, 100),
 }
 """What is counted, in the order in which it is printed."""
