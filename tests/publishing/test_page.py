@@ -454,6 +454,7 @@ def test_drive_face_begins_with_an_alarm_and_lists_the_others(served, items, mad
     with guest(served) as connection:
         drive = next_of(connection, "state")["drive"]
     assert (drive["kind"], drive["line"]) == ("act", "FR: 171.0 kPa is below 180.0 kPa")
+    assert drive["step"] == "FR: stop as soon as you can, and check the tire"
     assert drive["alarms"] == ["RL: no samples for 7 s. A fault?"]
     assert [wheel["kind"] for wheel in drive["wheels"]] == ["good", "act", "act", "good"]
 
@@ -469,6 +470,7 @@ def test_drive_face_of_an_ended_or_silent_session_has_no_number_that_looks_alive
     with guest(served) as connection:
         drive = next_of(connection, "state")["drive"]
         assert drive["line"] == "FL: silent for 7 s."
+        assert drive["step"] == "FL: not watched now: drive on with care"
         assert not any(drive["wheels"][0]["values"].values())
         show(served, items[-1:], lambda snapshot: dataclasses.replace(snapshot, ended=True))
         while not (state := next_of(connection, "state"))["ended"]:
@@ -652,3 +654,52 @@ def test_drive_face_is_one_click_away_remembered_and_in_the_chosen_units(browser
     tab.value("document.querySelector('#to-engineer').click(); localStorage.clear()")
     assert not tab.value("document.querySelector('main').hidden")
     assert tab.errors == []
+
+
+@pytest.mark.parametrize("face", ["drive", "engineer"])
+def test_keyboard_and_screen_reader_reach_all_in_the_order_of_the_page(browser, served, items, face) -> None:
+    show(served, items)
+    tab = browser.tab()
+    tab.open(served.sink.address)
+    tab.until("document.querySelectorAll('.wheel.rolling').length === 4")
+    tab.until("document.querySelectorAll('#trend-legend button').length === 4")
+    tab.value(f"document.querySelector('#to-{face}').click()")
+    controls = "[...document.querySelectorAll('button, select, input')].filter((one) => one.checkVisibility())"
+    expected = tab.value(f"{controls}.length")
+    assert expected > (6 if face == "drive" else 18)
+    tab.value("document.activeElement.blur(); window.reached = new Set()")
+    for _ in range(2 * expected):
+        for kind in ("keyDown", "keyUp"):
+            tab.call("Input.dispatchKeyEvent", type=kind, key="Tab", code="Tab", windowsVirtualKeyCode=9)
+        tab.value("window.reached.add(document.activeElement)")
+    assert tab.value(f"{controls}.filter((one) => !window.reached.has(one)).map((one) => one.outerHTML)") == []
+    tab.call("Accessibility.enable")
+    named = {"button", "combobox", "textbox", "image", "alert", "region", "group"}
+    without_name = [
+        node["role"]["value"]
+        for node in tab.call("Accessibility.getFullAXTree")["nodes"]
+        if not node["ignored"] and node["role"]["value"] in named and not node.get("name", {}).get("value")
+    ]
+    assert without_name == []
+    tab.value("localStorage.clear()")
+
+
+def test_nothing_is_squeezed_on_a_phone(browser, served, items, made) -> None:
+    alarm = made.alarm("FR")
+    show(served, items, lambda snapshot: dataclasses.replace(snapshot, alarms=(alarm,)))
+    tab = browser.tab()
+    tab.open(served.sink.address, 390, 844)
+    tab.until("document.querySelectorAll('.wheel').length === 4")
+    tab.value("document.querySelector('#to-drive').click()")
+    tab.until("document.querySelectorAll('.tile').length === 4")
+    assert tab.value("document.documentElement.scrollWidth") <= 390
+    inside = "[...document.querySelectorAll('#drive *, header :not(.hidden)')]"
+    is_cut = "one.scrollWidth > one.clientWidth + 1 && one.clientWidth && getComputedStyle(one).overflow != 'visible'"
+    assert tab.value(f"{inside}.filter((one) => {is_cut}).map((one) => one.outerHTML)") == []
+    # A number stands on one line with its unit, and a mark can be read while it is typed.
+    heights = tab.value("[...document.querySelectorAll('.tile dd')].map((one) => one.clientHeight)")
+    assert max(heights) < 1.6 * tab.value("parseFloat(getComputedStyle(document.querySelector('.tile dd')).fontSize)")
+    assert tab.value("document.querySelector('#mark-text').clientWidth") > 300
+    assert tab.value("document.querySelector('#drive-line').clientWidth") > 340
+    assert text_of(tab, "#drive-line b") == "FR: stop as soon as you can, and check the tire"
+    tab.value("localStorage.clear()")

@@ -7,6 +7,7 @@ from typing import Any, Final
 from gateway.console.wheel_panel import state_text
 from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.estimates.results import Alarm, SessionSnapshot, WheelSnapshot, WheelState
+from gateway.core.session.alarms import AlarmName
 from gateway.core.text.numbers import MISSING, Unit, split_name, unit_symbol
 from gateway.core.text.readout import SPEED, WEAR
 from gateway.core.text.text import clean, counted
@@ -15,15 +16,28 @@ from gateway.core.text.wording import text as reason_text
 JsonObject = dict[str, Any]
 # By which a driver's numbers differ; 1 in other units.
 _STEPS: Final = {"bar": 0.1, "mm": 0.1, "kPa": 10.0, "N": 100.0, "lbf": 10.0}
+# What whoever drives does about an alarm, by a part of its name; of others it is enough that the engineer knows.
+_NOT_WATCHED: Final = "not watched now: drive on with care"
+_DRIVER_STEPS: Final[dict[str, str]] = {
+    "not monitored": _NOT_WATCHED,
+    AlarmName.PRESSURE: "stop as soon as you can, and check the tire",
+    AlarmName.TEMPERATURE: "slow down, and let the tire cool",
+    AlarmName.LOAD: "slow down, and check the load",
+    AlarmName.SPEED: "slow down",
+    AlarmName.WEAR: "have the tire checked before the next drive",
+    **dict.fromkeys((AlarmName.SILENT, AlarmName.STOPPED, AlarmName.LINK, AlarmName.ENVIRONMENT), _NOT_WATCHED),
+}
+_OTHERWISE: Final = "drive on, and tell the engineer"
 _CAR: Final = re.compile(r"(?:.*[.:_ -])?(front|rear|f|r)[._ -]?(left|right|l|r)\d*", re.IGNORECASE)
 
 
 def drive_face(snapshot: SessionSnapshot) -> JsonObject:
-    """Return the line of what to do, its kind, the alarms besides it, and each wheel with its place on the car."""
-    kind, line = _verdict(snapshot)
+    """Return what to do, why, its kind, the alarms besides it, and each wheel with its place on the car."""
+    kind, step, line = _verdict(snapshot)
     standing = _standing(snapshot)
     return {
         "kind": kind,
+        "step": clean(step),
         "line": clean(line),
         "speed": _speed(snapshot),
         "alarms": [clean(_alarm_text(alarm)) for alarm in standing[1:]],
@@ -52,23 +66,27 @@ def _alarm_text(alarm: Alarm) -> str:
     return f"{alarm.position}: {reason_text(alarm.reason)}"
 
 
-def _verdict(snapshot: SessionSnapshot) -> tuple[str, str]:
+def _verdict(snapshot: SessionSnapshot) -> tuple[str, str, str]:
+    """Return kind, what to do (empty for nothing) and why."""
     wheels = snapshot.wheels
     if snapshot.ended:
-        return "unknown", "The session has ended."
+        return "unknown", "", "The session has ended."
     if standing := _standing(snapshot):
-        return "act", _alarm_text(standing[0])
+        first = standing[0]
+        step = next((step for part, step in _DRIVER_STEPS.items() if part in first.name), _OTHERWISE)
+        return "act", f"{first.position}: {step}", _alarm_text(first)
     silent = [wheel for wheel in wheels if wheel.silence is not None]
     if silent:
-        return "act", f"{', '.join(wheel.position for wheel in silent)}: {state_text(silent[0])}."
+        names = ", ".join(wheel.position for wheel in silent)
+        return "act", f"{names}: {_NOT_WATCHED}", f"{names}: {state_text(silent[0])}."
     if not wheels:
-        return "unknown", "No wheel is heard yet."
+        return "unknown", "", "No wheel is heard yet."
     rolling = sum(wheel.state is WheelState.ROLLING for wheel in wheels)
     if not rolling:
-        return "unknown", "No wheel rolls."
+        return "unknown", "", "No wheel rolls."
     alarms = f" {counted(len(snapshot.alarms), 'alarm')} acknowledged." if snapshot.alarms else ""
     whole = "All is well." if rolling == len(wheels) else f"{rolling} of {len(wheels)} wheels roll."
-    return "good", whole + alarms
+    return "good", "", whole + alarms
 
 
 def _wheel(wheel: WheelSnapshot, snapshot: SessionSnapshot) -> JsonObject:

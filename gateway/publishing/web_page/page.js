@@ -75,7 +75,7 @@
       const silent = { speed: ["—", "", state.drive.speed.unit, "", ""], edges: [], surroundings: [], car: [], numbers: [], counters: [], note: null };
       const wheels = state.wheels.map((one) => ({ ...one, ...silent, state: age, kind: "silent" }));
       const unheard = state.drive.wheels.map((one) => ({ ...one, kind: "act", state: age, values: {} }));
-      const drive = { kind: "act", line: `This page hears nothing from treadlink: ${age}.`, speed: { ...state.drive.speed, text: "—" }, alarms: [], wheels: unheard };
+      const drive = { kind: "act", step: "", line: `This page hears nothing from treadlink: ${age}.`, speed: { ...state.drive.speed, text: "—" }, alarms: [], wheels: unheard };
       showState({ ...state, drive, wheels, alarms: [], links: [[[age, "warning"]]], rolling: "" });
       waveform = null;
       showWaveform();
@@ -149,7 +149,7 @@
     const line = byId("drive-line"), car = byId("car"), key = JSON.stringify(drive);
     if (car.dataset.key === key) return;
     car.dataset.key = key;
-    setText(line, drive.line);
+    line.replaceChildren(...(drive.step ? [element("b", "", drive.step), element("small", "", drive.line)] : [drive.line]));
     byId("drive-speed").replaceChildren(drive.speed.text, element("small", "", ` ${drive.speed.unit}`));
     line.className = drive.kind;
     setRows(byId("more-alarms"), drive.alarms);

@@ -32,7 +32,7 @@ const pictures = (() => {
   const key = (i, dash) => {
     const box = document.createElement("span");
     // Nothing in it comes from outside: an index, and a colour of the style sheet.
-    box.innerHTML = `<svg class="key" viewBox="0 0 26 6"><line x1="0" x2="26" y1="3" y2="3" stroke="${colourOf(i)}" stroke-width="3" stroke-dasharray="${dash.join(" ")}"/></svg>`;
+    box.innerHTML = `<svg class="key" aria-hidden="true" viewBox="0 0 26 6"><line x1="0" x2="26" y1="3" y2="3" stroke="${colourOf(i)}" stroke-width="3" stroke-dasharray="${dash.join(" ")}"/></svg>`;
     return box.firstChild;
   };
   return { axis, bandsOf, cellsOf, colourOf, css, dashOf, faint, key, seriesOf, written };
