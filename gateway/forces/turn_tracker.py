@@ -31,6 +31,9 @@ _TURN_RADPS: Final = 0.3
 _CAMBER_RADPS: Final = 0.1
 # Where a curve begins or ends, the wheel turns on its path: rate of slip, and the revolutions over which it lasts.
 _STEER_RADPS, _STEER_REVOLUTIONS = 0.12, 3.0
+# Sine beyond its prediction over the change of the cosine by side force from one revolution to the next, both of the
+# tire: the belt moves sideways while it turns, and the force grows from one contact to the next (40 random tires).
+_SINE_OF_CHANGE: Final = 0.44
 # Slip over the first order by its force: 4 to 50 rad/m on 30 random tires.
 _SLIP_RADPM: Final = 15.0
 # Revolutions over which the bank of the road lasts.
@@ -53,7 +56,7 @@ _FIRST_REVOLUTIONS: Final = 4.0
 _ROLL_STD_RAD: Final = math.radians(10.0)
 # Constants change by a twentieth of their spread over tires and mountings in 500 revolutions.
 _DRIFT: Final = 0.05 / math.sqrt(500.0)
-# Noise of a first order and of a mean, m/s^2: least, and before it is known by the differences of neighbours.
+# Noise of a first order and of a mean, m/s^2: least, and before it is known by differences of revolutions.
 _LEAST_NOISE_MPS2, _FIRST_NOISE_MPS2 = 0.02, 0.3
 _HORIZON_OF_NOISE: Final = 50.0
 # Revolutions over which the level of straights is a mean.
@@ -147,21 +150,26 @@ class _State(NamedTuple):
 
 
 class _Noise:
-    """Standard deviation of a measured value between revolutions, by the differences of neighbours."""
+    """Standard deviation of a measured value between revolutions, by how far each is from a line through those before.
+
+    So a steady change, as of the side force in a slalom, is no noise.
+    """
 
     def __init__(self) -> None:
-        self._last, self._square, self._count = (math.nan, 0.0), _FIRST_NOISE_MPS2**2, 0
+        # Value and what a roll of 1 makes of it, of the last revolution and of the one before.
+        self._last, self._before = (math.nan, 0.0), (math.nan, 0.0)
+        self._square, self._count = _FIRST_NOISE_MPS2**2, 0
 
     def take(self, value: float, rolled: float = 0.0, roll: float = 0.0) -> float:
         """Add a value in m/s^2 of which a roll of 1 makes `rolled`, and return the variance so far."""
-        before, rolled_before = self._last
+        (last, rolled_last), (before, rolled_before) = self._last, self._before
         if math.isfinite(before):
             self._count += 1
             # The first guess counts as one difference.
-            change = value - before - roll * (rolled - rolled_before)
-            step = min(0.5 * change**2, _STEP_OF_NOISE**2 * self._square)
+            change = value - 2.0 * last + before - roll * (rolled - 2.0 * rolled_last + rolled_before)
+            step = min(change**2 / 6.0, _STEP_OF_NOISE**2 * self._square)
             self._square += (step - self._square) / min(self._count + 1, _HORIZON_OF_NOISE)
-        self._last = value, rolled
+        self._last, self._before = (value, rolled), self._last
         return self._square + _LEAST_NOISE_MPS2**2
 
 
@@ -278,10 +286,11 @@ class _Force:
 
     Attributes:
         change_m: of the latest revolution, beyond noise.
+        step_m: change of the smoothed prediction.
     """
 
     def __init__(self) -> None:
-        self._noise, self.change_m = _Noise(), 0.0
+        self._noise, self.change_m, self.step_m = _Noise(), 0.0, 0.0
         self._value, self._variance, self._within = 0.0, math.inf, 0.0
         # On straights.
         self._latest_m, self._usual_m, self._usual_variance = 0.0, 0.0, _USUAL_FORCE_M**2
@@ -301,6 +310,7 @@ class _Force:
         if begins:
             variance = change**2
         share = 1.0 if math.isinf(variance) else variance / (variance + noise)
+        self.step_m = 0.0 if math.isinf(variance) else share * change
         self._value += share * change
         self._variance = share * noise
         self.change_m = 0.0 if math.isinf(variance) else math.sqrt(max(change**2 - noise, 0.0))
@@ -432,6 +442,7 @@ class TurnTracker:
         self._count_changes(turn.probability)
         share_variance = self._turning.variance(_SHARE)
         sine = values[1] - roll * (by_roll[1] - force_by_roll[1]) - share * by_force[1]
+        sine -= _SINE_OF_CHANGE * (1.0 + share) * self._forces[0].step_m * square
         camber = self._cambering.take(
             np.array([sine]),
             np.array([[square, 1.0, per_rate]]),

@@ -1,10 +1,15 @@
 """A wheel that turns: its rate, and ply steer corrected after straights, widened where only a steady turn was seen."""
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
+from independent_tire.driving import MARGIN, OVERSAMPLED, Course, DrivenTire
+from independent_tire.sideways import Sides
+from independent_tire.steady import roll_steadily
+from independent_tire.tires import TIRES
 
 from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.reasons import codes_of
@@ -13,10 +18,12 @@ from gateway.forces.ply_steer import AHEAD_NAME, LINE_NAME, NAMES
 from gateway.forces.reasons import ForceCode
 from gateway.forces.turning import NAMES as TURNING_NAMES
 from gateway.ring.turning_wheel import HubMotion, turning_acceleration
-from tools.generators.lateral_signals import RADIUS_M, Sensor, lateral, radial, samples, through_pipeline
+from tools.generators.lateral_signals import RADIUS_M, Sensor, disturbed, lateral, radial, samples, through_pipeline
 
 SPEED_MPS = 65.0 / 3.6
 SENSOR = Sensor(noise_mg=5.0, road_mps2=0.5, seed=3)
+STEADY = roll_steadily(replace(TIRES[1], elements=240, friction=0.8, slip_scale=0.04), 4000.0)
+SIDES = Sides(1.6e6, 1e3, 2.5e5, 8e6, 1.0, coupling_m=1.2e-3)
 PLY_STEER = (AHEAD_NAME, LINE_NAME, NAMES[0])
 
 
@@ -93,6 +100,25 @@ def test_turn_rate_is_valid_after_a_whole_curve() -> None:
 def test_camber_rate_after_straights_is_that_of_the_wheel() -> None:
     camber = estimates(0.0, 0.05, 60)["camber_rate_radps"]
     assert camber.value == pytest.approx(0.05, abs=min(2.5 * camber.std, 0.01))
+
+
+def test_rates_of_a_slalom_have_no_part_of_the_slip_that_changes() -> None:
+    step = 1.0 / (SENSOR.rate_hz * OVERSAMPLED)
+    time = step * np.arange(round(18.0 / step) + 2 * MARGIN)
+    inside, none = np.clip(time - 4.0, 0.0, 1.0), 0.0 * time
+    slip = math.radians(1.2) * inside * np.sin(2.0 * (time - 4.0))
+    heading = np.cumsum(0.12 * inside * np.sin(2.0 * (time - 4.0))) * step
+    course = Course(step, SPEED_MPS + none, heading, slip, none, none, none)
+    felt, _, yaw = DrivenTire(STEADY, SIDES, np.radians([-2.0, -1.0, 0.0, 1.0, 2.0]), 4e-3).felt(course, 0.0)
+    turns, cambers = [], []
+    for result in through_pipeline(disturbed(felt, SENSOR), SENSOR, ["turning"], load_n=4000.0)[-60:]:
+        rates = {estimate.name: estimate.value for estimate in result.estimates}
+        begin = round(result.revolution.start_s * SENSOR.rate_hz)
+        turns.append(rates["turn_rate_radps"] - yaw[begin : begin + round(result.revolution.period_s * 9600.0)].mean())
+        cambers.append(rates["camber_rate_radps"])
+    # The slip changes by 0.03 rad/s rms, which looks like a camber rate of 0.02 rad/s.
+    assert np.sqrt(np.mean(np.square(turns))) < 0.02
+    assert np.sqrt(np.mean(np.square(cambers))) < 0.01
 
 
 def test_straight_driving_has_no_radius() -> None:

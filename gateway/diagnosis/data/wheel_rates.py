@@ -33,7 +33,7 @@ class WheelRate:
 
     Attributes:
         effect: turning wheel or camber rate.
-        rms_radps: over revolutions; std_radps: its standard error.
+        rms_radps: over revolutions, without the noise of single ones; std_radps: its standard error.
         log_evidence: of the rate, over that of none.
         rms_mps2: what it makes of the lateral axis.
         before_mps2: rms of what shows it in the lateral axis, about what all revolutions have: of a turn the mean, as
@@ -73,7 +73,7 @@ def without_rates(
     made: list[WheelRate] = []
     for effect, name, number in ((TURNING_WHEEL, "turn", 0), (CAMBER_RATE, "camber", 1)):
         rate = np.where(finite, table[f"{name}_radps"], 0.0)
-        square = max(float(np.mean(rate[finite] ** 2)), 1e-300)
+        square = max(float(np.mean(rate[finite] ** 2)) - _noise_square(rate[finite]), 1e-300)
         error = _error(*(table[f"{name}_{part}radps"][finite] for part in ("", "shared_", "scatter_")))
         # Mean and first order, c - i s.
         orders = np.zeros((len(table), 2), np.complex128)
@@ -96,6 +96,11 @@ def without_rates(
                 angle = 2.0 * math.pi / waveform.shape[-1] * np.arange(waveform.shape[-1]) - math.pi
                 waveform[LATERAL] -= (orders[row, 0] + orders[row, 1] * np.exp(1j * angle)).real
     return tuple(made)
+
+
+def _noise_square(rate_radps: FloatArray) -> float:
+    """Return the mean square of errors that no two revolutions share, by how far each rate is from its neighbours."""
+    return float(np.mean(np.square(np.diff(rate_radps, 2)))) / 6.0
 
 
 def _deviation(table: RevolutionTable, orders: ComplexArray, finite: BoolArray, number: int) -> float:

@@ -218,42 +218,53 @@ def _at_warped_angle(curve: FloatArray, warp: FloatArray) -> FloatArray:
     return result
 
 
-class TurningWheel(ScatterEffect):
-    """Yaw rate of the wheel; root mean square over revolutions."""
+class WheelMotion(ScatterEffect):
+    """Rate at which the wheel turns about an axis of the road; root mean square over revolutions."""
 
-    name = "turning wheel"
-    rank = 410
-    summary = "The wheel turns about the vertical: the belt passes the hub while the sensor's axes turn with it."
-    equation = "lateral -2 V turn cos(theta) + V turn; removed from each revolution by its own turn"
     source = "Eq. 5 of the ply steer paper with the rate that it drops"
-    # 1 g at 20 km/h.
-    parameters = (Parameter("turn_rate_radps", "rad/s", 0.0, 1.8, 0.2, 1e-4, varies=True),)
     axes = (LATERAL,)
-    observed_in = "single revolutions: first order of the lateral axis, with half of it and the other sign in its mean"
-    confounders = (
+
+    def __init__(
+        self,
+        name: str,
+        rank: int,
+        parameter: Parameter,
+        texts: tuple[str, str, str],
+        confounders: tuple[Confounder, ...],
+    ) -> None:
+        """Declare one; `texts` are summary, equation and what is observed."""
+        self.name, self.rank, self.parameters, self.confounders = name, rank, (parameter,), confounders
+        self.summary, self.equation, self.observed_in = texts
+
+
+TURNING_WHEEL: Final = WheelMotion(
+    "turning wheel",
+    410,
+    # 1 g at 20 km/h.
+    Parameter("turn_rate_radps", "rad/s", 0.0, 1.8, 0.2, 1e-4, varies=True),
+    (
+        "The wheel turns about the vertical: the belt passes the hub while the sensor's axes turn with it.",
+        "lateral -2 V turn cos(theta) + V turn; removed from each revolution by its own turn",
+        "single revolutions: first order of the lateral axis, with half of it and the other sign in its mean",
+    ),
+    (
         Confounder(("roll tilt", "ply steer"), "they are the same in all revolutions, and turns are not"),
         Confounder(("a side force that changes",), "it changes the orders above too, and not the mean"),
-    )
-
-
-class CamberRate(ScatterEffect):
-    """Rate of the wheel's camber; root mean square over revolutions."""
-
-    name = "camber rate"
-    rank = 411
-    summary = "The wheel's camber changes, by the suspension, by steering or by the road: as a turn about the road."
-    equation = "lateral -2 V rate sin(theta); removed from each revolution by its own rate"
-    source = "Eq. 5 of the ply steer paper with the rate that it drops"
+    ),
+)
+CAMBER_RATE: Final = WheelMotion(
+    "camber rate",
+    411,
     # 6 deg in 0.2 s.
-    parameters = (Parameter("camber_rate_radps", "rad/s", 0.0, 0.5, 0.05, 1e-4, varies=True),)
-    axes = (LATERAL,)
-    observed_in = "single revolutions: first order of the lateral axis, beside that of a turn"
-    confounders = (
+    Parameter("camber_rate_radps", "rad/s", 0.0, 0.5, 0.05, 1e-4, varies=True),
+    (
+        "The wheel's camber changes, by the suspension, by steering or by the road: as a turn about the road.",
+        "lateral -2 V rate sin(theta); removed from each revolution by its own rate",
+        "single revolutions: first order of the lateral axis, beside that of a turn",
+    ),
+    (
         Confounder(("yaw tilt",), "its gravity is the same in all revolutions"),
         Confounder(("a side force that changes",), "it changes the orders above too"),
-    )
-
-
-TURNING_WHEEL: Final = TurningWheel()
-CAMBER_RATE: Final = CamberRate()
+    ),
+)
 EFFECTS: Final = (Gravity(), AngularAcceleration(), TorsionalRipple(), TURNING_WHEEL, CAMBER_RATE)
