@@ -253,7 +253,7 @@ def axle(car: Car, rng: np.random.Generator, axes: tuple[float, float]) -> list[
     taken = []
     for position, left_m, axis in zip(("FL", "FR"), (half_m, -half_m), axes, strict=True):
         felt = car.tire.felt(course, left_m)[0]
-        taken += results_of(car, random_sensor(rng), felt, ["ply-steer", "turning"], position, axis)
+        taken += results_of(car, random_sensor(rng), felt, ["ply-steer", "turning", "side-force"], position, axis)
     latest = {result.position: result for result, _ in WheelPairs().compared(taken)}
     return [latest["FL"], latest["FR"]]
 

@@ -60,12 +60,17 @@ _CURVE_MPS2: Final = 4.0
 _TRACK_M: Final = 2.1
 # Results of one wheel come up to so much later than those of the other: live, they wait for the next ones.
 _LATER_NS: Final = 10_000_000_000
+# Quantity that side force displaces, with the sign of the lateral axis.
+_SHIFT: Final = "belt_shift_m"
 # Changes of the verdict that are remembered.
 _CHANGES: Final = 256
 
 
 class _Turn(NamedTuple):
-    """A revolution of one wheel: end, middle and half of its period, ns, direction of its slip, speed and turn rate."""
+    """A revolution of one wheel.
+
+    End, middle and half of its period, ns, direction of its slip, speed, turn rate and shift of its belt.
+    """
 
     end_ns: float
     middle_ns: float
@@ -74,6 +79,7 @@ class _Turn(NamedTuple):
     speed_mps: float
     speed_std: float
     rate_radps: float
+    shift_m: float
 
 
 class _Both(NamedTuple):
@@ -85,6 +91,7 @@ class _Both(NamedTuple):
     speed_mps: float
     std: float
     rates_radps: tuple[float, float]
+    shifts_m: tuple[float, float]
 
 
 class _Verdict(NamedTuple):
@@ -177,6 +184,7 @@ class _Pair:
                     left.speed_mps,
                     math.hypot(left.speed_std, right.speed_std),
                     (left.rate_radps, right.rate_radps),
+                    (left.shift_m, right.shift_m),
                 )
                 bisect.insort(self.both, both)
         self.waiting[side].append(turn)
@@ -189,8 +197,8 @@ class _Pair:
         if both.side > 0.0 or both.side < 0.0:
             self.opposite.append(both.side < 0.0)
         if math.isfinite(both.ratio):
-            for sign, rate_radps in zip(self.signs, both.rates_radps, strict=True):
-                sign.take(rate_radps, both.speed_mps, both.ratio)
+            for sign, rate_radps, shift_m in zip(self.signs, both.rates_radps, both.shifts_m, strict=True):
+                sign.take(rate_radps, both.speed_mps, both.ratio, shift_m)
             self.speeds.append(both)
             self.compared += 1
             if self.compared % _EVERY == 0:
@@ -278,7 +286,7 @@ class WheelPairs:
                 0.0 if math.isnan(direction) else direction,
                 conditions.radius_m * revolution.omega_radps if is_evident else math.nan,
                 math.hypot(conditions.radius_std_m / conditions.radius_m, conditions.claims.rate_std),
-                next((e.value for e in result.estimates if e.name == TURN_RATE), math.nan),
+                *(next((e.value for e in result.estimates if e.name == n), math.nan) for n in (TURN_RATE, _SHIFT)),
             )
             self._pairs.setdefault(right or result.position, _Pair()).take(int(right is None), turn)
 

@@ -74,6 +74,26 @@ def test_axis_that_points_to_the_right_is_an_alarm_at_its_wheel() -> None:
     assert [(alarm.position, alarm.name) for alarm in pairs.alarms()] == [("FR", ALARM)]
 
 
+@pytest.mark.parametrize(("axis", "turn_axis", "sign"), [(1.0, 0.0, 1), (-1.0, 0.0, -1), (-1.0, 1.0, 0)])
+def test_side_force_shows_the_sign_where_turn_rates_do_not(axis: float, turn_axis: float, sign: int) -> None:
+    rng, shown = np.random.default_rng(4), LateralSign()
+    for index, rate_radps in enumerate(CURVE):
+        # The belt's shift warms up with the tire, and turn rates of a tire that is not known yet scatter.
+        shift_m = axis * 2e-3 * rate_radps + 1e-7 * index + rng.normal(0.0, 2e-5)
+        ratio = 1.0 + TRACK_M * rate_radps / SPEED_MPS + rng.normal(0.0, 3e-4)
+        shown.take(turn_axis * rate_radps + rng.normal(0.0, 0.01), SPEED_MPS, ratio, shift_m)
+    assert shown.sign == sign
+
+
+def test_shift_of_a_tire_that_warms_up_is_no_curve() -> None:
+    rng, shown = np.random.default_rng(5), LateralSign()
+    for index in range(4000):
+        # A thousandth of the radius and a tenth of a millimetre.
+        ratio = 1.0 + 2.5e-7 * index + rng.normal(0.0, 5e-4)
+        shown.take(float(rng.normal(0.0, 0.006)), SPEED_MPS, ratio, 2.5e-8 * index + rng.normal(0.0, 2e-5))
+    assert shown.sign == 0
+
+
 def test_straights_say_nothing_of_the_sign() -> None:
     reasons, _, _ = judged(np.zeros(len(CURVE)), 1.0, -1.0)
     assert reasons == {"FL": {NOTE}, "FR": {NOTE}}
