@@ -33,7 +33,8 @@ class Reading(NamedTuple):
         further: every other estimate.
         distance: distance rolled; None when no estimator gives it.
         numbers: the dimensionless numbers, or their ratios when only those are known.
-        status: worst status among the numbers shown, invalid when there is none.
+        status: worst status among the numbers shown, of speed and angles where no estimator of numbers runs, invalid
+            where none runs at all.
         reasons: for that status.
         car: signals of the vehicle at the time of the revolution.
         ratios_only: True when `numbers` are ratios because the numbers themselves are invalid.
@@ -58,7 +59,7 @@ class Reading(NamedTuple):
             return f"ratios only: {joined(self.reasons)}" if self.ratios_only else joined(self.reasons)
         if self.ratios_only:
             return "ratios only"
-        return "" if self.numbers else "no estimates"
+        return "no estimates" if self.status is Status.INVALID and not self.numbers else ""
 
 
 @cache
@@ -96,12 +97,13 @@ def read_result(result: RevolutionResult) -> Reading:
         show(leading or _measured(LEADING, revolution.leading_edge_rad, revolution.leading_edge_std_rad)),
         show(trailing or _measured(TRAILING, revolution.trailing_edge_rad, revolution.trailing_edge_std_rad)),
     )
+    judged = shown if whole or ratios or speed is None else kinematic
     return Reading(
         *kinematic,
         tuple(others.values()),
         None if distance is None else show(distance),
         shown,
-        max((number.status for number in shown), key=_ORDER.index, default=Status.INVALID),
+        max((number.status for number in judged), key=_ORDER.index, default=Status.INVALID),
         revolution.faults or _reasons(whole, kinematic),
         tuple(map(show, car)),
         ratios_only,

@@ -96,6 +96,19 @@ def test_reasons_of_speed_and_angles_are_shown(made):
     assert read_result(dataclasses.replace(result, estimates=estimates)).reasons == (SATURATED,)
 
 
+@pytest.mark.parametrize("status", [Status.VALID, Status.PROVISIONAL])
+def test_status_is_that_of_the_speed_where_no_estimator_of_numbers_runs(made, status):
+    reasons = () if status is Status.VALID else (SATURATED,)
+    speed, turn = (
+        Estimate("speed_mps", 18.0, 0.1, status, reasons),
+        Estimate("turn_rate_radps", 0.1, 0.01, Status.VALID),
+    )
+    reading = read_result(made.result(estimates=(speed, turn)))
+    assert reading.status is status
+    assert "no estimates" not in reading.note
+    assert reading.further == (turn,)
+
+
 def test_revolution_is_shown_without_estimates(made):
     reading = read_result(made.result(estimates=()))
     assert reading.speed.text() == "65.00 km/h"
