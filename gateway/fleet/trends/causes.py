@@ -14,8 +14,6 @@ from gateway.core.quantity_catalogue import declared
 from gateway.core.reasons import Reason
 from gateway.fleet.trends.watched_series import SERIES
 
-# Recordings by which changes of two series may begin apart: scatter moves the place of each.
-_TOGETHER: Final = 2
 # What a tire follows is declared apart from what an estimate of it rests on, as stated values.
 _OF_TIRE: Final = frozenset({Basis.PRESSURE, Basis.LOAD})
 _QUANTITIES: Final = {quantity.column: quantity for quantity in declared() if quantity.watch is not None}
@@ -40,12 +38,14 @@ class Change(NamedTuple):
         log_ratio: logarithm of the values after it over those before; None where they are not above zero, or unknown.
         std: error of `log_ratio`.
         grows: whether it grows from `begin` on, as by a leak: what follows from it shows later.
+        apart: recordings by which scatter may have moved `begin`.
     """
 
     begin: int | None
     log_ratio: float | None = None
     std: float = 0.0
     grows: bool = False
+    apart: int = 2
 
 
 class Finding(NamedTuple):
@@ -112,7 +112,8 @@ def _follows(effect: Change, cause: Change, quantity: Quantity, explains: frozen
         return False
     if effect.begin is not None and cause.begin is not None:
         later = effect.begin - cause.begin
-        if later < -_TOGETHER or (later > _TOGETHER and not cause.grows):
+        together = max(effect.apart, cause.apart)
+        if later < -together or (later > together and not cause.grows):
             return False
     # Through the sensor's gain, zero or place any other number may be read.
     if effect.log_ratio is None or cause.log_ratio is None or not explains <= _OF_TIRE:

@@ -36,8 +36,11 @@ from gateway.fleet.trends.watched_series import SERIES, followed_by
 
 # Tires from which a fleet has a median wear, and excess over it that is a finding.
 _LEAST_FLEET: Final = 4
-_FAST_WEAR: Final = 1.5
+# Driven and steered wheels wear by such a factor and more beside the others; and scatters of the fleet's rates.
+_FAST_WEAR: Final = 2.0
+_FAST_WEAR_SCATTERS: Final = 4.0
 _FAST_WEAR_STDS: Final = 4.0
+_MAD_TO_STD: Final = 1.4826
 # Loss of pressure in a month that a fleet of tight tires may have by permeation, and excess over it that is a finding.
 _MOST_PERMEATION_KPA: Final = 6.0
 _EXCESS_LOSS_KPA: Final = 1.0
@@ -217,10 +220,11 @@ def _with_fast_wear(tires: Sequence[TireTrend]) -> tuple[TireTrend, ...]:
     if len(valid_rates) < _LEAST_FLEET:
         return tuple(tires)
     middle = float(np.median(valid_rates))
+    scatter = _MAD_TO_STD * float(np.median(np.abs(np.array(valid_rates) - middle)))
     judged = []
     for tire, rate in zip(tires, rates, strict=True):
         is_fast = rate.status is Status.VALID and rate.value - middle > max(
-            _FAST_WEAR_STDS * rate.std, (_FAST_WEAR - 1.0) * max(middle, 0.0)
+            _FAST_WEAR_STDS * rate.std, (_FAST_WEAR - 1.0) * max(middle, 0.0), _FAST_WEAR_SCATTERS * scatter
         )
         finding = Reason(
             FleetCode.TREND_WEARS_FAST, rate_m=1e-3 * rate.value, std_m=1e-3 * rate.std, median_m=1e-3 * middle

@@ -2,7 +2,8 @@
 
 All wheels of a vehicle are warmed and cooled alike, and gauges measure against one ambient pressure. Of every
 recording the change since the one before is compared between the wheels; what one wheel alone does, as a refill, is
-taken out, and the median of the others is what they have in common. A leak of the wheel itself is no part of it.
+taken out, and the median of the others is what they have in common. A leak of the wheel itself is no part of it. Where
+temperatures are measured only the ambient pressure remains, which comes and goes: what lasts is each wheel's own.
 """
 
 import math
@@ -13,7 +14,6 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gateway.core.types import FloatArray
-from gateway.fleet.trends.regression import correlation_factor
 from gateway.fleet.trends.tire_history import TireHistory
 
 # Wheels besides the one that is compared: of two, a leak of one would be half of what they have in common.
@@ -39,12 +39,10 @@ class Shared(NamedTuple):
     Attributes:
         cold_kpa: (n,) pressures without it.
         has_trend: whether the trend of the others is taken out too.
-        trend_std_kpa: standard error of a loss a month by the trend that is common and not taken out.
     """
 
     cold_kpa: FloatArray
     has_trend: bool = False
-    trend_std_kpa: float = 0.0
 
 
 def without_common(
@@ -67,14 +65,18 @@ def without_common(
         for number in numbers:
             others = [other for other in numbers if other != number and stuck[other] == stuck[number]]
             if histories[number].is_identified:
-                common = _common(histories, cold_kpa, number, others)
+                common = _common(histories, cold_kpa, stuck, number, others)
                 if common is not None:
-                    results[number] = _reduced(histories[number], cold_kpa[number], common, stuck[number])
+                    results[number] = _reduced(cold_kpa[number], common, stuck[number])
     return results
 
 
 def _common(
-    histories: Sequence[TireHistory], cold_kpa: Sequence[FloatArray], number: int, others: Sequence[int]
+    histories: Sequence[TireHistory],
+    cold_kpa: Sequence[FloatArray],
+    stuck: Sequence[bool],
+    number: int,
+    others: Sequence[int],
 ) -> FloatArray | None:
     """Return (n,) what the other wheels have in common at the recordings of one, NaN where it is not known."""
     paths, own = histories[number].paths, cold_kpa[number]
@@ -100,9 +102,9 @@ def _common(
     scatter = max(_MAD_TO_STD * float(np.median(np.abs(apart))), _LEAST_SCATTER_KPA)
     of_all = max(_MAD_TO_STD * float(np.median(np.abs(middle - np.median(middle)))), _LEAST_SCATTER_KPA)
     alone = np.where(np.abs(apart) > _OWN * scatter, apart, 0.0)
-    # A refill of all wheels is each one's own; a rise that goes back, as in mountains, is common.
+    # Without temperatures a refill of all wheels is each one's own; a rise that goes back, as in mountains, is common.
     level = np.concatenate([[0.0], np.cumsum(middle)])
-    for change in np.flatnonzero(middle > _OWN * max(of_all, scatter)).tolist():
+    for change in np.flatnonzero((middle > _OWN * max(of_all, scatter)) & stuck[number]).tolist():
         before, after = level[max(change + 1 - _HELD, 0) : change + 1], level[change + 1 : change + 1 + _HELD]
         if float(np.median(after) - np.median(before)) > 0.5 * float(middle[change]):
             alone[:, change] = changes[:, change]
@@ -113,22 +115,23 @@ def _common(
     return common
 
 
-def _reduced(history: TireHistory, cold_kpa: FloatArray, common: FloatArray, is_stuck: bool) -> Shared:
+def _reduced(cold_kpa: FloatArray, common: FloatArray, is_stuck: bool) -> Shared:
     """Return pressures without what is common where that scatters less."""
     usable = np.flatnonzero(np.isfinite(common))
-    months = history.months[usable]
     part = common[usable]
-    trend_std = 0.0
     if not is_stuck:
-        # The trend of a measured pressure is the wheel's own; that of a weather which comes and goes cannot be told.
-        part = part - np.polyval(np.polyfit(months, part, 1), months)
-        factor = correlation_factor(part, 2)
-        trend_std = float(part.std()) * math.sqrt(factor / len(part)) / float(months.std())
+        part = part - _lasting(part)
     if not _wander(cold_kpa[usable] - part) < _REDUCED * _wander(cold_kpa[usable]):
         return Shared(cold_kpa)
     reduced = np.full(len(cold_kpa), np.nan)
     reduced[usable] = cold_kpa[usable] - part + float(part[-1]) * is_stuck
-    return Shared(reduced, is_stuck, trend_std)
+    return Shared(reduced, is_stuck)
+
+
+def _lasting(values: FloatArray) -> FloatArray:
+    """Return the running median, which keeps the edges of refills."""
+    padded = np.pad(values, _HELD, constant_values=math.nan)
+    return np.asarray(np.nanmedian(np.lib.stride_tricks.sliding_window_view(padded, 2 * _HELD + 1), axis=1))
 
 
 def _wander(values: FloatArray) -> float:

@@ -41,7 +41,7 @@ from gateway.fleet.trends.refilled_pressure import (
     scatter_of,
 )
 from gateway.fleet.trends.regression import LEAST_FREEDOM, correlation_factor
-from gateway.fleet.trends.tire_history import TireHistory
+from gateway.fleet.trends.tire_history import MONTH_NS, TireHistory
 from gateway.fleet.trends.tire_lines import NOTABLE_LOSS_PA, TireWork, fit_line, stuck_temperature
 from gateway.fleet.trends.trend_line import (
     TrendLine,
@@ -148,9 +148,9 @@ def add_pressure(tire: TireWork) -> None:
         if line.doubt is None and (fell := _fallen(history, line)) is not None:
             tire.findings.append(Finding(fell, _NAME, Change(int(line.places[0]))))
         return
-    least = loss.value - finding_quantile(line) * math.hypot(plain.std, tire.cold.trend_std_kpa, _of_weather(line))
-    is_certain = (least if refilled is None else min(refilled.least, least)) > 0.0
-    if loss.status is Status.VALID and is_certain and loss.value > NOTABLE_LOSS_PA * 1e-3:
+    least = loss.value - finding_quantile(line) * math.hypot(plain.std, _of_weather(line))
+    is_certain = (least if refilled is None else min(refilled.least, least)) > NOTABLE_LOSS_PA * 1e-3
+    if loss.status is Status.VALID and is_certain:
         loses = Reason(FleetCode.TREND_LOSES_PRESSURE, loss_pa=1e3 * loss.value, std_pa=1e3 * loss.std)
         whole = -loss.value * span_of(history.months), loss.std * span_of(history.months)
         tire.findings.append(Finding(loses, _NAME, relative_change(_NAME, line, None, whole)))
@@ -191,7 +191,7 @@ def _loss(tire: TireWork, line: TrendLine, refilled: PressureLoss | None) -> tup
     loss = (
         _with_refills(plain, refilled, line) if plain.status is not Status.INVALID and refilled is not None else plain
     )
-    loss = replace(loss, std=math.hypot(loss.std, tire.cold.trend_std_kpa, OF_FLOW * loss.value, _of_weather(line)))
+    loss = replace(loss, std=math.hypot(loss.std, OF_FLOW * loss.value, _of_weather(line)))
     if loss.status is Status.VALID and loss.value < -_CHANCE * loss.std:
         # No tire gains gas by itself: refills or what is not measured have made the trend.
         loss = replace(loss, status=Status.PROVISIONAL, reasons=(Reason(FleetCode.TREND_PRESSURE_RISES), *loss.reasons))
@@ -278,7 +278,7 @@ def _leak(tire: TireWork, cold_kpa: FloatArray) -> bool:
         level = float(series.expected[-1])
         onset = Change(first, math.log(leak.now_kpa / level) if 0.0 < leak.now_kpa < level else None, grows=True)
         part: dict[str, Value] = {
-            "date": date, "until": until, "count": after,
+            "date": date, "date_std_s": leak.date_std_months * MONTH_NS * 1e-9, "until": until, "count": after,
             "first": history.recordings[first], "last": history.recordings[last],
         }  # fmt: skip
         loses = Reason(

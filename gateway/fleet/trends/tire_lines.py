@@ -26,6 +26,7 @@ from gateway.fleet.trends.tire_history import TireHistory
 from gateway.fleet.trends.trend_line import (
     TrendLine,
     centred,
+    column_of_step,
     columns_of,
     combination,
     date_of,
@@ -151,8 +152,9 @@ def fit_line(
         columns.append(centred(other[index]))
     has_covariate = len(columns) > 2
     levels = level_columns(index, places_of(tire.changes, name))
-    loads = _levels_of_load(tire, index) if name == "wear_mm" else []
-    design = np.column_stack([*columns, *levels, *loads])
+    design = np.column_stack([*columns, *levels])
+    loads = _levels_of_load(tire, name, index, design, values[index])
+    design = np.column_stack([design, *loads])
     of_load = slice(len(columns) + len(levels), design.shape[1])
     chosen, chosen_stds = values[index], stds[index]
     shape = find_shape(
@@ -196,6 +198,7 @@ def fit_line(
             change,
             len(columns) > 1,
             of_load,
+            history.months[index],
         )
 
     line = fitted_line(change)
@@ -215,10 +218,25 @@ def fit_line(
     return line
 
 
-def _levels_of_load(tire: TireWork, index: IntArray) -> list[FloatArray]:
-    """Return columns of steps of the load: by them the contact is another, and what is taken from it for wear too."""
-    begins = [change.begin for change in tire.onsets.get("estimated_load_n", ()) if change.begin is not None]
-    return level_columns(index, begins)[:_MOST_LOAD_LEVELS]
+def _levels_of_load(
+    tire: TireWork, name: str, index: IntArray, design: FloatArray, values: FloatArray
+) -> list[FloatArray]:
+    """Return columns of steps of the load for what follows it: the contact is another, and what is taken from it."""
+    if name == "estimated_load_n" or not (name == "wear_mm" or Basis.LOAD in SERIES[name].watch.follows):
+        return []
+    columns: list[FloatArray] = []
+    for change in tire.onsets.get("estimated_load_n", ())[:_MOST_LOAD_LEVELS]:
+        if change.begin is None:
+            continue
+        # What follows the load shows the place of its step more sharply.
+        near = np.flatnonzero(np.abs(index - change.begin) <= change.apart)
+        tried = [np.column_stack([design, *columns, column]) for column in level_columns(index, index[near].tolist())]
+        if tried:
+            squares = [
+                float(np.sum((values - rows @ np.linalg.lstsq(rows, values, rcond=None)[0]) ** 2)) for rows in tried
+            ]
+            columns.append(tried[int(np.argmin(squares))][:, -1])
+    return columns
 
 
 def _keep_line(tire: TireWork, name: str, line: TrendLine, *, tested: bool) -> None:
@@ -257,20 +275,42 @@ def _findings_of_line(tire: TireWork, name: str, line: TrendLine) -> Iterator[Fi
     """Yield a finding for each notable change from one recording on, and for recordings in a row that deviate."""
     history, fit, watch = tire.history, line.fit, SERIES[name].watch
     for begin, end in runs_of_outliers(line.search):
-        if not begin and fit.residuals[0] * watch.worse > 0.0:
+        # Of one that is worse at first, as of one that is better for a while, nothing is left to do.
+        if watch.worse and fit.residuals[begin] * watch.worse * (begin or -1) < 0.0:
+            continue
+        # What does not come at once passes through values between the levels.
+        if end in line.steps:
             continue
         scale = fit.scale / np.sqrt(fit.weights[begin:end])
         least = float(np.abs(fit.residuals[begin:end] / scale).min()) if fit.scale > 0.0 else math.inf
         passed = Reason(FleetCode.TREND_PASSED, name=name, deviations=least, **part_of_line(history, line, begin, end))
         yield Finding(passed, name, relative_change(name, line, begin, size_of_run(line, begin, end)))
+    yield from _of_load(history, name, line)
     for number, begin in enumerate(line.steps):
         size, std = size_of_step(line, number)
-        if abs(size) >= watch.notable and size * (watch.worse or size) > 0.0:
+        if watch.falls_with_wear:
+            along = np.zeros(line.design.shape[1])
+            along[column_of_step(line, number)] = 1.0
+            worn = softened_by_wear(tire, name, line, along)
+            size, std = (size, std) if worn is None else (size - worn[0], math.hypot(std, worn[1]))
+        is_certain = abs(size) > finding_quantile(line) * std
+        if abs(size) >= watch.notable and is_certain and size * (watch.worse or size) > 0.0:
             end = min([after for after in line.steps if after > begin], default=len(line.values))
             changed = reason_of_change(watch.level, history, name, line, (size, std), begin, end)
             yield Finding(changed, name, relative_change(name, line, begin, (size, std)))
     if line.change is not None and (newest := _newest_change(tire, name, line, line.change)) is not None:
         yield newest
+
+
+def _of_load(history: TireHistory, name: str, line: TrendLine) -> Iterator[Finding]:
+    """Yield what steps of the load make of a series: named with it, unless it is more than follows; wear is none."""
+    watch = SERIES[name].watch
+    for column in range(line.of_load.start, line.of_load.stop if name != "wear_mm" else 0):
+        begin = int(np.flatnonzero(line.design[:, column])[0])
+        size, std = combination(line, np.eye(line.design.shape[1])[column])
+        if abs(size) >= watch.notable and abs(size) > finding_quantile(line) * std:
+            changed = reason_of_change(watch.level, history, name, line, (size, std), begin, len(line.values))
+            yield Finding(changed, name, relative_change(name, line, begin, (size, std)))
 
 
 def _newest_change(tire: TireWork, name: str, line: TrendLine, change: LateChange) -> Finding | None:

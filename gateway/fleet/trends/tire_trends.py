@@ -24,7 +24,6 @@ from gateway.fleet.trends.line_numbers import (
     value_at_end,
     with_doubts,
 )
-from gateway.fleet.trends.regression import fit as fitted
 from gateway.fleet.trends.tire_history import TireHistory
 from gateway.fleet.trends.tire_lines import TireWork, fit_line, softened_by_wear, stuck_temperature
 from gateway.fleet.trends.trend_line import (
@@ -32,8 +31,6 @@ from gateway.fleet.trends.trend_line import (
     combination,
     finding_quantile,
     from_first_to_last,
-    level_columns,
-    quantile_of,
     relative_change,
     slope_after,
     span_of,
@@ -181,17 +178,4 @@ def add_stiffness(tire: TireWork, series: Series) -> None:
     ):
         drifts = Reason(FleetCode.TREND_STIFFNESS_DRIFTS, name=name, share=drift.value / 100.0, std=drift.std / 100.0)
         whole = drift.value * span_of(history.months), drift.std * span_of(history.months)
-        drift_change = relative_change(name, line, None, whole)
-        tire.findings.append(Finding(drifts, name, drift_change._replace(begin=_begin_by_load(tire, line))))
-
-
-def _begin_by_load(tire: TireWork, line: TrendLine) -> int | None:
-    """Return the recording of the steps of the load beside which a line has no drift; None where it has one."""
-    begins = [change.begin for change in tire.onsets.get("estimated_load_n", ()) if change.begin is not None]
-    if not begins:
-        return None
-    steps = level_columns(line.places, begins)
-    beside = fitted(np.column_stack([line.design, *steps]), line.values, line.fit.weights, ~line.search.is_outlier)
-    if beside is None or abs(beside.coefficients[1]) > quantile_of(beside.freedom) * beside.std(1):
-        return None
-    return begins[0]
+        tire.findings.append(Finding(drifts, name, relative_change(name, line, None, whole)))

@@ -12,7 +12,7 @@ from gateway.fleet.trends.causes import Change
 from gateway.fleet.trends.late_changes import LateChange
 from gateway.fleet.trends.level_steps import LEAST_POINTS, runs
 from gateway.fleet.trends.outlier_detection import OutlierSearch
-from gateway.fleet.trends.regression import Fit
+from gateway.fleet.trends.regression import Fit, correlation_factor
 from gateway.fleet.trends.tire_history import TireHistory
 from gateway.fleet.trends.watched_series import SERIES
 
@@ -21,7 +21,18 @@ from gateway.fleet.trends.watched_series import SERIES
 _LEAST_OWN_LINE: Final = 5
 # Recordings in a row that deviate to the same side are no single errors.
 _LEAST_RUN: Final = 2
+# Recordings on each side of the place of a change at which it may have begun.
+_TRIED: Final = 20
+# Errors of a place that hold another one; and recordings by which scatter moves every place.
+_PLACE_ERRORS: Final = 2.0
+_TOGETHER: Final = 2
 _FINDING_SHARE: Final = 0.999
+# Time within which recordings are alike, pairs of them that show how much, errors of chance, and recordings beyond
+# which the order of them is enough.
+_ALIKE_MONTHS: Final = 0.1
+_LEAST_PAIRS: Final = 10
+_CHANCE: Final = 2.0
+_MOST_ALIKE: Final = 300
 
 
 class TrendLine(NamedTuple):
@@ -29,7 +40,7 @@ class TrendLine(NamedTuple):
 
     `doubt` says why numbers of the line are provisional, `levels` counts the changes of what is stated within it. The
     columns of `change` are the last ones of the design: what is added from it on, and the level of a line of its own.
-    `of_load` are the columns of steps of the load, which are no part of the series' value.
+    `of_load` are the columns of steps of the load, which are no part of the series' value. `months` are the times.
     """
 
     places: IntArray
@@ -45,6 +56,7 @@ class TrendLine(NamedTuple):
     change: LateChange | None
     has_own_line: bool
     of_load: slice
+    months: FloatArray
 
     @property
     def fit(self) -> Fit:
@@ -114,11 +126,60 @@ def size_of_change(line: TrendLine) -> tuple[float, float]:
     return combination(line, size_of_change_at(line))
 
 
+def column_of_step(line: TrendLine, number: int) -> int:
+    """Return the column of a step."""
+    columns: int = line.design.shape[1]
+    return columns - len(line.steps) + number - (0 if line.change is None else 1 + line.has_own_line)
+
+
 def size_of_step(line: TrendLine, number: int) -> tuple[float, float]:
     """Return the change of level at a step, and its error."""
     along = np.zeros(line.design.shape[1])
-    along[line.design.shape[1] - len(line.steps) + number - (0 if line.change is None else 1 + line.has_own_line)] = 1.0
+    along[column_of_step(line, number)] = 1.0
     return combination(line, along)
+
+
+def begins_of(line: TrendLine, begin: int) -> tuple[IntArray, FloatArray]:
+    """Return the values (m,) at which a step or a change may have begun, and their likelihoods, of the sum 1.
+
+    Those of the regression with the change at another place; of recordings in a row that deviate, the first.
+    """
+    is_step = begin in line.steps
+    if not is_step and (line.change is None or begin != line.change.begin):
+        return np.array([begin]), np.ones(1)
+    is_slope = not is_step and line.change is not None and line.change.is_slope
+    columns = (
+        [column_of_step(line, line.steps.index(begin))] if is_step else range(line.change_at, line.design.shape[1])
+    )
+    used = ~line.search.is_outlier
+    root = np.sqrt(line.fit.weights[used])[:, None]
+    basis = np.linalg.qr(np.delete(line.design, list(columns), axis=1)[used] * root)[0]
+    wanted = line.values[used] * root[:, 0]
+    wanted = wanted - basis @ (basis.T @ wanted)
+    index, time = np.arange(len(line.values)), line.design[:, 1]
+    places = np.arange(max(begin - _TRIED, 1), min(begin + _TRIED + 1, len(index)))
+    gains = np.zeros(len(places))
+    for number, place in enumerate(places.tolist()):
+        tried = [np.maximum(time - time[place - 1], 0.0)] if is_slope else []
+        if not is_slope or line.has_own_line:
+            tried.append((index >= place).astype(np.float64))
+        across = np.column_stack(tried)[used] * root
+        across -= basis @ (basis.T @ across)
+        fitted = across @ np.linalg.lstsq(across, wanted, rcond=None)[0]
+        gains[number] = float(fitted @ fitted)
+    residuals = line.fit.residuals[used] * root[:, 0]
+    variance = line.fit.scale**2 * correlation_factor(residuals, line.fit.coefficients.size)
+    weights = np.exp(0.5 * (gains - gains.max()) / variance) if variance > 0.0 else (places == begin).astype(np.float64)
+    return places, np.asarray(weights / weights.sum())
+
+
+def date_std_s(history: TireHistory, line: TrendLine, begin: int) -> float:
+    """Return the standard error of the date at which a change begins: it is known to a gap between recordings."""
+    places, weights = begins_of(line, begin)
+    seconds = 1e-9 * (history.time_ns[line.places] - history.time_ns[line.places[begin]]).astype(np.float64)
+    gap = float(seconds[begin] - seconds[max(begin - 1, 0)])
+    spread = weights @ (seconds[places] - weights @ seconds[places]) ** 2
+    return math.sqrt(max(float(spread), 0.0) + gap**2 / 12.0)
 
 
 def size_of_run(line: TrendLine, begin: int, end: int) -> tuple[float, float]:
@@ -147,35 +208,58 @@ def notable_changes(name: str, line: TrendLine) -> Iterator[Change]:
 def relative_change(name: str, line: TrendLine, begin: int | None, size: tuple[float, float]) -> Change:
     """Return a change of a series by its size and error, in the unit of the series; None for `begin` is a drift."""
     fit, watch = line.fit, SERIES[name].watch
-    place = None if begin is None else int(line.places[begin])
+    if begin is None:
+        place, apart = None, 0
+    else:
+        tried, weights = begins_of(line, begin)
+        spread = math.sqrt(float(weights @ (tried - begin) ** 2))
+        place, apart = int(line.places[begin]), max(_TOGETHER, math.ceil(_PLACE_ERRORS * spread))
     if watch.is_logarithm:
-        return Change(place, 0.01 * size[0], 0.01 * size[1])
+        return Change(place, 0.01 * size[0], 0.01 * size[1], apart=apart)
     before = float(fit.expected[max((begin or 0) - 1, 0)])
     after = before + size[0]
     if before <= 0.0 or after <= 0.0:
-        return Change(place)
-    return Change(place, math.log(after / before), size[1] / after)
+        return Change(place, apart=apart)
+    return Change(place, math.log(after / before), size[1] / after, apart=apart)
 
 
 def combination(line: TrendLine, along: FloatArray) -> tuple[float, float]:
     """Return a combination (p,) of the coefficients of a line and its error.
 
-    That of few recordings is not below the error that the scatter of all gives: theirs may be small by chance.
+    That of few recordings is not below the error that the scatter of all gives: theirs may be small by chance. Nor is
+    any below that of recordings of the same days, which weather, road and driver make alike.
     """
-    fit = line.fit
+    fit, used = line.fit, ~line.search.is_outlier
     variance = float(along @ fit.covariance @ along)
+    rows = (line.design * np.sqrt(fit.weights)[:, None])[used]
+    inverse = np.linalg.pinv(rows.T @ rows)
     if line.change is not None:
-        rows = (line.design * np.sqrt(fit.weights)[:, None])[~line.search.is_outlier]
-        variance = max(variance, fit.scale**2 * float(along @ np.linalg.pinv(rows.T @ rows) @ along))
+        variance = max(variance, fit.scale**2 * float(along @ inverse @ along))
+    residuals = fit.residuals[used] * np.sqrt(fit.weights[used])
+    apart = (
+        np.abs(line.months[used][:, None] - line.months[used][None, :]) if used.sum() <= _MOST_ALIKE else np.zeros(0)
+    )
+    near = np.triu(apart < _ALIKE_MONTHS, 1) if apart.size else np.zeros((0, 0), dtype=bool)
+    if near.sum() >= _LEAST_PAIRS and fit.scale > 0.0:
+        alike = np.exp(-apart / _ALIKE_MONTHS)
+        share = float(np.mean(np.outer(residuals, residuals)[near])) / fit.scale**2 / float(np.mean(alike[near]))
+        if share > _CHANCE / math.sqrt(float(near.sum())):
+            whole = rows.T @ (np.eye(len(rows)) + min(share, 1.0) * (alike - np.eye(len(rows)))) @ rows
+            variance = max(variance, fit.scale**2 * float(along @ inverse @ whole @ inverse @ along))
     return float(along @ fit.coefficients), math.sqrt(max(variance, 0.0))
 
 
 def part_of_line(history: TireHistory, line: TrendLine, begin: int, end: int) -> dict[str, Value]:
-    """Return dates, number and names of the recordings of a part of a line."""
+    """Return dates, the error of the first, number and names of the recordings of a part of a line."""
     first, last = history.recordings[int(line.places[begin])], history.recordings[int(line.places[end - 1])]
     return {
-        "date": line.dates[begin], "until": line.dates[end - 1], "count": end - begin, "first": first, "last": last
-    }  # fmt: skip
+        "date": line.dates[begin],
+        "date_std_s": date_std_s(history, line, begin),
+        "until": line.dates[end - 1],
+        "count": end - begin,
+        "first": first,
+        "last": last,
+    }
 
 
 def slope_before(line: TrendLine) -> FloatArray:

@@ -32,14 +32,14 @@ _OF_RECORDINGS: Final = (
             explains=frozenset({Basis.PRESSURE}),
         ),
     ),
-    # Less noise, losses or clipping is no fault.
+    # Less noise, losses or clipping is no fault. Roads differ by up to a factor of two in what they excite.
     Series(
         "noise_mps2",
         "ln noise",
         Watch(
             number="noise",
             unit="%",
-            notable=100.0 * math.log1p(0.25),
+            notable=100.0 * math.log(2.0),
             trend=Trend.SENSOR,
             is_logarithm=True,
             worse=1.0,

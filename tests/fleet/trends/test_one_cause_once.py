@@ -63,6 +63,57 @@ def test_step_of_a_load_that_persons_scatter_is_found_and_names_what_follows(beg
     assert "Cw" in finding["consequences"]
 
 
+def test_date_of_a_step_has_the_error_that_the_scatter_makes():
+    errors = []
+    for seed in range(12):
+        begin = 20 + 2 * seed
+        load = 1.0 + np.random.default_rng([9, seed]).normal(0.0, 0.05, COUNT) + 0.16 * (begin <= INDEX)
+        tire = tire_with(seed, estimated_load_n=load)
+        (finding,) = trend_of(tire).findings
+        assert finding["name"] == "estimated_load_n"
+        date = COUNT - finding["count"]
+        apart_s = 1e-9 * float(tire.time_ns[date] - 0.5 * (tire.time_ns[begin] + tire.time_ns[begin - 1]))
+        errors.append(apart_s / finding["date_std_s"])
+    assert np.abs(errors).max() < 4.0
+    assert 0.3 < np.sqrt(np.mean(np.square(errors))) < 1.8
+
+
+def test_bending_stiffness_of_a_tire_that_suddenly_wears_is_the_wears():
+    worn = 1.4 * np.clip((INDEX - 34) / 6.0, 0.0, 1.0)
+    tire = tire_with(Bs=(1.0 - worn / 13.0) ** 3)
+    tire.columns["wear_mm"] += worn
+    tire.columns["ring_thickness_m"] = np.full(COUNT, 13e-3)
+    assert not [finding for finding in trend_of(tire).findings if dict(finding.values).get("name") == "Bs"]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_mountains_and_refills_of_all_wheels_make_no_loss(seed):
+    rng = np.random.default_rng([31, seed])
+    height_kpa = np.where(rng.random(COUNT) < 0.12, rng.uniform(5.0, 11.0, COUNT), 0.0)
+    height_kpa[20:24] = 9.0
+    wheels = with_losses([0.6, 1.1, 0.9, 1.5])
+    for wheel in wheels:
+        wheel.columns["pressure_pa"] += 1e3 * (height_kpa + 8.0 * (INDEX >= 26) + 6.0 * (INDEX >= 44))
+    for tire in analyse(wheels, recordings=4 * COUNT).tires:
+        # Stiffnesses of this tire do not know of the pressure.
+        names = [dict(finding.values).get("name") for finding in tire.findings]
+        assert all(name in ("Bs", "Rs", "Ts") for name in names)
+
+
+def test_wear_is_fast_beside_the_spread_of_the_fleet():
+    def with_rates(rates: list[float]) -> list[str]:
+        wheels = [
+            history(40 + wheel, COUNT, months=4.0, wear_mm_per_1000km=rate, position=position, sensor_id=f"e00{wheel}")
+            for wheel, (position, rate) in enumerate(zip(("FL", "FR", "RL", "RR"), rates, strict=True))
+        ]
+        tires = analyse(wheels, recordings=4 * COUNT).tires
+        return [tire.position for tire in tires if any(f.code is FleetCode.TREND_WEARS_FAST for f in tire.findings)]
+
+    # Driven wheels wear faster than the others.
+    assert with_rates([0.32, 0.29, 0.14, 0.12]) == []
+    assert with_rates([0.13, 0.12, 0.14, 0.6]) == ["RR"]
+
+
 def with_losses(losses_kpa: list[float]) -> list[TireHistory]:
     """Return the wheels of one vehicle that lose pressures a month."""
     wheels = []
