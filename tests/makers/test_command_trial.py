@@ -370,4 +370,4 @@ def test_every_wrong_hub_is_named_by_its_clause(make: Callable[[], Hub], clause:
 
 
 # What did not come has no bytes.
-ABSENT = {FirmwareCode.SAMPLES_NOT_SWITCHED, FirmwareCode.MESSAGE_RATE_WRONG, FirmwareCode.SET_RATE_NOT_STATED}
+ABSENT = {FirmwareCode.COMMAND_WITHOUT_EFFECT, FirmwareCode.MESSAGE_RATE_WRONG}

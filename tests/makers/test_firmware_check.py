@@ -14,6 +14,7 @@ from firmware_protocol.reference_cmac import aes_cmac
 from firmware_protocol.reference_frames import payload_bytes
 from firmware_protocol.signing import sign
 from gateway.core.links.source import Chunk
+from gateway.core.reasons import Reason
 from gateway.core.session.reasons import SessionCode
 from gateway.core.session.statement_watch import __file__ as watch_file
 from gateway.core.wheels.reasons import WheelCode
@@ -89,7 +90,7 @@ def test_counters_that_restart_are_not_called_one_counter() -> None:
     report = check(frames(of_one_wheel, boot=lambda sent: sent.type == MessageType.HELLO))
     result = next(result for result in report.clauses if result.clause is Clause.SEQ)
     assert result.verdict is Verdict.FAILED
-    assert FirmwareCode.SEQ_SHARED not in {finding.reason.code for finding in result.findings}
+    assert Reason(FirmwareCode.SEQ_WRONG, how="shared") not in {finding.reason for finding in result.findings}
 
 
 def test_every_clause_has_a_firmware_that_breaks_it() -> None:
@@ -208,7 +209,8 @@ def test_without_the_key_the_tag_is_not_exercised() -> None:
     result = next(r for r in report.clauses if r.clause is Clause.TAG)
     assert result.verdict is Verdict.NOT_EXERCISED
     assert result.why is not None
-    assert result.why.code is FirmwareCode.CHECK_NO_KEY
+    assert result.why.code is FirmwareCode.CHECK_NOT_DONE
+    assert result.why["why"] == "no_key"
 
 
 @given(st.binary(max_size=2000), st.integers(0, 2**31))

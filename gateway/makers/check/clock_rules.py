@@ -105,11 +105,11 @@ class ClockRules:
         self._ledger.check(Clause.TICK_MONOTONIC)
         step = signed_step(previous[1], seen.tick_us)
         if step < 0:
-            reason = Reason(FirmwareCode.TICK_GOES_BACK, back_us=float(-step), tick_us=float(seen.tick_us))
+            reason = Reason(FirmwareCode.TICK_WRONG, how="goes_back", back_us=float(-step), tick_us=float(seen.tick_us))
             self._ledger.fail(Clause.TICK_MONOTONIC, seen, reason)
         elif step == 0 and not self._is_repeated(seen):
             self._ledger.fail(
-                Clause.TICK_MONOTONIC, seen, Reason(FirmwareCode.TICK_STANDS, tick_us=float(seen.tick_us))
+                Clause.TICK_MONOTONIC, seen, Reason(FirmwareCode.TICK_WRONG, how="stands", tick_us=float(seen.tick_us))
             )
 
     def _is_repeated(self, seen: SeenFrame) -> bool:
@@ -139,7 +139,9 @@ class ClockRules:
             contiguous = not blocks.lost
             self._ledger.check(Clause.NUMBERS)
             if step < last[3] and not repeated:
-                reason = Reason(FirmwareCode.SAMPLE_NUMBERS_OVERLAP, step=float(step), samples=float(last[3]))
+                reason = Reason(
+                    FirmwareCode.SAMPLE_NUMBERS_WRONG, how="overlap", step=float(step), samples=float(last[3])
+                )
                 self._ledger.fail(Clause.NUMBERS, seen, reason)
             elif step > last[3] and contiguous:
                 blocks.holes += step - last[3]
@@ -193,21 +195,23 @@ class ClockRules:
         if abs(pace - 1.0) <= _CLOCK_SHARE + _ARRIVAL_S / host_s:
             return
         unit = next((unit for unit, of in _UNITS.items() if abs(pace / of - 1.0) < _UNIT_TOLERANCE), "")
-        code = FirmwareCode.TICK_IN_OTHER_UNIT if unit else FirmwareCode.TICK_PACE_WRONG
-        values: dict[str, float | str] = {"unit": unit} if unit else {}
-        self._ledger.fail(Clause.TICK, f"hub {number}", Reason(code, pace=pace, duration_s=float(host_s), **values))
+        values: dict[str, float | str] = {"how": "other_unit", "unit": unit} if unit else {"how": "pace"}
+        reason = Reason(FirmwareCode.TICK_WRONG, pace=pace, duration_s=float(host_s), **values)
+        self._ledger.fail(Clause.TICK, f"hub {number}", reason)
 
     def _judge_blocks(self, source: SourceKey) -> None:
         """Compare numbers and clock of a wheel's blocks with the stated rate."""
         blocks = self._blocks[source]
         dropped = self._clocks[source[0]].samples_dropped if source[0] in self._clocks else None
         if blocks.hole is not None:
-            reason = Reason(FirmwareCode.SAMPLE_NUMBERS_HOLES, holes=float(blocks.holes))
+            reason = Reason(FirmwareCode.SAMPLE_NUMBERS_WRONG, how="holes", holes=float(blocks.holes))
             if dropped is None or dropped[1] == dropped[0]:
                 self._ledger.fail(Clause.NUMBERS, blocks.hole, reason)
             else:
                 self._ledger.fail(
-                    Clause.LOSS, blocks.hole, Reason(FirmwareCode.SAMPLES_DROPPED_BY_HUB, holes=float(blocks.holes))
+                    Clause.LOSS,
+                    blocks.hole,
+                    Reason(FirmwareCode.SAMPLE_NUMBERS_WRONG, how="dropped", holes=float(blocks.holes)),
                 )
         if blocks.hello is None or len(blocks.numbers) < 3:
             return
@@ -229,7 +233,7 @@ class ClockRules:
         residual_s = tick_s - begin - slope * number
         spread_s = float(residual_s.max() - residual_s.min())
         if spread_s > _EXACT * _SPAN_S:
-            reason = Reason(FirmwareCode.TICK_JITTERS, spread_s=spread_s, std_s=float(residual_s.std()))
+            reason = Reason(FirmwareCode.TICK_WRONG, how="jitters", spread_s=spread_s, std_s=float(residual_s.std()))
             self._ledger.fail(Clause.JITTER, subject, reason, is_advice=True)
 
     def _judge_first_sample(self) -> None:
@@ -241,7 +245,9 @@ class ClockRules:
                 continue
             self._ledger.check(Clause.TICK_FIRST, clock.close)
             if len(clock.early) >= max(_LEAST_EARLY, clock.close // 4):
-                reason = Reason(FirmwareCode.TICK_NOT_OF_FIRST_SAMPLE, tick_us=float(clock.early[0].tick_us))
+                reason = Reason(
+                    FirmwareCode.TICK_WRONG, how="not_of_first_sample", tick_us=float(clock.early[0].tick_us)
+                )
                 seen = clock.early[0]
                 self._ledger.fail(
                     Clause.TICK_FIRST,

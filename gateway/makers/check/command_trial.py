@@ -135,7 +135,7 @@ class CommandTrial:
         if verifies:
             yield from self._unsigned()
             if self._hub_at_link is None or not self._hub_at_link.verifies_commands or self._hub_at_link.key is None:
-                self._leave(Reason(FirmwareCode.CHECK_NO_KEY, identity=f"{hello.message.hub_id:016x}"))
+                self._leave(Reason(FirmwareCode.CHECK_NOT_DONE, why="no_key", identity=f"{hello.message.hub_id:016x}"))
                 return
         time = SetTime(self._now_ns)
         answer = yield from self._execute(Clause.COMMAND_ANSWER, time, is_first=True)
@@ -178,7 +178,7 @@ class CommandTrial:
         if answer is None:
             if not is_first:
                 self._ledger.check(Clause.COMMAND_ANSWER)
-                reason = Reason(FirmwareCode.COMMAND_ANSWER_LATE, command=name, waited_s=_ANSWER_S)
+                reason = Reason(FirmwareCode.COMMAND_ANSWER_WRONG, how="late", command=name, waited_s=_ANSWER_S)
                 self._ledger.fail(Clause.COMMAND_ANSWER, f"hub {self._hub}", reason, frame)
             return None
         result = answer.message
@@ -187,17 +187,28 @@ class CommandTrial:
         self._ledger.check(clause)
         if answer.wheel != HUB_ITSELF:
             self._ledger.fail(
-                Clause.COMMAND_ANSWER, answer, Reason(FirmwareCode.COMMAND_ANSWER_NOT_OF_HUB, wheel=answer.wheel)
+                Clause.COMMAND_ANSWER,
+                answer,
+                Reason(FirmwareCode.COMMAND_ANSWER_WRONG, how="not_of_hub", wheel=answer.wheel),
             )
         # With outcome 5 it is the highest counter so far.
         if result.command != type_ or (result.seq != seq and result.outcome != Outcome.REPEATED):
             reason = Reason(
-                FirmwareCode.COMMAND_REPLY_MISMATCH, command=result.command, seq=result.seq, sent=type_, sent_seq=seq
+                FirmwareCode.COMMAND_ANSWER_WRONG,
+                how="other_command",
+                command=result.command,
+                seq=result.seq,
+                sent=type_,
+                sent_seq=seq,
             )
             self._ledger.fail(Clause.COMMAND_ANSWER, answer, reason)
         elif result.outcome != expected:
             reason = Reason(
-                FirmwareCode.COMMAND_OUTCOME_WRONG, command=name, outcome=result.outcome, expected=int(expected)
+                FirmwareCode.COMMAND_ANSWER_WRONG,
+                how="outcome",
+                command=name,
+                outcome=result.outcome,
+                expected=int(expected),
             )
             self._ledger.fail(clause, answer, reason)
         return answer
@@ -242,7 +253,7 @@ class CommandTrial:
         answer = yield self._in(_QUIET_S), self._is_answer
         self._ledger.check(Clause.COMMAND_CRC)
         if answer is not None:
-            self._ledger.fail(Clause.COMMAND_CRC, answer, Reason(FirmwareCode.COMMAND_ANSWERED_DAMAGED))
+            self._ledger.fail(Clause.COMMAND_CRC, answer, Reason(FirmwareCode.COMMAND_ANSWER_WRONG, how="to_damaged"))
 
     def _stream(self, *, is_signed: bool) -> _Script:
         """Samples stop and start; everything else goes on. The same command again is done again, or refused."""
@@ -255,7 +266,7 @@ class CommandTrial:
                 self._ledger.fail(
                     Clause.COMMAND_STREAM,
                     late,
-                    Reason(FirmwareCode.SAMPLES_NOT_SWITCHED, state="off", waited_s=_ON_ITS_WAY_S),
+                    Reason(FirmwareCode.COMMAND_WITHOUT_EFFECT, command="stream_off", waited_s=_ON_ITS_WAY_S),
                 )
             status = yield self._in(_ANSWER_S), lambda seen: isinstance(seen.message, HubStatus)
             if status is None:
@@ -268,7 +279,7 @@ class CommandTrial:
         yield from self._send(Clause.COMMAND_STREAM, frame, Outcome.DONE)
         samples = yield self._in(_ANSWER_S), self._is_samples
         if samples is None:
-            reason = Reason(FirmwareCode.SAMPLES_NOT_SWITCHED, state="on", waited_s=_ANSWER_S)
+            reason = Reason(FirmwareCode.COMMAND_WITHOUT_EFFECT, command="stream_on", waited_s=_ANSWER_S)
             self._ledger.fail(Clause.COMMAND_STREAM, f"hub {self._hub}", reason)
         expected = Outcome.REPEATED if is_signed else Outcome.DONE
         yield from self._send(Clause.COMMAND_REPEATED, frame, expected)
@@ -292,8 +303,12 @@ class CommandTrial:
             )
             self.pausing = self._hub
             if hello is None or not isinstance(hello.message, Hello):
-                reason = Reason(FirmwareCode.SET_RATE_NOT_STATED, stated_hz=before_hz, waited_s=_ANSWER_S)
+                reason = Reason(
+                    FirmwareCode.COMMAND_WITHOUT_EFFECT, command="rate", stated_hz=before_hz, waited_s=_ANSWER_S
+                )
                 self._ledger.fail(Clause.COMMAND_RATE, f"hub {self._hub}", reason)
             elif wanted_hz == before_hz and hello.message.rate_hz != before_hz:
-                reason = Reason(FirmwareCode.SET_RATE_NOT_STATED, stated_hz=hello.message.rate_hz, waited_s=0.0)
+                reason = Reason(
+                    FirmwareCode.COMMAND_WITHOUT_EFFECT, command="rate", stated_hz=hello.message.rate_hz, waited_s=0.0
+                )
                 self._ledger.fail(Clause.COMMAND_RATE, hello, reason)

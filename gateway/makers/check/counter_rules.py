@@ -156,7 +156,9 @@ class CounterRules:
         elif state.must_start:
             self._ledger.check(Clause.START)
             if seen.seq != 0:
-                self._ledger.fail(Clause.START, seen, Reason(FirmwareCode.SEQ_NOT_FROM_ZERO, seq=float(seen.seq)))
+                self._ledger.fail(
+                    Clause.START, seen, Reason(FirmwareCode.SEQ_WRONG, how="not_from_zero", seq=float(seen.seq))
+                )
         state.must_start = False
 
     @staticmethod
@@ -192,21 +194,23 @@ class CounterRules:
         if first is None:
             return
         if state.same_steps > _MOST * (state.frames - 1):
-            self._ledger.fail(Clause.SEQ, first, Reason(FirmwareCode.SEQ_STANDS, seq=float(first.seq)))
+            self._ledger.fail(Clause.SEQ, first, Reason(FirmwareCode.SEQ_WRONG, how="stands", seq=float(first.seq)))
             return
         if hub.changes and hub.shared_steps > _MOST * hub.changes:
-            self._ledger.fail(Clause.SEQ, first, Reason(FirmwareCode.SEQ_SHARED))
+            self._ledger.fail(Clause.SEQ, first, Reason(FirmwareCode.SEQ_WRONG, how="shared"))
             return
         if state.swapped_steps > _MOST * (state.frames - 1):
-            self._ledger.fail(Clause.SEQ, first, Reason(FirmwareCode.SEQ_BIG_ENDIAN))
+            self._ledger.fail(Clause.SEQ, first, Reason(FirmwareCode.SEQ_WRONG, how="big_endian"))
             return
         for seen in state.repeated:
-            self._ledger.fail(Clause.SEQ, seen, Reason(FirmwareCode.SEQ_REPEATED, seq=float(seen.seq)))
+            self._ledger.fail(Clause.SEQ, seen, Reason(FirmwareCode.SEQ_WRONG, how="repeated", seq=float(seen.seq)))
         for seen in state.went_back:
-            self._ledger.fail(Clause.SEQ, seen, Reason(FirmwareCode.SEQ_GOES_BACK, seq=float(seen.seq)))
+            self._ledger.fail(Clause.SEQ, seen, Reason(FirmwareCode.SEQ_WRONG, how="goes_back", seq=float(seen.seq)))
         for seen, gap in state.gaps:
             if gap > _LARGEST_GAP:
-                self._ledger.fail(Clause.SEQ, seen, Reason(FirmwareCode.SEQ_JUMPS, gap=float(gap), seq=float(seen.seq)))
+                self._ledger.fail(
+                    Clause.SEQ, seen, Reason(FirmwareCode.SEQ_WRONG, how="jumps", gap=float(gap), seq=float(seen.seq))
+                )
         lost = sum(gap for _, gap in state.gaps if gap <= _LARGEST_GAP)
         if lost and not state.went_back:
             reason = Reason(FirmwareCode.CHECK_FRAMES_LOST, lost=lost, frames=state.frames, damaged=state.damaged)

@@ -164,17 +164,21 @@ class FirmwareCheck:
         version, type_, hub, wheel, flags, seq, tick_us = _HEADER.unpack_from(data)
         seen = SeenFrame(at_byte, host_s, data, type_, hub, wheel, flags, seq, tick_us, None)
         if version != wire.VERSION_BYTE:
-            self.ledger.fail(Clause.VERSION, seen, Reason(FirmwareCode.FRAME_VERSION_WRONG, version=f"{version:#04x}"))
+            self.ledger.fail(
+                Clause.VERSION, seen, Reason(FirmwareCode.FRAME_HEADER_WRONG, field="version", value=f"{version:#04x}")
+            )
             if version >> 4 != wire.VERSION_MAJOR:
                 return None
         self.ledger.check(Clause.TYPES)
         self.ledger.check(Clause.FLAGS)
         if flags & ~wire.KNOWN_FLAGS:
-            self.ledger.fail(Clause.FLAGS, seen, Reason(FirmwareCode.FRAME_FLAGS_UNKNOWN, flags=f"{flags:#04x}"))
+            self.ledger.fail(
+                Clause.FLAGS, seen, Reason(FirmwareCode.FRAME_HEADER_WRONG, field="flags", value=f"{flags:#04x}")
+            )
         if type_ not in DECODERS:
-            self.ledger.fail(Clause.TYPES, seen, Reason(FirmwareCode.FRAME_TYPE_UNKNOWN, type=type_))
+            self.ledger.fail(Clause.TYPES, seen, Reason(FirmwareCode.FRAME_HEADER_WRONG, field="type", value=type_))
         elif flags & wire.SIGNED_FLAG and not is_signed(data):
-            self.ledger.fail(Clause.LAYOUT, seen, Reason(FirmwareCode.FRAME_WITHOUT_TAG))
+            self.ledger.fail(Clause.LAYOUT, seen, Reason(FirmwareCode.FRAME_HEADER_WRONG, field="tag"))
         else:
             seen = seen._replace(message=self._content(seen))
         self._rules(seen, after_damage=after_damage)
@@ -190,10 +194,12 @@ class FirmwareCheck:
             name, layout = MessageType(seen.type).name, error.layout_bytes
             if layout is None:
                 self.ledger.fail(
-                    Clause.RANGES, seen, Reason(FirmwareCode.PAYLOAD_VALUE_WRONG, type=name, field=error.field)
+                    Clause.RANGES, seen, Reason(FirmwareCode.PAYLOAD_WRONG, what="value", type=name, field=error.field)
                 )
                 return None
-            reason = Reason(FirmwareCode.PAYLOAD_LENGTH_WRONG, type=name, length=len(seen.payload), layout=layout)
+            reason = Reason(
+                FirmwareCode.PAYLOAD_WRONG, what="length", type=name, length=len(seen.payload), layout=layout
+            )
             self.ledger.fail(Clause.LAYOUT, seen, reason)
             return None
 

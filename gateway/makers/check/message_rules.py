@@ -115,7 +115,9 @@ class MessageRules:
         self._ledger.check(Clause.HELLO_COUPLING)
         self._ledger.check(Clause.HELLO_SENSOR)
         if hello.protocol_major != wire.VERSION_MAJOR:
-            reason = Reason(FirmwareCode.HELLO_OTHER_MAJOR, major=hello.protocol_major, minor=hello.protocol_minor)
+            reason = Reason(
+                FirmwareCode.HELLO_WRONG, how="major", major=hello.protocol_major, minor=hello.protocol_minor
+            )
             self._ledger.fail(Clause.HELLO_VALUES, seen, reason)
         absent = [axis for axis in Axis if not hello.axes >> axis & 1]
         if not absent:
@@ -125,14 +127,17 @@ class MessageRules:
         filled = tuple(AXIS_NAMES[axis] for axis in absent if any(value[axis] for value in values))
         if filled:
             self._ledger.fail(
-                Clause.HELLO_ABSENT, seen, Reason(FirmwareCode.HELLO_ABSENT_AXES_FILLED, axes=filled), is_advice=True
+                Clause.HELLO_ABSENT,
+                seen,
+                Reason(FirmwareCode.HELLO_WRONG, how="absent_axes", axes=filled),
+                is_advice=True,
             )
 
     def _samples(self, schedule: _Schedule, seen: SeenFrame, block: SampleBlock) -> None:
         if not schedule.blocks and self._counters.started(seen.source):
             self._ledger.check(Clause.HELLO_FIRST)
         if not schedule.hello_seen and self._counters.started(seen.source):
-            self._ledger.fail(Clause.HELLO_FIRST, seen, Reason(FirmwareCode.SAMPLES_BEFORE_HELLO))
+            self._ledger.fail(Clause.HELLO_FIRST, seen, Reason(FirmwareCode.HELLO_WRONG, how="late"))
         schedule.blocks += 1
         schedule.samples += len(block.counts)
         schedule.channels = CHANNELS[block.axes]
@@ -148,7 +153,9 @@ class MessageRules:
         self._ledger.check(Clause.STATUS_VALUES)
         apart_s = signed_step(seen.tick_us, round(status.uptime_s * 1e6) & 0xFFFF_FFFF) * 1e-6
         if abs(apart_s) > _UPTIME_TOLERANCE_S:
-            reason = Reason(FirmwareCode.STATUS_UPTIME_WRONG, uptime_s=status.uptime_s, clock_s=seen.tick_us * 1e-6)
+            reason = Reason(
+                FirmwareCode.STATUS_WRONG, field="uptime_s", uptime_s=status.uptime_s, clock_s=seen.tick_us * 1e-6
+            )
             self._doubts.append((seen, reason))
         number = self._frames[seen.hub] + self._counters.lost_of_hub(seen.hub)
         first_status = self._sent.get(seen.hub)
@@ -158,26 +165,28 @@ class MessageRules:
         (first, sent), _ = first_status
         arrived, stated = number - first, (status.frames_sent - sent) % 2**32
         if abs(stated - arrived) > _SENT_SLACK + _SENT_SHARE * arrived:
-            self._doubts.append((seen, Reason(FirmwareCode.STATUS_FRAMES_SENT_WRONG, stated=stated, arrived=arrived)))
+            self._doubts.append(
+                (seen, Reason(FirmwareCode.STATUS_WRONG, field="frames_sent", stated=stated, arrived=arrived))
+            )
 
     def _log(self, seen: SeenFrame, log: LogText) -> None:
         self._ledger.check(Clause.LOG)
         if log.level > max(LogLevel):
-            self._ledger.fail(Clause.LOG, seen, Reason(FirmwareCode.LOG_LEVEL_RESERVED, level=log.level))
+            self._ledger.fail(Clause.LOG, seen, Reason(FirmwareCode.LOG_TEXT_WRONG, how="level", level=log.level))
         try:
             shown = seen.payload[1:].decode()
         except UnicodeDecodeError:
-            self._ledger.fail(Clause.LOG, seen, Reason(FirmwareCode.LOG_NOT_UTF8))
+            self._ledger.fail(Clause.LOG, seen, Reason(FirmwareCode.LOG_TEXT_WRONG, how="not_utf8"))
         else:
             if any(unicodedata.category(character).startswith("C") for character in shown):
-                self._ledger.fail(Clause.LOG, seen, Reason(FirmwareCode.LOG_HAS_CONTROLS), is_advice=True)
+                self._ledger.fail(Clause.LOG, seen, Reason(FirmwareCode.LOG_TEXT_WRONG, how="controls"), is_advice=True)
         recent = self._logs.setdefault(seen.hub, deque())
         # The hub's clock: what waits on the way arrives at once.
         recent.append(seen.tick_us * 1e-6)
         while recent[-1] - recent[0] >= 1.0 or recent[-1] < recent[0]:
             recent.popleft()
         if len(recent) > _MOST_LOGS_PER_S:
-            self._ledger.fail(Clause.LOG, seen, Reason(FirmwareCode.LOG_TOO_OFTEN, lines=len(recent)))
+            self._ledger.fail(Clause.LOG, seen, Reason(FirmwareCode.LOG_TEXT_WRONG, how="too_often", lines=len(recent)))
 
     def finish(self, capacity_bytes_per_s: float | None) -> None:
         """Judge the schedule, and the bytes against what the link carries.
@@ -199,7 +208,8 @@ class MessageRules:
         if span_s < _LEAST_SPAN_S:
             for clause, _ in _PERIODS.values():
                 self._ledger.leave(
-                    clause, Reason(FirmwareCode.CHECK_TOO_SHORT, duration_s=span_s, needed_s=_LEAST_SPAN_S)
+                    clause,
+                    Reason(FirmwareCode.CHECK_NOT_DONE, why="too_short", duration_s=span_s, needed_s=_LEAST_SPAN_S),
                 )
             return
         wheels = [source for source, schedule in of_hub.items() if source[1] != HUB_ITSELF and schedule.blocks]

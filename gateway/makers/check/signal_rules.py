@@ -135,7 +135,9 @@ class SignalRules:
         earlier = recent.pop(content, None)
         if earlier is not None and earlier != block.first_sample:
             values = {"samples": len(block.counts), "first": block.first_sample, "earlier": earlier}
-            self._ledger.fail(Clause.ONCE, source_name(source), Reason(FirmwareCode.BLOCK_COPIED, **values))
+            self._ledger.fail(
+                Clause.ONCE, source_name(source), Reason(FirmwareCode.COUNTS_WRONG, how="repeated", **values)
+            )
         recent[content] = block.first_sample
         if len(recent) > _COMPARED_BLOCKS:
             del recent[next(iter(recent))]
@@ -151,7 +153,12 @@ class SignalRules:
             return
         subject, radial_mps2 = source_name(source), float(mean[axes.index(Axis.RADIAL)])
         for axis in (axis for axis, still in zip(axes, stands, strict=True) if still):
-            reason = Reason(FirmwareCode.AXIS_STANDS, axis=AXIS_NAMES[axis], duration_s=len(values) / hello.rate_hz)
+            reason = Reason(
+                FirmwareCode.COUNTS_WRONG,
+                how="axis_stands",
+                axis=AXIS_NAMES[axis],
+                duration_s=len(values) / hello.rate_hz,
+            )
             self._ledger.fail(Clause.ROWS, subject, reason)
         # A zero that is wrong moves an axis as much as the rotation does.
         zero_unknown = self._ledger.has_failed(Clause.HELLO_VALUES)
@@ -159,7 +166,7 @@ class SignalRules:
             return
         if abs(mean[highest]) > _LARGER * abs(radial_mps2):
             level = {"level_mps2": float(mean[highest]), "radial_mps2": radial_mps2}
-            reason = Reason(FirmwareCode.AXES_OUT_OF_ORDER, axis=AXIS_NAMES[axes[highest]], **level)
+            reason = Reason(FirmwareCode.COUNTS_WRONG, how="axes_order", axis=AXIS_NAMES[axes[highest]], **level)
             self._ledger.fail(Clause.ROWS, subject, reason)
         elif radial_mps2 < -_ROLLING_MPS2:
             self._ledger.fail(Clause.ROWS, subject, Reason(ContactCode.RADIAL_OUTWARD, mean_mps2=radial_mps2))
@@ -190,7 +197,7 @@ class SignalRules:
     def _at_rest(self, values: FloatArray, mean: FloatArray) -> None:
         if float(values.std(axis=0).max()) < _REST_STD_MPS2 and values.shape[1] == len(Axis):
             share = float(np.linalg.norm(mean)) / STANDARD_GRAVITY_MPS2
-            self._ledger.leave(Clause.SCALE, Reason(FirmwareCode.CHECK_AT_REST, share=share))
+            self._ledger.leave(Clause.SCALE, Reason(FirmwareCode.CHECK_NOT_DONE, why="at_rest", share=share))
         else:
             self._ledger.leave(Clause.SCALE, Reason(FirmwareCode.CHECK_NOT_DONE, why="does_not_roll"))
         self._ledger.leave(Clause.COUPLING, Reason(FirmwareCode.CHECK_NOT_DONE, why="does_not_roll"))
@@ -200,12 +207,12 @@ def _misread(blocks: list[NDArray[np.int16]]) -> Reason | None:
     """Return how else the counts of blocks are smooth, None where they are as they are."""
     as_sent = _roughness(blocks)
     if _SMOOTHER * _roughness([block ^ np.int16(-0x8000) for block in blocks]) < as_sent:
-        return Reason(FirmwareCode.COUNTS_OFFSET_BINARY)
+        return Reason(FirmwareCode.COUNTS_WRONG, how="offset_binary")
     channels = blocks[0].shape[1]
     if channels > 1:
         by_axis = _roughness([block.reshape(channels, -1).T for block in blocks])
         if _SMOOTHER * by_axis < as_sent:
-            return Reason(FirmwareCode.ROWS_TRANSPOSED, ratio=as_sent / max(by_axis, 1))
+            return Reason(FirmwareCode.COUNTS_WRONG, how="transposed", ratio=as_sent / max(by_axis, 1))
     return None
 
 

@@ -32,8 +32,8 @@ class SignatureRules:
         if signed or self._signs.get(seen.source):
             self._ledger.check(Clause.SIGNED_ALL)
         if self._signs.setdefault(seen.source, signed) != signed:
-            code = FirmwareCode.SOURCE_SIGNS_SOME_FRAMES
-            self._ledger.fail(Clause.SIGNED_ALL, source_name(seen.source), Reason(code), seen.data, seen.at_byte)
+            reason = Reason(FirmwareCode.SIGNATURE_WRONG, how="some_frames")
+            self._ledger.fail(Clause.SIGNED_ALL, source_name(seen.source), reason, seen.data, seen.at_byte)
         if signed:
             self._tag(seen)
 
@@ -45,12 +45,12 @@ class SignatureRules:
         identity = hub_identity(number) if seen.wheel == HUB_ITSELF else sensor_identity(number)
         key = self._keys.get(identity)
         if key is None:
-            self._ledger.leave(Clause.TAG, Reason(FirmwareCode.CHECK_NO_KEY, identity=identity))
+            self._ledger.leave(Clause.TAG, Reason(FirmwareCode.CHECK_NOT_DONE, why="no_key", identity=identity))
             return
         self._ledger.check(Clause.TAG)
         verifier = self._verifiers.get((identity, hello.boot_count))
         if verifier is None:
             verifier = self._verifiers[identity, hello.boot_count] = Verifier(key, number, hello.boot_count)
         if not verifier.is_genuine(seen.data):
-            reason = Reason(FirmwareCode.TAG_WRONG, identity=identity, boot_count=hello.boot_count)
+            reason = Reason(FirmwareCode.SIGNATURE_WRONG, how="tag", identity=identity, boot_count=hello.boot_count)
             self._ledger.fail(Clause.TAG, source_name(seen.source), reason, seen.data, seen.at_byte)
