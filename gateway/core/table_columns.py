@@ -103,8 +103,12 @@ RESULT_TAIL: Final = by_name(
     Column("mounting_offset_std_m", "one standard error of the distance"),
     Column("load_n", "stated vertical load"),
     Column("load_std_n", "one standard error of the stated load"),
+    Column(
+        "load_source", "stated where a load is: none is measured, `estimated_load_n` has the one of the signal", str
+    ),
     Column("pressure_pa", "gauge pressure, measured or else stated"),
     Column("pressure_std_pa", "one standard error of the pressure"),
+    Column("pressure_source", "stated or measured", str),
     Column("relative_rate_std", "one standard error of the sampling rate over it"),
     Column("relative_gain_std", "one standard error of the gain of the axes over it"),
     Column("temperature_degc", "temperature of the inner liner, measured or else stated"),

@@ -3,6 +3,7 @@
 from copy import deepcopy
 from typing import Any, Final
 
+from gateway.core.estimates.estimator import SOURCE_COLUMNS
 from gateway.core.estimates.results import SinkState, WheelState
 from gateway.core.quantity_catalogue import in_state
 from gateway.core.recording.schemas import schema_of
@@ -10,7 +11,7 @@ from gateway.core.recording.schemas import schema_of
 _NUMBER: Final = {"type": "number"}
 _COUNT: Final = {"type": "integer", "minimum": 0}
 _TEXT: Final = {"type": "string"}
-_SOURCE: Final = {"enum": ["stated", "measured"]}
+_SOURCES: Final = {column: {"enum": ["stated", "measured"]} for column in SOURCE_COLUMNS.values()}
 _REASON: Final = {"$ref": "#/$defs/reason"}
 _TIME: Final = {"type": "number", "description": "s since 1970-01-01 UTC; that of the recording in a replay"}
 _NAMES: Final = {"type": "array", "items": _TEXT}
@@ -72,7 +73,7 @@ def _revolution() -> dict[str, Any]:
     schema = _object(
         "revolution",
         {"wheel": _TEXT, "index": _COUNT},
-        {name: field for name, field in recorded["properties"].items() if name != "index"} | {"load_source": _SOURCE},
+        {name: field for name, field in recorded["properties"].items() if name != "index"} | _SOURCES,
         "one revolution of one wheel; each estimate is NAME, NAME_std (one standard error), NAME_scatter_std (its "
         "scattering part, where known), NAME_status, NAME_reasons",
     )
@@ -115,8 +116,7 @@ def _wheel() -> dict[str, Any]:
         },
         {
             "sensor_id": _TEXT,
-            "load_source": _SOURCE,
-            "pressure_source": _SOURCE,
+            **_SOURCES,
             **dict.fromkeys(numbers, _NUMBER),
         },
         "state of a wheel, once a second",

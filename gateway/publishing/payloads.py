@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
+from gateway.core.estimates.estimator import SOURCE_COLUMNS, source_in
 from gateway.core.estimates.results import Alarm, LinkSnapshot, SessionSnapshot, WheelSnapshot, WheelState
 from gateway.core.links.reasons import LinkCode
 from gateway.core.quantity_catalogue import in_state
@@ -45,16 +46,14 @@ def encoded(payload: Mapping[str, Any]) -> bytes:
 
 
 def revolution(item: PublishedRevolution) -> JsonObject:
-    """Return a revolution: the topic `/wheel/POSITION/revolution` of a recording, and that its load is stated."""
+    """Return a revolution: the topic `/wheel/POSITION/revolution` of a recording, and what of it is stated."""
     result = item.result
-    # The load of a revolution's conditions is never measured: an estimated one is an estimate.
-    source = {"load_source": "stated"} if result.conditions.load_n is not None else {}
     return {
         "type": "revolution",
         "time_s": _seconds(item.host_ns),
         "wheel": result.position,
         **revolution_payload(result),
-        **source,
+        **result.conditions.sources,
     }
 
 
@@ -93,8 +92,8 @@ def wheel(item: PublishedState, snapshot: WheelSnapshot) -> JsonObject:
         **({"sensor_id": snapshot.sensor_id} if snapshot.sensor_id else {}),
         **finite(numbers),
         **{
-            f"{name.rpartition('_')[0]}_source": "stated" if name in snapshot.stated else "measured"
-            for name in ("load_n", "pressure_pa")
+            column: source_in(snapshot.stated, name)
+            for name, column in SOURCE_COLUMNS.items()
             if numbers[name] is not None
         },
         "revolutions": counters.revolutions,

@@ -36,6 +36,7 @@ def test_every_line_is_valid_by_the_schema(items, tmp_path) -> None:
     assert {line["type"] for line in lines} == {"revolution", "alarm", "wheel", "link", "session"}
     first, result = next(line for line in lines if line["type"] == "revolution"), items[0].result
     assert (first["load_n"], first["load_source"]) == (result.conditions.load_n, "stated")
+    assert (first["pressure_pa"], first["pressure_source"]) == (result.conditions.pressure_pa, "measured")
     assert (first["wheel"], first["time_s"]) == (result.position, round(result.host_ns * 1e-9, 6))
     speed = next(estimate for estimate in result.estimates if estimate.name == "speed_mps")
     assert [first[f"speed_mps{part}"] for part in ("", "_std", "_status")] == [speed.value, speed.std, "valid"]

@@ -1,7 +1,7 @@
 """Interface of estimators: the revolution and conditions that they take, the estimates that they return."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import partial
@@ -69,6 +69,15 @@ estimate_of: Final[Callable[[EstimateRow], Estimate]] = partial(tuple.__new__, E
 """Makes an estimate of all of its fields, without a call of Python: every revolution has some forty."""
 
 
+SOURCE_COLUMNS: Final = {"load_n": "load_source", "pressure_pa": "pressure_source"}
+"""What says where a condition comes from, in rows and published objects."""
+
+
+def source_in(stated: Container[str], name: str) -> str:
+    """Return where a condition that is known comes from."""
+    return "stated" if name in stated else "measured"
+
+
 @dataclass(frozen=True, slots=True)
 class TireConditions:
     """State of the tire during a revolution, apart from the acceleration of its sensor.
@@ -93,6 +102,7 @@ class TireConditions:
         given: estimates that earlier estimators made of this revolution, by name of the estimator, then of the
             estimate. Estimators run in the order of the registry. Empty outside `Estimator.update`.
         rules: of doubt that apply.
+        pressure_measured: whether `pressure_pa` is a reading of a sensor; otherwise it is stated.
     """
 
     radius_m: float
@@ -113,6 +123,19 @@ class TireConditions:
     tire: TireData = field(default_factory=TireData)
     given: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)
     rules: frozenset[DoubtRule] = EVERY_RULE
+    pressure_measured: bool = False
+
+    @property
+    def stated(self) -> frozenset[str]:
+        """Those of `load_n` and `pressure_pa` that are stated: an estimated load is an estimate, not a condition."""
+        pressure = {"pressure_pa"} if self.pressure_pa is not None and not self.pressure_measured else set()
+        return frozenset({"load_n"} if self.load_n is not None else ()) | pressure
+
+    @property
+    def sources(self) -> dict[str, str]:
+        """Names and values of the columns that say where load and pressure come from, of those that are known."""
+        known = (name for name in SOURCE_COLUMNS if getattr(self, name) is not None)
+        return {SOURCE_COLUMNS[name]: source_in(self.stated, name) for name in known}
 
     @property
     def lateral_gain_std(self) -> float:

@@ -199,6 +199,7 @@ class Evidence(NamedTuple):
             conditions.tire,
             conditions.given if given is None else given,
             conditions.rules,
+            conditions.pressure_measured,
         )
 
     @property

@@ -404,13 +404,8 @@ class TireEstimates:
             claims=self._setup.sensor,
             tire=self._setup.tire,
             rules=self._setup.rules,
+            pressure_measured=bool(readings) and readings[0][1].pressure_pa is not None,
         )
-
-    def stated(self, conditions: TireConditions) -> frozenset[str]:
-        """Return those of `load_n` and `pressure_pa` that are stated and not measured."""
-        is_measured = bool(self.outside) or any(entry.pressure_pa is not None for _, entry, _ in self._environment)
-        pressure = {"pressure_pa"} if conditions.pressure_pa is not None and not is_measured else set()
-        return frozenset({"load_n"} if conditions.load_n is not None else ()) | pressure
 
     def flags(self) -> tuple[SensorFlag, ...]:
         """Return what the signal contradicts of what is stated."""

@@ -612,7 +612,7 @@ class WheelPipeline:
             pressure_pa=conditions.pressure_pa,
             temperature_degc=conditions.temperature_degc,
             load_n=load.value if load is not None else conditions.load_n,
-            stated=self._tire.stated(conditions),
+            stated=conditions.stated,
             wear_mm=self._tire.latest("wear_mm"),
             counters=WheelCounters(
                 samples=self._samples,

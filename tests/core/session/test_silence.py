@@ -152,6 +152,8 @@ def test_old_pressure_is_named_and_doubts_what_rests_on_it() -> None:
     assert wheel.old_environment.age_s > 5.0
     assert alarms_of(core)["W1", AlarmName.ENVIRONMENT].code is WheelCode.ENVIRONMENT_SILENT
     last = {estimate.name: estimate for estimate in results[-1].estimates}
+    assert results[0].conditions.sources == {"load_source": "stated", "pressure_source": "measured"}
+    assert results[-1].conditions.sources == results[0].conditions.sources
     assert last["Cw"].status is Status.PROVISIONAL
     assert WheelCode.PRESSURE_OLD in codes_of(last["Cw"].reasons)
     assert last["speed_mps"].status is Status.VALID

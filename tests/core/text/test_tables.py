@@ -71,6 +71,8 @@ def _typed(key: str, text: str) -> object:
         ("_status", "_reason")
     ):
         return text
+    if key.endswith("_source"):
+        return text or None
     return None if text == "" else int(text) if key in ("revolution", "host_ns") else float(text)
 
 
@@ -210,6 +212,17 @@ def test_estimated_load_does_not_replace_the_stated_one(tmp_path: Path, table_fo
         put(table, result(0, estimates=(Estimate("load_n", 4900.0, 20.0, Status.VALID),), load_n=5000.0))
     (row,) = read_back(path, table_format)
     assert (row["load_n"], row["estimated_load_n"], row["estimated_load_n_std"]) == (5000.0, 4900.0, 20.0)
+
+
+@FORMATS
+def test_rows_say_what_of_load_and_pressure_is_stated(tmp_path: Path, table_format: TableFormat) -> None:
+    path = tmp_path / "out"
+    with open_table(path, table_format) as table:
+        put(table, result(0, load_n=5000.0, pressure_pa=2.1e5))
+        put(table, result(1, pressure_pa=2.2e5, pressure_measured=True))
+        put(table, result(2))
+    sources = [(row["load_source"], row["pressure_source"]) for row in read_back(path, table_format)]
+    assert sources == [("stated", "stated"), (None, "measured"), (None, None)]
 
 
 @FORMATS
