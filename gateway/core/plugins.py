@@ -82,7 +82,11 @@ def load(group: Registry, name: str, taken: Collection[str], check: Check) -> ob
         if plugin.name == name and _name_refusal(plugin, taken) is None:
             loaded, refusal = _examined(plugin, check)
             if refusal is not None:
-                raise PluginError(plugin.name, plugin.package, dict(refusal.values))
+                raise PluginError(
+                    plugin.name,
+                    plugin.package,
+                    {name: value for name, value in refusal.values if name not in refusal.code.words},
+                )
             return loaded
     return None
 
@@ -116,7 +120,7 @@ def imported(plugin: Plugin) -> object | None:
 def missing_members(loaded: object, members: Collection[str]) -> Reason | None:
     """Return the reason that an object lacks callable members, None when it has them all."""
     missing = [member for member in members if not callable(getattr(loaded, member, None))]
-    return Reason(CoreCode.PLUGIN_LACKS_MEMBERS, members=", ".join(missing)) if missing else None
+    return Reason(CoreCode.PLUGIN_REFUSED, why="lacks_members", members=", ".join(missing)) if missing else None
 
 
 def missing_factory(factory: str) -> Reason | None:
@@ -124,7 +128,7 @@ def missing_factory(factory: str) -> Reason | None:
     module_name, _, name = factory.partition(":")
     if callable(getattr(importlib.import_module(module_name), name, None)):
         return None
-    return Reason(CoreCode.PLUGIN_LACKS_MEMBERS, members=factory)
+    return Reason(CoreCode.PLUGIN_REFUSED, why="lacks_members", members=factory)
 
 
 def short_text(text: str) -> str:
@@ -161,9 +165,9 @@ def is_from_user(error: BaseException) -> bool:
 
 def _name_refusal(plugin: Plugin, taken: Collection[str]) -> Reason | None:
     if plugin.name in taken:
-        return Reason(CoreCode.PLUGIN_NAME_TAKEN, by="treadlink")
+        return Reason(CoreCode.PLUGIN_REFUSED, why="name_taken", by="treadlink")
     others = [other.package for other in installed(plugin.group) if other.name == plugin.name and other != plugin]
-    return Reason(CoreCode.PLUGIN_NAME_TAKEN, by=", ".join(others)) if others else None
+    return Reason(CoreCode.PLUGIN_REFUSED, why="name_taken", by=", ".join(others)) if others else None
 
 
 @cache
@@ -175,7 +179,7 @@ def _loaded(plugin: Plugin) -> tuple[object, Reason | None]:
         if is_from_user(error):
             raise
         _logger.debug("plug-in %s of %s cannot be imported", plugin.name, plugin.package, exc_info=True)
-        return None, Reason(CoreCode.PLUGIN_NOT_IMPORTED, error=error_text(error))
+        return None, Reason(CoreCode.PLUGIN_REFUSED, why="not_imported", error=error_text(error))
 
 
 def _examined(plugin: Plugin, check: Check) -> tuple[object, Reason | None]:
@@ -187,4 +191,4 @@ def _examined(plugin: Plugin, check: Check) -> tuple[object, Reason | None]:
     except BaseException as error:  # likewise
         if is_from_user(error):
             raise
-        return None, Reason(CoreCode.PLUGIN_NOT_IMPORTED, error=error_text(error))
+        return None, Reason(CoreCode.PLUGIN_REFUSED, why="not_imported", error=error_text(error))

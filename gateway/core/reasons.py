@@ -25,7 +25,8 @@ class Code:
     Codes appear in JSON output and recordings: a code may be added, but not renamed without an entry in the changelog.
 
     Attributes:
-        text_template: text with the values it needs. Only `gateway.core.text.wording` fills it.
+        text_template: text with the values it needs, by default the first of `words`. Only `gateway.core.text.wording`
+            fills it.
         words: templates of the values that are one of a few kinds, by the value's name and the kind.
         name: of the attribute of its room's `Codes`.
         codes: that class.
@@ -36,8 +37,8 @@ class Code:
     name: str
     codes: type[Codes]
 
-    def __init__(self, text_template: str, **words: Mapping[str, str]) -> None:
-        self.text_template = text_template
+    def __init__(self, text_template: str = "", **words: Mapping[str, str]) -> None:
+        self.text_template = text_template or f"{{{next(iter(words))}}}"
         self.words = words
 
     def __str__(self) -> str:
@@ -89,6 +90,11 @@ class Reason:
         """Return one value; raises KeyError when the code has none of that name."""
         return dict(self.values)[name]
 
+    @property
+    def kind(self) -> tuple[Code | Value | None, ...]:
+        """Its code, and which of the code's sentences it is: equal in reasons that differ in numbers and names only."""
+        return self.code, *map(dict(self.values).get, self.code.words)
+
     def __iter__(self) -> Iterator[Reason]:
         """Iterate over this reason and those nested in it, outermost first."""
         yield self
@@ -132,62 +138,50 @@ class Notice:
 class CoreCode(Codes):
     """Reasons of the core that several of its rooms give."""
 
-    # Revolutions
     EFFECTS_OF_OTHER_OFFSET = Code(
-        "the effects were found with the sensor {found_m:z.2f mm} below the neutral layer, but here {offset_m:z.2f mm} "
-        "is in use: the effects may count the difference twice"
+        "the effects were identified with the sensor {found_m:z.2f mm} below the neutral layer, but {offset_m:z.2f "
+        "mm} is in use here: the difference may be counted twice"
     )
     EFFECTS_OF_OTHER_RADIUS = Code(
-        "the effects were found with a belt radius of {found_m:.1f mm}, but here {radius_m:.1f mm} is in use"
+        "the effects were identified with a belt radius of {found_m:.1f mm}, but {radius_m:.1f mm} is in use here"
     )
-    EFFECTS_OF_OTHER_SENSOR = Code("the effects were found on sensor {found_on}, but this is sensor {sensor}")
+    EFFECTS_OF_OTHER_SENSOR = Code("the effects were identified on sensor {found_on}, but this is sensor {sensor}")
 
-    NO_STEADY_VALUE = Code("the radial signal has no positive mean: its steady value is missing")
-
-    # Of what is estimated
+    NO_STEADY_VALUE = Code("the mean of the radial signal is not positive: its steady value is missing")
     CORRELATED = Code("correlated {correlation:+.2f} with {number}")
-    MODEL_ERROR_SHARE = Code("{share:.0%} of the variance is model error")
+    MODEL_ERROR_SHARE = Code("{share:.0%} of the variance is an error of the model")
     NOT_DETERMINED = Code("not determined: the standard error is {relative_error:times} the value")
     NOT_SETTLED = Code("settling: {revolutions:.0f} of {needed:.0f} revolutions")
-
-    # Revolutions that do not come
-    NO_REVOLUTION = Code("no revolution in {duration_s:.1f s} of samples: {why}")
+    NO_REVOLUTION = Code("no revolution is complete in {duration_s:.1f s} of samples: {why}")
     SAMPLES_WITHOUT_HELLO = Code(
-        "{count} blocks of samples, but no valid HELLO: without rate and scale nothing can be estimated. A hub sends a "
-        "HELLO every 2 s. Restart the hub; `treadlink protocol check` says what is wrong with a HELLO"
+        "{count} blocks of samples arrived, but no valid HELLO: without its rate and scale nothing can be estimated. "
+        "A hub sends a HELLO every 2 s. Restart the hub; `treadlink protocol check` says what is wrong with a HELLO"
     )
-
-    # Plug-ins
-    PLUGIN_LACKS_MEMBERS = Code("it lacks {members}")
-    PLUGIN_NAME_TAKEN = Code("its name is taken by {by}")
-    PLUGIN_NOT_IMPORTED = Code("it cannot be imported: {error}")
-    PLUGIN_WRONG_TYPE = Code("it is not {expected}")
-
-    # Events of links and devices
+    PLUGIN_REFUSED = Code(
+        why={
+            "effect_taken": "{by} has an effect of this name or rank already: {effect}, rank {rank}",
+            "lacks_members": "it lacks {members}",
+            "name_differs": "it states another name, {name}",
+            "name_taken": "{by} has this name already",
+            "not_imported": "it cannot be imported: {error}",
+            "quantity_taken": "{by} has its quantity {name} already",
+            "wrong_type": "it is not {expected}",
+        },
+    )
     RECEIVER_TIME = Code(
-        "the time of the receiver is {ahead_s:+.1f} s from that of this computer, whose times the recording has: "
-        "`treadlink set-clock FILE` makes a copy with those of the receiver"
+        "the receiver's clock is {ahead_s:+.1f s} from that of this computer, which dated the recording: `treadlink "
+        "set-clock FILE` makes a copy with the receiver's times"
     )
     SENTENCES_UNREAD = Code(
-        "its position, speed and time are not read: that needs the package 'pynmeagps' (pip install 'treadlink[nmea]')"
+        "its position, speed and time are not read: install the package 'pynmeagps' (pip install 'treadlink[nmea]')"
     )
-
-    # Live outputs
     SINK_CLOSED = Code("finished")
-
-    # Sessions and commands
     ASSUMED_NOT_MEASURED = Code("assumed, not measured: {text}")
-
-    # Provenance of conditions
     ASSUMED_RADIUS = Code("belt radius {radius_m:g mm} (no configuration states it)")
     FROM_CONFIGURATION = Code("--config")
     FROM_RECORDING = Code("configuration recorded with it")
     FROM_SENSOR = Code("measured by the sensor")
-
-    # Rows of a dataset
-    ROW_FEW_VALID = Code("valid in {count} of {of} revolutions only")
-
-    # Trends of a dataset
+    ROW_FEW_VALID = Code("only {count} of {of} revolutions give a valid value")
     TREND_CONTACT_CHANGED = Code(
         "since {date}, {name:series} is {change:+.3g}{unit: } ± {std:.2g}{unit: } from its earlier trend, by the load, "
         "the stiffness, or a pressure that is not measured: {count} recordings, {first} to {last}"

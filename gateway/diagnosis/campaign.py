@@ -38,7 +38,7 @@ MAX_GROUPS: Final = 12
 
 _Remark = TypeVar("_Remark", bound=Remark)
 
-SPARE: Final = Reason(DiagnosisCode.BETWEEN_GROUP_SPEEDS, groups=MAX_GROUPS)
+SPARE: Final = Reason(DiagnosisCode.REVOLUTION_UNUSED, why="between_speeds", groups=MAX_GROUPS)
 
 # Used where no recording knows any temperature: it is then the same for all, and its value has no effect.
 _PLACEHOLDER_DEGC: Final = 20.0

@@ -164,11 +164,15 @@ class _SensorSamples:
         remarks = []
         if repeats is not None:
             share = repeats.samples / repeats.total
-            remarks.append(Reason(DiagnosisCode.SAMPLES_STUCK, runs=repeats.runs, samples=repeats.samples, share=share))
+            remarks.append(
+                Reason(DiagnosisCode.DATA_FAULT, how="stuck", runs=repeats.runs, samples=repeats.samples, share=share)
+            )
         if (bridging := self._bridged.result()) is not None:
             lines = len(bridging.lines)
             remarks.append(
-                Reason(DiagnosisCode.SAMPLES_BRIDGED, samples=bridging.samples, share=bridging.share, lines=lines)
+                Reason(
+                    DiagnosisCode.DATA_FAULT, how="bridged", samples=bridging.samples, share=bridging.share, lines=lines
+                )
             )
         return remarks
 

@@ -114,14 +114,14 @@ def _assumed(vehicle: VehicleConfig | None, wheel: Wheel | None, groups: Sequenc
     if wheel is None:
         yield Reason(CoreCode.ASSUMED_RADIUS, radius_m=ASSUMED_RADIUS_MM * 1e-3)
     if any(not group.load_known for group in groups):
-        yield Reason(DiagnosisCode.ASSUMED_LOAD, load_n=ASSUMED_LOAD_N)
+        yield Reason(DiagnosisCode.ASSUMED, quantity="load_n", value=ASSUMED_LOAD_N)
     if any(not group.pressure_known for group in groups):
-        yield Reason(DiagnosisCode.ASSUMED_PRESSURE, pressure_pa=ASSUMED_PRESSURE_PA)
+        yield Reason(DiagnosisCode.ASSUMED, quantity="pressure_pa", value=ASSUMED_PRESSURE_PA)
     # An offset that the configuration lists as assumed is in that list already.
     if any(not group.conditions.offset_known for group in groups) and not is_assumed(vehicle, Quantity.OFFSET):
-        yield Reason(DiagnosisCode.ASSUMED_OFFSET)
+        yield Reason(DiagnosisCode.ASSUMED, quantity="offset_m")
     if groups and not any(math.isfinite(group.conditions.temperature_degc) for group in groups):
-        yield Reason(DiagnosisCode.ASSUMED_TEMPERATURE)
+        yield Reason(DiagnosisCode.ASSUMED, quantity="temperature_degc")
 
 
 def _quantity(text: str) -> Quantity | None:

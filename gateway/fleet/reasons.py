@@ -6,58 +6,58 @@ from gateway.core.reasons import Code, Codes
 class FleetCode(Codes):
     """Reasons of datasets and trends."""
 
-    # Recordings of a dataset
-    ESTIMATION_FAILED = Code("a fault of treadlink, {kind}: {message}")
+    ESTIMATION_FAILED = Code("treadlink has a fault, {kind}: {message}")
     RECORDING_CHANGED = Code("the file changed while it was read")
     TIRE_UNIDENTIFIED = Code(
         "{recordings} recordings have neither a vehicle's name nor a sensor's number, and may be of several tires: set "
         "name in [vehicle]"
     )
-    RECORDING_NOTHING_READABLE = Code("{damage}. The readable part gives nothing: {why}")
-    WORKER_ENDED = Code("its worker process was killed or crashed, each time that it was tried")
+    RECORDING_NOTHING_READABLE = Code("{damage}. Its readable part gives nothing: {why}")
+    WORKER_ENDED = Code("its worker process was killed or crashed each time it was tried")
     WORKER_MEMORY_ABOVE_LIMIT = Code(
-        "its worker process used more than its limit of {limit_bytes:.0f MB} of memory, each time that it was tried"
+        "its worker process used more than its limit of {limit_bytes:.0f MB} of memory each time it was tried"
     )
     WORKER_MEMORY_FULL = Code("its worker process had no memory left")
     WORKERS_ABSENT = Code(
         "the dask scheduler has no worker: what is not done waits until one comes, as `dask worker {address}` starts it"
     )
     WORKER_SILENT = Code(
-        "worker {worker} has sent nothing for {silent_s:.0f} s: paused, hanging or cut off. Its recordings go once to "
-        "another worker"
+        "worker {worker} has sent nothing for {silent_s:.0f s}: it is paused, hanging or cut off. Its recordings go "
+        "once to another worker"
     )
-
-    # Trends of a dataset
-    TREND_ALARMS = Code("alarm '{name}' in {count} of {of} recordings; the last: {why}")
+    TREND_ALARMS = Code("alarm '{name}' in {count} of {of} recordings; the last was: {why}")
     TREND_CLOCK_WRONG = Code(
-        "left out, because the clock of the recorder was wrong: {path} says it began on {date}. Set its clock and "
+        "not used, because the recorder's clock was wrong: {path} says that it began on {date}. Set the clock and "
         "record again"
     )
-    TREND_DAMAGED = Code("damaged: {count} of {of} recordings, whose readable part was estimated")
+    TREND_DAMAGED = Code("{count} of {of} recordings are damaged: their readable part was estimated")
     TREND_DISTANCE_CONSTANT = Code(
-        "the distance is the same in all recordings; an odometer file needs readings before and after them"
+        "the distance is the same in all recordings: an odometer file needs readings before and after them"
     )
     TREND_DISTANCE_SHORT = Code("the recordings span {distance_m:.3g km}: a rate per 1,000 km needs {needed_m:.0f km}")
     TREND_FEW_VALID = Code("more than half of the revolutions are not used in {count} of {of} recordings: {why}")
-    TREND_FINDINGS_MARKED = Code("findings that are marked in {file}, and have not grown since: {count}")
+    TREND_FINDINGS_MARKED = Code("{count} findings are marked in {file} and have not grown since")
     TREND_LAST_DEVIATES = Code(
         "the last recording, {date}, deviates from the trend by {deviation:+.1f} standard deviations"
     )
     TREND_FILE_LEFT_OUT = Code(
-        "left out, because it {why}: {path}",
-        why={"foreign": "is not a file of this dataset", "unreadable": "cannot be read"},
+        "not used, because it {why}: {path}",
+        why={
+            "foreign": "is not a file of this dataset",
+            "unreadable": "cannot be read",
+        },
     )
-    TREND_LOAD_STATED = Code("as stated, not measured")
-    TREND_LOSES_PRESSURE = Code("loses {loss_pa:.1f kPa} ± {std_pa:.1g kPa} a month")
+    TREND_LOAD_STATED = Code("stated, not measured")
+    TREND_LOSES_PRESSURE = Code("the pressure falls by {loss_pa:.1f kPa} ± {std_pa:.1g kPa} a month")
     TREND_LOSS_CHANGED = Code(
-        "since {date}, loses {after_pa:.1f kPa} ± {after_std_pa:.1g kPa} a month; before, {before_pa:.1f kPa} ± "
-        "{before_std_pa:.1g kPa}: {count} recordings, {first} to {last}"
+        "since {date}, the pressure falls by {after_pa:.1f kPa} ± {after_std_pa:.1g kPa} a month; before, by "
+        "{before_pa:.1f kPa} ± {before_std_pa:.1g kPa}: {count} recordings, {first} to {last}"
     )
     TREND_NEWEST_FALL = Code(
-        "the last {count} recordings, from {date} on, are below the trend by {deviation:.1f} standard deviations: the "
-        "loss may have grown"
+        "the loss of pressure may have grown: the last {count} recordings, from {date} on, are below the trend by "
+        "{deviation:.1f} standard deviations"
     )
-    TREND_NEWEST_LEFT = Code("without the last {count} recordings, which have left the trend on {date}")
+    TREND_NEWEST_LEFT = Code("without the last {count} recordings, which differ from the trend since {date}")
     TREND_NO_REVOLUTION = Code(
         "no recording has a revolution: the wheel stood still, or the sensor sent no usable signal"
     )
@@ -66,8 +66,8 @@ class FleetCode(Codes):
         "no sensor has sent a {quantity}",
         quantity={"temperature": "temperature, which the comparison of pressures needs"},
     )
-    TREND_NOW_SINCE = Code("by the {count} recordings since {date}, which have left the earlier trend")
-    TREND_OUTLIERS_LEFT_OUT = Code("outliers left out: {count}")
+    TREND_NOW_SINCE = Code("by the {count} recordings since {date}, which differ from the earlier trend")
+    TREND_OUTLIERS_LEFT_OUT = Code("{count} outliers are not used")
     TREND_PASSED = Code(
         "from {date} to {until}, {name:series} deviates from its trend by {deviations:.1f} standard deviations and "
         "more in {count} recordings in a row: {first} to {last}"
@@ -79,9 +79,9 @@ class FleetCode(Codes):
     TREND_PRESSURE_FELL = Code(
         "the pressure has fallen by {fall_pa:.0f kPa} ± {std_pa:.1g kPa} in {span_s:.1f h}: {first} to {last}"
     )
-    TREND_PRESSURE_RISES = Code("the pressure rises, as by refills or weather: the tire's own loss is not in it")
+    TREND_PRESSURE_RISES = Code("the pressure rises, as by refills or weather: the tire's own loss is hidden")
     TREND_PRESSURE_STUCK = Code(
-        "sensor: its pressure is stuck, and left out of the trends ({pressure_pa:.1f kPa} in {count} recordings from "
+        "sensor: its pressure is stuck, and not used for the trends ({pressure_pa:.1f kPa} in {count} recordings from "
         "{first} to {last}, while the temperature varies)"
     )
     TREND_PROVISIONAL = Code("provisional in {count} of {of} recordings: {why}")
@@ -89,23 +89,23 @@ class FleetCode(Codes):
         "of the {count} recordings since {date}; before, it was {before:.3g}{unit: } ± {std:.2g}{unit: }"
     )
     TREND_RECORDED_DISTANCE = Code(
-        "over the recorded {distance_m:.0f km} only, which is less than the tire has rolled (--odometer)"
+        "over the recorded {distance_m:.0f km} only, less than the tire has rolled: --odometer states the rest"
     )
     TREND_REFILLS_HIDE = Code(
-        "the loss is {low_pa:.2g kPa} to {high_pa:.2g kPa} a month, refills that the scatter hides included"
+        "the loss may be {low_pa:.2g kPa} to {high_pa:.2g kPa} a month, as the scatter can hide refills"
     )
     TREND_REFILLS_OFTEN = Code(
-        "this holds for up to {often:.0f} refills a month: of a tire that is topped up every week, a loss of up to "
+        "this holds for up to {often:.0f} refills a month: in a tire that is refilled every week, a loss of up to "
         "{hidden_pa:.0f kPa} a month would not be seen"
     )
-    TREND_REPEATED = Code("recordings that repeat another and count once: {count}. {pairs}")
+    TREND_REPEATED = Code("{count} recordings repeat another and count once: {pairs}")
     TREND_REPEATS = Code("{path} repeats {other}")
-    TREND_SENSOR_CLIPS = Code("sensor: {share:.1%} ± {std:.1%} more of the samples at the end of its range")
-    TREND_SENSOR_LOSSES = Code("sensor: {share:.1%} ± {std:.1%} more of the samples are lost")
+    TREND_SENSOR_CLIPS = Code("sensor: {share:.1%} ± {std:.1%} more of its samples are at the end of its range")
+    TREND_SENSOR_LOSSES = Code("sensor: {share:.1%} ± {std:.1%} more of its samples are lost")
     TREND_SENSOR_MOVES = Code(
         "sensor: its distance from the neutral layer has changed by {change_m:.1f mm} ± {std:.1g mm}"
     )
-    TREND_SENSOR_NOISE = Code("sensor: its noise has become {factor:.1f} ± {std:.1f} times as large")
+    TREND_SENSOR_NOISE = Code("sensor: its noise is {factor:.1f} ± {std:.1f} times as large as before")
     TREND_SENSOR_STEADY = Code(
         "sensor: its gain or its zero has changed. Record at several speeds to know which (its steady radial value by "
         "{share:.1%} ± {std:.1%}, a zero by {change_mps2:.1f m/s²})"
@@ -114,11 +114,8 @@ class FleetCode(Codes):
         "since {date}, {name:series} has another trend, and is {change:+.3g}{unit: } ± {std:.2g}{unit: } from its "
         "earlier one at the end: {count} recordings, {first} to {last}"
     )
-    TREND_SPAN_SHORT = Code(
-        "the recordings span {span_s:.2g days}: a rate per month needs {needed_s:.0f days}, as what changes from hour "
-        "to hour is no trend"
-    )
-    TREND_SPEED_WITH_TIME = Code("influences of speed and time cannot be told apart: the speed changes with the time")
+    TREND_SPAN_SHORT = Code("the recordings span {span_s:.2g days}: a rate per month needs {needed_s:.0f days}")
+    TREND_SPEED_WITH_TIME = Code("influences of speed and time cannot be separated: the speed changes with the time")
     TREND_STATED_CHANGED = Code(
         "the stated {statement} changed on {date}: no change of the {what}",
         statement={
@@ -130,32 +127,35 @@ class FleetCode(Codes):
         },
     )
     TREND_STATED_LEVELS = Code(
-        "changes of what is stated of the tire, before and after which the levels are fitted apart: {count}"
+        "what is stated of the tire changed {count} times: the level is fitted anew from each on"
     )
-    TREND_STEPS = Code("steps that are fitted and left out of the trend: {count}")
+    TREND_STEPS = Code("{count} steps are fitted and not part of the trend")
     TREND_STIFFNESS_DRIFTS = Code("{name} changes by {share:.2%} ± {std:.2%} a month")
     TREND_STRUCTURE_CHANGED = Code(
-        "structure: the waveform far from the sensor's contact {course}, now by {change:.2%} ± {std:.2%} of the "
-        "centripetal acceleration, {scatters:.1f} scatters of a recording. Belt, tread, rim or sensor has changed at "
-        "one place; which, and where, is not known: inspect the tire",
-        course={"growing": "grows since {date}", "sudden": "has changed at once by {date}"},
+        "structure: inspect the tire. Belt, tread, rim or sensor has changed at one place; which, and where, is not "
+        "known: the waveform far from the sensor's contact {course}, now by {change:.2%} ± {std:.2%} of the "
+        "centripetal acceleration, {scatters:.1f} scatters of a recording",
+        course={
+            "growing": "grows since {date}",
+            "sudden": "has changed at once by {date}",
+        },
     )
     TREND_TEMPERATURE_CONSTANT = Code("the temperature varies too little, or is not known")
     TREND_TEMPERATURE_IMPOSSIBLE = Code(
-        "sensor: its temperature is wrong, and left out of the trends (up to {temperature_degc:.0f} °C in {count} "
+        "sensor: its temperature is wrong, and not used for the trends (up to {temperature_degc:.0f degC} in {count} "
         "recordings)"
     )
     TREND_TEMPERATURE_STUCK = Code(
-        "the pressure of a colder season looks like a loss if the temperature sensor is stuck: it reads "
-        "{temperature_degc:.1f} °C in all {count} recordings"
+        "the temperature sensor may be stuck, and a colder season looks like a loss of pressure: it reads "
+        "{temperature_degc:.1f degC} in all {count} recordings"
     )
     TREND_TOO_FEW = Code("{count} recordings with a value, {needed} are needed")
     TREND_TIRE_MOVED = Code(
         "came from {origin} to {target}, first recorded there on {date}; each wheel has a trend of its own"
     )
     TREND_TIRE_UNIDENTIFIED = Code(
-        "no vehicle's name and no sensor says that all recordings are of one tire: differences between tires would be "
-        "in it"
+        "the recordings may be of several tires, whose differences would look like a trend: no vehicle's name and no "
+        "sensor's number says that they are of one"
     )
     TREND_TIRES_EXCHANGED = Code(
         "wheels or sensors were exchanged: sensor {sensor} came from {origin} to {target}, sensor {other} went the "
@@ -173,7 +173,7 @@ class FleetCode(Codes):
         "since {date}, wears by {after_m:.3f mm} ± {after_std_m:.3f mm} in 1,000 km; before, {before_m:.3f mm} ± "
         "{before_std_m:.3f mm}: {count} recordings, {first} to {last}"
     )
-    TREND_WEAR_SOFTENS = Code("of this, {share:.2%} ± {std:.2%} a month is the measured wear's")
+    TREND_WEAR_SOFTENS = Code("{share:.2%} ± {std:.2%} of it a month is by the measured wear")
     TREND_WEARS_SHORT = Code("wears by {wear_m:.1f mm} ± {std_m:.1g mm} in {distance_m:.0f km}")
     TREND_WEARS_FAST = Code(
         "wears by {rate_m:.3f mm} ± {std_m:.3f mm} in 1,000 km; the median of the fleet is {median_m:.3f mm}"

@@ -65,7 +65,7 @@ def entries() -> Iterator[Entry]:
         yield _of_effect(effect)
     for code in reason_codes():
         kinds = ((f"{name} {kind}", text) for name, texts in code.words.items() for kind, text in texts.items())
-        lines = tuple((label, _shown(text)) for label, text in (("", code.text_template), *kinds))
+        lines = tuple((label, _shown(text)) for label, text in (("", code.text_template), *kinds) if text)
         yield Entry("reason", str(code), (str(code),), lines)
 
 

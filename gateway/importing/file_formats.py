@@ -252,7 +252,7 @@ def _no_measurement(start: bytes) -> tuple[str, str] | None:
 def plugin_fault(_plugin: Plugin, loaded: object) -> Reason | None:
     """Return why the object of a plug-in is no reader of files, None when it is one."""
     if not callable(loaded):
-        return Reason(CoreCode.PLUGIN_WRONG_TYPE, expected="a class of column readers")
+        return Reason(CoreCode.PLUGIN_REFUSED, why="wrong_type", expected="a class of column readers")
     return missing_members(loaded, ("blocks", "sample", "close"))
 
 

@@ -7,18 +7,24 @@ class InflationCode(Codes):
     """Reasons of the pressure warning."""
 
     PRESSURE_BELOW_PLACARD = Code(
-        "{pressure_pa:.0f kPa} is {share:.0%} below the {warm_pa:.0f kPa} that {placard_pa:.0f kPa} of the placard are "
-        "{at}: {course}",
-        at={"warm": "at {temperature_degc:.0f} °C", "unknown": "at an unknown temperature"},
+        "the pressure is {share:.0%} too low: {pressure_pa:.0f kPa}, where the placard's {placard_pa:.0f kPa} are "
+        "{warm_pa:.0f kPa} {at}; {course}",
+        at={
+            "warm": "at {temperature_degc:.0f degC}",
+            "unknown": "at an unknown temperature",
+        },
         course={
-            "fast": "lost {fall_pa:.0f kPa} within {span_s:.0f min} of driving, a puncture or a valve",
-            "slow": "no fast loss in the {span_s:.0f min} of driving that were watched",
+            "fast": (
+                "it fell by {fall_pa:.0f kPa} within {span_s:.0f min} of driving: stop and look for a puncture or a "
+                "leaking valve"
+            ),
+            "slow": "it did not fall fast in the last {span_s:.0f min} of driving: inflate the tire",
         },
     )
     PRESSURE_NOT_MONITORED = Code(
-        "{cause}, so that no loss of pressure would be warned of",
+        "a loss of pressure would not be noticed: {cause}",
         cause={
-            "missing": "no current pressure for {driven_s:.0f min} of driving",
+            "missing": "there was no current pressure for {driven_s:.0f min} of driving",
             "frozen": "the pressure does not follow the temperature",
         },
     )

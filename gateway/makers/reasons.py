@@ -6,9 +6,7 @@ from gateway.core.reasons import Code, Codes
 class FirmwareCode(Codes):
     """Reasons of the bring-up of a firmware."""
 
-    # What was not checked
     CHECK_NOT_DONE = Code(
-        "{why}",
         why={
             "ac_has_no_scale": "an AC-coupled sensor sends no steady value, so its scale cannot be checked",
             "at_rest": (
@@ -25,8 +23,6 @@ class FirmwareCode(Codes):
             "too_short": "{duration_s:.1f s} were received, {needed_s:g s} are needed: give it more time with --for",
         },
     )
-
-    # Frames
     BYTES_BETWEEN_FRAMES = Code(
         "{bytes} bytes are between {frames} frames: send frames back to back, with nothing between them"
     )
@@ -51,8 +47,7 @@ class FirmwareCode(Codes):
         "frames start, but the CRC of none is right: use CRC-32 of zlib over all bytes before it, little endian "
         "(`treadlink protocol vectors` prints examples)"
     )
-    FRAME_HEADER_WRONG = Code(
-        "{field}",
+    HEADER_WRONG = Code(
         field={
             "flags": "the flags are {value}: only bit 0 is defined, all others must be 0",
             "tag": "bit 0 of the flags is set, but the payload has no room for a tag",
@@ -69,7 +64,6 @@ class FirmwareCode(Codes):
         },
     )
     PAYLOAD_WRONG = Code(
-        "{what}",
         what={
             "length": "the payload of {type} has {length} bytes, its layout {layout}: pack the C struct",
             "value": "{field} of {type} is outside its range",
@@ -82,8 +76,6 @@ class FirmwareCode(Codes):
     CHECK_FRAMES_LOST = Code(
         "{lost} frames are missing by their counters ({damaged} of them beside damaged bytes), {frames} arrived"
     )
-
-    # Counters and time
     BOOT_COUNT_NOT_HIGHER = Code(
         "the hub has restarted, but boot_count went from {before:.0f} to {after:.0f}: count every start, and store "
         "the count where it survives a loss of power"
@@ -93,12 +85,9 @@ class FirmwareCode(Codes):
         "sent must use its number"
     )
     SEQ_WRONG = Code(
-        "{how}",
         how={
             "big_endian": "seq counts in the wrong order of bytes: send it little endian",
-            "goes_back": (
-                "seq {seq:.0f} is lower than the one before, without a restart: it has 32 bits and must not go back"
-            ),
+            "goes_back": "seq {seq:.0f} is lower than the one before, without a restart: it must not go back",
             "jumps": "seq jumped over {gap:.0f} numbers to {seq:.0f}: it must rise by 1 with every frame",
             "not_from_zero": "the first seq after the start is {seq:.0f}: count from 0 at every start",
             "repeated": "seq {seq:.0f} came twice: count the frames of every type; receivers drop a repeated number",
@@ -107,7 +96,6 @@ class FirmwareCode(Codes):
         },
     )
     TICK_WRONG = Code(
-        "{how}",
         how={
             "goes_back": (
                 "tick_us went back by {back_us:.0f} to {tick_us:.0f}: it has 32 bits, is never set, and wraps every "
@@ -130,10 +118,7 @@ class FirmwareCode(Codes):
         },
     )
     TIME_NOT_ECHOED = Code("host_ns of TIME_SYNC is {host_ns}: it must be that of SET_TIME, {sent_ns}")
-
-    # Messages
     HELLO_WRONG = Code(
-        "{how}",
         how={
             "absent_axes": "range, scale and zero of axes that the mask lacks should be 0: {axes}",
             "late": "SAMPLES come before the first HELLO of the wheel: send HELLO first",
@@ -141,7 +126,6 @@ class FirmwareCode(Codes):
         },
     )
     LOG_TEXT_WRONG = Code(
-        "{how}",
         how={
             "controls": "a log text has control characters: it should be one line",
             "level": "log level {level} is reserved",
@@ -152,19 +136,15 @@ class FirmwareCode(Codes):
     MESSAGE_RATE_WRONG = Code("{type} came {count} times in {span_s:.1f s}: {due:.0f} are due")
     PRESSURE_LIKE_KPA = Code("pressure_pa is {pressure_pa:.0f} Pa: is it in kPa?")
     STATUS_WRONG = Code(
-        "{field}",
         field={
             "frames_sent": "frames_sent rose by {stated:.0f} while {arrived:.0f} frames arrived or are missing",
             "uptime_s": "uptime_s is {uptime_s:.0f} when the clock is at {clock_s:.1f s}",
         },
     )
-
-    # Samples
     BLOCKS_NOT_FULL = Code(
         "a block holds {samples:.0f} samples on average, {full} fit: the link carries {more:.0%} more bytes than needed"
     )
     COUNTS_WRONG = Code(
-        "{how}",
         how={
             "axes_order": (
                 "the {axis} axis has the steady value of a wheel that rolls, {level_mps2:.0f m/s²}, the radial one "
@@ -192,17 +172,14 @@ class FirmwareCode(Codes):
         "samples come at {measured_hz:.2f Hz} by the hub's clock, {share:+.2%} from the {stated_hz:g Hz} of HELLO: "
         "0.1 % is recommended"
     )
-    SAMPLE_NUMBERS_WRONG = Code(
-        "{how}",
+    NUMBERS_WRONG = Code(
         how={
             "dropped": "the hub has dropped {holes:.0f} samples, as first_sample and HUB_STATUS state",
             "holes": (
                 "first_sample leaves out {holes:.0f} samples, but no frame is missing and samples_dropped of "
                 "HUB_STATUS does not rise"
             ),
-            "overlap": (
-                "first_sample rose by {step:.0f} after a block of {samples:.0f} samples: it must count every sample"
-            ),
+            "overlap": "first_sample rose by {step:.0f} after a block of {samples:.0f} samples: count every sample",
         },
     )
     SCALE_OFF_BY_POWER_OF_TWO = Code(
@@ -210,35 +187,23 @@ class FirmwareCode(Codes):
         "has, and how they are aligned (the steady radial value is {level_mps2:.0f m/s²}, {ratio:.2f} times R Omega² = "
         "{expected_mps2:.0f m/s²}, with R = {radius_m:.0f mm} of --radius)"
     )
-
-    # Commands
-    COMMAND_ANSWER_WRONG = Code(
-        "{how}",
+    ANSWER_WRONG = Code(
         how={
             "late": "{command} was not answered within {waited_s:g s}, although the hub answers commands",
             "not_of_hub": "COMMAND_RESULT comes from wheel {wheel}: the hub itself (wheel 255) must send it",
-            "other_command": (
-                "COMMAND_RESULT states command {command} and seq {seq}; the command sent was {sent}, seq {sent_seq}"
-            ),
+            "other_command": "COMMAND_RESULT is of command {command}, seq {seq}; sent was {sent}, seq {sent_seq}",
             "outcome": "{command} was answered with outcome {outcome}: {expected} is right here",
             "to_damaged": "a command with a wrong CRC was answered: drop it without an answer",
         },
     )
-    COMMAND_WITHOUT_EFFECT = Code(
-        "{command}",
+    COMMAND_FUTILE = Code(
         command={
-            "rate": (
-                "HELLO still states {stated_hz:g Hz} {waited_s:g s} after SET_RATE was done: send HELLO at once when "
-                "the rate changes"
-            ),
+            "rate": "HELLO still states {stated_hz:g Hz} {waited_s:g s} after SET_RATE was done: send it at once",
             "stream_off": "SAMPLES still come {waited_s:g s} after SET_STREAM was done",
             "stream_on": "no SAMPLES came within {waited_s:g s} after SET_STREAM was done",
         },
     )
-
-    # Signatures
     SIGNATURE_WRONG = Code(
-        "{how}",
         how={
             "some_frames": "some frames are signed and some are not: a source must sign all of its frames or none",
             "tag": "the tag is not that of the key of {identity} and boot_count {boot_count}",

@@ -6,5 +6,4 @@ from gateway.core.reasons import Code, Codes
 class PaperCode(Codes):
     """Reasons of the papers' estimators."""
 
-    # Of the tire's four numbers
-    LINEAR_RING = Code("linear ring: its model error is in the standard error")
+    LINEAR_RING = Code("by the linear model of the tire, whose error is in the standard error")

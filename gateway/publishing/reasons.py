@@ -6,7 +6,6 @@ from gateway.core.reasons import Code, Codes
 class PublishingCode(Codes):
     """Reasons of live outputs."""
 
-    # Live outputs
     SINK_CONNECTED = Code("publishing")
     SINK_CONNECTING = Code("connecting")
     SINK_ENDED = Code("the reader has closed its end")
@@ -14,4 +13,4 @@ class PublishingCode(Codes):
     SINK_FULL = Code("the receiver is slower than the session")
     SINK_LOST = Code("{error}; trying again every {interval_s:g s} or sooner")
     SINK_REFUSED = Code("the receiver refuses items: {error}")
-    SINK_STALLED = Code("the receiver takes nothing")
+    SINK_STALLED = Code("the receiver accepts nothing")

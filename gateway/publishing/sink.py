@@ -239,7 +239,7 @@ def sink_kind(scheme: str) -> SinkKind | None:
 def plugin_fault(_plugin: Plugin, sink: object) -> Reason | None:
     """Return why the object of a plug-in is no live output, None when it is one."""
     if not isinstance(sink, SinkKind):
-        return Reason(CoreCode.PLUGIN_WRONG_TYPE, expected="a gateway.publishing.sink.SinkKind")
+        return Reason(CoreCode.PLUGIN_REFUSED, why="wrong_type", expected="a gateway.publishing.sink.SinkKind")
     return missing_factory(sink.factory)
 
 

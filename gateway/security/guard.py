@@ -363,7 +363,11 @@ class _RefusalReports:
     ) -> Reason:
         if verdict is Verdict.EARLIER_START and earlier is not None:
             signer = _signer(earlier.identity)
-            origin = Reason(SecurityCode.SIGNER_AT_HUB, signer=signer, hub=earlier.hub) if earlier.hub else signer
+            origin = (
+                Reason(SecurityCode.SIGNER, who="sensor_at_hub", signer=signer, hub=earlier.hub)
+                if earlier.hub
+                else signer
+            )
             return Reason(
                 SecurityCode.FRAME_EARLIER_START,
                 signer=origin,
@@ -381,7 +385,8 @@ class _RefusalReports:
         owner = self._guard.owners.get(sensor)
         if owner is not None:
             return Reason(
-                SecurityCode.SENSOR_NOT_ADMITTED_SWAPPED,
+                SecurityCode.SENSOR_NOT_ADMITTED,
+                how="swapped",
                 sensor=sensor,
                 owner=owner,
                 count=count,
@@ -389,10 +394,15 @@ class _RefusalReports:
             )
         if configured is None or configured.sensor is None:
             return Reason(
-                SecurityCode.SENSOR_NOT_ADMITTED_UNCONFIGURED, sensor=sensor, count=count, consequence=consequence
+                SecurityCode.SENSOR_NOT_ADMITTED,
+                how="unconfigured",
+                sensor=sensor,
+                count=count,
+                consequence=consequence,
             )
         return Reason(
             SecurityCode.SENSOR_NOT_ADMITTED,
+            how="other",
             sensor=sensor,
             expected=configured.sensor,
             count=count,
@@ -402,10 +412,8 @@ class _RefusalReports:
 
 def _signer(identity: str | None) -> Reason:
     if identity is None:
-        return Reason(SecurityCode.SIGNER_UNKNOWN)
-    return Reason(
-        SecurityCode.SIGNER_HUB if len(identity) == HUB_DIGITS else SecurityCode.SIGNER_SENSOR, identity=identity
-    )
+        return Reason(SecurityCode.SIGNER, who="unknown")
+    return Reason(SecurityCode.SIGNER, who="hub" if len(identity) == HUB_DIGITS else "sensor", identity=identity)
 
 
 def open_guard(vehicle: VehicleConfig | None, key_file: Path | None, *, remembers: bool) -> Guard | None:

@@ -6,14 +6,11 @@ from gateway.core.reasons import Code, Codes
 class VehicleCode(Codes):
     """Reasons of vehicle signals."""
 
-    # Of any estimator
-    SIGNAL_MISSING = Code("it was not received lately")
+    SIGNAL_MISSING = Code("it has not been received lately")
     SIGNAL_OUTSIDE_RECORDING = Code(
-        "its values are {away_s:.2f days} {side} the recording's first revolution, as in a log of another date: "
-        "{shift_s:+.0f s}, added to `offset_s` of its source, makes both begin together"
+        "its values are {away_s:.2f days} {side} the recording's first revolution, as in a log of another date: add "
+        "{shift_s:+.0f s} to `offset_s` of its source, and both begin together"
     )
-
-    # Of what the signal says against what is stated
     CAR_CONTRADICTED = Code(
         "{what} {ratio:.3f} ± {std:.3f} times {of}: {causes}",
         what={"speed": "the speed of the car is", "rotation": "the car's wheel turns"},
@@ -22,15 +19,12 @@ class VehicleCode(Codes):
             "contacts": "as fast as the contacts in the signal say",
         },
     )
-
-    # Events of links and devices
-    LOG_STEPS_BACK = Code("times that step back in the log: {count:.0f}; its lines are out of order, or twice in it")
+    LOG_STEPS_BACK = Code("the log's times step back {count:.0f} times: its lines are out of order, or twice in it")
     BUS_MESSAGE_TWICE = Code(
-        "message {message} comes from two buses: {first} and {second}. Only that of {first} is decoded; `channel` of "
+        "message {message} comes from two buses, {first} and {second}: only that of {first} is decoded. `channel` of "
         "the source chooses one, as in can:drive.blf?channel=1"
     )
     TPMS_NOT_USED = Code(
-        "{why}",
         why={
             "unknown": (
                 "sensor {id} ({model}) is in no [[tpms.sensor]] of the vehicle file, so its pressure is not used. "

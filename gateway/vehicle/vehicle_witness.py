@@ -208,12 +208,12 @@ def _mean_ratio(ratios: deque[float] | None, signal: VehicleSignal) -> _Ratio | 
 
 def _rotation(ratio: _Ratio, error: float, rate_hz: float) -> Contradiction:
     """Return the contradiction of the car's rotation to the wheel's."""
-    causes = [Reason(TrustCode.RATE_WOULD_FIT, rate_hz=ratio.value * rate_hz, stated_hz=rate_hz)]
+    causes = [Reason(TrustCode.WOULD_FIT, what="rate", rate_hz=ratio.value * rate_hz, stated_hz=rate_hz)]
     missed = next(
         (every for every in _MISSED_CONTACTS if abs(ratio.value / every - 1.0) <= _CONTRADICTION * error), None
     )
     if missed is not None:
-        causes.append(Reason(TrustCode.CONTACTS_MISSED, every=missed))
+        causes.append(Reason(TrustCode.WOULD_FIT, what="contacts", every=missed))
     return Contradiction(
         Subject.WHEEL_SPEED, _contradicted(ratio, error, causes, "rotation", "contacts"), {Basis.RATE: ratio.value}
     )
@@ -222,10 +222,10 @@ def _rotation(ratio: _Ratio, error: float, rate_hz: float) -> Contradiction:
 def _speed(ratio: _Ratio, error: float, result: RevolutionResult, *, rate_holds: bool) -> Contradiction:
     """Return the contradiction of the car's speed to that of the wheel, the likeliest cause first."""
     stated_m, rate_hz = result.conditions.radius_m, result.revolution.rate_hz
-    causes = [Reason(TrustCode.RADIUS_WOULD_FIT, radius_m=stated_m * ratio.value, stated_m=stated_m)]
+    causes = [Reason(TrustCode.WOULD_FIT, what="radius", radius_m=stated_m * ratio.value, stated_m=stated_m)]
     ratios: Mapping[Basis, float] = {Basis.RADIUS: ratio.value}
     if not rate_holds:
-        causes.append(Reason(TrustCode.RATE_WOULD_FIT, rate_hz=ratio.value * rate_hz, stated_hz=rate_hz))
+        causes.append(Reason(TrustCode.WOULD_FIT, what="rate", rate_hz=ratio.value * rate_hz, stated_hz=rate_hz))
         ratios = {Basis.RADIUS: ratio.value, Basis.RATE: ratio.value}
     return Contradiction(Subject.VEHICLE_SPEED, _contradicted(ratio, error, causes, "speed", "radius"), dict(ratios))
 

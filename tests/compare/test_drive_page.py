@@ -129,7 +129,7 @@ def test_page_and_terminal_say_the_same_of_a_distance_that_was_bridged(made):
     bridged = Reason(EstimateCode.DISTANCE_BRIDGED, duration_s=35.0, distance_m=833.0, std_m=180.0)
     page = drive_page([with_silence(made, 50, 20, reason=bridged)])
     assert re.search(r">distance</th><td class=\"n\">98 ± 12 m ~<", page)
-    assert "FL, distance: 833 m ± 180 m of it was not measured, in 35 s without revolutions" in page
+    assert "FL, distance: 833 m ± 180 m of it was not measured: it is taken from the speeds before and after" in page
     assert '>distance</th><td class="n">98 ± 12 m<' in drive_page([with_silence(made, 50, 20)])
 
 

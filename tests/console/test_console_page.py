@@ -160,7 +160,7 @@ def test_old_pressure_is_shown_with_its_age(made, size):
 def test_sensor_never_heard_says_for_how_long(made):
     never = Silence(SilentPart.SENSOR, 12.0, Reason(SessionCode.SENSOR_NEVER_HEARD, silence_s=12.0))
     text = "\n".join(page(made.snapshot([WheelSnapshot("FL", silences=(never,)), "FR"])))
-    assert "nothing received from its sensor in 12 s" in text
+    assert "nothing usable was received from its sensor in 12 s" in text
 
 
 def test_no_label_of_the_details_is_cut(made):

@@ -198,7 +198,7 @@ class TestWheels:
         campaign = read_campaign(reading_orders([path]))
         assert campaign.wheel == "hub0.wheel0"
         assert Reason(CoreCode.ASSUMED_RADIUS, radius_m=0.32) in campaign.assumed
-        assert Reason(DiagnosisCode.ASSUMED_LOAD, load_n=4000.0) in campaign.assumed
+        assert Reason(DiagnosisCode.ASSUMED, quantity="load_n", value=4000.0) in campaign.assumed
         assert not campaign.groups[0].load_known
         assert campaign.groups[0].pressure_known  # the sensor tells it
         assert math.isfinite(campaign.clock_error[0])
@@ -302,7 +302,7 @@ class TestRepetition:
         """The same drive under another name, with other times and without its last fifth of a second."""
         later = START_NS + 300 * 10**9
         copy = write_recording(folder / "copy.mcap", AT_60, duration_s=15.8, start_ns=later)
-        with pytest.raises(RecordingError, match=r"copy\.mcap' holds the same revolutions as '.*slow\.mcap'"):
+        with pytest.raises(RecordingError, match=r"copy\.mcap' has the same revolutions as '.*slow\.mcap'"):
             read_campaign(reading_orders([slow, copy]))
         used, refused = read_usable([slow, copy], "W0")
         assert len(used) == 1
@@ -414,14 +414,14 @@ def test_revolutions_with_bridged_gaps_are_left_out_as_those_with_gaps(tmp_path)
     bridged = read_campaign(reading_orders([measurement(tmp_path, "bridged", bridged=True)]))
     assert lost.rejected[LOST] > 20
     assert bridged.rejected == lost.rejected
-    assert DiagnosisCode.SAMPLES_BRIDGED not in [reason.code for reason in remarks(bridged)]
+    assert DiagnosisCode.DATA_FAULT not in [reason.code for reason in remarks(bridged)]
 
 
 def test_bridged_gaps_in_a_recording_are_reported(tmp_path, monkeypatch):
     monkeypatch.setattr("gateway.importing.importer._bridges", lambda _: (np.empty((0, 2), dtype=int), ()))
     campaign = read_campaign(reading_orders([measurement(tmp_path, "bridged", bridged=True)]))
     (note,) = remarks(campaign)
-    assert note.code is DiagnosisCode.SAMPLES_BRIDGED
+    assert note.kind == (DiagnosisCode.DATA_FAULT, "bridged")
     assert note["lines"] > 25
     assert note["samples"] == pytest.approx(40 * note["lines"], rel=0.05)
 

@@ -297,7 +297,7 @@ class TestEffectsFiles:
             '[vehicle]\nname = "other"\n[tire]\nradius_mm = 320\n[[wheel]]\nposition = "W0"\nhub = 0\nwheel = 0\n'
         )
         _, printed = self.radial_of(tmp_path / "other", recording, "--effects", path, "--config", car)
-        assert "W0: the effects were found on vehicle test car, but this is other" in printed
+        assert "W0: the effects were identified on vehicle test car, but this is other" in printed
 
     def test_effects_of_another_vehicle_are_rejected(self, saved, tmp_path):
         other = write_recording(tmp_path / "bare.mcap", AT_60, duration_s=3.0, configured=False)

@@ -55,7 +55,7 @@ def test_lateral_constant_is_camber_or_zero_g_offset() -> None:
     posterior, _ = searched(campaign_of(TWO_SPEEDS, sideways(0.8), axes=ALL_AXES), EFFECTS)
     assert [set(group) for group in posterior.alternatives()] == [{"camber", "zero-g offset"}]
     for finding in findings_of(posterior, EFFECTS, {}):
-        assert finding.decide_with == Reason(DiagnosisCode.RECORD_AT_REST)
+        assert finding.decide_with == Reason(DiagnosisCode.RECORD_AGAIN, how="at_rest")
 
 
 @pytest.mark.parametrize("plant", [sideways(2.0), on_all_axes], ids=["more than 6 deg", "on other axes too"])

@@ -47,26 +47,26 @@ from tests.diagnosis.planted_campaign import (
 OMEGA = conditions().omega_radps
 NOISY = 7.0
 SPEED_SQUARED: Callable[[GroupConditions], float] = lambda group_conditions: (group_conditions.omega_radps / OMEGA) ** 2  # noqa: E731
-SLOWER = Reason(DiagnosisCode.RECORD_AT, quantity="speed", ratio=0.25)
-FASTER = Reason(DiagnosisCode.RECORD_AT, quantity="speed", ratio=1.5)
-REVERSED = Reason(DiagnosisCode.RECORD_REVERSED)
-WARMER = Reason(DiagnosisCode.RECORD_WARMER, difference_k=20.0)
+SLOWER = Reason(DiagnosisCode.RECORD_AGAIN, how="ratio", quantity="speed", ratio=0.25)
+FASTER = Reason(DiagnosisCode.RECORD_AGAIN, how="ratio", quantity="speed", ratio=1.5)
+REVERSED = Reason(DiagnosisCode.RECORD_AGAIN, how="reversed")
+WARMER = Reason(DiagnosisCode.RECORD_AGAIN, how="warmer", difference_k=20.0)
 CASES: list[tuple[Callable[[GroupConditions], float], Reason]] = [
     # At a quarter of the speed it vanishes; a true effect is largest at the highest speed.
     (SPEED_SQUARED, SLOWER),
     (
         lambda group_conditions: 1.0 if group_conditions.omega_radps != 0.6 * OMEGA else -3.0,
-        Reason(DiagnosisCode.RECORD_AT, quantity="speed", ratio=0.6),
+        Reason(DiagnosisCode.RECORD_AGAIN, how="ratio", quantity="speed", ratio=0.6),
     ),
     (lambda group_conditions: -1.0 if group_conditions.reverse else 1.0, REVERSED),
     (lambda group_conditions: (group_conditions.temperature_degc - 5.0) / 20.0, WARMER),
     (
         lambda group_conditions: group_conditions.load_n / LOAD_N,
-        Reason(DiagnosisCode.RECORD_AT, quantity="load", ratio=1.4),
+        Reason(DiagnosisCode.RECORD_AGAIN, how="ratio", quantity="load", ratio=1.4),
     ),
     (
         lambda group_conditions: group_conditions.pressure_pa / PRESSURE_PA,
-        Reason(DiagnosisCode.RECORD_AT, quantity="pressure", ratio=0.7),
+        Reason(DiagnosisCode.RECORD_AGAIN, how="ratio", quantity="pressure", ratio=0.7),
     ),
 ]
 
@@ -135,7 +135,7 @@ def test_clock_error_needs_another_clock(plant: Plant, name: str, rival: str) ->
     effects = among(name, rival)
     fit, _ = fitted(campaign_of(ONE_SPEED, plant), effects[name])
     result = deciding_recording(fit, effects[name], effects[rival])
-    assert result == Reason(DiagnosisCode.RECORD_LIVE)
+    assert result == Reason(DiagnosisCode.RECORD_AGAIN, how="live")
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.report import findings
 from gateway.diagnosis.report.experiment_design import deciding_recording
 
-AGAIN = Reason(DiagnosisCode.RECORD_AT, quantity="speed", ratio=1.5)
+AGAIN = Reason(DiagnosisCode.RECORD_AGAIN, how="ratio", quantity="speed", ratio=1.5)
 
 
 def against(confounder: str) -> Reason:
@@ -23,9 +23,9 @@ def against(confounder: str) -> Reason:
 @pytest.mark.parametrize(
     ("std", "recording"),
     [
-        (math.nan, Reason(DiagnosisCode.RECORD_LIVE)),
-        (9e-5, Reason(DiagnosisCode.RECORD_LIVE_FOR_LONGER, clock_std=9e-5)),
-        (2e-6, Reason(DiagnosisCode.COMPARE_CLOCK, host_clock=5e-5)),
+        (math.nan, Reason(DiagnosisCode.RECORD_AGAIN, how="live")),
+        (9e-5, Reason(DiagnosisCode.RECORD_AGAIN, how="live_longer", clock_std=9e-5)),
+        (2e-6, Reason(DiagnosisCode.RECORD_AGAIN, how="better_clock", host_clock=5e-5)),
     ],
 )
 @pytest.mark.parametrize("names", [("rolling radius", "sample clock error"), ("sample clock error", "gain")])

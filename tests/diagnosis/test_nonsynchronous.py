@@ -380,10 +380,10 @@ def test_effect_beside_something_larger_is_undecided() -> None:
     assert doubted.verdict is Verdict.INDISTINGUISHABLE
     assert doubted.rivals == (UNKNOWN,)
     assert doubted.reason == Reason(DiagnosisCode.BESIDE_SOMETHING_LARGER, own_mps2=0.3, larger_mps2=2.2)
-    assert doubted.decide_with == Reason(DiagnosisCode.RECORD_ROAD_AT_ANOTHER_SPEED)
+    assert doubted.decide_with == Reason(DiagnosisCode.RECORD_AGAIN, how="another_speed")
     assert remaining == road
     (doubted,) = beside_larger((cavity,), larger, several=True)
-    assert doubted.decide_with == Reason(DiagnosisCode.RECORD_ON_ANOTHER_ROAD)
+    assert doubted.decide_with == Reason(DiagnosisCode.RECORD_AGAIN, how="another_road")
     assert beside_larger((cavity, road), dict.fromkeys(larger, 0.0), several=True) == [cavity, road]
 
 

@@ -35,4 +35,4 @@ def test_nothing_is_determined_by_another_signal() -> None:
     assert note["recordings"] == ("run 1",)
     assert not any(diagnosis.determined.values())
     assert not any(diagnosis.determined_before.values())
-    assert why_undetermined(diagnosis, ["Cw"]) == "the signal is not that of a ring: see the notes"
+    assert why_undetermined(diagnosis, ["Cw"]) == "the signal is not that of a rolling tire's belt: see the notes"

@@ -117,7 +117,7 @@ def test_indistinguishable_effects_are_reported_together() -> None:
         assert {finding.name, rival} == {"one", "other"}
         assert finding.probability == pytest.approx(0.5, abs=0.05)
         # They are the same under all conditions.
-        assert finding.decide_with == Reason(DiagnosisCode.NO_RECORDING_DECIDES)
+        assert finding.decide_with == Reason(DiagnosisCode.RECORD_AGAIN, how="none_decides")
 
 
 def test_groups_of_causes_do_not_count_what_is_no_cause() -> None:

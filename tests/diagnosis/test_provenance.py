@@ -233,14 +233,14 @@ def test_unstated_offset_is_listed_as_assumed(tmp_path: Path) -> None:
     keys = "[wheel.sensor]\noffset_mm = 3.0\naxes = ['radial']"
     path = write_recording(tmp_path / "rec.mcap", AT_60, wheels=(keys,), duration_s=3.0, change=unstated)
     campaign = read_campaign(reading_orders([path]))
-    assert Reason(DiagnosisCode.ASSUMED_OFFSET) in campaign.assumed
+    assert Reason(DiagnosisCode.ASSUMED, quantity="offset_m") in campaign.assumed
     assert not any(group.conditions.offset_known for group in campaign.groups)
     assert all("offset_m" not in dict(reason.values).values() for reason in campaign.stated)
 
     recorded_toml = RecordingReader(path).vehicle_toml or ""
     text = recorded_toml.replace("[wheel.mounting]", "[wheel.mounting]\noffset_mm = 3.0")
     stated = read_campaign(reading_orders([path], vehicle=parse_vehicle(text, "test")))
-    assert Reason(DiagnosisCode.ASSUMED_OFFSET) not in stated.assumed
+    assert Reason(DiagnosisCode.ASSUMED, quantity="offset_m") not in stated.assumed
     assert all(group.conditions.offset_known for group in stated.groups)
 
     listed = text.replace("[vehicle]", "[vehicle]\nassumed = ['mounting offset 3 mm: as on other tires']")

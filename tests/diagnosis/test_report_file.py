@@ -100,7 +100,9 @@ def undecided(**changes: object) -> Finding:
         (
             (
                 undecided(
-                    name="gain", rivals=("rolling radius", "run-out"), decide_with=Reason(DiagnosisCode.RECORD_LIVE)
+                    name="gain",
+                    rivals=("rolling radius", "run-out"),
+                    decide_with=Reason(DiagnosisCode.RECORD_AGAIN, how="live"),
                 ),
             ),
             "gain, rolling radius and run-out cannot be distinguished, so none is identified",

@@ -82,7 +82,9 @@ def test_undetermined_beside_much_that_is_unexplained():
     noted = Reason(DiagnosisCode.EVIDENCE_TEMPERED, axes=("circumferential", "radial"), residual_ratio=12.0)
     text = " ".join(line.strip() for line in closure_summary_lines(replace(sure, notes=(noted,))))
     assert "not determined: Bs (too uncertain beside what is left unexplained: see the notes)" in text
-    assert "what is left unexplained (circumferential, radial) has 12 times the rms of the noise" in text
+    assert (
+        "evidence from circumferential, radial counts less: what is left unexplained there has 12 times the rms" in text
+    )
     noted = Reason(DiagnosisCode.EVIDENCE_TEMPERED, axes=("lateral",), residual_ratio=12.0)
     text = " ".join(line.strip() for line in closure_summary_lines(replace(sure, notes=(noted,))))
     assert "too uncertain" not in text
@@ -107,7 +109,7 @@ def test_undetermined_because_recordings_contradict():
     diagnosis = replace(ordinary(), notes=(note,), determined={"Bs": False})
     text = " ".join(map(str.strip, closure_summary_lines(diagnosis)))
     assert "not determined: Bs (the recordings contradict each other: see the notes)" in text
-    assert "contact half angle 12.6 deg in a.mcap, 15.5 deg in b.mcap" in text
+    assert "the contact half angle is 12.6 deg in a.mcap, 15.5 deg in b.mcap" in text
 
 
 def test_probable_effects_are_in_the_summary():
@@ -146,7 +148,7 @@ def test_effect_that_the_exact_ring_does_not_confirm_is_in_the_summary():
         ordinary().findings[0], name="gain-temperature drift", verdict=Verdict.REFUSED, probability=0.999, reason=why
     )
     text = " ".join(map(str.strip, closure_summary_lines(replace(ordinary(), findings=(result,)))))
-    assert "rejected     gain-temperature drift: it absorbs errors of this model's equations: on the exact ring" in text
+    assert "rejected     gain-temperature drift: it is not there with the equations of large deformations" in text
     assert "gain-temperature drift is 0.3 errors from zero" in text
     assert "not certain" not in text
 

@@ -20,7 +20,7 @@ def test_order_at_one_speed_is_undecided(name: str) -> None:
     open_, offset = doubted(named, effects, campaign_of(ONE_SPEED), 3.3)
     assert open_.verdict is Verdict.INDISTINGUISHABLE
     assert open_.rivals == (FIXED_FREQUENCY,)
-    assert open_.decide_with == Reason(DiagnosisCode.RECORD_AT, quantity="speed", ratio=1.5)
+    assert open_.decide_with == Reason(DiagnosisCode.RECORD_AGAIN, how="ratio", quantity="speed", ratio=1.5)
     assert open_.reason == Reason(DiagnosisCode.ORDER_OR_FREQUENCY, noise_floors=3.3)
     assert offset == named[1]
     assert doubted(named, effects, campaign_of(ONE_SPEED), 1.2) == named

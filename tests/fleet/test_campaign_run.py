@@ -203,7 +203,7 @@ def test_effects_of_another_vehicle_are_noted(campaign, recordings, tmp_path):
         for row in rows(tmp_path, "recordings")
         if row["alarm_count"]
     }
-    assert noted == {"drive2.mcap": ["the effects were found on vehicle van 7, but this is a/b=c ü"]}
+    assert noted == {"drive2.mcap": ["the effects were identified on vehicle van 7, but this is a/b=c ü"]}
     assert campaign_read.alarms == {"effects of another tire": 1}
 
 

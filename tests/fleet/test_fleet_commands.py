@@ -91,7 +91,7 @@ def test_a_wheel_without_a_revolution_is_told_by_status_and_line(recordings, tmp
     )
     for output in told_twice(recordings, tmp_path):
         assert "1 wheel without a revolution" in output
-        assert "standing.mcap W0: no revolution in 2.5 s of samples: the wheel stands still" in output
+        assert "standing.mcap W0: no revolution is complete in 2.5 s of samples: the wheel stands still" in output
 
 
 @pytest.mark.usefixtures("started")
@@ -296,7 +296,7 @@ def test_recordings_that_a_diagnosis_leaves_out_are_in_its_row(tmp_path, monkeyp
     order = DiagnosisOrder("v", "FL", "", (Path("a.mcap"), Path("b.mcap")), 0, None, None, part)
     outcome = diagnose_tire(order)
     assert outcome.failure == ""
-    assert "b.mcap left out: the sign of its circumferential axis" in outcome.left_out[0]
+    assert "b.mcap is not used: its circumferential axis" in outcome.left_out[0]
     assert outcome_in(part) == outcome
     with pq.ParquetFile(part) as file:
         row = file.read().to_pylist()[0]

@@ -192,7 +192,7 @@ def test_a_silent_worker_is_named_and_its_task_given_to_another(caplog):
     assert not caplog.records
     assert tasks.places() == 2
     assert passed(tasks, client, clock, 15, "well") == []
-    assert "worker paused has sent nothing for 60 s: paused, hanging or cut off" in caplog.text
+    assert "worker paused has sent nothing for 60 s: it is paused, hanging or cut off" in caplog.text
     assert client.processing_keys["well"] == ["treadlink-drive-2"]
     assert len(client.cancelled) == 1
     assert tasks.read_bytes("drive") == 0, "the other begins anew"

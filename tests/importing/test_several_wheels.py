@@ -159,5 +159,5 @@ def test_import_names_the_unlikely_unit(tmp_path: Path) -> None:
     result = CliRunner().invoke(import_, [str(path), "--map", str(map_path), "--out", str(tmp_path / "out.mcap")])
     assert result.exit_code == 0, result.output
     (line,) = [line for line in result.output.splitlines() if line.startswith("check: ")]
-    assert "the radial column is stated in m/s^2, but g fits" in line
+    assert "the radial column is in g, not in m/s^2" in line
     assert "0.1" in line

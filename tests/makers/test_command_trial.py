@@ -370,4 +370,4 @@ def test_every_wrong_hub_is_named_by_its_clause(make: Callable[[], Hub], clause:
 
 
 # What did not come has no bytes.
-ABSENT = {FirmwareCode.COMMAND_WITHOUT_EFFECT, FirmwareCode.MESSAGE_RATE_WRONG}
+ABSENT = {FirmwareCode.COMMAND_FUTILE, FirmwareCode.MESSAGE_RATE_WRONG}

@@ -157,16 +157,16 @@ def test_doctor_refuses_what_does_not_fit(bad: Path) -> None:
     assert reasons.pop("torn").startswith("it cannot be imported: ModuleNotFoundError")
     assert reasons.pop("leaving") == reasons.pop("gone") == "it cannot be imported: SystemExit: 0"
     assert reasons == {
-        "sim": "its name is taken by treadlink",
+        "sim": "treadlink has this name already",
         "shape": "it lacks update, reset",
-        "other": "it calls itself raising",
-        "greedy": "its quantity rotation_rpm is that of kinematic",
+        "other": "it states another name, raising",
+        "greedy": "kinematic has its quantity rotation_rpm already",
         "undeclared": "it is not an estimator with a tuple `quantities` of `Quantity`",
-        "gravity": "its name or its rank is that of gravity of treadlink, rank 140",
+        "gravity": "treadlink has an effect of this name or rank already: gravity, rank 140",
         "number": "it is not a sequence of gateway.diagnosis.effects.effect.Effect",
-        "csv": "its name is taken by treadlink",
+        "csv": "treadlink has this name already",
         "wavy": "it lacks blocks, sample, close",
-        "mqtt": "its name is taken by treadlink",
+        "mqtt": "treadlink has this name already",
         "thing": "it is not a gateway.publishing.sink.SinkKind",
     }
 
@@ -178,7 +178,7 @@ def test_two_packages_of_one_name_are_both_refused(example: Path, bad: Path, tmp
     points.write_text("[treadlink.estimators]\nrotation = bad_plugin:Raising\n")
     result = plugin_checks(example, copy)
     assert "plug-in rotation" in result
-    assert "taken by" in result["plug-in rotation"][1]
+    assert "has this name already" in result["plug-in rotation"][1]
 
 
 def test_estimator_of_a_plugin_is_in_the_table(example: Path, recording: Path, tmp_path: Path) -> None:

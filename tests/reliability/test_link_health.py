@@ -45,7 +45,6 @@ def paced(data: bytes, seconds: float = 10.0, link: str = LINK) -> list[Chunk]:
 
 NOT_OF_LINKS = {
     SessionCode.WHEEL_NOT_CONFIGURED,
-    SessionCode.WHEEL_NOT_IN_CONFIGURATION,
     SessionCode.HUB_LOG,
     # Contradictions within the frames of a wheel, at the end.
     CoreCode.SAMPLES_WITHOUT_HELLO,
@@ -157,7 +156,7 @@ def test_firmware_with_newer_minor_version(hub) -> None:
             newer.append(encode_raw(77, b"new", 0, 200, number // 20, 0, version=0x12))
     core = SessionCore(vehicle)
     (notice,) = of_links(core, paced(b"".join(newer), 20.0))
-    assert notice.reason == Reason(SessionCode.NEWER_FRAME_LAYOUT, own="1.1")
+    assert notice.reason == Reason(SessionCode.PROTOCOL_DIFFERS, how="newer_layout", own="1.1")
     assert core.snapshot(0.0).wheels[0].counters.revolutions > 100, "known frames are read"
     assert core.snapshot(0.0).links[0].skipped > 50
 

@@ -147,7 +147,7 @@ def test_tilted_sensor_is_flagged_and_measures_speed(ride, axis: str, name: str)
 def test_swapped_axes_give_a_reason_only(ride) -> None:
     swapped = ride("sensor = {roll_deg = 90}")
     assert swapped.of("W1") == []
-    assert "tilted by 90 deg, or the axes are swapped" in notice_text(swapped.notices[0])
+    assert "tilted by 90 deg, or its axes are swapped" in notice_text(swapped.notices[0])
     assert len(swapped.of("W2")) > 45
 
 
@@ -165,7 +165,7 @@ def test_swapped_wheels(ride) -> None:
     swapped = ride(change=swap)
     assert swapped.flags("W1") == swapped.flags("W2") == {"wrong sensor"}
     assert swapped.notices[0].reason["alarm"] == Reason(
-        SessionCode.SENSOR_SWAPPED, sensor="0000a001", owner="W2", position="W1"
+        SessionCode.OTHER_SENSOR, how="swapped", sensor="0000a001", owner="W2", position="W1"
     )
     assert len(swapped.notices) == 2
     assert swapped.last("speed_mps").value == pytest.approx(SPEED_MPS, rel=1e-3)
@@ -175,7 +175,7 @@ def test_unknown_sensor_is_reported(ride) -> None:
     renewed = ride(change=lambda toml: toml.replace("0000a001", "0000beef"))
     assert renewed.flags() == {"wrong sensor"}
     assert renewed.notices[0].reason["alarm"] == Reason(
-        SessionCode.SENSOR_REPLACED, sensor="0000a001", expected="0000beef"
+        SessionCode.OTHER_SENSOR, how="replaced", sensor="0000a001", expected="0000beef"
     )
 
 

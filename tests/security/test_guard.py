@@ -176,8 +176,9 @@ def test_replaced_hub_with_lower_boot_count_is_named(tmp_path: Path) -> None:
     assert gate.counts == {Verdict.EARLIER_START: 3}
     (notice,) = watching.take_notices()
     position = Reason(
-        SecurityCode.SIGNER_AT_HUB,
-        signer=Reason(SecurityCode.SIGNER_SENSOR, identity="0000a001"),
+        SecurityCode.SIGNER,
+        who="sensor_at_hub",
+        signer=Reason(SecurityCode.SIGNER, who="sensor", identity="0000a001"),
         hub=hub_identity(HUB + 1),
     )
     ignored = Reason(SecurityCode.FRAMES_IGNORED)
@@ -266,7 +267,7 @@ def test_swapped_sensors_are_reported_and_ignored() -> None:
     ignored = Reason(SecurityCode.FRAMES_IGNORED)
     for position, sensor, owner in (("FL", "0000a002", "FR"), ("FR", "0000a001", "FL")):
         assert notices[f"link, {position}"] == Reason(
-            SecurityCode.SENSOR_NOT_ADMITTED_SWAPPED, sensor=sensor, owner=owner, count=1, consequence=ignored
+            SecurityCode.SENSOR_NOT_ADMITTED, how="swapped", sensor=sensor, owner=owner, count=1, consequence=ignored
         )
 
 
@@ -277,11 +278,11 @@ def test_unknown_sensor_is_ignored_until_admitted() -> None:
     assert not any(map(gate, [unknown.hello(), unknown.samples()]))
     assert gate.counts == {Verdict.NO_KEY: 2}
     (notice,) = watching.take_notices()
-    assert notice.reason["signer"] == Reason(SecurityCode.SIGNER_SENSOR, identity="0000beef")
+    assert notice.reason["signer"] == Reason(SecurityCode.SIGNER, who="sensor", identity="0000beef")
     with_key = Guard(PLACES, {**KEYS, "0000beef": KEYS["0000a001"]}, Ledger(), requires=True)
     assert not any(map(with_key.gate("link"), [unknown.hello(), unknown.samples()]))
     (notice,) = with_key.take_notices()
-    assert notice.reason.code is SecurityCode.SENSOR_NOT_ADMITTED
+    assert notice.reason.kind == (SecurityCode.SENSOR_NOT_ADMITTED, "other")
     assert (notice.reason["sensor"], notice.reason["expected"]) == ("0000beef", "0000a001")
     admitted = Guard(
         {(0, 0): ConfiguredWheel("FL", "0000beef")}, {**KEYS, "0000beef": KEYS["0000a001"]}, Ledger(), requires=True
@@ -295,7 +296,7 @@ def test_unconfigured_wheel_is_ignored() -> None:
     assert not any(map(watching.gate("link"), [elsewhere.hello(9), elsewhere.samples(9)]))
     (notice,) = watching.take_notices()
     assert notice.subject == "link, hub 0 wheel 9"
-    assert (notice.reason.code, notice.reason["owner"]) == (SecurityCode.SENSOR_NOT_ADMITTED_SWAPPED, "FL")
+    assert (notice.reason["how"], notice.reason["owner"]) == ("swapped", "FL")
 
 
 def test_hub_passes_after_a_genuine_sensor_hello() -> None:

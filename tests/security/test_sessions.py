@@ -214,7 +214,7 @@ def test_counters_that_a_slow_disk_saves_late_are_named(
         disk.set()
     assert len(saving) == 1, "one at a time"
     saving[0].join(20.0)
-    assert SessionCode.COUNTERS_SAVED_LATE in codes_of(core.take_notices())
+    assert Reason(SessionCode.COUNTERS_NOT_SAVED, how="late") in [notice.reason for notice in core.take_notices()]
     assert core.snapshot(1.0).links[0].judged["verified"] > 500
 
 
@@ -272,7 +272,7 @@ def test_swapped_wheels_are_reported(signed: tuple[list[Chunk], str], key_file: 
     swapped = toml.replace("0000a001", "x").replace("0000a002", "0000a001").replace('"x"', '"0000a002"')
     _, results, notices = run(chunks, swapped, key_file)
     assert {result.position for result in results} == {"RL", "RR"}
-    assert any("sensor 0000a001 of FR is here: wheels swapped?" in notice_text(notice) for notice in notices)
+    assert any("sensor 0000a001 of FR is here: were wheels swapped?" in notice_text(notice) for notice in notices)
 
 
 def test_live_command_end_to_end(key_file: Path, tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ NAN = math.nan
 NASTY = (
     "<script>document.title='taken'</script>\"'><img src=x onerror=alert(1)>&{{7*7}}${\x1b[2J\x1b]0;t\x07-->日\udcff"
 )
-WARMER = Reason(DiagnosisCode.RECORD_WARMER, difference_k=20.0)
+WARMER = Reason(DiagnosisCode.RECORD_AGAIN, how="warmer", difference_k=20.0)
 NOISE = np.array([0.5, 0.4, 0.6])
 
 

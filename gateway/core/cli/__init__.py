@@ -121,7 +121,9 @@ def _summaries() -> list[tuple[str, str]]:
 def plugin_fault(_plugin: object, command: object) -> Reason | None:
     """Return why the object of a plug-in is no command, None when it is one."""
     return (
-        None if isinstance(command, click.Command) else Reason(CoreCode.PLUGIN_WRONG_TYPE, expected="a click.Command")
+        None
+        if isinstance(command, click.Command)
+        else Reason(CoreCode.PLUGIN_REFUSED, why="wrong_type", expected="a click.Command")
     )
 
 

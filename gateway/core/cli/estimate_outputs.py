@@ -77,7 +77,9 @@ def added_outputs() -> tuple[AddedOutput, ...]:
 def plugin_fault(_plugin: Plugin, output: object) -> Reason | None:
     """Return why the object of a plug-in is no output, None when it is one."""
     if not isinstance(output, AddedOutput):
-        return Reason(CoreCode.PLUGIN_WRONG_TYPE, expected="a gateway.core.cli.estimate_outputs.AddedOutput")
+        return Reason(
+            CoreCode.PLUGIN_REFUSED, why="wrong_type", expected="a gateway.core.cli.estimate_outputs.AddedOutput"
+        )
     return missing_factory(output.factory)
 
 

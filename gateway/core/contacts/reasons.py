@@ -6,22 +6,21 @@ from gateway.core.reasons import Code, Codes
 class ContactCode(Codes):
     """Reasons of contacts."""
 
-    # Revolutions that do not come
     CONTACTS_NOT_ALIKE = Code(
-        "no three contacts in a row are those of one rolling wheel (radial axis: mean {mean_mps2:.0f m/s²}, standard "
-        "deviation {std_mps2:.0f m/s²})"
+        "no three contacts in a row are alike, as of a rolling wheel (radial axis: mean {mean_mps2:.0f m/s²}, "
+        "standard deviation {std_mps2:.0f m/s²})"
     )
     NO_CONTACT_IN_AC_SIGNAL = Code(
-        "no contact with the road is seen: the AC-coupled radial axis falls by {depth_mps2:.0f m/s²}, but its rotation "
-        "has a centripetal acceleration of {expected_mps2:.0f m/s²}. A sensor on the rim, or a wheel without load?"
+        "no contact with the road is seen: is the sensor on the rim, or the wheel without load? (The AC-coupled "
+        "radial axis falls by {depth_mps2:.0f m/s²}, its rotation has a centripetal acceleration of "
+        "{expected_mps2:.0f m/s²})"
     )
     NO_CONTACT_SEEN = Code(
-        "no contact with the road is seen: the radial axis has a mean of {mean_mps2:.0f m/s²} and never falls below "
-        "{lowest_mps2:.0f m/s²}. A sensor on the rim, or a wheel without load?"
+        "no contact with the road is seen: is the sensor on the rim, or the wheel without load? (The radial axis has "
+        "a mean of {mean_mps2:.0f m/s²} and never falls below {lowest_mps2:.0f m/s²})"
     )
     RADIAL_AT_RANGE_END = Code(
-        "{share:.0%} of the samples are at the end of the sensor's range, {level_mps2:.0f m/s²}: a larger range is "
-        "needed"
+        "the range of the sensor is too small: {share:.0%} of the samples are at its end, {level_mps2:.0f m/s²}"
     )
     RADIAL_IS_IN_G = Code(
         "the unit of the radial axis is g, not m/s²: it reads {level_mps2:.0f m/s²}, {ratio:.3f} of the "
@@ -41,7 +40,7 @@ class ContactCode(Codes):
         "{level_mps2:.0f m/s²}, {ratio:.3g} times the {expected_mps2:.0f m/s²} of its rotation"
     )
     SAMPLES_INTERRUPTED = Code(
-        "samples were lost again and again: at most {duration_s:.1f s} without a gap, {needed_s:.1f s} are needed"
+        "samples were lost too often: at most {duration_s:.1f s} are without a gap, {needed_s:.1f s} are needed"
     )
     SAMPLES_TOO_SHORT = Code("three revolutions take {needed_s:.1f s}, but the samples last {duration_s:.1f s}")
     WHEEL_STANDS = Code(
@@ -49,5 +48,5 @@ class ContactCode(Codes):
         "{std_mps2:.1f m/s²}"
     )
     WHEEL_TOO_SLOW = Code(
-        "the wheel rolls at about {speed_mps:.0f km/h}; contacts differ from gravity at {limit_mps:.0f km/h} and more"
+        "the wheel rolls at about {speed_mps:.0f km/h}: contacts can be seen from {limit_mps:.0f km/h} on"
     )

@@ -128,14 +128,14 @@ class TireConditions:
     @property
     def stated(self) -> frozenset[str]:
         """Those of `load_n` and `pressure_pa` that are stated: an estimated load is an estimate, not a condition."""
-        pressure = {"pressure_pa"} if self.pressure_pa is not None and not self.pressure_measured else set()
-        return frozenset({"load_n"} if self.load_n is not None else ()) | pressure
+        unmeasured = {"load_n": self.load_n, "pressure_pa": None if self.pressure_measured else self.pressure_pa}
+        return frozenset(name for name, value in unmeasured.items() if value is not None)
 
     @property
     def sources(self) -> dict[str, str]:
         """Names and values of the columns that say where load and pressure come from, of those that are known."""
-        known = (name for name in SOURCE_COLUMNS if getattr(self, name) is not None)
-        return {SOURCE_COLUMNS[name]: source_in(self.stated, name) for name in known}
+        names = (name for name in SOURCE_COLUMNS if getattr(self, name) is not None)
+        return {SOURCE_COLUMNS[name]: source_in(self.stated, name) for name in names}
 
     @property
     def lateral_gain_std(self) -> float:
@@ -218,9 +218,9 @@ def sign_not_determined(value: float, std: float) -> Reason:
     """Return the reason of a value whose sign its standard error does not tell."""
     errors = abs(value) / std if std > 0.0 else math.nan
     return (
-        Reason(EstimateCode.SIGN_NOT_DETERMINED, errors=errors)
+        Reason(EstimateCode.SIGN_NOT_DETERMINED, why="near_zero", errors=errors)
         if math.isfinite(errors)
-        else Reason(EstimateCode.SIGN_WITHOUT_ERROR)
+        else Reason(EstimateCode.SIGN_NOT_DETERMINED, why="no_error")
     )
 
 

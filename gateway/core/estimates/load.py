@@ -314,8 +314,8 @@ def _better(by_angle: Estimate, by_width: Estimate) -> Estimate:
     if best.status is Status.INVALID:
         return Estimate.invalid(
             NAMES[0],
-            Reason(EstimateCode.NO_LOAD_FROM_CONTACT_ANGLE, why=by_angle.reasons),
-            Reason(EstimateCode.NO_LOAD_FROM_BELT_WIDTH, why=by_width.reasons),
+            Reason(EstimateCode.NO_LOAD_FROM, source="contact_angle", why=by_angle.reasons),
+            Reason(EstimateCode.NO_LOAD_FROM, source="belt_width", why=by_width.reasons),
         )
     source = Reason(EstimateCode.FROM_CONTACT_ANGLE if best is by_angle else EstimateCode.FROM_BELT_WIDTH)
     return best._replace(name=NAMES[0], reasons=(source, *best.reasons))

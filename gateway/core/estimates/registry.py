@@ -7,7 +7,6 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Final, TypeGuard
 
 from gateway.core.errors import ConfigError
-from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.feature import Registry, added, object_of
 from gateway.core.nearest_name import did_you_mean
 from gateway.core.plugins import Plugin, load, missing_members, names
@@ -78,18 +77,22 @@ def make_estimator(name: str) -> Estimator:
 def plugin_fault(plugin: Plugin, loaded: object) -> Reason | None:
     """Return why the object of a plug-in makes no estimator, None when it does."""
     if not callable(loaded):
-        return Reason(CoreCode.PLUGIN_WRONG_TYPE, expected="a class of estimators")
+        return Reason(CoreCode.PLUGIN_REFUSED, why="wrong_type", expected="a class of estimators")
     estimator = loaded()
     if fault := missing_members(estimator, ("update", "reset")):
         return fault
     name = getattr(estimator, "name", "")
     if name != plugin.name:
-        return Reason(EstimateCode.PLUGIN_NAME_DIFFERS, name=str(name))
+        return Reason(CoreCode.PLUGIN_REFUSED, why="name_differs", name=str(name))
     quantities = getattr(estimator, "quantities", None)
     if not _are_quantities(quantities):
-        return Reason(CoreCode.PLUGIN_WRONG_TYPE, expected="an estimator with a tuple `quantities` of `Quantity`")
+        return Reason(
+            CoreCode.PLUGIN_REFUSED, why="wrong_type", expected="an estimator with a tuple `quantities` of `Quantity`"
+        )
     taken = declare(plugin.name, quantities)
-    return Reason(EstimateCode.PLUGIN_QUANTITY_TAKEN, name=taken[0], by=taken[1]) if taken is not None else None
+    return (
+        Reason(CoreCode.PLUGIN_REFUSED, why="quantity_taken", name=taken[0], by=taken[1]) if taken is not None else None
+    )
 
 
 def _are_quantities(declared: object) -> TypeGuard[tuple[Quantity, ...]]:

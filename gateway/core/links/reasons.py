@@ -6,7 +6,6 @@ from gateway.core.reasons import Code, Codes
 class LinkCode(Codes):
     """Reasons of links and devices."""
 
-    # Events of links and devices
     BATTERY_LEVEL = Code("battery {level:.0f %}")
     BLE_DEVICE = Code("{device}")
     COMPUTER_EVENT = Code("this computer")
@@ -41,8 +40,6 @@ class LinkCode(Codes):
         "{ahead_s:+.1f s} makes them those of the new time, as `treadlink set-clock` does"
     )
     RETRY_INTERVAL = Code("trying again every {interval_s:g s} or sooner")
-
-    # Files and configuration
     RECORDING_CHANNEL_UNDECLARED = Code(
         "'{recording}' has messages of the undeclared channel {channel:d}, which are skipped. `treadlink repair` may "
         "recover them"

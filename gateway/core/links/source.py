@@ -361,7 +361,7 @@ def source_kind(scheme: str) -> SourceKind | None:
 def plugin_fault(_plugin: Plugin, loaded: object) -> Reason | None:
     """Return why the object of a plug-in is no source, None when it is one."""
     if not isinstance(loaded, SourceKind):
-        return Reason(CoreCode.PLUGIN_WRONG_TYPE, expected="a gateway.core.links.source.SourceKind")
+        return Reason(CoreCode.PLUGIN_REFUSED, why="wrong_type", expected="a gateway.core.links.source.SourceKind")
     return missing_factory(loaded.factory)
 
 

@@ -163,10 +163,12 @@ def disk_alarm(room: DiskRoom | None, standing: Mapping[AlarmKey, Code] = NONE_S
         yield Alarm(
             RECORDING,
             AlarmName.DISK,
-            Reason(SessionCode.DISK_FULL_SOON, free_bytes=room.free_bytes, left_s=room.left_s),
+            Reason(SessionCode.DISK_SPACE, lasts="minutes", free_bytes=room.free_bytes, left_s=room.left_s),
         )
     elif room.left_s is None and room.free_bytes < _DISK_LEAST_BYTES:
-        yield Alarm(RECORDING, AlarmName.DISK, Reason(SessionCode.DISK_SPACE, free_bytes=room.free_bytes))
+        yield Alarm(
+            RECORDING, AlarmName.DISK, Reason(SessionCode.DISK_SPACE, lasts="little", free_bytes=room.free_bytes)
+        )
 
 
 def superseded(

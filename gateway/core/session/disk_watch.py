@@ -56,6 +56,8 @@ class DiskWatch:
 def disk_notices(before: DiskRoom | None, now: DiskRoom) -> Iterator[Notice]:
     """Yield what a session says once: the space at its start, and the time left when it is known."""
     if before is None:
-        yield Notice("recording", Reason(SessionCode.DISK_SPACE, free_bytes=now.free_bytes))
+        yield Notice("recording", Reason(SessionCode.DISK_SPACE, lasts="unknown", free_bytes=now.free_bytes))
     elif before.left_s is None and now.left_s is not None:
-        yield Notice("recording", Reason(SessionCode.DISK_TIME, free_bytes=now.free_bytes, left_s=now.left_s))
+        yield Notice(
+            "recording", Reason(SessionCode.DISK_SPACE, lasts="hours", free_bytes=now.free_bytes, left_s=now.left_s)
+        )

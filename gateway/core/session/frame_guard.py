@@ -146,7 +146,7 @@ class GuardWatch:
         if self._saving is None or not self._saving.is_alive():
             self._save(self._guard.ledger.highest())
         else:
-            self._fault = Reason(SessionCode.COUNTERS_SAVED_LATE)
+            self._fault = Reason(SessionCode.COUNTERS_NOT_SAVED, how="late")
         return [*self._guard.take_notices(), *self._new_fault()]
 
     def _save(self, current: Mapping[str, int]) -> None:
@@ -155,7 +155,7 @@ class GuardWatch:
         try:
             self._guard.ledger.save(current)
         except TreadlinkError as error:
-            self._fault = Reason(SessionCode.COUNTERS_NOT_SAVED, error=str(error), remedy=error.remedy)
+            self._fault = Reason(SessionCode.COUNTERS_NOT_SAVED, how="refused", error=str(error), remedy=error.remedy)
 
     def _new_fault(self) -> list[Notice]:
         if self._fault is None or self._is_reported:

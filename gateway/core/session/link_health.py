@@ -117,11 +117,11 @@ class LinkHealth:
             notices += self._restarted(frame.hub, hello.boot_count, host_ns)
         if (hello.protocol_major, hello.protocol_minor) > (wire.VERSION_MAJOR, wire.VERSION_MINOR):
             version = f"{hello.protocol_major}.{hello.protocol_minor}"
-            newer = Reason(SessionCode.NEWER_PROTOCOL, version=version, own=_OWN_VERSION)
+            newer = Reason(SessionCode.PROTOCOL_DIFFERS, how="newer", version=version, own=_OWN_VERSION)
             notices += self._once(hub_name(frame.hub), newer)
         elif (hello.protocol_major, hello.protocol_minor) < (wire.VERSION_MAJOR, wire.SIGNED_COMMANDS_MINOR):
             version = f"{hello.protocol_major}.{hello.protocol_minor}"
-            older = Reason(SessionCode.OLDER_PROTOCOL, version=version, own=_OWN_VERSION)
+            older = Reason(SessionCode.PROTOCOL_DIFFERS, how="older", version=version, own=_OWN_VERSION)
             notices += self._once(hub_name(frame.hub), older, Level.INFO)
         return notices
 
@@ -172,7 +172,9 @@ class LinkHealth:
             reason = Reason(SessionCode.FIRMWARE_UNREADABLE, major=major, own=wire.VERSION_MAJOR, older=older)
             notices += self._once(self._link, reason)
         if counters.newer_minor >= _UNREADABLE_FRAMES:
-            notices += self._once(self._link, Reason(SessionCode.NEWER_FRAME_LAYOUT, own=_OWN_VERSION))
+            notices += self._once(
+                self._link, Reason(SessionCode.PROTOCOL_DIFFERS, how="newer_layout", own=_OWN_VERSION)
+            )
         if counters.unknown_flags >= _UNREADABLE_FRAMES:
             notices += self._once(self._link, Reason(SessionCode.FRAMES_WITH_UNKNOWN_FLAGS))
         if counters.bad_payload >= _UNREADABLE_FRAMES:

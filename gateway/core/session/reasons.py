@@ -6,21 +6,15 @@ from gateway.core.reasons import Code, Codes
 class SessionCode(Codes):
     """Reasons of sessions."""
 
-    # Revolutions that do not come
-    ALL_FRAMES_REFUSED = Code("all {count} frames were rejected, because their signatures could not be verified")
-    NO_FRAME_RECEIVED = Code("no frame was received that can be used, so there is nothing to estimate")
-
-    # Alarms as events
+    ALL_FRAMES_REFUSED = Code("all {count} frames were rejected: their signatures could not be verified")
+    NO_FRAME_RECEIVED = Code("no usable frame was received: there is nothing to estimate")
     ALARM_CLEARED = Code("alarm over at {at_s:.1f s}, after {duration_s:.1f s}: {what}")
     ALARM_COMES_AND_GOES = Code(
         "ALARM at {at_s:.1f s}: {alarm}. It comes and goes: it is reported again after a minute without change"
     )
     ALARM_RAISED = Code("ALARM at {at_s:.1f s}: {alarm}")
     ALARM_STANDS = Code("ALARM still at {at_s:.1f s}: {alarm}")
-
-    # Thresholds
     VALUE_ABOVE_LIMIT = Code(
-        "{quantity}",
         quantity={
             "pressure_pa": "pressure {value:.0f kPa} is above {limit:.0f kPa}",
             "temperature_degc": "inner liner at {value:.0f degC}, above {limit:.0f degC}",
@@ -31,14 +25,12 @@ class SessionCode(Codes):
         },
     )
     VALUE_BELOW_LIMIT = Code(
-        "{quantity}",
         quantity={
             "pressure_pa": "pressure {value:.0f kPa} is below {limit:.0f kPa}",
             "battery": "battery at {value:.0f %}, below {limit:.0f %}",
         },
     )
     VALUE_NOW = Code(
-        "{quantity}",
         quantity={
             "pressure_pa": "pressure {value:.0f kPa}",
             "temperature_degc": "inner liner at {value:.0f degC}",
@@ -49,63 +41,61 @@ class SessionCode(Codes):
             "battery": "battery at {value:.0f %}",
         },
     )
-    LINK_DOWN = Code("link is down: {state}")
-    SENSOR_RANGE_REACHED = Code("{count} samples at the end of the sensor's range")
-
-    # Silence
+    LINK_DOWN = Code("the link is down: {state}")
+    SENSOR_RANGE_REACHED = Code("{count} samples are at the end of the sensor's range")
     AXIS_SILENT = Code(
-        "the {axis} axis is silent for {silence_s:.0f s}, though the hello declares it: samples without it are not used"
+        "the {axis} axis is silent for {silence_s:.0f s}, though HELLO states it: samples without it are not used"
     )
     BUS_NOT_MAPPED = Code(
-        "no signal of this bus is mapped: its frames are recorded, but nothing is shown or compared (list the signals "
-        "in [vehicle_signals] of the vehicle file)"
+        "no signal of this bus is mapped: its frames are recorded, but nothing is shown or compared. List the signals "
+        "in [vehicle_signals] of the vehicle file"
     )
-    BUS_SILENT = Code("no frame of the vehicle's bus for {silence_s:.0f s}. Ignition off, cable loose, or bus off?")
+    BUS_SILENT = Code(
+        "no frame of the vehicle's bus for {silence_s:.0f s}. Is the ignition off, a cable loose, or the bus off?"
+    )
     HUB_OF_WHEEL_SILENT = Code("no frame of its hub for {silence_s:.0f s}")
-    HUB_SILENT = Code("no frame for {silence_s:.0f s} (wheels: {wheels}). Battery empty, out of range, or stopped?")
+    HUB_SILENT = Code(
+        "no frame for {silence_s:.0f s} (wheels: {wheels}). Is its battery empty, is it out of range, or stopped?"
+    )
     POSITION_MISSING = Code(
-        "the receiver has had no position for {silence_s:.0f} s. In a tunnel or building, or its antenna unplugged?"
+        "the receiver has had no position for {silence_s:.0f} s. Is it in a tunnel or building, or its antenna "
+        "unplugged?"
     )
     RECEIVER_SILENT = Code(
-        "no sentence of the receiver for {silence_s:.0f} s. Unplugged, switched off, or another baud rate?"
+        "no sentence of the receiver for {silence_s:.0f} s. Is it unplugged, switched off, or set to another baud rate?"
     )
     SAMPLES_MISSING = Code("no samples for {silence_s:.0f s}")
     SAMPLES_SILENT = Code(
-        "no samples for {silence_s:.0f s}, only other messages of its sensor. Stopped by a command, or a fault of its "
-        "firmware?"
+        "no samples for {silence_s:.0f s}, only other messages of its sensor. Were they stopped by a command, or does "
+        "its firmware have a fault?"
     )
-    SENDS_AGAIN = Code("sends again after {away_s:.1f s}")
+    SENDS_AGAIN = Code("it sends again after {away_s:.1f s}")
     SENSOR_NEVER_HEARD = Code(
-        "nothing received from its sensor in {silence_s:.0f s}, or only what was rejected. Is it switched on, and are "
-        "hub and wheel number as configured?"
+        "nothing usable was received from its sensor in {silence_s:.0f s}. Is it switched on, and are hub and wheel "
+        "number as configured?"
     )
     SENSOR_SILENT = Code(
-        "its sensor is silent for {silence_s:.0f s}, its hub is not. Battery empty, out of range or broken?"
+        "its sensor is silent for {silence_s:.0f s}, its hub is not. Is its battery empty, is it out of range or "
+        "broken?"
     )
-
-    # Events of links and devices
     LINK_NOT_OPEN = Code("not open yet")
-
-    # Live outputs
     SINK_DOWN = Code("nothing is published, {waiting} items wait: {state}")
     SINK_DROPS = Code("items are dropped, {dropped} so far: {state}")
-
-    # Health of links
     FIRMWARE_UNREADABLE = Code(
         "the firmware uses protocol {major}.x and treadlink {own}.x, so no frame can be read. Update {older}",
         older={"firmware": "the hub's firmware", "treadlink": "treadlink"},
     )
     FRAMES_DAMAGED = Code(
-        "{share:.0f %} of the frames arrive damaged and are left out. Check cable, ground, distance and baud rate"
+        "{share:.0f %} of the frames arrive damaged and are not used. Check cable, ground, distance and baud rate"
     )
     FRAMES_RESUMED = Code("frames arrive now")
     FRAMES_WITH_BAD_PAYLOAD = Code(
-        "frames with a valid checksum whose content violates the protocol are skipped: a fault of the firmware. "
-        "`treadlink protocol check` names the fields"
+        "frames with a valid checksum are skipped, because their content violates the protocol: a fault of the "
+        "firmware. `treadlink protocol check` names the fields"
     )
     FRAMES_WITH_UNKNOWN_FLAGS = Code("frames with unknown flags are skipped and counted")
-    HUB_RESTARTED = Code("restarted (boot count {boot_count}); its counters and times start again")
-    HUB_RESTARTS_REPEATEDLY = Code("restarts again and again. Check its supply. Further restarts are not reported")
+    HUB_RESTARTED = Code("it restarted (boot count {boot_count}): its counters and times start again")
+    HUB_RESTARTS_REPEATEDLY = Code("it restarts again and again: check its supply. Further restarts are not reported")
     LINK_NO_DATA_YET = Code(
         "open, but no data yet. Is the hub powered, awake and set to send? Are TX and RX connected correctly?"
     )
@@ -114,24 +104,27 @@ class SessionCode(Codes):
         "open, but no data for {silence_s:.0f s}. Is the hub powered, awake and set to send? Are TX and RX "
         "connected correctly?"
     )
-    NEWER_FRAME_LAYOUT = Code(
-        "frames of a layout newer than protocol {own} are skipped and counted: the firmware is newer. Update treadlink"
+    PROTOCOL_DIFFERS = Code(
+        how={
+            "newer": (
+                "its firmware uses protocol {version}, newer than treadlink's {own}: what both support is read, the "
+                "rest is skipped and counted. Update treadlink"
+            ),
+            "newer_layout": (
+                "frames of a layout newer than protocol {own} are skipped and counted: the firmware is newer. Update "
+                "treadlink"
+            ),
+            "older": (
+                "it takes only unsigned commands: its firmware uses protocol {version}, older than treadlink's {own}"
+            ),
+        },
     )
-    NEWER_PROTOCOL = Code(
-        "its firmware uses protocol {version}, newer than treadlink's {own}. What both support is read, the rest "
-        "is skipped and counted. Update treadlink"
-    )
-    NO_FRAMES = Code("data arrives, but it contains no frame: {content}")
-    NO_FRAMES_ANY_MORE = Code("data arrives, but no frame any more, after {frames} frames: {content}")
+    NO_FRAMES = Code("data arrives, but no frame is in it: {content}")
+    NO_FRAMES_ANY_MORE = Code("data arrives, but no frame is in it any more, after {frames} frames: {content}")
     NO_HELLO = Code(
         "samples arrive, but no valid HELLO for {silence_s:.0f s}: without rate and scale nothing can be estimated. A "
         "hub sends a HELLO every 2 s. Restart the hub; `treadlink protocol check` says what is wrong with a HELLO"
     )
-    OLDER_PROTOCOL = Code(
-        "it takes only unsigned commands: its firmware uses protocol {version}, older than treadlink's {own}"
-    )
-
-    # Content of a line without frames
     CHECK_SOURCE_ADDRESS = Code("Check the address of the source")
     CHOOSE_HUB_PORT = Code("Choose the hub's port; `treadlink doctor` lists the ports")
     LINE_ALL_FRAMES_DAMAGED = Code(
@@ -159,21 +152,22 @@ class SessionCode(Codes):
         "wrong baud rate, or another device on the port. Set the hub's rate, for example ?baudrate=115200; the "
         "default is {default_baud}"
     )
-
-    # Wheels and their sensors
-    SENSOR_REPLACED = Code("sensor {sensor} is here, but the configuration names {expected}: a new sensor or tire?")
-    SENSOR_SWAPPED = Code(
-        "sensor {sensor} of {owner} is here: wheels swapped? Estimates use load and tire of {position}"
+    OTHER_SENSOR = Code(
+        how={
+            "replaced": "sensor {sensor} is here, but the configuration has {expected}: is it a new sensor or tire?",
+            "swapped": (
+                "sensor {sensor} of {owner} is here: were wheels swapped? Estimates use load and tire of {position}"
+            ),
+        },
     )
     WHEEL_ADDRESS = Code("{position} (hub {hub}, wheel {wheel})")
     WHEEL_NOT_CONFIGURED = Code(
-        "not configured: belt radius {radius_m:g mm} assumed, load unknown; give --config VEHICLE.toml"
+        "not configured{vehicle_file}: belt radius {radius_m:g mm} is assumed, the load is unknown",
+        vehicle_file={
+            "none": " (state it with --config VEHICLE.toml)",
+            "others": " (the configuration has {configured})",
+        },
     )
-    WHEEL_NOT_IN_CONFIGURATION = Code(
-        "not configured (the configuration has {configured}): belt radius {radius_m:g mm} assumed, load unknown"
-    )
-
-    # False statements of a hub
     HELLO_AXES_DIFFER = Code(
         "samples have the axes {sent}, but HELLO states {stated}: {count} blocks are not used. A fault of the firmware"
     )
@@ -227,15 +221,15 @@ class SessionCode(Codes):
         "commands arrive from the hub ({count} frames), which only a gateway sends: is the line looped back?"
     )
     HUB_TIME_AGAINST_TICK = Code(
-        "TIME_SYNC states {hub_us:.0f} us in a frame of tick {tick_us:.0f} us ({count} so far). A fault of the firmware"
+        "TIME_SYNC states {hub_us:.0f} us in a frame of tick {tick_us:.0f} us ({count} so far), a fault of the firmware"
     )
     ONLY_UNKNOWN_TYPES = Code(
-        "sends nothing but frames of unknown types ({count} so far). Update treadlink, or check the firmware"
+        "it sends nothing but frames of unknown types ({count} so far). Update treadlink, or check the firmware"
     )
     PRESSURE_IMPOSSIBLE = Code(
         "the sensor states {pressure_pa:.0f kPa} ({count} so far), which no tire has: these readings are not used"
     )
-    SAMPLES_REPEATED = Code("sends the same samples again: {count} blocks are not used. A fault of the firmware")
+    SAMPLES_REPEATED = Code("it sends the same samples again, a fault of the firmware: {count} blocks are not used")
     SAMPLE_NUMBERS_JUMP = Code(
         "sample numbers jump against the hub's clock, last by {last_s:+.3g s} ({count} so far): a restart of the "
         "sensor that HELLO does not show, or a fault of the firmware. The jumps are not counted as lost"
@@ -247,40 +241,43 @@ class SessionCode(Codes):
         "{count} wheel numbers beyond the {most} that a session takes are not used. A faulty hub, or forged frames: "
         "configure the wheels, and sign frames"
     )
-
-    # Sessions and commands
     COMMAND_REFUSED = Code(
         "did not execute {command}: {outcome}",
         outcome={
-            "unknown_command": "unknown command",
-            "value_refused": "value refused",
+            "unknown_command": "it does not know the command",
+            "value_refused": "it refused the value",
             "failed": "the command failed",
-            "not_verified": "command not signed, or signed with another key",
-            "repeated": "command repeated: its counter is not above that of an earlier one",
+            "not_verified": "the command is not signed, or signed with another key",
+            "repeated": "the command was repeated: its counter is not above that of an earlier one",
         },
     )
     CORE_STUCK = Code(
-        "does not answer for {stuck_s:.0f s}: no results until it does, the recording goes on. Leave it out, or "
-        "repair it"
+        "it has not answered for {stuck_s:.0f s}: there are no results until it does, the recording goes on. Leave it "
+        "out, or repair it"
     )
-    CORE_GOES_ON = Code("has returned after {stuck_s:.0f s}")
+    CORE_GOES_ON = Code("it answers again after {stuck_s:.0f s}")
     EFFECTS_SUBTRACTED = Code("subtracted from its axes at {ranges}: {effects}")
     HUB_LOG = Code("log ({severity}): {text}")
     HUB_LOG_LEFT_OUT = Code("{count} more lines of its hubs left out: at most ten a second are shown")
     VALUE_RANGE = Code(
-        "{quantity}",
         quantity={
             "load_n": "{low:.0f} to {high:.0f N}",
             "pressure_pa": "{low:.0f kPa} to {high:.0f kPa}",
             "speed_mps": "{low:.0f km/h} to {high:.0f km/h}",
         },
     )
-    DISK_FULL_SOON = Code("the disk has {free_bytes:.1f MB} left and is full in {left_s:.0f min}: free some space")
-    DISK_SPACE = Code("the disk has {free_bytes:.1f GB} left")
-    DISK_TIME = Code("the disk has {free_bytes:.1f GB} left, which lasts {left_s:.1f h} at the present pace")
+    DISK_SPACE = Code(
+        "the disk has {lasts}",
+        lasts={
+            "hours": "{free_bytes:.1f GB} left, which lasts {left_s:.1f h} at the present pace",
+            "little": "{free_bytes:.1f MB} left: free some space",
+            "minutes": "{free_bytes:.1f MB} left and is full in {left_s:.0f min}: free some space",
+            "unknown": "{free_bytes:.1f GB} left",
+        },
+    )
     RESULTS_LATE = Code(
-        "results come {late_s:.0f s} late: this computer is too slow to decode and estimate. Choose fewer estimators, "
-        "or record and estimate later"
+        "results come {late_s:.0f s} late: this computer is too slow. Choose fewer estimators, or record now and "
+        "estimate later"
     )
     RECORDING_BEGUN = Code("recording to {path}")
     RECORDING_FINISHED = Code("recording {path} finished")
@@ -302,12 +299,12 @@ class SessionCode(Codes):
         "frames are refused and counted, because their time is not between 1970 and 2116: that of the first is "
         "{time_s:utc}"
     )
-
-    # Security
-    COUNTERS_NOT_SAVED = Code("frames of this session could be replayed to the next one: {error}. {remedy}")
-    COUNTERS_SAVED_LATE = Code(
-        "frames of this session could be replayed to the next one: the counters of the sensors could not be "
-        "written in time"
+    COUNTERS_NOT_SAVED = Code(
+        "frames of this session could be replayed to the next one: {how}",
+        how={
+            "late": "the counters of the sensors could not be written in time",
+            "refused": "{error}. {remedy}",
+        },
     )
-    FRAMES_NOT_TRUSTED = Code("frames not to be trusted: {counts}")
+    FRAMES_NOT_TRUSTED = Code("frames that are not trusted: {counts}")
     FRAMES_VERDICT = Code("{count} {verdict}")

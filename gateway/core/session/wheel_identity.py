@@ -38,20 +38,20 @@ def misplaced_sensor(position: str, sensor_id: str, configured: Mapping[str, str
         return None
     owner = next((name for name, sensor in configured.items() if sensor == sensor_id), None)
     if owner is None:
-        return Reason(SessionCode.SENSOR_REPLACED, sensor=sensor_id, expected=expected)
-    return Reason(SessionCode.SENSOR_SWAPPED, sensor=sensor_id, owner=owner, position=position)
+        return Reason(SessionCode.OTHER_SENSOR, how="replaced", sensor=sensor_id, expected=expected)
+    return Reason(SessionCode.OTHER_SENSOR, how="swapped", sensor=sensor_id, owner=owner, position=position)
 
 
 def unconfigured_wheel(vehicle: VehicleConfig | None) -> Reason:
     """Return what is assumed of a wheel that the configuration does not have."""
     radius_m = ASSUMED_RADIUS_MM * 1e-3
     if vehicle is None:
-        return Reason(SessionCode.WHEEL_NOT_CONFIGURED, radius_m=radius_m)
+        return Reason(SessionCode.WHEEL_NOT_CONFIGURED, vehicle_file="none", radius_m=radius_m)
     wheels = tuple(
         Reason(SessionCode.WHEEL_ADDRESS, position=wheel.position, hub=wheel.hub, wheel=wheel.wheel)
         for wheel in vehicle.wheel
     )
-    return Reason(SessionCode.WHEEL_NOT_IN_CONFIGURATION, configured=wheels, radius_m=radius_m)
+    return Reason(SessionCode.WHEEL_NOT_CONFIGURED, vehicle_file="others", configured=wheels, radius_m=radius_m)
 
 
 def configured(vehicle: VehicleConfig | None, position: str) -> Wheel | None:

@@ -61,7 +61,7 @@ def result_columns(block: ResultBlock, recording: str = "") -> ResultColumns:
         "acceleration_mps2": _floats(map(attrgetter("omega_dot_radps2"), revolutions)) * numbers["radius_m"],
         "saturated": np.array(list(map(attrgetter("saturated"), revolutions)), np.bool_),
         "ac_coupled": np.array(list(map(attrgetter("ac_coupled"), revolutions)), np.bool_),
-        **{column: texts(one.sources.get(column) for one in conditions) for column in SOURCE_COLUMNS.values()},
+        **{column: texts(each.sources.get(column) for each in conditions) for column in SOURCE_COLUMNS.values()},
         "faults": texts(joined(revolution.faults) for revolution in revolutions),
         "silent_before_s": _floats(map(attrgetter("silent_before_s"), block.results)),
         "alarms": texts(joined(alarm.reason for alarm in result.alarms) for result in block.results),

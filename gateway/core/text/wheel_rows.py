@@ -11,7 +11,7 @@ from gateway.core.estimates.estimator import Estimate, Status, TireConditions
 from gateway.core.estimates.results import RevolutionResult, WheelSnapshot
 from gateway.core.estimates.weighted_mean import MeanEstimate, WeightedMean, mean_estimate
 from gateway.core.quantity_catalogue import quantity_of
-from gateway.core.reasons import Code, CoreCode, Reason
+from gateway.core.reasons import CoreCode, Reason
 from gateway.core.table_columns import RECORDING_HEAD, RECORDING_PARTS, RECORDING_TAIL
 from gateway.core.text.numbers import RENAMED, distinct_name
 from gateway.core.text.table_sinks import Cell
@@ -36,8 +36,8 @@ class _Quantity:
         self._reasons: dict[Status, tuple[Reason, ...]] = {}
         # Revolutions since the first with a value: an estimator that has just begun has none.
         self._revolutions = 0
-        self._doubts: Counter[Code] = Counter()
-        self._doubt_of: dict[Code, Reason] = {}
+        self._doubts: Counter[tuple[object, ...]] = Counter()
+        self._doubt_of: dict[tuple[object, ...], Reason] = {}
 
     def add(self, estimate: Estimate) -> None:
         self._reasons[estimate.status] = estimate.reasons
@@ -49,8 +49,8 @@ class _Quantity:
         self._revolutions += 1
         if estimate.status is not Status.VALID and estimate.reasons:
             doubt = estimate.reasons[0]
-            self._doubts[doubt.code] += 1
-            self._doubt_of[doubt.code] = doubt
+            self._doubts[doubt.kind] += 1
+            self._doubt_of[doubt.kind] = doubt
 
     @property
     def valid(self) -> WeightedMean:
@@ -69,7 +69,7 @@ class _Quantity:
         doubts: list[Reason] = []
         if status is Status.VALID and mean.count < _LEAST_VALID_SHARE * self._revolutions:
             doubts.append(Reason(CoreCode.ROW_FEW_VALID, count=mean.count, of=self._revolutions))
-            doubts += [self._doubt_of[code] for code, _ in self._doubts.most_common(1)]
+            doubts += [self._doubt_of[kind] for kind, _ in self._doubts.most_common(1)]
         status = Status.PROVISIONAL if doubts or (self._is_steady and mean.varies) else status
         reasons = (*doubts, *mean.reasons, *reasons)
         return mean.value, mean.std, mean.scatter, mean.count, str(status), joined(reasons)

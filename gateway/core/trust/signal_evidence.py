@@ -593,17 +593,14 @@ def _causes(
     value = ratio.value
     if gravity_allows(value):
         units = [
-            _Possible(_UNIT_ERRORS, Basis.GAIN, factor, Reason(code))
-            for factor, code in (
-                (STANDARD_GRAVITY_MPS2, TrustCode.UNIT_IS_MPS2),
-                (1.0 / STANDARD_GRAVITY_MPS2, TrustCode.UNIT_IS_G),
-            )
+            _Possible(_UNIT_ERRORS, Basis.GAIN, factor, Reason(TrustCode.WOULD_FIT, what=unit))
+            for factor, unit in ((STANDARD_GRAVITY_MPS2, "mps2"), (1.0 / STANDARD_GRAVITY_MPS2, "g"))
             if abs(value - factor) <= tolerance
         ]
         yield from units
         if value > 0.0 and not units:
             errors = abs(math.log(value)) / max(claims.gain_std, 1e-6)
-            yield _Possible(errors, Basis.GAIN, value, Reason(TrustCode.GAIN_WOULD_FIT, gain=value))
+            yield _Possible(errors, Basis.GAIN, value, Reason(TrustCode.WOULD_FIT, what="gain", gain=value))
     if not gravity_allows(1.0):
         return
     if value > 0.0:
@@ -616,17 +613,17 @@ def _causes(
             _RATIO_ERRORS if is_near else _OTHER_RATE_ERRORS,
             Basis.RATE,
             rate,
-            Reason(TrustCode.RATE_WOULD_FIT, rate_hz=rate * stated_hz, stated_hz=stated_hz),
+            Reason(TrustCode.WOULD_FIT, what="rate", rate_hz=rate * stated_hz, stated_hz=stated_hz),
         )
         if is_near and near in _MISSED_CONTACTS:
-            missed = Reason(TrustCode.CONTACTS_MISSED, every=near)
+            missed = Reason(TrustCode.WOULD_FIT, what="contacts", every=near)
             yield _Possible(_MISSED_ERRORS, Basis.RATE, rate, missed)
         radius_m = conditions.radius_m * value
         if _RADII_M[0] <= radius_m <= _RADII_M[1]:
             errors = abs(math.log(value)) / max(conditions.radius_std_m / conditions.radius_m, 1e-6)
-            fits = Reason(TrustCode.RADIUS_WOULD_FIT, radius_m=radius_m, stated_m=conditions.radius_m)
+            fits = Reason(TrustCode.WOULD_FIT, what="radius", radius_m=radius_m, stated_m=conditions.radius_m)
             yield _Possible(errors, Basis.RADIUS, value, fits)
     zero_mps2 = (value - 1.0) * measured.steady_mps2
     if not measured.ac_coupled and abs(zero_mps2) <= LARGEST_ZERO_MPS2:
         errors = abs(zero_mps2) / max(claims.zero_g_std_mps2, 1e-6)
-        yield _Possible(errors, Basis.ZERO, math.nan, Reason(TrustCode.ZERO_WOULD_FIT, zero_mps2=zero_mps2))
+        yield _Possible(errors, Basis.ZERO, math.nan, Reason(TrustCode.WOULD_FIT, what="zero", zero_mps2=zero_mps2))

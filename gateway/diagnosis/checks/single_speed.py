@@ -44,7 +44,8 @@ def doubted(
             finding,
             verdict=Verdict.INDISTINGUISHABLE,
             rivals=(*finding.rivals, FIXED_FREQUENCY),
-            decide_with=finding.decide_with or Reason(DiagnosisCode.RECORD_AT, quantity="speed", ratio=1.5),
+            decide_with=finding.decide_with
+            or Reason(DiagnosisCode.RECORD_AGAIN, how="ratio", quantity="speed", ratio=1.5),
             reason=Reason(DiagnosisCode.ORDER_OR_FREQUENCY, noise_floors=over_noise),
         )
         if finding.verdict is Verdict.NAMED and finding.name in ringing

@@ -24,12 +24,12 @@ from gateway.diagnosis.reasons import DiagnosisCode
 ASSUMED_LOAD_N: Final = 4000.0
 ASSUMED_PRESSURE_PA: Final = 2.2e5
 
-WILD: Final = Reason(DiagnosisCode.OUTLIER_OF_GROUP)
-CUT_OFF: Final = Reason(DiagnosisCode.CLIPPED_UNLIKE_GROUP)
+WILD: Final = Reason(DiagnosisCode.REVOLUTION_UNUSED, why="outlier")
+CUT_OFF: Final = Reason(DiagnosisCode.REVOLUTION_UNUSED, why="clipped")
 
 MOST_ALIKE: Final = 5000
 """Revolutions of one group; comparing them takes 30 kB each."""
-GROUP_IS_FULL: Final = Reason(DiagnosisCode.BEYOND_GROUP_LIMIT, limit=MOST_ALIKE)
+GROUP_IS_FULL: Final = Reason(DiagnosisCode.REVOLUTION_UNUSED, why="group_limit", limit=MOST_ALIKE)
 
 _DEVIATIONS_S: Final = 30.0
 _DRIFT_OVER: Final = 9
@@ -99,7 +99,7 @@ def make_groups(
     return made
 
 
-TOO_FEW_REVOLUTIONS: Final = Reason(DiagnosisCode.TOO_FEW_ALIKE)
+TOO_FEW_REVOLUTIONS: Final = Reason(DiagnosisCode.REVOLUTION_UNUSED, why="too_few")
 
 
 def _cut_off_or_not(table: RevolutionTable, places: IntArray, reject: Callable[[Reason, int], None]) -> IntArray:

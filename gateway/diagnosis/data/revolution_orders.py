@@ -20,8 +20,8 @@ from gateway.diagnosis.reasons import DiagnosisCode
 MOST_REVOLUTIONS: Final = 20_000
 """Revolutions of one recording; at 3 kB each they take 60 MB."""
 
-TOO_MANY: Final = Reason(DiagnosisCode.BEYOND_RECORDING_LIMIT, limit=MOST_REVOLUTIONS)
-NOT_MEASURED: Final = Reason(DiagnosisCode.REVOLUTION_NOT_MEASURED)
+TOO_MANY: Final = Reason(DiagnosisCode.REVOLUTION_UNUSED, why="recording_limit", limit=MOST_REVOLUTIONS)
+NOT_MEASURED: Final = Reason(DiagnosisCode.REVOLUTION_UNUSED, why="not_measured")
 
 # Share of the Nyquist order up to which the pipeline's interpolation is right within 0.5 %.
 _USABLE_BAND: Final = 0.56

@@ -10,7 +10,6 @@ from gateway.core.plugins import Plugin, PluginStatus, imported, installed, load
 from gateway.core.reasons import CoreCode, Reason
 from gateway.diagnosis import effects as package
 from gateway.diagnosis.effects.effect import BaselineModel, Effect
-from gateway.diagnosis.reasons import DiagnosisCode
 
 
 @cache
@@ -39,14 +38,18 @@ def plugin_fault(plugin: Plugin, loaded: object) -> Reason | None:
     """Return why the object of a plug-in holds no effects for the catalogue, None when it does."""
     effects = _effects_of(loaded)
     if not effects:
-        return Reason(CoreCode.PLUGIN_WRONG_TYPE, expected="a sequence of gateway.diagnosis.effects.effect.Effect")
+        return Reason(
+            CoreCode.PLUGIN_REFUSED, why="wrong_type", expected="a sequence of gateway.diagnosis.effects.effect.Effect"
+        )
     taken = [(effect, "treadlink") for effect in _builtin()]
     for earlier in takewhile(lambda other: other != plugin, installed(Registry.EFFECTS)):
         taken += [(effect, earlier.package) for effect in _effects_of(imported(earlier))]
     for effect in effects:
         for other, owner in taken:
             if effect.name == other.name or effect.rank == other.rank:
-                return Reason(DiagnosisCode.PLUGIN_EFFECT_TAKEN, effect=other.name, rank=str(other.rank), by=owner)
+                return Reason(
+                    CoreCode.PLUGIN_REFUSED, why="effect_taken", effect=other.name, rank=str(other.rank), by=owner
+                )
         taken.append((effect, plugin.package))
     return None
 

@@ -26,21 +26,21 @@ _DISTINGUISHED: Final = 25.0
 _STEPS: Final = 4
 _ROUGH: Final = 0.02
 # Effects independent of speed, load, temperature and direction need another kind of recording.
-_AT_REST: Final = {frozenset(("camber", "zero-g offset")): Reason(DiagnosisCode.RECORD_AT_REST)}
-NOTHING: Final = Reason(DiagnosisCode.NO_RECORDING_DECIDES)
+_AT_REST: Final = {frozenset(("camber", "zero-g offset")): Reason(DiagnosisCode.RECORD_AGAIN, how="at_rest")}
+NOTHING: Final = Reason(DiagnosisCode.RECORD_AGAIN, how="none_decides")
 
 
 def _at(quantity: str, ratio: float) -> Reason:
-    return Reason(DiagnosisCode.RECORD_AT, quantity=quantity, ratio=ratio)
+    return Reason(DiagnosisCode.RECORD_AGAIN, how="ratio", quantity=quantity, ratio=ratio)
 
 
 _OTHERS: Final[tuple[tuple[Reason, Callable[[GroupConditions], GroupConditions]], ...]] = (
     (_at("speed", 1.5), lambda c: replace(c, omega_radps=1.5 * c.omega_radps)),
     (_at("speed", 0.25), lambda c: replace(c, omega_radps=0.25 * c.omega_radps)),
     (_at("speed", 0.6), lambda c: replace(c, omega_radps=0.6 * c.omega_radps)),
-    (Reason(DiagnosisCode.RECORD_REVERSED), lambda c: replace(c, reverse=not c.reverse)),
+    (Reason(DiagnosisCode.RECORD_AGAIN, how="reversed"), lambda c: replace(c, reverse=not c.reverse)),
     (
-        Reason(DiagnosisCode.RECORD_WARMER, difference_k=20.0),
+        Reason(DiagnosisCode.RECORD_AGAIN, how="warmer", difference_k=20.0),
         lambda c: replace(c, temperature_degc=c.temperature_degc + 20.0),
     ),
     (_at("load", 1.4), lambda c: replace(c, load_n=1.4 * c.load_n)),
@@ -72,10 +72,10 @@ def _clock_decides(campaign: Campaign) -> Reason:
     """Return the clock comparison that would separate the explanations."""
     _, std = campaign.clock_error
     if not math.isfinite(std):
-        return Reason(DiagnosisCode.RECORD_LIVE)
+        return Reason(DiagnosisCode.RECORD_AGAIN, how="live")
     if std > HOST_CLOCK:
-        return Reason(DiagnosisCode.RECORD_LIVE_FOR_LONGER, clock_std=std)
-    return Reason(DiagnosisCode.COMPARE_CLOCK, host_clock=HOST_CLOCK)
+        return Reason(DiagnosisCode.RECORD_AGAIN, how="live_longer", clock_std=std)
+    return Reason(DiagnosisCode.RECORD_AGAIN, how="better_clock", host_clock=HOST_CLOCK)
 
 
 def _distinction(

@@ -89,7 +89,7 @@ def beside_larger(findings: Sequence[Finding], larger: Mapping[str, float], *, s
         larger: rms of the largest unexplained part that may contain an effect, by its name, m/s^2.
         several: whether the recordings have several speeds.
     """
-    decides = DiagnosisCode.RECORD_ON_ANOTHER_ROAD if several else DiagnosisCode.RECORD_ROAD_AT_ANOTHER_SPEED
+    decides = Reason(DiagnosisCode.RECORD_AGAIN, how="another_road" if several else "another_speed")
     doubted = []
     smaller = {
         finding.name
@@ -107,7 +107,7 @@ def beside_larger(findings: Sequence[Finding], larger: Mapping[str, float], *, s
                 finding,
                 verdict=Verdict.INDISTINGUISHABLE,
                 rivals=(*finding.rivals, UNKNOWN),
-                decide_with=finding.decide_with or Reason(decides),
+                decide_with=finding.decide_with or decides,
             )
         doubted.append(finding)
     return doubted
@@ -185,7 +185,9 @@ def _finding(
         without.fit.deviance - inside.fit.deviance,
         _rms(sites, inside.fit, effect),
         rivals=tuple(ANTI_ALIAS if rival == LOW_PASS else rival for rival in judgement.rivals),
-        decide_with=Reason(DiagnosisCode.RECORD_ROAD_AT_ANOTHER_SPEED) if judgement.rivals and not several else None,
+        decide_with=Reason(DiagnosisCode.RECORD_AGAIN, how="another_speed")
+        if judgement.rivals and not several
+        else None,
         reason=judgement.reason,
         summary=effect.summary,
         equation=effect.equation,

@@ -57,7 +57,10 @@ _OF_NOTES: Final = {
         "recordings contradict each other",
         "correct what is stated, or diagnose them apart",
     ),
-    DiagnosisCode.NOT_A_RING: ("the signal is not that of a ring", "check radius, axes and gain in the vehicle file"),
+    DiagnosisCode.NOT_A_RING: (
+        "the signal is not that of a rolling tire's belt",
+        "check radius, axes and gain in the vehicle file",
+    ),
     DiagnosisCode.PLUGIN_EFFECTS_LEFT_OUT: (
         "effects of plug-ins were left out",
         "remove or repair the plug-in in the note",

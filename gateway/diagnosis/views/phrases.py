@@ -350,7 +350,7 @@ _NOTHING_DETERMINED: Final = {
     DiagnosisCode.CONTACTS_CONTRADICT: _CONTRADICTED,
     DiagnosisCode.NUMBERS_CONTRADICT: _CONTRADICTED,
     DiagnosisCode.SENSOR_IN_DOUBT: "the sensor is in doubt: see the notes",
-    DiagnosisCode.NOT_A_RING: "the signal is not that of a ring: see the notes",
+    DiagnosisCode.NOT_A_RING: "the signal is not that of a rolling tire's belt: see the notes",
     DiagnosisCode.LEFT_WHEN_ENDED: "the search ended before it had explained the signal: allow it more time",
 }
 

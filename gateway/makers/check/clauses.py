@@ -198,7 +198,7 @@ class Ledger:
         if isinstance(subject, SeenFrame):
             example, at_byte, subject = subject.data, subject.at_byte, source_name(subject.source)
         findings = self._findings.setdefault(clause, {})
-        key = subject, reason.code, is_advice
+        key = subject, reason.kind, is_advice
         if key in findings:
             findings[key].count += count
         else:
@@ -207,7 +207,7 @@ class Ledger:
     def restate(self, clause: Clause, subject: str, reason: Reason, count: int) -> None:
         """Give a violation noted before its present values and count."""
         for finding in self._findings.get(clause, {}).values():
-            if (finding.subject, finding.reason.code) == (subject, reason.code):
+            if (finding.subject, finding.reason.kind) == (subject, reason.kind):
                 finding.reason, finding.count = reason, count
 
     def leave(self, clause: Clause, why: Reason) -> None:

@@ -139,9 +139,7 @@ class ClockRules:
             contiguous = not blocks.lost
             self._ledger.check(Clause.NUMBERS)
             if step < last[3] and not repeated:
-                reason = Reason(
-                    FirmwareCode.SAMPLE_NUMBERS_WRONG, how="overlap", step=float(step), samples=float(last[3])
-                )
+                reason = Reason(FirmwareCode.NUMBERS_WRONG, how="overlap", step=float(step), samples=float(last[3]))
                 self._ledger.fail(Clause.NUMBERS, seen, reason)
             elif step > last[3] and contiguous:
                 blocks.holes += step - last[3]
@@ -204,14 +202,14 @@ class ClockRules:
         blocks = self._blocks[source]
         dropped = self._clocks[source[0]].samples_dropped if source[0] in self._clocks else None
         if blocks.hole is not None:
-            reason = Reason(FirmwareCode.SAMPLE_NUMBERS_WRONG, how="holes", holes=float(blocks.holes))
+            reason = Reason(FirmwareCode.NUMBERS_WRONG, how="holes", holes=float(blocks.holes))
             if dropped is None or dropped[1] == dropped[0]:
                 self._ledger.fail(Clause.NUMBERS, blocks.hole, reason)
             else:
                 self._ledger.fail(
                     Clause.LOSS,
                     blocks.hole,
-                    Reason(FirmwareCode.SAMPLE_NUMBERS_WRONG, how="dropped", holes=float(blocks.holes)),
+                    Reason(FirmwareCode.NUMBERS_WRONG, how="dropped", holes=float(blocks.holes)),
                 )
         if blocks.hello is None or len(blocks.numbers) < 3:
             return

@@ -178,7 +178,7 @@ class CommandTrial:
         if answer is None:
             if not is_first:
                 self._ledger.check(Clause.COMMAND_ANSWER)
-                reason = Reason(FirmwareCode.COMMAND_ANSWER_WRONG, how="late", command=name, waited_s=_ANSWER_S)
+                reason = Reason(FirmwareCode.ANSWER_WRONG, how="late", command=name, waited_s=_ANSWER_S)
                 self._ledger.fail(Clause.COMMAND_ANSWER, f"hub {self._hub}", reason, frame)
             return None
         result = answer.message
@@ -187,14 +187,12 @@ class CommandTrial:
         self._ledger.check(clause)
         if answer.wheel != HUB_ITSELF:
             self._ledger.fail(
-                Clause.COMMAND_ANSWER,
-                answer,
-                Reason(FirmwareCode.COMMAND_ANSWER_WRONG, how="not_of_hub", wheel=answer.wheel),
+                Clause.COMMAND_ANSWER, answer, Reason(FirmwareCode.ANSWER_WRONG, how="not_of_hub", wheel=answer.wheel)
             )
         # With outcome 5 it is the highest counter so far.
         if result.command != type_ or (result.seq != seq and result.outcome != Outcome.REPEATED):
             reason = Reason(
-                FirmwareCode.COMMAND_ANSWER_WRONG,
+                FirmwareCode.ANSWER_WRONG,
                 how="other_command",
                 command=result.command,
                 seq=result.seq,
@@ -204,11 +202,7 @@ class CommandTrial:
             self._ledger.fail(Clause.COMMAND_ANSWER, answer, reason)
         elif result.outcome != expected:
             reason = Reason(
-                FirmwareCode.COMMAND_ANSWER_WRONG,
-                how="outcome",
-                command=name,
-                outcome=result.outcome,
-                expected=int(expected),
+                FirmwareCode.ANSWER_WRONG, how="outcome", command=name, outcome=result.outcome, expected=int(expected)
             )
             self._ledger.fail(clause, answer, reason)
         return answer
@@ -253,7 +247,7 @@ class CommandTrial:
         answer = yield self._in(_QUIET_S), self._is_answer
         self._ledger.check(Clause.COMMAND_CRC)
         if answer is not None:
-            self._ledger.fail(Clause.COMMAND_CRC, answer, Reason(FirmwareCode.COMMAND_ANSWER_WRONG, how="to_damaged"))
+            self._ledger.fail(Clause.COMMAND_CRC, answer, Reason(FirmwareCode.ANSWER_WRONG, how="to_damaged"))
 
     def _stream(self, *, is_signed: bool) -> _Script:
         """Samples stop and start; everything else goes on. The same command again is done again, or refused."""
@@ -266,7 +260,7 @@ class CommandTrial:
                 self._ledger.fail(
                     Clause.COMMAND_STREAM,
                     late,
-                    Reason(FirmwareCode.COMMAND_WITHOUT_EFFECT, command="stream_off", waited_s=_ON_ITS_WAY_S),
+                    Reason(FirmwareCode.COMMAND_FUTILE, command="stream_off", waited_s=_ON_ITS_WAY_S),
                 )
             status = yield self._in(_ANSWER_S), lambda seen: isinstance(seen.message, HubStatus)
             if status is None:
@@ -279,7 +273,7 @@ class CommandTrial:
         yield from self._send(Clause.COMMAND_STREAM, frame, Outcome.DONE)
         samples = yield self._in(_ANSWER_S), self._is_samples
         if samples is None:
-            reason = Reason(FirmwareCode.COMMAND_WITHOUT_EFFECT, command="stream_on", waited_s=_ANSWER_S)
+            reason = Reason(FirmwareCode.COMMAND_FUTILE, command="stream_on", waited_s=_ANSWER_S)
             self._ledger.fail(Clause.COMMAND_STREAM, f"hub {self._hub}", reason)
         expected = Outcome.REPEATED if is_signed else Outcome.DONE
         yield from self._send(Clause.COMMAND_REPEATED, frame, expected)
@@ -303,12 +297,10 @@ class CommandTrial:
             )
             self.pausing = self._hub
             if hello is None or not isinstance(hello.message, Hello):
-                reason = Reason(
-                    FirmwareCode.COMMAND_WITHOUT_EFFECT, command="rate", stated_hz=before_hz, waited_s=_ANSWER_S
-                )
+                reason = Reason(FirmwareCode.COMMAND_FUTILE, command="rate", stated_hz=before_hz, waited_s=_ANSWER_S)
                 self._ledger.fail(Clause.COMMAND_RATE, f"hub {self._hub}", reason)
             elif wanted_hz == before_hz and hello.message.rate_hz != before_hz:
                 reason = Reason(
-                    FirmwareCode.COMMAND_WITHOUT_EFFECT, command="rate", stated_hz=hello.message.rate_hz, waited_s=0.0
+                    FirmwareCode.COMMAND_FUTILE, command="rate", stated_hz=hello.message.rate_hz, waited_s=0.0
                 )
                 self._ledger.fail(Clause.COMMAND_RATE, hello, reason)

@@ -165,7 +165,7 @@ class FirmwareCheck:
         seen = SeenFrame(at_byte, host_s, data, type_, hub, wheel, flags, seq, tick_us, None)
         if version != wire.VERSION_BYTE:
             self.ledger.fail(
-                Clause.VERSION, seen, Reason(FirmwareCode.FRAME_HEADER_WRONG, field="version", value=f"{version:#04x}")
+                Clause.VERSION, seen, Reason(FirmwareCode.HEADER_WRONG, field="version", value=f"{version:#04x}")
             )
             if version >> 4 != wire.VERSION_MAJOR:
                 return None
@@ -173,12 +173,12 @@ class FirmwareCheck:
         self.ledger.check(Clause.FLAGS)
         if flags & ~wire.KNOWN_FLAGS:
             self.ledger.fail(
-                Clause.FLAGS, seen, Reason(FirmwareCode.FRAME_HEADER_WRONG, field="flags", value=f"{flags:#04x}")
+                Clause.FLAGS, seen, Reason(FirmwareCode.HEADER_WRONG, field="flags", value=f"{flags:#04x}")
             )
         if type_ not in DECODERS:
-            self.ledger.fail(Clause.TYPES, seen, Reason(FirmwareCode.FRAME_HEADER_WRONG, field="type", value=type_))
+            self.ledger.fail(Clause.TYPES, seen, Reason(FirmwareCode.HEADER_WRONG, field="type", value=type_))
         elif flags & wire.SIGNED_FLAG and not is_signed(data):
-            self.ledger.fail(Clause.LAYOUT, seen, Reason(FirmwareCode.FRAME_HEADER_WRONG, field="tag"))
+            self.ledger.fail(Clause.LAYOUT, seen, Reason(FirmwareCode.HEADER_WRONG, field="tag"))
         else:
             seen = seen._replace(message=self._content(seen))
         self._rules(seen, after_damage=after_damage)

@@ -110,7 +110,7 @@ def test_commands_are_executed_with_a_reply(bluez: BluezStandIn) -> None:
 
         assert send(SetStream(False)) == 1
         assert send(SetRate(4790.0)) == 1
-        with pytest.raises(SourceError, match="hub 1 did not execute SET_RATE: value refused"):
+        with pytest.raises(SourceError, match="hub 1 did not execute SET_RATE: it refused the value"):
             send(SetRate(9600.0))
         types = set()
         source = open_source("ble://Treadlink-FR?scan=0.2", SystemClock())
@@ -198,8 +198,11 @@ def test_commands_address_every_hub() -> None:
     ("result", "words"),
     [
         (CommandResult(1, MessageType.SET_RATE, Outcome.DONE), None),
-        (CommandResult(1, MessageType.SET_RATE, Outcome.VALUE_REFUSED), "did not execute SET_RATE: value refused"),
-        (CommandResult(1, 99, Outcome.UNKNOWN_COMMAND), "did not execute command 99: unknown command"),
+        (
+            CommandResult(1, MessageType.SET_RATE, Outcome.VALUE_REFUSED),
+            "did not execute SET_RATE: it refused the value",
+        ),
+        (CommandResult(1, 99, Outcome.UNKNOWN_COMMAND), "did not execute command 99: it does not know the command"),
         (CommandResult(1, MessageType.HELLO, 200), "did not execute command 1: outcome 200"),
     ],
 )

@@ -87,7 +87,7 @@ LINK = LinkSnapshot("ble:x", True, Reason(LinkCode.LINK_CONNECTED), 0, 1000, 0, 
         (
             {"sensor_id": "0000a002"},
             AlarmName.MISPLACED,
-            Reason(SessionCode.SENSOR_REPLACED, sensor="0000a002", expected="a"),
+            Reason(SessionCode.OTHER_SENSOR, how="replaced", sensor="0000a002", expected="a"),
         ),
     ],
 )

@@ -68,7 +68,7 @@ def test_size_that_is_kept_follows_the_options(tmp_path: Path) -> None:
 
 def test_alarm_comes_before_the_disk_is_full_and_stays_until_there_is_room() -> None:
     (alarm,) = disk_alarm(DiskRoom(10**8, 599.0))
-    assert (alarm.name, alarm.reason.code) == (AlarmName.DISK, SessionCode.DISK_FULL_SOON)
+    assert (alarm.name, alarm.reason.kind) == (AlarmName.DISK, (SessionCode.DISK_SPACE, "minutes"))
     assert text(alarm.reason) == "the disk has 100.0 MB left and is full in 10 min: free some space"
     standing = {(alarm.position, alarm.name): alarm.reason.code}
     assert list(disk_alarm(DiskRoom(10**8, 700.0), standing))
@@ -82,8 +82,8 @@ def test_alarm_comes_before_the_disk_is_full_and_stays_until_there_is_room() -> 
 
 def test_space_and_time_are_said_once() -> None:
     rooms = [None, DiskRoom(10**10, None), DiskRoom(10**10, 7200.0), DiskRoom(10**10, 7100.0)]
-    said = [n.reason.code for before, now in zip(rooms, rooms[1:], strict=False) for n in disk_notices(before, now)]
-    assert said == [SessionCode.DISK_SPACE, SessionCode.DISK_TIME]
+    said = [n.reason["lasts"] for before, now in zip(rooms, rooms[1:], strict=False) for n in disk_notices(before, now)]
+    assert said == ["unknown", "hours"]
 
 
 def test_record_says_the_space_at_its_start(tmp_path: Path) -> None:

@@ -174,7 +174,7 @@ def test_assumed_radius_is_reported_without_configuration(demo):
     results = [result for item in items for result in core.take(item)]
     assert {result.position for result in results} == {f"hub0.wheel{i}" for i in range(4)}
     reasons = [notice.reason for notice in core.take_notices()]
-    assert reasons.count(Reason(SessionCode.WHEEL_NOT_CONFIGURED, radius_m=0.32)) == 4
+    assert reasons.count(Reason(SessionCode.WHEEL_NOT_CONFIGURED, vehicle_file="none", radius_m=0.32)) == 4
 
 
 def test_two_links_with_one_hub_number_are_recorded(demo, tmp_path):

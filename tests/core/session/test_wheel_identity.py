@@ -40,18 +40,16 @@ def test_only_another_sensor_is_misplaced() -> None:
     for position, sensor in (("FL", "0000a001"), ("FL", ""), ("RL", "dead")):
         assert misplaced_sensor(position, sensor, CONFIGURED) is None
     assert misplaced_sensor("FL", "0000dead", CONFIGURED) == Reason(
-        SessionCode.SENSOR_REPLACED, sensor="0000dead", expected="0000a001"
+        SessionCode.OTHER_SENSOR, how="replaced", sensor="0000dead", expected="0000a001"
     )
     assert misplaced_sensor("FL", "0000a002", CONFIGURED) == Reason(
-        SessionCode.SENSOR_SWAPPED, sensor="0000a002", owner="FR", position="FL"
+        SessionCode.OTHER_SENSOR, how="swapped", sensor="0000a002", owner="FR", position="FL"
     )
 
 
 def test_given_configuration_of_another_sensor_is_refused(recording: Path) -> None:
     vehicle = parse_vehicle(configuration(recording, "0000b000", "0000dead"), "test")
-    with pytest.raises(
-        ConfigError, match="W0: sensor 0000b000 is here, but the configuration names 0000dead"
-    ) as caught:
+    with pytest.raises(ConfigError, match="W0: sensor 0000b000 is here, but the configuration has 0000dead") as caught:
         read_campaign(reading_orders([recording], vehicle=vehicle))
     assert "Without --config" in caught.value.remedy
 
@@ -64,7 +62,7 @@ def test_recorded_configuration_of_another_sensor_is_noted(tmp_path: Path) -> No
         change=lambda toml: toml.replace("0000b000", "0000dead"),
     )
     (note,) = read_campaign(reading_orders([path])).notes
-    replaced = Reason(SessionCode.SENSOR_REPLACED, sensor="0000b000", expected="0000dead")
+    replaced = Reason(SessionCode.OTHER_SENSOR, how="replaced", sensor="0000b000", expected="0000dead")
     assert note == Reason(DiagnosisCode.ABOUT_RECORDING, recording="renewed.mcap, W0", reason=replaced)
 
 
@@ -75,10 +73,12 @@ def test_any_sensor_is_accepted_without_serial_number(recording: Path) -> None:
 
 def test_unconfigured_wheel_is_reported(recording: Path, tmp_path: Path) -> None:
     toml = configuration(recording, "wheel = 0", "wheel = 3")
-    words = "hub0.wheel0: not configured (the configuration has W0 (hub 0, wheel 3)): belt radius 320 mm assumed"
+    words = "hub0.wheel0: not configured (the configuration has W0 (hub 0, wheel 3)): belt radius 320 mm is assumed"
     campaign = read_campaign(reading_orders([recording], vehicle=parse_vehicle(toml, "test")))
     assert campaign.wheel == "hub0.wheel0"
-    assert any(SessionCode.WHEEL_NOT_IN_CONFIGURATION in [inner.code for inner in note] for note in campaign.notes)
+    assert any(
+        (SessionCode.WHEEL_NOT_CONFIGURED, "others") in [inner.kind for inner in note] for note in campaign.notes
+    )
     assert words in estimate(recording, toml, tmp_path).output
     with pytest.raises(RecordingError) as caught:
         read_campaign(reading_orders([recording], vehicle=parse_vehicle(toml, "test"), wheel="W0"))
@@ -87,5 +87,5 @@ def test_unconfigured_wheel_is_reported(recording: Path, tmp_path: Path) -> None
 
 def test_estimate_reports_another_sensor(recording: Path, tmp_path: Path) -> None:
     printed = estimate(recording, configuration(recording, "0000b000", "0000dead"), tmp_path).output
-    assert "W0: sensor 0000b000 is here, but the configuration names 0000dead: a new sensor or tire?" in printed
+    assert "W0: sensor 0000b000 is here, but the configuration has 0000dead: is it a new sensor or tire?" in printed
     assert "0000b000" not in invoked("estimate", recording).output

@@ -103,7 +103,7 @@ def test_long_reason_is_written_in_full_once(made, plain):
         view.result(made.result(index=count, status=Status.PROVISIONAL, reasons=(reason,)))
     full = [line for line in lines if line.startswith("# ")]
     assert full == [f"# FL rev 0: {text(Reason(RingCode.RING_DOES_NOT_FIT, residual=0.6, limit=0.5))}"]
-    assert all(" ~  the ring does not" in line for line in lines if line.startswith("FL"))
+    assert all(" ~  the model of the tire does not" in line for line in lines if line.startswith("FL"))
 
 
 def test_remark_on_valid_numbers_is_written_once(made, plain):

@@ -133,7 +133,7 @@ def test_mean_speed_carries_the_status_of_the_speed() -> None:
 
 def test_lines_of_many_invalid_estimates_are_narrow() -> None:
     names = [f"ply_steer_{part}_rad" for part in ("peak", "first_half", "adhesion_line", "contact_line", "ahead")]
-    chance = Reason(EstimateCode.SIGN_NOT_DETERMINED, errors=1.2)
+    chance = Reason(EstimateCode.SIGN_NOT_DETERMINED, why="near_zero", errors=1.2)
     summary = ResultSummary()
     summary.add(result("FL", 0.1, *(Estimate.invalid(name, chance) for name in names)))
     lines = summary_lines(summary.wheels())

@@ -105,7 +105,7 @@ def test_no_reason_of_a_drive_says_that_a_number_is_none() -> None:
         [name for name in ESTIMATORS if name not in ("forward", "ring-modal", "ring-paper")]
     )
     texts = {*estimates.reasons.tolist()}
-    assert any(text(Reason(EstimateCode.SIGN_WITHOUT_ERROR)) in said for said in texts)
+    assert any(text(Reason(EstimateCode.SIGN_NOT_DETERMINED, why="no_error")) in said for said in texts)
     assert [said for said in texts if NO_NUMBER.search(said)] == []
 
 

@@ -102,10 +102,10 @@ def test_lines_are_clean_and_name_outliers(trends):
 def test_notes_of_the_page_name_their_tires(trends):
     page = trends_page(trends)
     assert re.search(
-        r"<li>=car FR 0000a000, pressure loss: the loss is [^<]* refills that the scatter hides included", page
+        r"<li>=car FR 0000a000, pressure loss: the loss may be [^<]* as the scatter can hide refills", page
     )
     assert re.search(r"<li>all tires, zero-g offset: no recording has a value", page)
-    assert re.search(r"<li>[^<]*0000a000, Bs with age: outliers left out: 2", page)
+    assert re.search(r"<li>[^<]*0000a000, Bs with age: 2 outliers are not used", page)
 
 
 def test_csv_has_the_findings(trends):
