@@ -22,6 +22,19 @@ _STATUSES: Final = {
     "provisional": "the value can be used with care; the reason beside it says what may be wrong (mark ~)",
     "invalid": "there is no value that can be used; the reason beside it says why (mark x)",
 }
+_TERMS: Final = {
+    "baseline": "the tire model without any effect, against which effects of a diagnosis are compared",
+    "exact ring": "the tire model without small-angle approximations: a belt that bends, on sidewall springs, on a "
+    "flat or curved road; `--model exact`",
+    "held-out rms": "root mean square of the error on revolutions that the fit has not seen, in m/s²; also: error on "
+    "unseen revolutions",
+    "neutral layer": "the layer of the belt that bending does not stretch; the sensor sits below it, toward the axle",
+    "noise floor": "error that a perfect model would leave: the noise of the averaged signal",
+    "order": "events in a turn of the wheel: order 2 comes twice in each turn, at any speed",
+    "standard error": "one standard uncertainty (JCGM 100): the true value is within it in two of three cases, within "
+    "twice of it in 19 of 20",
+    "zero-g offset": "what an axis of the sensor reads without any acceleration",
+}
 _STATEMENTS: Final = {
     Basis.RADIUS: "belt radius",
     Basis.RATE: "sampling rate",
@@ -42,7 +55,7 @@ class Entry(NamedTuple):
     """A word and what it means.
 
     Attributes:
-        kind: `quantity`, `effect`, `reason` or `status`.
+        kind: `quantity`, `effect`, `reason`, `status` or `term`.
         word: as the program writes it.
         names: what a user may call it; the first is its name in files.
         lines: label and text of each thing that is known of it; the first has no label.
@@ -55,9 +68,9 @@ class Entry(NamedTuple):
 
 
 def entries() -> Iterator[Entry]:
-    """Yield every entry: statuses, quantities, effects, reasons."""
-    for word, meaning in _STATUSES.items():
-        yield Entry("status", word, (word,), (("", meaning),))
+    """Yield every entry: statuses, terms, quantities, effects, reasons."""
+    for kind, meanings in (("status", _STATUSES), ("term", _TERMS)):
+        yield from (Entry(kind, word, (word,), (("", meaning),)) for word, meaning in meanings.items())
     by_default = given_by(DEFAULT_ESTIMATORS)
     for quantity in declared():
         yield _of_quantity(quantity, is_default=quantity.name in by_default)

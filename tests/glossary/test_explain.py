@@ -52,6 +52,11 @@ def test_an_unknown_word_is_compared_with_the_known_ones():
     assert "Did you mean Cw?" in error.remedy
 
 
+@pytest.mark.parametrize("term", ["exact ring", "held-out rms", "Noise floor", "zero-g offset"])
+def test_terms_of_the_terminal_are_explained(term):
+    assert f"{term.lower()}  (term)" in invoked("explain", *term.split()).output
+
+
 @pytest.mark.parametrize("status", ["valid", "provisional", "invalid"])
 def test_statuses_are_explained(status):
     assert f"{status}  (status)" in invoked("explain", status).output

@@ -6,7 +6,7 @@ import click
 @click.command()
 @click.argument("words", nargs=-1, required=True, metavar="WORD...")
 def explain(words: tuple[str, ...]) -> None:
-    """Explain a quantity, an effect, a reason or a status.
+    """Explain a quantity, an effect, a reason, a status or a term.
 
     WORD is the name on a screen or in a file, such as `Cw`, `ply steer peak`, `contact_length_m`, `run-out`,
     `samples_lost` or `provisional`. A part of a name lists all that contain it.
@@ -22,7 +22,7 @@ def explain(words: tuple[str, ...]) -> None:
     if not matches:
         words_known = [each for entry in entries() for each in entry.names]
         raise ConfigError(
-            f"'{name}' is no quantity, effect, reason or status",
+            f"'{name}' is no quantity, effect, reason, status or term",
             f"{did_you_mean(name, words_known)}`treadlink explain` takes the names that screens and files have.",
         )
     if len(matches) > 3:
