@@ -48,6 +48,8 @@ _CHANGE_OF_RATE: Final = 0.2
 _FIRST_TURN, _TURN_BEGINS, _TURN_LASTS = 0.2, 0.01, 0.95
 # Probability from which a revolution turns, or does not.
 _CERTAIN: Final = 0.95
+# Revolutions for which a straight or a turn lasts at least: where a curve ends, some may look like either.
+_SHOWN_REVOLUTIONS: Final = 10
 # Probability that a recording begins in a steady curve, and the revolutions that one lasts at least.
 _STEADY, _STEADY_REVOLUTIONS = 0.05, 27.0
 # Revolutions over which the first is one of several.
@@ -382,7 +384,9 @@ class TurnTracker:
         self._forces = _Force(), _Force()
         self._levels = tuple(_Level(std) for std in FIRST_ORDER_STD_M)
         self._noises, self._mean_noise = (_Noise(), _Noise()), _Noise()
-        # Whether the latest certain revolution turned, and how often that has changed.
+        # Whether the latest certain revolution turned and since how many, the same of what lasted, and its changes.
+        self._latest: bool | None = None
+        self._lasts = 0
         self._turned: bool | None = None
         self._changes = 0
 
@@ -479,8 +483,12 @@ class TurnTracker:
 
     def _count_changes(self, turning: float) -> None:
         """Take whether a revolution turned, where that is certain."""
-        if max(turning, 1.0 - turning) >= _CERTAIN:
-            turned = turning > 0.5
+        if max(turning, 1.0 - turning) < _CERTAIN:
+            return
+        turned = turning > 0.5
+        self._lasts = self._lasts + 1 if turned is self._latest else 1
+        self._latest = turned
+        if self._lasts == _SHOWN_REVOLUTIONS:
             self._changes += self._turned is (not turned)
             self._turned = turned
 

@@ -97,6 +97,12 @@ def test_turn_rate_is_valid_after_a_whole_curve() -> None:
     assert after["curve_radius_m"].status is Status.INVALID
 
 
+def test_few_revolutions_are_no_straight() -> None:
+    rate = estimates(0.3, 0.0, 60, 0.8, after=6)["turn_rate_radps"]
+    assert rate.status is Status.PROVISIONAL
+    assert codes_of(rate.reasons)[0] is ForceCode.STRAIGHT_NOT_SHOWN
+
+
 def test_camber_rate_after_straights_is_that_of_the_wheel() -> None:
     camber = estimates(0.0, 0.05, 60)["camber_rate_radps"]
     assert camber.value == pytest.approx(0.05, abs=min(2.5 * camber.std, 0.01))

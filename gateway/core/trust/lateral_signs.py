@@ -62,27 +62,22 @@ class _Line:
 
 
 class _Lines:
-    """A line through all revolutions, and one through the latest ones, which may contradict it."""
+    """A line through `every` revolution, and one through the latest ones, which may contradict it."""
 
     def __init__(self, slopes: tuple[float, float], memory: float) -> None:
         self._of = slopes, memory
-        self._every, self._latest = _Line(*self._of), _Line(*self._of)
+        self.every, self._latest = _Line(*self._of), _Line(*self._of)
 
     def take(self, value: float, ratio: float) -> None:
         """Add a revolution; values that are not finite are ignored."""
         if not math.isfinite(value * ratio):
             return
-        for line in (self._every, self._latest):
+        for line in (self.every, self._latest):
             line.take(value, ratio - 1.0)
         if self._latest.count == _REFUTING:
-            if self._latest.sign * self._every.sign < 0:
-                self._every = self._latest
+            if self._latest.sign * self.every.sign < 0:
+                self.every = self._latest
             self._latest = _Line(*self._of)
-
-    @property
-    def sign(self) -> int:
-        """That of all revolutions."""
-        return self._every.sign
 
 
 class LateralSign:
@@ -100,5 +95,5 @@ class LateralSign:
     @property
     def sign(self) -> int:
         """1 where the axis points to the left, -1 where it points to the right, 0 where no curve has shown it."""
-        by_turn, by_shift = self._by_turn.sign, self._by_shift.sign
+        by_turn, by_shift = self._by_turn.every.sign, self._by_shift.every.sign
         return 0 if by_turn * by_shift < 0 else by_turn or by_shift
