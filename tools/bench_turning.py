@@ -119,15 +119,17 @@ def random_sensor(rng: np.random.Generator) -> Sensor:
     )
 
 
-def smooth(rng: np.random.Generator, time_s: FloatArray, std: float, lasts_s: float) -> FloatArray:
-    """Return noise of first order that lasts for a time, its corners rounded over `STEP_S`."""
-    count = int(time_s[-1] / STEP_S) + 5
-    keep = math.exp(-STEP_S / lasts_s)
+def smooth(
+    rng: np.random.Generator, time_s: FloatArray, std: float, lasts_s: float, step_s: float = STEP_S
+) -> FloatArray:
+    """Return noise of first order that lasts for a time, its corners rounded over a step."""
+    count = int(time_s[-1] / step_s) + 5
+    keep = math.exp(-step_s / lasts_s)
     values = np.empty(count)
     values[0] = rng.normal(0.0, std)
     for index in range(1, count):
         values[index] = keep * values[index - 1] + rng.normal(0.0, std * math.sqrt(1.0 - keep**2))
-    eased = time_s / STEP_S
+    eased = time_s / step_s
     number = eased.astype(np.int64)
     share = eased - number
     share = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)

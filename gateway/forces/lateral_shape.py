@@ -325,7 +325,7 @@ def _coefficients(arrays: RevolutionArrays, taken: Sequence[int], revolutions: S
     both = axes[:, [LATERAL, RADIAL]]
     # Offset and camber do not grow with the speed, so they are removed before the acceleration is corrected.
     both -= both.mean(axis=2, keepdims=True)
-    both *= _acceleration_gains(revolutions, axes.shape[2])[:, np.newaxis]
+    both *= acceleration_gains(revolutions, axes.shape[2])[:, np.newaxis]
     others = in_plane[:, ::-1, ORDERS.start : ORDERS.stop] * _SIGNS
     others[np.isnan(others)] = 0.0
     result = np.empty((len(taken), 8, len(ORDERS)))
@@ -470,7 +470,7 @@ def _zero_std(record: LateralRecord, zero_rad: float, radius_m: float) -> float:
     return noise / abs(float(bend)) if bend else math.inf
 
 
-def _acceleration_gains(revolutions: Sequence[Revolution], n: int) -> FloatArray:
+def acceleration_gains(revolutions: Sequence[Revolution], n: int) -> FloatArray:
     """Return (mean speed / speed)^2 on the angle grid, (k, n); 1 where the acceleration is not known."""
     rows = []
     for revolution in revolutions:

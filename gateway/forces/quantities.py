@@ -243,6 +243,19 @@ TURNING: Final = (
     ),
 )
 
+GRADE: Final = (
+    Quantity(
+        "road_grade_rad",
+        "grade of the road under the wheel",
+        "(first order of the circumferential axis - dV/dt) / g, beyond what is constant in the tire",
+        "uphill in the direction of rolling",
+        powers={Basis.GAIN: -1.0},
+        rests_on=_FORCE | {Basis.ALONG},
+        possible=(-0.6, 0.6),
+        live_label="road grade",
+    ),
+)
+
 SLIP_ANGLE: Final = (
     _slope(
         "slip_apparent_rad",

@@ -85,6 +85,13 @@ class ForceCode(Codes):
     IN_BAND = Code("{low_hz:.0f Hz} to {high_hz:.0f Hz}, sensor noise included")
     NEEDS_UNINTERRUPTED_ROLLING = Code("needs {duration_s:.0f s} of rolling without an interruption")
     NO_LINE = Code("no line stands out of the spectrum")
+    GRADE_NOT_CHANGED = Code(
+        "a steady grade looks like a first order that is constant in the tire: drive where the grade changes "
+        "({shared_std_rad:.2f deg} of the error are by it)"
+    )
+    NO_GRAVITY_ALONG = Code(
+        "the circumferential axis points elsewhere, or backward: it reads {share:.1f} times gravity along the belt"
+    )
     CAVITY_CONTRADICTED = Code(
         "gas, cavity_length_mm or temperature is not as stated, or the line is another one: the inner liner reads "
         "{measured_degc:.0f degC}, the cavity resonates as air of {found_degc:.0f degC} would ({ratio:.2f} times "

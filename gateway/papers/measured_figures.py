@@ -229,19 +229,19 @@ def _make_slopes(against: str, constant: str, tires: Sequence[MeasuredTire]) -> 
 def _alike(tires: Sequence[MeasuredTire], against: str, constant: str) -> Sequence[MeasuredTire]:
     """Return the wheels of one load, or pressure, that have the most values of the other; all if none is known."""
     abscissa, other = (_ABSCISSAE[name][1] for name in (against, constant))
-    known = [tire for tire in tires if math.isfinite(abscissa(tire)) and math.isfinite(other(tire))]
+    stated = [tire for tire in tires if math.isfinite(abscissa(tire)) and math.isfinite(other(tire))]
 
     def about(middle: MeasuredTire) -> list[MeasuredTire]:
-        return [tire for tire in known if abs(other(tire) / other(middle) - 1.0) <= _SAME_CONDITION]
+        return [tire for tire in stated if abs(other(tire) / other(middle) - 1.0) <= _SAME_CONDITION]
 
     def values(alike: Sequence[MeasuredTire]) -> int:
         steps = np.diff(np.log(sorted(abscissa(tire) for tire in alike)))
         return int(np.count_nonzero(steps > _SAME_CONDITION))
 
-    if not known:
+    if not stated:
         return tires
-    best = max(map(about, known), key=values)
-    if not values(best) and values(known):
+    best = max(map(about, stated), key=values)
+    if not values(best) and values(stated):
         raise _MissingError(f"no two wheels of one {constant} differ in {against}")
     return best
 

@@ -62,6 +62,7 @@ class Sensor:
     noise_mg: float = 0.0
     roll_rad: float = 0.0
     yaw_rad: float = 0.0
+    pitch_rad: float = 0.0
     lateral_offset_mps2: float = 0.0
     road_mps2: float = 0.0
     hub_mps2: float = 0.0
@@ -116,7 +117,11 @@ def disturbed(felt: FloatArray, sensor: Sensor) -> FloatArray:
             axis += _band(rng, len(felt), sensor.rate_hz, 0.0, 500.0) * sensor.road_mps2
         if sensor.hub_mps2:
             axis += _band(rng, len(felt), sensor.rate_hz, 8.0, 16.0) * sensor.hub_mps2
-    # The sensor is turned about the radial axis first, then about its circumferential one.
+    # The sensor is turned about the lateral axis first, then about the radial and about its circumferential one.
+    along, up = (
+        math.cos(sensor.pitch_rad) * along + math.sin(sensor.pitch_rad) * up,
+        math.cos(sensor.pitch_rad) * up - math.sin(sensor.pitch_rad) * along,
+    )
     along, side = (
         math.cos(sensor.yaw_rad) * along - math.sin(sensor.yaw_rad) * side,
         math.cos(sensor.yaw_rad) * side + math.sin(sensor.yaw_rad) * along,

@@ -37,6 +37,8 @@ class Course:
         camber_rad: of the wheel on its road, positive where the left side is up.
         grade_rad: of the path, positive uphill.
         bank_rad: of the road, positive where its left side is up.
+        lift_m: of the hub above its path; None for none.
+        spin_share: by which the wheel turns faster than it rolls; None for none.
     """
 
     step_s: float
@@ -46,6 +48,8 @@ class Course:
     camber_rad: Array
     grade_rad: Array
     bank_rad: Array
+    lift_m: Array | None = None
+    spin_share: Array | None = None
 
     def straight(self) -> Self:
         """Return the course with the same tire on a level, straight road."""
@@ -94,6 +98,8 @@ class DrivenTire:
         hub = _hub(course, left_m)
         pace = hub if paced_by is None else _hub(paced_by, left_m)
         speed = np.linalg.norm(np.gradient(pace, step, axis=1, edge_order=2), axis=0)
+        if course.spin_share is not None:
+            speed = speed * (1.0 + course.spin_share)
         rolling = self.steady.belt.radius_m * self.steady.road_share
         angle = cumulative_trapezoid(speed / rolling, dx=step, initial=0.0) - 0.7 * np.pi
         position_in_wheel, travel = self.at(angle, course.slip_rad)
@@ -122,6 +128,8 @@ def _hub(course: Course, left_m: float) -> Array:
     places: Array = cumulative_trapezoid(velocity, dx=course.step_s, axis=1, initial=0.0)
     places[0] -= left_m * sine
     places[1] += left_m * cosine
+    if course.lift_m is not None:
+        places[2] += course.lift_m
     return places
 
 
