@@ -16,7 +16,6 @@ from gateway.core.links.source import Source, is_live, open_source, parse_source
 from gateway.core.links.time_limit import limited
 from gateway.core.nearest_name import did_you_mean
 from gateway.core.reasons import Reason
-from gateway.core.recording.replay_source import ReplaySource
 from gateway.core.recording.run_description import NO_DESCRIPTION, RunDescription, TireIdentity
 from gateway.core.recording.split_writer import Split, SplitWriter
 from gateway.core.recording.writer import RecordingWriter
@@ -99,18 +98,18 @@ class OpenedSession:
         recorder: the recording, None without one.
         host_limit_s: session time at which to stop a session with a hub, which may be silent; None without a limit. A
             recording and a simulation end by their own time.
-        replays: sources that are recordings.
+        sources: as they were opened.
     """
 
     live: LiveSession
     summary: ResultSummary
     recorder: RecordingWriter | SplitWriter | None
     host_limit_s: float | None
-    replays: tuple[ReplaySource, ...]
+    sources: tuple[Source, ...]
 
     def damage(self) -> Reason | None:
         """Return what of a replayed recording was unreadable, as far as it was read; None without any."""
-        return next(filter(None, (replay.damage for replay in self.replays)), None)
+        return next(filter(None, (getattr(source, "damage", None) for source in self.sources)), None)
 
     def time_is_up(self) -> bool:
         """Return whether the session has run for as long as it may."""
@@ -174,7 +173,7 @@ def open_session(
     supervisor = Supervisor()
     try:
         sources += [_opened_source(uri, clock, settings.latency_s) for uri in uris]
-        replays = tuple(source for source in sources if isinstance(source, ReplaySource))
+        opened = tuple(sources)
         vehicle = with_given_wear(choose([source.vehicle_toml for source in sources]), settings.run)
         stated = stated_run(vehicle, settings.run)
         effects = open_effects(settings.effects_paths, vehicle)
@@ -221,7 +220,7 @@ def open_session(
         if recorder is not None:
             _remove_empty(recorder)
         raise
-    return OpenedSession(live, summary, recorder, duration_s if any(map(is_live, uris)) else None, replays)
+    return OpenedSession(live, summary, recorder, duration_s if any(map(is_live, uris)) else None, opened)
 
 
 def _opened_source(uri: str, clock: Clock, latency_s: float) -> Source:

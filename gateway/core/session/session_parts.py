@@ -1,18 +1,18 @@
 """Parts of a session that features supply: what the core asks of each, and how it gets them."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from gateway.core.clock import Clock
 from gateway.core.config.vehicle import VehicleConfig
-from gateway.core.estimates.weighted_mean import MeanEstimate
 from gateway.core.estimates.wheel_setup import CorrectionTable
 from gateway.core.feature import Registry, added, object_of
 from gateway.core.links.source import Source, VehicleData
 from gateway.core.reasons import Notice, Reason
-from gateway.core.recording.recorded_file import RecordedFile
 from gateway.core.session.frame_guard import FrameGuard
 from gateway.core.session.publication import LiveOutputs
 from gateway.core.text.session_control import SessionControl, ShownSession
@@ -20,6 +20,10 @@ from gateway.core.trust.turn_verdict import TurnComparison
 from gateway.core.trust.wheel_pairs import VehicleWitness
 from gateway.core.types import FloatArray
 from gateway.core.wheels.outside_readings import OutsideReading
+
+if TYPE_CHECKING:
+    from gateway.core.estimates.weighted_mean import MeanEstimate
+    from gateway.core.recording.recorded_file import RecordedFile
 
 _EFFECTS_FILE: Final = "effects file"
 _FRAME_GUARD: Final = "frame guard"
