@@ -151,15 +151,25 @@ class WheelRow:
             "faults": json_cell([{**as_json(fault), "count": n} for fault, n in self._faults.most_common()]),
         }
         if wheel is not None:
-            counters = wheel.counters
-            cells |= {
-                "rate_hz": wheel.rate_hz or None,
-                "samples": counters.samples,
-                "samples_lost": counters.samples_lost,
-                "samples_saturated": counters.samples_saturated,
-            }
-            if self._last is None and wheel.missing is not None:
-                cells["missing"] = json.dumps(as_json(wheel.missing), ensure_ascii=False)
+            cells |= self._samples(wheel)
+        return cells | self._estimate_cells(estimates)
+
+    def _samples(self, wheel: WheelSnapshot) -> dict[str, Cell]:
+        """Return the samples of a wheel, and why it has no revolution where it has none."""
+        counters = wheel.counters
+        cells: dict[str, Cell] = {
+            "rate_hz": wheel.rate_hz or None,
+            "samples": counters.samples,
+            "samples_lost": counters.samples_lost,
+            "samples_saturated": counters.samples_saturated,
+        }
+        if self._last is None and wheel.missing is not None:
+            cells["missing"] = json.dumps(as_json(wheel.missing), ensure_ascii=False)
+        return cells
+
+    def _estimate_cells(self, estimates: Sequence[str]) -> dict[str, Cell]:
+        """Return the cells of estimates that have columns, and the others in one cell."""
+        cells: dict[str, Cell] = {}
         for name in estimates:
             collected = self._estimates.get(name)
             if collected is not None:

@@ -85,24 +85,29 @@ class _Template(string.Formatter):
         if isinstance(value, str) and not value.isprintable():
             # Text from a hub, a file or an error stays on its line and cannot control the terminal.
             value = escaped(value)
-        number, _, unit = format_spec.partition(" ")
-        if unit:
-            symbol, factor, offset, decimals = conversion(unit, shown_units())
-            if decimals and number.endswith("f"):
-                number = f".{int(number[1:-1]) + decimals}f"
-            value, unit = value * _UNITS[unit] * factor + offset, symbol
-        shown = format(value, number)
-        if number.endswith("g") and "e+0" in shown:
-            # Few digits of a large number: 20, not 2e+01.
-            shown = f"{float(shown):.0f}"
-        if unit:
-            return f"{_unsigned_zero(shown)} {unit}"
-        if format_spec.endswith("%"):
-            shown = f"{shown[:-1]} %"
-        return _unsigned_zero(shown) if isinstance(value, float) else shown
+        return _with_unit(value, format_spec)
 
 
 _FORMATTER: Final = _Template()
+
+
+def _with_unit(value: Any, format_spec: str) -> str:
+    """Return a value by a specification such as `.1f mm`, in the unit that is shown in its place."""
+    number, _, unit = format_spec.partition(" ")
+    if unit:
+        symbol, factor, offset, decimals = conversion(unit, shown_units())
+        if decimals and number.endswith("f"):
+            number = f".{int(number[1:-1]) + decimals}f"
+        value, unit = value * _UNITS[unit] * factor + offset, symbol
+    shown = format(value, number)
+    if number.endswith("g") and "e+0" in shown:
+        # Few digits of a large number: 20, not 2e+01.
+        shown = f"{float(shown):.0f}"
+    if unit:
+        return f"{_unsigned_zero(shown)} {unit}"
+    if format_spec.endswith("%"):
+        shown = f"{shown[:-1]} %"
+    return _unsigned_zero(shown) if isinstance(value, float) else shown
 
 
 def text(reason: Reason) -> str:

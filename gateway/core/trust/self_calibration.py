@@ -523,7 +523,6 @@ class SelfCalibrationEstimator(BlockEstimator):
         assert belt is not None
         first, first_conditions = block.revolutions[taken[0]], block.conditions[taken[0]]
         rows = np.zeros((len(taken), _SUMS))
-        hub = np.zeros((len(taken), HUB_SIZE))
         # Without a copy where all are taken, as nearly always.
         selection = slice(None) if len(taken) == len(block) else np.array(taken)
         spectra = block.arrays.in_plane_mps2[selection]
@@ -534,22 +533,9 @@ class SelfCalibrationEstimator(BlockEstimator):
         if self._is_absent:
             along[:] = False
         self._has_along |= bool(along.any())
-        # The circumferential axis reads the acceleration of wheel and car; what fills a gap says nothing of the sensor.
-        may_tell = [
-            is_evidence(block.revolutions[index]) and not block.revolutions[index].assumed_steady for index in taken
-        ]
-        have_along = (along & np.array(may_tell)).tolist()
-        if any(have_along):
-            order_max = np.array([block.revolutions[index].order_max for index in taken])
-            with_mean = not first.ac_coupled
-            mounting = mounting_rows(
-                spectra, belt, omega, omega_dot, first_conditions.radius_m, order_max, with_mean=with_mean
-            )
-            hub, rows[:, _MOUNTING] = mounting.hub, mounting.sums
-            if not all(have_along):
-                left_out = [not has_along for has_along in have_along]
-                hub[left_out] = 0.0
-                rows[left_out, _MOUNTING] = 0.0
+        revolutions = [block.revolutions[index] for index in taken]
+        mounting = _mounting_evidence(revolutions, spectra, belt, along, (omega, omega_dot), first_conditions.radius_m)
+        hub, rows[:, _MOUNTING] = mounting.hub, mounting.sums
         warm, expected = [self._last.warm] * len(taken), [math.nan] * len(taken)
         is_calibrated = False
         if not first.ac_coupled:
@@ -562,7 +548,7 @@ class SelfCalibrationEstimator(BlockEstimator):
             warm = [self._warm(block.conditions[index]) for index in taken]
             steady = self._gain_rows(block, taken, belt, np.array(warm), rows, is_calibrated=is_calibrated)
             expected = steady.tolist()
-        if (measured := measured_shares([block.revolutions[index] for index in taken])) is not None:
+        if (measured := measured_shares(revolutions)) is not None:
             rows *= np.array(measured)[:, np.newaxis]
         before = self._last.sums
         if is_calibrated and not self._is_calibrated:
@@ -724,6 +710,38 @@ class SelfCalibrationEstimator(BlockEstimator):
             )
         self._last = steps[-1]
         return steps
+
+
+def _mounting_evidence(
+    revolutions: Sequence[Revolution],
+    spectra: ComplexArray,
+    belt: BeltKinematics,
+    along: BoolArray,
+    speeds: tuple[FloatArray, FloatArray],
+    radius_m: float,
+) -> MountingRows:
+    """Return the equations of the mounting, zero for revolutions whose circumferential axis is no evidence.
+
+    Args:
+        revolutions: (n,) of one shape of the belt.
+        spectra: (n, 2, orders) of their circumferential and radial axes.
+        belt: kinematics of the belt.
+        along: (n,) whether the circumferential axis measures.
+        speeds: (n,) angular speed, rad/s, and angular acceleration, rad/s^2.
+        radius_m: belt radius.
+    """
+    # The circumferential axis reads the acceleration of wheel and car; what fills a gap says nothing of the sensor.
+    is_evident = along & np.array([is_evidence(each) and not each.assumed_steady for each in revolutions])
+    if not is_evident.any():
+        count = len(revolutions)
+        return MountingRows(np.zeros((count, MOUNTING_SIZE)), np.zeros((count, HUB_SIZE)))
+    order_max = np.array([revolution.order_max for revolution in revolutions])
+    with_mean = not revolutions[0].ac_coupled
+    mounting = mounting_rows(spectra, belt, *speeds, radius_m, order_max, with_mean=with_mean)
+    if not is_evident.all():
+        mounting.hub[~is_evident] = 0.0
+        mounting.sums[~is_evident] = 0.0
+    return mounting
 
 
 def _measures(spectra: ComplexArray) -> BoolArray:

@@ -281,7 +281,6 @@ def assess(
     claims = conditions.claims
     if conditions.rules is not EVERY_RULE:
         measured, lost = _as_ruled(measured, conditions.rules), lost if DoubtRule.COUPLING in conditions.rules else None
-    radius_std = conditions.radius_std_m / conditions.radius_m
     radius = Value(conditions.radius_m, conditions.radius_std_m)
     contradictions: list[Contradiction] = []
     if lost is not None:
@@ -297,54 +296,21 @@ def assess(
         if any(Basis.ALONG in relation.ratios for relation in related):
             # The offset and the hub's motion are read from an axis that is not what it is taken for.
             measured = measured._replace(offset_m=None, hub_mps2=0.0)
-    hub_mps2 = 0.0 if measured is None else measured.hub_mps2
-    # Noise and road of fewer revolutions look like a motion of the hub, which the errors contain.
-    is_settled = measured is not None and measured.revolutions >= SETTLED_REVOLUTIONS
-    # Of the steady value, relative: radius, gain, rate or zero may be wrong by it.
-    unsure, disagreement = 0.0, None
+    steady = _SteadyValue(radius)
     if measured is not None and (ratio := _steady_ratio(measured, zero_std)) is not None:
-        # The offset enters the mean by e/R mean(k^2).
-        depth_m = 0.0 if measured.offset_m is not None else UNKNOWN_OFFSET_STD_M
-        if claims.offset_m is not None:
-            depth_m = min(depth_m, claims.offset_std_m)
-        depth = depth_m / conditions.radius_m
-        mean_square = min(measured.mean_square, GREATEST_MEAN_SQUARE)
-        gravity_gain = _gravity_gain(measured, depth)
-        by_gain = math.hypot(ratio.std, claims.gain_std, 2.0 * claims.rate_std, mean_square * depth)
-        found_radius = Value(conditions.radius_m * ratio.value, conditions.radius_m * by_gain)
-        if radius.std > _RADIUS_UNKNOWN * found_radius.std and abs(found_radius.value - radius.value) <= (
-            CONTRADICTION * math.hypot(radius.std, found_radius.std)
-        ):
-            radius = _weighted(radius, found_radius)
-        elif abs(ratio.value - 1.0) > CONTRADICTION * (tolerance := math.hypot(by_gain, radius_std)):
-            contradictions.append(_steady_contradiction(measured, conditions, ratio, by_gain, depth))
-        elif (alone := _gravity_contradiction(gravity_gain, claims.gain_std)) is not None:
-            contradictions.append(alone)
-        elif (slower := _by_gravity(gravity_gain, ratio, measured, conditions, mean_square * depth)) is not None and (
-            abs(slower.value - 1.0) > CONTRADICTION * slower.std
-        ):
-            contradictions.append(_steady_contradiction(measured, conditions, ratio, by_gain, depth))
-        elif DoubtRule.SHORT_OF_IT in conditions.rules:
-            unsure = disagreement_std(ratio.value - 1.0, tolerance)
-            if slower is not None:
-                unsure = max(unsure, disagreement_std(slower.value - 1.0, slower.std))
-            if gravity_gain is not None:
-                unsure = max(unsure, _hidden(gravity_gain, measured, claims.gain_std))
-            # Of a radius, a gain or a rate that is not as stated.
-            share = _SHARE_OF_ONE * (ratio.value - 1.0)
-            radius = Value(radius.value, math.hypot(radius.std, max(unsure, abs(share)) * radius.value))
-            gain_std = math.hypot(gain_std, unsure)
-            offset_error = unsure
-            if unsure > radius_std:
-                disagreement = Reason(TrustCode.STEADY_VALUE_DISAGREES, ratio=ratio.value, std=tolerance, error=unsure)
+        steady = _by_steady_value(measured, ratio, conditions, radius)
+        contradictions += steady.contradictions
+        gain_std = math.hypot(gain_std, steady.unsure)
+        offset_error = steady.unsure
         for contradiction in contradictions:
             changed = contradiction.ratios.get(Basis.GAIN, 1.0)
             gain_std = max(gain_std, abs(changed - 1.0))
             by_rate = contradiction.ratios.get(Basis.RATE, 1.0) ** -2.0
             offset_error = max(offset_error, abs(1.0 / changed - 1.0), abs(by_rate - 1.0))
-    zero = None if measured is None or measured.ac_coupled else zero_offset(measured.by_mean, zero_std)
-    zero_is_measured = zero is not None and zero.std < ZERO_MEASURED * zero_std
-    if zero is not None and zero_is_measured:
+    radius, unsure = steady.radius, steady.unsure
+    zero_is_measured = False
+    if (zero := _measured_zero(measured, zero_std)) is not None:
+        zero_is_measured = True
         if (reason := zero_contradicted(*zero, zero_std)) is not None:
             contradictions.append(Contradiction(Subject.ZERO, reason, {Basis.ZERO: math.nan}))
             zero_std = abs(zero.value)
@@ -357,11 +323,9 @@ def assess(
     offset_std_m = math.hypot(offset_std_m, claims.nonlinear_offset_m(steady_mps2, full_scale_mps2, radius.value))
     if ac_coupled:
         # The mean was restored from the belt radius; the rest of the signal has the sensor's gain.
-        steady_std = steady_mps2 * math.hypot(radius_std, claims.gain_std, unsure)
+        steady_std = steady_mps2 * math.hypot(conditions.radius_std_m / conditions.radius_m, claims.gain_std, unsure)
     else:
-        # A zero-g offset larger than the errors of gain and radius would show in the steady value.
-        scale = steady_mps2 * math.hypot(radius_std, claims.gain_std, 2.0 * claims.rate_std)
-        steady_std = zero_std * scale / math.hypot(zero_std, scale) if scale and zero_std else zero_std
+        steady_std = _steady_std(conditions, steady_mps2, zero_std)
         if not zero_is_measured:
             steady_std = math.hypot(steady_std, min(unsure * steady_mps2, LARGEST_ZERO_MPS2))
     return Evidence(
@@ -374,14 +338,101 @@ def assess(
         radius_std_m=radius.std,
         contradictions=tuple(contradictions),
         unsure=unsure,
-        disagreement=disagreement,
-        hub_mps2=hub_mps2,
-        hub_motion=Reason(TrustCode.HUB_MOVES, amplitude_mps2=2.0 * hub_mps2)
-        if is_settled and hub_mps2 > _NOTABLE_HUB * steady_mps2
-        else None,
+        disagreement=steady.disagreement,
+        hub_mps2=0.0 if measured is None else measured.hub_mps2,
+        hub_motion=_hub_motion(measured, steady_mps2),
         roll_std_rad=0.0 if measured is None else _roll_std(measured, claims),
         tilt=Tilt() if measured is None else measured.tilt,
     )
+
+
+def _hub_motion(measured: Measured | None, steady_mps2: float) -> Reason | None:
+    """Return that the hub moves at the wheel's frequency, None where its motion does not matter."""
+    # Noise and road of fewer revolutions look like a motion of the hub, which the errors contain.
+    if measured is None or measured.revolutions < SETTLED_REVOLUTIONS:
+        return None
+    if not measured.hub_mps2 > _NOTABLE_HUB * steady_mps2:
+        return None
+    return Reason(TrustCode.HUB_MOVES, amplitude_mps2=2.0 * measured.hub_mps2)
+
+
+def _measured_zero(measured: Measured | None, zero_std_mps2: float) -> Value | None:
+    """Return the zero-g offset of the radial axis, None where it is not known better than stated."""
+    if measured is None or measured.ac_coupled:
+        return None
+    zero = zero_offset(measured.by_mean, zero_std_mps2)
+    return zero if zero is not None and zero.std < ZERO_MEASURED * zero_std_mps2 else None
+
+
+def _steady_std(conditions: TireConditions, steady_mps2: float, zero_std_mps2: float) -> float:
+    """Return the error of the steady value by the zero-g offset, in m/s^2.
+
+    A zero-g offset larger than the errors of gain and radius would show in the steady value.
+    """
+    claims, radius_std = conditions.claims, conditions.radius_std_m / conditions.radius_m
+    scale = steady_mps2 * math.hypot(radius_std, claims.gain_std, 2.0 * claims.rate_std)
+    return zero_std_mps2 * scale / math.hypot(zero_std_mps2, scale) if scale and zero_std_mps2 else zero_std_mps2
+
+
+class _SteadyValue(NamedTuple):
+    """What the steady value says of what is stated.
+
+    Attributes:
+        radius: of the belt, in m.
+        contradictions: of radius, gain or rate.
+        unsure: relative; radius, gain, rate or zero may be wrong by it.
+        disagreement: why, None where it does not matter.
+    """
+
+    radius: Value
+    contradictions: tuple[Contradiction, ...] = ()
+    unsure: float = 0.0
+    disagreement: Reason | None = None
+
+
+def _by_steady_value(measured: Measured, ratio: Value, conditions: TireConditions, radius: Value) -> _SteadyValue:
+    """Compare the steady value with belt radius, gain and rate as stated.
+
+    Args:
+        measured: by self-calibration.
+        ratio: of the measured steady value to that of the stated radius.
+        conditions: as stated.
+        radius: of the belt as stated, in m.
+    """
+    claims, radius_std = conditions.claims, conditions.radius_std_m / conditions.radius_m
+    # The offset enters the mean by e/R mean(k^2).
+    depth_m = 0.0 if measured.offset_m is not None else UNKNOWN_OFFSET_STD_M
+    if claims.offset_m is not None:
+        depth_m = min(depth_m, claims.offset_std_m)
+    depth = depth_m / conditions.radius_m
+    mean_square = min(measured.mean_square, GREATEST_MEAN_SQUARE)
+    gravity_gain = _gravity_gain(measured, depth)
+    by_gain = math.hypot(ratio.std, claims.gain_std, 2.0 * claims.rate_std, mean_square * depth)
+    found_radius = Value(conditions.radius_m * ratio.value, conditions.radius_m * by_gain)
+    if radius.std > _RADIUS_UNKNOWN * found_radius.std and abs(found_radius.value - radius.value) <= (
+        CONTRADICTION * math.hypot(radius.std, found_radius.std)
+    ):
+        return _SteadyValue(_weighted(radius, found_radius))
+    tolerance = math.hypot(by_gain, radius_std)
+    if abs(ratio.value - 1.0) > CONTRADICTION * tolerance:
+        return _SteadyValue(radius, (_steady_contradiction(measured, conditions, ratio, by_gain, depth),))
+    if (alone := _gravity_contradiction(gravity_gain, claims.gain_std)) is not None:
+        return _SteadyValue(radius, (alone,))
+    slower = _by_gravity(gravity_gain, ratio, measured, conditions, mean_square * depth)
+    if slower is not None and abs(slower.value - 1.0) > CONTRADICTION * slower.std:
+        return _SteadyValue(radius, (_steady_contradiction(measured, conditions, ratio, by_gain, depth),))
+    if DoubtRule.SHORT_OF_IT not in conditions.rules:
+        return _SteadyValue(radius)
+    unsure = disagreement_std(ratio.value - 1.0, tolerance)
+    if slower is not None:
+        unsure = max(unsure, disagreement_std(slower.value - 1.0, slower.std))
+    if gravity_gain is not None:
+        unsure = max(unsure, _hidden(gravity_gain, measured, claims.gain_std))
+    # Of a radius, a gain or a rate that is not as stated.
+    share = _SHARE_OF_ONE * (ratio.value - 1.0)
+    wider = Value(radius.value, math.hypot(radius.std, max(unsure, abs(share)) * radius.value))
+    disagreement = Reason(TrustCode.STEADY_VALUE_DISAGREES, ratio=ratio.value, std=tolerance, error=unsure)
+    return _SteadyValue(wider, (), unsure, disagreement if unsure > radius_std else None)
 
 
 def _as_ruled(measured: Measured | None, rules: frozenset[DoubtRule]) -> Measured | None:

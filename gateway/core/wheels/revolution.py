@@ -1,7 +1,7 @@
 """One revolution in the angle domain, from its two contacts and the buffered samples."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Self
 
@@ -206,13 +206,7 @@ def _in_angle(
         for timed_revolution, period in zip(revolutions, periods, strict=True)
     ]
     corners = [2.0 * math.pi * reading.corner_hz / omega_radps for omega_radps in omegas_radps]
-    for row, revolution, corner in zip(axes, revolutions, corners, strict=True):
-        if corner:
-            row[:] = before_highpass(row, corner)
-        if revolution.sign < 0:
-            np.negative(row[Axis.RADIAL], out=row[Axis.RADIAL])
-        if revolution.contribution_mps2 is not None:
-            row -= revolution.contribution_mps2
+    _correct(axes, revolutions, corners)
     # Hardly ever is any sample of a block saturated.
     may_be_saturated = reading.is_saturated(buffer.view(*_range(revolutions[0], revolutions[-1], buffer)))
     faults: list[tuple[Reason, ...]] = []
@@ -254,7 +248,7 @@ def _in_angle(
         # What stands in the gaps has hardly any noise.
         noise_coefficient = noise_coefficient / math.sqrt(max(1.0 - missing[row_index], LEAST_MEASURED))
         against = faults[row_index]
-        waveform = None if against and any(fault.code in OF_LOSS for fault in against) else radial[row_index]
+        waveform = None if _has_loss(against) else radial[row_index]
         edges, edge_fault = _edges(revolution.timed, waveform, period, noise_coefficient)
         yield Revolution(
             index=revolution.index,
@@ -285,6 +279,27 @@ def _in_angle(
             corner=corners[row_index],
             assumed_steady=revolution.timed.previous_period is None,
         )
+
+
+def _has_loss(faults: Iterable[Reason]) -> bool:
+    return any(fault.code in OF_LOSS for fault in faults)
+
+
+def _correct(axes: FloatArray, revolutions: Sequence[TimedRevolution], corners: Sequence[float]) -> None:
+    """Undo the high-pass of a coupling, the sign of the radial axis and known effects, in place.
+
+    Args:
+        axes: (n, 3, GRID_SIZE) of the revolutions.
+        revolutions: with sign and contribution of known effects.
+        corners: of the coupling over the wheel's frequency, 0 without one.
+    """
+    for row, revolution, corner in zip(axes, revolutions, corners, strict=True):
+        if corner:
+            row[:] = before_highpass(row, corner)
+        if revolution.sign < 0:
+            np.negative(row[Axis.RADIAL], out=row[Axis.RADIAL])
+        if revolution.contribution_mps2 is not None:
+            row -= revolution.contribution_mps2
 
 
 def _samples_and_phase(revolution: TimedRevolution, buffer: SampleBuffer) -> tuple[NDArray[np.int16], Phase]:
