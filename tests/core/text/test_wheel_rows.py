@@ -42,8 +42,8 @@ def test_status_is_that_of_most_revolutions(counts, status):
     *_, result, reason = quantity(**counts).cells()
     assert result == status
     if counts["valid"] and status == "provisional":
-        assert f"valid in {counts['valid']} of" in reason
-        assert "temperature not compensated" in reason
+        assert f"only {counts['valid']} of" in reason
+        assert "not corrected for temperature" in reason
 
 
 def test_scatter_beyond_the_errors_is_in_the_error():
