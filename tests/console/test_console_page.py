@@ -180,7 +180,7 @@ def test_ratios_are_shown_with_the_reason(made, size):
     rows = page(made.snapshot([made.wheel("FL", load_n=None), "FR"]), size)
     text = "\n".join(rows)
     assert "Bs/Cw 0.01579 ± 0.00016" in text
-    assert "ratios only: needs the load" in text
+    assert "ratios only: the load is not known" in text
     assert "load not stated" in text
 
 

@@ -361,6 +361,6 @@ def test_what_differs_is_noted() -> None:
         CoreCode.EFFECTS_OF_OTHER_OFFSET,
     ]
     lines = [line for line in transfer_lines(noted, "fl.json") if line.startswith("  note")]
-    assert "found on sensor 0000b002, but this is sensor 0000b001" in lines[0]
+    assert "identified on sensor 0000b002, but this is sensor 0000b001" in lines[0]
     assert "2.00 mm below the neutral layer, but 0.00 mm" in lines[4]
     assert transfer_json(noted)["reasons"]["notes"][0]["code"] == "effects_of_other_sensor"

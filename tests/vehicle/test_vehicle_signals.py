@@ -204,7 +204,7 @@ def test_log_of_another_date_says_how_far_it_is_and_offers_the_offset(wheel, day
     assert said in text(reason)
     assert values(results[-1])["brake_pressure_pa"].reasons == (reason,), "one line for the whole log"
     assert reason["shift_s"] == pytest.approx(-days * 86_400, abs=1)
-    assert f"{reason['shift_s']:+d} s, added to `offset_s`" in text(reason)
+    assert f"{reason['shift_s']:+d} s to `offset_s`" in text(reason)
     shifted = [replace(item, host_ns=item.host_ns + reason["shift_s"] * 10**9) for item in moved]
     again = estimated(merged(wheel[0], shifted), vehicle)
     assert values(again[3])["steering_angle_rad"].status == "valid"

@@ -7,7 +7,7 @@ class SessionCode(Codes):
     """Reasons of sessions."""
 
     ALL_FRAMES_REFUSED = Code("all {count} frames were rejected: their signatures could not be verified")
-    NO_FRAME_RECEIVED = Code("no usable frame was received: there is nothing to estimate")
+    NO_FRAME_RECEIVED = Code("no frame was received that can be used: there is nothing to estimate")
     ALARM_CLEARED = Code("alarm over at {at_s:.1f s}, after {duration_s:.1f s}: {what}")
     ALARM_COMES_AND_GOES = Code(
         "ALARM at {at_s:.1f s}: {alarm}. It comes and goes: it is reported again after a minute without change"
@@ -252,10 +252,10 @@ class SessionCode(Codes):
         },
     )
     CORE_STUCK = Code(
-        "it has not answered for {stuck_s:.0f s}: there are no results until it does, the recording goes on. Leave it "
+        "does not answer for {stuck_s:.0f s}: there are no results until it does, the recording goes on. Leave it "
         "out, or repair it"
     )
-    CORE_GOES_ON = Code("it answers again after {stuck_s:.0f s}")
+    CORE_GOES_ON = Code("answers again after {stuck_s:.0f s}")
     EFFECTS_SUBTRACTED = Code("subtracted from its axes at {ranges}: {effects}")
     HUB_LOG = Code("log ({severity}): {text}")
     HUB_LOG_LEFT_OUT = Code("{count} more lines of its hubs left out: at most ten a second are shown")

@@ -378,7 +378,7 @@ class TireEstimates:
     def _conditions(self, taken: Reading | None, outside: Sequence[OutsideReading]) -> TireConditions:
         pressure, temperature = self._setup.pressure_pa, self._setup.temperature_degc
         pressure_std, change_pa = self._setup.pressure_std_pa, 0.0
-        readings = [(one.host_ns, one.reading, one.pressure_std_pa) for one in outside]
+        readings = [(each.host_ns, each.reading, each.pressure_std_pa) for each in outside]
         if taken is not None:
             own = [entry for entry in reversed(self._environment) if entry[0] <= taken[0]]
             # One from outside comes in the place of an old one.

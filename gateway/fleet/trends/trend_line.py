@@ -209,18 +209,18 @@ def relative_change(name: str, line: TrendLine, begin: int | None, size: tuple[f
     """Return a change of a series by its size and error, in the unit of the series; None for `begin` is a drift."""
     fit, watch = line.fit, SERIES[name].watch
     if begin is None:
-        place, apart = None, 0
+        begun_at, apart = None, 0
     else:
         tried, weights = begins_of(line, begin)
         spread = math.sqrt(float(weights @ (tried - begin) ** 2))
-        place, apart = int(line.places[begin]), max(_TOGETHER, math.ceil(_PLACE_ERRORS * spread))
+        begun_at, apart = int(line.places[begin]), max(_TOGETHER, math.ceil(_PLACE_ERRORS * spread))
     if watch.is_logarithm:
-        return Change(place, 0.01 * size[0], 0.01 * size[1], apart=apart)
+        return Change(begun_at, 0.01 * size[0], 0.01 * size[1], apart=apart)
     before = float(fit.expected[max((begin or 0) - 1, 0)])
     after = before + size[0]
     if before <= 0.0 or after <= 0.0:
-        return Change(place, apart=apart)
-    return Change(place, math.log(after / before), size[1] / after, apart=apart)
+        return Change(begun_at, apart=apart)
+    return Change(begun_at, math.log(after / before), size[1] / after, apart=apart)
 
 
 def combination(line: TrendLine, along: FloatArray) -> tuple[float, float]:

@@ -89,8 +89,8 @@ def plan(
     road. The exit status is 1 if no sensor can be used at any speed.
 
     The other way round, with --want: the least range and the largest noise, at each sampling rate, with which the
-    errors are printed, and the statements to make better where no sensor reaches them with what is stated. The exit
-    status is 1 if none does with these either.
+    errors are printed, the minutes of driving until then, and the statements to make better where no sensor reaches
+    them with what is stated. The exit status is 1 if none does with these either.
     """
     from gateway.core.cli.summary_output import SummaryOutput
     from gateway.core.config.validation import read_text

@@ -227,7 +227,7 @@ def test_frequent_refills_are_stated_as_a_limit():
     (limit,) = [reason for reason in loss.reasons if reason.code is FleetCode.TREND_REFILLS_OFTEN]
     # 3.5 times a scatter of 0.5 kPa in a week
     assert limit["hidden_pa"] == pytest.approx(8e3, abs=2e3)
-    assert "topped up every week" in text(limit)
+    assert "refilled every week" in text(limit)
 
 
 def test_intervals_of_the_newest_state_cover_it():
