@@ -38,7 +38,7 @@ class Ceiling(NamedTuple):
 
 CEILINGS: Final[dict[str, Ceiling]] = {
     "lines of the core": Ceiling(32_000, 39_900),
-    "lines of gateway": Ceiling(95_000, 131_200),
+    "lines of gateway": Ceiling(95_000, 131_700),
     "lines of tests": Ceiling(58_000, 77_000),
     "lines of tools": Ceiling(17_000, 24_700),
     "words of docs": Ceiling(60_000, 60_000),
