@@ -35,9 +35,10 @@ _SIGN: Final = 5.0
 _STATED: Final = 2.0
 # Revolutions and changes of a verdict that are remembered.
 _REMEMBERED, _CHANGES = 2, 64
-_UNRELATED: Final = 0.0
+# Gains of sensors, and what is left of the signal where a wheel turns as nothing else does.
+_GAINS, _UNRELATED = (0.2, 5.0), 0.0
 # Estimates of a revolution by the vehicle's signals, and the time by which they may be late.
-_SIGNALS: Final = {Witness.YAW_RATE: ("yaw_rate_radps", 1.0), Witness.COURSE: ("course_rate_radps", 2.5)}
+_SIGNALS: Final = {Witness.YAW_RATE: ("yaw_rate_radps", 1.0), Witness.COURSE: ("course_rate_radps", 2.0)}
 
 
 class _Read(NamedTuple):
@@ -49,15 +50,13 @@ class _Read(NamedTuple):
     period_ns: float
     speed_mps: float
     rate: Rate
-    others: Mapping[Witness, Rate]
+    signals: Mapping[Witness, Rate]
 
 
 @dataclass(slots=True)
 class _Wheel:
     latest: deque[_Read] = field(default_factory=lambda: deque(maxlen=_REMEMBERED))
     signals: dict[Witness, CurveGain] = field(default_factory=dict)
-    # Relative error of each signal, which all curves share.
-    shared_stds: dict[Witness, float] = field(default_factory=dict)
     speeds: CurveGain | None = None
     gain_std: float = 0.0
     verdicts: deque[Verdict] = field(default_factory=lambda: deque((NOTHING,), maxlen=_CHANGES))
@@ -109,14 +108,11 @@ class SharedTurn:
         """Compare a revolution with those before it; return whether a curve ended."""
         wheel, at_s, period_s = self._wheels[read.position], 1e-9 * read.middle_ns, 1e-9 * read.period_ns
         ended = False
-        for witness, rate in read.others.items():
+        for witness, rate in read.signals.items():
             gain = wheel.signals.setdefault(witness, CurveGain(_SIGNALS[witness][1]))
-            if rate.side:
-                std = rate.std_radps / abs(rate.radps)
-                wheel.shared_stds[witness] = min(std, wheel.shared_stds.get(witness, std))
             ended |= gain.take(at_s, period_s, read.rate, rate, read.speed_mps)
-        for position, other in self._wheels.items():
-            for latest in other.latest if position != read.position else ():
+        for position, peer in self._wheels.items():
+            for latest in peer.latest if position != read.position else ():
                 if abs(latest.middle_ns - read.middle_ns) < 0.5 * min(latest.period_ns, read.period_ns):
                     ended |= self._take_both(*sorted((latest, read), key=lambda each: each.position))
         wheel.latest.append(read)
@@ -128,7 +124,7 @@ class SharedTurn:
         ended = gain.take(at_s, period_s, first.rate, second.rate, first.speed_mps)
         for a, b in ((first, second), (second, first)):
             if right_of(a.position) == b.position:
-                by_speeds = Rate(b.speed_mps / a.speed_mps - 1.0, math.inf)
+                by_speeds = Rate(b.speed_mps / a.speed_mps - 1.0, 0.0)
                 for read in (a, b):
                     wheel = self._wheels[read.position]
                     wheel.speeds = wheel.speeds or CurveGain(by_speeds=True)
@@ -140,8 +136,8 @@ class SharedTurn:
         absolute = {position: dict(self._absolute(position)) for position in self._wheels}
         for position, wheel in self._wheels.items():
             sides = {
-                other: int(math.copysign(1.0, gain.value))
-                for other, gain in self._others(position)
+                peer: int(math.copysign(1.0, gain.value))
+                for peer, gain in self._peers(position)
                 if gain.curves >= _FEW_CURVES and abs(gain.value) > _SIGN * gain.std
             }
             signs = [
@@ -170,15 +166,14 @@ class SharedTurn:
         """Yield the gains of a wheel by what is no other wheel's axis."""
         wheel, track = self._wheels[position], self._tracks.get(position)
         for witness, signal in wheel.signals.items():
-            if (gain := signal.gain).curves:
-                std = math.hypot(gain.std, gain.value * wheel.shared_stds.get(witness, 1.0))
-                yield witness, gain._replace(std=std)
+            if signal.gain.curves:
+                yield witness, signal.gain
         if track is not None and wheel.speeds is not None and wheel.speeds.gain.curves:
             gain = wheel.speeds.gain
             std = math.hypot(track[0] * gain.std, gain.value * track[1])
             yield Witness.TRACK, gain._replace(value=track[0] * gain.value, std=std)
 
-    def _others(self, position: str) -> Iterator[tuple[str, Gain]]:
+    def _peers(self, position: str) -> Iterator[tuple[str, Gain]]:
         """Yield the gains of a wheel over those of the others."""
         for (first, second), gain in self._pairs.items():
             if position == first:
@@ -191,26 +186,25 @@ class SharedTurn:
         stated_std = self._wheels[position].gain_std
         refuted = [(witness, gain) for witness, gain in settled.items() if _refutes(gain, stated_std)]
         for witness, gain in refuted:
-            yield _contradiction(gain, witness)
+            yield contradiction_of(gain, witness)
         if settled:
             return
-        others = {other: gain for other, gain in self._others(position) if gain.curves >= _CURVES}
-        apart = {other: gain for other, gain in others.items() if self._are_apart(position, other)}
+        apart = {peer: gain for peer, gain in self._peers(position) if self._are_apart(position, peer)}
         agreed = not any(self._are_apart(*both) for both in combinations(apart, 2))
         if len(apart) >= _FEW_CURVES and agreed:
             closest = min(apart.values(), key=lambda gain: gain.std)
-            yield _contradiction(closest, Witness.WHEELS)
+            yield contradiction_of(closest, Witness.WHEELS)
             return
-        for other, gain in apart.items():
+        for peer, gain in apart.items():
             # One that disagrees with several is the one at fault.
-            if sum(self._are_apart(other, each) for each in self._wheels if each != other) > 1 or not agreed:
+            if sum(self._are_apart(peer, each) for each in self._wheels if each != peer) > 1 or not agreed:
                 continue
-            reason = Reason(ForceCode.WHEELS_TURN_APART, other=other, ratio=abs(gain.value), std=gain.std)
+            reason = Reason(ForceCode.WHEELS_TURN_APART, other=peer, ratio=abs(gain.value), std=gain.std)
             yield Contradiction(Subject.TURN_RATE, reason, {Basis.AXES: abs(gain.value)})
 
-    def _are_apart(self, position: str, other: str) -> bool:
-        gain = next((gain for name, gain in self._others(position) if name == other), Gain())
-        stated_std = math.hypot(self._wheels[position].gain_std, self._wheels[other].gain_std)
+    def _are_apart(self, position: str, peer: str) -> bool:
+        gain = next((gain for name, gain in self._peers(position) if name == peer), Gain())
+        stated_std = math.hypot(self._wheels[position].gain_std, self._wheels[peer].gain_std)
         return gain.curves >= _CURVES and _refutes(gain, stated_std)
 
 
@@ -218,14 +212,19 @@ def _rate(estimate: Estimate) -> Rate:
     return Rate(estimate.value, estimate.std)
 
 
+def _is_related(gain: Gain) -> bool:
+    """Return whether a wheel turns as a witness does but for a gain that a sensor may have."""
+    return gain.is_related and _GAINS[0] < abs(gain.value) < _GAINS[1]
+
+
 def _refutes(gain: Gain, stated_std: float) -> bool:
     beyond = abs(abs(gain.value) - 1.0)
-    return not gain.is_related or beyond > max(CONTRADICTION * gain.std, _STATED * stated_std)
+    return not _is_related(gain) or beyond > max(CONTRADICTION * gain.std, _STATED * stated_std)
 
 
-def _contradiction(gain: Gain, witness: Witness) -> Contradiction:
+def contradiction_of(gain: Gain, witness: Witness) -> Contradiction:
     """Return the contradiction of a wheel's turn rate to a witness."""
-    if not gain.is_related:
+    if not _is_related(gain):
         reason = Reason(ForceCode.TURNS_UNRELATED, witness=str(witness))
         return Contradiction(Subject.TURN_RATE, reason, {Basis.AXES: _UNRELATED})
     reason = Reason(ForceCode.LATERAL_GAIN_CONTRADICTED, gain=abs(gain.value), std=gain.std, witness=str(witness))

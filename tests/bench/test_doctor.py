@@ -15,6 +15,10 @@ from serial.tools import list_ports
 from gateway.bench.commands import doctor_checks as checks
 from gateway.bench.commands.doctor_checks import Check, Level
 from gateway.core.clock import ManualClock
+from gateway.core.reasons import Reason
+from gateway.core.trust.reasons import TrustCode
+from gateway.core.trust.turn_verdict import Gain, Verdict, Witness
+from gateway.forces.shared_turn import contradiction_of
 from tests.testkit.commands import invoked, run
 
 Usage = namedtuple("Usage", "total used free")
@@ -160,9 +164,9 @@ def test_configuration_faults_and_unknowns_are_reported(tmp_path: Path) -> None:
     results = list(checks.check_config(path))
     assert [check.level for check in results] == [Level.OK] * 3 + [Level.WARNING]
     assert "FL (hub 0, wheel 0)" in results[0].text
-    assert re.fullmatch(r"not stated: lateral_is_left, [^(]+\(FL\); bandwidth_hz, [^(]+\(FL\)", results[2].text)
+    assert re.fullmatch(r"not stated: bandwidth_hz, [^(]+\(FL\)", results[2].text)
     assert results[3].text.startswith("pressure of FL is unknown")
-    stated = "mounting = { lateral_is_left = true }\nsensor = { bandwidth_hz = 2000 }\n"
+    stated = "sensor = { bandwidth_hz = 2000 }\n"
     path.write_text(GOOD + stated, encoding="utf-8")
     assert not any(check.text.startswith("not stated") for check in checks.check_config(path))
     path.write_text(GOOD.replace("320", "0.32").replace("4000", "4"), encoding="utf-8")
@@ -244,3 +248,47 @@ def test_json(tmp_path: Path) -> None:
     rows = json.loads(result.output)
     assert all(set(row) == {"name", "level", "text", "remedy"} for row in rows)
     assert (rows[-1]["name"], rows[-1]["level"]) == ("source pigeon:coop", "fault")
+
+
+def recorded(folder: Path, side: str, yaw: str) -> Path:
+    """Return a recording of two wheels that drive at 54 km/h, the second one on a side, whatever its position says."""
+    wheels = (f'[[wheel]]\nposition = "{name}"\nside = "{at}"\nwheel = {number}\nload_n = 4000\n[wheel.sensor]\n'
+              "rate_hz = 4000\n" for number, (name, at) in enumerate((("FL", "left"), ("FR", side))))  # fmt: skip
+    scenario, path = folder / "curve.toml", folder / "curve.mcap"
+    motion = f"[motion]\nspeed_kmh = 54.0\nyaw_rate_degps = {yaw}\n"
+    scenario.write_text(f'[scenario]\nname = "a curve"\nduration_s = 16.0\n{motion}{"".join(wheels)}', encoding="utf-8")
+    run(f"record sim:{scenario}?speed=max --out {path}")
+    return path
+
+
+def axes_of(path: Path) -> dict[str, Check]:
+    return {check.name: check for check in checks.check_lateral_axes(path, None)}
+
+
+def test_one_recorded_curve_answers_whether_lateral_axes_point_to_the_left(tmp_path: Path) -> None:
+    path = recorded(tmp_path, "right", "[[0, 0], [5, 0], [6, 9], [10, 9], [11, 0]]")
+    found = axes_of(path)
+    assert found.keys() == {"lateral axis of FL", "lateral axis of FR"}
+    assert {check.level for check in found.values()} == {Level.OK}
+    assert all(check.text.startswith("points to the left, as curves show") for check in found.values())
+    assert "lateral axis of FL" in invoked("doctor", path, "--json").output
+
+
+def test_straight_recording_leaves_lateral_axes_open_and_says_what_to_drive(tmp_path: Path) -> None:
+    found = axes_of(recorded(tmp_path, "right", "0"))
+    assert {check.level for check in found.values()} == {Level.WARNING}
+    assert all("one curve" in check.remedy for check in found.values())
+
+
+def test_doctor_names_wrong_axes_and_gains() -> None:
+    gain = Gain(0.8, 0.03, 12)
+    contradiction = contradiction_of(gain, Witness.TRACK)
+    for verdict, levels in (
+        (Verdict(sign=-1, reversed_by=Reason(TrustCode.TURNS_OPPOSITE, witness="course")), [Level.FAULT]),
+        (Verdict(sign=1, gain=Gain(1.02, 0.03, 12), gain_by=Witness.YAW_RATE), [Level.OK]),
+        (Verdict(sign=1, gain=gain, gain_by=Witness.TRACK, contradictions=(contradiction,)), [Level.OK, Level.FAULT]),
+    ):
+        results = list(checks.axis_checks("FL", verdict, is_stated=False))
+        assert [check.level for check in results] == levels
+    assert "0.80 ± 0.03 times" in results[0].text
+    assert "0.80 ± 0.03 times" in results[1].text

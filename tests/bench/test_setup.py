@@ -187,6 +187,7 @@ def test_dialogue_over_a_serial_port_writes_the_vehicle(chunks, tmp_path) -> Non
         user.sees("Vertical load in N, one for all or one each (FL FR)")
         user.types("4000, 4200")
         user.sees("written")
+        user.sees("drive one curve")
         process.stdin.close()
         assert process.wait(20) == 0
     port.close()

@@ -32,6 +32,7 @@ _COLOURS: Final = {Level.OK: "green", Level.WARNING: "yellow", Level.FAULT: "red
 def doctor(sources: tuple[str, ...], config_path: Path | None, recordings: Path, as_json: bool) -> None:
     """Check packages, plug-ins, ports, Bluetooth, permissions, disk space, terminal, configuration and each SOURCE.
 
+    Of a recording as SOURCE, whether its curves verify sign and gain of the lateral axis of each wheel.
     Of a configuration also the largest part of the errors of the main quantities, and the statement to make better.
     The exit status is 1 if there is a fault, and 0 if there are only warnings.
     """
@@ -60,7 +61,10 @@ def _run(sources: Sequence[str], config_path: Path | None, recordings: Path) -> 
         yield from checks.check_errors(config_path)
     clock = SystemClock()
     for uri in sources:
-        yield from checks.check_source(uri, clock)
+        if uri.endswith((".mcap", ".bin")) and Path(uri).is_file():
+            yield from checks.check_lateral_axes(Path(uri), config_path)
+        else:
+            yield from checks.check_source(uri, clock)
 
 
 def _print(done: Sequence[Check]) -> None:

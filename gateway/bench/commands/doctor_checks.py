@@ -1,6 +1,9 @@
 """Checks of `treadlink doctor`; each yields its findings and remedies."""
 
+from __future__ import annotations
+
 import importlib.metadata
+import math
 import os
 import re
 import shutil
@@ -9,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from gateway.core.errors import ConfigError, TreadlinkError
 from gateway.core.links.source import open_source, parse_source_uri
@@ -17,6 +20,9 @@ from gateway.core.text.progress import can_move_cursor
 from gateway.core.text.text import escaped
 from gateway.core.text.wording import notice_text
 from gateway.core.text.wording import text as wording
+
+if TYPE_CHECKING:
+    from gateway.core.trust.turn_verdict import Verdict
 
 PYTHON_MIN: Final = (3, 11)
 TERMINAL_MIN_COLUMNS: Final = 80
@@ -253,14 +259,8 @@ def check_config(path: Path) -> Iterator[Check]:
     yield Check(name, Level.OK, f"{path}: {config.name or 'unnamed'}, wheels {wheels}")
     if assumed := [f"{share} of the {what} ({', '.join(wheels)})" for what, share, wheels in config.assumed_errors()]:
         yield Check(name, Level.OK, f"standard errors that are not stated and assumed: {'; '.join(assumed)}")
-    unstated = {
-        "lateral_is_left, so signs are verified by one curve with `--estimator turning` on both wheels of an axle": [
-            each.position for each in setups if not each.sensor.lateral_is_left
-        ],
-        "bandwidth_hz, so no band is doubted": [each.position for each in setups if each.sensor.bandwidth_hz is None],
-    }
-    if lines := [f"{what} ({', '.join(positions)})" for what, positions in unstated.items() if positions]:
-        yield Check(name, Level.OK, f"not stated: {'; '.join(lines)}")
+    if unstated := ", ".join(each.position for each in setups if each.sensor.bandwidth_hz is None):
+        yield Check(name, Level.OK, f"not stated: bandwidth_hz, so no band is doubted ({unstated})")
     for what, key, unknown in (
         ("load", "load_n or an [[axle]]", [setup.position for setup in setups if setup.load_n is None]),
         ("pressure", "pressure_kpa", [setup.position for setup in setups if setup.pressure_pa is None]),
@@ -296,6 +296,61 @@ def check_errors(path: Path) -> Iterator[Check]:
             yield from (Check(name, Level.OK, sentence) for sentence in object_of(target)(setup))
     except TreadlinkError as error:
         yield Check(name, Level.WARNING, str(error), error.remedy)
+
+
+def check_lateral_axes(path: Path, config: Path | None) -> Iterator[Check]:
+    """Check what the curves of a recording say of sign and gain of each wheel's lateral axis."""
+    from gateway.core.recording.recorded_file import open_recorded_file
+    from gateway.core.session.recording_pass import RecordingPass, open_recording
+    from gateway.core.trust.turn_verdict import TURN_RATE
+
+    try:
+        recording = open_recording(open_recorded_file(path), config, verifies=False)
+        taken = RecordingPass(recording, ("turning",), signals=recording.signals(), is_watched=False)
+        turning = {result.position: any(each.name == TURN_RATE for each in result.estimates) for result in iter(taken)}
+    except TreadlinkError as error:
+        yield Check(f"recording {path}", Level.FAULT, str(error), error.remedy)
+        return
+    setups = recording.vehicle.wheel_setups() if recording.vehicle is not None else ()
+    stated = {setup.position for setup in setups if setup.sensor.lateral_is_left}
+    for position in (position for position, has_axis in turning.items() if has_axis):
+        yield from axis_checks(position, taken.lateral_axis(position), is_stated=position in stated)
+
+
+def axis_checks(position: str, verdict: Verdict, *, is_stated: bool) -> Iterator[Check]:
+    """Check sign and gain of a wheel's lateral axis by what curves say; `is_stated` is whether the sign is stated."""
+    yield _axis_check(position, verdict, is_stated=is_stated)
+    for contradiction in verdict.contradictions:
+        remedy = "Correct position, axis or scale of the sensor; compare it with one whose gain is known."
+        yield Check(f"lateral gain of {position}", Level.FAULT, wording(contradiction.reason), remedy)
+
+
+def _axis_check(position: str, verdict: Verdict, *, is_stated: bool) -> Check:
+    """Return whether curves show the sign of a lateral axis, and what they say of its gain."""
+    from gateway.core.trust.reasons import WITNESSES
+
+    name, gain, track = f"lateral axis of {position}", verdict.gain, verdict.track_m
+    if verdict.reversed_by is not None:
+        remedy = "Reverse the sign of the axis in the sensor, or correct the positions."
+        return Check(name, Level.FAULT, wording(verdict.reversed_by), remedy)
+    if not verdict.sign:
+        text = "its sign is stated, and no curve has shown it" if is_stated else "no curve has shown its sign"
+        return Check(
+            name,
+            Level.OK if is_stated else Level.WARNING,
+            text,
+            "Record one curve of 0.1 g for 3 s, straights before and behind it, with both wheels of an axle, or with a "
+            "yaw rate of the bus or a GNSS receiver.",
+        )
+    text = "points to the left, as curves show"
+    if verdict.gain_by is not None:
+        witness = WITNESSES[str(verdict.gain_by)]
+        text += f"; by {gain.curves} curves its gain is {abs(gain.value):.2f} ± {gain.std:.2f} times the stated one"
+        return Check(name, Level.OK, f"{text}, as {witness}")
+    if math.isfinite(track.value):
+        text += f"; if its gain is as stated, the track is {abs(track.value):.2f} m ± {track.std:.2f} m wide"
+        return Check(name, Level.OK, text, "State track_width_mm of its [[axle]] to verify the gain, by 8 curves.")
+    return Check(name, Level.OK, f"{text}; 8 curves verify its gain")
 
 
 def check_source(uri: str, clock: Any) -> Iterator[Check]:

@@ -119,4 +119,6 @@ def setup(
     if not vehicle.wheel:
         raise ConfigError("no wheel has a sensor, so that nothing was written", "Run setup again.")
     write_whole(out, dialogue.text(), force=force)
-    click.echo(f"written: {out}\n  use it: {shlex.join(['treadlink', 'live', *sources, '--config', str(out)])}")
+    live = shlex.join(["treadlink", "live", *sources, "--config", str(out), "--record", "curve.mcap"])
+    click.echo(f"written: {out}\n  drive one curve, straights before and behind it: {live}")
+    click.echo("  then see whether it shows the side of each lateral axis: treadlink doctor curve.mcap")

@@ -351,7 +351,7 @@ class Mounting(Section):
     pitch_deg: float = within(0.0, -45, 45, "rotation about the lateral axis in degrees")
     lateral_is_left: bool = Field(
         default=False,
-        description="whether the lateral axis is verified to point to the left, as by steering; else a reason says so",
+        description="whether the lateral axis is known to point to the left; curves verify it (`treadlink doctor`)",
     )
 
     @property

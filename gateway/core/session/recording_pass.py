@@ -27,6 +27,7 @@ from gateway.core.session.missing_results import FrameCounts, missing_frames, mi
 from gateway.core.session.result_path import ResultPath
 from gateway.core.session.session_parts import VehicleSignals, open_guard, open_vehicle_signals
 from gateway.core.session.wheel_identity import SensorsHeard
+from gateway.core.trust.turn_verdict import Verdict
 
 # Revolutions of a recording wait for a full block for as long as the buffer of their wheel has them.
 _HOLD_S: Final = 7.6
@@ -211,6 +212,10 @@ class RecordingPass:
     def alarms(self) -> tuple[AlarmRecord, ...]:
         """Return the history of every alarm, after the last result; none of a pass that is not watched."""
         return self._alarms.finish() if self._alarms is not None else ()
+
+    def lateral_axis(self, position: str) -> Verdict:
+        """Return what the curves of the recording say of a wheel's lateral axis, after the last result."""
+        return self._path.pairs.axis(position)
 
     def notices(self, heard: Sequence[str]) -> list[Notice]:
         """Return what was wrong with sensors, statements and effects, after the last result.

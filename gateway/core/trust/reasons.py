@@ -5,7 +5,7 @@ from typing import Final
 from gateway.core.reasons import Code, Codes
 
 WITNESSES: Final = {
-    "track": "the speeds of its axle say with the track width",
+    "track": "the speeds of its axle and the track width say",
     "yaw_rate": "the yaw rate of the vehicle's bus says",
     "course": "the course of the receiver says",
     "wheels": "the other wheels do",
@@ -88,7 +88,7 @@ class TrustCode(Codes):
         "the lateral axis points to the right, or the positions are not as stated: this wheel rolls faster than "
         "{other} in curves of which its axis says that it is the inner one"
     )
-    LATERAL_SIGN_UNVERIFIED = Code("the sign is not verified: state lateral_is_left of the mounting")
+    LATERAL_SIGN_UNVERIFIED = Code("the sign is not verified: drive one curve")
     LATERAL_SLIP_APART = Code(
         "the lateral axis of this wheel or of {other} points the wrong way, or their positions are not as stated: "
         "they slip to opposite sides in {opposite:.0f} revolutions, to the same side in {same:.0f}"

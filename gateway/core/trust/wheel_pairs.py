@@ -332,10 +332,10 @@ class WheelPairs:
     def _sign_by_speeds(self, position: str, at_ns: float) -> tuple[int, str]:
         """Return the sign of a lateral axis by its axle's speeds, and the other wheel; 0 where these do not show it."""
         right = right_of(position) or position
-        left = self._lefts.get(right)
-        if left is None or right not in self._pairs:
+        left_wheel = self._lefts.get(right)
+        if left_wheel is None or right not in self._pairs:
             return 0, ""
-        return self._pairs[right].verdict(at_ns).signs[position == right], left if position == right else right
+        return self._pairs[right].verdict(at_ns).signs[position == right], left_wheel if position == right else right
 
     def _sign(self, position: str, at_ns: float) -> tuple[int, Reason | None]:
         """Return the sign of a lateral axis as known at a time, 0 where it is open, and why it points to the right."""
