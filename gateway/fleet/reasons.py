@@ -48,10 +48,10 @@ class FleetCode(Codes):
         },
     )
     TREND_LOAD_STATED = Code("stated, not measured")
-    TREND_LOSES_PRESSURE = Code("the pressure falls by {loss_pa:.1f kPa} ± {std_pa:.1g kPa} a month")
+    TREND_LOSES_PRESSURE = Code("loses {loss_pa:.1f kPa} ± {std_pa:.1g kPa} a month")
     TREND_LOSS_CHANGED = Code(
-        "since {date}, the pressure falls by {after_pa:.1f kPa} ± {after_std_pa:.1g kPa} a month; before, by "
-        "{before_pa:.1f kPa} ± {before_std_pa:.1g kPa}: {count} recordings, {first} to {last}"
+        "since {date}, loses {after_pa:.1f kPa} ± {after_std_pa:.1g kPa} a month; before, {before_pa:.1f kPa} ± "
+        "{before_std_pa:.1g kPa}: {count} recordings, {first} to {last}"
     )
     TREND_NEWEST_FALL = Code(
         "the loss of pressure may have grown: the last {count} recordings, from {date} on, are below the trend by "
