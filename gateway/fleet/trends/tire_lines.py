@@ -322,6 +322,12 @@ def _newest_change(tire: TireWork, name: str, line: TrendLine, change: LateChang
         size, std = size - explained[0], math.hypot(std, explained[1])
     if size * (watch.worse or size) <= 0.0:
         return None
+    if watch.worse and watch.trend is Trend.SENSOR:
+        # A sensor that was better for a while is not worse than before.
+        apart = line.design[:, 2] * line.fit.coefficients[2] if line.has_covariate else 0.0
+        levels = watch.worse * (line.fit.expected - apart)
+        if levels[-1] - levels[: change.begin].max() < watch.notable:
+            return None
     if change.is_slope and name in ("wear_mm", "pressure_at_20_degc"):
         changed = _changed_rate(history, name, line, change, abs(size) >= watch.notable)
     elif abs(size) >= watch.notable:

@@ -83,8 +83,13 @@ def add_load(tire: TireWork) -> None:
         line = fit_line(tire, "estimated_load_n", measured, stds)
     if line is None:
         tire.numbers += _stated_load(history, reason_missing(history, "estimated_load_n", measured))
-    else:
-        tire.numbers += _measured_load(line)
+        return
+    tire.numbers += _measured_load(line)
+    slope, std = combination(line, slope_after(line))
+    if line.doubt is None and abs(slope) > std:
+        # What follows the load drifts with it, also where that is no finding.
+        whole = slope * span_of(line.months), std * span_of(line.months)
+        tire.onsets["estimated_load_n"].append(relative_change("estimated_load_n", line, None, whole))
 
 
 def add_rate(tire: TireWork, series: Series) -> None:

@@ -63,6 +63,18 @@ def test_step_of_a_load_that_persons_scatter_is_found_and_names_what_follows(beg
     assert "Cw" in finding["consequences"]
 
 
+def test_what_drifts_with_a_load_that_also_steps_is_told_with_it():
+    load = 1.0 + 0.14 * (INDEX >= 38) + 0.06 * INDEX / COUNT
+    (finding,) = trend_of(tire_with(estimated_load_n=load, Bs=1 / load, Cw=1 / load, Rs=1 / load)).findings
+    assert finding["name"] == "estimated_load_n"
+    assert {"Bs", "Cw", "Rs"} <= set(finding["consequences"])
+
+
+def test_noise_that_was_less_for_a_while_is_no_finding():
+    noise = np.exp(-1.2 * np.minimum(INDEX, 20) / 20.0 + 1.2 * np.maximum(INDEX - 20, 0) / 39.0)
+    assert trend_of(tire_with(noise_mps2=noise)).findings == ()
+
+
 def test_date_of_a_step_has_the_error_that_the_scatter_makes():
     errors = []
     for seed in range(12):
