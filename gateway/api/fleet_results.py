@@ -12,6 +12,7 @@ from typing import Any
 from gateway.core.clock import SystemClock
 from gateway.core.estimates.registry import CAMPAIGN_ESTIMATORS, in_order
 from gateway.core.session.program_arguments import Config, PathLike, chosen_vehicle, paths, several_names
+from gateway.core.text.aligned_table import WIDEST
 from gateway.core.text.output_file import write_whole
 from gateway.core.text.text import json_text
 from gateway.core.text.wording import text
@@ -25,7 +26,8 @@ from gateway.fleet.recording_estimation import EstimationSettings, RowsKept, est
 from gateway.fleet.trends.fleet_analysis import analyse
 from gateway.fleet.trends.trend_result import FleetTrends
 from gateway.fleet.views.trend_page import write_trends_page
-from gateway.fleet.views.trend_tables import trend_lines, trends_csv, trends_json
+from gateway.fleet.views.trend_tables import trends_csv, trends_json
+from gateway.fleet.views.trend_terminal import trend_lines
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +141,7 @@ class TireTrends:
             raise ValueError(f"'{out}': trends are saved as .html, .json or .csv")
 
     def __str__(self) -> str:
-        return "\n".join(trend_lines(self.result))
+        return "\n".join(trend_lines(self.result, WIDEST))
 
     def __repr__(self) -> str:
         return f"<TireTrends: {len(self.result.tires)} tires>"

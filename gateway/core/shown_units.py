@@ -61,5 +61,7 @@ def shown_units() -> ShownUnits:
 
 
 def conversion(symbol: str, units: ShownUnits) -> Conversion:
-    """Return how a usual unit is shown."""
-    return _CONVERSIONS[units].get(symbol) or Conversion(symbol)
+    """Return how a usual unit is shown, also one a month."""
+    unit, per, _ = symbol.partition("/month")
+    shown = _CONVERSIONS[units].get(unit) or Conversion(unit)
+    return Conversion(f"{shown.symbol}{per}", shown.factor, decimals=shown.decimals) if per else shown

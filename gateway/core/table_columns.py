@@ -297,6 +297,7 @@ RECORDING_TAIL: Final = by_name(
     Column("comment", "comments on the run, one a line", str),
     Column("tags", "tags of the run, as a JSON list", str),
     Column("tire_size", "tire size as stated", str),
+    Column("shown_units", "units of screens as stated: si, bar or us; the columns keep theirs", str),
     Column("tire_maker", "maker of the tire as stated", str),
     Column("tire_dot", "DOT code of the tire as stated", str),
     Column("tire_wear_m", "wear of the tire as stated with the run"),

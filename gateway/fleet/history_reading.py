@@ -24,6 +24,7 @@ from gateway.core.quantity import Statement
 from gateway.core.quantity_catalogue import declared
 from gateway.core.reasons import Reason
 from gateway.core.recording.run_description import EVERY_RUN, RunDescription, RunFilter, TireIdentity, read_notes
+from gateway.core.shown_units import ShownUnits
 from gateway.core.types import FloatArray
 from gateway.fleet.dataset import FAILURES, Key, is_identified, partition_name, read_description
 from gateway.fleet.parquet_parts import read_rows
@@ -41,13 +42,14 @@ _PLAIN: Final = (
     "load_calibration", "faults", "alarms", "damage", AVERAGE_ORDERS.name,
     "speed_mean_mps", "load_n", "load_std_n", "pressure_pa", "pressure_measured", "temperature_degc", "noise_mps2",
     "samples", "samples_lost", "samples_saturated", "mounting_offset_m", "mounting_offset_std_m",
-    "test", "driver", "comment", "tags", "tire_maker", "tire_dot",
+    "test", "driver", "comment", "tags", "tire_maker", "tire_dot", "shown_units",
 )  # fmt: skip
 _ESTIMATES: Final = tuple(quantity.column for quantity in declared() if quantity.watch is not None or quantity.compared)
 _TIMES: Final = ("start_utc", "begin_utc", "end_utc", "hub_zero_utc")
 _TEXT: Final = frozenset(
     {"recording_id", "recording", "path", "position", "sensor_id", "reference", "load_calibration", "faults", "alarms",
-     "damage", AVERAGE_ORDERS.name, "test", "driver", "comment", "tags", "tire_maker", "tire_dot", *_TIMES}
+     "damage", AVERAGE_ORDERS.name, "test", "driver", "comment", "tags", "tire_maker", "tire_dot", "shown_units",
+     *_TIMES}
 )  # fmt: skip
 # Columns without which a file is no table of recordings.
 _NEEDED: Final = ("recording_id", "recording", "path", "position", "sensor_id", "start_utc")
@@ -327,6 +329,7 @@ def _history(
         columns=columns,
         invalid={name: reason for name in estimates if (reason := _last_reason(rows, name))},
         is_identified=is_identified(vehicle, sensor_id),
+        units=ShownUnits(units) if (units := rows[-1].get("shown_units")) in list(ShownUnits) else ShownUnits.SI,
         doubts={name: tuple(_doubt(row, name) for row in rows) for name in estimates},
         alarms=tuple(_alarms(row) for row in rows),
         faults=tuple(_commonest_fault(row) for row in rows),

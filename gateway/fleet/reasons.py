@@ -48,10 +48,10 @@ class FleetCode(Codes):
         },
     )
     TREND_LOAD_STATED = Code("stated, not measured")
-    TREND_LOSES_PRESSURE = Code("loses {loss_pa:.1f kPa} ± {std_pa:.1g kPa} a month")
+    TREND_LOSES_PRESSURE = Code("the pressure falls by {loss_pa:±{std_pa} kPa} a month")
     TREND_LOSS_CHANGED = Code(
-        "since {date}, loses {after_pa:.1f kPa} ± {after_std_pa:.1g kPa} a month; before, {before_pa:.1f kPa} ± "
-        "{before_std_pa:.1g kPa}: {count} recordings, {first} to {last}"
+        "the pressure falls by {after_pa:±{after_std_pa} kPa} a month; before, by "
+        "{before_pa:±{before_std_pa} kPa}: {count} recordings, {first} to {last}"
     )
     TREND_NEWEST_FALL = Code(
         "the loss of pressure may have grown: the last {count} recordings, from {date} on, are below the trend by "
@@ -77,7 +77,7 @@ class FleetCode(Codes):
         "recordings"
     )
     TREND_PRESSURE_FELL = Code(
-        "the pressure has fallen by {fall_pa:.0f kPa} ± {std_pa:.1g kPa} in {span_s:.1f h}: {first} to {last}"
+        "the pressure has fallen by {fall_pa:±{std_pa} kPa} in {span_s:.1f h} ({first} to {last})"
     )
     TREND_PRESSURE_RISES = Code("the pressure rises, as by refills or weather: the tire's own loss is hidden")
     TREND_PRESSURE_STUCK = Code(
@@ -85,9 +85,7 @@ class FleetCode(Codes):
         "{first} to {last}, while the temperature varies)"
     )
     TREND_PROVISIONAL = Code("provisional in {count} of {of} recordings: {why}")
-    TREND_RATE_SINCE = Code(
-        "of the {count} recordings since {date}; before, it was {before:.3g}{unit: } ± {std:.2g}{unit: }"
-    )
+    TREND_RATE_SINCE = Code("of the {count} recordings since {date}; before, it was {before:±{std} of {unit}}")
     TREND_RECORDED_DISTANCE = Code(
         "over the recorded {distance_m:.0f km} only, less than the tire has rolled: --odometer states the rest"
     )
@@ -100,19 +98,17 @@ class FleetCode(Codes):
     )
     TREND_REPEATED = Code("{count} recordings repeat another and count once: {pairs}")
     TREND_REPEATS = Code("{path} repeats {other}")
-    TREND_SENSOR_CLIPS = Code("sensor: {share:.1%} ± {std:.1%} more of its samples are at the end of its range")
-    TREND_SENSOR_LOSSES = Code("sensor: {share:.1%} ± {std:.1%} more of its samples are lost")
-    TREND_SENSOR_MOVES = Code(
-        "sensor: its distance from the neutral layer has changed by {change_m:.1f mm} ± {std:.1g mm}"
-    )
+    TREND_SENSOR_CLIPS = Code("sensor: {share:±{std} %} more of its samples are at the end of its range")
+    TREND_SENSOR_LOSSES = Code("sensor: {share:±{std} %} more of its samples are lost")
+    TREND_SENSOR_MOVES = Code("sensor: its distance from the neutral layer has changed by {change_m:±{std} mm}")
     TREND_SENSOR_NOISE = Code("sensor: its noise is {factor:.1f} ± {std:.1f} times as large as before")
     TREND_SENSOR_STEADY = Code(
         "sensor: its gain or its zero has changed. Record at several speeds to know which (its steady radial value by "
-        "{share:.1%} ± {std:.1%}, a zero by {change_mps2:.1f m/s²})"
+        "{share:±{std} %}, a zero by {change_mps2:.1f m/s²})"
     )
     TREND_SLOPE_CHANGED = Code(
-        "since {date}, {name:series} has another trend, and is {change:+.3g}{unit: } ± {std:.2g}{unit: } from its "
-        "earlier one at the end: {count} recordings, {first} to {last}"
+        "{name:series} has another trend, and is {change:±{std} of {unit}} from its earlier one at the end ({count} "
+        "recordings, {first} to {last})"
     )
     TREND_SPAN_SHORT = Code("the recordings span {span_s:.2g days}: a rate per month needs {needed_s:.0f days}")
     TREND_SPEED_WITH_TIME = Code("influences of speed and time cannot be separated: the speed changes with the time")
@@ -130,10 +126,10 @@ class FleetCode(Codes):
         "what is stated of the tire changed {count} times: the level is fitted anew from each on"
     )
     TREND_STEPS = Code("{count} steps are fitted and not part of the trend")
-    TREND_STIFFNESS_DRIFTS = Code("{name} changes by {share:.2%} ± {std:.2%} a month")
+    TREND_STIFFNESS_DRIFTS = Code("{name} changes by {share:±{std} %} a month")
     TREND_STRUCTURE_CHANGED = Code(
         "structure: inspect the tire. Belt, tread, rim or sensor has changed at one place; which, and where, is not "
-        "known: the waveform far from the sensor's contact {course}, now by {change:.2%} ± {std:.2%} of the "
+        "known: the waveform far from the sensor's contact {course}, now by {change:±{std} %} of the "
         "centripetal acceleration, {scatters:.1f} scatters of a recording",
         course={
             "growing": "grows since {date}",
@@ -170,11 +166,12 @@ class FleetCode(Codes):
         "the odometer file does not cover vehicle {vehicle}: its distance is the recorded one"
     )
     TREND_WEAR_CHANGED = Code(
-        "since {date}, wears by {after_m:.3f mm} ± {after_std_m:.3f mm} in 1,000 km; before, {before_m:.3f mm} ± "
-        "{before_std_m:.3f mm}: {count} recordings, {first} to {last}"
+        "wears by {after_m:±{after_std_m} mm} in 1,000 km; before, {before_m:±{before_std_m} mm}: "
+        "{count} recordings, {first} to {last}"
     )
-    TREND_WEAR_SOFTENS = Code("{share:.2%} ± {std:.2%} of it a month is by the measured wear")
-    TREND_WEARS_SHORT = Code("wears by {wear_m:.1f mm} ± {std_m:.1g mm} in {distance_m:.0f km}")
-    TREND_WEARS_FAST = Code(
-        "wears by {rate_m:.3f mm} ± {std_m:.3f mm} in 1,000 km; the median of the fleet is {median_m:.3f mm}"
-    )
+    TREND_WEAR_SOFTENS = Code("{share:±{std} %} of it a month is by the measured wear")
+    TREND_WEARS_SHORT = Code("wears by {wear_m:±{std_m} mm} in {distance_m:.0f km}")
+    TREND_WEARS_FAST = Code("wears by {rate_m:±{std_m} mm} in 1,000 km; the median of the fleet is {median_m:.3f mm}")
+    TREND_WEAR_SOFTENS = Code("of this, {share:±{std} %} a month is the measured wear's")
+    TREND_WEARS_SHORT = Code("wears by {wear_m:±{std_m} mm} in {distance_m:.0f km}")
+    TREND_WEARS_FAST = Code("wears by {rate_m:±{std_m} mm} in 1,000 km; the median of the fleet is {median_m:.3f mm}")

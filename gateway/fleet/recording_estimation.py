@@ -11,7 +11,7 @@ from typing import Final, NamedTuple, Self
 import numpy as np
 
 from gateway import __version__
-from gateway.core.config.vehicle import VehicleConfig
+from gateway.core.config.vehicle import VehicleConfig, shown_units_of
 from gateway.core.errors import ConfigError, OutputError, RecordingError, TreadlinkError
 from gateway.core.estimates.registry import make_estimator
 from gateway.core.estimates.result_block import ResultBlock, blocks_of
@@ -369,6 +369,7 @@ def _recording_rows(
                 # A belt radius that the configuration lists as assumed is not stated.
                 "stated_radius_m": tire.radius_m if tire and not is_assumed(vehicle, Quantity.RADIUS) else None,
                 "tire_size": tire.size if tire else None,
+                "shown_units": str(shown_units_of(vehicle)),
                 AVERAGE_ORDERS.name: _average_orders(states.get(position)),
                 **_run_cells(run, position),
                 "size_bytes": content.size_bytes,

@@ -17,6 +17,7 @@ from gateway.bench.commands.doctor_checks import Check, Level
 from gateway.core.cli import exit_status
 from gateway.core.cli.path_option import path_option
 from gateway.core.clock import SystemClock
+from gateway.core.text.aligned_table import for_terminal
 from gateway.core.text.text import escaped, json_text
 
 _COLOURS: Final = {Level.OK: "green", Level.WARNING: "yellow", Level.FAULT: "red"}
@@ -69,13 +70,12 @@ def _run(sources: Sequence[str], config_path: Path | None, recordings: Path) -> 
 
 def _print(done: Sequence[Check]) -> None:
     for index, check in enumerate(done):
-        click.echo(
-            f"{click.style(f'{check.level:<8}', fg=_COLOURS[check.level])} {escaped(check.name)}: {escaped(check.text)}"
-        )
+        line = for_terminal(f"{check.level:<8} {escaped(check.name)}: {escaped(check.text)}")
+        click.echo(click.style(line[:8], fg=_COLOURS[check.level]) + line[8:])
         # The faults of one file share a remedy, which is printed once, after the last of them.
         shared = index + 1 < len(done) and done[index + 1].remedy == check.remedy
         if check.remedy and not shared:
-            click.echo(f"{'':8} -> {escaped(check.remedy)}")
+            click.echo(for_terminal(f"{'':8} -> {escaped(check.remedy)}"))
     count = {level: sum(check.level is level for check in done) for level in Level}
     faults, warnings = count[Level.FAULT], count[Level.WARNING]
     click.echo(

@@ -57,6 +57,7 @@ def compare(
     from gateway.core.cli.summary_output import SummaryOutput
     from gateway.core.errors import RecordingError, TreadlinkError
     from gateway.core.session.session_parts import default_key_file
+    from gateway.core.text.aligned_table import terminal_columns
     from gateway.core.text.output_file import check_outputs, write_whole
     from gateway.core.text.progress import progress_bar
     from gateway.core.text.wording import text
@@ -89,7 +90,7 @@ def compare(
         )
     differences = compared_means(means_of(before), means_of(after), radii_of(before), radii_of(after))
     say = SummaryOutput(outputs)
-    for line in comparison_lines(before, after, differences):
+    for line in comparison_lines(before, after, differences, terminal_columns(on_err=say.err)):
         say(line)
     if csv_path is not None:
         write_whole(csv_path, comparison_csv(differences), force=force)

@@ -72,6 +72,7 @@ def orders(
     from gateway.compare.views.order_figure import SUFFIXES, write_figure
     from gateway.compare.views.order_tables import order_lines, write_csv, write_json
     from gateway.core.cli.summary_output import SummaryOutput
+    from gateway.core.text.aligned_table import terminal_columns
     from gateway.core.text.figure_file import check_figure
     from gateway.core.text.output_file import check_outputs
     from gateway.core.text.progress import progress_bar
@@ -96,7 +97,7 @@ def orders(
         for index, wheel in enumerate(spectra):
             if index:
                 say()
-            for line in order_lines(wheel, shown):
+            for line in order_lines(wheel, shown, terminal_columns(on_err=say.err)):
                 say(line)
         if figure is not None:
             write_figure(figure, spectra, recording.name, start_ns, force=force)

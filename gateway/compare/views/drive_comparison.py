@@ -12,10 +12,11 @@ from gateway.core.estimates.weighted_mean import MeanEstimate
 from gateway.core.quantity_catalogue import unit_of
 from gateway.core.reasons import Reason
 from gateway.core.shown_units import shown_in
+from gateway.core.text.aligned_table import WIDEST, table_lines
 from gateway.core.text.numbers import finite_or_none, fixed, plain_name, round_to_error, split_name
 from gateway.core.text.readout import DISTANCE
 from gateway.core.text.table_sinks import CsvSink
-from gateway.core.text.text import clean, counted, pad, pad_left
+from gateway.core.text.text import clean, counted
 from gateway.core.text.wording import joined, text
 
 _CSV_COLUMNS: Final = (
@@ -40,23 +41,21 @@ def radii_of(drive: Drive) -> dict[str, Radius]:
     return {position: Radius.of(last) for position, last in conditions.items() if last is not None}
 
 
-def comparison_lines(first: Drive, second: Drive, differences: Sequence[MeanDifference]) -> list[str]:
-    """Return the lines of a comparison, wheel by wheel."""
+def comparison_lines(
+    first: Drive, second: Drive, differences: Sequence[MeanDifference], columns: int = WIDEST
+) -> list[str]:
+    """Return the lines of a comparison, wheel by wheel, for a terminal of some columns."""
     with shown_in(second.units):
-        return list(_lines(first, second, differences))
+        return list(_lines(first, second, differences, columns))
 
 
-def _lines(first: Drive, second: Drive, differences: Sequence[MeanDifference]) -> Iterator[str]:
+def _lines(first: Drive, second: Drive, differences: Sequence[MeanDifference], columns: int) -> Iterator[str]:
     for wheel in shared_wheels(first, second):
         cells = [drive.wheels[wheel].cells() for drive in (first, second)]
-        rows: list[tuple[str, ...]] = [(wheel, clean(first.name), clean(second.name), "difference", "significance")]
+        rows: list[tuple[str, ...]] = [(wheel, clean(first.name), clean(second.name), "difference", "in errors")]
         rows += [(label, *(shown(values) for values in cells), "", "") for label, shown in GLANCE]
         rows += [(_label(row.name), *difference_cells(row)) for row in differences if row.wheel == wheel]
-        widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
-        for label, *texts in rows:
-            yield "  ".join(
-                (pad(label, widths[0]), *(pad_left(t, w) for t, w in zip(texts, widths[1:], strict=True)))
-            ).rstrip()
+        yield from table_lines(rows, columns)
         yield ""
     if varying := varying_line(differences):
         yield f"~ {varying}"

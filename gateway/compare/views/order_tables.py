@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import chain, repeat
 from pathlib import Path
 from typing import Final
@@ -15,6 +15,7 @@ from gateway.compare.order_statistics import BLOCK_REVOLUTIONS, OrderStatistics,
 from gateway.compare.views.wheel_orders import WheelOrders
 from gateway.core.constants import AXIS_NAMES
 from gateway.core.revolutions.angle_resampling import angle_grid
+from gateway.core.text.aligned_table import WIDEST, table_lines
 from gateway.core.text.numbers import MISSING, finite_or_none, fixed, round_to_error
 from gateway.core.text.output_file import OutputFile, write_whole
 from gateway.core.text.plain_values import plain
@@ -33,20 +34,22 @@ _COLUMNS: Final = (
 )
 
 
-def order_lines(wheel: WheelOrders, orders: int) -> Iterator[str]:
-    """Yield the orders of a wheel for a terminal: shares, then the amplitudes up to an order."""
+def order_lines(wheel: WheelOrders, orders: int, columns: int = WIDEST) -> Iterator[str]:
+    """Yield the orders of a wheel for a terminal of some columns: shares, then the amplitudes up to an order."""
     statistics = wheel.statistics
     speeds = wheel.speeds_text(1, *statistics.omega_range_radps)
     left_out = f", {wheel.rejected} with faults left out" if wheel.rejected else ""
     yield f"{wheel.wheel}  {statistics.revolutions} revolutions at {speeds}{left_out}"
     for doubt in wheel.doubts:
         yield f"  {text(doubt)}"
-    yield f"  {'':<24}" + _columns(AXIS_NAMES)
-    for indent, (label, cells) in zip(chain((2, 2), repeat(4)), share_rows(wheel), strict=False):
-        yield f"{'':{indent}}{label:<{26 - indent}}" + _columns(cells)
+    shares = [
+        [f"{'':{indent}}{label}", *cells]
+        for indent, (label, cells) in zip(chain((2, 2), repeat(4)), share_rows(wheel), strict=False)
+    ]
+    yield from table_lines([["", *AXIS_NAMES], *shares], columns)
     yield "  amplitude in m/s^2, rms over the revolutions (the part that repeats):"
-    for label, cells in amplitude_rows(wheel, orders):
-        yield f"  {label:<24}" + _columns(cells)
+    amplitudes = [[f"  {label}", *cells] for label, cells in amplitude_rows(wheel, orders)]
+    yield from table_lines([["", *AXIS_NAMES], *amplitudes], columns)
     radial, speed = wheel.mean.radial, wheel.speeds_text(1, wheel.mean.omega_radps)
     yield (
         f"  radial average at {speed} without gravity: rms {fixed(_rms(radial.radial_mps2), 2)}, scatter from "
@@ -79,10 +82,6 @@ def amplitude_rows(wheel: WheelOrders, orders: int) -> list[tuple[str, list[str]
         cells = [f"{fixed(all_, 2)} ({fixed(part, 2)})" if math.isfinite(all_) else MISSING for all_, part in values]
         rows.append(("mean" if order == 0 else f"order {order}", cells))
     return rows
-
-
-def _columns(texts: Iterable[str]) -> str:
-    return "".join(f"{text:>21}" for text in texts)
 
 
 def share_texts(statistics: OrderStatistics | SpeedBin) -> list[str]:

@@ -28,6 +28,7 @@ def inspect(recordings: tuple[Path, ...], as_json: bool, verifies: bool) -> None
     from gateway.core.cli.inspection_report import inspection_json, inspection_lines
     from gateway.core.recording.inspection import inspect_recording
     from gateway.core.session.statement_watch import StatementWatch
+    from gateway.core.text.aligned_table import for_terminal
     from gateway.core.text.progress import progress_bar
     from gateway.core.text.text import clean
 
@@ -51,7 +52,7 @@ def inspect(recordings: tuple[Path, ...], as_json: bool, verifies: bool) -> None
             click.echo(json.dumps(inspection_json(inspection, notices)))
         else:
             for line in inspection_lines(inspection, notices):
-                click.echo(clean(line))
+                click.echo(for_terminal(clean(line)))
         without_result |= inspection.damage is not None or not any(
             link.counters.frames for link in inspection.links.values()
         )

@@ -97,7 +97,9 @@ def show_session(session: RunningSession, stop: StopRequest, *, plain: bool) -> 
         if session.publisher is not None and session.publisher.uses_standard_output:
             run_published(session, stop)
         elif plain or not is_terminal():
-            run_plain(session, stop, click.echo)
+            from gateway.core.text.aligned_table import for_terminal
+
+            run_plain(session, stop, lambda line: click.echo(for_terminal(line)))
         else:
             from gateway.core.cli.logs import held_back
             from gateway.core.session.session_parts import show_screen

@@ -68,6 +68,7 @@ def record(
 
 
 def _watch(session: RunningSession, stop: StopRequest) -> None:
+    from gateway.core.text.aligned_table import for_terminal
     from gateway.core.text.progress import progress_view
     from gateway.core.text.text import clean
     from gateway.core.text.wording import notice_text
@@ -82,7 +83,7 @@ def _watch(session: RunningSession, stop: StopRequest) -> None:
             if notices:
                 with view.hidden():
                     for notice in notices:
-                        click.echo(f"* {clean(notice_text(notice))}", err=True)
+                        click.echo(for_terminal(f"* {clean(notice_text(notice))}", on_err=True), err=True)
             view.text(_state_text(live.snapshot()))
             if session.time_is_up():
                 live.request_stop()

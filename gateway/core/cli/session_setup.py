@@ -28,6 +28,7 @@ from gateway.core.session.publication import LiveOutputs
 from gateway.core.session.session_opening import OpenedSession, SessionSettings, open_session
 from gateway.core.session.session_parts import default_key_file, open_outputs, output_files
 from gateway.core.shown_units import shown_in
+from gateway.core.text.aligned_table import for_terminal
 from gateway.core.text.output_file import check_outputs, is_stdout
 from gateway.core.text.plain import PlainView
 from gateway.core.text.progress import can_move_cursor
@@ -68,7 +69,8 @@ class RunningSession:
 
     def show_status(self, line: str) -> None:
         """Print a line to standard output, or to standard error where standard output belongs to a live output."""
-        click.echo(line, err=self.publisher is not None and self.publisher.uses_standard_output)
+        on_err = self.publisher is not None and self.publisher.uses_standard_output
+        click.echo(for_terminal(line, on_err=on_err), err=on_err)
 
 
 def chosen_split(limit: tuple[str, int] | None, keep: int | None) -> Split | None:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import click
 
+from gateway.core.text.aligned_table import for_terminal
 from gateway.core.text.output_file import is_stdout
 from gateway.core.text.text import escaped
 
@@ -25,7 +26,7 @@ class SummaryOutput:
         if self._is_left:
             return
         try:
-            click.echo(escaped(line), err=self.err)
+            click.echo(for_terminal(escaped(line), on_err=self.err), err=self.err)
         except BrokenPipeError:
             self._is_left = True
 

@@ -12,6 +12,7 @@ from gateway.core.feature import Registry, added, object_of
 from gateway.core.reasons import Code, Level, Notice, Reason, Value
 from gateway.core.shown_units import ShownUnits, conversion, shown_units
 from gateway.core.text.probabilities import probability_text
+from gateway.core.text.rounding import round_to_error
 from gateway.core.text.text import escaped
 
 # Printed unit: factor from SI.
@@ -62,6 +63,19 @@ def _utc(time_s: float) -> str:
         return f"{time_s:.0f} s since 1970"
 
 
+def _with_error(value: float, spec: str) -> str:
+    """Return a value rounded to its error, with its unit.
+
+    Args:
+        value: in SI, or in the printed unit after `of`.
+        spec: error and unit as in `0.5 mm` or `0.5 of mm`; `±{std_m} mm` in a template.
+    """
+    error, _, unit = spec.partition(" ")
+    factor = 1.0 if unit.startswith("of ") else _UNITS[unit]
+    symbol, shown, *_ = conversion(unit.removeprefix("of "), shown_units())
+    return f"{round_to_error(value * factor * shown, float(error) * factor * shown).joined()} {symbol}".rstrip()
+
+
 class _Template(string.Formatter):
     """`str.format` with units of display and nested reasons."""
 
@@ -85,6 +99,8 @@ class _Template(string.Formatter):
         if isinstance(value, str) and not value.isprintable():
             # Text from a hub, a file or an error stays on its line and cannot control the terminal.
             value = escaped(value)
+        if format_spec.startswith("±"):
+            return _with_error(float(value), format_spec.removeprefix("±"))
         return _with_unit(value, format_spec)
 
 
@@ -150,9 +166,11 @@ def as_json(reason: Reason) -> dict[str, Any]:
 
 
 def fields(code: Code) -> set[str]:
-    """Return the names of the values that a code's templates need."""
+    """Return the names of the values that a code's templates need, also within the form of another value."""
     templates = (code.text_template, *(template for kinds in code.words.values() for template in kinds.values()))
-    return {name for template in templates for _, name, _, _ in string.Formatter().parse(template) if name}
+    parts = [part for template in templates for part in string.Formatter().parse(template)]
+    parts += [inner for _, _, form, _ in parts if form for inner in string.Formatter().parse(form)]
+    return {name for _, name, _, _ in parts if name}
 
 
 def _plain(value: Value) -> Any:

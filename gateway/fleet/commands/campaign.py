@@ -17,6 +17,7 @@ from gateway.core.cli.run_options import where_option
 from gateway.core.cli.stop_signals import StopRequest, StopSignal, stop_request
 from gateway.core.clock import Clock, SystemClock
 from gateway.core.estimates.registry import CAMPAIGN_ESTIMATORS, estimator_names, in_order
+from gateway.core.text.aligned_table import for_terminal
 from gateway.core.text.text import clean, counted, file_size
 from gateway.core.text.wording import text
 
@@ -237,7 +238,7 @@ def _report_diagnoses(counts: DiagnosisCounts) -> None:
 def _list(lines: Sequence[str], where: str) -> None:
     """Print the first lines, and where in the dataset the others are."""
     for line in lines[:_LISTED]:
-        click.echo(f"  {line}")
+        click.echo(for_terminal(f"  {line}"))
     if len(lines) > _LISTED:
         click.echo(f"  and {len(lines) - _LISTED} more, in the {where}")
 
@@ -347,7 +348,7 @@ def _report(progress: CampaignProgress, failures: list[tuple[Path, Failure]], ro
         )
     _list([f"{clean(str(path))}: see treadlink inspect" for path in progress.damaged], "column damage")
     if progress.standing or progress.with_alarms:
-        click.echo(", ".join(_troubles(progress)))
+        click.echo(for_terminal(", ".join(_troubles(progress))))
     _list(_tire_lines(((str(path), position), (why,)) for path, position, why in progress.standing), "column missing")
     if progress.peak_bytes:
         click.echo(f"largest worker process: {file_size(progress.peak_bytes)}")

@@ -68,10 +68,12 @@ def trends(
     require_campaign_packages()
     if html_path is not None:
         require_report_packages()
+    from gateway.core.text.aligned_table import terminal_columns
     from gateway.fleet.history_reading import read_histories, read_odometer
     from gateway.fleet.trends.fleet_analysis import analyse
     from gateway.fleet.trends.marked_findings import read_marks, set_marks, without_marked
-    from gateway.fleet.views.trend_tables import trend_lines, trends_csv, trends_json
+    from gateway.fleet.views.trend_tables import trends_csv, trends_json
+    from gateway.fleet.views.trend_terminal import trend_lines
 
     odometer = read_odometer(odometer_path) if odometer_path is not None else None
     histories = read_histories(dataset, odometer, where=where)
@@ -91,7 +93,7 @@ def trends(
         write_trends_page(fleet_trends, html_path, force=force)
     # A table on standard output must not be mixed with other lines.
     say = SummaryOutput(outputs)
-    for line in trend_lines(fleet_trends):
+    for line in trend_lines(fleet_trends, terminal_columns(on_err=say.err)):
         say(line)
     for path in outputs:
         say.written(path)

@@ -10,12 +10,13 @@ import numpy as np
 from gateway.core.estimates.estimator import Status
 from gateway.core.quantity import Basis, Trend
 from gateway.core.quantity_catalogue import NEW_TIRE_MM
-from gateway.core.reasons import Reason
+from gateway.core.reasons import Reason, Value
+from gateway.core.shown_units import ShownUnits
 from gateway.core.trust.signal_evidence import Subject
 from gateway.core.types import FloatArray
 from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.axle_pairs import axle_pairs
-from gateway.fleet.trends.causes import with_causes
+from gateway.fleet.trends.causes import Finding, with_causes
 from gateway.fleet.trends.level_steps import LEAST_POINTS, find_steps
 from gateway.fleet.trends.line_numbers import of_unidentified_tire
 from gateway.fleet.trends.moved_tires import findings_of_moves
@@ -26,7 +27,7 @@ from gateway.fleet.trends.recording_doubts import findings_of_recordings
 from gateway.fleet.trends.regression import LEAST_FREEDOM
 from gateway.fleet.trends.sensor_trend import add_sensor
 from gateway.fleet.trends.stated_changes import findings_of_changes, places_of, stated_changes
-from gateway.fleet.trends.structure_trend import structure_change
+from gateway.fleet.trends.structure_trend import RAMPS, STEPS_APART, StructureChange, structure_change
 from gateway.fleet.trends.tire_history import TireHistory
 from gateway.fleet.trends.tire_lines import TireWork
 from gateway.fleet.trends.tire_trends import add_load, add_rate, add_stiffness, add_wear
@@ -79,6 +80,7 @@ def analyse(
         recordings=recordings,
         failures=failures,
         notes=tuple(notes),
+        units=max(histories, key=lambda history: int(history.time_ns[-1])).units if histories else ShownUnits.SI,
     )
 
 
@@ -162,7 +164,7 @@ def _trend_of(tire: TireWork) -> tuple[TireTrend, TireWork]:
     for series in followed_by(Trend.STIFFNESS):
         add_stiffness(tire, series)
     add_sensor(tire)
-    findings = with_causes(tire.findings, tire.onsets)
+    findings = with_causes([_dated(history, finding) for finding in tire.findings], tire.onsets)
     findings += findings_of_changes(history, tire.changes)
     findings += tire.readings.findings
     findings += _of_structure(history)
@@ -196,6 +198,14 @@ def _trend_of(tire: TireWork) -> tuple[TireTrend, TireWork]:
     return trend, tire
 
 
+def _dated(history: TireHistory, finding: Finding) -> Finding:
+    """Return a finding that says since when it holds; one of all recordings, since the first."""
+    if "since_s" in dict(finding.reason.values):
+        return finding
+    values = {**dict(finding.reason.values), **history.since(finding.change.begin or 0)}
+    return finding._replace(reason=Reason(finding.reason.code, **values))
+
+
 def _of_structure(history: TireHistory) -> list[Reason]:
     """Return the finding of a structure that changes, where there is one."""
     change = structure_change(history)
@@ -209,8 +219,19 @@ def _of_structure(history: TireHistory) -> list[Reason]:
             change=change.share,
             std=change.std,
             scatters=change.share / change.scatter,
+            **_since(history, change),
         )
     ]
+
+
+def _since(history: TireHistory, change: StructureChange) -> dict[str, Value]:
+    """Return when a structure began to change; what grows is tried from few times on."""
+    since = history.since(change.begin)
+    if "since_std_s" in since:
+        times, begin = history.time_ns, change.begin
+        tried = times[[max(begin - STEPS_APART, 0), begin]] if change.is_sudden else times[[0, -1]] / len(RAMPS)
+        since["since_std_s"] = 1e-9 * float(np.ptp(tried)) / math.sqrt(12.0)
+    return since
 
 
 def _with_fast_wear(tires: Sequence[TireTrend]) -> tuple[TireTrend, ...]:
@@ -227,8 +248,9 @@ def _with_fast_wear(tires: Sequence[TireTrend]) -> tuple[TireTrend, ...]:
             _FAST_WEAR_STDS * rate.std, (_FAST_WEAR - 1.0) * max(middle, 0.0), _FAST_WEAR_SCATTERS * scatter
         )
         finding = Reason(
-            FleetCode.TREND_WEARS_FAST, rate_m=1e-3 * rate.value, std_m=1e-3 * rate.std, median_m=1e-3 * middle
-        )
+            FleetCode.TREND_WEARS_FAST, rate_m=1e-3 * rate.value, std_m=1e-3 * rate.std, median_m=1e-3 * middle,
+            since_s=1e-9 * tire.first_ns,
+        )  # fmt: skip
         judged.append(replace(tire, findings=(finding, *tire.findings)) if is_fast else tire)
     return tuple(judged)
 

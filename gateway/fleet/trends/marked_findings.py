@@ -129,7 +129,7 @@ def set_marks(dataset: Path, trends: FleetTrends, texts: Sequence[str]) -> dict[
             raise ConfigError(
                 f"{stated!r} is no mark of a finding", "Use acknowledged, closed, put-off:YYYY-MM-DD or open."
             )
-        marks[key] = FindingMark(MarkState(state), *_size(findings[key]), until)
+        marks[key] = FindingMark(MarkState(state), *size_of(findings[key]), until)
     content = {"format": _FORMAT, "marks": {key: mark._asdict() for key, mark in sorted(marks.items())}}
     write_whole(dataset / FILE, json.dumps(content, indent=1) + "\n", force=True)
     return marks
@@ -156,12 +156,12 @@ def _is_hidden(tire: TireTrend, finding: Reason, marks: Mapping[str, FindingMark
     mark = marks.get(finding_key(tire, finding))
     if mark is None or (mark.state is MarkState.PUT_OFF and newest >= mark.until):
         return False
-    size, std = _size(finding)
+    size, std = size_of(finding)
     turned = size * mark.size < 0.0
     return not (turned or abs(size) - abs(mark.size) > _GROWN * math.hypot(std, mark.std))
 
 
-def _size(finding: Reason) -> tuple[float, float]:
+def size_of(finding: Reason) -> tuple[float, float]:
     """Return size and error of a finding; 0 where it has none, which then never grows."""
     values = dict(finding.values)
     for name, std in _SIZES.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
@@ -44,8 +45,10 @@ def findings_of_moves(histories: Sequence[TireHistory]) -> dict[tuple[str, str, 
         told.add(move)
         other = next((later for later in moves if later not in told and move.exchanges_with(later)), None)
         date = str(np.datetime64(move.until_ns, "ns").astype("datetime64[D]"))
+        gap_s = 1e-9 * (move.until_ns - move.after_ns)
+        since = {"since_s": 1e-9 * move.until_ns - 0.5 * gap_s, "since_std_s": gap_s / math.sqrt(12.0)}
         if other is None:
-            finding = Reason(FleetCode.TREND_TIRE_MOVED, origin=move.origin, target=move.target, date=date)
+            finding = Reason(FleetCode.TREND_TIRE_MOVED, origin=move.origin, target=move.target, date=date, **since)
         else:
             told.add(other)
             finding = Reason(
@@ -55,6 +58,7 @@ def findings_of_moves(histories: Sequence[TireHistory]) -> dict[tuple[str, str, 
                 date=date,
                 sensor=move.sensor_id,
                 other=other.sensor_id,
+                **since,
             )
         findings[move.vehicle, move.target, move.sensor_id] += (finding,)
     return dict(findings)

@@ -44,7 +44,12 @@ def plausible_readings(history: TireHistory) -> PlausibleReadings:
     if impossible.any():
         worst = float(degc[impossible][np.argmax(np.abs(degc[impossible]))])
         findings.append(
-            Reason(FleetCode.TREND_TEMPERATURE_IMPOSSIBLE, temperature_degc=worst, count=int(impossible.sum()))
+            Reason(
+                FleetCode.TREND_TEMPERATURE_IMPOSSIBLE,
+                temperature_degc=worst,
+                count=int(impossible.sum()),
+                since_s=1e-9 * float(history.time_ns[np.flatnonzero(impossible)[0]]),
+            )
         )
     degc = np.where(impossible, np.nan, degc)
     measured = np.flatnonzero((history.column("pressure_measured") > 0.0) & np.isfinite(pressure_pa))
@@ -61,6 +66,7 @@ def plausible_readings(history: TireHistory) -> PlausibleReadings:
                     count=int(rows.size),
                     first=first,
                     last=last,
+                    **history.since(int(rows[0])),
                 )
             )
             pressure_pa[rows] = np.nan

@@ -280,6 +280,8 @@ def _leak(tire: TireWork, cold_kpa: FloatArray) -> bool:
         part: dict[str, Value] = {
             "date": date, "date_std_s": leak.date_std_months * MONTH_NS * 1e-9, "until": until, "count": after,
             "first": history.recordings[first], "last": history.recordings[last],
+            "since_s": 1e-9 * (float(history.time_ns[0]) + MONTH_NS * leak.date_months),
+            "since_std_s": 1e-9 * MONTH_NS * leak.date_std_months,
         }  # fmt: skip
         loses = Reason(
             FleetCode.TREND_LOSS_CHANGED, before_pa=-1e3 * before, before_std_pa=1e3 * before_std,
@@ -349,6 +351,7 @@ def _reason_of_fall(history: TireHistory, first: int, last: int, fall_kpa: float
         span_s=1e-9 * float(history.time_ns[last] - history.time_ns[first]),
         first=history.recordings[first],
         last=history.recordings[last],
+        **history.since(min(first + 1, last) if first else 0),
     )
 
 

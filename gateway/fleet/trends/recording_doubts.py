@@ -44,14 +44,18 @@ def findings_of_recordings(history: TireHistory) -> Iterator[Reason]:
         counts.update({name for name, _ in alarms})
         last |= dict(alarms)
     for name, count in counts.most_common():
-        yield Reason(FleetCode.TREND_ALARMS, name=name, count=count, of=of, why=last[name])
+        first = next(index for index, alarms in enumerate(history.alarms) if name in dict(alarms))
+        since = 1e-9 * float(history.time_ns[first])
+        yield Reason(FleetCode.TREND_ALARMS, name=name, count=count, of=of, why=last[name], since_s=since)
     revolutions, valid = history.column("revolutions"), history.column("revolutions_valid")
     few = np.flatnonzero((revolutions > 0.0) & (valid < _LEAST_VALID_SHARE * revolutions))
     if few.size and history.faults:
         whys: dict[str, int] = defaultdict(int)
         for index in few:
             whys[history.faults[index]] += 1
-        yield Reason(FleetCode.TREND_FEW_VALID, count=int(few.size), of=of, why=max(whys, key=lambda why: whys[why]))
-    damaged = int(np.nansum(history.column("damaged"))) if "damaged" in history.columns else 0
-    if damaged:
-        yield Reason(FleetCode.TREND_DAMAGED, count=damaged, of=of)
+        commonest, since = max(whys, key=lambda why: whys[why]), 1e-9 * float(history.time_ns[few[0]])
+        yield Reason(FleetCode.TREND_FEW_VALID, count=int(few.size), of=of, why=commonest, since_s=since)
+    damaged = np.flatnonzero(history.column("damaged") > 0.0)
+    if damaged.size:
+        since = 1e-9 * float(history.time_ns[damaged[0]])
+        yield Reason(FleetCode.TREND_DAMAGED, count=int(damaged.size), of=of, since_s=since)

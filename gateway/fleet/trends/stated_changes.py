@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gateway.core.quantity import Statement
-from gateway.core.reasons import Reason
+from gateway.core.reasons import Reason, Value
 from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.tire_history import TireHistory
 from gateway.fleet.trends.watched_series import SERIES
@@ -58,13 +58,18 @@ def findings_of_changes(history: TireHistory, changes: Iterable[StatedChange]) -
     """Return a finding for each change, the first ones of each statement only."""
     named: dict[Statement, list[Reason]] = {}
     for change in changes:
+        since = history.since(change.recording_index)
         date = str(np.datetime64(int(history.time_ns[change.recording_index]), "ns").astype("datetime64[D]"))
         mine = named.setdefault(change.statement, [])
         if len(mine) < _MOST_NAMED:
             what = "load" if change.statement is Statement.CALIBRATION else "tire"
             # Only loads and radii are numbers, which are told.
             is_number = change.statement in (Statement.LOAD, Statement.RADIUS)
-            values = {"before": float(change.before), "after": float(change.after)} if is_number else {}
+            values: dict[str, Value] = (
+                {"before": float(change.before), "after": float(change.after)} if is_number else {}
+            )
             stated = str(change.statement)
-            mine.append(Reason(FleetCode.TREND_STATED_CHANGED, statement=stated, date=date, what=what, **values))
+            mine.append(
+                Reason(FleetCode.TREND_STATED_CHANGED, statement=stated, date=date, what=what, **values, **since)
+            )
     return [finding for findings in named.values() for finding in findings]

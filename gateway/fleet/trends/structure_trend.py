@@ -30,8 +30,8 @@ _PER_POWER: Final = 10
 _MOST_POWERS: Final = 4
 _LEAST_FREEDOM: Final = 10
 _LEAST_AFTER: Final = 3
-_STEPS_APART: Final = 3
-_RAMPS: Final = (0.0, 0.25, 0.5, 0.75)
+STEPS_APART: Final = 3
+RAMPS: Final = (0.0, 0.25, 0.5, 0.75)
 # Part of a course that must be independent of the conditions.
 _LEAST_APART: Final = 0.3
 # Orders of recordings by chance that the course is compared with, and standard deviations beyond their mean: healthy
@@ -101,7 +101,7 @@ def structure_change(history: TireHistory) -> StructureChange | None:
     if share < _NOTABLE:
         return None
     std = scatter * float(courses[-1, best] / np.linalg.norm(apart[:, best]))
-    is_sudden = best >= int(usable[: len(_RAMPS)].sum())
+    is_sudden = best >= int(usable[: len(RAMPS)].sum())
     return StructureChange(int(rows[begins[best]]), is_sudden, share, std, scatter)
 
 
@@ -137,8 +137,8 @@ def _far_waveforms(orders: FloatArray) -> FloatArray:
 def _courses(months: FloatArray) -> tuple[FloatArray, IntArray]:
     """Return the courses (n, m) of a change, growing ones first, and the recordings (m,) at which they begin."""
     count, span = len(months), months[-1] - months[0]
-    growing = [np.maximum(months - months[0] - share * span, 0.0) for share in _RAMPS]
-    steps = range(2 * _LEAST_AFTER, count - _LEAST_AFTER + 1, _STEPS_APART)
+    growing = [np.maximum(months - months[0] - share * span, 0.0) for share in RAMPS]
+    steps = range(2 * _LEAST_AFTER, count - _LEAST_AFTER + 1, STEPS_APART)
     begins = [int(np.flatnonzero(course)[0]) if course.any() else 0 for course in growing]
     return (
         np.column_stack([*growing, *((np.arange(count) >= step).astype(np.float64) for step in steps)]),

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.core.quantity import Statement
+from gateway.core.reasons import Value
+from gateway.core.shown_units import ShownUnits
 from gateway.core.types import BoolArray, FloatArray
 
 MONTH_NS: Final = 365.25 / 12.0 * 86_400e9
@@ -37,6 +39,7 @@ class TireHistory:
         alarms: (n,) names and texts of the alarms of each recording.
         faults: (n,) commonest reason for rejected revolutions of each recording.
         stated: (n,) each: statements as texts that are equal where the statement is, empty where it is not known.
+        units: that screens show, as its last recording states.
         is_identified: False where neither a vehicle's name nor a sensor says that all recordings are of one tire.
     """
 
@@ -56,11 +59,23 @@ class TireHistory:
     alarms: tuple[tuple[tuple[str, str], ...], ...] = ()
     faults: tuple[str, ...] = ()
     stated: Mapping[Statement, tuple[str, ...]] = field(default_factory=dict)
+    units: ShownUnits = ShownUnits.SI
 
     @property
     def months(self) -> FloatArray:
         """Age at each recording, in months since the first."""
         return np.asarray((self.time_ns - self.time_ns[0]) / MONTH_NS, dtype=np.float64)
+
+    def since(self, index: int) -> dict[str, Value]:
+        """Return when the state of a recording began, s since the epoch: between it and the one before, each as likely.
+
+        Without a recording before it, that is its own time, which has no error.
+        """
+        time_s = 1e-9 * float(self.time_ns[index])
+        if index <= 0:
+            return {"since_s": time_s}
+        gap_s = time_s - 1e-9 * float(self.time_ns[index - 1])
+        return {"since_s": time_s - 0.5 * gap_s, "since_std_s": gap_s / math.sqrt(12.0)}
 
     def column(self, name: str) -> FloatArray:
         """Return a column, NaN throughout when the dataset has none of this name."""

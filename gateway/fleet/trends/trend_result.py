@@ -9,6 +9,7 @@ from gateway.core.estimates.estimator import Status
 from gateway.core.quantity import Quantity as Declared
 from gateway.core.quantity import Watch
 from gateway.core.reasons import Reason
+from gateway.core.shown_units import ShownUnits
 from gateway.core.types import BoolArray, FloatArray
 
 UNKNOWN_VEHICLE: Final = "unknown"
@@ -193,6 +194,7 @@ class FleetTrends:
         recordings: in the dataset, with a row or more.
         failures: recordings without results.
         notes: on the whole.
+        units: that screens and pages show.
     """
 
     tires: tuple[TireTrend, ...]
@@ -202,3 +204,4 @@ class FleetTrends:
     recordings: int
     failures: int
     notes: tuple[Reason, ...] = field(default=())
+    units: ShownUnits = ShownUnits.SI

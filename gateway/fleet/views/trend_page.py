@@ -12,6 +12,7 @@ import numpy as np
 
 from gateway.core.estimates.estimator import Status
 from gateway.core.quantity import Trend
+from gateway.core.shown_units import shown_in
 from gateway.core.text.html_template import result_page
 from gateway.core.text.output_file import check_target, write_whole
 from gateway.core.text.page_figure import (
@@ -37,13 +38,13 @@ from gateway.fleet.trends.trend_result import (
     rate_of,
 )
 from gateway.fleet.trends.watched_series import SERIES, followed_by, label_of
-from gateway.fleet.views.trend_steps import trend_steps
+from gateway.fleet.views.finding_rows import finding_rows, trend_steps
 from gateway.fleet.views.trend_tables import (
     LABELS,
     day,
-    finding_rows,
     number_of,
     shown,
+    shown_unit,
     tire_name,
     tires_text,
     unit_in,
@@ -114,17 +115,19 @@ def _chosen(series: Sequence[TrendSeries]) -> list[TrendSeries]:
     return [line for line in series if SERIES[line.name].watch.is_drawn or line.name in instead]
 
 
-def _as_ratio(series: TrendSeries) -> TrendSeries:
-    """Return a series of logarithms in percent as ratios to the begin of its trend; others as they are."""
+def _as_shown(series: TrendSeries) -> TrendSeries:
+    """Return a series in the unit that is shown; logarithms in percent as ratios to the begin of their trend."""
     if not SERIES[series.name].watch.is_logarithm:
-        return series
+        unit = shown_unit(series.unit)
+        values, expected = (row * unit.factor + unit.offset for row in (series.values, series.expected))
+        return replace(series, values=values, expected=expected, unit=unit.symbol)
     base = series.expected[0]
     values, expected = (np.exp((row - base) / 100.0) for row in (series.values, series.expected))
     return replace(series, values=values, expected=expected, unit="begin = 1")
 
 
 def _draw(panel: Axes, series: TrendSeries) -> None:
-    series = _as_ratio(series)
+    series = _as_shown(series)
     normal = np.flatnonzero(~series.is_outlier)
     if len(normal) > MOST_POINTS:
         normal = normal[np.linspace(0, len(normal) - 1, MOST_POINTS).astype(int)]
@@ -189,21 +192,27 @@ def trends_page(trends: FleetTrends) -> str:
         OutputError: matplotlib or jinja2 is missing.
     """
     require_report_packages()
-    drawn = _most_notable(trends)
+    with shown_in(trends.units):
+        return _page(trends)
+
+
+def _page(trends: FleetTrends) -> str:
+    drawn, findings, steps = _most_notable(trends), finding_rows(trends.tires), trend_steps(trends.tires)
     return result_page(
         *_TEMPLATE,
         title="Trends of tires and sensors",
         trends=trends,
         facts=_facts(trends),
         answer=" ".join(_answer(trends)),
-        steps=trend_steps(trends.tires),
+        # Of few findings each says by itself what to do.
+        steps=steps if len(steps) < len(findings) else [],
         tables=[_table(trends.tires, *table) for table in _TABLES],
         most_outliers=MOST_OUTLIERS,
         drawn=_drawings(drawn),
         drawings_left=len(trends.tires) - len(drawn),
         clean=clean,
         day=day,
-        findings=finding_rows(trends.tires),
+        findings=findings,
         label_of=label_of,
         labels=LABELS,
         value_texts=value_texts,
@@ -259,7 +268,7 @@ def _table(tires: Sequence[TireTrend], key: str, title: str, quantities: Sequenc
 def _with_unit(number: TrendNumber) -> str:
     if number.status is Status.INVALID:
         return clean(joined(number.reasons))
-    return f"{shown(number)} {number.unit}"
+    return f"{shown(number)} {shown_unit(number.unit).symbol}"
 
 
 def _most_notable(trends: FleetTrends) -> list[TireTrend]:

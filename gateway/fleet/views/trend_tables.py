@@ -1,8 +1,8 @@
-"""Trends as rows: for scripts as JSON and CSV, for the terminal, and for the report."""
+"""Trends as rows: for scripts as JSON and CSV, and for the report."""
 
 import io
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -12,16 +12,15 @@ from gateway.core.estimates.estimator import Status
 from gateway.core.quantity import Trend
 from gateway.core.quantity_catalogue import declared
 from gateway.core.reasons import Reason
-from gateway.core.text.numbers import MISSING, STATUS_MARKS, finite_or_none, fixed, round_to_error, split_name
+from gateway.core.shown_units import conversion, shown_units
+from gateway.core.text.numbers import MISSING, STATUS_MARKS, Unit, finite_or_none, fixed, round_to_error, split_name
 from gateway.core.text.plain_values import plain, record
 from gateway.core.text.table_sinks import CsvSink
-from gateway.core.text.text import clean, counted, pad, storable, width
-from gateway.core.text.wording import joined, text
-from gateway.fleet.trends.marked_findings import finding_key
+from gateway.core.text.text import clean, counted, storable
+from gateway.core.text.wording import joined
 from gateway.fleet.trends.trend_result import (
     UNKNOWN_VEHICLE,
     FleetTrends,
-    PairTrend,
     Quantity,
     TireTrend,
     TrendNumber,
@@ -30,7 +29,7 @@ from gateway.fleet.trends.trend_result import (
     by_temperature,
     rate_of,
 )
-from gateway.fleet.trends.watched_series import SERIES, followed_by, label_of
+from gateway.fleet.trends.watched_series import SERIES, followed_by
 
 FORMAT: Final = "treadlink trends"
 FORMAT_VERSION: Final = 1
@@ -57,8 +56,6 @@ LABELS: Final[dict[str, str]] = {
     },
 }
 """Label of each number of a trend."""
-_SHORT: Final = (Quantity.WEAR_RATE, Quantity.PRESSURE_LOSS, Quantity.LOAD, "Bs_rate", "noise_rate")
-_LISTED: Final = 40
 _NAMED_TIRES: Final = 3
 _COLUMNS: Final = (
     "vehicle", "position", "other_position", "sensor_id", "part", "first_utc", "last_utc", "recordings", "distance_km",
@@ -86,8 +83,13 @@ def shown(number: TrendNumber) -> str:
     """Return value and standard error, or a dash where it is not determined."""
     if number.status is Status.INVALID:
         return MISSING
-    mark = STATUS_MARKS[number.status]
-    return f"{round_to_error(number.value, number.std).joined()}{' ' + mark if mark else ''}"
+    mark, unit = STATUS_MARKS[number.status], shown_unit(number.unit)
+    return f"{round_to_error(unit.of(number.value), number.std * unit.factor).joined()}{' ' + mark if mark else ''}"
+
+
+def shown_unit(symbol: str) -> Unit:
+    """Return how numbers in a unit of trends are shown now: kPa/month as psi/month."""
+    return Unit(*conversion(symbol, shown_units()))
 
 
 def number_of(numbers: Sequence[TrendNumber], quantity: str) -> TrendNumber:
@@ -96,8 +98,8 @@ def number_of(numbers: Sequence[TrendNumber], quantity: str) -> TrendNumber:
 
 
 def unit_in(tires: Sequence[TireTrend], quantity: str) -> str:
-    """Return the unit of a quantity."""
-    return next((n.unit for tire in tires for n in tire.numbers if n.quantity == quantity), "")
+    """Return the unit in which a quantity is shown."""
+    return shown_unit(next((n.unit for tire in tires for n in tire.numbers if n.quantity == quantity), "")).symbol
 
 
 def trends_json(trends: FleetTrends) -> dict[str, Any]:
@@ -157,93 +159,12 @@ def vehicles_of(trends: FleetTrends) -> str:
     return f"{counted(known_count, 'vehicle')} and unknown ones" if known_count else "unknown vehicles"
 
 
-def trend_lines(trends: FleetTrends) -> Iterator[str]:
-    """Yield the summary for a terminal."""
-    first = min(trend.first_ns for trend in trends.tires)
-    last = max(trend.last_ns for trend in trends.tires)
-    tires, read = counted(len(trends.tires), "tire"), counted(trends.recordings, "recording")
-    yield f"{tires} of {vehicles_of(trends)}, {read}, {day(first)} to {day(last)} (UTC)"
-    yield from (clean(text(note)) for note in trends.notes)
-    yield ""
-    rows = [["tire", "recordings", *(f"{LABELS[name]}, {unit_in(trends.tires, name)}" for name in _SHORT)]]
-    rows += [
-        [tire_name(trend), str(trend.recordings), *(shown(number_of(trend.numbers, name)) for name in _SHORT)]
-        for trend in trends.tires[:_LISTED]
-    ]
-    widths = [max(width(row[column]) for row in rows) for column in range(len(rows[0]))]
-    yield from ("  ".join(pad(cell, cells) for cell, cells in zip(row, widths, strict=True)).rstrip() for row in rows)
-    if len(trends.tires) > _LISTED:
-        yield f"... and {len(trends.tires) - _LISTED} more tires: --json, --csv or --html"
-    yield from _mark_lines(trends.tires[:_LISTED])
-    findings = finding_rows(trends.tires)
-    yield ""
-    yield "findings:" if findings else "no finding"
-    yield from (f"  {key}  {name}: {said}" for name, said, key in findings[:_LISTED])
-    if len(findings) > _LISTED:
-        yield f"  ... and {len(findings) - _LISTED} more"
-    yield from _pair_lines(trends.pairs)
-    yield from _outlier_lines(trends)
-
-
-def finding_rows(tires: Sequence[TireTrend]) -> list[tuple[str, str, str]]:
-    """Return tire, text and key of each finding; of those with one key the last, with how many more there are."""
-    rows = []
-    for tire in tires:
-        alike: dict[str, list[Reason]] = {}
-        for finding in tire.findings:
-            alike.setdefault(finding_key(tire, finding), []).append(finding)
-        for key, findings in alike.items():
-            more = f" (and {len(findings) - 1} more)" if len(findings) > 1 else ""
-            rows.append((tire_name(tire), f"{clean(text(findings[-1]))}{more}", key))
-    return rows
-
-
-def _mark_lines(tires: Sequence[TireTrend]) -> Iterator[str]:
-    """Yield why numbers of the table are marked: one line for each reason, with its tires."""
-    reasons: dict[tuple[str, str], list[str]] = {}
-    for trend in tires:
-        for quantity in _SHORT:
-            number = number_of(trend.numbers, quantity)
-            if number.status is Status.PROVISIONAL and number.reasons:
-                why = clean(text(number.reasons[0]))
-                reasons.setdefault((LABELS[quantity], why), []).append(tire_name(trend))
-    if reasons:
-        yield ""
-        yield f"marked {STATUS_MARKS[Status.PROVISIONAL]}:"
-    for (label, why), names in list(reasons.items())[:_LISTED]:
-        yield f"  {tires_text(names, len(tires))}, {label}: {why}"
-    if len(reasons) > _LISTED:
-        yield f"  ... and {len(reasons) - _LISTED} more reasons: --json or --csv"
-
-
 def tires_text(names: Sequence[str], every: int) -> str:
     """Return the tires that a reason is about: all, or the first ones by name."""
     if len(names) == every and every > 1:
         return "all tires"
     more = len(names) - _NAMED_TIRES
     return ", ".join(names[:_NAMED_TIRES]) + (f" and {counted(more, 'other')}" if more > 0 else "")
-
-
-def _pair_lines(pairs: Sequence[PairTrend]) -> Iterator[str]:
-    valid = [(pair, n) for pair in pairs for n in pair.numbers if n.status is not Status.INVALID]
-    if valid:
-        yield ""
-        yield "asymmetry:"
-    for pair, number in valid[:_LISTED]:
-        wheels = f"{clean(pair.vehicle)} {pair.left} {pair.right}"
-        yield f"  {wheels}: {LABELS[number.quantity]} {shown(number)} {number.unit}"
-
-
-def _outlier_lines(trends: FleetTrends) -> Iterator[str]:
-    recordings = dict.fromkeys((outlier.recording, outlier.path) for outlier in trends.outliers)
-    yield ""
-    yield f"outliers: {len(recordings)} of {trends.recordings} recordings" if recordings else "no outlier"
-    for name, path in list(recordings)[:_LISTED]:
-        mine = [outlier for outlier in trends.outliers if outlier.path == path]
-        what = "; ".join(f"{label_of(outlier.name)} {outlier.deviation:+.1f}" for outlier in mine)
-        yield f"  {clean(name)}: {what} standard deviations from its trend"
-    if len(recordings) > _LISTED:
-        yield f"  ... and {len(recordings) - _LISTED} more"
 
 
 def _number_json(number: TrendNumber) -> dict[str, Any]:
@@ -264,9 +185,11 @@ def findings_text(findings: Sequence[Reason]) -> str:
 
 
 def plain_number(value: float, unit: str) -> str:
-    """Return a value with six significant digits at most."""
+    """Return a value with six significant digits at most, in the unit that is shown."""
     if not math.isfinite(value):
         return MISSING
+    shown = shown_unit(unit)
+    value, unit = shown.of(value), shown.symbol
     size = abs(value)
     decimals = 0 if size >= 1000 else 1 if size >= 100 else 2 if size >= 1 else 4
     return f"{fixed(value, decimals)} {unit}".rstrip()

@@ -94,6 +94,7 @@ def plan(
     """
     from gateway.core.cli.summary_output import SummaryOutput
     from gateway.core.config.validation import read_text
+    from gateway.core.text.aligned_table import terminal_columns
     from gateway.core.text.output_file import check_outputs, write_whole
     from gateway.core.text.progress import progress_view
     from gateway.planner.accelerometer import parse_accelerometers, shipped_accelerometers
@@ -147,7 +148,7 @@ def plan(
                 planned = plan_sensor(loaded, part, speed_kmh / 3.6, wheels=wheels or 40, seed=seed)
                 plans.append(planned)
                 with view.hidden():
-                    for line in plan_lines(planned, listed.power):
+                    for line in plan_lines(planned, listed.power, terminal_columns(on_err=say.err)):
                         say(line)
         document, has_result = plan_json(plans, listed.power), any(planned.usable for planned in plans)
     if json_path is not None:

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.text.aligned_table import WIDEST, table_lines
 from gateway.core.text.numbers import split_name
 from gateway.core.text.plain_values import plain
 from gateway.core.text.text import json_text
@@ -15,7 +16,7 @@ from gateway.planner.link_load import LinkLoad, PowerModel, link_load
 from gateway.planner.planned_errors import PlannedError, SensorPlan, sampling_rate_hz
 
 
-def plan_lines(plan: SensorPlan, power: PowerModel | None = None) -> Iterator[str]:
+def plan_lines(plan: SensorPlan, power: PowerModel | None = None, columns: int = WIDEST) -> Iterator[str]:
     """Yield the lines of one sensor at one speed: its state, then scatter and what stays of each quantity."""
     peak_g = plan.peak_mps2 / STANDARD_GRAVITY_MPS2
     state = "usable" if plan.usable else "not usable"
@@ -32,16 +33,16 @@ def plan_lines(plan: SensorPlan, power: PowerModel | None = None) -> Iterator[st
     if not plan.errors:
         return
     counts = sorted({error.revolutions for error in plan.errors})
-    header = "".join(f"{f'after {count}':>12}" for count in counts)
-    yield f"  {'quantity':<18}{'true':>12}{header}{'bound':>12}{'stays':>12}{'stated':>12}"
+    rows = [["  quantity", "true", *(f"after {count}" for count in counts), "bound", "stays", "stated"]]
     by_name: dict[str, dict[int, PlannedError]] = {}
     for error in plan.errors:
         by_name.setdefault(error.quantity, {})[error.revolutions] = error
     for name, errors in by_name.items():
         last = errors[max(errors)]
-        scatters = "".join(f"{errors[count].scatter:12.3g}" if count in errors else f"{'-':>12}" for count in counts)
-        bound = f"{last.bound:12.3g}" if math.isfinite(last.bound) else f"{'-':>12}"
-        yield f"  {name:<18}{last.truth:12.4g}{scatters}{bound}{last.stays:12.3g}{last.stated:12.3g}"
+        scatters = [f"{errors[count].scatter:.3g}" if count in errors else "-" for count in counts]
+        bound = f"{last.bound:.3g}" if math.isfinite(last.bound) else "-"
+        rows.append([f"  {name}", f"{last.truth:.4g}", *scatters, bound, f"{last.stays:.3g}", f"{last.stated:.3g}"])
+    yield from table_lines(rows, columns)
 
 
 def _load_line(load: LinkLoad, power: PowerModel | None) -> str:

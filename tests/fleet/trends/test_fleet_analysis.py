@@ -12,7 +12,7 @@ from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.fleet_analysis import analyse
 from gateway.fleet.trends.tire_history import TireHistory
 from gateway.fleet.trends.trend_result import FleetTrends, Quantity, TireTrend
-from gateway.fleet.views.trend_tables import trend_lines
+from gateway.fleet.views.trend_terminal import trend_lines
 from tests.testkit.tire_histories import history, number
 
 
@@ -254,7 +254,7 @@ def test_recordings_of_unknown_tires_give_no_valid_number():
             if each.status is Status.PROVISIONAL:
                 assert each.reasons[0].code is FleetCode.TREND_TIRE_UNIDENTIFIED
     assert trends.pairs[0].numbers[0].status is Status.PROVISIONAL
-    assert any("(not identified)" in line for line in trend_lines(trends))
+    assert any("(not identified)" in line for line in trend_lines(trends, 120))
 
 
 def test_asymmetry_of_left_and_right():

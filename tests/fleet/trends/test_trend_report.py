@@ -14,7 +14,8 @@ from gateway.fleet.trends.fleet_analysis import analyse
 from gateway.fleet.trends.trend_result import UNKNOWN_VEHICLE, FleetTrends
 from gateway.fleet.trends.watched_series import SERIES
 from gateway.fleet.views.trend_page import trends_page
-from gateway.fleet.views.trend_tables import LABELS, trend_lines, trends_csv, trends_json
+from gateway.fleet.views.trend_tables import LABELS, trends_csv, trends_json
+from gateway.fleet.views.trend_terminal import trend_lines
 from tests.testkit.tire_histories import history
 
 HOSTILE = "<script>alert('x')</script>\x1b[2J"
@@ -36,7 +37,7 @@ def test_page_is_self_contained_and_escapes_names(trends):
     assert html.escape("<script>alert('x')</script>", quote=True).replace("&#x27;", "&#39;") in page
     assert not re.findall(r'(?:src|href)="(?!#)', page)
     assert page.count("<svg") == 2
-    assert "loses" in page
+    assert "the pressure falls" in page
     assert "3 recordings without results" in page
     assert "_0005.mcap" in page
 
@@ -51,7 +52,7 @@ def test_page_is_self_contained_and_escapes_names(trends):
 )
 def test_an_unknown_vehicle_is_not_counted(names, said):
     result = analyse([history(1, 40, vehicle=name) for name in names], recordings=len(names), failures=0)
-    assert next(trend_lines(result)).startswith(said)
+    assert trend_lines(result, 120)[0].startswith(said)
     assert said.split(" of ")[1].split(",")[0] in trends_page(result)
 
 
@@ -92,9 +93,9 @@ def test_csv_has_one_row_for_each_number(trends):
 
 
 def test_lines_are_clean_and_name_outliers(trends):
-    lines = list(trend_lines(trends))
+    lines = trend_lines(trends, 200)
     assert all(line.isprintable() for line in lines)
-    assert any("loses" in line for line in lines)
+    assert any("the pressure falls" in line for line in lines)
     assert any("2 of 80 recordings" in line for line in lines)
     assert any("_0030.mcap: Bs +" in line for line in lines)
 
@@ -110,14 +111,14 @@ def test_notes_of_the_page_name_their_tires(trends):
 
 def test_csv_has_the_findings(trends):
     rows = list(csv.DictReader(io.StringIO(trends_csv(trends).decode())))
-    assert {row["findings"][:5] for row in rows if row["position"] == "FL"} == {"loses"}
+    assert {row["findings"][:18] for row in rows if row["position"] == "FL"} == {"the pressure falls"}
     assert {row["findings"] for row in rows if row["position"] == "FR"} == {""}
 
 
 def test_lines_say_why_numbers_are_marked():
     doubts = ("contradicted",) * 40
     tires = [replace(history(1, 40, vehicle=name), doubts={"wear_mm": doubts} if name == "a" else {}) for name in "ab"]
-    lines = list(trend_lines(analyse(tires, recordings=80)))
+    lines = trend_lines(analyse(tires, recordings=80), 200)
     assert lines[lines.index("marked ~:") + 1] == (
         "  a FL 0000a000, wear: provisional in 40 of 40 recordings: contradicted"
     )

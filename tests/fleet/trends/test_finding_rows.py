@@ -1,0 +1,70 @@
+"""Each finding of a fleet says since when, how sure, and what to do."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gateway.core.shown_units import ShownUnits
+from gateway.fleet.trends.fleet_analysis import analyse
+from gateway.fleet.trends.tire_history import MONTH_NS
+from gateway.fleet.views.finding_rows import finding_rows
+from gateway.fleet.views.trend_page import trends_page
+from gateway.fleet.views.trend_tables import trends_csv, trends_json
+from gateway.fleet.views.trend_terminal import trend_lines
+from tests.testkit.tire_histories import history
+
+
+def leaking_since(month: float, seed: int = 1):
+    """Return a tire that loses 20 kPa a month from a time on, and that time in ns."""
+    tire = history(seed, 60, sensor_id="a1", vehicle="van 7")
+    lost_pa = 20e3 * np.maximum(tire.months - month, 0.0)
+    tire.columns["pressure_pa"][:] -= lost_pa
+    return tire, int(tire.time_ns[0] + month * MONTH_NS)
+
+
+@pytest.mark.parametrize("month", [5.0, 6.5])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_finding_of_a_leak_has_the_date_on_which_it_began(month: float, seed: int):
+    tire, begin_ns = leaking_since(month, seed)
+    (trend,) = analyse([tire], recordings=60).tires
+    finding = next(finding for finding in trend.findings if "after_pa" in dict(finding.values))
+    since_s, std_s = (float(str(finding[name])) for name in ("since_s", "since_std_s"))
+    assert 0.0 < std_s < 15.0 * 86_400.0
+    assert abs(since_s - 1e-9 * begin_ns) < 3.0 * std_s
+    row = finding_rows([trend])[0]
+    assert row.since.endswith(("days", "day"))
+    assert row.since[:10] == str(np.datetime64(round(since_s), "s"))[:10]
+    assert row.sure.endswith("times its error")
+    assert "leak" in row.step
+
+
+def test_what_all_recordings_show_is_since_the_first():
+    (trend,) = analyse([history(1, 60, leak_pa=4000.0)], recordings=60).tires
+    row = finding_rows([trend])[0]
+    assert row.since == "2026-01-01, the first recording"
+    assert row.said == f"loses {row.said.split()[1]} ± 0.09 kPa a month" or "±" in row.said
+
+
+def test_terminal_and_page_say_since_when_how_sure_and_what_to_do_in_that_order():
+    trends = analyse([leaking_since(6.0)[0]], recordings=60)
+    lines = trend_lines(trends, 80)
+    at = [
+        next(i for i, line in enumerate(lines) if words in line) for words in ("since when", "how sure", "what to do")
+    ]
+    assert at == sorted(at)
+    page = trends_page(trends)
+    assert page.index("<dt>Since when") < page.index("<dt>How sure") < page.index("<dt>What to do") < page.index("<svg")
+
+
+def test_units_of_the_vehicle_files_hold_for_trends_and_their_files_keep_si():
+    trends = analyse([replace(leaking_since(6.0)[0], units=ShownUnits.US)], recordings=60)
+    assert trends.units is ShownUnits.US
+    terminal = "\n".join(trend_lines(trends, 120))
+    assert "pressure loss, psi/month" in terminal
+    assert "kPa" not in terminal
+    page = trends_page(trends)
+    assert "psi/month" in page
+    assert "kPa" not in page
+    assert "psi" not in str(trends_json(trends))
+    assert b"psi" not in trends_csv(trends)
