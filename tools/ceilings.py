@@ -37,7 +37,7 @@ class Ceiling(NamedTuple):
 
 
 CEILINGS: Final[dict[str, Ceiling]] = {
-    "lines of the core": Ceiling(32_000, 39_900),
+    "lines of the core": Ceiling(32_000, 40_000),
     "lines of gateway": Ceiling(95_000, 131_700),
     "lines of tests": Ceiling(58_000, 77_000),
     "lines of tools": Ceiling(17_000, 24_700),
