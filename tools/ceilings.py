@@ -37,13 +37,13 @@ class Ceiling(NamedTuple):
 
 
 CEILINGS: Final[dict[str, Ceiling]] = {
-    "lines of the core": Ceiling(32_000, 40_000),
-    "lines of gateway": Ceiling(95_000, 131_700),
-    "lines of tests": Ceiling(58_000, 77_000),
-    "lines of tools": Ceiling(17_000, 24_700),
+    "lines of the core": Ceiling(32_000, 39_950),
+    "lines of gateway": Ceiling(95_000, 131_650),
+    "lines of tests": Ceiling(58_000, 76_620),
+    "lines of tools": Ceiling(17_000, 24_550),
     "words of docs": Ceiling(60_000, 60_000),
     "options": Ceiling(120, 91),
-    "reason codes": Ceiling(430, 612),
+    "reason codes": Ceiling(430, 531),
     "functions over complexity 20": Ceiling(0, 0),
     "functions of more than eight parameters, commands aside": Ceiling(0, 4),
     "modules over 700 lines": Ceiling(0, 1),

@@ -302,7 +302,7 @@ class TestRepetition:
         """The same drive under another name, with other times and without its last fifth of a second."""
         later = START_NS + 300 * 10**9
         copy = write_recording(folder / "copy.mcap", AT_60, duration_s=15.8, start_ns=later)
-        with pytest.raises(RecordingError, match=r"copy\.mcap' has the same revolutions as '.*slow\.mcap'"):
+        with pytest.raises(RecordingError, match=r"copy\.mcap' holds the same revolutions as '.*slow\.mcap'"):
             read_campaign(reading_orders([slow, copy]))
         used, refused = read_usable([slow, copy], "W0")
         assert len(used) == 1

@@ -162,7 +162,7 @@ def test_notes_on_recordings_are_reported(closed, recording, tmp_path):
     again = write_recording(tmp_path / "again.mcap", AT_60, seed=7, duration_s=4.0)
     out = tmp_path / "a.json"
     assert run(recording, again, "--json", out, "--jobs", "1").exit_code == 0
-    assert "one after another" in out.read_text()
+    assert "in the order of the command" in out.read_text()
 
 
 def test_reverse_recordings_must_be_among_the_recordings(closed, recording):

@@ -187,7 +187,9 @@ def test_numbers_of_a_loose_sensor_are_not_determined(monkeypatch: pytest.Monkey
     assert not any(diagnosis.determined.values())
     assert not any(diagnosis.determined_before.values())
     assert why_undetermined(diagnosis, ["Bs"]) == "the sensor is in doubt: see the notes"
-    assert any("alarm of the sensor: rings at 250 Hz" in line for line in closure_summary_lines(diagnosis, 200))
+    assert any(
+        "alarm of the sensor: the sensor may have come loose" in line for line in closure_summary_lines(diagnosis, 200)
+    )
 
 
 OFFSET, NONLINEARITY = "mounting offset", "sensor nonlinearity"

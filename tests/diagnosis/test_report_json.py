@@ -63,7 +63,11 @@ def test_keys_are_stable(tmp_path):
     assert undecided["rivals"] == ["run-out"]
     assert "20 K warmer" in undecided["decide_with"]
     assert undecided["deciding_recordings"] == [
-        {"code": "record_warmer", "values": {"difference_k": 20.0}, "text": undecided["decide_with"]}
+        {
+            "code": "record_again",
+            "values": {"how": "warmer", "difference_k": 20.0},
+            "text": undecided["decide_with"],
+        }
     ]
     refused = result["effects"][verdicts.index("refused")]
     assert "limit_mps2 would be" in refused["reason"]
