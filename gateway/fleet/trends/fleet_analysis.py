@@ -202,7 +202,7 @@ def _dated(history: TireHistory, finding: Finding) -> Finding:
     """Return a finding that says since when it holds; one of all recordings, since the first."""
     if "since_s" in dict(finding.reason.values):
         return finding
-    values = {**dict(finding.reason.values), **history.since(finding.change.begin or 0)}
+    values = {**history.since(finding.change.begin or 0), **dict(finding.reason.values)}
     return finding._replace(reason=Reason(finding.reason.code, **values))
 
 

@@ -278,7 +278,7 @@ def _leak(tire: TireWork, cold_kpa: FloatArray) -> bool:
         level = float(series.expected[-1])
         onset = Change(first, math.log(leak.now_kpa / level) if 0.0 < leak.now_kpa < level else None, grows=True)
         part: dict[str, Value] = {
-            "date": date, "date_std_s": leak.date_std_months * MONTH_NS * 1e-9, "until": until, "count": after,
+            "date": date, "until": until, "count": after,
             "first": history.recordings[first], "last": history.recordings[last],
             "since_s": 1e-9 * (float(history.time_ns[0]) + MONTH_NS * leak.date_months),
             "since_std_s": 1e-9 * MONTH_NS * leak.date_std_months,

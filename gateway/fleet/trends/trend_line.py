@@ -173,7 +173,7 @@ def begins_of(line: TrendLine, begin: int) -> tuple[IntArray, FloatArray]:
     return places, np.asarray(weights / weights.sum())
 
 
-def date_std_s(history: TireHistory, line: TrendLine, begin: int) -> float:
+def since_std_s(history: TireHistory, line: TrendLine, begin: int) -> float:
     """Return the standard error of the date at which a change begins: it is known to a gap between recordings."""
     places, weights = begins_of(line, begin)
     seconds = 1e-9 * (history.time_ns[line.places] - history.time_ns[line.places[begin]]).astype(np.float64)
@@ -254,7 +254,7 @@ def part_of_line(history: TireHistory, line: TrendLine, begin: int, end: int) ->
     first, last = history.recordings[int(line.places[begin])], history.recordings[int(line.places[end - 1])]
     return {
         "date": line.dates[begin],
-        "date_std_s": date_std_s(history, line, begin),
+        "since_std_s": since_std_s(history, line, begin),
         "until": line.dates[end - 1],
         "count": end - begin,
         "first": first,

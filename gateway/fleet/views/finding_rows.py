@@ -81,7 +81,7 @@ def _since(tire: TireTrend, values: Mapping[str, Value]) -> str:
     """Return the day on which a finding began, and its error where that is half a day or more."""
     begin_ns, std_days = (float(str(values.get(name, "nan"))) for name in ("since_s", "since_std_s"))
     begin_ns = round(1e9 * begin_ns) if math.isfinite(begin_ns) else tire.first_ns
-    std_days = float(str(values.get("date_std_s", std_days))) / _DAY_S
+    std_days /= _DAY_S
     if std_days >= 0.5:
         return f"{day(begin_ns)} ± {f'{std_days:.0f} days' if std_days >= 1.5 else '1 day'}"
     return f"{day(begin_ns)}, the first recording" if begin_ns <= tire.first_ns else day(begin_ns)

@@ -85,7 +85,7 @@ def test_date_of_a_step_has_the_error_that_the_scatter_makes():
         assert finding["name"] == "estimated_load_n"
         date = COUNT - finding["count"]
         apart_s = 1e-9 * float(tire.time_ns[date] - 0.5 * (tire.time_ns[begin] + tire.time_ns[begin - 1]))
-        errors.append(apart_s / finding["date_std_s"])
+        errors.append(apart_s / finding["since_std_s"])
     assert np.abs(errors).max() < 4.0
     assert 0.3 < np.sqrt(np.mean(np.square(errors))) < 1.8
 
