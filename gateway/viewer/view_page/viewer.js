@@ -136,7 +136,7 @@
       if (!one) return [];
       const said = element("p", one.actions.length ? "answer act" : "answer", recordings.length > 1 ? `${recordings[i].name}: ${one.summary}` : one.summary);
       const todo = element("ul"), happened = element("ul", "events");
-      todo.append(...one.actions.map((action) => element("li", "", action)));
+      todo.append(...one.actions.map(([about, step]) => element("li", "", `${about}: ${step}`)));
       happened.append(...one.events.map((event) => {
         const row = element("li", event.kind), go = element("button", "", clock(event.begin));
         go.type = "button";
