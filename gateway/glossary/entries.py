@@ -141,4 +141,4 @@ def _of_effect(effect: Effect) -> Entry:
 
 def _shown(template: str) -> str:
     """Return a template with the names of its values."""
-    return re.sub(r"\{([^:}!]*)[^}]*\}", lambda match: f"<{match[1].strip() or 'value'}>", template)
+    return re.sub(r"\{([^:}!]*)(?:\{[^}]*\}|[^{}])*\}", lambda match: f"<{match[1].strip() or 'value'}>", template)
