@@ -169,9 +169,6 @@ class FleetCode(Codes):
         "wears by {after_m:±{after_std_m} mm} in 1,000 km; before, {before_m:±{before_std_m} mm}: "
         "{count} recordings, {first} to {last}"
     )
-    TREND_WEAR_SOFTENS = Code("{share:±{std} %} of it a month is by the measured wear")
-    TREND_WEARS_SHORT = Code("wears by {wear_m:±{std_m} mm} in {distance_m:.0f km}")
-    TREND_WEARS_FAST = Code("wears by {rate_m:±{std_m} mm} in 1,000 km; the median of the fleet is {median_m:.3f mm}")
     TREND_WEAR_SOFTENS = Code("of this, {share:±{std} %} a month is the measured wear's")
     TREND_WEARS_SHORT = Code("wears by {wear_m:±{std_m} mm} in {distance_m:.0f km}")
     TREND_WEARS_FAST = Code("wears by {rate_m:±{std_m} mm} in 1,000 km; the median of the fleet is {median_m:.3f mm}")
