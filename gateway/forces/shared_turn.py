@@ -74,10 +74,10 @@ class SharedTurn:
 
     def compare(self, result: RevolutionResult) -> None:
         """Compare a wheel's next revolution, if it has a turn rate."""
-        rates = {each.name: each for each in result.estimates if each.status is not Status.INVALID}
-        turn = rates.get(TURN_RATE)
-        if turn is None or not is_evidence(result.revolution):
+        turn = next((each for each in result.estimates if each.name == TURN_RATE), None)
+        if turn is None or turn.status is Status.INVALID or not is_evidence(result.revolution):
             return
+        rates = {each.name: each for each in result.estimates if each.status is not Status.INVALID}
         wheel = self._wheels.setdefault(result.position, _Wheel())
         wheel.gain_std = result.conditions.lateral_gain_std
         period_ns = 1e9 * result.revolution.period_s

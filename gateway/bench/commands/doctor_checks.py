@@ -307,7 +307,7 @@ def check_lateral_axes(path: Path, config: Path | None) -> Iterator[Check]:
     try:
         recording = open_recording(open_recorded_file(path), config, verifies=False)
         taken = RecordingPass(recording, ("turning",), signals=recording.signals(), is_watched=False)
-        turning = {result.position: any(each.name == TURN_RATE for each in result.estimates) for result in iter(taken)}
+        turning = {result.position: any(each.name == TURN_RATE for each in result.estimates) for result in taken}
     except TreadlinkError as error:
         yield Check(f"recording {path}", Level.FAULT, str(error), error.remedy)
         return
