@@ -116,9 +116,22 @@
     byId("orders-axis").replaceChildren(...[2, 0, 1].map((axis) => option(String(axis), AXES[axis])));
   };
 
+  // A picture that is drawn anew under the mouse loses its drag or click: what comes meanwhile is drawn after it.
+  let isPressed = false;
+  const postponed = new Map();
+  const undisturbed = (draw) => (...data) => { if (isPressed) postponed.set(draw, data); else draw(...data); };
+  for (const type of ["pointerdown", "pointermove", "pointerup", "pointercancel"]) addEventListener(type, (event) => {
+    isPressed = type === "pointerdown" || (type === "pointermove" && isPressed && event.buttons !== 0);
+    if (isPressed || !postponed.size) return;
+    const due = [...postponed];
+    postponed.clear();
+    // Behind the click that this release makes.
+    setTimeout(() => { for (const [draw, data] of due) undisturbed(draw)(...data); });
+  }, true);
+
   // Quantities, events, and the first sentence: as on the page of a drive
 
-  const showPictures = () => {
+  const showPictures = undisturbed(() => {
     const wheels = series.map((channel) => {
       const drive = pictured[channel.recording], index = drive ? drive.wheels.findIndex((wheel) => wheel.name === channel.wheel) : -1;
       return { drive, index, name: nameOf(channel), t: index < 0 ? [] : drive.wheels[index].t };
@@ -148,7 +161,7 @@
     }));
     section.draw();
     drawSamples();
-  };
+  });
 
   // Samples
 
@@ -226,7 +239,7 @@
       return item;
     }));
   };
-  const drawSamples = () => {
+  const drawSamples = undisturbed(() => {
     const shown = visible(), holder = byId("samples");
     for (const { plot } of samplePlots) plot.destroy();
     section.added = section.added.filter((plot) => plot === ordersPlot);
@@ -246,8 +259,8 @@
     holder.replaceChildren(...samplePlots.map(({ figure }) => figure));
     section.resize();
     holder.dataset.range = section.range.join(" ");
-  };
-  const drawOverview = () => {
+  });
+  const drawOverview = undisturbed(() => {
     const shown = visible(), holder = byId("overview"), inner = element("div");
     if (overview) overview.destroy();
     holder.replaceChildren(inner);
@@ -266,7 +279,7 @@
     });
     section.range = range;
     overview.setSize({ width: Math.max(holder.clientWidth, 200), height: OVERVIEW_HEIGHT });
-  };
+  });
 
   // A revolution
 
@@ -353,7 +366,7 @@
     const position = Math.min(Math.max(share, 0), 0.9999) * (PALETTE.length - 1), low = PALETTE[Math.floor(position)], high = PALETTE[Math.floor(position) + 1];
     return `rgb(${low.map((value, i) => Math.round(value + (position % 1) * (high[i] - value))).join(",")})`;
   };
-  const drawOrders = ({ x, width, orders }, one, axis, over) => {
+  const drawOrders = undisturbed(({ x, width, orders }, one, axis, over) => {
     section.added = section.added.filter((plot) => plot !== ordersPlot);
     if (ordersPlot) { ordersPlot.destroy(); ordersPlot = null; }
     const holder = byId("orders"), note = byId("orders-note"), label = `${nameOf(one)}, ${AXES[axis]} axis, orders over ${over}`;
@@ -402,7 +415,7 @@
       }, data, holder);
     }
     ordersPlot.setSize({ width: Math.max(holder.clientWidth, 200), height: ORDERS_HEIGHT });
-  };
+  });
 
   // What the user does
 
