@@ -94,6 +94,10 @@ class _Template(string.Formatter):
             return label.removeprefix("ln ")
         if format_spec == "times":
             return f"more than {_MOST_TIMES:g} times" if value > _MOST_TIMES else f"{value:.2g} times"
+        if format_spec == "later":
+            return "earlier" if value < 0.0 else "later"
+        if format_spec.startswith("size "):
+            return _with_unit(abs(value), format_spec.removeprefix("size "))
         if format_spec == " ":
             return f" {value}" if value else ""
         if isinstance(value, str) and not value.isprintable():

@@ -37,9 +37,10 @@ class TrustCode(Codes):
         },
     )
     AXES_SWAPPED = Code("the lateral and the circumferential axis are swapped: each reads what the other should")
-    AXIS_LATE = Code("the {axis} axis is {late_s:.2f ms} later than the radial one")
+    AXIS_LATE = Code("the {axis} axis is {late_s:size .2f ms} {late_s:later} than the radial one")
     AXIS_LATER_THAN_OTHERS = Code(
-        "the {axis} axis is {late_s:.2f ms} ± {std_s:.2f ms} later behind the radial one than those of the other wheels"
+        "the {axis} axis is {late_s:size .2f ms} ± {std_s:.2f ms} {late_s:later} against the radial one than on the "
+        "other wheels"
     )
     COUPLING_CONTRADICTED = Code(
         "the sensor is AC-coupled, but stated as DC-coupled: state AC (its steady radial value is {share:.2f} ± "

@@ -26,6 +26,15 @@ DATES = {"since_s", "since_std_s"}
 NO_NUMBER = re.compile(r"\b(nan|inf)\b [a-z]")
 
 
+@pytest.mark.parametrize(("late_s", "words"), [(0.39e-3, "0.39 ms later"), (-0.39e-3, "0.39 ms earlier")])
+def test_negative_lateness_is_said_to_be_earlier(late_s, words) -> None:
+    alone = text(Reason(TrustCode.AXIS_LATE, axis="lateral", late_s=late_s))
+    assert alone == f"the lateral axis is {words} than the radial one"
+    size, word = words.rsplit(" ", 1)
+    among = text(Reason(TrustCode.AXIS_LATER_THAN_OTHERS, axis="lateral", late_s=late_s, std_s=5e-5))
+    assert among == f"the lateral axis is {size} ± 0.05 ms {word} against the radial one than on the other wheels"
+
+
 def test_only_wording_reads_templates() -> None:
     readers = {
         str(path.relative_to(GATEWAY))
