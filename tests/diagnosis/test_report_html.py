@@ -147,6 +147,11 @@ def test_undecided_effects_are_in_summary_and_omissions():
     assert "Do not rely on the effects" in answer
     answer = Page(diagnosis_html(replace(empty(), complete=False))).text
     assert "No effect is identified: the search ended at its time limit." in answer
+    likely = tuple(replace(second, name=name, verdict=Verdict.REFUSED, probability=0.8) for name in ("gain", "run-out"))
+    text = Page(diagnosis_html(replace(empty(), complete=False, findings=likely))).text
+    assert text.count("The search ended at its time limit: gain and run-out are likely so far, but not certain.") == 2
+    assert "No effect" not in text
+    assert "rejected: gain" not in text
     note = Reason(DiagnosisCode.CONTACTS_CONTRADICT, short="a.mcap", short_rad=0.22, long="b.mcap", long_rad=0.27)
     answer = Page(diagnosis_html(replace(empty(), notes=(note,)))).text
     assert (

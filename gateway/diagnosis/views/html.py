@@ -43,6 +43,7 @@ from gateway.diagnosis.views.phrases import (
     listed,
     model_words,
     named_sentences,
+    no_effect,
     no_residual,
     place_text,
     reason_text,
@@ -142,6 +143,7 @@ def _page_of(diagnosis: Diagnosis) -> str:
         chi_square=chi_square,
         clean=clean,
         effect_title=effect_title,
+        no_effect=no_effect,
         effect_remarks=effect_remarks,
         fixed=fixed,
         held_out_change=held_out_change,
@@ -252,10 +254,7 @@ def _effect_sentences(diagnosis: Diagnosis) -> Iterator[str]:
     elif named:
         yield from named_sentences(named)
     elif not undecided:
-        if diagnosis.complete:
-            yield "No effect of the catalogue is supported by sufficient evidence."
-        else:
-            yield "No effect is identified: the search ended at its time limit."
+        yield no_effect(diagnosis)
     for finding in undecided:
         subject = "It also" if named else "The model"
         if finding.rivals:

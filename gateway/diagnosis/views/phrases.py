@@ -320,6 +320,17 @@ def likely(diagnosis: Diagnosis) -> list[Finding]:
     ]
 
 
+def no_effect(diagnosis: Diagnosis) -> str:
+    """Return that no effect is identified, and why; a search that ended early names what is likely so far."""
+    if diagnosis.complete:
+        return "No effect of the catalogue is supported by sufficient evidence."
+    names = [finding.name for finding in likely(diagnosis)]
+    if not names:
+        return "No effect is identified: the search ended at its time limit."
+    are = "is" if len(names) == 1 else "are"
+    return f"The search ended at its time limit: {effects_listed(names)} {are} likely so far, but not certain."
+
+
 def decisively_rejected(diagnosis: Diagnosis) -> list[Finding]:
     """Return the effects that were as good as identified but for the reason against them.
 
