@@ -104,14 +104,32 @@ class Silence:
 
 @dataclass(frozen=True, slots=True)
 class WheelCounters:
-    """Sample and revolution counts of one wheel since the session began."""
+    """Sample and revolution counts of one wheel since the session began.
+
+    Attributes:
+        samples: received.
+        samples_lost: missing by their numbers.
+        samples_silent: those of them that are missing in silences: nothing came for so long that none was sent.
+        silent_s: time of these silences.
+        samples_saturated: at the end of the range.
+        samples_overwritten: not looked at in time.
+        revolutions: completed.
+        revolutions_rejected: by the average.
+    """
 
     samples: int = 0
     samples_lost: int = 0
+    samples_silent: int = 0
+    silent_s: float = 0.0
     samples_saturated: int = 0
     samples_overwritten: int = 0
     revolutions: int = 0
     revolutions_rejected: int = 0
+
+    @property
+    def lost_sent(self) -> int:
+        """Samples lost of those that were sent: silence is no loss."""
+        return self.samples_lost - self.samples_silent
 
 
 @dataclass(frozen=True, slots=True)

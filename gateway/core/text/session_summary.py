@@ -108,9 +108,9 @@ class WheelSummary:
 
     @property
     def lost_fraction(self) -> float:
-        """Share of all samples that were lost on the link, also between revolutions; NaN when not known."""
-        sent = self.counters.samples + self.counters.samples_lost
-        return self.counters.samples_lost / sent if sent else math.nan
+        """Share of the samples sent that were lost, also between revolutions; NaN when not known."""
+        sent = self.counters.samples + self.counters.lost_sent
+        return self.counters.lost_sent / sent if sent else math.nan
 
     @property
     def estimates(self) -> tuple[Estimate, ...]:
@@ -373,11 +373,12 @@ def _share(fraction: float) -> str:
 
 
 def _samples_note(wheel: WheelSummary) -> str:
-    """Return how many of the samples of completed revolutions were lost, if as many as of all, and what saturated."""
+    """Return the share lost of the samples of completed revolutions, if not that of all, silence and what saturated."""
     within = _share(wheel.missing_fraction)
     saturated = f"{counted(wheel.saturated, 'revolution')} saturated" if wheel.saturated else ""
     apart = f"{within} within completed revolutions" if within != _share(wheel.lost_fraction) else ""
-    return "; ".join(filter(None, (apart, saturated)))
+    silent = f"none was sent in {age(wheel.counters.silent_s)} of silence" if wheel.counters.silent_s else ""
+    return "; ".join(filter(None, (apart, silent, saturated)))
 
 
 def _revolutions_note(wheel: WheelSummary) -> str:

@@ -51,6 +51,8 @@ from gateway.core.wheels.unmarked_loss import UnmarkedLossCheck
 BUFFER_S: Final = 8.0
 # Longer gaps are not interpolated: contacts are searched again after them.
 _MAX_GAP_S: Final = 0.25
+# From it on a gap is a silence, as in the alarms.
+_SILENT_S: Final = 1.0
 # Tolerance between the time stamp and the sample number of a late block. If it is exceeded, the hub has restarted.
 _LATE_TOLERANCE_US: Final = 250_000
 # Hellos, every two seconds or so, within which no sensor is exchanged and back.
@@ -139,7 +141,7 @@ class WheelPipeline:
         self._due_at = self._due_us = 0.0
         self._results: list[RevolutionResult] = []
         self._environments_waiting = 0
-        self._samples = self._lost = self._saturated = self._revolutions = 0
+        self._samples = self._lost = self._silent = self._saturated = self._revolutions = 0
         self._overwritten_before = self._looked_at = 0
         # Samples that the last revolution was short of without a mark.
         self._checked_before = _SOUND
@@ -294,6 +296,7 @@ class WheelPipeline:
             # Numbers for which the hub's clock shows no time are a jump of the firmware's, not lost samples.
             if not is_jump(step, ticks_us[0] - clock.hub_us(buffer.head), sensor.hello.rate_hz):
                 self._lost += step
+                self._silent += step if step >= _SILENT_S * sensor.hello.rate_hz else 0
             self._finish_segment()
             self._begin_at(first)
             self.add(first_sample, ticks_us, axes, counts, host)
@@ -617,6 +620,8 @@ class WheelPipeline:
             counters=WheelCounters(
                 samples=self._samples,
                 samples_lost=self._lost,
+                samples_silent=self._silent,
+                silent_s=self._silent / hello.rate_hz if hello is not None else 0.0,
                 samples_saturated=self._saturated,
                 samples_overwritten=self._overwritten_before + (buffer.overwritten if buffer is not None else 0),
                 revolutions=self._revolutions,

@@ -91,6 +91,18 @@ def test_samples_lost_between_revolutions_count() -> None:
     assert line.split() == ["samples", "lost", "60.000", "%", "0", "%", "within", "completed", "revolutions"]
 
 
+def test_silence_is_not_said_to_be_lost_samples() -> None:
+    summary = ResultSummary()
+    summary.add(result("FL", 0.1))
+    counters = WheelCounters(samples=4_000, samples_lost=6_000, samples_silent=6_000, silent_s=20.0)
+    (line,) = (
+        line
+        for line in summary_lines(summary.wheels([WheelSnapshot("FL", counters=counters)]))
+        if "samples lost" in line
+    )
+    assert line.split(maxsplit=4)[2:] == ["0", "%", "none was sent in 20 s of silence"]
+
+
 def test_values_that_are_not_those_of_the_end_say_so() -> None:
     summary = ResultSummary()
     for _ in range(3):

@@ -273,6 +273,16 @@ def test_long_gap_is_not_interpolated(roll, to_frames):
     assert abs(periods / np.median(periods) - 1).max() < 0.01
 
 
+@pytest.mark.parametrize(("missing", "silent_s"), [(500, 1.875), (200, 0.0)])
+def test_samples_that_are_missing_for_a_second_are_silence_and_no_loss(roll, to_frames, missing, silent_s):
+    frames = to_frames(roll(65.0, 8.0).radial_mps2)
+    _, pipeline = run_live(stream(frames[:800] + frames[800 + missing :]))
+    counters = pipeline.wheels()[0].counters
+    assert counters.samples_lost == missing * 36
+    assert counters.silent_s == pytest.approx(silent_s)
+    assert counters.lost_sent == (0 if silent_s else missing * 36)
+
+
 def test_saturated_revolutions_are_not_averaged(roll, to_frames):
     signal = roll(65.0, 3.0).radial_mps2
     results, pipeline = run_live(stream(to_frames(signal, saturation_counts=round(1300 / 0.05))))
