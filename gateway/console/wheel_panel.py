@@ -26,7 +26,7 @@ from gateway.core.estimates.results import RevolutionResult, WheelSnapshot, Whee
 from gateway.core.quantity_catalogue import quantity_of
 from gateway.core.shown_units import ShownUnits, shown_units
 from gateway.core.text.numbers import MISSING, STATUS_MARKS, Shown, age, fixed, percent, show, shown_value, unit_symbol
-from gateway.core.text.readout import SPEED, WEAR, Reading, read_result
+from gateway.core.text.readout import SPEED, WEAR, Reading, plain_wear, read_result
 from gateway.core.text.text import ELLIPSIS, clean, crop, crop_middle, filled, pad, width
 from gateway.core.text.wording import text as reason_text
 from gateway.core.types import FloatArray
@@ -107,8 +107,8 @@ def surroundings(wheel: WheelSnapshot) -> list[Run]:
         if not wheel.has_current_environment:
             missing = [(f"{MISSING} {unit_symbol(name)}", Role.VALUE) for name in ("pressure_pa", "temperature_degc")]
             return [*missing, _load(wheel, load_n)]
-    since = f" ({age(old.age_s)} old)" if old is not None else ""
-    role = Role.VALUE if old is None else Role.WARNING
+    since = f" ({age(old.age_s)} old)" if old is not None else " still received" if wheel.silence is not None else ""
+    role = Role.WARNING if old is not None else Role.VALUE if wheel.silence is None else Role.LABEL
     return [
         _of_source(wheel, "pressure_pa", f"{_with_unit('pressure_pa', wheel.pressure_pa, 1)}{since}", role),
         (_with_unit("temperature_degc", wheel.temperature_degc, 1), role),
@@ -180,7 +180,7 @@ def shown_numbers(wheel: WheelSnapshot, reading: Reading | None) -> list[Shown]:
         return []
     others = [reading.rotation] if reading.rotation.status is not Status.INVALID else []
     others += [reading.distance] if reading.distance is not None else []
-    others += [show(wheel.wear_mm)] if wheel.wear_mm is not None else []
+    others += [show(plain_wear(wheel.wear_mm))] if wheel.wear_mm is not None else []
     labels = set()
     for estimate in reading.further:
         quantity = quantity_of(estimate.name)
@@ -237,9 +237,11 @@ def _grid(rows: Sequence[Row], columns: int, cells: int) -> list[Row]:
 def counter_runs(wheel: WheelSnapshot) -> list[Run]:
     """Return counters of samples and revolutions, without a rate in silence; those that need attention are warnings."""
     c = wheel.counters
-    lost = percent(c.samples_lost, c.samples + c.samples_lost) if wheel.silence is None else MISSING
+    lost = percent(c.lost_sent, c.samples + c.lost_sent) if wheel.silence is None else MISSING
+    silent = [(f"was silent {age(c.silent_s)}", Role.WARNING)] if c.silent_s else []
     runs = [
-        (f"lost {lost}", Role.WARNING if c.samples_lost else Role.LABEL),
+        (f"lost {lost}", Role.WARNING if c.lost_sent else Role.LABEL),
+        *silent,
         (f"overwritten {c.samples_overwritten}", Role.WARNING if c.samples_overwritten else Role.LABEL),
         (f"saturated {c.samples_saturated}", Role.WARNING if c.samples_saturated else Role.LABEL),
         (f"rejected {c.revolutions_rejected}", Role.LABEL),

@@ -14,7 +14,7 @@ from gateway.compare.views.drive_pictures import begin_ns, drawn_quantities, lin
 from gateway.compare.views.drive_verdict import verdict
 from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.estimates.reasons import EstimateCode
-from gateway.core.estimates.results import AlarmRecord
+from gateway.core.estimates.results import AlarmRecord, WheelCounters, WheelSnapshot
 from gateway.core.links.reasons import LinkCode
 from gateway.core.quantity_catalogue import declared
 from gateway.core.reasons import Notice, Reason
@@ -222,7 +222,24 @@ def test_a_wear_below_zero_within_its_error_is_said_to_be_none(made):
     page = drive_page([drive])
     assert re.findall(r"<li>([^<]*): below zero by less than twice its error", page) == ["FL, wear"]
     assert "<dt>Wear</dt>" in page
+    assert re.findall(r'class="n[^"]*">(-?[\d.]+ ± [\d.]+)', page.split(">wear ")[1].split("</tr>")[0]) == [
+        "0.00 ± 0.50",
+        "-2.00 ± 0.50",
+        "0.40 ± 0.50",
+    ]
+    assert data_of(page)["quantities"][-1]["wheels"][0]["v"][0] == pytest.approx(-0.2), (
+        "the picture has what was measured"
+    )
     assert "(assumed)" in page, "no vehicle file states the belt radius"
+
+
+def test_silence_is_no_loss_and_a_mean_says_what_it_leaves_out(made):
+    drive = with_silence(made, 40, 20, silent_s=35.0)
+    counters = WheelCounters(samples=9600, samples_lost=9600 * 35 + 96, samples_silent=9600 * 35, silent_s=35.0)
+    drive.finish((WheelSnapshot("FL", rate_hz=9600.0, counters=counters),), (), ())
+    page = drive_page([drive])
+    assert '>samples lost</th><td class="n">0.99 %; none sent in 35 s of silence<' in page
+    assert re.search(r">speed, mean and span</th><td class=\"n\">[^<]*; not measured for 35 s<", page)
 
 
 def test_marks_are_shown_and_keep_the_waveform_of_their_moment(make_drive, made):
@@ -277,6 +294,30 @@ def test_a_browser_draws_the_pictures_zooms_them_together_and_shows_a_waveform(b
     assert "Cw" in tab.value("[...document.querySelectorAll('.picture-title')].map(t => t.innerText).join()")
     tab.show(page, 390)
     assert tab.value("document.documentElement.scrollWidth") <= 390
+    assert not tab.errors
+
+
+def test_dots_are_of_no_wheel_and_long_numbers_stay_in_their_picture(browser, made, tmp_path):
+    drive = Drive("a.mcap")
+    for index in range(9):
+        estimates = (Estimate("speed_mps", 10.0, 0.1, Status.VALID), Estimate("Bs", 3.0e4 * index, 1.0, Status.VALID))
+        drive.add(replace(made.result(index=index, estimates=estimates), host_ns=10**18 + index * 10**8))
+    page = tmp_path / "drive.html"
+    page.write_text(drive_page([drive]), "utf-8")
+    tab = browser.tab()
+    tab.show(page, 1280)
+    dashes = tab.value("Array.from({ length: 8 }, (_, i) => pictures.dashOf(i))")
+    assert len({str(dash) for dash in dashes}) == 4
+    assert all(piece > 3 for dash in dashes for piece in dash[::2]), "a wheel's line has no dots"
+    assert tab.value("Array.from({ length: 8 }, (_, i) => pictures.seriesOf(i)[1].dash[0])") == [1.5] * 8
+    select = "document.querySelector('.picture-title select')"
+    tab.value(f"{{ const s = {select}; s.value = 'Bs'; s.dispatchEvent(new Event('change')); }}")
+    widths = tab.value(
+        "[...document.querySelector('.grid figure').querySelectorAll('.u-axis')].map((a) => a.clientWidth)"
+    )
+    text = "(() => { const c = document.createElement('canvas').getContext('2d'); c.font = '12px system-ui'; "
+    needed = tab.value(f"{text} return c.measureText('240,000').width; }})()")
+    assert widths[-1] >= needed + 10
     assert not tab.errors
 
 

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+import re
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
@@ -15,7 +16,8 @@ from websockets.sync.client import ClientConnection, connect
 
 from gateway.core.clock import SystemClock
 from gateway.core.errors import RecordingError
-from gateway.core.estimates.results import Silence, SilentPart, WheelState
+from gateway.core.estimates.estimator import Estimate, Status
+from gateway.core.estimates.results import AlarmRecord, Silence, SilentPart, WheelState
 from gateway.core.links.reasons import LinkCode
 from gateway.core.reasons import Notice, Reason
 from gateway.core.session.reasons import SessionCode
@@ -456,6 +458,12 @@ def test_drive_face_begins_with_an_alarm_and_lists_the_others(served, items, mad
     assert (drive["kind"], drive["line"]) == ("act", "FR: 171.0 kPa is below 180.0 kPa")
     assert drive["step"] == "FR: stop as soon as you can, and check the tire"
     assert drive["alarms"] == ["RL: no samples for 7 s. A fault?"]
+    records = (AlarmRecord("FR", alarms[0].name, alarms[0].reason, 1, 2.0, 38.0, 40.0, is_standing=True),)
+    show(served, items[-1:], lambda snapshot: dataclasses.replace(snapshot, alarms=alarms, alarm_records=records))
+    with guest(served) as connection:
+        while (drive := next_of(connection, "state")["drive"])["line"] == "FR: 171.0 kPa is below 180.0 kPa":
+            pass
+    assert drive["line"] == "FR: 171.0 kPa is below 180.0 kPa (alarm since 0:00:38)"
     assert [wheel["kind"] for wheel in drive["wheels"]] == ["good", "act", "act", "good"]
 
 
@@ -471,12 +479,54 @@ def test_drive_face_of_an_ended_or_silent_session_has_no_number_that_looks_alive
         drive = next_of(connection, "state")["drive"]
         assert drive["line"] == "FL: silent for 7 s."
         assert drive["step"] == "FL: not watched now: drive on with care"
-        assert not any(drive["wheels"][0]["values"].values())
+        values = drive["wheels"][0]["values"]
+        assert {name: (value["source"], value["note"]) for name, value in values.items() if value} == {
+            **dict.fromkeys(("pressure_pa", "temperature_degc"), ("old", "7 s old")),
+            **({"wear_mm": ("old", "7 s old")} if values["wear_mm"] else {}),
+            "load_n": ("stated", "stated"),
+        }
         show(served, items[-1:], lambda snapshot: dataclasses.replace(snapshot, ended=True))
         while not (state := next_of(connection, "state"))["ended"]:
             pass
     drive = state["drive"]
     assert (drive["kind"], drive["line"]) == ("unknown", "The session has ended.")
+    assert drive["wheels"][1]["values"]["pressure_pa"]["note"] == "at the end"
+
+
+def test_pressure_that_a_silent_wheel_still_sends_is_said_to_be_received(served, items) -> None:
+    silence = Silence(SilentPart.SAMPLES, 7.0, Reason(SessionCode.SAMPLES_SILENT, silence_s=7.0))
+
+    def silent(snapshot):
+        first = dataclasses.replace(snapshot.wheels[0], silences=(silence,), state=WheelState.SILENT)
+        return dataclasses.replace(snapshot, wheels=(first, *snapshot.wheels[1:]))
+
+    show(served, items, silent)
+    with guest(served) as connection:
+        state = next_of(connection, "state")
+    assert state["drive"]["wheels"][0]["values"]["pressure_pa"]["source"] == "received"
+    text, role = state["wheels"][0]["surroundings"][0]
+    assert (text.endswith("kPa still received"), role) == (True, "label")
+    assert state["wheels"][1]["surroundings"][0][1] == "value"
+
+
+@pytest.mark.parametrize(
+    ("wear_mm", "std_mm", "text", "note"),
+    [(-0.7, 0.53, "0", ""), (-0.7, 0.2, "—", "check what is taken as new"), (0.9, 0.2, "0.8", "")],
+)
+def test_wear_below_zero_is_no_wear_or_a_wrong_reference(served, items, wear_mm, std_mm, text, note) -> None:
+    wear = Estimate("wear_mm", wear_mm, std_mm, Status.VALID)
+
+    def worn(snapshot):
+        wheels = tuple(dataclasses.replace(wheel, wear_mm=wear) for wheel in snapshot.wheels)
+        return dataclasses.replace(snapshot, wheels=wheels)
+
+    show(served, items, worn)
+    with guest(served) as connection:
+        state = next_of(connection, "state")
+    shown = state["drive"]["wheels"][0]["values"]["wear_mm"]
+    assert (shown["text"], shown["note"]) == (text, note)
+    (row,) = (row for row in state["wheels"][0]["numbers"] if row[0] == "wear")
+    assert row[1].startswith("-") == (wear_mm < -2.0 * std_mm)
 
 
 @pytest.mark.parametrize(
@@ -556,7 +606,7 @@ def test_two_browsers_get_every_state_at_their_own_wheel(browser, served, items)
     for number in range(10, 20):
         show(served, items[-1:], lambda snapshot, number=number: dataclasses.replace(snapshot, elapsed_s=number))
         for tab in tabs:
-            tab.until(f"elapsed.innerText === '0:00:{number}'")
+            tab.until(f"elapsed.innerText === 'running 0:00:{number}'")
     chosen = [text_of(tab, '.wheel[aria-pressed="true"] .name') for tab in tabs]
     assert chosen == ["FL", "FR"]
     for tab in tabs:
@@ -577,6 +627,13 @@ def test_lost_connection_has_an_age_in_place_of_numbers_and_comes_back(browser, 
     tab.until("document.querySelectorAll('.wheel.silent').length === 4")
     assert text_of(tab, ".wheel .speed").startswith("—")
     assert text_of(tab, ".wheel .kind").startswith("no connection for")
+    assert text_of(tab, "#drive-line").startswith("This page hears nothing")
+    tab.value("document.querySelector('#to-drive').click()")
+    tile = text_of(tab, ".tile")
+    assert re.search(r"pressure, \d+ s old", tile)
+    assert "load, stated" in tile
+    assert tab.value("getComputedStyle(document.querySelector('.tile dd.old')).fontWeight") == "400"
+    tab.value("document.querySelector('#to-engineer').click(); localStorage.clear()")
     again = Served(port=port)
     try:
         show(again, items)
@@ -627,6 +684,32 @@ def test_contrast_is_enough_by_day_and_by_night(browser, served, items, is_dark)
     tab.until("document.querySelectorAll('.tile.good').length === 4")
     assert tab.value(FAINT_TEXT) == []
     tab.value("localStorage.clear()")
+
+
+def test_both_faces_have_the_verdict_once_and_say_that_nothing_is_recorded(browser, served, items, made) -> None:
+    alarms = (made.alarm("FR"), made.alarm("RL", "silent", "no samples for 7 s. A fault?"))
+    tab = browser.tab()
+    tab.open(served.sink.address)
+    show(served, items, lambda snapshot: dataclasses.replace(snapshot, alarms=alarms, elapsed_s=40.0))
+    tab.until("document.querySelectorAll('.wheel').length === 4")
+    for face in ("engineer", "drive"):
+        tab.value(f"document.querySelector('#to-{face}').click()")
+        assert text_of(tab, "#drive-line b") == "FR: stop as soon as you can, and check the tire"
+        assert tab.value("document.querySelector('#drive-line').checkVisibility()")
+        assert (
+            tab.value("getComputedStyle(document.querySelector('#drive-line')).backgroundColor") != "rgba(0, 0, 0, 0)"
+        )
+        assert tab.value("document.querySelector('#drive-line').role") == "alert"
+        assert text_of(tab, "#elapsed") == "running 0:00:40"
+        assert text_of(tab, "#recording") == "not recording"
+        filled, plain = (
+            tab.value(f"getComputedStyle(document.querySelector('{one}')).backgroundColor")
+            for one in ("#recording", "#link")
+        )
+        assert filled != plain
+        assert tab.value(FAINT_TEXT) == []
+    tab.value("document.querySelector('#to-engineer').click(); localStorage.clear()")
+    assert text_of(tab, "#alarms") == "ALARM RL: no samples for 7 s. A fault?"
 
 
 def test_drive_face_is_one_click_away_remembered_and_in_the_chosen_units(browser, served, items) -> None:

@@ -405,3 +405,31 @@ def test_browser_zooms_to_samples_and_shows_revolutions_and_orders(browser, reco
         tab.until("document.querySelectorAll('#verdicts .answer').length === 2")
         assert tab.value("document.documentElement.scrollWidth") == 390
         assert tab.errors == []
+
+
+def test_silence_is_marked_from_its_begin_and_in_the_verdict(browser, tmp_path) -> None:
+    tables = TABLES.replace("drop:rate=0.004", "silence:part=1,wheel=0,at=3,for=3")
+    silent = write_recording(tmp_path / "silent.mcap", tables, wheels=WHEELS[:1], duration_s=9.0)
+    with served(silent) as server:
+        tab = browser.tab()
+        tab.open(server.address, 1280, 900)
+        tab.until("document.querySelectorAll('#verdicts .answer.act').length === 1")
+        verdict = tab.value("document.querySelector('#verdicts').innerText")
+        assert "W0 was silent for 3 s." in verdict
+        assert verdict.index("What to do") < verdict.index("What happened")
+        assert "0:00:03 to 0:00:06" in verdict
+        colour = """((share, fromTop) => {
+          const canvas = document.querySelector("#samples canvas"), over = document.querySelector("#samples .u-over");
+          const outer = canvas.getBoundingClientRect(), inner = over.getBoundingClientRect();
+          const y = fromTop ? inner.top - outer.top + 2 : inner.bottom - outer.top - 3;
+          const x = inner.left - outer.left + share * inner.width;
+          const [r, g, b] = canvas.getContext("2d").getImageData(x, y, 1, 1).data;
+          return "#" + [r, g, b].map((part) => part.toString(16).padStart(2, "0")).join("");
+        })"""
+        alarm = tab.value("pictures.css('--alarm')")
+        for from_top in ("true", "false"):
+            tab.until(f"{colour}(0.5, {from_top}) === {alarm!r}")
+            assert [tab.value(f"{colour}({share}, {from_top})") == alarm for share in (0.2, 0.36, 0.64, 0.8)] == [
+                False, True, True, False,
+            ]  # fmt: skip
+        assert tab.errors == []

@@ -175,6 +175,9 @@ class DriveWheel:
     def cells(self) -> dict[str, Cell]:
         """Return its means and counts, and the distance with its error and status where an estimator gives it."""
         cells = self.row.cells(self.state, ())
+        if self.state is not None:
+            counters = self.state.counters
+            cells |= {"lost_sent": counters.lost_sent, "silent_s": counters.silent_s}
         if self.rolled is not None:
             cells["distance"] = show(self.rolled).text()
         if self.row.conditions is not None:

@@ -11,7 +11,7 @@ from gateway.compare.views.drive_path_picture import path_picture
 from gateway.compare.views.drive_pictures import begin_ns, date_utc, pictures_json
 from gateway.compare.views.drive_verdict import verdict
 from gateway.compare.views.wheel_glance import GLANCE, number
-from gateway.core.estimates.estimator import Status
+from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.optional_packages import require_packages
 from gateway.core.quantity_catalogue import quantity_of
@@ -21,16 +21,13 @@ from gateway.core.text.html_template import result_page, script_data
 from gateway.core.text.numbers import MISSING, STATUS_MARKS, Unit, age, fixed, plain_name, round_to_error, split_name
 from gateway.core.text.output_file import check_target, write_whole
 from gateway.core.text.page_parts import page_part
-from gateway.core.text.readout import DISTANCE
+from gateway.core.text.readout import DISTANCE, WEAR, plain_wear
 from gateway.core.text.table_sinks import Cell
 from gateway.core.text.text import clean, counted
 from gateway.core.text.wording import joined
 from gateway.planner.uncertainty_budget import Budget
 
 _VIEWS: Final = "gateway.compare.views"
-_WEAR: Final = "wear_mm"
-# A value below zero by fewer standard errors is none.
-_WITHIN: Final = 2.0
 _NO_WEAR: Final = "below zero by less than twice its error: no wear can be measured"
 
 
@@ -151,7 +148,8 @@ def _means(drive: Drive) -> tuple[list[tuple[str, str, list[_Value]]], list[tupl
             status, reason = Status(str(cells["_status"])), str(cells["_reason"])
             value, std, scatter = (number(cells, part) for part in ("", "_std", "_scatter"))
             largest = next((each.largest for each in budgets.get(position, ()) if each.estimate.name == name), "")
-            if name == _WEAR and -_WITHIN * std < value < 0.0 and status is not Status.INVALID:
+            if name == WEAR and (plain := plain_wear(Estimate(name, value, std, status)).value) != value:
+                value = plain
                 reasons.setdefault(_NO_WEAR, {}).setdefault(position, []).append(label)
             rows.setdefault(name, {})[position] = _value(
                 unit.of(value), std * unit.factor, scatter * unit.factor, status, largest

@@ -201,7 +201,7 @@ const DriveSection = (() => {
         width: 420, height, legend: { show: false },
         cursor: { sync: { key: this.sync, scales: ["x", null] }, drag: { x: true, y: false } },
         scales: { x: { time: false, min: this.range[0], max: this.range[1] }, y },
-        axes: [{ ...axis, space: 80, values: (_, ticks, __, ___, step) => ticks.map((tick) => clock(tick, step)) }, { ...axis, size: 58, ...yAxis }, ...(second ? [{ ...axis, scale: "second", side: 1, size: 48, grid: { show: false } }] : [])],
+        axes: [{ ...axis, space: 80, values: (_, ticks, __, ___, step) => ticks.map((tick) => clock(tick, step)) }, { ...axis, size: pictures.widthFrom(58), ...yAxis }, ...(second ? [{ ...axis, scale: "second", side: 1, size: pictures.widthFrom(48), grid: { show: false } }] : [])],
         series: [{}, ...series],
         bands,
         hooks: {
@@ -229,7 +229,7 @@ const DriveSection = (() => {
         let last = times.length - 1;
         while (last > 0 && times[last] > time) last -= 1;
         if (time === Infinity) while (last > 0 && v[last] === null) last -= 1;
-        return v[last] == null ? "—" : pictures.written(v[last], e ? e[last] : null, one.unit, provisional.includes(last));
+        return v[last] == null ? "—" : pictures.written(v[last], e ? e[last] : null, one.unit, provisional.includes(last), one.name);
       };
       legend.replaceChildren(...wheels.map((i) => {
         const texts = [quantity, second].filter((one) => one && one.wheels[i]).map((one) => textOf(one, i));
@@ -283,7 +283,7 @@ const DriveSection = (() => {
       const plot = new uPlot({
         width: 420, height: HEIGHT, legend: { show: false },
         scales: { x: { time: false } },
-        axes: [{ ...axis, values: (_, ticks) => ticks.map((tick) => `${tick}°`) }, { ...axis, size: 58 }],
+        axes: [{ ...axis, values: (_, ticks) => ticks.map((tick) => `${tick}°`) }, { ...axis, size: pictures.widthFrom(58) }],
         series: [{}, ...nearest.map((one) => pictures.seriesOf(this.styleOf(one.wheel), { isPrinted: true })[0])],
       }, data, box);
       legend.replaceChildren(...nearest.map((one) => {

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
-from gateway.core.text.numbers import MISSING, fixed, round_to_error, split_name
+from gateway.core.text.numbers import MISSING, age, fixed, round_to_error, split_name
 from gateway.core.text.table_sinks import Cell
 
 Cells = Mapping[str, Cell]
@@ -38,8 +38,16 @@ def _revolutions(cells: Cells) -> str:
 
 
 def _lost(cells: Cells) -> str:
-    samples, lost = number(cells, "samples"), number(cells, "samples_lost")
-    return f"{100.0 * lost / (samples + lost):.3g} %" if samples + lost > 0.0 else MISSING
+    samples, lost = number(cells, "samples"), number(cells, "lost_sent")
+    if not samples + lost > 0.0:
+        return MISSING
+    return f"{100.0 * lost / (samples + lost):.3g} %{_silence(cells, '; none sent in', ' of silence')}"
+
+
+def _silence(cells: Cells, before: str, behind: str = "") -> str:
+    """Return the time for which the wheel was silent between two words, empty where it never was."""
+    silent_s = number(cells, "silent_s")
+    return f"{before} {age(silent_s)}{behind}" if silent_s > 0.0 else ""
 
 
 _SPEEDS: Final = tuple(f"speed_{part}_mps" for part in ("mean", "min", "max"))
@@ -48,7 +56,10 @@ _TEMPERATURES: Final = ("temperature_degc", "temperature_min_degc", "temperature
 GLANCE: Final[tuple[tuple[str, Callable[[Cells], str]], ...]] = (
     ("revolutions", _revolutions),
     ("distance", lambda cells: str(cells.get("distance") or f"{fixed(number(cells, 'distance_m'), 1)} m")),
-    ("speed, mean and span", lambda cells: _spread(cells, _SPEEDS)),
+    (
+        "speed, mean and span",
+        lambda cells: _spread(cells, _SPEEDS) + _silence(cells, "; not measured for"),
+    ),
     ("load, stated", lambda cells: _stated(cells, "load_n")),
     ("pressure", lambda cells: _stated(cells, "pressure_pa")),
     ("temperature, mean and span", lambda cells: _spread(cells, _TEMPERATURES)),

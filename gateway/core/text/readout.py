@@ -19,7 +19,14 @@ DISTANCE: Final = "distance_m"
 WEAR: Final = "wear_mm"
 LEADING: Final = "leading_edge_rad"
 TRAILING: Final = "trailing_edge_rad"
+# A value below zero by fewer standard errors is none.
+_WITHIN: Final = 2.0
 _ORDER: Final = (Status.VALID, Status.PROVISIONAL, Status.INVALID)
+
+
+def plain_wear(estimate: Estimate) -> Estimate:
+    """Return wear as people read it: none where it is below zero by less than twice its error."""
+    return estimate._replace(value=0.0) if -_WITHIN * estimate.std < estimate.value < 0.0 else estimate
 
 
 class Reading(NamedTuple):

@@ -8,8 +8,8 @@ from gateway.console.wheel_panel import state_text
 from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.estimates.results import Alarm, SessionSnapshot, WheelSnapshot, WheelState
 from gateway.core.session.alarms import AlarmName
-from gateway.core.text.numbers import MISSING, Unit, split_name, unit_symbol
-from gateway.core.text.readout import SPEED, WEAR
+from gateway.core.text.numbers import MISSING, Unit, age, duration, split_name, unit_symbol
+from gateway.core.text.readout import SPEED, WEAR, plain_wear
 from gateway.core.text.text import clean, counted
 from gateway.core.text.wording import text as reason_text
 
@@ -66,6 +66,15 @@ def _alarm_text(alarm: Alarm) -> str:
     return f"{alarm.position}: {reason_text(alarm.reason)}"
 
 
+def _since(snapshot: SessionSnapshot, alarm: Alarm) -> str:
+    """Return since when an alarm stands, or how often it was raised; empty where that is not known."""
+    of_alarm = [each for each in snapshot.alarm_records if (each.position, each.name) == (alarm.position, alarm.name)]
+    if not of_alarm:
+        return ""
+    times = f" {of_alarm[0].count} times" if of_alarm[0].count > 1 else ""
+    return f"{times} since {duration(of_alarm[0].first_s)}"
+
+
 def _verdict(snapshot: SessionSnapshot) -> tuple[str, str, str]:
     """Return kind, what to do (empty for nothing) and why."""
     wheels = snapshot.wheels
@@ -74,7 +83,8 @@ def _verdict(snapshot: SessionSnapshot) -> tuple[str, str, str]:
     if standing := _standing(snapshot):
         first = standing[0]
         step = next((step for part, step in _DRIVER_STEPS.items() if part in first.name), _OTHERWISE)
-        return "act", f"{first.position}: {step}", _alarm_text(first)
+        since = _since(snapshot, first)
+        return "act", f"{first.position}: {step}", f"{_alarm_text(first)}{f' (alarm{since})' if since else ''}"
     silent = [wheel for wheel in wheels if wheel.silence is not None]
     if silent:
         names = ", ".join(wheel.position for wheel in silent)
@@ -92,7 +102,6 @@ def _verdict(snapshot: SessionSnapshot) -> tuple[str, str, str]:
 def _wheel(wheel: WheelSnapshot, snapshot: SessionSnapshot) -> JsonObject:
     is_alarmed = any(alarm.position == wheel.position for alarm in snapshot.alarms)
     is_heard = wheel.silence is None
-    is_current = wheel.has_current_environment and not snapshot.ended
     conditions = wheel.last.conditions if wheel.last is not None else None
     is_rolling = _is_rolling(wheel)
     kind = "act" if is_alarmed or not is_heard else "good" if is_rolling else "unknown"
@@ -102,25 +111,47 @@ def _wheel(wheel: WheelSnapshot, snapshot: SessionSnapshot) -> JsonObject:
         "place": place_on_car(wheel.position),
         "kind": kind,
         "state": "alarm" if is_alarmed and is_heard else state_text(wheel),
-        "values": {
-            "pressure_pa": _number(
-                "pressure_pa",
-                wheel.pressure_pa if is_current else None,
-                conditions.pressure_std_pa if conditions is not None else 0.0,
-                _source(wheel, "pressure_pa"),
-            ),
-            "temperature_degc": _number(
-                "temperature_degc", wheel.temperature_degc if is_current else None, 0.0, "measured"
-            ),
-            WEAR: _value(wheel.wear_mm) if is_heard else None,
-            "load_n": _number(
-                "load_n",
-                wheel.load_n if is_heard else None,
-                _load_std_n(wheel),
-                _source(wheel, "load_n"),
-            ),
-        },
+        "values": _values(wheel, conditions.pressure_std_pa if conditions is not None else 0.0, ended=snapshot.ended),
     }
+
+
+def _values(wheel: WheelSnapshot, pressure_std_pa: float, *, ended: bool) -> JsonObject:
+    """Return the values of a wheel; what is not of now is old and has its age, and what is stated stays so."""
+    silence, old = wheel.silence, wheel.old_environment
+    age_s = silence.age_s if silence is not None else None
+    if wheel.has_current_environment:
+        environment_s, note = None, "still received" if silence is not None else ""
+    else:
+        environment_s, note = old.age_s if old is not None else age_s, ""
+    pressure = _number("pressure_pa", wheel.pressure_pa, pressure_std_pa, _source(wheel, "pressure_pa"))
+    temperature = _number("temperature_degc", wheel.temperature_degc, 0.0, "measured")
+    load = _number("load_n", wheel.load_n, _load_std_n(wheel), _source(wheel, "load_n"))
+    return {
+        "pressure_pa": _aged(pressure, environment_s, note, ended=ended),
+        "temperature_degc": _aged(temperature, environment_s, note, ended=ended),
+        WEAR: _aged(_wear(wheel.wear_mm), age_s, ended=ended),
+        "load_n": _aged(load, age_s, ended=ended),
+    }
+
+
+def _wear(estimate: Estimate | None) -> JsonObject | None:
+    """Return wear; one below zero by more than its error explains is no wear of this tire."""
+    plain = plain_wear(estimate) if estimate is not None else None
+    value = _value(plain)
+    if value is not None and plain is not None and plain.value < 0.0:
+        return {**value, "text": MISSING, "unit": "", "source": "provisional", "note": "check what is taken as new"}
+    return value
+
+
+def _aged(value: JsonObject | None, age_s: float | None, note: str = "", *, ended: bool) -> JsonObject | None:
+    """Return a value with what stands beside its name: its source, or its age, s, where it is not of now."""
+    if value is None or value["source"] == "stated":
+        return value
+    if age_s is not None:
+        return {**value, "source": "old", "note": f"{age(age_s)} old"}
+    if ended:
+        return {**value, "source": "old", "note": "at the end"}
+    return {**value, "source": "received", "note": note} if note else value
 
 
 def _load_std_n(wheel: WheelSnapshot) -> float:
@@ -163,6 +194,7 @@ def _number(name: str, value: float | None, std: float, source: str) -> JsonObje
         "text": rounded(unit.of(value), std * unit.factor, unit),
         "unit": unit.symbol,
         "source": source,
+        "note": "" if source == "measured" else source,
     }
 
 

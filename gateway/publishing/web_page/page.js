@@ -74,7 +74,8 @@
     if (isOld && state && !state.ended) {
       const silent = { speed: ["—", "", state.drive.speed.unit, "", ""], edges: [], surroundings: [], car: [], numbers: [], counters: [], note: null };
       const wheels = state.wheels.map((one) => ({ ...one, ...silent, state: age, kind: "silent" }));
-      const unheard = state.drive.wheels.map((one) => ({ ...one, kind: "act", state: age, values: {} }));
+      const oldOf = (value) => (value && value.source !== "stated" && value.source !== "old" ? { ...value, source: "old", note: `${Math.round(ageMs / 1000)} s old` } : value);
+      const unheard = state.drive.wheels.map((one) => ({ ...one, kind: "act", state: age, values: Object.fromEntries(Object.entries(one.values).map(([name, value]) => [name, oldOf(value)])) }));
       const drive = { kind: "act", step: "", line: `This page hears nothing from treadlink: ${age}.`, speed: { ...state.drive.speed, text: "—" }, alarms: [], wheels: unheard };
       showState({ ...state, drive, wheels, alarms: [], links: [[[age, "warning"]]], rolling: "" });
       waveform = null;
@@ -103,16 +104,18 @@
   // The state
 
   const showState = (shown) => {
-    setText(byId("elapsed"), shown.elapsed);
+    setText(byId("elapsed"), `${shown.ended ? "ran" : "running"} ${shown.elapsed}`);
     setText(byId("rolling"), shown.rolling);
     const isRecording = shown.recording !== "" && !shown.ended;
     setText(byId("recording"), isRecording ? `REC ${shown.recording} ${shown.recorded}` : "not recording");
-    byId("recording").className = `pill ${isRecording ? "good" : ""}`;
+    byId("recording").className = `pill ${isRecording ? "good" : shown.may_record ? "warn" : ""}`;
     const record = byId("record");
     record.hidden = !shown.may_record;
     record.dataset.on = String(isRecording);
     setText(record, isRecording ? "Stop recording" : "Record");
-    setRows(byId("alarms"), shown.alarms.map((text) => `ALARM ${text}`));
+    // The first one is the verdict.
+    const isSaid = (text) => shown.drive.kind === "act" && shown.drive.line.startsWith(text);
+    setRows(byId("alarms"), shown.alarms.filter((text) => !isSaid(text)).map((text) => `ALARM ${text}`));
     byId("acknowledge").hidden = !shown.to_acknowledge;
     if (!shown.wheels.some((one) => one.key === wheel) && shown.wheels.length) choose(shown.wheels[0].key);
     showUnits(shown.units, shown.unit_names);
@@ -137,8 +140,8 @@
       if (value) {
         number.append(value.text, element("small", "", ` ${value.unit}`));
       } else number.append("—");
-      const source = !value ? "unknown" : value.source === "measured" ? "" : value.source;
-      box.append(element("dt", "", source ? `${label}, ${source}` : label), number);
+      const note = value ? value.note : "unknown";
+      box.append(element("dt", "", note ? `${label}, ${note}` : label), number);
       list.append(box);
     }
     tile.append(top, list);
@@ -152,6 +155,7 @@
     line.replaceChildren(...(drive.step ? [element("b", "", drive.step), element("small", "", drive.line)] : [drive.line]));
     byId("drive-speed").replaceChildren(drive.speed.text, element("small", "", ` ${drive.speed.unit}`));
     line.className = drive.kind;
+    line.setAttribute("role", drive.kind === "act" ? "alert" : "status");
     setRows(byId("more-alarms"), drive.alarms);
     const places = drive.wheels.map((one) => one.place && one.place.join());
     const isCar = drive.wheels.length > 1 && places.every(Boolean) && new Set(places).size === places.length;
@@ -166,7 +170,7 @@
   };
   const setFace = (chosen) => {
     face = chosen;
-    byId("drive").hidden = face !== "drive";
+    for (const id of ["drive", "drive-speed"]) byId(id).hidden = face !== "drive";
     document.querySelector("main").hidden = face === "drive";
     for (const name of ["drive", "engineer"]) byId(`to-${name}`).setAttribute("aria-pressed", String(face === name));
     setTheme(themeChosen || (face === "drive" || dark.matches ? "dark" : "light"));
@@ -269,7 +273,7 @@
     byId("waveform").setAttribute("aria-label", text);
     plot("waveform", `${themeKey()}`, [angle, last, average, part(1), part(-1)], (axis) => ({
       scales: { x: { time: false } },
-      axes: [{ ...axis, values: (_, ticks) => ticks.map((tick) => `${tick}°`) }, { ...axis, size: 62, label: "m/s²", labelSize: 18 }],
+      axes: [{ ...axis, values: (_, ticks) => ticks.map((tick) => `${tick}°`) }, { ...axis, size: pictures.widthFrom(62), label: "m/s²", labelSize: 18 }],
       cursor: { drag: { x: false, y: false } },
       series: [{}, { stroke: css("--ink"), width: 2 }, { stroke: css("--pick"), width: 2, dash: [6, 4] }, { stroke: "transparent" }, { stroke: "transparent" }],
       bands: [{ series: [3, 4], fill: faint(css("--pick")) }],
@@ -295,7 +299,7 @@
       scales: { x: { time: false }, y: { distr: 3 } },
       cursor: { drag: { x: false, y: false } },
       hooks: { setCursor: [reading("orders-read", (x) => `order ${x}`, ["average", "last"])] },
-      axes: [{ ...axis, label: "order", labelSize: 18 }, { ...axis, size: 62, label: "m/s²", labelSize: 18 }],
+      axes: [{ ...axis, label: "order", labelSize: 18 }, { ...axis, size: pictures.widthFrom(62), label: "m/s²", labelSize: 18 }],
       series: [{}, { stroke: css("--pick"), fill: faint(css("--pick")), width: 1, paths: uPlot.paths.bars({ size: [0.7, 20] }), points: { show: false } },
         { stroke: css("--ink"), paths: () => null, points: { show: true, size: 5, fill: css("--ink") } }],
     }));
@@ -342,7 +346,7 @@
     const positions = present.filter((position) => !absent.has(position));
     const every = present.flatMap((position) => points.get(position).map(([at]) => at));
     setText(byId("trend-note"), every.length
-      ? `${shown.label}: last revolution of each second, band one standard error, dashed provisional`
+      ? `${shown.label}: last revolution of each second, band one standard error, dotted provisional`
       : `${shown.label}: no value yet`);
     if (!present.length) { clearPlot("trend"); byId("trend-legend").replaceChildren(); return; }
     const last = Math.max(...every), end = zoomed ? zoomed[1] : last;
@@ -373,7 +377,7 @@
       if (absent.has(position)) return [position, `${position}: left out`, false];
       if (value === null) return [position, `${position}: —`, false];
       const isOld = time === null && last - at > GAP_S;
-      return [position, `${position}: ${isOld ? `none for ${last - at} s` : pictures.written(value, error, shown.unit, isProvisional)}`, isProvisional];
+      return [position, `${position}: ${isOld ? `none for ${last - at} s` : pictures.written(value, error, shown.unit, isProvisional, quantity)}`, isProvisional];
     });
     const legend = byId("trend-legend");
     while (legend.children.length > present.length) legend.lastChild.remove();
@@ -392,7 +396,7 @@
       const button = legend.children[i].firstChild;
       button.dataset.wheel = position;
       button.setAttribute("aria-pressed", String(!absent.has(position)));
-      button.replaceChildren(pictures.key(styleOf(position), isProvisional ? [5, 4] : []), text);
+      button.replaceChildren(pictures.key(styleOf(position), isProvisional ? pictures.DOTTED : []), text);
     });
     writeTrend = write;
     write(null);
@@ -401,7 +405,7 @@
     plot("trend", `${themeKey()} ${quantity} ${positions.join("\n")}`, data, (axis) => ({
       axes: [
         { ...axis, space: 80, values: (_, ticks) => ticks.map((at) => new Date(1000 * at).toLocaleTimeString([], { hour12: false })) },
-        { ...axis, size: 62, label: shown.unit || shown.label, labelSize: 18 },
+        { ...axis, size: pictures.widthFrom(62), label: shown.unit || shown.label, labelSize: 18 },
       ],
       cursor: { drag: { x: true, y: false, setScale: false } },
       hooks: {

@@ -145,19 +145,20 @@
     const events = pictured.flatMap((one, i) => (one ? one.events.map((event) => ({ ...event, recording: recordings[i].name })) : []));
     const first = ["speed_mps", "pressure_pa"].filter((name) => names.includes(name));
     section.take({ wheels: wheels.map(({ name, t }) => ({ name, t })), quantities, events, waveforms: [], first });
-    byId("verdicts").replaceChildren(...pictured.flatMap((one, i) => {
-      if (!one) return [];
+    byId("verdicts").replaceChildren(...recordings.flatMap((_, i) => {
+      const one = pictured[i];
+      if (!one) return [element("p", "small", `${recordings[i].name}: the verdict comes when its revolutions are estimated.`)];
       const said = element("p", one.actions.length ? "answer act" : "answer", recordings.length > 1 ? `${recordings[i].name}: ${one.summary}` : one.summary);
       const todo = element("ul"), happened = element("ul", "events");
       todo.append(...one.actions.map(([about, step]) => element("li", "", `${about}: ${step}`)));
       happened.append(...one.events.map((event) => {
-        const row = element("li", event.kind), go = element("button", "", clock(event.begin));
+        const row = element("li", event.kind), end = event.end === null ? " to the end" : event.end > event.begin ? ` to ${clock(event.end)}` : "", go = element("button", "", `${clock(event.begin)}${end}`);
         go.type = "button";
         go.addEventListener("click", () => { section.zoom([event.begin - 15, (event.end === null ? event.begin : event.end) + 15]); });
         row.append(go, `${event.wheel} ${event.text}`);
         return row;
       }));
-      return [said, ...(one.actions.length ? [todo] : []), ...(one.events.length ? [happened] : [])];
+      return [said, ...(one.actions.length ? [element("h3", "", "What to do"), todo] : []), ...(one.events.length ? [element("h3", "", "What happened"), happened] : [])];
     }));
     section.draw();
     drawSamples();
@@ -202,14 +203,21 @@
     return data;
   };
   const isSingle = (answers, i) => { const part = partOf(answers, i); return Boolean(part) && part.t.length > 0 && part.low.every((axis, a) => axis.every((value, at) => value === part.high[a][at])); };
+  // Times from the last sample before a loss, or before the part that is shown, to the first one behind it.
+  const missingOf = ({ t, low, lost }) => lost.map(([at]) => {
+    const behind = t.findIndex((time) => time >= at - 0.001);
+    let before = behind - 1;
+    while (before >= 0 && low.every((axis) => axis[before] === null)) before -= 1;
+    return [before < 0 ? -Infinity : t[before], at];
+  });
   const lossesOn = (answers) => (u) => {
     u.ctx.save();
     u.ctx.fillStyle = pictures.css("--alarm");
     for (const i of visible()) {
       const part = partOf(answers(), i);
-      for (const [at] of part ? part.lost : []) {
-        const x = u.valToPos(at, "x", true);
-        if (x >= u.bbox.left && x <= u.bbox.left + u.bbox.width) u.ctx.fillRect(x - 1, u.bbox.top + u.bbox.height - 12 * devicePixelRatio, 2 * devicePixelRatio, 12 * devicePixelRatio);
+      for (const span of part ? missingOf(part) : []) {
+        const [from, to] = span.map((at) => Math.min(Math.max(u.valToPos(at, "x", true), u.bbox.left), u.bbox.left + u.bbox.width));
+        if (to > u.bbox.left && from < u.bbox.left + u.bbox.width) u.ctx.fillRect(from, u.bbox.top + u.bbox.height - 8 * devicePixelRatio, Math.max(2 * devicePixelRatio, to - from), 8 * devicePixelRatio);
       }
     }
     if (moment) {
@@ -326,7 +334,7 @@
         width: Math.max(inner.clientWidth, 200), height: SAMPLES_HEIGHT, legend: { show: false },
         cursor: { drag: { x: true, y: false } },
         scales: { x: { time: false } },
-        axes: [{ ...axis, values: (_, ticks) => ticks.map((tick) => `${tick}°`) }, { ...axis, size: 58 }],
+        axes: [{ ...axis, values: (_, ticks) => ticks.map((tick) => `${tick}°`) }, { ...axis, size: pictures.widthFrom(58) }],
         series: [{}, ...revolutions.map(([i]) => ({ stroke: pictures.colourOf(i), width: 1.5, dash: pictures.dashOf(i), points: { show: false } }))],
         hooks: { draw: [(u) => {
           u.ctx.save();
@@ -411,7 +419,7 @@
       const look = pictures.axis();
       ordersPlot = new uPlot({
         width: 420, height: ORDERS_HEIGHT, legend: { show: false }, scales: { x: { time: false, range: [0, x[x.length - 1] + width] }, y },
-        axes: [{ ...look, label: "km/h", labelSize: 18 }, { ...look, size: 58, label: "order", labelSize: 18 }], series: [{}, ...none], hooks: { draw: [paint], setCursor: [read] },
+        axes: [{ ...look, label: "km/h", labelSize: 18 }, { ...look, size: pictures.widthFrom(58), label: "order", labelSize: 18 }], series: [{}, ...none], hooks: { draw: [paint], setCursor: [read] },
       }, data, holder);
     }
     ordersPlot.setSize({ width: Math.max(holder.clientWidth, 200), height: ORDERS_HEIGHT });
