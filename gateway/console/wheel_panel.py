@@ -237,10 +237,10 @@ def _grid(rows: Sequence[Row], columns: int, cells: int) -> list[Row]:
 def counter_runs(wheel: WheelSnapshot) -> list[Run]:
     """Return counters of samples and revolutions, without a rate in silence; those that need attention are warnings."""
     c = wheel.counters
-    lost = percent(c.lost_sent, c.samples + c.lost_sent) if wheel.silence is None else MISSING
+    lost = percent(c.lost_while_heard, c.samples + c.lost_while_heard) if wheel.silence is None else MISSING
     silent = [(f"was silent {age(c.silent_s)}", Role.WARNING)] if c.silent_s else []
     runs = [
-        (f"lost {lost}", Role.WARNING if c.lost_sent else Role.LABEL),
+        (f"lost {lost}", Role.WARNING if c.lost_while_heard else Role.LABEL),
         *silent,
         (f"overwritten {c.samples_overwritten}", Role.WARNING if c.samples_overwritten else Role.LABEL),
         (f"saturated {c.samples_saturated}", Role.WARNING if c.samples_saturated else Role.LABEL),

@@ -238,7 +238,7 @@ def test_silence_is_no_loss_and_a_mean_says_what_it_leaves_out(made):
     counters = WheelCounters(samples=9600, samples_lost=9600 * 35 + 96, samples_silent=9600 * 35, silent_s=35.0)
     drive.finish((WheelSnapshot("FL", rate_hz=9600.0, counters=counters),), (), ())
     page = drive_page([drive])
-    assert '>samples lost</th><td class="n">0.99 %; none sent in 35 s of silence<' in page
+    assert '>samples lost</th><td class="n">0.99 %, besides 35 s of silence<' in page
     assert re.search(r">speed, mean and span</th><td class=\"n\">[^<]*; not measured for 35 s<", page)
 
 

@@ -177,7 +177,7 @@ class DriveWheel:
         cells = self.row.cells(self.state, ())
         if self.state is not None:
             counters = self.state.counters
-            cells |= {"lost_sent": counters.lost_sent, "silent_s": counters.silent_s}
+            cells |= {"lost_while_heard": counters.lost_while_heard, "silent_s": counters.silent_s}
         if self.rolled is not None:
             cells["distance"] = show(self.rolled).text()
         if self.row.conditions is not None:

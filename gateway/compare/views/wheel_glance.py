@@ -38,10 +38,10 @@ def _revolutions(cells: Cells) -> str:
 
 
 def _lost(cells: Cells) -> str:
-    samples, lost = number(cells, "samples"), number(cells, "lost_sent")
+    samples, lost = number(cells, "samples"), number(cells, "lost_while_heard")
     if not samples + lost > 0.0:
         return MISSING
-    return f"{100.0 * lost / (samples + lost):.3g} %{_silence(cells, '; none sent in', ' of silence')}"
+    return f"{100.0 * lost / (samples + lost):.3g} %{_silence(cells, ', besides', ' of silence')}"
 
 
 def _silence(cells: Cells, before: str, behind: str = "") -> str:

@@ -109,7 +109,7 @@ class WheelCounters:
     Attributes:
         samples: received.
         samples_lost: missing by their numbers.
-        samples_silent: those of them that are missing in silences: nothing came for so long that none was sent.
+        samples_silent: those of them that are missing in silences, in which nothing came for a second or longer.
         silent_s: time of these silences.
         samples_saturated: at the end of the range.
         samples_overwritten: not looked at in time.
@@ -127,8 +127,8 @@ class WheelCounters:
     revolutions_rejected: int = 0
 
     @property
-    def lost_sent(self) -> int:
-        """Samples lost of those that were sent: silence is no loss."""
+    def lost_while_heard(self) -> int:
+        """Samples lost while the sensor was heard: silence is no loss."""
         return self.samples_lost - self.samples_silent
 
 

@@ -108,9 +108,9 @@ class WheelSummary:
 
     @property
     def lost_fraction(self) -> float:
-        """Share of the samples sent that were lost, also between revolutions; NaN when not known."""
-        sent = self.counters.samples + self.counters.lost_sent
-        return self.counters.lost_sent / sent if sent else math.nan
+        """Share of the samples that were lost while the sensor was heard; NaN when not known."""
+        sent = self.counters.samples + self.counters.lost_while_heard
+        return self.counters.lost_while_heard / sent if sent else math.nan
 
     @property
     def estimates(self) -> tuple[Estimate, ...]:
@@ -377,7 +377,7 @@ def _samples_note(wheel: WheelSummary) -> str:
     within = _share(wheel.missing_fraction)
     saturated = f"{counted(wheel.saturated, 'revolution')} saturated" if wheel.saturated else ""
     apart = f"{within} within completed revolutions" if within != _share(wheel.lost_fraction) else ""
-    silent = f"none was sent in {age(wheel.counters.silent_s)} of silence" if wheel.counters.silent_s else ""
+    silent = f"besides {age(wheel.counters.silent_s)} of silence" if wheel.counters.silent_s else ""
     return "; ".join(filter(None, (apart, silent, saturated)))
 
 

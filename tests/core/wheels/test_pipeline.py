@@ -280,7 +280,7 @@ def test_samples_that_are_missing_for_a_second_are_silence_and_no_loss(roll, to_
     counters = pipeline.wheels()[0].counters
     assert counters.samples_lost == missing * 36
     assert counters.silent_s == pytest.approx(silent_s)
-    assert counters.lost_sent == (0 if silent_s else missing * 36)
+    assert counters.lost_while_heard == (0 if silent_s else missing * 36)
 
 
 def test_saturated_revolutions_are_not_averaged(roll, to_frames):
