@@ -703,8 +703,8 @@ def test_both_faces_have_the_verdict_once_and_say_that_nothing_is_recorded(brows
         assert text_of(tab, "#elapsed") == "running 0:00:40"
         assert text_of(tab, "#recording") == "not recording"
         filled, plain = (
-            tab.value(f"getComputedStyle(document.querySelector('{one}')).backgroundColor")
-            for one in ("#recording", "#link")
+            tab.value(f"getComputedStyle(document.querySelector('{pill}')).backgroundColor")
+            for pill in ("#recording", "#link")
         )
         assert filled != plain
         assert tab.value(FAINT_TEXT) == []
