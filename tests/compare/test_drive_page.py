@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from gateway.compare.views.drive import MAX_POINTS, MAX_WAVEFORMS, Drive, DriveWheel
+from gateway.compare.views.drive_comparison import comparison_lines
 from gateway.compare.views.drive_page import drive_page
 from gateway.compare.views.drive_pictures import begin_ns, drawn_quantities, lines_of, pictures_json
 from gateway.compare.views.drive_verdict import verdict
@@ -70,6 +71,24 @@ def test_page_shows_means_what_varies_and_why_a_value_is_missing(make_drive):
     assert re.search(r"\(Rs\)</th><td class=\"n none\">—<", page)
     assert "FL, radial sidewall stiffness number (Rs): " in page
     assert "revolutions is drawn" not in page
+
+
+@pytest.mark.parametrize(
+    ("status", "said"),
+    [
+        (Status.VALID, "65.0 km/h, 65.0 to 65.0"),
+        (Status.PROVISIONAL, "65.0 km/h, 65.0 to 65.0; provisional"),
+        (Status.INVALID, "— invalid"),
+    ],
+)
+def test_mean_speed_has_the_status_of_the_speed_on_the_page_and_in_a_comparison(made, status, said):
+    drive = Drive("a.mcap")
+    for index in range(4):
+        speed = Estimate("speed_mps", 10.0, 0.01, status, () if status is Status.VALID else (DOUBT,))
+        drive.add(made.result(position="FL", index=index, estimates=(speed,)))
+    assert re.findall(r"speed, mean and span</th><td[^>]*>([^<]*)<", drive_page([drive])) == [said]
+    words = " ".join(comparison_lines(drive, drive, [])).split()
+    assert [words.count(str(one)) for one in Status] == [2 * (one is status is not Status.VALID) for one in Status]
 
 
 def test_page_says_what_is_stated_of_the_run():

@@ -21,7 +21,7 @@ from gateway.core.recording.recorded_file import RecordedFile
 from gateway.core.session.session_parts import RigChannels, open_rig_channels
 from gateway.core.shown_units import ShownUnits
 from gateway.core.text.numbers import show
-from gateway.core.text.readout import DISTANCE
+from gateway.core.text.readout import DISTANCE, SPEED
 from gateway.core.text.table_sinks import Cell
 from gateway.core.text.wheel_rows import WheelRow
 from gateway.core.types import FloatArray
@@ -173,11 +173,15 @@ class DriveWheel:
                 self._interval_s *= 2.0
 
     def cells(self) -> dict[str, Cell]:
-        """Return its means and counts, and the distance with its error and status where an estimator gives it."""
+        """Return its means and counts, the status of the speed, and the distance where an estimator gives it."""
         cells = self.row.cells(self.state, ())
         if self.state is not None:
             counters = self.state.counters
             cells |= {"lost_while_heard": counters.lost_while_heard, "silent_s": counters.silent_s}
+        *_, status, _ = dict(self.row.quantities()).get(SPEED, (None, None))
+        cells["speed_status"] = status
+        if status == Status.INVALID:
+            cells |= dict.fromkeys(("speed_mean_mps", "speed_min_mps", "speed_max_mps"))
         if self.rolled is not None:
             cells["distance"] = show(self.rolled).text()
         if self.row.conditions is not None:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
+from gateway.core.estimates.estimator import Status
 from gateway.core.text.numbers import MISSING, age, fixed, round_to_error, split_name
 from gateway.core.text.table_sinks import Cell
 
@@ -32,6 +33,14 @@ def _spread(cells: Cells, names: Sequence[str]) -> str:
     return mean if mean == MISSING else f"{mean} {unit.symbol}, {least} to {most}"
 
 
+def _speed(cells: Cells) -> str:
+    """Return the mean speed with its span and the status of the speed; why is said where the speed stands."""
+    shown, status = _spread(cells, _SPEEDS), cells.get("speed_status")
+    if status in (None, Status.VALID):
+        return shown
+    return f"{shown} {status}" if shown == MISSING else f"{shown}; {status}"
+
+
 def _revolutions(cells: Cells) -> str:
     count, valid = cells["revolutions"], cells["revolutions_valid"]
     return str(count) if count == valid else f"{count}, {valid} without a fault"
@@ -56,10 +65,7 @@ _TEMPERATURES: Final = ("temperature_degc", "temperature_min_degc", "temperature
 GLANCE: Final[tuple[tuple[str, Callable[[Cells], str]], ...]] = (
     ("revolutions", _revolutions),
     ("distance", lambda cells: str(cells.get("distance") or f"{fixed(number(cells, 'distance_m'), 1)} m")),
-    (
-        "speed, mean and span",
-        lambda cells: _spread(cells, _SPEEDS) + _silence(cells, "; not measured for"),
-    ),
+    ("speed, mean and span", lambda cells: _speed(cells) + _silence(cells, "; not measured for")),
     ("load, stated", lambda cells: _stated(cells, "load_n")),
     ("pressure", lambda cells: _stated(cells, "pressure_pa")),
     ("temperature, mean and span", lambda cells: _spread(cells, _TEMPERATURES)),
