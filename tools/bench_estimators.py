@@ -95,7 +95,7 @@ def print_stages(result: list[Turn], samples: np.ndarray, centres: np.ndarray) -
     total = sum(used.values())
     print(f"\nOne revolution of {phase.samples:.0f} samples, live, median, microseconds (share of {total:.0f})")
     for name, cost in used.items():
-        print(f"{name:>20}{cost:10.0f}{cost / total:8.0%}")
+        print(f"{name:>20}{cost:10.0f}{100 * cost / total:6.0f} %")
     print("\nEvery estimator, microseconds an update over 64 revolutions: median, mean, most")
     for name, times in estimators.items():
         print(f"{name:>20}{np.median(times):10.0f}{np.mean(times):10.0f}{np.max(times):12.0f}")

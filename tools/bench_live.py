@@ -239,13 +239,15 @@ def print_latencies(scenario: str, seconds: float, *, by_work: bool) -> None:
     print("Result of a revolution after the last byte that it needs, on schedule, with the CPU time of the work (ms)")
     for latency_s in LATENCIES_S:
         share, waits = scheduled(scenario, seconds, latency_s)
-        print_waits(f"--latency {latency_s:<4} core alone {share:6.1%}", waits)
+        print_waits(f"--latency {latency_s:<4} core alone {100 * share:4.1f} %", waits)
     if by_work:
         return
     print("Line of a revolution after the last byte that it needs (ms, of the clock), by --latency")
     for latency_s in LATENCIES_S:
         share, link, written, printed = measure_process(scenario, seconds, "--latency", str(latency_s))
-        print_waits(f"--latency {latency_s:<4} {share:6.1%} of one core", latencies_ms(scenario, written, printed))
+        print_waits(
+            f"--latency {latency_s:<4} {100 * share:4.1f} % of one core", latencies_ms(scenario, written, printed)
+        )
         print(f"    {link}")
 
 
@@ -304,7 +306,7 @@ def print_against(revision: str, scenario: str, seconds: float, rounds: int) -> 
                 for of_tree, tree in zip(runs, trees.values(), strict=True):
                     share, *_ = measure_process(scenario, seconds, tree=tree, **options)
                     of_tree.append({"cpu_s": share * seconds})
-            shares = " to ".join(f"{best(of_tree)['cpu_s'] / seconds:.1%}" for of_tree in runs)
+            shares = " to ".join(f"{100 * best(of_tree)['cpu_s'] / seconds:.1f} %" for of_tree in runs)
             print(f"  {kind:22} {shares} of one core: {ratios_line(*runs)}", flush=True)
 
 
@@ -325,7 +327,7 @@ def main() -> None:
         return
     for kind, options in KINDS.items() if not (arguments.work or arguments.latency) else ():
         share, link, _, _ = measure_process(arguments.scenario, arguments.seconds, **options)
-        print(f"  {kind:22} {share:6.1%} of one core   {link}")
+        print(f"  {kind:22} {100 * share:4.1f} % of one core   {link}")
     print_latencies(arguments.scenario, arguments.seconds, by_work=arguments.work)
     if arguments.latency:
         return

@@ -217,7 +217,7 @@ def slip_table() -> None:
         right = np.mean([e[1].value == math.copysign(1.0, slip) for e in result])
         print(
             f"{slip:7.1f} {apparent.mean():9.4f} {apparent.mean() / slip:11.3f} {apparent.std(ddof=1):20.4f}"
-            f" {right:20.0%} {np.mean([e[2].value for e in result]):18.2f}"
+            f" {100 * right:18.0f} % {np.mean([e[2].value for e in result]):18.2f}"
         )
 
 

@@ -115,9 +115,11 @@ def print_model_error(solutions: list[RingSolution]) -> None:
         ratios.append(ratio)
         if solution.pressure_pa == 2.1e5 and solution.ring == ring_at(0.0, 2.1e5):
             row = "".join(f"{value:8.2f}" for value in ratio)
-            print(f"{solution.load_n:8.0f}{solution.half_angle_rad:10.4f}{row}{residual:10.1%}")
+            print(f"{solution.load_n:8.0f}{solution.half_angle_rad:10.4f}{row}{100 * residual:8.1f} %")
     rms = np.sqrt(np.mean(np.square(np.array(ratios) - 1.0), axis=0))
-    print(f"rms error over the {len(ratios)} conditions of Table 1: " + " ".join(f"{value:.0%}" for value in rms))
+    print(
+        f"rms error over the {len(ratios)} conditions of Table 1: " + " ".join(f"{100 * value:.0f} %" for value in rms)
+    )
 
 
 def print_whole_chain() -> None:

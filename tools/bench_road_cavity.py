@@ -70,7 +70,7 @@ def main(arguments: list[str]) -> int:
 
 def _row(group: str, pulls: list[Pull]) -> str:
     estimated = [pull for pull in pulls if pull.estimate is not None and pull.estimate.status is not Status.INVALID]
-    line = f"{group:<40} {len(pulls):4d}  {len(estimated) / len(pulls):5.0%}"
+    line = f"{group:<40} {len(pulls):4d}  {100 * len(estimated) / len(pulls):3.0f} %"
     if not estimated:
         return line
     errors = np.array([(pull.estimate.value - pull.truth) / pull.estimate.std for pull in estimated if pull.estimate])
@@ -78,7 +78,8 @@ def _row(group: str, pulls: list[Pull]) -> str:
     right = [pull.holds for pull in estimated if pull.holds is not None]
     return (
         f"{line} {math.sqrt(float(np.square(errors).mean())):10.2f} {errors[np.argmax(np.abs(errors))]:+9.2f} "
-        f"{float((np.abs(errors) > 2.0).mean()):8.0%} {stds:11.3g}  {f'{np.mean(right):.0%}' if right else ''}"
+        f"{100 * float((np.abs(errors) > 2.0).mean()):6.0f} % {stds:11.3g}  "
+        f"{f'{100 * np.mean(right):.0f} %' if right else ''}"
     ).rstrip()
 
 

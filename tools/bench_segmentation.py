@@ -173,7 +173,7 @@ def main() -> None:
     arguments = parser.parse_args()
     print(f"{arguments.count} wheels a family; centre and speed bias in % of the period, z = error / stated error")
     print(f"{'family':26} {'due':>6} {'missed':>6} {'%':>6} {'false':>6} {'placed':>6}  ", end="")
-    print(f"{'95 %':>7} {'worst':>7} {'bias':>7} {'z':>5} {'z 90%':>5}")
+    print(f"{'95 %':>7} {'worst':>7} {'bias':>7} {'z':>5} {'z90 %':>5}")
     for name in arguments.family or FAMILIES:
         print(row(name, FAMILIES[name], arguments.count), flush=True)
     print(*costs(), sep="\n")

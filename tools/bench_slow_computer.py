@@ -87,7 +87,10 @@ def print_session(wheels: int, rate_hz: int, share: float, seconds: float, optio
         uri = str(scenario)
         took, link, written, printed = measure_process(uri, seconds, *options, held=partial(held_to, share))
         late_s = 1e-3 * latencies_ms(uri, written, printed)
-    print(f"{wheels} x {rate_hz} Hz, share {share:.0%} {' '.join(options)}".rstrip() + f": took {took:.1%} of a core")
+    print(
+        f"{wheels} x {rate_hz} Hz, share {100 * share:.0f} % {' '.join(options)}".rstrip()
+        + f": took {100 * took:.1f} % of a core"
+    )
     print(f"  {link}")
     if late_s.size:
         print(f"  {late_s.size} lines, late by {np.median(late_s):.2f} s at the median, {late_s.max():.2f} s at most")

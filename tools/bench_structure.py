@@ -148,7 +148,7 @@ def main(folder: Path, tires: int) -> None:
     for kind, name in enumerate(_KINDS):
         for share in (0.05, 0.1, 0.2, 0.4):
             seen = [structure_change(tire(rings[seed % 2], 1000 + seed, kind, share)) for seed in range(tires)]
-            print(f"{name} -{share:.0%} over 12 degrees: {sum(item is not None for item in seen)} of {tires}")
+            print(f"{name} -{100 * share:.0f} % over 12 degrees: {sum(item is not None for item in seen)} of {tires}")
 
 
 if __name__ == "__main__":

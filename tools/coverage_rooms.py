@@ -69,7 +69,8 @@ def main(arguments: list[str] | None = None) -> int:
     print(f"{'room':<28}{'lines':>8}{'covered':>9}{'branches':>10}{'covered':>9}")
     for name, counts in rooms(report).items():
         print(
-            f"{name:<28}{counts.lines:>8}{counts.line_percent:>8.1f}%{counts.branches:>10}{counts.branch_percent:>8.1f}%"
+            f"{name:<28}{counts.lines:>8}{counts.line_percent:>7.1f} %"
+            f"{counts.branches:>10}{counts.branch_percent:>7.1f} %"
         )
         if min(counts.line_percent, counts.branch_percent) < LEAST_PERCENT:
             low.append(name)

@@ -113,12 +113,12 @@ def derived_laws(points: Points, angle_rad: FloatArray) -> list[Law]:
     """Return every law of a beam or string with a finite contact, best first."""
     laws = []
     for bending, share in itertools.product(BENDING_NM2, SHARES):
-        what = f"EI {bending:g} N m^2, {share:.0%} of ky from pressure"
+        what = f"EI {bending:g} N m^2, {100 * share:.0f} % of ky from pressure"
         laws.append(judge(f"couple on a short contact, {what}", short_patch(points, bending, share), angle_rad))
         laws.append(judge(f"couple on the whole contact, {what}", whole_patch(points, bending, share), angle_rad))
     for stiffness, share in itertools.product(SIDEWALL_NPM2, SHARES):
         for name, value in string_laws(points, stiffness, share):
-            laws.append(judge(f"string, {name}, ky {stiffness:g}, {share:.0%}", value, angle_rad))
+            laws.append(judge(f"string, {name}, ky {stiffness:g}, {100 * share:.0f} %", value, angle_rad))
     ones = np.ones_like(angle_rad)
     for name, x in groups(points):
         laws.append(judge(f"c0 + c1 {name}", np.stack([ones, x], axis=1), angle_rad))
@@ -159,7 +159,7 @@ class BeltAnswer:
         """Values in which the belts differ."""
         belt = self.belt
         stiffness = f"EI {belt.bending_stiffness_nm2:g}, Ks {belt.shear_stiffness_n:g}"
-        return f"{stiffness}, cy {belt.tread_stiffness_npm2:g}, {self.share:.0%}"
+        return f"{stiffness}, cy {belt.tread_stiffness_npm2:g}, {100 * self.share:.0f} %"
 
 
 AHEAD_RAD = 0.8
@@ -405,7 +405,8 @@ def print_rejections(points: Points, angle: FloatArray, answers: list[BeltAnswer
     low, high = result.scatter_range
     print(
         f"\nplane: Q^{result.exponents[0]:.2f} ± {result.half_widths[0]:.2f}, p^{result.exponents[1]:.2f} ± "
-        f"{result.half_widths[1]:.2f} (95 %); scatter of a point {result.scatter:.1%}, {low:.1%} to {high:.1%}"
+        f"{result.half_widths[1]:.2f} (95 %); scatter of a point {100 * result.scatter:.1f} %, {100 * low:.1f} % to "
+        f"{100 * high:.1f} %"
     )
     ones = [law for law in compare(points, angle) if len(law.constants) == 1]
     tests = {law.name: rejection(law.fitted_rad, angle, result) for law in ones}

@@ -167,7 +167,7 @@ def _losses(link: LinkSnapshot, is_wide: bool) -> list[Run]:
     # Nothing is known of the loss while nothing arrives.
     loss = percent(link.frames_lost, expected) if is_heard(link) else MISSING
     return [
-        (f"loss {loss if is_wide else loss.replace(' ', '')}", Role.WARNING if high_loss else Role.TEXT),
+        (f"loss {loss}", Role.WARNING if high_loss else Role.TEXT),
         (f"crc {link.crc_errors}", Role.WARNING if link.crc_errors else Role.TEXT),
         (f"{'overwritten' if is_wide else 'overwr'} {overwritten}", Role.WARNING if overwritten else Role.TEXT),
     ]
@@ -179,7 +179,7 @@ def is_heard(link: LinkSnapshot) -> bool:
 
 
 def _hub_values(link: LinkSnapshot, blank: str) -> list[Run]:
-    """Return delay, battery, supply and signal as far as known; `blank` separates numbers from units.
+    """Return delay, battery, supply and signal as far as known; `blank` precedes units other than percent.
 
     Those of a link that is down or silent are old, and left out.
     """
@@ -189,7 +189,7 @@ def _hub_values(link: LinkSnapshot, blank: str) -> list[Run]:
     if link.latency_s is not None:
         fields.append((f"lag {fixed(link.latency_s, 0, 1e3)}{blank}ms", Role.TEXT))
     if link.battery_percent is not None:
-        fields.append((f"bat {link.battery_percent}{blank}%", Role.TEXT))
+        fields.append((f"bat {link.battery_percent} %", Role.TEXT))
     if link.supply_w is not None:
         fields.append((f"{fixed(link.supply_w, 2)}{blank}W", Role.TEXT))
     if link.rssi_dbm is not None:

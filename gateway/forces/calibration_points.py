@@ -162,10 +162,10 @@ def fit_lines(points: Sequence[TirePoint], fit: LoadFit, reference: ReferenceNum
     width = max(len("recording and wheel"), *(len(point.name) for point in points))
     lines = [f"{'recording and wheel':<{width}}   load N  p kPa  half rad      std  fit err  left out"]
     for point, residual, left_out in zip(points, fit.residuals, fit.left_out, strict=True):
-        other = f"{left_out:+8.1%}" if np.isfinite(left_out) else "       -"
+        other = f"{100 * left_out:+6.1f} %" if np.isfinite(left_out) else "       -"
         lines.append(
             f"{point.name:<{width}} {point.load_n:8.0f} {1e-3 * point.pressure_pa:6.1f} {point.half_angle_rad:9.4f} "
-            f"{point.half_angle_std_rad:8.4f} {residual:+8.1%}  {other}"
+            f"{point.half_angle_std_rad:8.4f} {100 * residual:+6.1f} %  {other}"
         )
     law = fit.calibration
     low, high = (law.load_at(half, law.pressure_pa) for half in law.half_angle_range_rad)

@@ -115,14 +115,15 @@ def _eq_11(figure: Figure) -> str:
     )
     resistance = _rolling(_damped(1.0), TABLE_3_LOAD_N).rolling_resistance
     return (
-        f"Eq. 11 with c_n = c_v + c_w n², c_v = c_w and a radial loss of {_LOSS:.0%} (rolling resistance "
-        f"{resistance:.1%} at 5000 N). The phase of c_v falls off faster with the order, by n², so noise alone "
-        f"parts them: the Cramér-Rao bound of a revolution at {NOISE_MG_PER_RTHZ:.0f} mg/√Hz is {bound.radial:.1%} of "
-        f"c_w and {bound.tangential:.0%} of c_v (correlation {bound.correlation:+.2f}) where the driving torque is "
-        f"known. Where it is not, {free.radial:.1%} and {free.tangential:.0%}, and the torque is bound to "
-        f"{free.torque_nm:.0f} N m. The linear ring of Eq. 11 does not reach that bound on a loaded belt: it fits c_w "
-        f"and c_v as these multiples of the truth: {listed}. So c_v is not determined by Eq. 11, whatever the number "
-        "of revolutions, and c_w to half of its value."
+        f"Eq. 11 with c_n = c_v + c_w n², c_v = c_w and a radial loss of {100 * _LOSS:.0f} % (rolling resistance "
+        f"{100 * resistance:.1f} % at 5000 N). The phase of c_v falls off faster with the order, by n², so noise alone "
+        f"parts them: the Cramér-Rao bound of a revolution at {NOISE_MG_PER_RTHZ:.0f} mg/√Hz is "
+        f"{100 * bound.radial:.1f} % of c_w and {100 * bound.tangential:.0f} % of c_v (correlation "
+        f"{bound.correlation:+.2f}) where the driving torque is known. Where it is not, {100 * free.radial:.1f} % and "
+        f"{100 * free.tangential:.0f} %, and the torque is bound to {free.torque_nm:.0f} N m. The linear ring of Eq. "
+        "11 does not reach that bound on a loaded belt: it fits c_w and c_v as these multiples of the truth: "
+        f"{listed}. So c_v is not determined by Eq. 11, whatever the number of revolutions, and c_w to half of its "
+        "value."
     )
 
 

@@ -171,7 +171,7 @@ def _fig_11(fitted: _Fitted, figure: Figure) -> str:
         measured = measured_orders(waveforms.average)
         draw_orders(panel.subplots(), measured, orders, tire.name)
         finite = np.isfinite(measured)
-        residuals.append(f"{relative_residual(measured[finite], orders[finite]):.0%} of {_condition(tire)}")
+        residuals.append(f"{100 * relative_residual(measured[finite], orders[finite]):.0f} % of {_condition(tire)}")
     return (
         f"Residual of the orders by Eq. 27 with the numbers of Eq. 28: {'; '.join(residuals)}. A good fit of the "
         "orders does not make the numbers right."

@@ -76,7 +76,7 @@ def _fig_7(figure: Figure) -> str:
     return (
         f"Reproduced: the spectrum over {BLOCK_REVOLUTIONS} revolutions has its peaks on integer orders, and of the "
         f"power above order 0 there lie {', '.join(shares)}; white noise alone has {100.0 / BLOCK_REVOLUTIONS:.1f} %. "
-        f"Between them the amplitude is at most {between:.1%} of the largest. The noise is that of a sensor "
+        f"Between them the amplitude is at most {100 * between:.1f} % of the largest. The noise is that of a sensor "
         f"({NOISE_MG_PER_RTHZ:.0f} mg/√Hz) and of a road ({_ROAD_MPS2:.0f} m/s² rms below {_ROAD_BAND_HZ:.0f} Hz). "
         "Integer orders show that the signal repeats with the revolution, as any signal locked to the wheel does. They "
         "do not show that a ring describes it. For a recording: `treadlink orders RECORDING --figure FILE`."
@@ -112,8 +112,8 @@ def _fig_9(figure: Figure) -> str:
         f"Reproduced: the modal force falls from Q / R = {1e-3 * ring.load_n / RADIUS_M:.1f} kN/m, the modal tire "
         f"model has its largest value at n = {_ORDERS[np.argmax(-true)]}, and their product fits the sensor's orders. "
         f"The uniform pressure of Eq. 22 first vanishes at n = π / θr = {zero:.1f}; the pressure of the exact ring at "
-        f"{ring_zero:.1f}. The two forces differ by {error:.0%} rms over orders 1 to 60. Orders from there up show the "
-        "shape of the contact pressure, not the tire."
+        f"{ring_zero:.1f}. The two forces differ by {100 * error:.0f} % rms over orders 1 to 60. Orders from there up "
+        "show the shape of the contact pressure, not the tire."
     )
 
 
@@ -142,11 +142,11 @@ def _fig_10(figure: Figure) -> str:
     most = ", ".join(f"{name} {_orders_with_most(influence[:, index])}" for index, name in enumerate(RING_NUMBERS))
     return (
         "Reproduced: Rs and Ts act on low modes, Cw and Bs on high ones. The largest term of the modal stiffness is "
-        f"{ranges}. Ts is nowhere the largest: it has {shares[0, 3]:.0%} at n = 1, {shares[1, 3]:.0%} at n = 2 and "
-        f"{shares[3, 3]:.1%} at n = 4. A sensor on the ring does not read n = 1 at all (n² - 1; dotted: n² as in Eq. "
-        f"25), so that Ts rests on orders 2 to 4. {_MOST:.0%} of each number's influence on the signal (squares) lie "
-        f"at orders up to: {most}. The influences overlap: the paper's conclusion that all four are estimated "
-        "accurately does not follow from this figure."
+        f"{ranges}. Ts is nowhere the largest: it has {100 * shares[0, 3]:.0f} % at n = 1, {100 * shares[1, 3]:.0f} % "
+        f"at n = 2 and {100 * shares[3, 3]:.1f} % at n = 4. A sensor on the ring does not read n = 1 at all (n² - 1; "
+        f"dotted: n² as in Eq. 25), so that Ts rests on orders 2 to 4. {100 * _MOST:.0f} % of each number's influence "
+        f"on the signal (squares) lie at orders up to: {most}. The influences overlap: the paper's conclusion that all "
+        "four are estimated accurately does not follow from this figure."
     )
 
 

@@ -75,10 +75,10 @@ def _fig_11(figure: Figure) -> str:
     misfit = relative_residual(measured, fitted)
     ratios = tire.estimates["ring-paper"] / tire.truth
     return (
-        f"Reproduced: Eq. 27 fits the orders of an exact ring (5000 N, 2.1 bar, new) with a residual of {misfit:.0%}, "
-        f"the good fit that the paper reports. Yet the fitted Bs, Cw, Rs, Ts are {_listed(ratios)} of the true ones. A "
-        "good fit of the orders does not make the numbers right: a loaded belt loses tension in the contact, and a "
-        "linear ring does not."
+        "Reproduced: Eq. 27 fits the orders of an exact ring (5000 N, 2.1 bar, new) with a residual of "
+        f"{100 * misfit:.0f} %, the good fit that the paper reports. Yet the fitted Bs, Cw, Rs, Ts are "
+        f"{_listed(ratios)} of the true ones. A good fit of the orders does not make the numbers right: a loaded belt "
+        "loses tension in the contact, and a linear ring does not."
     )
 
 
@@ -143,7 +143,7 @@ def _fig_13(figure: Figure) -> str:
     return (
         f"Reproduced: Bs falls with wear for every estimator (means of Eq. 28: {_listed(1e3 * np.array(means))}, times "
         "10⁻³). At constant wear Eq. 28 varies with load and pressure. The weak form stays within "
-        f"{worst:.1%} of the truth, which varies with pressure only."
+        f"{100 * worst:.1f} % of the truth, which varies with pressure only."
     )
 
 
@@ -203,8 +203,8 @@ def _against_angle(figure: Figure, number: str, label: str, in_paper: str) -> st
     return (
         f"{verdict}: in the paper {number} {in_paper} with the contact angle; here the estimate of Eq. 28 {direction} "
         f"(r {paper[1]:+.2f}), while the true {number} changes with pressure only (r {truth[1]:+.2f} with the angle). "
-        f"The weak form follows the truth within {np.sqrt(np.mean(error**2)):.1%} rms. {_other_tire(other)} A trend of "
-        "Eq. 28 with the contact angle is no evidence of a trend in the tire."
+        f"The weak form follows the truth within {100 * np.sqrt(np.mean(error**2)):.1f} % rms. {_other_tire(other)} A "
+        "trend of Eq. 28 with the contact angle is no evidence of a trend in the tire."
     )
 
 
@@ -238,7 +238,7 @@ def _other_tire(paper_trend: Trend) -> str:
     return (
         "Reproduced by Eq. 28 (right) where the tread is twice as stiff, so that the contact presses at its edges, the "
         "edges are taken at the steepest slope, and the width grows as in MF-Tyre (exponent "
-        f"{paper_trend.exponent:+.2f}, r {paper_trend.correlation:+.2f}, residual up to {worst:.0%})."
+        f"{paper_trend.exponent:+.2f}, r {paper_trend.correlation:+.2f}, residual up to {100 * worst:.0f} %)."
     )
 
 

@@ -67,7 +67,7 @@ def test_every_wheel_has_a_line_at_80x24(made):
         ]
     assert row_with(rows, "ALARM  FL: 150.0 kPa is below 180.0 kPa")
     assert row_with(rows, "ALARM  2 more: FR pressure, RL pressure")
-    assert row_with(rows, "ttyUSB1 up loss 1.00% crc 12 overwr 7 lag 12ms bat 87% 0.43W -61dBm")
+    assert row_with(rows, "ttyUSB1 up loss 1.00 % crc 12 overwr 7 lag 12ms bat 87 % 0.43W -61dBm")
     assert row_with(rows, "-13.740 ± 0.097 deg")
 
 

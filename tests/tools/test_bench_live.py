@@ -29,7 +29,7 @@ def test_two_versions_take_turns_and_their_ratio_has_its_scatter(
     lines = capsys.readouterr().out.splitlines()
     assert "abc against now" in lines[0]
     assert [line.split(":")[0].strip() for line in lines[1:]] == [
-        f"{kind:22} 10.0% to 5.0% of one core" for kind in bench_live.KINDS
+        f"{kind:22} 10.0 % to 5.0 % of one core" for kind in bench_live.KINDS
     ]
     assert "2.000 times as fast by the best; by round 2.000 in the median, 2.000 to 3.000" in lines[1]
     assert measured[:6] == [("then", False), ("now", False)] * 3

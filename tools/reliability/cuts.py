@@ -81,7 +81,8 @@ def report(folder: Path, times: int, seed: int = 1) -> Iterator[str]:
         fixed.unlink()
     yield (
         f"{times} torn ends ({_LAST_PAGES // 4} of the last {_LAST_PAGES} pages zeros or noise): {wrong} read back "
-        f"wrong before them, {unreported} not reported; repair keeps {min(remaining):.1%} or more of the link's bytes"
+        f"wrong before them, {unreported} not reported; repair keeps {100 * min(remaining):.1f} % or more of the "
+        f"link's bytes"
     )
     yield from _full(folder)
 

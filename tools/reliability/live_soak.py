@@ -347,7 +347,7 @@ def _row(reading: Reading) -> str:
     median_ms, most_ms = reading.latency_ms
     return (
         f"{reading.minute:6.1f} {reading.memory_mb:10.1f} {reading.descriptors:12d} {reading.threads:8d} "
-        f"{reading.cpu:10.1%} {median_ms:18.1f} {most_ms:6.0f} {reading.load:5.1f} {reading.tab_mb:7.2f}"
+        f"{100 * reading.cpu:8.1f} % {median_ms:18.1f} {most_ms:6.0f} {reading.load:5.1f} {reading.tab_mb:7.2f}"
     )
 
 

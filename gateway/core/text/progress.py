@@ -159,7 +159,7 @@ def _bars(console: Console) -> Progress:
     return Progress(
         TextColumn("{task.description}", markup=False, table_column=label),
         BarColumn(bar_width=None),
-        TaskProgressColumn(),
+        TaskProgressColumn("[progress.percentage]{task.percentage:>3.0f} %"),
         TimeRemainingColumn(),
         console=console,
         auto_refresh=False,

@@ -32,10 +32,10 @@ def test_bar_shows_its_label_and_share(drawn):
         view.bar("second.mcap").show(1.0, "\x1b[31msecond")
     last = rows(file)[-2:]
     assert last[0].startswith("[red]first.mcap")
-    assert " 50%" in last[0]
+    assert " 50 %" in last[0]
     assert "[31msecond" in last[1]
     assert "\x1b[31msecond" not in file.getvalue()
-    assert "100%" in last[1]
+    assert "100 %" in last[1]
 
 
 def test_echo_of_an_interrupt_fits_beside_a_bar(drawn):
