@@ -46,7 +46,11 @@ NOT_IN_API: Final = frozenset(
 )
 """Packages without a page: commands, texts and what draws."""
 
+IN_SEARCH: Final = frozenset({"gateway", "gateway.api", "firmware_protocol"})
+"""Packages that programs of others import: names within the others would stand before the pages that explain a word."""
+
 _ROOT: Final = Path(__file__).parents[2]
+_NOT_IN_SEARCH: Final = ("---", "search:", "  exclude: true", "---")
 
 
 def api_markdown() -> dict[str, Callable[[], str]]:
@@ -65,7 +69,8 @@ def _index() -> str:
 
 
 def _page(package: str) -> str:
-    lines = [f"# {package}", "", sentence(PACKAGES[package]), ""]
+    head = () if package in IN_SEARCH else _NOT_IN_SEARCH
+    lines = [*head, f"# {package}", "", sentence(PACKAGES[package]), ""]
     for module in _modules(package):
         lines += [f"::: {module}", ""]
     return "\n".join(lines)
