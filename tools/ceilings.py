@@ -37,10 +37,10 @@ class Ceiling(NamedTuple):
 
 
 CEILINGS: Final[dict[str, Ceiling]] = {
-    "lines of the core": Ceiling(32_000, 39_950),
-    "lines of gateway": Ceiling(95_000, 131_650),
-    "lines of tests": Ceiling(58_000, 76_620),
-    "lines of tools": Ceiling(17_000, 24_550),
+    "lines of the core": Ceiling(32_000, 40_000),
+    "lines of gateway": Ceiling(95_000, 131_800),
+    "lines of tests": Ceiling(58_000, 76_830),
+    "lines of tools": Ceiling(17_000, 24_570),
     "words of docs": Ceiling(60_000, 60_000),
     "options": Ceiling(120, 91),
     "reason codes": Ceiling(430, 531),

@@ -9,7 +9,7 @@ FEATURE: Final = Feature(
         "scan": CommandLine("gateway.bench.commands.scan:scan", "List hubs in range and serial ports."),
         "setup": CommandLine(
             "gateway.bench.commands.setup:setup",
-            "Write a vehicle file for plugged hubs: wheels, radius, pressure, load.",
+            "Write a vehicle file by asking: wheels, radius, pressure, load.",
         ),
         "doctor": CommandLine(
             "gateway.bench.commands.doctor:doctor", "Check packages, ports, permissions and configuration."

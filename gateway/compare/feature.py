@@ -11,7 +11,7 @@ FEATURE: Final = Feature(
             "Compare two recordings: means, differences and their significance.",
         ),
         "orders": CommandLine(
-            "gateway.compare.commands.orders:orders", "Show the order spectra and the average of every wheel."
+            "gateway.compare.commands.orders:orders", "Show what repeats with each turn of a wheel, and what does not."
         ),
     },
     adds={

@@ -7,7 +7,7 @@ from gateway.core.feature import CommandLine, Feature, Registry
 FEATURE: Final = Feature(
     commands={
         "diagnose": CommandLine(
-            "gateway.diagnosis.commands.diagnose:diagnose", "Identify the physical effects that the model lacks."
+            "gateway.diagnosis.commands.diagnose:diagnose", "Find out why the model does not fit a tire."
         )
     },
     adds={

@@ -8,7 +8,7 @@ FEATURE: Final = Feature(
     commands={
         "export": CommandLine(
             "gateway.exporting.commands.export:export",
-            "Write measurements to CSV, Parquet, MATLAB, MDF, TYDEX or MCAP files.",
+            "Write measurements as CSV, Parquet, MATLAB, MDF, TYDEX or MCAP.",
         ),
     },
 )

@@ -6,7 +6,9 @@ from gateway.core.feature import CommandLine, Feature, Registry
 
 FEATURE: Final = Feature(
     commands={
-        "campaign": CommandLine("gateway.fleet.commands.campaign:campaign", "Estimate many recordings into a dataset."),
+        "campaign": CommandLine(
+            "gateway.fleet.commands.campaign:campaign", "Estimate folders of recordings into a dataset."
+        ),
         "trends": CommandLine(
             "gateway.fleet.commands.trends:trends", "Report how tires and sensors of a dataset change."
         ),

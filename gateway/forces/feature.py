@@ -7,7 +7,7 @@ from gateway.core.feature import CommandLine, Feature, Registry
 FEATURE: Final = Feature(
     commands={
         "calibrate": CommandLine(
-            "gateway.forces.commands.calibrate:calibrate", "Calibrate load, reference numbers and slip of a tire."
+            "gateway.forces.commands.calibrate:calibrate", "Calibrate a tire: load, wear, slip, side force."
         ),
     },
     adds={

@@ -8,7 +8,7 @@ FEATURE: Final = Feature(
     commands={
         "import": CommandLine(
             "gateway.importing.commands.import_measurement:import_",
-            "Convert a CSV, MAT, HDF5, MF4, TDMS or IDE file to a recording.",
+            "Make a recording of a measurement of another program.",
         ),
     },
     adds={

@@ -8,7 +8,7 @@ FEATURE: Final = Feature(
     commands={
         "protocol": CommandLine(
             "gateway.makers.commands.protocol:protocol",
-            "Check a firmware; generate C code, vectors, dissector, schema.",
+            "Check a firmware; write C code and other files for makers.",
         ),
     },
 )

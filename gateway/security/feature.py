@@ -9,7 +9,9 @@ FEATURE: Final = Feature(
         "command": CommandLine(
             "gateway.security.commands.command:command", "Send a command to a hub and print its reply."
         ),
-        "keys": CommandLine("gateway.security.commands.keys:keys", "Manage sensor signing keys."),
+        "keys": CommandLine(
+            "gateway.security.commands.keys:keys", "Make, list and remove the keys that sensors sign with."
+        ),
     },
     adds={
         Registry.PARTS: {

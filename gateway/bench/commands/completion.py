@@ -11,9 +11,12 @@ def completion(shell: str) -> None:
     Write it where the shell looks for it:
 
     \b
-    bash  treadlink completion bash > ~/.local/share/bash-completion/completions/treadlink
-    fish  treadlink completion fish > ~/.config/fish/completions/treadlink.fish
-    zsh   treadlink completion zsh > "${fpath[1]}/_treadlink"
+    Examples:
+      mkdir -p ~/.local/share/bash-completion/completions
+      treadlink completion bash > \\
+          ~/.local/share/bash-completion/completions/treadlink
+      treadlink completion fish > ~/.config/fish/completions/treadlink.fish
+      treadlink completion zsh > "${fpath[1]}/_treadlink"
 
     The script asks the installed treadlink, so it stays right after an update.
     """

@@ -36,6 +36,8 @@ def doctor(sources: tuple[str, ...], config_path: Path | None, recordings: Path,
     Of a recording as SOURCE, whether its curves verify sign and gain of the lateral axis of each wheel.
     Of a configuration also the largest part of the errors of the main quantities, and the statement to make better.
     The exit status is 1 if there is a fault, and 0 if there are only warnings.
+
+    Example: `treadlink doctor /dev/ttyUSB0:921600 --config car.toml`
     """
     done = list(_run(sources, config_path, recordings))
     if as_json:

@@ -55,16 +55,28 @@ def _assigned(ctx: click.Context, param: click.Parameter, texts: tuple[str, ...]
     help="Sensor of a wheel: its serial number, or hub.wheel.",
 )
 @click.option(
-    "--radius-mm", multiple=True, callback=_by_position, metavar="[POSITION=]MM", help="Belt radius of all or one."
+    "--radius-mm",
+    multiple=True,
+    callback=_by_position,
+    metavar="[POSITION=]MM",
+    help="Belt radius in mm of all or one.",
 )
 @click.option(
     "--distance-m",
     type=FiniteRange(1.0, 1000.0),
     metavar="METERS",
-    help="Measure the radius: roll the vehicle over this distance when asked.",
+    help="Measure the radius: roll the vehicle this far when asked.",
 )
-@click.option("--pressure-kpa", multiple=True, callback=_by_position, metavar="[POSITION=]KPA", help="Gauge pressure.")
-@click.option("--load-n", multiple=True, callback=_by_position, metavar="[POSITION=]N", help="Vertical load.")
+@click.option(
+    "--pressure-kpa",
+    multiple=True,
+    callback=_by_position,
+    metavar="[POSITION=]KPA",
+    help="Gauge pressure in kPa of all or one.",
+)
+@click.option(
+    "--load-n", multiple=True, callback=_by_position, metavar="[POSITION=]N", help="Vertical load in N of all or one."
+)
 @click.option(
     "--no-input", is_flag=True, help="Ask nothing: what no option states is left unknown. Needs --wheel, and a radius."
 )
@@ -90,7 +102,7 @@ def setup(
     \b
     Examples:
       treadlink setup /dev/ttyUSB0 --out car.toml
-      treadlink setup /dev/ttyUSB0 --out rig.toml --no-input --wheel W1=0.0 --radius-mm 320
+      treadlink setup COM3 --no-input --wheel W1=0.0 --radius-mm 320
     """
     from gateway.bench.commands.setup_dialogue import Answers, Dialogue
     from gateway.core.text.output_file import check_outputs, write_whole

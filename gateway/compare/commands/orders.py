@@ -16,13 +16,16 @@ _SPEED_STEP_KMH = 5.0
 
 @click.command()
 @click.argument("recording", type=click.Path(path_type=Path))
-@click.option("--wheel", "wheels", multiple=True, metavar="POSITION", help="Wheel; repeat for several.  [default: all]")
+@click.option(
+    "--wheel", "wheels", multiple=True, metavar="POSITION", help="Only this wheel; repeat for several.  [default: all]"
+)
 @click.option(
     "--orders",
     "shown",
     type=click.IntRange(min=0, max=60),
     default=_DEFAULT_ORDERS,
     show_default=True,
+    metavar="N",
     help="Highest order that is printed.",
 )
 @click.option(
@@ -32,7 +35,7 @@ _SPEED_STEP_KMH = 5.0
     default=_SPEED_STEP_KMH,
     show_default=True,
     metavar="KMH",
-    help="Width of the ranges of speed.",
+    help="Width in km/h of the ranges of speed that are told apart.",
 )
 @path_option("--figure", help="Draw a figure: .html, .svg or .png; needs treadlink[plot].")
 @path_option(
@@ -59,7 +62,7 @@ def orders(
     key_file: Path | None,
     force: bool,
 ) -> None:
-    """Show the order spectra and the time synchronous average of the wheels of RECORDING.
+    """Show what repeats with each turn of the wheels of RECORDING, and what does not: orders and mean revolution.
 
     Order n repeats n times per revolution. What the tire does in every revolution lies on integer orders; road, cavity
     resonance and other shafts lie between them. The share of the power on integer orders says how far the signal is
@@ -67,6 +70,8 @@ def orders(
 
     A FILE of - is standard output, and the summary is then printed to standard error. The exit status is 1 if no wheel
     has a usable revolution, or the recording is damaged.
+
+    Example: `treadlink orders drive.mcap --figure orders.html`
     """
     from gateway.compare.recorded_orders import recorded_orders
     from gateway.compare.views.order_figure import SUFFIXES, write_figure

@@ -160,7 +160,15 @@ def _flush_output() -> None:
 @click.option("-v", "--verbose", "verbosity", count=True, help="Log more to standard error; -vv for debugging.")
 @path_option("--log", "log_file", help="Write the log to this file, not to standard error.")
 def treadlink(verbosity: int, log_file: Path | None) -> None:
-    """Gateway for intelligent tires: decode, record, replay and estimate inner-liner accelerometer data."""
+    """Know what a tire does while it rolls, by an accelerometer on its inner liner.
+
+    \b
+    First steps, without a sensor:
+      treadlink live sim:demo                        watch a simulated car
+      treadlink simulate lab --out lab.mcap          make a recording
+      treadlink estimate lab.mcap --html lab.html    its numbers, and a page
+      treadlink explain provisional                  what a word means
+    """
     from gateway.core.cli.logs import configure_logging
 
     configure_logging(verbosity, log_file)

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     "--coverage",
     type=FiniteRange(0.0, 1.0, min_open=True, max_open=True),
     metavar="PROBABILITY",
-    help="Also write expanded uncertainties of this coverage probability, such as 0.95, and their coverage factor.",
+    help="Also write errors that hold with this probability, such as 0.95 (expanded uncertainty), and their factor.",
 )
 def estimate(
     recordings: tuple[Path, ...],
@@ -72,6 +72,11 @@ def estimate(
 
     A FILE appears when it is complete, or not at all. A FILE of - is standard output; the summary is then printed to
     standard error. The exit status is 1 if a recording has no frames, or a wheel that sent samples has no revolution.
+
+    \b
+    Examples:
+      treadlink estimate drive.mcap --html drive.html
+      treadlink estimate drives/*.mcap --csv drives.csv --estimator load
     """
     from gateway.core.cli.recording_estimates import estimate_recording
     from gateway.core.estimates.weighted_mean import coverage_factor

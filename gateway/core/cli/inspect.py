@@ -24,6 +24,8 @@ def inspect(recordings: tuple[Path, ...], as_json: bool, verifies: bool) -> None
     below it marks lost samples.
 
     The exit status is 1 if a recording is damaged or has no frames.
+
+    Example: `treadlink inspect drives/*.mcap`
     """
     from gateway.core.cli.inspection_report import inspection_json, inspection_lines
     from gateway.core.recording.inspection import inspect_recording

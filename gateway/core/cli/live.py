@@ -56,18 +56,25 @@ def live(
 
     \b
     SOURCE is one of
-      /dev/ttyUSB0  COM3:921600               a hub on a serial port; serial:///dev/ttyUSB0?baudrate=921600 as well
-      192.168.4.1:5000                        a hub behind a TCP server; tcp://host:port as well
-      ble://NAME-or-ADDRESS                   a hub on Bluetooth LE (treadlink scan lists them)
-      sim:demo                                a simulated vehicle (treadlink simulate --list)
-      replay:FILE?speed=1                     a recording; speed=10, speed=max
-      can:INTERFACE:CHANNEL?dbc=FILE          signals of the vehicle, beside the wheels; can:FILE.blf a log of them
-      nmea:/dev/ttyACM0  nmea:localhost:2947  position and ground speed of a GNSS receiver or gpsd; nmea:FILE.nmea a log
-      rtl433:PIPE  rtl433:FILE.json  tire pressure sensors (TPMS) by rtl_433
+      /dev/ttyUSB0:921600  COM3:921600  hub on a serial port, with its baud rate
+      192.168.4.1:5000                  hub behind a TCP server
+      ble://NAME-or-ADDRESS             hub on Bluetooth LE (treadlink scan)
+      sim:demo                          simulated car (treadlink simulate --list)
+      replay:FILE?speed=1               recording; also speed=10, speed=max
+      can:INTERFACE:CHANNEL?dbc=FILE    signals of the car, beside the wheels
+      can:FILE.blf                      the same, from a log
+      nmea:/dev/ttyACM0                 position and ground speed by GNSS
+      nmea:localhost:2947               the same, from gpsd; nmea:FILE.nmea a log
+      rtl433:PIPE  rtl433:FILE.json     tire pressure sensors (TPMS) by rtl_433
 
     Keys: space pauses, m sets a mark in the recording, r describes the run and records it, a acknowledges alarms, tab
     or 1 to 8 select a wheel, z zooms the waveform, t shows trends, ? shows help, q quits. A summary is printed at the
     end.
+
+    \b
+    Examples:
+      treadlink live sim:demo --web
+      treadlink live /dev/ttyUSB0:921600 --config car.toml --record drives/
     """
     from gateway.core.cli.session_setup import chosen_split, is_terminal, start_session
 

@@ -75,8 +75,8 @@ duration_option = click.option(
     "duration_s",
     type=FiniteRange(min=0.1),
     metavar="SECONDS",
-    help="Stop after this many seconds of data. They are the seconds of a recording or a simulation, however fast it "
-    "is played, and of the arrival of data from a hub; a silent hub is waited for no longer.",
+    help="Stop after this many seconds of data: of a recording or a simulation those in it, however fast it is played. "
+    "A silent hub is waited for no longer.",
 )
 effects_option = path_option(
     "--effects",
@@ -89,7 +89,9 @@ estimator_option = click.option(
     "estimators",
     multiple=True,
     type=KnownName(estimator_names()),
-    help=f"Estimator to run; repeat for several.  [default: {', '.join(DEFAULT_ESTIMATORS)}]",
+    metavar="NAME",
+    help=f"Estimator to run in place of the default ones; repeat for several: {', '.join(estimator_names())}.  "
+    f"[default: {', '.join(DEFAULT_ESTIMATORS)}]",
 )
 force_option = click.option("--force", is_flag=True, help="Overwrite existing output files.")
 keys_option = path_option(
@@ -102,8 +104,7 @@ latency_option = click.option(
     default=0.0,
     show_default=True,
     metavar="SECONDS",
-    help="Longest time that a result may wait, so that several revolutions are worked on at once: 0.5 halves the "
-    "processor time.",
+    help="Longest time that a result may wait to be computed together with others: 0.5 halves the processor time.",
 )
 publish_option = click.option(
     "--publish",

@@ -52,6 +52,11 @@ def record(
 
     The bytes of the links are written to disk before they are decoded. Estimates are recorded as additional topics,
     which plotting programs can show. Sources are those of `treadlink live`. Existing files are never overwritten.
+
+    \b
+    Examples:
+      treadlink record /dev/ttyUSB0:921600 --config car.toml --out drives/
+      treadlink record sim:demo --out demo.mcap --duration 60
     """
     from gateway.core.cli.session_setup import chosen_split, ending, start_session
 

@@ -44,6 +44,8 @@ def replay(
     """Replay RECORDING with live estimates, from the same bytes and with the same results.
 
     The vehicle configuration is the one in the recording, unless --config gives another.
+
+    Example: `treadlink replay drive.mcap --speed 10`
     """
     from gateway.core.cli.session_setup import start_session
 

@@ -64,7 +64,7 @@ def _list_effects(context: click.Context, _: click.Parameter, chosen: str | None
     type=KnownName(MODELS),
     default="exact",
     show_default=True,
-    help="Baseline model: geometrically exact ring, or the ring paper's series as printed.",
+    help="Model of the tire that effects are added to: the exact ring, or the series as printed in the ring paper.",
 )
 @path_option(
     "--reverse",
@@ -74,7 +74,11 @@ def _list_effects(context: click.Context, _: click.Parameter, chosen: str | None
 )
 @path_option("--json", "json_path", help="Write all results to this JSON file.")
 @path_option("--html", "html_path", help="Write a report with figures to this HTML file; needs treadlink[plot].")
-@click.option("--empirical", is_flag=True, help="Also fit the unexplained residual empirically and report the gain.")
+@click.option(
+    "--empirical",
+    is_flag=True,
+    help="Also fit a free curve to what is left, and report how much smaller the error gets.",
+)
 @path_option(
     "--save-effects",
     "effects_path",
@@ -86,10 +90,18 @@ def _list_effects(context: click.Context, _: click.Parameter, chosen: str | None
     help="Do not search: report the error with the effects of this file, exactly as found in other recordings.",
 )
 @click.option(
-    "--folds", type=click.IntRange(2, 20), default=5, show_default=True, help="Number of cross-validation folds."
+    "--folds",
+    type=click.IntRange(2, 20),
+    default=5,
+    show_default=True,
+    metavar="N",
+    help="Divide the revolutions into N parts, and predict each from the others.",
 )
 @click.option(
-    "--jobs", type=click.IntRange(1, 64), help="Maximum number of processes.  [default: 2, or 1 on a single processor]"
+    "--jobs",
+    type=click.IntRange(1, 64),
+    metavar="N",
+    help="Processes that work at once.  [default: 2, or 1 on a single processor]",
 )
 @click.option(
     "--budget",
@@ -139,7 +151,7 @@ def diagnose(
     force: bool,
     key_file: Path | None,
 ) -> None:
-    """Identify the physical effects that the model of one wheel lacks, from RECORDING...
+    """Find out from RECORDING... why the model does not fit a tire: which physical effects it lacks.
 
     The baseline model is fitted with sets of effects of a catalogue: mounting and errors of the sensor, and influences
     of tire, wheel and road. An effect is identified if its probability is at least 0.99, with plausible parameters. The
@@ -156,9 +168,10 @@ def diagnose(
     With --effects, no search: the error on RECORDING... is reported with and without the effects of the file,
     parameters fixed. Only the tire's own parameters and the contact's centre are fitted again.
 
-    --list-effects prints the catalogue: physics, equation, parameters and confounders of each effect.
+    --list-effects prints the catalogue: physics, equation, parameters and look-alikes of each effect.
 
     \b
+    Examples:
       treadlink diagnose 40kmh.mcap 80kmh.mcap 120kmh.mcap --html report.html
       treadlink diagnose drive.mcap --wheel FL --save-effects fl.effects.json
       treadlink estimate drive.mcap --effects fl.effects.json

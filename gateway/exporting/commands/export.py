@@ -36,6 +36,11 @@ _FORMATS = "\n".join(
 
     Estimates and average belong to the tire with the configuration and the effects given. An mcap file holds samples
     and estimates unless --what chooses; every other format holds one content.
+
+    \b
+    Examples:
+      treadlink export drive.mcap drive.parquet
+      treadlink export drive.mcap orders.csv --what orders --wheel FL
     """
 )
 @click.argument("recording", type=click.Path(path_type=Path))
@@ -45,12 +50,14 @@ _FORMATS = "\n".join(
     "contents",
     multiple=True,
     type=KnownName(list(CONTENTS)),
-    help="Content; repeat for several in an mcap file.  [default: samples]",
+    help="What to write, of the contents above; repeat for several in an mcap file.  [default: samples]",
 )
 @click.option(
-    "--format", "format_name", type=KnownName(list(FORMATS)), help="Format.  [default: from the suffix of OUT]"
+    "--format", "format_name", type=KnownName(list(FORMATS)), help="File format.  [default: from the suffix of OUT]"
 )
-@click.option("--wheel", "wheels", multiple=True, metavar="POSITION", help="Wheel; repeat for several.  [default: all]")
+@click.option(
+    "--wheel", "wheels", multiple=True, metavar="POSITION", help="Only this wheel; repeat for several.  [default: all]"
+)
 @config_option
 @effects_option
 @estimator_option

@@ -48,7 +48,9 @@ _GB: Final = 1e9
     "estimators",
     multiple=True,
     type=KnownName(estimator_names()),
-    help=f"Estimator to run; repeat for several.  [default: {', '.join(CAMPAIGN_ESTIMATORS)}]",
+    metavar="NAME",
+    help=f"Estimator to run in place of the default ones, as for `treadlink estimate`; repeat for several.  "
+    f"[default: {', '.join(CAMPAIGN_ESTIMATORS)}]",
 )
 @click.option(
     "--rows",
@@ -63,7 +65,7 @@ _GB: Final = 1e9
     "--jobs",
     type=click.IntRange(1, 256),
     metavar="N",
-    help="Worker processes of this machine.  [default: one per processor]",
+    help="Processes that work at once.  [default: one per processor]",
 )
 @click.option(
     "--memory",
@@ -72,7 +74,7 @@ _GB: Final = 1e9
     default=2.0,
     show_default=True,
     metavar="GB",
-    help="Memory of a worker process of this machine, at which it is ended.",
+    help="Memory in GB at which a process is ended, and its recording tried once more.",
 )
 @click.option(
     "--scheduler",
@@ -104,6 +106,7 @@ def campaign(
     revolutions, failures and, with --diagnose, diagnoses. They are partitioned by vehicle and day (UTC):
 
     \b
+    Examples:
       treadlink campaign /data/fleet --out fleet.dataset
       duckdb -c "SELECT * FROM read_parquet('fleet.dataset/recordings/**/*.parquet')"
       treadlink trends fleet.dataset --html fleet.html

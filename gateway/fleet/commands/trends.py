@@ -56,6 +56,7 @@ def trends(
     not fit the trend of their tire are named; the probability of a single false one in the whole report is 1 %.
 
     \b
+    Examples:
       treadlink trends fleet.dataset --odometer odometer.csv --html fleet.html
       treadlink trends fleet.dataset --mark 3fa91c=acknowledged
       treadlink trends fleet.dataset --json - | jq '.tires[] | select(.findings != [])'

@@ -56,6 +56,8 @@ def load(
 
     All wheels are treated as tires of one kind unless --wheel selects some of them. The errors of the fit are printed,
     also with each recording left out in turn.
+
+    Example: `treadlink calibrate load 3000N.mcap 5000N.mcap --out tire.toml`
     """
     check_outputs((out_path,), (*recordings, config_path), force=force)
     from gateway.forces.calibration_points import fit_lines
@@ -96,6 +98,8 @@ def slip(runs_path: Path, config_path: Path | None, out_path: Path | None, force
     The result is the table [tire.slip_calibration] for the vehicle configuration. With it the estimator `slip-angle`
     gives the slip angle itself, constant slip included. Runs that do not determine it, or contradict each other, are
     refused with the reason.
+
+    Example: `treadlink calibrate slip runs.toml --out tire.toml`
     """
     from gateway.core.recording.file_content import check_distinct
     from gateway.forces.known_runs import SlipRunsFile, load_runs, run_recordings
@@ -123,6 +127,8 @@ def side_force(runs_path: Path, config_path: Path | None, out_path: Path | None,
 
     The result is the table [tire.side_force_calibration] for the vehicle configuration. With it the estimator
     `side-force` gives side force and aligning moment. Runs that do not determine it are refused with the reason.
+
+    Example: `treadlink calibrate side-force runs.toml --out tire.toml`
     """
     from gateway.core.recording.file_content import check_distinct
     from gateway.forces.known_runs import ForceRunsFile, load_runs, run_recordings

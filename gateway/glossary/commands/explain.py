@@ -10,6 +10,8 @@ def explain(words: tuple[str, ...]) -> None:
 
     WORD is the name on a screen or in a file, such as `Cw`, `ply steer peak`, `contact_length_m`, `run-out`,
     `samples_lost` or `provisional`. A part of a name lists all that contain it.
+
+    Example: `treadlink explain contact length`
     """
     from textwrap import wrap
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     "--map",
     "map_path",
     metavar="MAP.toml",
-    help="Import map: the meaning of the columns; see docs/how-to/import-measurements.md.",
+    help="Import map: what the columns mean. --guess writes a first one.",
 )
 @path_option(
     "--out",
@@ -34,13 +34,18 @@ if TYPE_CHECKING:
 @click.option("--guess", is_flag=True, help="Write a first import map for FILE, with what is not known as comments.")
 @force_option
 def import_(files: tuple[Path, ...], map_path: Path | None, out: Path | None, guess: bool, force: bool) -> None:
-    """Convert the measurement FILE to a recording.
+    """Make a recording of the measurement FILE of another program.
 
     FILE is CSV, MATLAB, HDF5, MDF, TDMS, UFF, IDE, FAMOS, VBO, WAV, Parquet, of numpy, or MCAP with Imu messages.
     Several files, in the order of time, or a folder of them are one
     measurement. The import map states the meaning of the columns; --guess writes a first one. A CSV or MF4 file of
     samples that `treadlink export` has written needs none: its wheels come back. A recording is never
     overwritten; --force overwrites a map.
+
+    \b
+    Examples:
+      treadlink import run.csv --guess
+      treadlink import run.csv --map run.map.toml
     """
     from gateway.core.text.progress import progress_bar
     from gateway.core.text.text import clean

@@ -26,7 +26,7 @@ _CHECK_S: Final = 30.0
 
 @click.group(cls=CommandGroup)
 def protocol() -> None:
-    """Check a firmware; generate C code, test vectors and descriptions for other programs."""
+    """Check a firmware; write C code, test vectors and descriptions of the protocol for makers."""
 
 
 @protocol.command(short_help="Check a firmware against the specification, clause by clause.")
@@ -44,10 +44,15 @@ def protocol() -> None:
     default=320.0,
     show_default=True,
     metavar="MM",
-    help="Belt radius of the wheel, or radius of the turntable, that the sensor rolls on.",
+    help="Belt radius in mm of the wheel, or radius of the turntable, that the sensor rolls on.",
 )
 @click.option("--no-commands", is_flag=True, help="Send the hub nothing; its answers are not exercised.")
-@click.option("--junit", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Write JUnit XML.")
+@click.option(
+    "--junit",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Write the result of each clause as JUnit XML to this file.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, one line per link.")
 @keys_option
 @force_option
@@ -68,6 +73,11 @@ def check(
     seconds, and its rate changes twice.
 
     The exit status is 1 if a clause failed, or no frame arrived.
+
+    \b
+    Examples:
+      treadlink protocol check /dev/ttyUSB0:921600 --for 60s
+      treadlink protocol check dump.bin --json
     """
     import json
 
@@ -109,6 +119,8 @@ def dump(source: str, shown_duration: str | None) -> None:
 
     A line has the time since the first byte, the source, the type, the counter, the hub's clock and the content. A line
     with `!` counts what was no readable frame. The hub is sent nothing.
+
+    Example: `treadlink protocol dump /dev/ttyUSB0:921600 --for 10s`
     """
     from gateway.core.clock import SystemClock
     from gateway.makers.commands.protocol_check import dump_frames, duration_s
@@ -121,7 +133,7 @@ def dump(source: str, shown_duration: str | None) -> None:
 @_OUT
 @force_option
 def header(out: Path | None, force: bool) -> None:
-    """Write the C header.
+    """Write the C header of the protocol.
 
     It contains the constants, message structs and encoder functions.
     """
@@ -149,6 +161,8 @@ def collector(out: Path, force: bool) -> None:
     """Write the reference collector: firmware of a hub in C11, with the header and the encoder.
 
     Its README describes what to write for a board.
+
+    Example: `treadlink protocol collector --out collector/`
     """
     import firmware_protocol
     from firmware_protocol.cgen import ENCODER_NAME, HEADER_NAME, c_encoder, c_header
@@ -241,7 +255,7 @@ def wireshark(out: Path | None, force: bool) -> None:
 def tables(specification: Path) -> None:
     """Update the generated tables of the specification.
 
-    SPECIFICATION is the file docs/reference/protocol.md.
+    Example: `treadlink protocol tables docs/reference/protocol.md`
     """
     from firmware_protocol.spec import updated
     from gateway.core.config.validation import read_text

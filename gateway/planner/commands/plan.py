@@ -63,9 +63,12 @@ _SPEEDS_KMH = (60.0, 100.0, 150.0)
 @click.option(
     "--wheels",
     type=click.IntRange(min=8, max=1000),
-    help="Simulated drives; 40 know a scatter within 11 %, 160 within 6 %.  [default: 40; 3 with --want]",
+    metavar="N",
+    help="Simulated drives: 40 know a scatter within 11 %, 160 within 6 %.  [default: 40; 3 with --want]",
 )
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the random numbers.")
+@click.option(
+    "--seed", type=click.IntRange(min=0), default=0, show_default=True, metavar="N", help="Seed of the random numbers."
+)
 @path_option("--json", "json_path", allow_dash=True, help="Write everything to a JSON file.")
 @force_option
 def plan(
@@ -91,6 +94,11 @@ def plan(
     The other way round, with --want: the least range and the largest noise, at each sampling rate, with which the
     errors are printed, the minutes of driving until then, and the statements to make better where no sensor reaches
     them with what is stated. The exit status is 1 if none does with these either.
+
+    \b
+    Examples:
+      treadlink plan lab --sensor ADXL375
+      treadlink plan lab --want wear=0.5mm --at 60..120km/h
     """
     from gateway.core.cli.summary_output import SummaryOutput
     from gateway.core.config.validation import read_text

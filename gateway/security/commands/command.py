@@ -40,7 +40,10 @@ def command() -> None:
 @keys_option
 @_unsigned_option
 def start(source: str, key_file: Path | None, unsigned: bool) -> None:
-    """Start sending samples."""
+    """Start sending samples.
+
+    Example: `treadlink command start /dev/ttyUSB0:921600`
+    """
     from firmware_protocol.messages import SetStream
 
     _send(source, SetStream(True), key_file, unsigned)
@@ -54,6 +57,8 @@ def stop(source: str, key_file: Path | None, unsigned: bool) -> None:
     """Stop sending samples until started again or restarted.
 
     The hub continues to send its status.
+
+    Example: `treadlink command stop /dev/ttyUSB0:921600`
     """
     from firmware_protocol.messages import SetStream
 
@@ -69,6 +74,8 @@ def rate(source: str, rate_hz: float, key_file: Path | None, unsigned: bool) -> 
     """Set the sampling rate to HZ until the hub restarts.
 
     The hub uses the nearest rate that it supports.
+
+    Example: `treadlink command rate /dev/ttyUSB0:921600 4800`
     """
     from firmware_protocol.messages import SetRate
 
@@ -80,7 +87,10 @@ def rate(source: str, rate_hz: float, key_file: Path | None, unsigned: bool) -> 
 @keys_option
 @_unsigned_option
 def time(source: str, key_file: Path | None, unsigned: bool) -> None:
-    """Set the hub's clock to the time of this computer."""
+    """Set the hub's clock to the time of this computer.
+
+    Example: `treadlink command time ble://Treadlink-FL`
+    """
     from firmware_protocol.messages import SetTime
 
     _send(source, SetTime(_clock.now_ns()), key_file, unsigned)

@@ -27,7 +27,7 @@ _REPLACE = click.option("--replace", is_flag=True, help="Replace existing keys, 
 
 @click.group()
 def keys() -> None:
-    """Manage sensor signing keys.
+    """Make, list and remove the keys that sensors and hubs sign with.
 
     The keys are kept in a file that only you can read, never in a configuration or recording. The vehicle
     configuration decides whether signatures are checked: [security] policy = "warn" or "require".
@@ -45,6 +45,8 @@ def new(identities: tuple[str, ...], path: Path | None, replace: bool, show: boo
     """Create keys for sensors and hubs.
 
     A SERIAL of up to 8 hexadecimal digits is a sensor, one of 16 digits a hub.
+
+    Example: `treadlink keys new 0000b001 --show`
     """
     names = list(dict.fromkeys(map(parse_identity, identities)))
     with key_file_to_change(_path(path)) as file:
@@ -62,6 +64,8 @@ def import_(origin: str, path: Path | None, replace: bool) -> None:
     """Import the keys in FILE, or from standard input if FILE is -.
 
     Each line contains a serial number and a key of 32 hexadecimal digits.
+
+    Example: `treadlink keys import vendor-keys.txt`
     """
     if origin == "-":
         text: str | None = sys.stdin.read(_MAX_INPUT_BYTES)
@@ -100,7 +104,10 @@ def list_(path: Path | None) -> None:
 @click.argument("identities", nargs=-1, required=True, metavar="SERIAL...")
 @_KEYS
 def remove(identities: tuple[str, ...], path: Path | None) -> None:
-    """Remove the keys of sensors or hubs."""
+    """Remove the keys of sensors or hubs.
+
+    Example: `treadlink keys remove 0000b001`
+    """
     names = list(dict.fromkeys(map(parse_identity, identities)))
     with key_file_to_change(_path(path)) as file:
         for name in names:

@@ -35,13 +35,15 @@ def _print_list(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
     metavar="KIND:OPTION=VALUE",
     help="Add a fault to the link; repeat for several. --list shows all kinds.",
 )
-@click.option("--seed", type=click.IntRange(min=0), help="Seed of the random numbers.  [default: the scenario's]")
+@click.option(
+    "--seed", type=click.IntRange(min=0), metavar="N", help="Seed of the random numbers.  [default: the scenario's]"
+)
 @click.option(
     "--duration",
     "duration_s",
     type=FiniteRange(min=0.01),
     metavar="SECONDS",
-    help="Length.  [default: the scenario's]",
+    help="Length of the drive.  [default: the scenario's]",
 )
 @click.option(
     "--speed", default="1", show_default=True, metavar="FACTOR", help="Times real time, or `max`; ignored for files."
@@ -66,6 +68,11 @@ def simulate(
 
     The simulated hubs send the same protocol as real ones. To show live estimates of a simulation, use `treadlink live
     sim:SCENARIO`.
+
+    \b
+    Examples:
+      treadlink simulate lab --out lab.mcap --duration 20
+      treadlink simulate demo --pty
     """
     if (out is not None) == pty:
         raise click.UsageError("Give one of --out FILE and --pty.")

@@ -9,7 +9,7 @@ from gateway.core.cli.run_options import checked_text, checked_texts
 
 @click.command()
 @click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RECORDING...")
-@click.option("--comment", default="", callback=checked_text, metavar="TEXT", help="Comment.")
+@click.option("--comment", default="", callback=checked_text, metavar="TEXT", help="Comment to add.")
 @click.option(
     "--tag",
     "tags",
@@ -23,6 +23,8 @@ def note(recordings: tuple[Path, ...], comment: str, tags: tuple[str, ...]) -> N
 
     The note is a line of RECORDING.notes.jsonl, which belongs to the recording: copy both. `treadlink inspect`, exports
     and `--where` of `campaign` and `trends` take it into account.
+
+    Example: `treadlink note drive.mcap --comment "wet from km 12 on" --tag wet`
     """
     from gateway.core.clock import SystemClock
     from gateway.core.recording.reader import RecordingReader

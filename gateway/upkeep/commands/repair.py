@@ -26,6 +26,8 @@ def repair(recording: Path, out: Path | None, force: bool) -> None:
 
     Only damaged frames are lost. In a compressed recording, whole chunks of about a second are lost. RECORDING itself
     is not changed.
+
+    Example: `treadlink repair drive.mcap`
     """
     from gateway.core.text.progress import progress_bar
     from gateway.core.text.text import clean
@@ -53,6 +55,8 @@ def compact(recordings: tuple[Path, ...], out: Path | None, in_place: bool) -> N
 
     In place of a recording, a DATASET of `treadlink campaign`: its tables are copied into few files of 100 MB, which
     queries read faster than two files a recording. `campaign` and `trends` use the dataset itself.
+
+    Example: `treadlink compact drives/*.mcap --in-place`
     """
     if out is not None and (in_place or len(recordings) > 1):
         raise click.UsageError("--out requires a single recording and cannot be combined with --in-place.")
@@ -109,7 +113,7 @@ def _pack(dataset: Path, target: Path) -> None:
     "ahead_s",
     type=FiniteRange(-4e9, 4e9),
     metavar="SECONDS",
-    help="Time to add.  [default: as the recording says]",
+    help="Seconds to add to every time, negative to subtract.  [default: as the recording says]",
 )
 @path_option("--out", help="New file.  [default: NAME.dated.mcap]")
 def set_clock(recording: Path, ahead_s: float | None, out: Path | None) -> None:
@@ -117,6 +121,8 @@ def set_clock(recording: Path, ahead_s: float | None, out: Path | None) -> None:
 
     The time comes from a positioning receiver in the recording (nmea:), else from the last step of the system time.
     RECORDING itself is not changed; decoded topics are left out of the copy.
+
+    Example: `treadlink set-clock drive.mcap --ahead 3600`
     """
     from gateway.core.recording.reader import RecordingReader
     from gateway.core.recording.writer import utc_text

@@ -31,6 +31,8 @@ def view(recordings: tuple[Path, ...], listen: str | None, config_path: Path | N
 
     Only this computer can open the page. With `--listen 0.0.0.0` others on the network can, who have its address with
     its token.
+
+    Example: `treadlink view before.mcap after.mcap`
     """
     from gateway.core.cli.stop_signals import stop_request
     from gateway.core.errors import TreadlinkError
