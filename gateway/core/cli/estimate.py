@@ -76,7 +76,7 @@ def estimate(
     \b
     Examples:
       treadlink estimate drive.mcap --html drive.html
-      treadlink estimate drives/*.mcap --csv drives.csv --estimator load
+      treadlink estimate drives/*.mcap --csv drives.csv
     """
     from gateway.core.cli.recording_estimates import estimate_recording
     from gateway.core.estimates.weighted_mean import coverage_factor
