@@ -17,6 +17,8 @@ from tools.docs_site.staging import DOCS, ROOT, TOP_LEVEL, generated_pages, rela
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 SOLVER = "gateway.ring.rolling_ring"
+MOST_WORDS = 2100
+"""As CONTRIBUTING.md states."""
 
 
 def name_of(path: Path) -> str:
@@ -124,6 +126,11 @@ def test_every_page_is_in_the_navigation():
     site = tomllib.loads((ROOT / "zensical.toml").read_text("utf-8"))["project"]
     pages = list(navigated(site["nav"]))
     assert sorted(pages) == sorted({*written_pages(), *generated_pages()})
+
+
+def test_an_explanation_takes_ten_minutes_to_read():
+    words = {page.name: len(page.read_text("utf-8").split()) for page in (DOCS / "explanation").glob("*.md")}
+    assert {name: count for name, count in words.items() if count > MOST_WORDS} == {}
 
 
 def test_the_site_loads_nothing_from_elsewhere():
