@@ -103,7 +103,7 @@ def campaign(
     """Estimate all recordings of PATH... into a dataset of Parquet files.
 
     A PATH is a recording, or a folder that is searched for .mcap files. The dataset has the tables recordings,
-    revolutions, failures and, with --diagnose, diagnoses. They are partitioned by vehicle and day (UTC):
+    revolutions, failures and, with --diagnose, diagnoses. They are partitioned by vehicle and day (UTC).
 
     \b
     Examples:
