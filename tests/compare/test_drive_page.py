@@ -88,7 +88,7 @@ def test_mean_speed_has_the_status_of_the_speed_on_the_page_and_in_a_comparison(
         drive.add(made.result(position="FL", index=index, estimates=(speed,)))
     assert re.findall(r"speed, mean and span</th><td[^>]*>([^<]*)<", drive_page([drive])) == [said]
     words = " ".join(comparison_lines(drive, drive, [])).split()
-    assert [words.count(str(one)) for one in Status] == [2 * (one is status is not Status.VALID) for one in Status]
+    assert [words.count(str(word)) for word in Status] == [2 * (word is status is not Status.VALID) for word in Status]
 
 
 def test_page_says_what_is_stated_of_the_run():

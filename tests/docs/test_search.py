@@ -28,8 +28,8 @@ def test_a_search_for_wear_finds_the_section_that_explains_it():
 
 def test_names_within_the_program_are_left_out_of_the_search():
     pages = api_markdown()
-    found = {name for name in PACKAGES if "exclude: true" not in pages[f"{name.replace('.', '-')}.md"]()}
-    assert found == IN_SEARCH
+    searched = {name for name in PACKAGES if "exclude: true" not in pages[f"{name.replace('.', '-')}.md"]()}
+    assert searched == IN_SEARCH
 
 
 def test_the_search_from_a_file_uses_a_script_of_the_site():

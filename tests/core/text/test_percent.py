@@ -39,7 +39,7 @@ def shown_by(tree: ast.AST) -> Iterator[str]:
 def test_code_writes_a_blank_before_percent():
     """Templates of reasons get theirs from the wording, which `test_wording` holds."""
     wrong = {path: list(shown_by(ast.parse(path.read_text("utf-8")))) for path in CODE if path.name != "reasons.py"}
-    assert {str(path.relative_to(ROOT)): found for path, found in wrong.items() if found} == {}
+    assert {str(path.relative_to(ROOT)): texts for path, texts in wrong.items() if texts} == {}
 
 
 @pytest.mark.parametrize("paths", [VIEWS, PAGES], ids=["views", "pages"])
@@ -47,7 +47,7 @@ def test_views_and_pages_write_a_blank_before_percent(paths):
     wrong = {
         str(path.relative_to(ROOT)): unspaced(path.read_text("utf-8")) for path in paths if "uPlot" not in path.name
     }
-    assert {name: found for name, found in wrong.items() if found} == {}
+    assert {name: texts for name, texts in wrong.items() if texts} == {}
 
 
 def test_a_missing_blank_is_seen():
