@@ -48,10 +48,12 @@ class FleetCode(Codes):
         },
     )
     TREND_LOAD_STATED = Code("stated, not measured")
-    TREND_LOSES_PRESSURE = Code("the pressure falls by {loss_pa:±{std_pa} kPa} a month")
+    TREND_LOSES_PRESSURE = Code(
+        "leaks, {from_pa:.0f kPa} to {to_pa:.0f kPa} in {over_s:.3g days} at 20 °C: {loss_pa:±{std_pa} kPa} a month"
+    )
     TREND_LOSS_CHANGED = Code(
-        "the pressure falls by {after_pa:±{after_std_pa} kPa} a month; before, by "
-        "{before_pa:±{before_std_pa} kPa}: {count} recordings, {first} to {last}"
+        "leaks, {from_pa:.0f kPa} to {to_pa:.0f kPa} in {over_s:.3g days} at 20 °C: {after_pa:±{after_std_pa} kPa} a "
+        "month; before, {before_pa:±{before_std_pa} kPa} ({count} recordings, {first} to {last})"
     )
     TREND_NEWEST_FALL = Code(
         "the loss of pressure may have grown: the last {count} recordings, from {date} on, are below the trend by "
@@ -77,7 +79,8 @@ class FleetCode(Codes):
         "recordings"
     )
     TREND_PRESSURE_FELL = Code(
-        "the pressure has fallen by {fall_pa:±{std_pa} kPa} in {span_s:.1f h} ({first} to {last})"
+        "leaks, {from_pa:.0f kPa} to {to_pa:.0f kPa} in {span_s:.1f h} at 20 °C: by {fall_pa:±{std_pa} kPa} ({first} "
+        "to {last})"
     )
     TREND_PRESSURE_RISES = Code("the pressure rises, as by refills or weather: the tire's own loss is hidden")
     TREND_PRESSURE_STUCK = Code(
@@ -126,7 +129,7 @@ class FleetCode(Codes):
         "what is stated of the tire changed {count} times: the level is fitted anew from each on"
     )
     TREND_STEPS = Code("{count} steps are fitted and not part of the trend")
-    TREND_STIFFNESS_DRIFTS = Code("{name} changes by {share:±{std} %} a month")
+    TREND_STIFFNESS_DRIFTS = Code("{name} changes by {share:±{std} %} a month, seen over {span_s:.3g days}")
     TREND_STRUCTURE_CHANGED = Code(
         "structure: inspect the tire. Belt, tread, rim or sensor has changed at one place; which, and where, is not "
         "known: the waveform far from the sensor's contact {course}, now by {change:±{std} %} of the "

@@ -108,8 +108,9 @@ def with_causes(findings: Sequence[Finding], onsets: Mapping[str, Sequence[Chang
 
 def _follows(effect: Change, cause: Change, quantity: Quantity, explains: frozenset[Basis]) -> bool:
     """Return whether a change begins with another, and is no larger than what follows from it."""
-    if (effect.begin is None) != (cause.begin is None):
+    if effect.begin is None and cause.begin is not None:
         return False
+    # What drifts all the time may bend what follows it at any place.
     if effect.begin is not None and cause.begin is not None:
         later = effect.begin - cause.begin
         together = max(effect.apart, cause.apart)

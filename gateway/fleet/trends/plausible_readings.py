@@ -12,9 +12,10 @@ from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.tire_history import TireHistory
 
 # Recordings in a row, and change of the pressure that their temperatures ask for, from which the same value is no
-# measurement; sensors of tires resolve 1 to 2.5 kPa.
+# measurement, beside the sensor's resolution: those of tires have up to 2.5 kPa.
 _LEAST_RUN: Final = 4
 _LEAST_EXPECTED_PA: Final = 4000.0
+_MOST_RESOLUTION_PA: Final = 2500.0
 # No sensor of a tire resolves it.
 _ROUNDING_PA: Final = 1.0
 
@@ -53,9 +54,12 @@ def plausible_readings(history: TireHistory) -> PlausibleReadings:
         )
     degc = np.where(impossible, np.nan, degc)
     measured = np.flatnonzero((history.column("pressure_measured") > 0.0) & np.isfinite(pressure_pa))
+    apart_pa = np.diff(np.unique(pressure_pa[measured]))
+    least_pa = _LEAST_EXPECTED_PA + min(apart_pa[apart_pa > _ROUNDING_PA], default=0.0)
+    least_pa = min(least_pa, _LEAST_EXPECTED_PA + _MOST_RESOLUTION_PA)
     for run in _runs(pressure_pa[measured]):
         rows = measured[run]
-        if rows.size < measured.size and _is_stuck(pressure_pa[rows], degc[rows]):
+        if rows.size < measured.size and _is_stuck(pressure_pa[rows], degc[rows], least_pa):
             first, last = (
                 str(np.datetime64(int(history.time_ns[row]), "ns").astype("datetime64[D]")) for row in rows[[0, -1]]
             )
@@ -79,10 +83,10 @@ def _runs(values: FloatArray) -> list[slice]:
     return [slice(begin, end) for begin, end in pairwise(edges)]
 
 
-def _is_stuck(pressure_pa: FloatArray, degc: FloatArray) -> bool:
+def _is_stuck(pressure_pa: FloatArray, degc: FloatArray, least_pa: float) -> bool:
     """Return whether a closed volume of gas cannot have kept its pressure at these temperatures."""
     finite_degc = degc[np.isfinite(degc)]
     if len(pressure_pa) < _LEAST_RUN or finite_degc.size < _LEAST_RUN:
         return False
     absolute_pa = float(pressure_pa[0]) + STANDARD_ATMOSPHERE_PA
-    return absolute_pa * float(np.ptp(finite_degc)) / (float(finite_degc.mean()) + ZERO_CELSIUS_K) >= _LEAST_EXPECTED_PA
+    return absolute_pa * float(np.ptp(finite_degc)) / (float(finite_degc.mean()) + ZERO_CELSIUS_K) >= least_pa

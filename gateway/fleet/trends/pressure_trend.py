@@ -42,7 +42,7 @@ from gateway.fleet.trends.refilled_pressure import (
 )
 from gateway.fleet.trends.regression import LEAST_FREEDOM, correlation_factor
 from gateway.fleet.trends.tire_history import MONTH_NS, TireHistory
-from gateway.fleet.trends.tire_lines import NOTABLE_LOSS_PA, TireWork, fit_line, stuck_temperature
+from gateway.fleet.trends.tire_lines import NOTABLE_LOSS_PA, PRESSURE, TireWork, fit_line, stuck_temperature
 from gateway.fleet.trends.trend_line import (
     TrendLine,
     combination,
@@ -53,11 +53,10 @@ from gateway.fleet.trends.trend_line import (
     slope_after,
     span_of,
 )
-from gateway.fleet.trends.trend_result import Quantity, TrendNumber
+from gateway.fleet.trends.trend_result import Quantity, TrendNumber, TrendSeries
 
 REFERENCE_DEGC: Final = 20.0
 """Temperature at which pressures are compared."""
-_NAME: Final = "pressure_at_20_degc"
 _LEAST_LEAK_MONTHS: Final = DAY_MONTHS
 # Time between refills of a driver who tops up often.
 _OFTEN_MONTHS: Final = 7.0 * DAY_MONTHS
@@ -146,15 +145,20 @@ def add_pressure(tire: TireWork) -> None:
     tire.numbers.append(value_at_end(Quantity.PRESSURE_NOW, "kPa", line))
     if loss.status is Status.INVALID:
         if line.doubt is None and (fell := _fallen(history, line)) is not None:
-            tire.findings.append(Finding(fell, _NAME, Change(int(line.places[0]))))
+            tire.findings.append(Finding(fell, PRESSURE, Change(int(line.places[0]))))
         return
     least = loss.value - finding_quantile(line) * math.hypot(plain.std, _of_weather(line))
     is_certain = (least if refilled is None else min(refilled.least, least)) > NOTABLE_LOSS_PA * 1e-3
     if loss.status is Status.VALID and is_certain:
-        loses = Reason(FleetCode.TREND_LOSES_PRESSURE, loss_pa=1e3 * loss.value, std_pa=1e3 * loss.std)
+        drawn = tire.series[-1]
+        refilled_at = max(drawn.steps, default=0)
+        loses = Reason(
+            FleetCode.TREND_LOSES_PRESSURE, **_from_to(drawn, refilled_at), loss_pa=1e3 * loss.value,
+            std_pa=1e3 * loss.std,
+        )  # fmt: skip
         whole = -loss.value * span_of(history.months), loss.std * span_of(history.months)
-        tire.findings.append(Finding(loses, _NAME, relative_change(_NAME, line, None, whole)))
-    elif line.doubt is None and all(finding.series != _NAME for finding in tire.findings):
+        tire.findings.append(Finding(loses, PRESSURE, relative_change(PRESSURE, line, None, whole)))
+    elif line.doubt is None and all(finding.series != PRESSURE for finding in tire.findings):
         # A fall is worth a stop before it has a rate.
         fresh = _fresh_fall(tire, cold + max(loss.value, 0.0) * (history.months - history.months[-1]))
         tire.findings += () if fresh is None else (fresh,)
@@ -162,7 +166,7 @@ def add_pressure(tire: TireWork) -> None:
 
 def _fitted(tire: TireWork, cold_kpa: FloatArray) -> TrendLine | None:
     """Fit the line of pressures (n,) at one temperature; None with too few."""
-    return fit_line(tire, _NAME, cold_kpa, np.full(len(cold_kpa), math.nan), steps_from=_LEAST_REFILL_PA * 1e-3)
+    return fit_line(tire, PRESSURE, cold_kpa, np.full(len(cold_kpa), math.nan), steps_from=_LEAST_REFILL_PA * 1e-3)
 
 
 def _pressure_line(tire: TireWork, cold: FloatArray) -> TrendLine | None:
@@ -178,7 +182,24 @@ def _pressure_line(tire: TireWork, cold: FloatArray) -> TrendLine | None:
     if line is not None and is_steady:
         drawn = tire.series[-1]
         tire.series[-1] = replace(drawn, values=bent(drawn.values, at_kpa), expected=bent(drawn.expected, at_kpa))
+    if line is not None and line.change is not None:
+        values = _from_to(tire.series[-1], line.change.begin - 1)
+        tire.findings = [
+            finding._replace(reason=Reason(finding.reason.code, **values, **dict(finding.reason.values)))
+            if finding.reason.code is FleetCode.TREND_LOSS_CHANGED
+            else finding
+            for finding in tire.findings
+        ]
     return line
+
+
+def _from_to(drawn: TrendSeries, begin: int) -> dict[str, Value]:
+    """Return fitted pressures at a recording and at the last one, and the time between them."""
+    return {
+        "from_pa": 1e3 * float(drawn.expected[begin]),
+        "to_pa": 1e3 * float(drawn.expected[-1]),
+        "over_s": 1e-9 * MONTH_NS * float(drawn.abscissa[-1] - drawn.abscissa[begin]),
+    }
 
 
 def _loss(tire: TireWork, line: TrendLine, refilled: PressureLoss | None) -> tuple[TrendNumber, TrendNumber]:
@@ -285,13 +306,14 @@ def _leak(tire: TireWork, cold_kpa: FloatArray) -> bool:
         }  # fmt: skip
         loses = Reason(
             FleetCode.TREND_LOSS_CHANGED, before_pa=-1e3 * before, before_std_pa=1e3 * before_std,
-            after_pa=1e3 * leak.rate_kpa, after_std_pa=1e3 * leak.rate_std_kpa, **part,
+            after_pa=1e3 * leak.rate_kpa, after_std_pa=1e3 * leak.rate_std_kpa,
+            **_from_to(tire.series[drawn], leak.begin - 1), **part,
         )  # fmt: skip
         if leak.rate_std_kpa > _KNOWN_RATE * leak.rate_kpa:
             fall_std = math.hypot(leak.now_std_kpa, scatter_of(values))
-            loses = _reason_of_fall(history, int(rows[leak.begin - 1]), last, level - leak.now_kpa, fall_std)
-        tire.findings.append(Finding(loses, _NAME, onset))
-        tire.onsets.setdefault(_NAME, []).append(onset)
+            loses = _reason_of_fall(history, int(rows[leak.begin - 1]), last, (level, leak.now_kpa), fall_std)
+        tire.findings.append(Finding(loses, PRESSURE, onset))
+        tire.onsets.setdefault(PRESSURE, []).append(onset)
     return True
 
 
@@ -317,7 +339,8 @@ def _fallen(history: TireHistory, line: TrendLine) -> Reason | None:
     change, std = combination(line, line.design[used[-1]] - line.design[used[0]])
     if -1e3 * change < _NOTABLE_FALL_PA or -change < finding_quantile(line) * std:
         return None
-    return _reason_of_fall(history, first, last, -change, std)
+    now = float(line.fit.expected[used[-1]])
+    return _reason_of_fall(history, first, last, (now - change, now), std)
 
 
 def _fresh_fall(tire: TireWork, cold_kpa: FloatArray) -> Finding | None:
@@ -337,16 +360,22 @@ def _fresh_fall(tire: TireWork, cold_kpa: FloatArray) -> Finding | None:
         level, std = float(np.median(before)), scatter * math.sqrt(1.0 + 0.5 * math.pi / len(before))
         fall = level - float(after[-1])
         if after.max() < before.min() - scatter and fall > max(1e-3 * _NOTABLE_FRESH_PA, _FRESH * std):
-            fell = _reason_of_fall(tire.history, int(rows[-count - 1]), int(rows[-1]), fall, std)
-            return Finding(fell, _NAME, Change(int(rows[-count]), -fall / level, grows=True))
+            between = (level, float(after[-1]))
+            fell = _reason_of_fall(tire.history, int(rows[-count - 1]), int(rows[-1]), between, std)
+            return Finding(fell, PRESSURE, Change(int(rows[-count]), -fall / level, grows=True))
     return None
 
 
-def _reason_of_fall(history: TireHistory, first: int, last: int, fall_kpa: float, std_kpa: float) -> Reason:
+def _reason_of_fall(
+    history: TireHistory, first: int, last: int, between_kpa: tuple[float, float], std_kpa: float
+) -> Reason:
     """Return that the pressure has fallen between two recordings."""
+    before_kpa, now_kpa = between_kpa
     return Reason(
         FleetCode.TREND_PRESSURE_FELL,
-        fall_pa=1e3 * fall_kpa,
+        from_pa=1e3 * before_kpa,
+        to_pa=1e3 * now_kpa,
+        fall_pa=1e3 * (before_kpa - now_kpa),
         std_pa=1e3 * std_kpa,
         span_s=1e-9 * float(history.time_ns[last] - history.time_ns[first]),
         first=history.recordings[first],

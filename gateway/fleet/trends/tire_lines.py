@@ -14,7 +14,7 @@ from gateway.core.types import FloatArray, IntArray
 from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.causes import Change, Finding
 from gateway.fleet.trends.late_changes import LateChange, find_shape
-from gateway.fleet.trends.level_steps import with_steps
+from gateway.fleet.trends.level_steps import LEAST_POINTS, with_steps
 from gateway.fleet.trends.neighbouring_wheels import Shared
 from gateway.fleet.trends.outlier_detection import OutlierSearch, find_outliers
 from gateway.fleet.trends.plausible_readings import PlausibleReadings
@@ -54,8 +54,10 @@ from gateway.fleet.trends.watched_series import SERIES
 _LEAST_SPREAD_K: Final = 2.0
 _LEAST_FOR_TEMPERATURE: Final = 12
 _LEAST_SPREAD_SPEED: Final = 0.03
+_LEAST_SPREAD_PRESSURE: Final = 0.005
 # What is worth a finding, besides being significant; the rest is in `gateway.fleet.trends.watched_series`.
 NOTABLE_LOSS_PA: Final = 2000.0
+PRESSURE: Final = "pressure_at_20_degc"
 # Share of a notable change below which numbers do not follow it: readings have a resolution.
 _FOLLOWED: Final = 0.1
 _LEVELS: Final = {
@@ -153,9 +155,11 @@ def fit_line(
     has_covariate = len(columns) > 2
     levels = level_columns(index, places_of(tire.changes, name))
     design = np.column_stack([*columns, *levels])
+    pressure = _course_of_pressure(tire, name, index)
+    design = np.column_stack([design, *pressure])
     loads = _levels_of_load(tire, name, index, design, values[index])
     design = np.column_stack([design, *loads])
-    of_load = slice(len(columns) + len(levels), design.shape[1])
+    of_load = slice(design.shape[1] - len(loads), design.shape[1])
     chosen, chosen_stds = values[index], stds[index]
     shape = find_shape(
         design,
@@ -198,6 +202,7 @@ def fit_line(
             change,
             len(columns) > 1,
             of_load,
+            of_load.start - 1 if pressure else None,
             history.months[index],
         )
 
@@ -239,6 +244,29 @@ def _levels_of_load(
     return columns
 
 
+def _course_of_pressure(tire: TireWork, name: str, index: IntArray) -> list[FloatArray]:
+    """Return the logarithm of the pressure for what follows it; nothing where it varies little.
+
+    A tire's number goes with a power of the pressure: a cold week, refills and leaks would be changes of the tire. That
+    of a warm tire is in what the temperature does to a stiffness, so only the bends of the cold one count there.
+    """
+    watch = SERIES[name].watch
+    drawn = next((series for series in tire.series if series.name == PRESSURE), None)
+    is_followed = Basis.PRESSURE in watch.follows and watch.trend in (Trend.LINE, Trend.STIFFNESS)
+    if drawn is None or not is_followed or len(index) < _LEAST_FOR_TEMPERATURE:
+        return []
+    gauge = tire.readings.pressure_pa[index]
+    is_measured = bool(np.all(tire.history.column("pressure_measured")[index] > 0.0))
+    if watch.trend is Trend.LINE and is_measured and np.isfinite(gauge).all() and gauge.min() > 0.0:
+        return [centred(np.log(gauge))] if np.log(gauge).std() > _LEAST_SPREAD_PRESSURE else []
+    course = np.interp(tire.history.months[index], drawn.abscissa, drawn.expected)
+    line = np.column_stack([np.ones(len(index)), tire.history.months[index]])
+    bend = course - line @ np.linalg.lstsq(line, course, rcond=None)[0]
+    if not np.ptp(bend) > SERIES[PRESSURE].watch.notable:
+        return []
+    return [centred(np.log(np.maximum(course, 1.0)))]
+
+
 def _keep_line(tire: TireWork, name: str, line: TrendLine, *, tested: bool) -> None:
     """Keep the series of a line as figures show it, and its outliers."""
     history, watch, search, fit = tire.history, SERIES[name].watch, line.search, line.fit
@@ -276,7 +304,8 @@ def _findings_of_line(tire: TireWork, name: str, line: TrendLine) -> Iterator[Fi
     history, fit, watch = tire.history, line.fit, SERIES[name].watch
     for begin, end in runs_of_outliers(line.search):
         # Of one that is worse at first, as of one that is better for a while, nothing is left to do.
-        if watch.worse and fit.residuals[begin] * watch.worse * (begin or -1) < 0.0:
+        side = fit.residuals[begin] * watch.worse
+        if side < 0.0 < begin or (side > 0.0 and begin < LEAST_POINTS):
             continue
         # What does not come at once passes through values between the levels.
         if end in line.steps:
@@ -286,6 +315,7 @@ def _findings_of_line(tire: TireWork, name: str, line: TrendLine) -> Iterator[Fi
         passed = Reason(FleetCode.TREND_PASSED, name=name, deviations=least, **part_of_line(history, line, begin, end))
         yield Finding(passed, name, relative_change(name, line, begin, size_of_run(line, begin, end)))
     yield from _of_load(history, name, line)
+    yield from _of_pressure(tire, name, line)
     for number, begin in enumerate(line.steps):
         size, std = size_of_step(line, number)
         if watch.falls_with_wear:
@@ -313,6 +343,21 @@ def _of_load(history: TireHistory, name: str, line: TrendLine) -> Iterator[Findi
             yield Finding(changed, name, relative_change(name, line, begin, (size, std)))
 
 
+def _of_pressure(tire: TireWork, name: str, line: TrendLine) -> Iterator[Finding]:
+    """Yield what changes of the pressure make of a series: named with them, unless it is more than follows."""
+    watch = SERIES[name].watch
+    for change in tire.onsets.get(PRESSURE, ()) if line.of_pressure is not None else ():
+        begin = int(np.searchsorted(line.places, change.begin)) if change.begin is not None else 0
+        if not 0 < begin < len(line.places) or change.log_ratio is None:
+            continue
+        along = np.zeros(line.design.shape[1])
+        along[line.of_pressure] = change.log_ratio
+        size, std = combination(line, along)
+        if abs(size) >= watch.notable and abs(size) > finding_quantile(line) * std:
+            changed = reason_of_change(watch.level, tire.history, name, line, (size, std), begin, len(line.values))
+            yield Finding(changed, name, relative_change(name, line, begin, (size, std)))
+
+
 def _newest_change(tire: TireWork, name: str, line: TrendLine, change: LateChange) -> Finding | None:
     """Return the finding of the change that the newest recordings show; None where it needs no attention."""
     history, watch = tire.history, SERIES[name].watch
@@ -328,7 +373,7 @@ def _newest_change(tire: TireWork, name: str, line: TrendLine, change: LateChang
         levels = watch.worse * (line.fit.expected - apart)
         if levels[-1] - levels[: change.begin].max() < watch.notable:
             return None
-    if change.is_slope and name in ("wear_mm", "pressure_at_20_degc"):
+    if change.is_slope and name in ("wear_mm", PRESSURE):
         changed = _changed_rate(history, name, line, change, abs(size) >= watch.notable)
     elif abs(size) >= watch.notable:
         code = FleetCode.TREND_SLOPE_CHANGED if change.is_slope else watch.level

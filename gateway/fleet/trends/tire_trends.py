@@ -24,7 +24,7 @@ from gateway.fleet.trends.line_numbers import (
     value_at_end,
     with_doubts,
 )
-from gateway.fleet.trends.tire_history import TireHistory
+from gateway.fleet.trends.tire_history import MONTH_NS, TireHistory
 from gateway.fleet.trends.tire_lines import TireWork, fit_line, softened_by_wear, stuck_temperature
 from gateway.fleet.trends.trend_line import (
     TrendLine,
@@ -39,6 +39,8 @@ from gateway.fleet.trends.trend_result import Quantity, TrendNumber, by_temperat
 from gateway.fleet.trends.watched_series import Series
 
 _LEAST_1000KM: Final = 0.25
+# Percent a month by which rubber hardens with age.
+_AGEING: Final = 1.0
 # Wear within a distance that is too short for a rate.
 _NOTABLE_WEAR_MM: Final = 0.5
 
@@ -179,8 +181,12 @@ def add_stiffness(tire: TireWork, series: Series) -> None:
     if (
         line.change is None
         and is_significant(drift, line)
-        and abs(drift.value) * span_of(history.months) > watch.notable
+        and (abs(drift.value) - _AGEING * (watch.is_over_pressure and drift.value > 0.0)) * span_of(history.months)
+        > watch.notable
     ):
-        drifts = Reason(FleetCode.TREND_STIFFNESS_DRIFTS, name=name, share=drift.value / 100.0, std=drift.std / 100.0)
+        drifts = Reason(
+            FleetCode.TREND_STIFFNESS_DRIFTS, name=name, share=drift.value / 100.0, std=drift.std / 100.0,
+            span_s=1e-9 * MONTH_NS * span_of(line.months),
+        )  # fmt: skip
         whole = drift.value * span_of(history.months), drift.std * span_of(history.months)
         tire.findings.append(Finding(drifts, name, relative_change(name, line, None, whole)))

@@ -40,7 +40,8 @@ class TrendLine(NamedTuple):
 
     `doubt` says why numbers of the line are provisional, `levels` counts the changes of what is stated within it. The
     columns of `change` are the last ones of the design: what is added from it on, and the level of a line of its own.
-    `of_load` are the columns of steps of the load, which are no part of the series' value. `months` are the times.
+    `of_load` are the columns of steps of the load, which are no part of the series' value, `of_pressure` that of the
+    pressure where it bends. `months` are the times.
     """
 
     places: IntArray
@@ -56,6 +57,7 @@ class TrendLine(NamedTuple):
     change: LateChange | None
     has_own_line: bool
     of_load: slice
+    of_pressure: int | None
     months: FloatArray
 
     @property

@@ -63,7 +63,7 @@ class FindingRow(NamedTuple):
 
 
 def finding_rows(tires: Sequence[TireTrend]) -> list[FindingRow]:
-    """Return each finding; of those with one key the last, with how many more there are."""
+    """Return each finding, the most urgent first; of those with one key the last, with how many more there are."""
     rows = []
     for tire in tires:
         alike: dict[str, list[Reason]] = {}
@@ -74,7 +74,8 @@ def finding_rows(tires: Sequence[TireTrend]) -> list[FindingRow]:
             values, step = dict(last.values), _STEP_OF.get(last.code, "")
             said = f"{clean(text(last))}{more}"
             rows.append(FindingRow(tire_name(tire), said, _since(tire, values), _sure(last, values), step, key))
-    return rows
+    urgency = list(_STEPS)
+    return sorted(rows, key=lambda row: urgency.index(row.step) if row.step else len(urgency))
 
 
 def _since(tire: TireTrend, values: Mapping[str, Value]) -> str:

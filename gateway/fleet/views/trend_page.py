@@ -38,7 +38,7 @@ from gateway.fleet.trends.trend_result import (
     rate_of,
 )
 from gateway.fleet.trends.watched_series import SERIES, followed_by, label_of
-from gateway.fleet.views.finding_rows import finding_rows, trend_steps
+from gateway.fleet.views.finding_rows import FindingRow, finding_rows, trend_steps
 from gateway.fleet.views.trend_tables import (
     LABELS,
     day,
@@ -165,12 +165,13 @@ class Cell(NamedTuple):
 
 
 class Table(NamedTuple):
-    """A table of numbers, one row for each tire."""
+    """A table of numbers, one row for each tire; `missing` says why numbers have no value."""
 
     id: str
     title: str
     heads: list[tuple[str, str]]
     rows: list[tuple[str, list[Cell]]]
+    missing: list[tuple[str, str, str]]
     notes: list[tuple[str, str, str]]
     notes_left: int
 
@@ -203,7 +204,7 @@ def _page(trends: FleetTrends) -> str:
         title="Trends of tires and sensors",
         trends=trends,
         facts=_facts(trends),
-        answer=" ".join(_answer(trends)),
+        answer=" ".join(_answer(trends, findings)),
         # Of few findings each says by itself what to do.
         steps=steps if len(steps) < len(findings) else [],
         tables=[_table(trends.tires, *table) for table in _TABLES],
@@ -232,12 +233,13 @@ def _facts(trends: FleetTrends) -> str:
     return " · ".join(parts)
 
 
-def _answer(trends: FleetTrends) -> list[str]:
-    """Return the summary, sentence by sentence."""
-    notable = [tire_name(trend) for trend in trends.tires if trend.findings]
+def _answer(trends: FleetTrends, findings: Sequence[FindingRow]) -> list[str]:
+    """Return the summary, sentence by sentence: the most urgent finding first."""
+    notable = list(dict.fromkeys(row.tire for row in findings))
     recordings = len({outlier.path for outlier in trends.outliers})
     have = "has a finding" if len(notable) == 1 else "have findings"
     return [
+        f"{findings[0].tire}: {findings[0].said}. "
         f"{len(notable)} of {counted(len(trends.tires), 'tire')} {have}: {tires_text(notable, len(trends.tires))}."
         if notable
         else "No tire has a finding: nothing to act on.",
@@ -250,7 +252,7 @@ def _answer(trends: FleetTrends) -> list[str]:
 def _table(tires: Sequence[TireTrend], key: str, title: str, quantities: Sequence[str]) -> Table:
     units = {quantity: unit_in(tires, quantity) for quantity in quantities}
     rows: list[tuple[str, list[Cell]]] = []
-    reasons: dict[tuple[str, str], list[str]] = {}
+    reasons: dict[tuple[bool, str, str], list[str]] = {}
     for tire in tires:
         cells = []
         for quantity in quantities:
@@ -258,11 +260,19 @@ def _table(tires: Sequence[TireTrend], key: str, title: str, quantities: Sequenc
             why = clean(joined(number.reasons))
             cells.append(Cell(shown(number), why, number.status is not Status.VALID))
             if why:
-                reasons.setdefault((LABELS[quantity], why), []).append(tire_name(tire))
+                is_missing = number.status is Status.INVALID
+                reasons.setdefault((is_missing, LABELS[quantity], why), []).append(tire_name(tire))
         rows.append((tire_name(tire), cells))
-    notes = [(tires_text(names, len(tires)), label, why) for (label, why), names in reasons.items()]
+    labels: dict[tuple[bool, str, str], list[str]] = {}
+    for (is_missing, label, why), names in reasons.items():
+        labels.setdefault((is_missing, tires_text(names, len(tires)), why), []).append(label)
+    missing, notes = (
+        [(names, ", ".join(of), why) for (is_missing, names, why), of in labels.items() if is_missing is wanted]
+        for wanted in (True, False)
+    )
+    left = sum(max(len(told) - _MOST_NOTES, 0) for told in (missing, notes))
     heads = [(LABELS[quantity], units[quantity]) for quantity in quantities]
-    return Table(key, title, heads, rows, notes[:_MOST_NOTES], max(len(notes) - _MOST_NOTES, 0))
+    return Table(key, title, heads, rows, missing[:_MOST_NOTES], notes[:_MOST_NOTES], left)
 
 
 def _with_unit(number: TrendNumber) -> str:

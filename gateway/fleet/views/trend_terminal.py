@@ -6,7 +6,7 @@ from typing import Final
 from gateway.core.estimates.estimator import Status
 from gateway.core.shown_units import shown_in
 from gateway.core.text.aligned_table import table_lines
-from gateway.core.text.numbers import STATUS_MARKS
+from gateway.core.text.numbers import MISSING, STATUS_MARKS
 from gateway.core.text.text import clean, counted
 from gateway.core.text.wording import text
 from gateway.fleet.trends.trend_result import FleetTrends, PairTrend, Quantity, TireTrend
@@ -78,19 +78,20 @@ def _outlier_lines(trends: FleetTrends) -> Iterator[str]:
 
 
 def _mark_lines(tires: Sequence[TireTrend]) -> Iterator[str]:
-    """Yield why numbers of the table are marked: one line for each reason, with its tires."""
-    reasons: dict[tuple[str, str], list[str]] = {}
+    """Yield why numbers of the table are marked or missing: one line for each reason, with its tires."""
+    reasons: dict[tuple[str, str, str], list[str]] = {}
     for trend in tires:
         for quantity in _SHORT:
             number = number_of(trend.numbers, quantity)
-            if number.status is Status.PROVISIONAL and number.reasons:
+            if number.status is not Status.VALID and number.reasons:
                 why = clean(text(number.reasons[0]))
-                reasons.setdefault((LABELS[quantity], why), []).append(tire_name(trend))
+                mark = STATUS_MARKS[number.status] if number.status is Status.PROVISIONAL else MISSING
+                reasons.setdefault((mark, LABELS[quantity], why), []).append(tire_name(trend))
     if reasons:
         yield ""
-        yield f"marked {STATUS_MARKS[Status.PROVISIONAL]}:"
-    for (label, why), names in list(reasons.items())[:_LISTED]:
-        yield f"  {tires_text(names, len(tires))}, {label}: {why}"
+        yield f"marked {STATUS_MARKS[Status.PROVISIONAL]}, or {MISSING} for not determined:"
+    for (mark, label, why), names in list(reasons.items())[:_LISTED]:
+        yield f"  {mark} {tires_text(names, len(tires))}, {label}: {why}"
     if len(reasons) > _LISTED:
         yield f"  ... and {len(reasons) - _LISTED} more reasons: --json or --csv"
 

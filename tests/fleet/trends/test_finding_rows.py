@@ -1,5 +1,6 @@
 """Each finding of a fleet says since when, how sure, and what to do."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -55,6 +56,27 @@ def test_terminal_and_page_say_since_when_how_sure_and_what_to_do_in_that_order(
     assert at == sorted(at)
     page = trends_page(trends)
     assert page.index("<dt>Since when") < page.index("<dt>How sure") < page.index("<dt>What to do") < page.index("<svg")
+
+
+def test_first_sentence_is_the_leak_with_pressures_and_days():
+    noisy = history(2, 60, noise_growth=0.3, sensor_id="a0", position="FL", vehicle="van 7")
+    leaking, begin_ns = leaking_since(7.5)
+    trends = analyse([noisy, leaking], recordings=120)
+    (answer,) = re.findall(r'<p class="answer act">(.*?)</p>', trends_page(trends))
+    told = re.match(r"van 7 FL a1: leaks, (\d+) kPa to (\d+) kPa in ([\d.]+) days at 20 °C: ", answer)
+    assert told is not None, answer
+    first, last, days = map(float, told.groups())
+    assert first == pytest.approx(220.0, abs=1.0)
+    assert last == pytest.approx(210.0, abs=1.5)
+    assert days == pytest.approx(1e-9 * (leaking.time_ns[-1] - begin_ns) / 86_400.0, abs=6.0)
+    assert [row.tire for row in finding_rows(trends.tires)] == ["van 7 FL a1", "van 7 FL a0"]
+
+
+def test_drift_a_month_says_the_time_that_it_was_seen_over():
+    (trend,) = analyse([history(3, 60, months=2.0, stiffening=0.04)], recordings=60).tires
+    (row,) = finding_rows([trend])
+    assert row.said.startswith("Cw changes by ")
+    assert row.said.endswith(" a month, seen over 60.9 days")
 
 
 def test_units_of_the_vehicle_files_hold_for_trends_and_their_files_keep_si():

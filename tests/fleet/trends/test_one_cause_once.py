@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 
 from gateway.core.estimates.estimator import Status
-from gateway.core.reasons import CoreCode
+from gateway.core.reasons import CoreCode, Reason
 from gateway.core.text.wording import text
 from gateway.fleet.reasons import FleetCode
+from gateway.fleet.trends.causes import Change, Finding, with_causes
 from gateway.fleet.trends.fleet_analysis import analyse
+from gateway.fleet.trends.plausible_readings import plausible_readings
 from gateway.fleet.trends.tire_history import TireHistory
+from gateway.fleet.trends.tire_lines import PRESSURE
 from gateway.fleet.trends.trend_result import FleetTrends, Quantity, TireTrend
 from tests.testkit.tire_histories import history, number
 
@@ -212,6 +215,49 @@ def test_fast_wear_over_a_short_distance_is_a_finding():
     assert finding.code is FleetCode.TREND_WEARS_SHORT
     assert abs(finding["wear_m"] - 1.7e-3) < 4.0 * finding["std_m"]
     assert finding["distance_m"] == pytest.approx(210e3, rel=0.01)
+
+
+def test_contact_that_grows_in_a_cold_week_is_the_pressures():
+    tire = tire_with()
+    cold_k = 20.0 * np.maximum(INDEX - 47, 0) / 12.0
+    tire.columns["temperature_degc"][:] -= cold_k  # type: ignore[index]
+    tire.columns["pressure_pa"][:] -= 321e3 / 303.0 * cold_k  # type: ignore[index]
+    tire.columns["contact_length_m"][:] *= (tire.columns["pressure_pa"] / 220e3) ** -0.6  # type: ignore[index]
+    names = {dict(finding.values).get("name") for finding in trend_of(tire).findings}
+    assert "contact_length_m" not in names
+
+
+def test_refills_are_no_drift_of_what_follows_the_pressure():
+    filled = 1.0 + 0.025 * sum((begin <= INDEX).astype(float) for begin in (8, 14, 20))
+    tire = tire_with(Cw=filled**-0.8, Bs=1 / filled, Rs=1 / filled, Ts=1 / filled)
+    tire.columns["pressure_pa"][:] += 220e3 * (filled - 1.0)  # type: ignore[index]
+    assert trend_of(tire).findings == ()
+
+
+def test_rubber_that_hardens_by_age_is_no_finding_and_faster_is():
+    months = tire_with().months
+    aged = {name: np.exp(0.015 * months) for name in ("Rs", "Ts")}
+    assert trend_of(tire_with(**aged)).findings == ()
+    softer = trend_of(tire_with(Rs=np.exp(-0.02 * months))).findings
+    assert [(finding.code, finding["name"]) for finding in softer] == [(FleetCode.TREND_STIFFNESS_DRIFTS, "Rs")]
+
+
+def test_what_bends_while_the_pressure_falls_all_the_time_follows_from_it():
+    leak = Finding(Reason(FleetCode.TREND_LOSES_PRESSURE), PRESSURE, Change(None, -0.17, 0.01))
+    contact = Finding(Reason(FleetCode.TREND_SLOPE_CHANGED), "contact_length_m", Change(16, 0.15, 0.02))
+    (only,) = with_causes([leak, contact], {})
+    assert only["consequences"] == ("contact_length_m",)
+
+
+def test_equal_readings_of_a_coarse_sensor_are_not_stuck():
+    tire = tire_with()
+    degc = tire.columns["temperature_degc"]
+    degc[20:24] = 30.0, 31.0, 33.0, 34.5  # type: ignore[index]
+    for resolution_pa, count in ((2500.0, 0), (100.0, 1)):
+        pressure_pa = resolution_pa * np.round(tire.columns["pressure_pa"] / resolution_pa)
+        pressure_pa[20:24] = 230e3
+        findings = plausible_readings(replace(tire, columns={**tire.columns, "pressure_pa": pressure_pa})).findings
+        assert len(findings) == count
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ import math
 import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from gateway.fleet.trends.fleet_analysis import analyse
@@ -37,7 +38,7 @@ def test_page_is_self_contained_and_escapes_names(trends):
     assert html.escape("<script>alert('x')</script>", quote=True).replace("&#x27;", "&#39;") in page
     assert not re.findall(r'(?:src|href)="(?!#)', page)
     assert page.count("<svg") == 2
-    assert "the pressure falls" in page
+    assert "leaks, 220 kPa to 188 kPa in 244 days" in page
     assert "3 recordings without results" in page
     assert "_0005.mcap" in page
 
@@ -95,7 +96,7 @@ def test_csv_has_one_row_for_each_number(trends):
 def test_lines_are_clean_and_name_outliers(trends):
     lines = trend_lines(trends, 200)
     assert all(line.isprintable() for line in lines)
-    assert any("the pressure falls" in line for line in lines)
+    assert any("leaks, 220 kPa to 188 kPa" in line for line in lines)
     assert any("2 of 80 recordings" in line for line in lines)
     assert any("_0030.mcap: Bs +" in line for line in lines)
 
@@ -105,13 +106,13 @@ def test_notes_of_the_page_name_their_tires(trends):
     assert re.search(
         r"<li>=car FR 0000a000, pressure loss: the loss may be [^<]* as the scatter can hide refills", page
     )
-    assert re.search(r"<li>all tires, zero-g offset: no recording has a value", page)
-    assert re.search(r"<li>[^<]*0000a000, Bs with age: 2 outliers are not used", page)
+    assert re.search(r"<li>— all tires, zero-g offset: no recording has a value", page)
+    assert re.search(r"<li>[^<]*0000a000, Bs with age, Bs with temperature: 2 outliers are not used", page)
 
 
 def test_csv_has_the_findings(trends):
     rows = list(csv.DictReader(io.StringIO(trends_csv(trends).decode())))
-    assert {row["findings"][:18] for row in rows if row["position"] == "FL"} == {"the pressure falls"}
+    assert {row["findings"][:6] for row in rows if row["position"] == "FL"} == {"leaks,"}
     assert {row["findings"] for row in rows if row["position"] == "FR"} == {""}
 
 
@@ -119,9 +120,21 @@ def test_lines_say_why_numbers_are_marked():
     doubts = ("contradicted",) * 40
     tires = [replace(history(1, 40, vehicle=name), doubts={"wear_mm": doubts} if name == "a" else {}) for name in "ab"]
     lines = trend_lines(analyse(tires, recordings=80), 200)
-    assert lines[lines.index("marked ~:") + 1] == (
-        "  a FL 0000a000, wear: provisional in 40 of 40 recordings: contradicted"
+    assert lines[lines.index("marked ~, or — for not determined:") + 1] == (
+        "  ~ a FL 0000a000, wear: provisional in 40 of 40 recordings: contradicted"
     )
+
+
+def test_reason_of_a_dash_stands_below_the_table_of_terminal_and_page():
+    tire = history(3, 40, months=0.5)
+    tire = replace(tire, km=np.linspace(9000.0, 9210.0, 40))
+    trends = analyse([tire, history(4, 40, position="FR")], recordings=80)
+    why = "car FL 0000a000, wear: the recordings span 210 km: a rate per 1,000 km needs 250 km"
+    lines = trend_lines(trends, 200)
+    assert next(line for line in lines if line.startswith("car FL 0000a000")).split()[3] == "—"
+    assert f"  — {why}" in lines
+    page = trends_page(trends)
+    assert f"<li>— {why}</li>" in re.sub(r"<details.*?</details>", "", page, flags=re.S)
 
 
 def test_page_shows_ratios_meaningful_digits_and_folded_notes():
