@@ -1,10 +1,11 @@
-"""Print the share of growing local changes that trends see over their size, and false ones, on the blind rig's rings.
+"""Print the share of local changes that trends see over their size, and false ones, on the blind rig's rings.
 
     python tools/bench_structure.py FOLDER [TIRES]
 
-The rings (`tools/blind_rig`) share nothing with the gateway. Their answers to EI and tread stiffness at one place, to
-wear and to pressure are worked out once into FOLDER, a few minutes. Of 60 recordings each has its own speed, load,
-pressure and noise; the tire wears, has splices and uneven tread of its own, and one place of 12 degrees grows.
+The rings (`tools/blind_rig`) share nothing with the gateway. Their answers to EI, tread stiffness, tread height and
+mass at one place, to wear and to pressure are worked out once into FOLDER, a few minutes. Of 60 recordings each has its
+own speed, load, pressure and noise; the tire wears, has splices and uneven tread of its own. At one place of 12 degrees
+stiffness is lost bit by bit, or at once tread, as by a locked wheel, or a weight that was glued to the liner.
 """
 
 import math
@@ -29,9 +30,16 @@ LOADS_N: Final = (3600.0, 4600.0)
 RINGS: Final = (Ring(), Ring(bs=3.6e-3, cw=0.18, rs=3.3, ts=2.1, radius_m=0.34, pressure_pa=2.5e5))
 COUNT: Final = 60
 _WAVES: Final = 60
-_NODES: Final = 1440
+_NODES: Final = 720
 _DEPTH_M: Final = 0.004
-_KINDS: Final = ("EI", "tread stiffness")
+_HALF_DEG: Final = 6.0
+# Kinds of changes: sizes, unit, and whether the change comes at once.
+_KINDS: Final = {
+    "EI": ((0.05, 0.1, 0.2, 0.4), "", False),
+    "tread stiffness": ((0.05, 0.1, 0.2, 0.4), "", False),
+    "tread height": ((0.02, 0.05, 0.1, 0.2), "mm", True),
+    "mass": ((5.0, 10.0, 20.0, 40.0), "g", True),
+}
 
 
 class Answers(NamedTuple):
@@ -56,13 +64,17 @@ def _rolling(ring: Ring, kmh: float, load_n: float) -> tuple[_Chain, Array, floa
 
 
 def _local(ring: Ring, kmh: float, load_n: float) -> Array:
-    """Return the answers to EI and tread stiffness that vary `count` times a turn, (2, waves, 2, 61)."""
+    """Return the answers to what varies `count` times a turn, (4, waves, 2, 61); tread height in mm, else shares."""
     chain, x, height, base = _rolling(ring, kmh, load_n)
     tangent, (straight, push) = chain.tangent(x, height), chain.forces(x, height, 0.0 * chain.ei)
-    slope, answers, tiny = _derivative(x, 1, _ORDERS), np.zeros((2, _WAVES, 2, 61), dtype=complex), 1e-3
+    slope, answers, tiny = _derivative(x, 1, _ORDERS), np.zeros((4, _WAVES, 2, 61), dtype=complex), 1e-3
+    up = np.stack([np.zeros(_NODES), 1e-3 * ring.tread_npm2 * ring.radius_m * chain.h * (push[1] > 0.0)])
+    second = np.roll(x, -1, axis=1) - 2.0 * x + np.roll(x, 1, axis=1)
+    thrown = chain.centrifugal / (ring.radius_m * chain.h) * second
     for count in range(_WAVES):
         wave, solve = np.exp(1j * count * chain.theta), chain.vibrating(tangent, count)
-        for kind, force in enumerate((straight - chain.forces(x, height, chain.ei * wave)[0], -push * wave)):
+        by_ei = straight - chain.forces(x, height, chain.ei * wave)[0]
+        for kind, force in enumerate((by_ei, -push * wave, -up * wave, thrown * wave)):
             answer = solve(force)
             turned = (np.roll(answer, -1, axis=1) - np.roll(answer, 1, axis=1)) / (2.0 * chain.h)
             for part, factor in enumerate((1.0, 1j)):
@@ -108,8 +120,10 @@ def _piece(answers: Answers, kind: int, place_rad: float, half_rad: float, share
     return whole
 
 
-def tire(answers: Answers, seed: int, kind: int = 0, share: float = 0.0, noise: float = 3e-3) -> TireHistory:
-    """Return sixty recordings of a tire; `share` of its stiffness is lost at a random place, in the end."""
+def tire(
+    answers: Answers, seed: int, kind: int = 0, share: float = 0.0, noise: float = 3e-3, *, is_sudden: bool = False
+) -> TireHistory:
+    """Return sixty recordings of a tire; `share` of a kind is lost at a random place, bit by bit or at once."""
     rng = np.random.default_rng([67, seed])
     time = np.sort(rng.uniform(0.0, 1.0, COUNT))
     kmh = np.clip(rng.uniform(52, 80) + rng.normal(0, 9, COUNT) + rng.normal(0, 6) * time, 42, 98)
@@ -120,12 +134,13 @@ def tire(answers: Answers, seed: int, kind: int = 0, share: float = 0.0, noise: 
     for number in range(6):
         place, half = rng.uniform(-np.pi, np.pi), math.radians(rng.uniform(3, 10))
         fixed = fixed + _piece(answers, number % 2, place, half, rng.normal(0.0, 0.2))
-    grown = _piece(answers, kind, rng.uniform(-np.pi, np.pi), math.radians(6.0), -share)
+    grown = _piece(answers, kind, rng.uniform(-np.pi, np.pi), math.radians(_HALF_DEG), -share)
+    course = (time > rng.uniform(0.3, 0.8)).astype(np.float64) if is_sudden else time
     by_speed = [np.prod([(kmh - b) / (a - b) for b in KMH if b != a], axis=0) for a in KMH]
     weights = np.stack(by_speed, axis=1)[:, :, None] * np.stack([1.0 - heavy, heavy], axis=1)[:, None, :]
     orders = sum(
         amount[:, None] * np.tensordot(weights, of, ((1, 2), (0, 1)))
-        for amount, of in ((np.ones(COUNT), fixed), (wear, answers.worn), (low, answers.low), (time, grown))
+        for amount, of in ((np.ones(COUNT), fixed), (wear, answers.worn), (low, answers.low), (course, grown))
     )[:, FIRST_ORDER : LAST_ORDER + 1]
     each = noise / math.sqrt(2.0 * orders.shape[1]) * np.exp(rng.normal(0.0, 0.2, COUNT))[:, None]
     orders = orders + each / math.sqrt(2.0) * (rng.normal(size=orders.shape) + 1j * rng.normal(size=orders.shape))
@@ -144,12 +159,20 @@ def main(folder: Path, tires: int) -> None:
     """Print the curve."""
     rings = [answers_of(number, folder) for number in range(len(RINGS))]
     false = sum(structure_change(tire(rings[seed % 2], seed)) is not None for seed in range(3 * tires))
-    print(f"healthy tires with a finding: {false} of {3 * tires}")
-    for kind, name in enumerate(_KINDS):
-        for share in (0.05, 0.1, 0.2, 0.4):
-            seen = [structure_change(tire(rings[seed % 2], 1000 + seed, kind, share)) for seed in range(tires)]
-            print(f"{name} -{100 * share:.0f} % over 12 degrees: {sum(item is not None for item in seen)} of {tires}")
+    print(f"healthy tires with a finding: {false} of {3 * tires}", flush=True)
+    for kind, (name, (sizes, unit, is_sudden)) in enumerate(_KINDS.items()):
+        for size in sizes:
+            seen = 0
+            for seed in range(tires):
+                ring = RINGS[seed % 2]
+                # The trapezium of a place holds two thirds of its width.
+                place_kg = ring.mass_kgpm * ring.radius_m * math.radians(4.0 / 3.0 * _HALF_DEG)
+                share = 1e-3 * size / place_kg if unit == "g" else size
+                made = tire(rings[seed % 2], 1000 + seed, kind, share, is_sudden=is_sudden)
+                seen += structure_change(made) is not None
+            lost = f"{size:g} {unit}" if unit else f"{100 * size:.0f} %"
+            print(f"{name} -{lost}: {seen} of {tires}", flush=True)
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 40)
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "build/structure"), int(sys.argv[2]) if len(sys.argv) > 2 else 40)
