@@ -30,7 +30,7 @@ LOADS_N: Final = (3600.0, 4600.0)
 RINGS: Final = (Ring(), Ring(bs=3.6e-3, cw=0.18, rs=3.3, ts=2.1, radius_m=0.34, pressure_pa=2.5e5))
 COUNT: Final = 60
 _WAVES: Final = 60
-_NODES: Final = 720
+_NODES: Final = 1440
 _DEPTH_M: Final = 0.004
 _HALF_DEG: Final = 6.0
 # Kinds of changes: sizes, unit, and whether the change comes at once.
