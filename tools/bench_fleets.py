@@ -134,7 +134,7 @@ def fleet(seed: int, fault: Fault = Fault()) -> list[TireHistory]:  # noqa: B008
         is_faulty = wheel == faulty
         pressure, stiff = true_kpa[wheel] / 230.0, np.exp(ageing[wheel] - 0.005 * (degc[wheel] - 25.0))
         size = load[wheel] / axle[wheel]
-        left = 1.0 - wear[wheel] / thickness_mm
+        remaining = 1.0 - wear[wheel] / thickness_mm
         scatter = rng.normal(0.0, 1.0, (5, COUNT))
         if is_faulty and fault.name == "noise grows tenfold":
             noise[wheel] *= 10.0**share
@@ -169,7 +169,7 @@ def fleet(seed: int, fault: Fault = Fault()) -> list[TireHistory]:  # noqa: B008
             "stated_radius_m": np.full(COUNT, 0.31),
             "ply_steer_contact_line_rad": rng.normal(3e-3, 2e-4, COUNT),
             "ply_steer_contact_line_rad_std": np.full(COUNT, 4e-4),
-            "Bs": 3.1e-3 * left**3 * stiff / pressure * size**0.3 * np.exp(0.012 * scatter[1]),
+            "Bs": 3.1e-3 * remaining**3 * stiff / pressure * size**0.3 * np.exp(0.012 * scatter[1]),
             "Cw": 0.195 * (size / pressure) ** 0.2 * np.exp(0.006 * scatter[2]),
             "Rs": 2.9 * stiff / pressure**0.5 * size**0.2 * np.exp(0.015 * scatter[3] - soft),
             "Ts": 2.5 * stiff / pressure**0.5 * size**0.2 * np.exp(0.015 * scatter[4]),
@@ -204,7 +204,7 @@ def main(healthy: int, first: int, planted: int) -> None:
             false += len(findings)
             for finding in findings:
                 print(f"false: {history.vehicle} {history.position}: {finding[0]}: {finding[1]}")
-    found, clean = 0, 0
+    detected, clean = 0, 0
     missed: Counter[str] = Counter()
     for number in range(planted):
         name = list(FAULTS)[number % len(FAULTS)]
@@ -212,7 +212,7 @@ def main(healthy: int, first: int, planted: int) -> None:
         histories = fleet(seed, Fault(name, float(np.random.default_rng(seed).uniform(0.4, 0.85))))
         of_wheels = findings_of(histories)
         is_told = is_found(name, of_wheels[0])
-        found += is_told
+        detected += is_told
         others = sum(map(len, of_wheels)) - is_told
         clean += is_told and not others
         missed[name] += not is_told
@@ -222,7 +222,7 @@ def main(healthy: int, first: int, planted: int) -> None:
                 for finding in told:
                     print(f"    {history.position}: {finding[0]}: {finding[1]}")
     print(f"healthy fleets: {healthy}, false findings: {false}")
-    print(f"planted faults: {planted}, found: {found}, as the only finding: {clean}, missed: {dict(+missed)}")
+    print(f"planted faults: {planted}, found: {detected}, as the only finding: {clean}, missed: {dict(+missed)}")
 
 
 if __name__ == "__main__":

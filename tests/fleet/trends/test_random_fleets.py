@@ -14,6 +14,6 @@ def test_cold_weeks_coarse_sensors_and_tires_filled_up_at_first_are_no_finding(s
 @pytest.mark.parametrize("number", [1, 2, 7, 9])
 def test_planted_fault_is_found_in_its_wheel(number):
     name = list(FAULTS)[number]
-    own, *others = findings_of(fleet(4000 + number, Fault(name, 0.6)))
-    assert is_found(name, own)
+    faulty, *others = findings_of(fleet(4000 + number, Fault(name, 0.6)))
+    assert is_found(name, faulty)
     assert others == [[], [], []]
