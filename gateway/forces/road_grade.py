@@ -9,10 +9,12 @@ of the speed, so that neither is differentiated:
     dV/dt = force - g sin(grade) - c Omega^2 - d - yaw times the first order of the lateral axis
 
 c and d are constant in the tire. The grade is a short process, of single hills, and a long one, of mountains: only
-changes of the speed separate the latter from the constants.
+changes of the speed separate the latter from the constants. That there is a hill is shown by the force less the gain of
+speed over a stretch of the road, which differs between two stretches by more than noise makes of so many.
 """
 
 import math
+from statistics import NormalDist
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -30,6 +32,7 @@ from gateway.core.estimates.estimator import (
 from gateway.core.estimates.pace import is_due
 from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.revolution_block import RevolutionBlock, RevolutionEstimator
+from gateway.core.estimates.sensor_claims import HAND_MOUNTED_YAW_STD_RAD
 from gateway.core.reasons import CoreCode, Reason
 from gateway.core.revolutions.angle_resampling import angle_grid
 from gateway.core.revolutions.reasons import RevolutionCode
@@ -68,12 +71,21 @@ _FOLLOWS: Final = 1.5
 _LATEST: Final = 0.3
 # Level gravity in the axis, over its own, below which the axis is not the one along the belt.
 _LEAST_GRAVITY: Final = 0.5
+# Stretch of the road over which the force is averaged: a third of a hill.
+_STRETCH_M: Final = 50.0
+# Share of steady grades that may seem to change.
+_BY_CHANCE: Final = math.erfc(DETERMINED / math.sqrt(2.0))
 # States.
 _SPEED, _HILL, _MOUNTAIN, _SQUARE, _CONSTANT, _YAW, _GAIN, _IN_CURVE, _BY_SLIP = range(9)
 _SIZE: Final = 9
 _GRADE: Final = [_HILL, _MOUNTAIN]
 # Their errors count, and nothing is learned of them: noise of the force and of the speed would look like them.
 _CONSIDERED: Final = [_GAIN, _IN_CURVE, _BY_SLIP]
+
+
+# Errors of what stretches of the road differ by beside the grade, by state.
+_SHARED: Final[FloatArray] = np.zeros(_SIZE)
+_SHARED[[_SQUARE, _YAW, *_CONSIDERED]] = _CONSTANT_M, HAND_MOUNTED_YAW_STD_RAD, _GAIN_STD, _SLIP_ANGLE_STD, _SLIP_STD
 
 
 class _Force(NamedTuple):
@@ -98,6 +110,65 @@ class _Force(NamedTuple):
     row: FloatArray
     noise_mps2: float
     gravity: float
+
+
+class _Change:
+    """Whether the grade changes, by the force of stretches of the road less their gain of speed."""
+
+    def __init__(self) -> None:
+        self._begin: _Force | None = None
+        self._slip_mps, self._square, self._looks = 0.0, math.nan, 0
+        self._sums, self._force_mps, self._noise, self._steps = np.zeros(_SIZE), 0.0, 0.0, 0
+        # Highest and lowest force so far, each less half of what is a change.
+        self._highest, self._lowest = -math.inf, math.inf
+
+    @property
+    def is_shown(self) -> bool:
+        """Whether two stretches differ beyond their errors."""
+        return self._highest > self._lowest
+
+    def interrupt(self) -> None:
+        """Begin a new stretch with the next revolution."""
+        self._begin = None
+
+    def take(self, last: _Force, now: _Force, accelerations_mps2: tuple[float, float], noise_mps2: float) -> None:
+        """Add the way from the middle of a revolution to that of the next one.
+
+        Args:
+            last: the revolution before.
+            now: this revolution.
+            accelerations_mps2: with which slip goes, at both.
+            noise_mps2: of a force.
+        """
+        if self._begin is None:
+            self._begin, self._slip_mps = last, last.speed_mps * accelerations_mps2[0] / _G
+            self._sums, self._force_mps, self._noise, self._steps = np.zeros(_SIZE), 0.0, 0.0, 0
+        step_s = now.time_s - last.time_s
+        self._sums = self._sums + 0.5 * step_s * (last.row + now.row)
+        self._force_mps += 0.5 * step_s * (last.force_mps2 + now.force_mps2)
+        self._noise += step_s * now.noise_mps2
+        self._steps += 1
+        lasts_s = now.time_s - self._begin.time_s
+        if lasts_s * now.speed_mps < _STRETCH_M:
+            return
+        row = self._sums / lasts_s
+        row[_BY_SLIP] = (now.speed_mps * accelerations_mps2[1] / _G - self._slip_mps) / lasts_s
+        if math.isnan(self._square):
+            self._square = float(row[_SQUARE])
+        row[_SQUARE] -= self._square
+        gained = now.speed_mps - self._begin.speed_mps
+        force = (self._force_mps - gained) / lasts_s + _SLIP * float(row[_BY_SLIP])
+        by_speed = math.hypot(now.speed_std_mps, self._begin.speed_std_mps) / lasts_s
+        noise = math.hypot(noise_mps2 / math.sqrt(self._steps), self._noise / lasts_s, by_speed)
+        self._look(force, math.hypot(noise, *(row * _SHARED).tolist()))
+        self._begin = None
+
+    def _look(self, force_mps2: float, std_mps2: float) -> None:
+        """Compare a stretch with those before it: the more there are, the more they differ by chance."""
+        self._looks += 1
+        pairs = max(0.5 * self._looks * (self._looks - 1), 1.0)
+        half = -NormalDist().inv_cdf(0.5 * _BY_CHANCE / pairs) * std_mps2 / math.sqrt(2.0)
+        self._highest, self._lowest = max(self._highest, force_mps2 - half), min(self._lowest, force_mps2 + half)
 
 
 class _Belt:
@@ -127,7 +198,7 @@ class RoadGradeEstimator(RevolutionEstimator):
 
     Gives road_grade_rad, of the latest revolution. It takes the curve from the estimator `turning`; without that, the
     error contains a usual one. A steady grade looks like a first order that is constant in the tire, so it is
-    provisional until the grade has changed by more than three errors.
+    provisional until the grade has changed beyond the errors of stretches of the road.
     """
 
     name = "grade"
@@ -141,8 +212,7 @@ class RoadGradeEstimator(RevolutionEstimator):
         self._noise_square, self._before = _FIRST_NOISE_MPS2**2, math.nan
         self._mean: FloatArray = np.zeros(_SIZE)
         self._covariance: FloatArray = np.zeros((_SIZE, _SIZE))
-        # Highest and lowest grade so far, each less half of what is a change.
-        self._highest, self._lowest = -math.inf, math.inf
+        self._change = _Change()
 
     def _estimates(self, block: RevolutionBlock, index: int) -> tuple[Estimate, ...]:
         revolution, conditions = block.revolutions[index], block.conditions[index]
@@ -156,12 +226,17 @@ class RoadGradeEstimator(RevolutionEstimator):
         self._gravity += (now.gravity - self._gravity) / min(self._count, _HORIZON)
         if self._gravity < _LEAST_GRAVITY:
             self._last = None
+            self._change.interrupt()
             return (Estimate.invalid(NAME, Reason(ForceCode.NO_GRAVITY_ALONG, share=self._gravity)),)
         if self._last is None:
             self._begin(now, conditions)
         else:
+            before_mps2 = self._acceleration_mps2
             self._predict(self._last, now, conditions.radius_m)
             self._correct(now)
+            if now.time_s - self._last.time_s < _FOLLOWS * revolution.period_s:
+                accelerations = before_mps2, self._acceleration_mps2
+                self._change.take(self._last, now, accelerations, math.sqrt(self._noise_square))
         self._last = now
         return (self._estimate(revolution),)
 
@@ -207,6 +282,7 @@ class RoadGradeEstimator(RevolutionEstimator):
         unseen_mps = 0.0
         if step_s > _FOLLOWS * period_s:
             unseen_mps, self._before = _UNSEEN_MPS2 * (step_s - period_s), math.nan
+            self._change.interrupt()
         if math.isfinite(self._before):
             self._differences += 1
             step = min(0.5 * (beyond - self._before) ** 2, _STEP_OF_NOISE**2 * self._noise_square)
@@ -249,12 +325,10 @@ class RoadGradeEstimator(RevolutionEstimator):
         by_tire = np.zeros(_SIZE)
         by_tire[[_SQUARE, _CONSTANT]] = square, 1.0
         shared = per_mps2 * math.sqrt(max(float(by_tire @ self._covariance @ by_tire), 0.0))
-        half = 0.5 * DETERMINED * std
-        self._highest, self._lowest = max(self._highest, grade - half), min(self._lowest, grade + half)
         doubts: list[Reason] = []
         if self._count < SETTLED_REVOLUTIONS:
             doubts.append(Reason(CoreCode.NOT_SETTLED, revolutions=self._count, needed=SETTLED_REVOLUTIONS))
-        elif self._highest <= self._lowest:
+        elif not self._change.is_shown:
             doubts.append(Reason(ForceCode.GRADE_NOT_CHANGED, shared_std_rad=shared))
         if revolution.ac_coupled and not revolution.corner:
             doubts.append(Reason(ForceCode.AC_CORNER_NOT_STATED))

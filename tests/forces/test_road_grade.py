@@ -1,6 +1,7 @@
 """Grade of the road: a hill and braking by positions differentiated twice, a steady grade, and other axes."""
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -9,10 +10,16 @@ from bench_grade import ESTIMATORS, eased, grade_of
 from bench_turning import RATE_HZ, random_car
 from independent_tire.driving import MARGIN, OVERSAMPLED, Course
 
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.estimates.estimator import Estimate, Status
+from gateway.core.estimates.revolution_block import extended
 from gateway.core.reasons import codes_of
+from gateway.core.revolutions.sensor_mounting import belt_kinematics
+from gateway.core.revolutions.synchronous_average import RunningAverage
 from gateway.forces.reasons import ForceCode
-from gateway.forces.road_grade import NAME
+from gateway.forces.road_grade import NAME, RoadGradeEstimator
+from tests.testkit.exact_ring import RADIUS_M, solution
+from tests.testkit.revolution_data import CONDITIONS, OMEGA, exact_wave, make_revolution
 from tools.generators.lateral_signals import Sensor, disturbed, lateral, radial, samples, through_pipeline
 
 SENSOR = Sensor(noise_mg=5.0, road_mps2=1.0, roll_rad=0.02, yaw_rad=0.01, pitch_rad=-0.02, seed=5)
@@ -60,6 +67,40 @@ def test_steady_grade_is_provisional_and_within_its_error() -> None:
     assert ForceCode.GRADE_NOT_CHANGED in codes_of(last.reasons)
     assert all(estimate.status is Status.PROVISIONAL for _, _, estimate in rows)
     assert abs(last.value - HILL_RAD) < 2.5 * last.std < math.radians(3.0)
+
+
+def statuses(seed: int, rise_rad: float) -> list[Status]:
+    """Return those of 400 revolutions of a hub that bounces, on a grade that rises after half of them."""
+    rng = np.random.default_rng(seed)
+    wave = make_revolution(exact_wave(solution()))
+    average = extended(RunningAverage(), wave)
+    shape = belt_kinematics(average.radial_mps2, 0.0, 0.5 * (average.leading_edge_rad + average.trailing_edge_rad))
+    sine, cosine = np.sin(shape.inclination_rad), np.cos(shape.inclination_rad)
+    estimator, found, time_s, speed = RoadGradeEstimator(), [], 0.0, RADIUS_M * OMEGA
+    for index in range(400):
+        pace = 1.5 * math.sin(0.4 * time_s)
+        period_s = math.tau * RADIUS_M / speed
+        force = pace + STANDARD_GRAVITY_MPS2 * math.sin(0.02 + rise_rad * (index >= 200)) + rng.normal(0.0, 0.25)
+        along = STANDARD_GRAVITY_MPS2 * sine + pace * (1.0 - cosine) - (force - pace) * cosine
+        axes = np.stack([along, np.zeros_like(along), wave.axes_mps2[2]])
+        rolled = replace(wave, axes_mps2=axes, start_s=time_s, period_s=period_s, omega_radps=speed / RADIUS_M)
+        rolled = replace(rolled, omega_dot_radps2=pace / RADIUS_M)
+        found.append(estimator.update(rolled, average, CONDITIONS)[0].status)
+        time_s += period_s
+        speed += pace * period_s
+    return found
+
+
+def test_noise_of_a_steady_grade_is_no_change_however_long_it_lasts() -> None:
+    for seed in range(6):
+        assert Status.VALID not in statuses(seed, 0.0)
+
+
+@pytest.mark.parametrize("rise_rad", [0.06, -0.06])
+def test_hill_is_a_change_and_lasts(rise_rad: float) -> None:
+    found = statuses(11, rise_rad)
+    assert Status.VALID not in found[:200]
+    assert set(found[260:]) == {Status.VALID}
 
 
 @pytest.mark.parametrize("factor", [-1.0, 0.2])
