@@ -87,6 +87,28 @@ def test_wheel_of_another_vehicle_is_named() -> None:
     assert last["FL"][PLY_STEER].status is Status.VALID
 
 
+def swapped(first: str, second: str) -> list[list[RevolutionResult]]:
+    """Return the wheels of a car of which two are stated at each other's place."""
+    places = {first: second, second: first}
+    wheels = {place: results(places.get(place, place)) for place in ("FL", "FR", "RL", "RR")}
+    return [[replace(result, position=place) for result in taken] for place, taken in wheels.items()]
+
+
+def test_left_and_right_wheel_that_are_swapped_are_named() -> None:
+    pairs, last = compared(*swapped("FL", "FR"))
+    assert alarms(pairs) == {(wheel, TrustCode.LATERAL_AXIS_REVERSED) for wheel in ("FL", "FR")}
+    assert {last[wheel][PLY_STEER].status for wheel in ("FL", "FR")} == {Status.PROVISIONAL}
+    assert last["RL"][PLY_STEER].status is last["RR"][PLY_STEER].status is Status.VALID
+
+
+@pytest.mark.parametrize(("first", "second", "sign"), [("FL", "RL", 1), ("FL", "RR", 0)])
+def test_wheels_of_one_body_that_are_swapped_otherwise_turn_alike(first: str, second: str, sign: int) -> None:
+    pairs, _ = compared(*swapped(first, second))
+    # A diagonal leaves no axle with a left and a right wheel, so that no sign is verified.
+    assert {pairs.axis(place).sign for place in ("FL", "FR", "RL", "RR")} == {sign}
+    assert alarms(pairs) == set()
+
+
 @pytest.mark.parametrize("axis", [1, -1])
 def test_sign_of_a_wheel_alone_on_its_axle_follows_from_the_others(axis: int) -> None:
     pairs, last = compared(results("FL"), results("FR"), results("RL", axis))
