@@ -45,9 +45,10 @@ T = TypeVar("T")
 # revolution: they are judged on request.
 DEFAULT = (
     "kinematic", "distance", "self-calibration", "weak-form", "wear", "load", "longitudinal-force", "ply-steer",
+    "turning", "grade",
 )  # fmt: skip
 # The independent tire is flat: no lateral axis.
-ROLLED_WITHOUT = ("ply-steer",)
+ROLLED_WITHOUT = ("ply-steer", "turning")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -27,6 +27,12 @@ Change = Callable[[World, Statement, float, np.random.Generator], Told]
 AIMS_PERCENT: Final[dict[Kind, float | None]] = {
     "true": 0.0, "one": 0.3, "two": 0.6, "normal": 0.3, "conditions": 0.2, "stranger": 1.0, "hidden": None,
 }  # fmt: skip
+BENDS_REVOLUTIONS: Final = 110
+# Curves to both sides of a run: shares of it, and how far each goes.
+_BENDS: Final = (
+    (0.0, 0.0), (0.18, 0.0), (0.22, 1.0), (0.38, 1.0), (0.42, 0.0),
+    (0.58, 0.0), (0.62, -1.0), (0.78, -1.0), (0.82, 0.0), (1.0, 0.0),
+)  # fmt: skip
 AIM_OF_A_QUANTITY_PERCENT: Final = 1.0
 
 
@@ -210,9 +216,9 @@ def _speeding(world: World, said: Statement, size: float, _: np.random.Generator
 
 
 def _braking(world: World, said: Statement, size: float, _: np.random.Generator) -> Told:
-    """Brake by `size` of the load, for at most half of the speed."""
+    """Brake by `size` of the load, or pull away, for at most half of the speed."""
     torque = -size * world.load_n * world.radius_m
-    lost = min(3.6 * size * STANDARD_GRAVITY_MPS2 * world.seconds / world.speed_kmh, 0.5)
+    lost = max(-0.5, min(3.6 * size * STANDARD_GRAVITY_MPS2 * world.seconds / world.speed_kmh, 0.5))
     world, said = set_value(world, said, "tire.axle_torque_nm", torque)
     return _speeding(world, said, -100.0 * lost, np.random.default_rng(0))
 
@@ -246,6 +252,40 @@ def _slalom(world: World, said: Statement, size: float, rng: np.random.Generator
     ):
         world = _steps(world, table, key, _waves(world, swing, mean, hz))
     return world, said
+
+
+def _bends(world: World, said: Statement, size: float, _: np.random.Generator) -> Told:
+    """Drive a curve of `size` m/s^2 to one side and one to the other, with straights before, between and behind."""
+    world = replace(world, revolutions=BENDS_REVOLUTIONS)
+    yaw = max(-100.0, min(100.0, math.degrees(size / (world.speed_kmh / 3.6))))
+    for table, key, mean, change in (
+        ("motion", "yaw_rate_degps", 0.0, yaw),
+        ("wheel", "slip_angle_deg", 0.0, 0.5 * size),
+        ("wheel", "camber_deg", 0.0, 0.3 * size),
+        ("wheel", "load_n", world.load_n, 0.04 * size * world.load_n),
+    ):
+        world = _steps(world, table, key, [(share, mean + side * change) for share, side in _BENDS])
+    return world, said
+
+
+def _steering(world: World, said: Statement, size: float, rng: np.random.Generator) -> Told:
+    """Steer to and fro by `size` m/s^2 at the frequencies of a lane change, with straights before, between, behind."""
+    world = replace(world, revolutions=BENDS_REVOLUTIONS)
+    shares = np.linspace(0.0, 1.0, 1 + 4 * BENDS_REVOLUTIONS)
+    steers = np.interp(shares, *np.abs(np.array(_BENDS)).T)
+    steers *= np.sin(2.0 * math.pi * float(rng.uniform(0.5, 1.5)) * world.seconds * shares)
+    yaw = max(-100.0, min(100.0, math.degrees(size / (world.speed_kmh / 3.6))))
+    for table, key, change in (("motion", "yaw_rate_degps", yaw), ("wheel", "slip_angle_deg", 0.5 * size)):
+        points = zip(shares.tolist(), (change * steers).tolist(), strict=True)
+        world = _steps(world, table, key, list(points))
+    return world, said
+
+
+def _road(key: str, world: World, said: Statement, size: float, rng: np.random.Generator) -> Told:
+    """Roll over a road whose grade or crossfall of `size` deg changes within 80 to 300 m."""
+    world = replace(world, revolutions=BENDS_REVOLUTIONS)
+    hz = world.speed_kmh / 3.6 / float(rng.uniform(80.0, 300.0))
+    return _steps(world, "motion", key, _waves(world, size, float(rng.uniform(-0.5, 0.5)) * size, hz)), said
 
 
 def _travel(world: World, said: Statement, size: float, rng: np.random.Generator) -> Told:
@@ -387,6 +427,10 @@ _CHANGES: Final[dict[str, Change]] = {
     "rough-road": _rough,
     "curve": _curve,
     "slalom": _slalom,
+    "bends": _bends,
+    "steering": _steering,
+    "hills": partial(_road, "grade_deg"),
+    "crossfall": partial(_road, "bank_deg"),
     "suspension": _travel,
     "wet": _wet,
     "hot": _hot,

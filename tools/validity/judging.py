@@ -15,6 +15,7 @@ from gateway.core.estimates.registry import in_order
 from gateway.core.estimates.results import RevolutionResult
 from gateway.core.quantity_catalogue import CATALOGUE
 from gateway.core.ring_quantities import RING_NUMBERS, RING_RATIOS
+from gateway.core.types import FloatArray
 from gateway.planner.cramer_rao import DEFAULT_PARAMETERS, cramer_rao, order_variance, waveform_sensitivity
 from gateway.simulator.tire_model import TireModel
 from validity.cases import Case
@@ -25,7 +26,7 @@ from validity.tires import REFERENCE_DEGC, ZERO_G_STD_MPS2
 # Estimators whose quantities are judged, all of them of which the truth is there; the numbers are those of the first
 # that runs.
 _OWNED: Final = (
-    "kinematic", "distance", "self-calibration", "wear", "load", "longitudinal-force", "ply-steer",
+    "kinematic", "distance", "self-calibration", "wear", "load", "longitudinal-force", "ply-steer", "turning", "grade",
 )  # fmt: skip
 NUMBER_ESTIMATORS: Final = ("weak-form", "ring-modal", "ring-paper", "forward")
 # Their models are off by more than the data's errors, as they say: not valid is right where they do not know.
@@ -55,8 +56,11 @@ _OF_ONE_CONTACT: Final = (
 )  # fmt: skip
 _OF_LATERAL_SIGN: Final = (
     "roll_tilt_rad", "sensor_roll_rad", "lateral_offset_mps2", "ply_steer_peak_rad", "ply_steer_first_half_rad",
-    "ply_steer_adhesion_line_rad", "ply_steer_contact_line_rad", "conicity_slope_rad",
+    "ply_steer_adhesion_line_rad", "ply_steer_contact_line_rad", "conicity_slope_rad", "turn_rate_radps",
+    "curve_radius_m", "camber_rate_radps", "lateral_acceleration_mps2",
 )  # fmt: skip
+# Places within a revolution at which a rate is looked at, and by what it may change in one that has one rate.
+_WITHIN, _SAME_RADPS = 9, 0.02
 _PULL_LIMIT: Final = 9999.0
 
 
@@ -225,7 +229,7 @@ def truths(run: Run, statement: Statement, result: RevolutionResult) -> dict[str
     # The program's angle 0 is the contact centre as it times it, not the lowest point.
     centre = result.revolution.omega_radps * (begin_s - float(bottoms[turn])) / statement.rate_factor
     numbers = truth.numbers(middle_s)
-    slopes = run.slopes()
+    slopes = run.slopes(turn + 1)
     turns_hz = 1.0 / float(bottoms[turn + 1] - bottoms[turn])
     load_n, pressure_pa = truth.load_n(middle_s), truth.pressure_pa(middle_s)
     # The tilt of a sensor is that of its sensitive axes, which its cross-axis error turns as well.
@@ -254,6 +258,7 @@ def truths(run: Run, statement: Statement, result: RevolutionResult) -> dict[str
         "load_by_width_n": load_n,
         "pressure_number": load_n / (2.0 * pressure_pa * half * world.radius_m**2),
         **_forces(run, load_n, pressure_pa),
+        **_turns(run, np.linspace(bottoms[turn], bottoms[turn + 1], _WITHIN)),
         "sensor_roll_rad": roll_rad,
         "lateral_offset_mps2": _axis_errors(run, statement, middle_s, 1)[1],
         "ply_steer_peak_rad": slopes.peak_rad,
@@ -296,6 +301,26 @@ def _axis_errors(run: Run, statement: Statement, time_s: float, axis: int) -> tu
         elif told_axis == axis and name == "hello:offset_counts":
             zero_mps2 -= size
     return gain * factor, zero_mps2 * factor
+
+
+def _turns(run: Run, time_s: FloatArray) -> dict[str, float]:
+    """Return how a wheel turns during a revolution, (n,) times, and the grade of the road under it."""
+    path, speed_mps = run.truth.plan.path, 2.0 * math.pi * run.world.radius_m / float(np.ptp(time_s))
+    direction = -1.0 if path.reverse else 1.0
+    turn, camber = (
+        float(rates.mean()) if np.ptp(rates) < _SAME_RADPS else math.nan
+        for rates in (
+            direction * np.asarray(path.yaw_radps.at_times(time_s)) + path.slip_rad.rates_at(time_s),
+            path.camber_rad.rates_at(time_s),
+        )
+    )
+    return {
+        "turn_rate_radps": turn,
+        "curve_radius_m": speed_mps / turn if turn else math.inf,
+        "camber_rate_radps": camber,
+        "lateral_acceleration_mps2": speed_mps * turn,
+        "road_grade_rad": direction * float(np.mean(path.grade_rad.at_times(time_s))),
+    }
 
 
 def _forces(run: Run, load_n: float, pressure_pa: float) -> dict[str, float]:

@@ -47,6 +47,8 @@ _LINK: Final = "sim:bench"
 _AC_HZ: Final = 0.5
 # Option of a fault that its size is; of those that are not named, the rate.
 _SIZE_OF: Final = {"reboot": "at", "silence": "at"}
+# Loads under which the slopes are solved where the load changes.
+_LOADS: Final = 3
 _START_NS: Final = 1_760_000_000_000_000_000
 
 
@@ -139,16 +141,29 @@ class Run:
     bottoms_s: FloatArray
     lateral: bool = True
 
-    def slopes(self) -> Slopes:
-        """Return the slopes of the belt in the contact; NaN without a lateral axis and where the load changes."""
+    def slopes(self, turns: int | None = None) -> Slopes:
+        """Return the slopes of the belt in the contact, without slip, in the mean over the first turns, or over all.
+
+        NaN without a lateral axis, and where the pressure changes.
+        """
         plan = self.truth.plan
-        steady = plan.load_n.is_constant and plan.pressure_pa.is_constant
-        if not self.lateral or not steady or "lateral" not in plan.sensor.axes:
+        if not self.lateral or not plan.pressure_pa.is_constant or "lateral" not in plan.sensor.axes:
             return Slopes(*(math.nan,) * len(Slopes._fields))
         middle_s = 0.5 * self.world.seconds
         omega = self.truth.omega_radps(middle_s) if plan.tire.depends_on_speed else 0.0
-        conditions = (plan.tire, self.world.load_n, self.world.pressure_pa, omega)
-        return Store.get(("slopes and parity", *conditions), lambda: _slopes(*conditions))
+
+        def under(load_n: float) -> Slopes:
+            conditions = (plan.tire, load_n, self.world.pressure_pa, omega)
+            return Store.get(("slopes and parity", *conditions), lambda: _slopes(*conditions))
+
+        if plan.load_n.is_constant:
+            return under(self.world.load_n)
+        bottoms = self.bottoms_s[: turns or len(self.bottoms_s)]
+        solved_n = np.linspace(plan.load_n.low, plan.load_n.high, _LOADS)
+        by_load = np.polyfit(solved_n, np.array([under(float(load)) for load in solved_n]), _LOADS - 1)
+        loads_n = np.asarray(plan.load_n.at_times(bottoms))
+        means = np.vander(loads_n, _LOADS) @ by_load
+        return Slopes(*means.mean(axis=0).tolist())
 
 
 class Slopes(NamedTuple):
@@ -170,7 +185,7 @@ class Slopes(NamedTuple):
 
 
 # They are asked for at every revolution of a run.
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=8)
 def _slopes(tire: TireModel, load_n: float, pressure_pa: float, omega_radps: float) -> Slopes:
     ring = tire.solve(load_n, pressure_pa, omega_radps)
     shape = tire.solve_lateral(ring, 0.0).y_m
