@@ -76,7 +76,7 @@ def statuses(seed: int, rise_rad: float) -> list[Status]:
     average = extended(RunningAverage(), wave)
     shape = belt_kinematics(average.radial_mps2, 0.0, 0.5 * (average.leading_edge_rad + average.trailing_edge_rad))
     sine, cosine = np.sin(shape.inclination_rad), np.cos(shape.inclination_rad)
-    estimator, found, time_s, speed = RoadGradeEstimator(), [], 0.0, RADIUS_M * OMEGA
+    estimator, given, time_s, speed = RoadGradeEstimator(), [], 0.0, RADIUS_M * OMEGA
     for index in range(400):
         pace = 1.5 * math.sin(0.4 * time_s)
         period_s = math.tau * RADIUS_M / speed
@@ -85,10 +85,10 @@ def statuses(seed: int, rise_rad: float) -> list[Status]:
         axes = np.stack([along, np.zeros_like(along), wave.axes_mps2[2]])
         rolled = replace(wave, axes_mps2=axes, start_s=time_s, period_s=period_s, omega_radps=speed / RADIUS_M)
         rolled = replace(rolled, omega_dot_radps2=pace / RADIUS_M)
-        found.append(estimator.update(rolled, average, CONDITIONS)[0].status)
+        given.append(estimator.update(rolled, average, CONDITIONS)[0].status)
         time_s += period_s
         speed += pace * period_s
-    return found
+    return given
 
 
 def test_noise_of_a_steady_grade_is_no_change_however_long_it_lasts() -> None:
@@ -98,9 +98,9 @@ def test_noise_of_a_steady_grade_is_no_change_however_long_it_lasts() -> None:
 
 @pytest.mark.parametrize("rise_rad", [0.06, -0.06])
 def test_hill_is_a_change_and_lasts(rise_rad: float) -> None:
-    found = statuses(11, rise_rad)
-    assert Status.VALID not in found[:200]
-    assert set(found[260:]) == {Status.VALID}
+    given = statuses(11, rise_rad)
+    assert Status.VALID not in given[:200]
+    assert set(given[260:]) == {Status.VALID}
 
 
 @pytest.mark.parametrize("factor", [-1.0, 0.2])

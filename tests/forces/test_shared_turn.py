@@ -89,9 +89,9 @@ def test_wheel_of_another_vehicle_is_named() -> None:
 
 def swapped(first: str, second: str) -> list[list[RevolutionResult]]:
     """Return the wheels of a car of which two are stated at each other's place."""
-    places = {first: second, second: first}
-    wheels = {place: results(places.get(place, place)) for place in ("FL", "FR", "RL", "RR")}
-    return [[replace(result, position=place) for result in taken] for place, taken in wheels.items()]
+    swaps = {first: second, second: first}
+    wheels = {position: results(swaps.get(position, position)) for position in ("FL", "FR", "RL", "RR")}
+    return [[replace(result, position=position) for result in taken] for position, taken in wheels.items()]
 
 
 def test_left_and_right_wheel_that_are_swapped_are_named() -> None:
@@ -105,7 +105,7 @@ def test_left_and_right_wheel_that_are_swapped_are_named() -> None:
 def test_wheels_of_one_body_that_are_swapped_otherwise_turn_alike(first: str, second: str, sign: int) -> None:
     pairs, _ = compared(*swapped(first, second))
     # A diagonal leaves no axle with a left and a right wheel, so that no sign is verified.
-    assert {pairs.axis(place).sign for place in ("FL", "FR", "RL", "RR")} == {sign}
+    assert {pairs.axis(position).sign for position in ("FL", "FR", "RL", "RR")} == {sign}
     assert alarms(pairs) == set()
 
 

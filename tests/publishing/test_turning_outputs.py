@@ -87,21 +87,21 @@ def test_bus_has_the_turn_of_a_simulated_curve(curve) -> None:
         frames = []
         while (message := bus.recv(0.2)) is not None:
             frames.append(message)
-    found = {}
+    decoded = {}
     for message in frames:
         layout = DBC.get_message_by_frame_id(message.arbitration_id)
-        found[layout.name] = layout, layout.decode(message.data)
+        decoded[layout.name] = layout, layout.decode(message.data)
     estimates = {estimate.name: estimate for estimate in curve[0][-1].estimates}
     for layout, signal, name, unit, counts in (
         ("FL_Turning", "TurnRate", "turn_rate_radps", "rad/s", (1e-4, 5e-4)),
         ("FL_Curve", "CurveRadius", "curve_radius_m", "m", (0.05, 1.0)),
     ):
-        message, values = found[layout]
+        message, values = decoded[layout]
         assert message.get_signal_by_name(signal).unit == unit
         for suffix, value, count in zip(("", "Error"), estimates[name][1:3], counts, strict=True):
             assert values[f"{signal}{suffix}"] == pytest.approx(value, abs=1.001 * count)
         assert values[f"{signal}Status"] == "provisional"
-    assert found["FL_Turning"][1]["TurnRate"] == pytest.approx(TURN_RADPS, abs=0.05)
+    assert decoded["FL_Turning"][1]["TurnRate"] == pytest.approx(TURN_RADPS, abs=0.05)
 
 
 def test_lines_have_the_turn_of_a_simulated_curve(curve, tmp_path: Path) -> None:
