@@ -38,9 +38,9 @@ class Ceiling(NamedTuple):
 
 CEILINGS: Final[dict[str, Ceiling]] = {
     "lines of the core": Ceiling(32_000, 40_010),
-    "lines of gateway": Ceiling(95_000, 131_990),
-    "lines of tests": Ceiling(58_000, 77_150),
-    "lines of tools": Ceiling(17_000, 24_820),
+    "lines of gateway": Ceiling(95_000, 132_065),
+    "lines of tests": Ceiling(58_000, 77_355),
+    "lines of tools": Ceiling(17_000, 24_910),
     "words of docs": Ceiling(60_000, 60_000),
     "options": Ceiling(120, 91),
     "reason codes": Ceiling(430, 531),
