@@ -32,6 +32,9 @@ REVOLUTIONS: Final = 64
 """Latest revolutions that a budget is made of; averages of fifty have settled in them."""
 # What is left of an error that is taken away.
 _AWAY: Final = 1e-3
+# What the latest revolutions alone leave open of a statement, over the error by all revolutions, from which they say
+# nothing of that error: a steady value over a stretch of braking, for example.
+_LEFT_OPEN: Final = 1.1
 # Share of the variance from which a statement is named.
 _NAMED: Final = 0.2
 
@@ -260,6 +263,10 @@ def budgets(setup: WheelSetup, results: Sequence[RevolutionResult]) -> list[Budg
     Args:
         setup: of the wheel, as it was estimated.
         results: of its latest consecutive revolutions, at least one; `REVOLUTIONS` are enough.
+
+    Returns:
+        One for each estimate whose error these revolutions reproduce: what only earlier ones told of a statement is not
+        in them.
     """
     estimators = _estimators_of(results[-1])
     base = _latest(setup, results, estimators)
@@ -276,6 +283,9 @@ def budgets(setup: WheelSetup, results: Sequence[RevolutionResult]) -> list[Budg
             continue
         # A distance is that of the whole recording, and grows with what rests on the statements.
         scale = estimate.value / again.value if name == DISTANCE else 1.0
+        if scale**2 * (again.std**2 - again.scatter_std**2) > (_LEFT_OPEN * estimate.std) ** 2:
+            continue
+        scale = min(scale, estimate.std / again.std)
         parts = {
             source: min(scale * part, estimate.std)
             for source in stated
@@ -330,7 +340,8 @@ def _latest(setup: WheelSetup, results: Sequence[RevolutionResult], estimators: 
     ends_us = [1e6 * (revolution.start_s + revolution.period_s) for revolution in revolutions]
     conditions = results[-1].conditions
     reading = Environment(conditions.pressure_pa, conditions.temperature_degc, None)
-    tire.environment(int(ends_us[0]) - 1, reading, 0.0)
+    for end_us in ends_us:
+        tire.environment(int(end_us) - 1, reading, 0.0)
     hosts_ns = [result.host_ns for result in results]
     again = tire.take_block(RevolutionArrays(revolutions), ends_us, hosts_ns, [()] * len(results))
     return {estimate.name: estimate for estimate in again[-1].estimates}

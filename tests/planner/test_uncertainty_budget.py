@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -154,3 +155,15 @@ def test_temperature_of_the_new_tire_brings_what_is_promised() -> None:
     assert promise is not None
     assert promise.source.is_assumed
     assert promise.std == pytest.approx(budgets_of(setup_of())["wear_mm"].estimate.std, rel=0.05)
+
+
+def test_an_error_that_earlier_revolutions_had_made_smaller_has_no_budget() -> None:
+    setup = setup_of(load=500)
+    results = simulated(SIGNAL, SECONDS, setup, ESTIMATORS)[0]
+    *earlier, latest = results[-REVOLUTIONS:]
+    halves = tuple(of._replace(std=0.5 * of.std) if of.name == "Cw" else of for of in latest.estimates)
+    made = {of.estimate.name: of for of in budgets(setup, [*earlier, replace(latest, estimates=halves)])}
+    assert "Cw" not in made
+    assert "wear_mm" in made
+    for budget in made.values():
+        assert budget.promise is None or budget.promise.std > 0.0
