@@ -53,7 +53,7 @@ class FleetCode(Codes):
     )
     TREND_LOSS_CHANGED = Code(
         "leaks, {from_pa:.0f kPa} to {to_pa:.0f kPa} in {over_s:.3g days} at 20 °C: {after_pa:±{after_std_pa} kPa} a "
-        "month; before, {before_pa:±{before_std_pa} kPa} ({count} recordings, {first} to {last})"
+        "month in {count} recordings, {first} to {last} ({before_pa:±{before_std_pa} kPa} a month before)"
     )
     TREND_NEWEST_FALL = Code(
         "the loss of pressure may have grown: the last {count} recordings, from {date} on, are below the trend by "
