@@ -316,7 +316,7 @@ class Axle(Section):
     track_width_mm: float | None = within(
         None, 300, 8000, "distance between the middles of its left and right contacts in mm, verifies lateral gains"
     )
-    track_width_std_mm: float | None = within(None, 0, 1000, f"its standard error; default: {100 * _TRACK_STD:.0f} %")
+    track_width_std_mm: float | None = within(None, 0, 1000, f"its error, mm; default: {100 * _TRACK_STD:.0f} % of it")
 
     @property
     def wheel_load_n(self) -> float | None:
