@@ -145,6 +145,63 @@ def test_receiver_is_turned_to_the_path(made) -> None:
     np.testing.assert_allclose(path.received_m[-1] - path.received_m[0], [98.0, 0.0], atol=0.1)
 
 
+def with_receiver(results: tuple[RevolutionResult, ...], speed_mps: float, yaw, side: float, mirror: float = 1.0):
+    """Return revolutions of a lap with positions of a receiver, as data sheets state them; the car starts at N 40 E."""
+    step_s = 1e-3
+    time_s = np.arange(0.0, results[-1].revolution.start_s + 1.0, step_s)
+    heading = math.radians(-40.0) + np.cumsum(side * yaw(time_s)) * step_s
+    way = np.cumsum(np.exp(1j * heading)) * speed_mps * step_s
+    rng = np.random.default_rng(7)
+    off = rng.normal(0.0, 2.1, 2)
+    fixed = []
+    for result in results:
+        off = 0.99 * off + math.sqrt(1.0 - 0.99**2) * rng.normal(0.0, 2.1, 2)
+        at = way[round((result.revolution.start_s + result.revolution.period_s) / step_s)]
+        latitude = 60.0 + math.degrees((at.real + off[0]) / 6_371_000.0)
+        # The left of north is the west.
+        longitude = 11.0 + math.degrees((off[1] - mirror * at.imag) / 6_371_000.0) / math.cos(math.radians(60.0))
+        named = (("latitude_deg", latitude), ("longitude_deg", longitude))
+        estimates = tuple(Estimate(name, value, 2e-5, Status.VALID) for name, value in named)
+        fixed.append(replace(result, estimates=(*result.estimates, *estimates)))
+    return tuple(fixed)
+
+
+def assert_receiver_is_within_the_ellipses(path: CarPath) -> None:
+    # It has a position at the end of each leg, and the path begins before the first.
+    away = path.received_m - path.position_m[1:]
+    errors = path.covariance_m2[1:] + 2.0 * 2.1**2 * np.eye(2)
+    assert (np.einsum("ni,nij,nj->n", away, np.linalg.inv(errors), away) < 9.2).all()
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_receiver_and_wheels_draw_the_same_lap_within_its_ellipses(made, side: float) -> None:
+    rng, length_m = np.random.default_rng(3), 22.0 * SPEED_MPS
+    results = []
+    for result in driven(made, 220, turn=0.0, shared=0.01, random=0.02):
+        speed, turn, rolled = result.estimates
+        true = side * float(lap_yaw(np.array([result.revolution.start_s + 0.05]), length_m)[0])
+        off = 0.01 + rng.normal(0.0, 0.02)
+        results.append(replace(result, estimates=(speed, turn._replace(value=true + off), rolled)))
+
+    def drawn(mirror: float) -> CarPath:
+        return path_of(with_receiver(tuple(results), 20.0, lambda time_s: lap_yaw(time_s, length_m), side, mirror))
+
+    path = drawn(1.0)
+    assert 2.0 < path.apart_m < 12.0
+    assert_receiver_is_within_the_ellipses(path)
+    # In the same metres: its steps are as long as those of the wheels.
+    lengths = [np.hypot(*np.diff(points[::20], axis=0).T).sum() for points in (path.received_m, path.position_m[1:])]
+    assert lengths[0] == pytest.approx(lengths[1], rel=0.05)
+    # A lap to the other side fits nowhere.
+    assert drawn(-1.0).apart_m > 3.0 * path.apart_m
+
+
+@pytest.mark.slow
+def test_receiver_is_within_the_ellipses_of_a_lap_of_2_km() -> None:
+    path = path_of(with_receiver(lap(1, 1.0), SPEED_MPS, lap_yaw, 1.0))
+    assert_receiver_is_within_the_ellipses(path)
+
+
 def test_page_draws_the_path_or_says_that_there_is_no_turn_rate(made) -> None:
     drive = Drive("a.mcap")
     drive.add(made.result())
@@ -153,5 +210,7 @@ def test_page_draws_the_path_or_says_that_there_is_no_turn_rate(made) -> None:
         drive.add(result)
     page = drive_page([drive])
     assert '<polyline class="car" points="' in page
+    assert '<polyline class="received" points=""' not in page
     assert "The receiver&#39;s positions are" in page
+    assert "Dashed: the receiver, moved and turned to fit." in page
     assert "No path" not in page

@@ -36,6 +36,8 @@ _LOST_RAD: Final = 0.5 * math.pi
 _SAME_BEGIN_S: Final = 1.0
 _EARTH_RADIUS_M: Final = 6_371_000.0
 _FEWEST_FIXES: Final = 3
+# Of a position, as data sheets state it.
+_FIX_STD_M: Final = 2.1
 
 
 class Leg(NamedTuple):
@@ -234,11 +236,12 @@ def car_path(wheels: Mapping[str, WheelPath]) -> CarPath | None:
     weights = 1.0 / np.array([max(float(np.trace(error[-1])), 1e-6) for error in errors])
     weights /= weights.sum()
     position = np.tensordot(weights, np.array(positions), axes=1)
-    received, apart_m = _received(position, paths[longest])
+    covariance = np.tensordot(weights, np.array(errors), axes=1)
+    received, apart_m = _received(position, covariance, paths[longest])
     return CarPath(
         tuple(paths),
         position,
-        np.tensordot(weights, np.array(errors), axes=1),
+        covariance,
         float(np.hypot(*np.diff(position, axis=0).T).sum()),
         received,
         apart_m,
@@ -246,8 +249,11 @@ def car_path(wheels: Mapping[str, WheelPath]) -> CarPath | None:
     )
 
 
-def _received(position_m: FloatArray, path: Sequence[Leg]) -> tuple[FloatArray, float]:
-    """Return positions of a receiver, (k, 2) m, turned and moved to fit a path, and how far they are from it."""
+def _received(position_m: FloatArray, covariance_m2: FloatArray, path: Sequence[Leg]) -> tuple[FloatArray, float]:
+    """Return positions of a receiver, (k, 2) m, turned and moved to fit a path, and how far they are from it.
+
+    They count by the error of the path there, so that they leave it as the ellipses grow.
+    """
     fixes = np.radians(np.array([leg.fix_deg for leg in path]))
     is_measured = np.isfinite(fixes).all(axis=1)
     if np.count_nonzero(is_measured) < _FEWEST_FIXES:
@@ -257,8 +263,9 @@ def _received(position_m: FloatArray, path: Sequence[Leg]) -> tuple[FloatArray, 
     east = (east + math.pi) % (2.0 * math.pi) - math.pi
     fixed = _EARTH_RADIUS_M * (east * math.cos(fixes[is_measured][0, 0]) + 1j * north)
     along = position_m[is_measured] @ np.array([1.0, 1j])
-    middle_fixed, middle = fixed.mean(), along.mean()
-    turn = np.vdot(fixed - middle_fixed, along - middle)
+    weights = 1.0 / (2.0 * _FIX_STD_M**2 + np.trace(covariance_m2[is_measured], axis1=1, axis2=2))
+    middle_fixed, middle = np.average(fixed, weights=weights), np.average(along, weights=weights)
+    turn = np.vdot(fixed - middle_fixed, weights * (along - middle))
     moved = (fixed - middle_fixed) * (turn / abs(turn) if turn else 1.0) + middle
     apart_m = float(np.sqrt(np.mean(np.abs(moved - along) ** 2)))
     return np.stack([moved.real, moved.imag], axis=1), apart_m

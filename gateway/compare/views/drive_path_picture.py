@@ -123,8 +123,8 @@ def _summary(path: CarPath) -> str:
 def _caption(path: CarPath, length_m: float) -> str:
     received = " Dashed: the receiver, moved and turned to fit." if len(path.received_m) else ""
     return (
-        "Speed and turn rate of the wheels, integrated from the circle, ahead is up. Ellipses are one standard error."
-        f"{received} The bar is {_length(length_m)} long."
+        "Solid: speed and turn rate of the wheels, integrated from the circle, ahead is up, with ellipses of one "
+        f"standard error.{received} The bar is {_length(length_m)} long."
     )
 
 
