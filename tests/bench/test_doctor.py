@@ -5,6 +5,7 @@ import re
 import shutil
 import socket
 import stat
+import threading
 from collections import namedtuple
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,10 +16,13 @@ from serial.tools import list_ports
 from gateway.bench.commands import doctor_checks as checks
 from gateway.bench.commands.doctor_checks import Check, Level
 from gateway.core.clock import ManualClock
+from gateway.core.links.source import open_source
 from gateway.core.reasons import Reason
+from gateway.core.recording.writer import RecordingWriter
 from gateway.core.trust.reasons import TrustCode
 from gateway.core.trust.turn_verdict import Gain, Verdict, Witness
 from gateway.forces.shared_turn import contradiction_of
+from gateway.importing.reference_topic import reference_topic
 from tests.testkit.commands import invoked, run
 
 Usage = namedtuple("Usage", "total used free")
@@ -277,7 +281,24 @@ def test_one_recorded_curve_answers_whether_lateral_axes_point_to_the_left(tmp_p
 def test_straight_recording_leaves_lateral_axes_open_and_says_what_to_drive(tmp_path: Path) -> None:
     found = axes_of(recorded(tmp_path, "right", "0"))
     assert {check.level for check in found.values()} == {Level.WARNING}
-    assert all("one curve" in check.remedy for check in found.values())
+    assert all("one curve" in check.remedy and "rig" not in check.remedy for check in found.values())
+
+
+@pytest.mark.parametrize("is_rig", [True, False])
+def test_rig_is_told_to_steer_and_not_to_drive_a_curve(is_rig: bool, tmp_path: Path) -> None:
+    source = open_source("sim:lab?speed=max&duration=5&seed=2", ManualClock(1_700_000_000_000_000_000))
+    items = list(source.items(threading.Event()))
+    writer = RecordingWriter(tmp_path / "rig.mcap", start_ns=items[0].host_ns, vehicle_toml=source.vehicle_toml)
+    for step in range(50 * is_rig):
+        payload = {"quantity": "load", "time_s": 0.1 * step, "value": 4000.0, "value_std": 40.0}
+        writer.write_topic(reference_topic("W1", "load"), items[0].host_ns, payload)
+    for item in items:
+        writer.write(item)
+    writer.close()
+    (check,) = axes_of(tmp_path / "rig.mcap").values()
+    # One wheel without a channel of a rig may be a car's.
+    assert ("one curve" in check.remedy, "On a rig" in check.remedy) == (not is_rig, True)
+    assert "lateral_is_left" in check.remedy
 
 
 def test_doctor_names_wrong_axes_and_gains() -> None:
@@ -288,7 +309,7 @@ def test_doctor_names_wrong_axes_and_gains() -> None:
         (Verdict(sign=1, gain=Gain(1.02, 0.03, 12), gain_by=Witness.YAW_RATE), [Level.OK]),
         (Verdict(sign=1, gain=gain, gain_by=Witness.TRACK, contradictions=(contradiction,)), [Level.OK, Level.FAULT]),
     ):
-        results = list(checks.axis_checks("FL", verdict, is_stated=False))
+        results = list(checks.axis_checks("FL", verdict, is_stated=False, remedy=""))
         assert [check.level for check in results] == levels
     assert "0.80 ± 0.03 times" in results[0].text
     assert "0.80 ± 0.03 times" in results[1].text

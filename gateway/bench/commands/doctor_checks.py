@@ -32,6 +32,15 @@ DISK_FAULT_BYTES: Final = 100_000_000
 BYTES_PER_HOUR: Final = 4 * 9600 / 36 * 242 * 3600
 DISK_WARNING_HOURS: Final = 1.0
 _LISTEN_S: Final = 0.1
+# What shows the sign of a lateral axis: to a car, and on a rig, which drives no curve.
+_DRIVE: Final = (
+    "Record one curve of 0.1 g for 3 s, straights before and behind it, with both wheels of an axle, or with a yaw "
+    "rate of the bus or a GNSS receiver."
+)
+_STEER: Final = (
+    "On a rig, record 50 revolutions at zero slip, then a slip angle of 1 deg that pulls the tire to the left: if "
+    "slip_direction (--estimator slip-angle) becomes 1, state lateral_is_left; if -1, reverse the sign of the axis."
+)
 # Extras of developers, and the one that only names all others.
 _UNCHECKED_EXTRAS: Final = ("all", "dev", "docs")
 
@@ -302,30 +311,47 @@ def check_lateral_axes(path: Path, config: Path | None) -> Iterator[Check]:
     """Check what the curves of a recording say of sign and gain of each wheel's lateral axis."""
     from gateway.core.recording.recorded_file import open_recorded_file
     from gateway.core.session.recording_pass import RecordingPass, open_recording
+    from gateway.core.session.session_parts import open_rig_channels
     from gateway.core.trust.turn_verdict import TURN_RATE
 
+    turning: dict[str, bool] = {}
+    turns: dict[str, list[tuple[float, float]]] = {}
     try:
-        recording = open_recording(open_recorded_file(path), config, verifies=False)
+        file = open_recorded_file(path)
+        recording = open_recording(file, config, verifies=False)
+        rig = open_rig_channels(file)
         taken = RecordingPass(recording, ("turning",), signals=recording.signals(), is_watched=False)
-        turning = {result.position: any(each.name == TURN_RATE for each in result.estimates) for result in taken}
+        for result in taken:
+            turning[result.position] = any(each.name == TURN_RATE for each in result.estimates)
+            turns.setdefault(result.position, []).append((result.revolution.start_s, result.revolution.period_s))
     except TreadlinkError as error:
         yield Check(f"recording {path}", Level.FAULT, str(error), error.remedy)
         return
     setups = recording.vehicle.wheel_setups() if recording.vehicle is not None else ()
     stated = {setup.position for setup in setups if setup.sensor.lateral_is_left}
     for position in (position for position, has_axis in turning.items() if has_axis):
-        yield from axis_checks(position, taken.lateral_axis(position), is_stated=position in stated)
+        is_of_rig = bool(rig.means(position, turns[position]))
+        # One wheel alone may be a car's or a rig's.
+        remedy = _STEER if is_of_rig else _DRIVE if len(turning) > 1 else f"{_DRIVE} {_STEER}"
+        yield from axis_checks(position, taken.lateral_axis(position), is_stated=position in stated, remedy=remedy)
 
 
-def axis_checks(position: str, verdict: Verdict, *, is_stated: bool) -> Iterator[Check]:
-    """Check sign and gain of a wheel's lateral axis by what curves say; `is_stated` is whether the sign is stated."""
-    yield _axis_check(position, verdict, is_stated=is_stated)
+def axis_checks(position: str, verdict: Verdict, *, is_stated: bool, remedy: str) -> Iterator[Check]:
+    """Check sign and gain of a wheel's lateral axis by what curves say.
+
+    Args:
+        position: of the wheel.
+        verdict: of the curves.
+        is_stated: whether the sign is stated.
+        remedy: what shows the sign.
+    """
+    yield _axis_check(position, verdict, is_stated=is_stated, remedy=remedy)
     for contradiction in verdict.contradictions:
         remedy = "Correct position, axis or scale of the sensor; compare it with one whose gain is known."
         yield Check(f"lateral gain of {position}", Level.FAULT, wording(contradiction.reason), remedy)
 
 
-def _axis_check(position: str, verdict: Verdict, *, is_stated: bool) -> Check:
+def _axis_check(position: str, verdict: Verdict, *, is_stated: bool, remedy: str) -> Check:
     """Return whether curves show the sign of a lateral axis, and what they say of its gain."""
     from gateway.core.trust.reasons import WITNESSES
 
@@ -335,13 +361,7 @@ def _axis_check(position: str, verdict: Verdict, *, is_stated: bool) -> Check:
         return Check(name, Level.FAULT, wording(verdict.reversed_by), remedy)
     if not verdict.sign:
         text = "its sign is stated, and no curve has shown it" if is_stated else "no curve has shown its sign"
-        return Check(
-            name,
-            Level.OK if is_stated else Level.WARNING,
-            text,
-            "Record one curve of 0.1 g for 3 s, straights before and behind it, with both wheels of an axle, or with a "
-            "yaw rate of the bus or a GNSS receiver.",
-        )
+        return Check(name, Level.OK if is_stated else Level.WARNING, text, remedy)
     text = "points to the left, as curves show"
     if verdict.gain_by is not None:
         witness = WITNESSES[str(verdict.gain_by)]
