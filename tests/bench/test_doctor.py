@@ -279,9 +279,9 @@ def test_one_recorded_curve_answers_whether_lateral_axes_point_to_the_left(tmp_p
 
 
 def test_straight_recording_leaves_lateral_axes_open_and_says_what_to_drive(tmp_path: Path) -> None:
-    found = axes_of(recorded(tmp_path, "right", "0"))
-    assert {check.level for check in found.values()} == {Level.WARNING}
-    assert all("one curve" in check.remedy and "rig" not in check.remedy for check in found.values())
+    axes = axes_of(recorded(tmp_path, "right", "0"))
+    assert {check.level for check in axes.values()} == {Level.WARNING}
+    assert all("one curve" in check.remedy and "rig" not in check.remedy for check in axes.values())
 
 
 @pytest.mark.parametrize("is_rig", [True, False])

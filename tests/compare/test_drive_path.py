@@ -156,10 +156,10 @@ def with_receiver(results: tuple[RevolutionResult, ...], speed_mps: float, yaw, 
     fixed = []
     for result in results:
         off = 0.99 * off + math.sqrt(1.0 - 0.99**2) * rng.normal(0.0, 2.1, 2)
-        at = way[round((result.revolution.start_s + result.revolution.period_s) / step_s)]
-        latitude = 60.0 + math.degrees((at.real + off[0]) / 6_371_000.0)
+        point = way[round((result.revolution.start_s + result.revolution.period_s) / step_s)]
+        latitude = 60.0 + math.degrees((point.real + off[0]) / 6_371_000.0)
         # The left of north is the west.
-        longitude = 11.0 + math.degrees((off[1] - mirror * at.imag) / 6_371_000.0) / math.cos(math.radians(60.0))
+        longitude = 11.0 + math.degrees((off[1] - mirror * point.imag) / 6_371_000.0) / math.cos(math.radians(60.0))
         named = (("latitude_deg", latitude), ("longitude_deg", longitude))
         estimates = tuple(Estimate(name, value, 2e-5, Status.VALID) for name, value in named)
         fixed.append(replace(result, estimates=(*result.estimates, *estimates)))
