@@ -94,8 +94,8 @@ class DiagnosisCode(Codes):
     HOLLOW_ROAD = Code("the road would be hollow with a radius of {radius_m:.3g m}, larger than any inner drum (5 m)")
     PROBABILITY_TOO_LOW = Code("its probability is {probability:probability}, and {needed:.2g} is needed")
     TIME_LIMIT_SPENT = Code(
-        "the limit of {limit_s:.3g s} was spent: reading took {reading_s:.2g s}, fit and search {search_s:.2g s}; the "
-        "test on unseen revolutions and the figures came after it, {after_s:.2g s}"
+        "the limit of {limit_s:.3g s} is for reading ({reading_s:.2g s}), fit and search ({search_s:.2g s}): the step "
+        "under way at the limit was finished. Test on unseen revolutions and figures are not counted ({after_s:.2g s})"
     )
     RIVALS_UNTRIED = Code("the search ended before it had tried {effects} in its place")
     SEARCH_ENDED_EARLY = Code(

@@ -13,6 +13,7 @@ from gateway.core.errors import OutputError, TreadlinkError
 from gateway.core.reasons import Reason
 from gateway.core.recording.file_content import check_distinct
 from gateway.core.revolutions.effect_correction import CorrectedEffect, CorrectionTable, EffectParameter
+from gateway.core.text import wording
 from gateway.diagnosis import campaign_diagnosis
 from gateway.diagnosis.campaign import reading_orders
 from gateway.diagnosis.closed_loop import SEARCHED
@@ -139,6 +140,10 @@ def test_budget_counts_reading_and_says_how_long_each_part_took(monkeypatch, rec
     assert early.code is DiagnosisCode.SEARCH_ENDED_EARLY
     assert (spent.code, spent["limit_s"]) == (DiagnosisCode.TIME_LIMIT_SPENT, 5.0)
     assert (spent["reading_s"], spent["search_s"], spent["after_s"]) == pytest.approx((3.0, 2.0, 1.0))
+    assert wording.text(spent) == (
+        "the limit of 5 s is for reading (3 s), fit and search (2 s): the step under way at the limit was finished. "
+        "Test on unseen revolutions and figures are not counted (1 s)"
+    )
     assert campaign_diagnosis.diagnose_recordings(reading_orders([recording]), clock=clock).notes == (early,)
 
 

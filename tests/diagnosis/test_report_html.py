@@ -149,9 +149,9 @@ def test_undecided_effects_are_in_summary_and_omissions():
     assert "No effect is identified: the search ended at its time limit." in answer
     likely = tuple(replace(second, name=name, verdict=Verdict.REFUSED, probability=0.8) for name in ("gain", "run-out"))
     text = Page(diagnosis_html(replace(empty(), complete=False, findings=likely))).text
-    assert text.count("The search ended at its time limit: gain and run-out are likely so far, but not certain.") == 2
-    assert "No effect" not in text
-    assert "rejected: gain" not in text
+    assert "With gain and run-out, which are likely so far, the error" in text
+    assert text.count("No effect is identified: the search ended at its time limit.") == 2
+    assert not any(word in text for word in ("not certain", "Rejected effects", "not identified", "acceptance test,"))
     note = Reason(DiagnosisCode.CONTACTS_CONTRADICT, short="a.mcap", short_rad=0.22, long="b.mcap", long_rad=0.27)
     answer = Page(diagnosis_html(replace(empty(), notes=(note,)))).text
     assert (
@@ -173,6 +173,27 @@ def test_undecided_effects_are_in_summary_and_omissions():
     assert names[0] == "with all"
     assert set(names[1:]) == {"without mounting offset", "without structural damping"}
     assert len(rows[0].cells) == 3
+
+
+def test_effect_that_an_unfinished_search_leaves_open_is_not_rejected():
+    """Neither the table nor the caption of rejected effects speaks of it, and its probability is of what was tried."""
+    _, second, *_ = ordinary().findings
+    untried = Reason(DiagnosisCode.RIVALS_UNTRIED, effects=("lateral shift",))
+    likely = replace(second, name="ply steer", verdict=Verdict.REFUSED, probability=0.9999, reason=untried)
+    lasting = replace(likely, name="tire mode", lock="time")
+    implausible = Reason(DiagnosisCode.PROBABILITY_TOO_LOW, probability=0.1, needed=0.99)
+    rejected = replace(second, name="run-out", verdict=Verdict.REFUSED, probability=0.1, reason=implausible)
+    diagnosis = replace(empty(), complete=False, findings=(likely, lasting, rejected))
+    text = " ".join(Page(diagnosis_html(diagnosis)).text.split())
+    open_part, refused_part = text.split("Each reduces the residual, but fails")
+    assert "Likely so far, neither identified nor rejected. The probability is among the sets of effects" in open_part
+    assert "> 0.999" in open_part
+    assert "tried lateral shift in its place" in open_part
+    assert "Tested, not identified: run-out (reasons)." in open_part
+    assert not any(name in refused_part for name in ("ply steer", "tire mode"))
+    assert "run-out" in refused_part
+    summary = " ".join(map(str.strip, closure_summary_lines(diagnosis)))
+    assert "so far       ply steer (probability > 0.999): in the error after, but others are untried" in summary
 
 
 def test_page_says_what_it_was_made_of(page_text):

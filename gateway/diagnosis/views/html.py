@@ -51,6 +51,7 @@ from gateway.diagnosis.views.phrases import (
     said,
     self_test_text,
     sentence,
+    so_far,
     undecided_sets,
     undetermined,
 )
@@ -162,12 +163,16 @@ def _page(diagnosis: Diagnosis) -> dict[str, object]:
     """Return the values of the template, which escapes all text except drawings."""
     estimates = estimate_rows(diagnosis)
     step_names, step_rows = omissions(diagnosis)
+    undecided = so_far(diagnosis)
     return {
         "wheel": clean(diagnosis.wheel),
         "folds": _folds(diagnosis),
         "errors": error_rows(diagnosis),
         "effects": [finding for finding in diagnosis.findings if finding.verdict is not Verdict.REFUSED],
-        "refused": [finding for finding in diagnosis.findings if finding.verdict is Verdict.REFUSED],
+        "so_far": undecided,
+        "refused": [
+            finding for finding in diagnosis.findings if finding.verdict is Verdict.REFUSED and finding not in undecided
+        ],
         "unexplained": unexplained_rows(diagnosis),
         "no_residual": no_residual(diagnosis, "Nothing"),
         "estimates": by_state(estimates),
@@ -278,7 +283,9 @@ def _error_sentences(diagnosis: Diagnosis) -> Iterator[str]:
         grown = ratio(held_out.rms_after_mps2, held_out.rms_before_mps2) > GROWN
         verb = "increases" if grown else "changes" if before == after else f"falls{_where(held_out)}"
         added = ["this effect" if len(shaped) == 1 else "these effects"] if shaped else []
-        unsure = f", which {'is' if len(uncertain) == 1 else 'are'} not certain," if uncertain else ""
+        verb_of = "is" if len(uncertain) == 1 else "are"
+        doubt = "not certain" if diagnosis.complete else "likely so far"
+        unsure = f", which {verb_of} {doubt}," if uncertain else ""
         sets = f"With {listed([*added, *uncertain])}{unsure}"
         yield f"{sets} the error on unseen revolutions {verb} from {before} to {after} m/s² rms{over}"
         if grown:

@@ -51,6 +51,9 @@ _IMPLAUSIBLE: Final = frozenset(
     {DiagnosisCode.IMPLAUSIBLE_PARAMETER, DiagnosisCode.HOLLOW_ROAD, DiagnosisCode.FADES_WITHIN_ONE_WAVE}
 )
 
+# Reasons against an effect that a longer search may overturn.
+_ENDED_BEFORE: Final = frozenset({DiagnosisCode.RIVALS_UNTRIED, DiagnosisCode.LEFT_WHEN_ENDED})
+
 # Relative standard error above which an estimate is not determined.
 _LARGEST_RELATIVE_STD: Final = 0.3
 
@@ -320,15 +323,17 @@ def likely(diagnosis: Diagnosis) -> list[Finding]:
     ]
 
 
+def so_far(diagnosis: Diagnosis) -> list[Finding]:
+    """Return the effects that a search which ended early has neither identified nor rejected."""
+    open_ones = [] if diagnosis.complete else [finding.name for finding in likely(diagnosis)]
+    return [finding for finding in diagnosis.findings if finding.name in open_ones or _code(finding) in _ENDED_BEFORE]
+
+
 def no_effect(diagnosis: Diagnosis) -> str:
-    """Return that no effect is identified, and why; a search that ended early names what is likely so far."""
+    """Return that no effect is identified, and why."""
     if diagnosis.complete:
         return "No effect of the catalogue is supported by sufficient evidence."
-    names = [finding.name for finding in likely(diagnosis)]
-    if not names:
-        return "No effect is identified: the search ended at its time limit."
-    are = "is" if len(names) == 1 else "are"
-    return f"The search ended at its time limit: {effects_listed(names)} {are} likely so far, but not certain."
+    return "No effect is identified: the search ended at its time limit."
 
 
 def decisively_rejected(diagnosis: Diagnosis) -> list[Finding]:

@@ -7,7 +7,6 @@ from gateway.core.reasons import Reason
 from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.shown_units import shown_in
 from gateway.core.text.numbers import fixed
-from gateway.core.text.probabilities import probability_text
 from gateway.core.text.text import clean, counted, crop, filled, pad, width
 from gateway.diagnosis.data.campaign_data import Remark
 from gateway.diagnosis.reasons import DiagnosisCode
@@ -34,6 +33,7 @@ from gateway.diagnosis.views.phrases import (
     why_undetermined,
 )
 from gateway.diagnosis.views.quantities import plain, ratio, show_fitted, significant
+from gateway.diagnosis.views.report_tables import bounded_probability
 from gateway.diagnosis.views.transfer_report import axis_lines
 
 LINE_WIDTH: Final = 80
@@ -95,7 +95,7 @@ class _Lines:
         undecided = undecided_sets(diagnosis)
         yield from self._named(diagnosis, bool(undecided))
         yield from self._undecided(undecided)
-        yield from self._likely(likely(diagnosis))
+        yield from self._likely(likely(diagnosis), diagnosis.complete)
         yield from self._rejected(decisively_rejected(diagnosis))
         yield from self._unexplained(diagnosis)
         yield from self._estimates(diagnosis)
@@ -142,13 +142,14 @@ class _Lines:
             if finding.decide_with is not None:
                 yield from self._rows("", f"to decide: {reason_text(finding.decide_with)}")
 
-    def _likely(self, uncertain: Sequence[Finding]) -> Iterator[str]:
+    def _likely(self, uncertain: Sequence[Finding], is_complete: bool) -> Iterator[str]:
         if uncertain:
             names = [
-                f"{effect_title(finding.name)} (probability {probability_text(finding.probability)})"
+                f"{effect_title(finding.name)} (probability {bounded_probability(finding.probability)})"
                 for finding in uncertain
             ]
-            yield from self._rows("not certain", f"{listed(names)}: in the error after, but not identified")
+            label, why = ("not certain", "not identified") if is_complete else ("so far", "others are untried")
+            yield from self._rows(label, f"{listed(names)}: in the error after, but {why}")
 
     def _rejected(self, findings: Sequence[Finding]) -> Iterator[str]:
         for finding in findings[:_MOST_OTHERS]:
