@@ -134,7 +134,7 @@ def test_state_has_the_words_of_the_console(served, items) -> None:
         number[0] for number in front["numbers"]
     }
     assert state["links"][0][:2] == [["sim:demo", "label"], ["connected", "good"]]
-    assert state["rolling"] == "4/4 rolling"
+    assert state["rolling"] == "4 of 4 wheels rolling"
 
 
 def test_ended_session_rolls_no_more(served, items) -> None:
@@ -194,8 +194,10 @@ def test_pressure_that_still_comes_is_shown_of_a_wheel_without_samples(
 
     show(served, items, silent)
     with guest(served) as connection:
-        front = next_of(connection, "state")["wheels"][0]
+        state = next_of(connection, "state")
+    front = state["wheels"][0]
     assert front["state"] == "silent for 7 s"
+    assert state["rolling"] == "3 of 4 wheels rolling, 1 silent"
     pressure, temperature, *_ = [text for text, _ in front["surroundings"]]
     assert (pressure, temperature) != ("— kPa", "— °C") if is_shown else (pressure, temperature) == ("— kPa", "— °C")
 
@@ -657,6 +659,19 @@ def test_alarm_of_an_ended_session_is_not_over_and_a_mark_after_it_not_done(brow
     tab.until(f"{click} || said.innerText === 'not done: the session has ended'")
     tab.value(f"document.querySelector('#mark-text').value = 'pothole'; {click}")
     assert tab.value("document.querySelector('#mark-text').value") == "pothole", "it can be sent again"
+
+
+def test_alarm_has_one_line_with_its_begin_and_the_value_of_now(browser, served, items, made) -> None:
+    """Also on a page that is opened later: the history has the time that the verdict and the notices have."""
+    tab = browser.tab()
+    tab.open(served.sink.address)
+    for silence_s in (9, 10):
+        alarm = made.alarm("FR", "silent", f"no samples for {silence_s} s")
+        record = AlarmRecord("FR", "silent", alarm.reason, 2, 9.0, 1.0, 14.0, is_standing=True, raised_s=5.1)
+        changed = {"alarms": (alarm,), "alarm_records": (record,), "elapsed_s": 5.0 + silence_s}
+        show(served, items[-1:], lambda snapshot, changed=changed: dataclasses.replace(snapshot, **changed))
+        tab.until(f"document.querySelector('#history')?.innerText.includes('no samples for {silence_s} s')")
+    assert text_of(tab, "#history") == "0:00:05ALARM FR: no samples for 10 s"
 
 
 def test_names_from_outside_stay_text(browser, served, items) -> None:

@@ -1,5 +1,6 @@
 """Results per revolution and immutable snapshots of wheels, links and the session, for the views."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -273,6 +274,7 @@ class AlarmRecord:
         last_s: time at which it was last seen standing.
         is_standing: whether it stood at the end.
         is_acknowledged: whether the user has acknowledged it since it was last raised.
+        raised_s: time of its last raising.
     """
 
     position: str
@@ -284,6 +286,7 @@ class AlarmRecord:
     last_s: float
     is_standing: bool
     is_acknowledged: bool = False
+    raised_s: float = math.nan
 
 
 @dataclass(frozen=True, slots=True)

@@ -65,6 +65,7 @@ class _Entry:
             self.seen_s,
             self.is_standing,
             self.is_acknowledged,
+            self.raised_s,
         )
 
 

@@ -64,7 +64,7 @@ class SessionCode(Codes):
     RECEIVER_SILENT = Code(
         "no sentence of the receiver for {silence_s:.0f} s. Is it unplugged, switched off, or set to another baud rate?"
     )
-    SAMPLES_MISSING = Code("no samples for {silence_s:.0f s}")
+    SAMPLES_MISSING = Code("no samples for {silence_s:.0f s}. Check its sensor's battery, distance and antenna")
     SAMPLES_SILENT = Code(
         "no samples for {silence_s:.0f s}, only other messages of its sensor. Were they stopped by a command, or does "
         "its firmware have a fault?"

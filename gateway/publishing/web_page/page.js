@@ -54,7 +54,7 @@
     };
   };
   const take = (message) => {
-    if (message.type === "state") { state = message; showState(state); if (!state.ended) showHistory(state.alarms); }
+    if (message.type === "state") { state = message; showState(state); if (!state.ended) showHistory(state.alarms, state.alarms_since); }
     if (message.type === "waveform" && message.wheel === wheel) { waveform = message; showWaveform(); }
     if (message.type === "quantities") showQuantities(message.quantities);
     if (message.type === "trend" && message.name === quantity) mergeTrend(message);
@@ -86,19 +86,22 @@
   // What was marked and what alarmed, since the page was opened.
 
   const HISTORY = 200, history = [], standing = new Map();
-  const remember = (text, role) => {
-    history.unshift([[state ? state.elapsed : "", "label"], [text, role]]);
+  const remember = (text, role, since = state ? state.elapsed : "") => {
+    history.unshift([[since, "label"], [text, role]]);
     history.length = Math.min(history.length, HISTORY);
     setText(byId("history-note"), "since this page was opened, the last first");
     setRows(byId("history"), history);
+    return history[0];
   };
-  const showHistory = (alarms) => {
-    // The value behind the colon changes while the alarm stands.
-    const present = new Map(alarms.map((text) => [text.split(":")[0], text]));
-    for (const [key, text] of present) if (!standing.has(key)) remember(`ALARM ${text}`, "warning");
-    for (const key of standing.keys()) if (!present.has(key)) remember(`over: ${key}`, "");
-    standing.clear();
-    for (const [key, text] of present) standing.set(key, text);
+  const showHistory = (alarms, since) => {
+    // The value behind the colon changes while the alarm stands: its line is that of its begin, with the value of now.
+    const present = new Map(alarms.map((text, index) => [text.split(":")[0], [`ALARM ${text}`, since[index]]]));
+    for (const key of standing.keys()) if (!present.has(key)) { remember(`over: ${key}`, ""); standing.delete(key); }
+    for (const [key, [text, begin]] of present) {
+      if (standing.has(key)) standing.get(key)[1][0] = text;
+      else standing.set(key, remember(text, "warning", begin));
+    }
+    if (present.size) setRows(byId("history"), history);
   };
 
   // The state

@@ -1,7 +1,7 @@
 """What the page shows, as JSON: the contents of the console, with the same words, for a browser."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -25,7 +25,7 @@ from gateway.core.shown_units import ShownUnits, conversion
 from gateway.core.text.numbers import MISSING, Shown, duration, unit_symbol
 from gateway.core.text.readout import SPEED
 from gateway.core.text.recording_topics import waveform_payload
-from gateway.core.text.text import clean, file_size
+from gateway.core.text.text import clean, counted, file_size
 from gateway.core.text.wording import notice_text
 from gateway.core.text.wording import text as reason_text
 from gateway.core.types import ComplexArray, FloatArray
@@ -49,11 +49,11 @@ def page_state(snapshot: SessionSnapshot, *, run_form: Mapping[str, str] | None)
         run_form: fields that describe the next recording, None where none may be begun.
     """
     alarmed = {alarm.position for alarm in snapshot.alarms}
-    rolling = sum(wheel.state is WheelState.ROLLING for wheel in snapshot.wheels)
+    raised_s = {(record.position, record.name): record.raised_s for record in snapshot.alarm_records}
     return {
         "type": "state",
         "elapsed": duration(snapshot.elapsed_s),
-        "rolling": "ended" if snapshot.ended else f"{rolling}/{len(snapshot.wheels)} rolling",
+        "rolling": "ended" if snapshot.ended else _rolling(snapshot.wheels),
         "ended": snapshot.ended,
         "recording": clean(snapshot.recording),
         "recorded": file_size(snapshot.recorded_bytes),
@@ -62,6 +62,9 @@ def page_state(snapshot: SessionSnapshot, *, run_form: Mapping[str, str] | None)
         "alarms": [
             clean(f"{alarm.position}: {reason_text(alarm.reason)}{' (acknowledged)' * snapshot.is_acknowledged(alarm)}")
             for alarm in snapshot.alarms
+        ],
+        "alarms_since": [
+            duration(raised_s.get((alarm.position, alarm.name), snapshot.elapsed_s)) for alarm in snapshot.alarms
         ],
         "to_acknowledge": not all(map(snapshot.is_acknowledged, snapshot.alarms)),
         "units": snapshot.units,
@@ -72,6 +75,13 @@ def page_state(snapshot: SessionSnapshot, *, run_form: Mapping[str, str] | None)
         "outputs": [_runs(sink_row(sink, _NAME_CELLS, _CELLS)) for sink in snapshot.sinks],
         "notices": [clean(notice_text(notice)) for notice in snapshot.notices],
     }
+
+
+def _rolling(wheels: Sequence[WheelSnapshot]) -> str:
+    """Return how many wheels roll and, as one that is not heard may roll too, how many are silent."""
+    rolling = sum(wheel.state is WheelState.ROLLING for wheel in wheels)
+    silent = sum(wheel.silence is not None for wheel in wheels)
+    return f"{rolling} of {counted(len(wheels), 'wheel')} rolling{f', {silent} silent' * bool(silent)}"
 
 
 def _wheel(wheel: WheelSnapshot, *, is_alarmed: bool) -> JsonObject:

@@ -118,6 +118,12 @@ def test_samples_that_stop_are_named_although_no_frame_is_lost() -> None:
     assert alarms_of(core)["W1", AlarmName.SILENT].code is SessionCode.SAMPLES_SILENT
 
 
+def test_silence_says_what_to_check_of_the_sensor() -> None:
+    assert text(Reason(SessionCode.SAMPLES_MISSING, silence_s=10.2)) == (
+        "no samples for 10 s. Check its sensor's battery, distance and antenna"
+    )
+
+
 def test_silent_sensor_is_told_from_a_silent_hub() -> None:
     items, vehicle = lab("silence:part=1,at=4")
     core = run(items, vehicle)
