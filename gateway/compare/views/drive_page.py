@@ -93,7 +93,7 @@ def page_over_time(template: str, **values: object) -> str:
 
 
 def recorded_at(drive: Drive) -> str:
-    """Return date and time of the first revolution in UTC, and the time to the last one."""
+    """Return date and time of the beginning in UTC, and the time to the last revolution."""
     start_ns = begin_ns(drive)
     end_ns = max((wheel.points[-1].time_ns for wheel in drive.wheels.values()), default=start_ns)
     return f"{date_utc(start_ns)}, {age((end_ns - start_ns) * 1e-9)}"
@@ -127,7 +127,7 @@ def _shown_section(identity: str, drive: Drive) -> dict[str, Any]:
         "means": means,
         "notes": notes,
         "data": script_data(pictures_json(drive, first.events, start_ns)) if wheels else "",
-        "drawn": _drawn(drive.wheels.values()),
+        "drawn": " ".join(filter(None, (_drawn(drive.wheels.values()), *_drawn_wear(notes)))),
         "path": path_picture({position: wheel.path for position, wheel in drive.wheels.items()}),
     }
 
@@ -210,6 +210,12 @@ def _notes(reasons: dict[str, dict[str, list[str]]]) -> Iterator[tuple[str, str,
             alike.setdefault(tuple(labels), []).append(position)
         for shared, wheels in alike.items():
             yield clean(", ".join(wheels)), ", ".join(shared), clean(reason)
+
+
+def _drawn_wear(notes: Iterable[tuple[str, str, str]]) -> Iterator[str]:
+    """Yield why the picture of wear is below zero where the table has none."""
+    if any(reason == _NO_WEAR for *_, reason in notes):
+        yield "Wear is drawn as measured: below zero by less than twice its error it means none, and is 0 in the table."
 
 
 def _drawn(wheels: Iterable[DriveWheel]) -> str:
