@@ -24,7 +24,7 @@ _logger = logging.getLogger(__name__)
 
 MAX_BYTES: Final = 1 << 30
 """Of all recordings together; those that were looked at longest ago are removed first."""
-_LAYOUT: Final = "1"
+_LAYOUT: Final = "2"
 _PARTS: Final = 64
 _PART_BYTES: Final = 1 << 16
 

@@ -78,7 +78,9 @@ class RecordingView:
             )
         self.path = path
         self._opened = open_recording(self._reader, config_path, key_file=key_file)
-        self.begin_ns = int(self._index.begin_ns.min())
+        begin_ns, start_ns = int(self._index.begin_ns.min()), self._reader.info.start_ns
+        # As on the page of a drive: from the start of the session.
+        self.begin_ns = begin_ns if start_ns is None else min(begin_ns, start_ns)
         self.span_s = max(float(self._index.end_ns.max() - self.begin_ns) * 1e-9, 1e-3)
         self._levels = SampleLevels.over(self.span_s)
         self._times = SampleTimes()

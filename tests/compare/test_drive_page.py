@@ -11,7 +11,7 @@ import pytest
 from gateway.compare.views.drive import MAX_POINTS, MAX_WAVEFORMS, Drive, DriveWheel
 from gateway.compare.views.drive_comparison import comparison_lines
 from gateway.compare.views.drive_page import drive_page
-from gateway.compare.views.drive_pictures import begin_ns, drawn_quantities, lines_of, pictures_json
+from gateway.compare.views.drive_pictures import begin_ns, drawn_quantities, first_ns, lines_of, pictures_json
 from gateway.compare.views.drive_verdict import verdict
 from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.estimates.reasons import EstimateCode
@@ -203,14 +203,14 @@ def test_a_silence_is_named_and_a_standstill_is_none(made, silent_s, kind):
 
 def test_a_silence_that_an_alarm_told_of_is_one_event_with_one_begin(made):
     drive = with_silence(made, 40, 20, silent_s=35.0)
-    drive.start_ns = begin_ns(drive) - 10**9
+    drive.start_ns = first_ns(drive) - 10**9
     reason = Reason(SessionCode.SAMPLES_SILENT, silence_s=34.0)
     alarm = AlarmRecord("FL", AlarmName.SILENT, reason, 1, 34.0, 4.0, 38.0, is_standing=False)
     drive.finish((), (alarm,), ())
     said = said_of(drive)
-    assert said.summary == "1 wheel, 78 ± 12 m in 39 s. FL was silent for 35 s. Nothing else to act on."
+    assert said.summary == "1 wheel, 78 ± 12 m in 40 s. FL was silent for 35 s. Nothing else to act on."
     ((begin_s, end_s, kind, wheel, words),) = said.events
-    assert (round(begin_s), round(end_s), kind, wheel) == (2, 37, "silence", "FL")
+    assert (round(begin_s), round(end_s), kind, wheel) == (3, 38, "silence", "FL"), "since the session's start"
     assert "no samples for 34 s, only other messages" in words
     assert "look for a command that stopped it" in said.actions[0].step
 
@@ -239,6 +239,9 @@ def test_a_wear_below_zero_within_its_error_is_said_to_be_none(made):
             estimates = (Estimate("wear_mm", wear_mm, std_mm, Status.VALID),)
             drive.add(made.result(position=position, index=index, estimates=estimates))
     page = drive_page([drive])
+    why = "Wear is drawn as measured: below zero by less than twice its error it means none, and is 0 in the table."
+    assert why in page
+    assert why not in drive_page([with_silence(made, 50, 20)])
     assert re.findall(r"<li>([^<]*): below zero by less than twice its error", page) == ["FL, wear"]
     assert "<dt>Wear</dt>" in page
     assert re.findall(r'class="n[^"]*">(-?[\d.]+ ± [\d.]+)', page.split(">wear ")[1].split("</tr>")[0]) == [

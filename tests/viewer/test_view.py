@@ -13,6 +13,8 @@ import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
+from gateway.compare.views.drive import Drive
+from gateway.compare.views.drive_pictures import begin_ns
 from gateway.core.errors import RecordingError, TreadlinkError
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.session.recording_pass import open_recording
@@ -418,6 +420,7 @@ def test_silence_is_marked_from_its_begin_and_in_the_verdict(browser, tmp_path) 
         assert "W0 was silent for 3 s." in verdict
         assert verdict.index("What to do") < verdict.index("What happened")
         assert "0:00:03 to 0:00:06" in verdict
+        assert RecordingView(silent).begin_ns == begin_ns(Drive.of(RecordingReader(silent))), "times as in the drive"
         colour = """((share, fromTop) => {
           const canvas = document.querySelector("#samples canvas"), over = document.querySelector("#samples .u-over");
           const outer = canvas.getBoundingClientRect(), inner = over.getBoundingClientRect();

@@ -8,7 +8,7 @@ from gateway.compare.views.comparison_verdict import comparison_verdict
 from gateway.compare.views.drive import Drive
 from gateway.compare.views.drive_comparison import difference_cells, shared_wheels, varying_line
 from gateway.compare.views.drive_page import page_over_time, recorded_at
-from gateway.compare.views.drive_pictures import begin_ns, pictures_json
+from gateway.compare.views.drive_pictures import first_ns, pictures_json
 from gateway.compare.views.wheel_glance import GLANCE
 from gateway.core.shown_units import shown_in
 from gateway.core.text.html_template import script_data
@@ -48,7 +48,7 @@ def _page(first: Drive, second: Drive, differences: Sequence[MeanDifference]) ->
 
 def _pictures(first: Drive, second: Drive, shared: Sequence[str], shown: str) -> dict[str, Any]:
     """Return the pictures of both recordings over the time since the first revolution of each, a wheel at a time."""
-    parts = [pictures_json(drive, (), begin_ns(drive)) for drive in (first, second)]
+    parts = [pictures_json(drive, (), first_ns(drive)) for drive in (first, second)]
     count = len(parts[0]["wheels"])
     rows = [{quantity["name"]: quantity for quantity in part["quantities"]} for part in parts]
     absent = [{"wheels": [None] * len(part["wheels"])} for part in parts]

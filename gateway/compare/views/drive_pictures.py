@@ -27,7 +27,7 @@ class Line(NamedTuple):
     Attributes:
         position: wheel.
         style: index of its colour and dashes.
-        time_s: (n,) since the first revolution of any wheel.
+        time_s: (n,) since the beginning.
         value: (n,) NaN where it is invalid, and within a time without revolutions.
         std: (n,) NaN where it is not known.
         is_valid: (n,) False where it is provisional or invalid.
@@ -47,9 +47,14 @@ def date_utc(time_ns: int) -> str:
     return iso_utc(time_ns)[:19].replace("T", " ") + " UTC" if is_date else "date not recorded"
 
 
-def begin_ns(drive: Drive) -> int:
+def first_ns(drive: Drive) -> int:
     """Return the end of the first revolution of any wheel, ns; 0 without waveform."""
     return min((wheel.points[0].time_ns for wheel in drive.wheels.values()), default=0)
+
+
+def begin_ns(drive: Drive) -> int:
+    """Return the time from which the times of a drive count, ns: the start of its session, as those of its alarms."""
+    return first_ns(drive) if drive.start_ns is None else min(drive.start_ns, first_ns(drive) or drive.start_ns)
 
 
 def drawn_quantities(drive: Drive) -> list[str]:

@@ -27,7 +27,7 @@ class Event(NamedTuple):
     """Something that happened in a drive.
 
     Attributes:
-        begin_s: time since the first revolution of any wheel.
+        begin_s: time since the beginning of the drive.
         end_s: likewise; equal for a moment, infinite where it lasted to the end.
         kind: `alarm`, `mark`, `silence` or `standstill`.
         wheel: of which wheel or link, empty for all.
@@ -137,7 +137,7 @@ def _silence_alarms(drive: Drive, start_ns: int) -> dict[str, AlarmRecord]:
 
 
 def _offset_s(drive: Drive, start_ns: int) -> float:
-    """Return the time of the session's start since the first revolution."""
+    """Return the time of the session's start since that from which times count."""
     return 0.0 if drive.start_ns is None else (drive.start_ns - start_ns) * 1e-9
 
 
