@@ -80,8 +80,9 @@ def test_page_shows_the_session_while_it_runs(command: str, tmp_path: Path) -> N
         line = printed[-1]
         address = line.removeprefix("page: ").strip()
         with connect(address.replace("http", "ws"), origin=address.rstrip("/"), open_timeout=20.0) as page:  # type: ignore[arg-type]
-            states = (json.loads(page.recv(20.0)) for _ in iter(int, 1))
-            state = next(state for state in states if state["type"] == "state" and "1/1" in state["rolling"])
+            # Ten a second, so that waiting ends after a minute.
+            states = (json.loads(page.recv(20.0)) for _ in range(600))
+            state = next(state for state in states if state["type"] == "state" and "1 of 1" in state["rolling"])
             assert state["may_record"] is ("live" in command)
             if state["may_record"]:
                 page.send(json.dumps({"record": True}))
