@@ -101,7 +101,7 @@ def test_axes_have_labels_with_units(drawings: dict[str, tuple[Any, str]]) -> No
 
 
 def test_fig_11_reports_good_fit_with_wrong_numbers(captions: dict[str, str]) -> None:
-    residual = re.search(r"with a residual of (\d+)%", captions["ring-fig-11"])
+    residual = re.search(r"with a residual of (\d+) %", captions["ring-fig-11"])
     assert residual
     assert int(residual[1]) < 8
     search_result = re.search(r"are ([\d., ]+) of the true", captions["ring-fig-11"])
@@ -125,7 +125,7 @@ def test_fig_13_bending_falls_with_wear(captions: dict[str, str]) -> None:
     means = [float(mean) for mean in search_result[1].split(", ")]
     assert means == sorted(means, reverse=True)
     assert means[2] < 0.5 * means[0]
-    weak = re.search(r"stays within ([\d.]+)%", captions["ring-fig-13"])
+    weak = re.search(r"stays within ([\d.]+) %", captions["ring-fig-13"])
     assert weak
     assert float(weak[1]) < 2.0
 
