@@ -137,7 +137,7 @@ def row(name: str, draw: Draw, count: int) -> str:
     bias = [abs(v.bias_percent) for v in verdicts if v.z]
     exact = (
         f"{np.percentile(centre, 95):7.3f} {centre.max():7.2f} {np.percentile(bias, 95):7.3f} "
-        f"{np.median(z):5.2f} {np.percentile(z, 90):5.2f}"
+        f"{np.median(z):5.2f} {np.percentile(z, 90):6.2f}"
         if len(centre)
         else ""
     )
@@ -173,7 +173,7 @@ def main() -> None:
     arguments = parser.parse_args()
     print(f"{arguments.count} wheels a family; centre and speed bias in % of the period, z = error / stated error")
     print(f"{'family':26} {'due':>6} {'missed':>6} {'%':>6} {'false':>6} {'placed':>6}  ", end="")
-    print(f"{'95 %':>7} {'worst':>7} {'bias':>7} {'z':>5} {'z90 %':>5}")
+    print(f"{'95 %':>7} {'worst':>7} {'bias':>7} {'z':>5} {'z 90 %':>6}")
     for name in arguments.family or FAMILIES:
         print(row(name, FAMILIES[name], arguments.count), flush=True)
     print(*costs(), sep="\n")

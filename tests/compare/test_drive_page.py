@@ -238,6 +238,8 @@ def test_a_wear_below_zero_within_its_error_is_said_to_be_none(made):
         for position, (wear_mm, std_mm) in wears.items():
             estimates = (Estimate("wear_mm", wear_mm, std_mm, Status.VALID),)
             drive.add(made.result(position=position, index=index, estimates=estimates))
+        none = (Estimate.invalid("wear_mm", Reason(EstimateCode.NEEDS_LOAD_CALIBRATION)),)
+        drive.add(made.result(position="RR", index=index, estimates=none))
     page = drive_page([drive])
     why = "Wear is drawn as measured: below zero by less than twice its error it means none, and is 0 in the table."
     assert why in page

@@ -1,20 +1,16 @@
-import threading
 from collections.abc import Iterator, Sequence
 
 import pytest
 
-from gateway.core.clock import ManualClock
-from gateway.core.config.vehicle import parse_vehicle
 from gateway.core.estimates.results import Alarm, AlarmChange, RevolutionResult, SessionSnapshot
 from gateway.core.links.reconnect import Backoff
-from gateway.core.links.source import LinkEvent, open_source
 from gateway.core.reasons import Reason
-from gateway.core.session.core import SessionCore
 from gateway.core.session.reasons import SessionCode
 from gateway.publishing import sink_worker
 from gateway.publishing.sink import Item, PublishedAlarm, PublishedRevolution, PublishedState
 from tests.publishing.receivers import PostServer, serving
 from tests.testkit.made_results import made  # noqa: F401 - a fixture
+from tests.testkit.simulated_session import simulated_session
 
 PRESSURE = Reason(SessionCode.VALUE_BELOW_LIMIT, quantity="pressure_pa", value=180e3, limit=200e3)
 
@@ -22,14 +18,7 @@ PRESSURE = Reason(SessionCode.VALUE_BELOW_LIMIT, quantity="pressure_pa", value=1
 @pytest.fixture(scope="session")
 def drive() -> tuple[list[RevolutionResult], SessionSnapshot]:
     """Revolutions of four simulated wheels with all estimators, and the state of their session."""
-    source = open_source("sim:demo?speed=max&duration=2.5&seed=3", ManualClock())
-    core = SessionCore(parse_vehicle(source.vehicle_toml, "demo"))
-    results, snapshot = [], core.snapshot(0.0)
-    for item in source.items(threading.Event()):
-        if isinstance(item, LinkEvent):
-            snapshot = core.snapshot(2.5)  # before the link ends
-        results += core.take(item)
-    return [*results, *core.finish()], snapshot
+    return simulated_session("sim:demo?speed=max&duration=2.5&seed=3", 2.5)
 
 
 @pytest.fixture(scope="session")

@@ -6,7 +6,7 @@ import math
 import re
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from typing import Any
 
@@ -17,7 +17,7 @@ from websockets.sync.client import ClientConnection, connect
 from gateway.core.clock import SystemClock
 from gateway.core.errors import RecordingError
 from gateway.core.estimates.estimator import Estimate, Status
-from gateway.core.estimates.results import AlarmRecord, Silence, SilentPart, WheelState
+from gateway.core.estimates.results import AlarmRecord, SessionSnapshot, Silence, SilentPart, WheelState
 from gateway.core.links.reasons import LinkCode
 from gateway.core.reasons import Notice, Reason
 from gateway.core.session.reasons import SessionCode
@@ -118,6 +118,17 @@ def show(served: Served, items, change=lambda snapshot: snapshot) -> None:
             served.worker.offer(item)
 
 
+def first_silent(silence: Silence) -> Callable[[SessionSnapshot], SessionSnapshot]:
+    """Return what makes the first wheel of a session silent."""
+
+    def changed(snapshot: SessionSnapshot) -> SessionSnapshot:
+        first, *others = snapshot.wheels
+        first = dataclasses.replace(first, state=WheelState.SILENT, silences=(silence,))
+        return dataclasses.replace(snapshot, wheels=(first, *others))
+
+    return changed
+
+
 def test_state_has_the_words_of_the_console(served, items) -> None:
     show(served, items)
     with guest(served) as connection:
@@ -154,14 +165,7 @@ def test_ended_session_rolls_no_more(served, items) -> None:
 
 def test_silent_wheel_has_an_age_and_no_number(served, items, drive) -> None:
     silence = Silence(SilentPart.SENSOR, 7.0, Reason(SessionCode.SENSOR_SILENT, silence_s=7.0))
-
-    def silent(snapshot):
-        first, *others = snapshot.wheels
-        return dataclasses.replace(
-            snapshot, wheels=(dataclasses.replace(first, state=WheelState.SILENT, silences=(silence,)), *others)
-        )
-
-    show(served, items, silent)
+    show(served, items, first_silent(silence))
     with guest(served) as connection:
         connection.send(json.dumps({"wheel": "FL"}))
         front = next_of(connection, "state")["wheels"][0]
@@ -186,13 +190,7 @@ def test_pressure_that_still_comes_is_shown_of_a_wheel_without_samples(
     served, items, part: SilentPart, is_certain: bool, is_shown: bool
 ) -> None:
     silence = Silence(part, 7.0, Reason(SessionCode.SAMPLES_SILENT, silence_s=7.0), is_certain)
-
-    def silent(snapshot):
-        first, *others = snapshot.wheels
-        changed = dataclasses.replace(first, state=WheelState.SILENT, silences=(silence,))
-        return dataclasses.replace(snapshot, wheels=(changed, *others))
-
-    show(served, items, silent)
+    show(served, items, first_silent(silence))
     with guest(served) as connection:
         state = next_of(connection, "state")
     front = state["wheels"][0]
@@ -471,12 +469,7 @@ def test_drive_face_begins_with_an_alarm_and_lists_the_others(served, items, mad
 
 def test_drive_face_of_an_ended_or_silent_session_has_no_number_that_looks_alive(served, items) -> None:
     silence = Silence(SilentPart.SENSOR, 7.0, Reason(SessionCode.SENSOR_SILENT, silence_s=7.0))
-
-    def silent(snapshot):
-        first = dataclasses.replace(snapshot.wheels[0], silences=(silence,), state=WheelState.SILENT)
-        return dataclasses.replace(snapshot, wheels=(first, *snapshot.wheels[1:]))
-
-    show(served, items, silent)
+    show(served, items, first_silent(silence))
     with guest(served) as connection:
         drive = next_of(connection, "state")["drive"]
         assert drive["line"] == "FL: silent for 7 s."
@@ -497,12 +490,7 @@ def test_drive_face_of_an_ended_or_silent_session_has_no_number_that_looks_alive
 
 def test_pressure_that_a_silent_wheel_still_sends_is_said_to_be_received(served, items) -> None:
     silence = Silence(SilentPart.SAMPLES, 7.0, Reason(SessionCode.SAMPLES_SILENT, silence_s=7.0))
-
-    def silent(snapshot):
-        first = dataclasses.replace(snapshot.wheels[0], silences=(silence,), state=WheelState.SILENT)
-        return dataclasses.replace(snapshot, wheels=(first, *snapshot.wheels[1:]))
-
-    show(served, items, silent)
+    show(served, items, first_silent(silence))
     with guest(served) as connection:
         state = next_of(connection, "state")
     assert state["drive"]["wheels"][0]["values"]["pressure_pa"]["source"] == "received"

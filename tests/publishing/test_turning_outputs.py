@@ -1,7 +1,6 @@
 """Turn rate and curve radius in live outputs: of a simulated wheel in a curve, and at the ends of their ranges."""
 
 import json
-import threading
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -13,13 +12,10 @@ import pytest
 from websockets.sync.client import connect
 
 from gateway.console.page import ViewState, compose
-from gateway.core.clock import ManualClock, SystemClock
-from gateway.core.config.vehicle import parse_vehicle
+from gateway.core.clock import SystemClock
 from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.estimates.results import RevolutionResult, SessionSnapshot
-from gateway.core.links.source import LinkEvent, open_source
 from gateway.core.quantity_catalogue import in_state
-from gateway.core.session.core import SessionCore
 from gateway.core.text.recording_topics import revolution_payload
 from gateway.publishing.can_frames import LAYOUTS, FrameEncoder, dbc_text
 from gateway.publishing.foxglove_server import FoxgloveSink
@@ -28,6 +24,7 @@ from gateway.publishing.sink_worker import SinkWorker
 from gateway.publishing.web_page.page_state import page_state
 from tests.publishing.receivers import finish, publish
 from tests.publishing.test_foxglove import Viewer
+from tests.testkit.simulated_session import simulated_session
 from tests.testkit.waiting import TIMEOUT_S, until
 from tools.mqtt_broker import PROGRAM, Broker, Listener
 
@@ -56,14 +53,7 @@ def curve(tmp_path_factory) -> tuple[list[RevolutionResult], SessionSnapshot]:
     """Revolutions of a simulated wheel that drives into a curve to the left, and the state of the session in it."""
     path = tmp_path_factory.mktemp("curve") / "curve.toml"
     path.write_text(CURVE, "utf-8")
-    source = open_source(f"sim:{path}?speed=max&duration=3.5", ManualClock())
-    core = SessionCore(parse_vehicle(source.vehicle_toml, "curve"), estimators=("kinematic", "ply-steer", "turning"))
-    results, snapshot = [], core.snapshot(0.0)
-    for item in source.items(threading.Event()):
-        if isinstance(item, LinkEvent):
-            snapshot = core.snapshot(3.5)  # before the link ends
-        results += core.take(item)
-    return [*results, *core.finish()], snapshot
+    return simulated_session(f"sim:{path}?speed=max&duration=3.5", 3.5, ("kinematic", "ply-steer", "turning"))
 
 
 def items_of(curve: tuple[list[RevolutionResult], SessionSnapshot]) -> list[Item]:

@@ -148,8 +148,8 @@ def _means(drive: Drive) -> tuple[list[tuple[str, str, list[_Value]]], list[tupl
             status, reason = Status(str(cells["_status"])), str(cells["_reason"])
             value, std, scatter = (number(cells, part) for part in ("", "_std", "_scatter"))
             largest = next((each.largest for each in budgets.get(position, ()) if each.estimate.name == name), "")
-            if name == WEAR and (plain := plain_wear(Estimate(name, value, std, status)).value) != value:
-                value = plain
+            if name == WEAR and value < plain_wear(Estimate(name, value, std, status)).value:
+                value = 0.0
                 reasons.setdefault(_NO_WEAR, {}).setdefault(position, []).append(label)
             rows.setdefault(name, {})[position] = _value(
                 unit.of(value), std * unit.factor, scatter * unit.factor, status, largest

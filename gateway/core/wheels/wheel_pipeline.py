@@ -142,6 +142,7 @@ class WheelPipeline:
         self._results: list[RevolutionResult] = []
         self._environments_waiting = 0
         self._samples = self._lost = self._silent = self._saturated = self._revolutions = 0
+        self._silent_s = 0.0
         self._overwritten_before = self._looked_at = 0
         # Samples that the last revolution was short of without a mark.
         self._checked_before = _SOUND
@@ -296,7 +297,9 @@ class WheelPipeline:
             # Numbers for which the hub's clock shows no time are a jump of the firmware's, not lost samples.
             if not is_jump(step, ticks_us[0] - clock.hub_us(buffer.head), sensor.hello.rate_hz):
                 self._lost += step
-                self._silent += step if step >= _SILENT_S * sensor.hello.rate_hz else 0
+                if (gap_s := step / sensor.hello.rate_hz) >= _SILENT_S:
+                    self._silent += step
+                    self._silent_s += gap_s
             self._finish_segment()
             self._begin_at(first)
             self.add(first_sample, ticks_us, axes, counts, host)
@@ -621,7 +624,7 @@ class WheelPipeline:
                 samples=self._samples,
                 samples_lost=self._lost,
                 samples_silent=self._silent,
-                silent_s=self._silent / hello.rate_hz if hello is not None else 0.0,
+                silent_s=self._silent_s,
                 samples_saturated=self._saturated,
                 samples_overwritten=self._overwritten_before + (buffer.overwritten if buffer is not None else 0),
                 revolutions=self._revolutions,

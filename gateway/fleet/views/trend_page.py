@@ -267,12 +267,12 @@ def _table(tires: Sequence[TireTrend], key: str, title: str, quantities: Sequenc
     for (is_missing, label, why), names in reasons.items():
         labels.setdefault((is_missing, tires_text(names, len(tires)), why), []).append(label)
     missing, notes = (
-        [(names, ", ".join(of), why) for (is_missing, names, why), of in labels.items() if is_missing is wanted]
-        for wanted in (True, False)
+        [(names, ", ".join(of), why) for (is_missing, names, why), of in labels.items() if is_missing is without_value]
+        for without_value in (True, False)
     )
-    left = sum(max(len(told) - _MOST_NOTES, 0) for told in (missing, notes))
+    more = sum(max(len(lines) - _MOST_NOTES, 0) for lines in (missing, notes))
     heads = [(LABELS[quantity], units[quantity]) for quantity in quantities]
-    return Table(key, title, heads, rows, missing[:_MOST_NOTES], notes[:_MOST_NOTES], left)
+    return Table(key, title, heads, rows, missing[:_MOST_NOTES], notes[:_MOST_NOTES], more)
 
 
 def _with_unit(number: TrendNumber) -> str:
