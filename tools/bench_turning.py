@@ -1,14 +1,14 @@
 """Turn rate, ply steer, conicity, belt shift, roll and signs of lateral axes on random drives with curves.
 
-    python tools/bench_turning.py [--drives COUNT] [--seed SEED] [--first NUMBER]
+    python tools/bench_turning.py [--drives COUNT] [--seed SEED] [--first NUMBER] [--bank DEG]
 
 Nothing that makes the signals is the gateway's: a belt of finite elements (tools/independent_tire) rolls along a
 course, and what its sensor reads is the position of that point in space, differentiated twice. Each drive has a
 random tire, sensor, speed, grade and bank, then straights and curves of up to 0.5 g that begin and end within a
-second. A fifth begin in a curve. On straights the car keeps its lane; in curves the tire slips by what its side force
-needs, and cambers. Ply steer, conicity and shift are compared with those of the same tire under the same slip on a
-straight, level road, the roll with the sensor's own: false is valid and more than 3.5 errors off. Two wheels of an
-axle drive a curve of 0.1 g for 3 s, the lateral axis of each to the left or to the right.
+second. A fifth begin in a curve. On straights the car keeps its lane; the tire slips by what its side force needs, on
+a bank too, and cambers in curves. Ply steer, conicity and shift are compared with those of the same tire under the same
+slip on a straight, level road, the roll with the sensor's own: false is valid and more than 3.5 errors off. Two wheels
+of an axle drive a curve of 0.1 g for 3 s, the lateral axis of each to the left or to the right.
 """
 
 import argparse
@@ -66,7 +66,7 @@ class Car:
     pressure_pa: float
 
     def slip_rad(self, acceleration_mps2: FloatArray) -> FloatArray:
-        """Return the slip angles whose side force carries the wheel's part of the car."""
+        """Return the slip angles whose side force carries the wheel's part of the car, gravity on a bank included."""
         forces = self.tire.forces_n - np.interp(0.0, SLIPS_RAD, self.tire.forces_n)
         slip: FloatArray = np.interp(self.load_n / G * acceleration_mps2, forces, SLIPS_RAD)
         return slip
@@ -137,13 +137,15 @@ def smooth(
     return result
 
 
-def course_of(car: Car, parts: list[tuple[float, float]], speed_mps: float, rng: np.random.Generator) -> Course:
-    """Return a course of parts, (seconds, lateral acceleration in m/s^2, 0 of a straight)."""
+def course_of(
+    car: Car, parts: list[tuple[float, float]], speed_mps: float, bank_std_rad: float, rng: np.random.Generator
+) -> Course:
+    """Return a course of parts, (seconds, lateral acceleration in m/s^2, 0 of a straight), each with its bank."""
     step = 1.0 / (RATE_HZ * OVERSAMPLED)
     time = step * np.arange(round(sum(seconds for seconds, _ in parts) / step) + 2 * MARGIN)
     acceleration, bank, at = (
         np.full(len(time), parts[0][1]),
-        np.full(len(time), rng.normal(0.0, math.radians(2.0))),
+        np.full(len(time), rng.normal(0.0, bank_std_rad)),
         0.0,
     )
     for (seconds, before), (_, after) in itertools.pairwise(parts):
@@ -152,14 +154,15 @@ def course_of(car: Car, parts: list[tuple[float, float]], speed_mps: float, rng:
         share = np.clip((time - at) / begins_s + 0.5, 0.0, 1.0)
         share = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
         acceleration += (after - before) * share
-        bank += share * (rng.normal(0.0, math.radians(2.0)) - bank)
+        bank += share * (rng.normal(0.0, bank_std_rad) - bank)
     speed = speed_mps + smooth(rng, time, 0.4, 4.0)
     yaw = acceleration / speed + smooth(rng, time, LANE_RADPS, LANE_S)
     return Course(
         step,
         speed,
         np.cumsum(yaw) * step,
-        car.slip_rad(acceleration),
+        # The tires carry what a sideways level reads: the path's acceleration and gravity on the bank.
+        car.slip_rad(speed * yaw + G * bank),
         rng.normal(0.0, math.radians(2.0)) * acceleration / G,
         smooth(rng, time, math.radians(2.5), 8.0),
         bank,
@@ -211,7 +214,7 @@ def within(result: RevolutionResult, values: FloatArray) -> FloatArray:
     return values[begin : begin + round(result.revolution.period_s * RATE_HZ)]
 
 
-def drive(car: Car, rng: np.random.Generator, tallies: dict[str, Tally]) -> int:
+def drive(car: Car, bank_std_rad: float, rng: np.random.Generator, tallies: dict[str, Tally]) -> int:
     """Drive, and return the number of straight revolutions with a valid curve radius."""
     parts: list[tuple[float, float]] = []
     for _ in range(rng.integers(2, 5)):
@@ -220,7 +223,7 @@ def drive(car: Car, rng: np.random.Generator, tallies: dict[str, Tally]) -> int:
     if rng.random() < 0.2:
         parts = parts[1:]
     sensor = random_sensor(rng)
-    course = course_of(car, parts, float(rng.uniform(*SPEEDS_KMH)) / 3.6, rng)
+    course = course_of(car, parts, float(rng.uniform(*SPEEDS_KMH)) / 3.6, bank_std_rad, rng)
     felt, _, yaw = car.tire.felt(course, 0.0)
     still = car.tire.felt(course.straight(), 0.0, paced_by=course)[0]
     names = ["kinematic", "self-calibration", "ply-steer", "turning", "side-force"]
@@ -246,11 +249,11 @@ def drive(car: Car, rng: np.random.Generator, tallies: dict[str, Tally]) -> int:
     return radii
 
 
-def axle(car: Car, rng: np.random.Generator, axes: tuple[float, float]) -> list[RevolutionResult]:
+def axle(car: Car, bank_std_rad: float, rng: np.random.Generator, axes: tuple[float, float]) -> list[RevolutionResult]:
     """Return the latest results of two wheels that drove a clear curve, with what their pair says."""
     seconds, curve = CLEAR_CURVE[1], CLEAR_CURVE[0] * float(rng.choice([-1.0, 1.0]))
     speed = float(rng.uniform(*SPEEDS_KMH)) / 3.6
-    course = course_of(car, [(5.0, 0.0), (seconds + 1.0, curve), (12.0, 0.0)], speed, rng)
+    course = course_of(car, [(5.0, 0.0), (seconds + 1.0, curve), (12.0, 0.0)], speed, bank_std_rad, rng)
     half_m = 0.5 * float(rng.uniform(1.3, 1.8))
     taken = []
     for position, left_m, axis in zip(("FL", "FR"), (half_m, -half_m), axes, strict=True):
@@ -274,19 +277,21 @@ def main() -> None:
     parser.add_argument("--drives", type=int, default=200)
     parser.add_argument("--seed", type=int, default=11)
     parser.add_argument("--first", type=int, default=0, help="number of the first drive")
+    parser.add_argument("--bank", type=float, default=2.0, help="standard deviation of the road's bank, deg")
     arguments = parser.parse_args()
+    bank_std_rad = math.radians(arguments.bank)
     tallies = {name: Tally() for name in ("turn_rate_radps", *COMPARED)}
     signs, radii = {1: 0, 0: 0, -1: 0}, 0
     car = None
     for number in range(arguments.first, arguments.first + arguments.drives):
         if car is None or number % DRIVES_A_TIRE == 0:
             car = random_car(np.random.default_rng((arguments.seed, number // DRIVES_A_TIRE, 0)))
-        radii += drive(car, np.random.default_rng((arguments.seed, number, 1)), tallies)
+        radii += drive(car, bank_std_rad, np.random.default_rng((arguments.seed, number, 1)), tallies)
         rng = np.random.default_rng((arguments.seed, number, 2))
         axes = tuple(float(axis) for axis in rng.choice([-1.0, 1.0], 2))
-        for result, axis in zip(axle(car, rng, (axes[0], axes[1])), axes, strict=True):
+        for result, axis in zip(axle(car, bank_std_rad, rng, (axes[0], axes[1])), axes, strict=True):
             signs[int(shown_axis(result) * axis)] += 1
-    print(f"{arguments.drives} drives from {arguments.first}, seed {arguments.seed}")
+    print(f"{arguments.drives} drives from {arguments.first}, seed {arguments.seed}, bank {arguments.bank:g} deg")
     for name, tally in tallies.items():
         print(tally.line(name))
     print(f"valid curve radius on a straight: {radii}")
