@@ -89,7 +89,7 @@ class TrustCode(Codes):
         "the lateral axis points to the right, or the positions are not as stated: this wheel rolls faster than "
         "{other} in curves of which its axis says that it is the inner one"
     )
-    LATERAL_SIGN_UNVERIFIED = Code("the sign is not verified: drive one curve")
+    LATERAL_SIGN_UNVERIFIED = Code("the sign is not verified: `treadlink doctor RECORDING` says what shows it")
     LATERAL_SLIP_APART = Code(
         "the lateral axis of this wheel or of {other} points the wrong way, or their positions are not as stated: "
         "they slip to opposite sides in {opposite:.0f} revolutions, to the same side in {same:.0f}"
