@@ -46,7 +46,7 @@ CEILINGS: Final[dict[str, Ceiling]] = {
     "reason codes": Ceiling(430, 531),
     "functions over complexity 20": Ceiling(0, 0),
     "functions of more than eight parameters, commands aside": Ceiling(0, 4),
-    "modules over 700 lines": Ceiling(0, 1),
+    "modules over 700 lines": Ceiling(0, 0),
     "imports of this project in functions, commands aside": Ceiling(0, 1),
     "arrows between rooms": Ceiling(110, 100),
 }

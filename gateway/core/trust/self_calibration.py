@@ -16,14 +16,13 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
 from gateway.core.constants import AXIS_NAMES, STANDARD_GRAVITY_MPS2
-from gateway.core.estimates.disagreement import CONTRADICTION, error_of
+from gateway.core.estimates.disagreement import error_of
 from gateway.core.estimates.estimator import (
-    AngleAverage,
     Estimate,
     Revolution,
     Status,
@@ -38,7 +37,6 @@ from gateway.core.estimates.revolution_block import BlockEstimator, RevolutionBl
 from gateway.core.estimates.sensor_claims import HAND_MOUNTED_STD_M, Tilt
 from gateway.core.reasons import CoreCode, Reason
 from gateway.core.revolutions.axis_relations import AxisRelations, axis_relations
-from gateway.core.revolutions.contact_edges import contact_interior
 from gateway.core.revolutions.reasons import RevolutionCode
 from gateway.core.revolutions.sensor_mounting import (
     HUB_SIZE,
@@ -53,24 +51,35 @@ from gateway.core.revolutions.sensor_mounting import (
     yaw_by_shape,
 )
 from gateway.core.revolutions.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS
+from gateway.core.trust.calibration_estimates import (
+    LEAST_REVOLUTIONS,
+    PRIOR_STDS,
+    floor_gain,
+    gain_estimates,
+    mounting_estimates,
+    roll_estimate,
+    steady_value_lost,
+)
 from gateway.core.trust.reasons import TrustCode
-from gateway.core.trust.refuted_sums import Equations, are_at_odds, are_silent, contradicted, is_refuted, speed_errors
+from gateway.core.trust.refuted_sums import Equations, are_at_odds, are_silent, contradicted, is_refuted
+from gateway.core.trust.sensor_measurement import (
+    GRAVITY,
+    MATRIX,
+    MEAN,
+    MOUNTING,
+    RIGHT,
+    STEADY,
+    SUMS,
+    AlongGravity,
+    CalibrationStep,
+    Measured,
+    Measurement,
+)
 from gateway.core.types import BoolArray, ComplexArray, FloatArray
 
-NAMES: Final = (
-    "gain",
-    "zero_g_offset_mps2",
-    "gain_per_degc",
-    "roll_tilt_rad",
-    "pitch_tilt_rad",
-    "sensor_offset_m",
-)
 _CIRCUMFERENTIAL, _LATERAL, _RADIAL = range(3)
 _ALONG_NAME: Final = AXIS_NAMES[_CIRCUMFERENTIAL]
 
-# Prior standard errors of G, z, G' and a: 10 %, 1 g and 0.05 % per degree as in a data sheet; belt stretch as order 1
-# of R Omega^2, 2.4e-4 on a belt of 5 MN at 5000 N.
-_PRIOR_STDS: Final = (0.1, STANDARD_GRAVITY_MPS2, 5e-4, 3e-4)
 # Scatter of a revolution's mean without noise: road, speed within the revolution.
 _MEAN_STD_MPS2: Final = 0.5
 # Error of a revolution's mean over its value, per difference of the relative changes of speed in two revolutions: a
@@ -81,10 +90,6 @@ _JERK_LASTS: Final = 3
 _USUAL_JERK: Final = 0.005
 # The same, per square of the relative change of speed in a revolution.
 _MEAN_BY_CHANGE: Final = 0.1
-# Systematic error of the closure as a share of R Omega^2: 1.3e-4 on a belt of 5 MN.
-_CLOSURE_STD: Final = 1.5e-4
-# Signal in the middle of a flat contact as a share of R Omega^2, on the exact ring over loads, and its error.
-_CONTACT_LEVEL: Final = (-0.025, 0.035)
 # Errors from belt stretch and contact shear in the circumferential axis.
 OFFSET_MODEL_M: Final = 2e-5
 PITCH_MODEL_RAD: Final = 4e-4
@@ -102,23 +107,14 @@ _BEYOND_LATEST: Final = 2.0
 # changed their speed.
 _REFUTING: Final = (128, 1024)
 _GROUPS: Final = 3
-# Share of its prior error below which the zero-g offset counts as determined, and of a stated error below which a
-# measured value stands against a statement that contradicts it.
-_SEPARATED: Final = 0.3
-_ROLL_SEPARATED_RAD: Final = math.radians(0.2)
 # Relative change of the speed within a revolution up to which gravity is separated from it. In a first revolution it is
 # not known, and given as 0.
 _STEADY_SPEED: Final = 0.03
 # Longest pause between renewals, which look for a change of direction too.
 _LONGEST: Final = 32
-_LEAST_REVOLUTIONS: Final = 8
 # Ratio of squared residuals from which the circumferential axis points against the rolling direction: gravity of twice
 # its size then remains in order 1.
 _AGAINST: Final = 4.0
-# Share of gravity below which an axis is not along the belt, and the standard errors by which it must be: a yaw of 45
-# deg leaves 0.7.
-_LEAST_GRAVITY: Final = 0.5
-_CERTAIN: Final = 3.0
 # Of gravity, motion of the hub and the closure of the belt.
 _GRAVITY_MODEL: Final = 0.01
 # R Omega^2 up to which gravity is looked for: belt stretch and drive add order 1 of up to 1e-3 of it.
@@ -138,114 +134,16 @@ _LEAST_OF_RELATIONS: Final = 2.5
 _LEAST_OF_LAGS: Final = 12.0
 _UNKNOWN_YAW: Final = (math.nan, math.nan)
 
-# Places in the running sums: equations of the mounting, of the means, of gravity, then normal matrix and right-hand
-# side of G, z, G' and a, and what a relative error of the steady value adds to the right-hand side.
-_MOUNTING: Final = slice(0, MOUNTING_SIZE)
-_MEAN: Final = slice(MOUNTING_SIZE, MOUNTING_SIZE + 5)
-_GRAVITY: Final = slice(MOUNTING_SIZE + 5, MOUNTING_SIZE + 10)
-_MATRIX: Final = slice(MOUNTING_SIZE + 10, MOUNTING_SIZE + 26)
-_RIGHT: Final = slice(MOUNTING_SIZE + 26, MOUNTING_SIZE + 30)
-_STEADY: Final = slice(MOUNTING_SIZE + 30, MOUNTING_SIZE + 34)
-_SUMS: Final = MOUNTING_SIZE + 34
 # Sums of both equations, and of the normal equations, with their places in the products of factors and left-hand sides.
-_EQUATIONS: Final = slice(_MEAN.start, _GRAVITY.stop)
-_NORMAL: Final = slice(_MATRIX.start, _RIGHT.stop)
+_EQUATIONS: Final = slice(MEAN.start, GRAVITY.stop)
+_NORMAL: Final = slice(MATRIX.start, RIGHT.stop)
 _OF_EQUATIONS: Final = np.array(
     [5 * row + column for row, column in ((0, 0), (0, 1), (1, 1), (0, 4), (1, 4))]
     + [25 + 5 * row + column for row, column in ((0, 0), (0, 3), (3, 3), (0, 4), (3, 4))]
 )
 _OF_NORMAL: Final = np.array([5 * row + column for row in range(4) for column in range(4)] + [4, 9, 14, 19])
 
-
-class _Measurement(NamedTuple):
-    value: float
-    std: float
-
-
-class AlongGravity(NamedTuple):
-    """Gravity that the circumferential axis shows.
-
-    Attributes:
-        share: of g; negative for an axis that points against the rolling direction.
-        std: its standard error.
-    """
-
-    share: float
-    std: float
-
-    @property
-    def is_absent(self) -> bool:
-        """Whether the axis cannot be the one along the belt."""
-        return abs(self.share) + _CERTAIN * self.std < _LEAST_GRAVITY
-
-
-class Measured(NamedTuple):
-    """Quantities of the sensor that its own signal gives, for comparison with what is stated.
-
-    Attributes:
-        revolutions: used so far.
-        ac_coupled: whether the sensor passes no steady value.
-        rate_hz: sampling rate in use.
-        steady_mps2: latest mean of the radial axis that a perfect sensor would read on a belt of the stated radius.
-        mean_square: mean square of kappa R.
-        by_mean: of the relative error of the steady value and of the zero-g offset in m/s^2, from the means of the
-            revolutions.
-        by_gravity: of the relative error of the gain, and of belt stretch as order 1 of R Omega^2, from gravity in
-            order 1.
-        contact_gain: gain of an AC-coupled sensor and its standard error, from the depth of the contact; None without.
-        offset_m: sensor below the neutral layer and its standard error; None without a circumferential axis.
-        along_gravity: gravity that the circumferential axis shows; None where nothing tells.
-        hub_mps2: order 2 of the circumferential axis that the belt does not explain; 0 without that axis.
-        relations: of the axes with each other.
-        roll_by_mean_rad: of the averaged axes; NaN without a lateral axis.
-        tilt: how the sensor sits askew.
-    """
-
-    revolutions: int
-    ac_coupled: bool
-    rate_hz: float
-    steady_mps2: float
-    mean_square: float
-    by_mean: Equations
-    by_gravity: Equations
-    contact_gain: tuple[float, float] | None
-    offset_m: tuple[float, float] | None
-    along_gravity: AlongGravity | None = None
-    hub_mps2: float = 0.0
-    relations: AxisRelations = AxisRelations()
-    roll_by_mean_rad: float = math.nan
-    tilt: Tilt = Tilt()
-
-
-class _Step(NamedTuple):
-    """State after one revolution.
-
-    Attributes:
-        refused: why it was not used; None when it was.
-        revolutions: used so far.
-        sums: (_SUMS,) running sums.
-        pitch: None without a circumferential axis.
-        offset: likewise.
-        warm: temperature above that of the first revolution, K.
-        floor: gain of an AC-coupled sensor from the contact; None before the first.
-        measured: for the evidence; None before the first revolution.
-        against: whether the circumferential axis points against the rolling direction.
-        has_along: whether there is a circumferential axis that moves.
-    """
-
-    refused: Reason | None
-    revolutions: int
-    sums: FloatArray
-    pitch: _Measurement | None
-    offset: _Measurement | None
-    warm: float
-    floor: Estimate | None
-    measured: Measured | None
-    against: bool = False
-    has_along: bool = False
-
-
-_START: Final = _Step(None, 0, np.zeros(_SUMS), None, None, 0.0, None, None)
+_START: Final = CalibrationStep(None, 0, np.zeros(SUMS), None, None, 0.0, None, None)
 # Factors of the circumferential and the radial axis.
 _TURNED: Final = np.array([[-1.0], [1.0]])
 
@@ -264,7 +162,7 @@ class SelfCalibrationEstimator(BlockEstimator):
 
     def __init__(self) -> None:
         """Start from the priors."""
-        self._roll = RollCalibration(offset_std_mps2=_PRIOR_STDS[1])
+        self._roll = RollCalibration(offset_std_mps2=PRIOR_STDS[1])
         self._steady = SteadyValueCheck()
         self.reset()
 
@@ -293,7 +191,7 @@ class SelfCalibrationEstimator(BlockEstimator):
         # Equations of the mounting, of the latest revolutions.
         self._latest: FloatArray = np.zeros(MOUNTING_SIZE)
         # All sums, of the latest revolutions, and the number of these.
-        self._refuting: FloatArray = np.zeros(_SUMS)
+        self._refuting: FloatArray = np.zeros(SUMS)
         self._refuting_count = 0
         # Sums of the means of the latest groups of so many revolutions whose speeds separated the zero-g offset.
         self._groups: deque[Equations] = deque(maxlen=_GROUPS)
@@ -305,7 +203,7 @@ class SelfCalibrationEstimator(BlockEstimator):
         self._by_yaw_m, self._yaw = 0.0, _UNKNOWN_YAW
         self._roll_by_mean = math.nan
         self._last = _START
-        self._steps: list[_Step] = []
+        self._steps: list[CalibrationStep] = []
 
     def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
         """Take revolutions and return the estimates of NAMES after each."""
@@ -322,13 +220,13 @@ class SelfCalibrationEstimator(BlockEstimator):
         faulty = [bool(revolution.faults) for revolution in block.revolutions]
         self._after_fault = np.array([self._after_fault[-1], *faulty])
         self._look_at_speed(block)
-        steps: list[_Step] = []
+        steps: list[CalibrationStep] = []
         taken: list[int] = []
         for index, revolution in enumerate(block.revolutions):
             lost = lost_values[index]
             refused = _refused(revolution, block.conditions[index]) if lost is None else steady_value_lost(lost)
             count = self._last.revolutions + len(taken) + 1
-            due = self._belt is None or is_due(count) or count == _LEAST_REVOLUTIONS + 1 or count % _LONGEST == 0
+            due = self._belt is None or is_due(count) or count == LEAST_REVOLUTIONS + 1 or count % _LONGEST == 0
             due = due or (self._is_to_look and is_evidence(revolution))
             if refused is not None or due:
                 steps += self._take(block, taken)
@@ -364,9 +262,9 @@ class SelfCalibrationEstimator(BlockEstimator):
         """
         return [
             (
-                *_gain_estimates(revolution, conditions, step),
-                _roll_estimate(revolution, conditions, step, roll),
-                *_mounting_estimates(conditions, step, further),
+                *gain_estimates(revolution, conditions, step),
+                roll_estimate(revolution, conditions, step, roll),
+                *mounting_estimates(conditions, step, further),
             )
             for revolution, conditions, step, roll, further in zip(
                 block.revolutions,
@@ -378,14 +276,14 @@ class SelfCalibrationEstimator(BlockEstimator):
             )
         ]
 
-    def _rolls(self, block: RevolutionBlock) -> list[_Measurement | None]:
+    def _rolls(self, block: RevolutionBlock) -> list[Measurement | None]:
         """Return the roll after each revolution of the block that was measured last; None before its first."""
-        rolls: list[_Measurement | None] = []
+        rolls: list[Measurement | None] = []
         for index, step in enumerate(self._steps):
             if step.refused is None and not block.revolutions[index].ac_coupled:
                 means = block.arrays.means_mps2[index]
                 self._roll.update(float(means[_LATERAL]), float(means[_RADIAL]))
-            rolls.append(_Measurement(self._roll.roll_rad, self._roll.roll_std_rad) if self._roll.count else None)
+            rolls.append(Measurement(self._roll.roll_rad, self._roll.roll_std_rad) if self._roll.count else None)
         return rolls
 
     def _renew(self, block: RevolutionBlock, index: int) -> Reason | None:
@@ -403,7 +301,7 @@ class SelfCalibrationEstimator(BlockEstimator):
         self._scatter_mps2 = max(float(average.orders_std_mps2[1]) * math.sqrt(average.effective_count), 1e-3)
         self._belt = belt_kinematics(average.radial_mps2, self._ratio, self._centre_rad)
         if block.revolutions[index].ac_coupled:
-            self._last = self._last._replace(floor=_floor_gain(average, conditions))
+            self._last = self._last._replace(floor=floor_gain(average, conditions))
         self._is_to_look = not is_evidence(block.revolutions[index])
         if not self._is_to_look:
             self._look_at_direction(block, index)
@@ -417,22 +315,22 @@ class SelfCalibrationEstimator(BlockEstimator):
             return
         claims = conditions.claims
         steady_std = math.hypot(claims.gain_std, 2.0 * claims.rate_std, conditions.radius_std_m / conditions.radius_m)
-        means = [Equations(*sums[_MEAN].tolist()) for sums in (self._last.sums, self._refuting)]
+        means = [Equations(*sums[MEAN].tolist()) for sums in (self._last.sums, self._refuting)]
         every, latest = (
-            contradicted(mean, Equations(*sums[_GRAVITY].tolist()), steady_std, claims.gain_std, claims.zero_g_std_mps2)
+            contradicted(mean, Equations(*sums[GRAVITY].tolist()), steady_std, claims.gain_std, claims.zero_g_std_mps2)
             for mean, sums in zip(means, (self._last.sums, self._refuting), strict=True)
         )
         at_odds = are_at_odds(self._groups, means[1], claims.zero_g_std_mps2)
         if is_refuted(every, latest, at_odds=at_odds):
             self._groups.clear()
             sums = self._last.sums.copy()
-            sums[_MEAN.start :] = self._refuting[_MEAN.start :]
+            sums[MEAN.start :] = self._refuting[MEAN.start :]
             self._last = self._last._replace(sums=sums)
         elif are_silent(every, latest) and self._refuting_count < _REFUTING[1]:
             return
         elif latest[1].is_certain:
             self._groups.append(means[1])
-        self._refuting, self._refuting_count = np.zeros(_SUMS), 0
+        self._refuting, self._refuting_count = np.zeros(SUMS), 0
 
     def _relate(self, block: RevolutionBlock, index: int, edges_rad: tuple[float, float]) -> None:
         """Compare the axes with each other, over the latest revolutions."""
@@ -490,13 +388,13 @@ class SelfCalibrationEstimator(BlockEstimator):
         if not revolution.ac_coupled and radius_m * revolution.omega_radps**2 < _GRAVITY_SHOWS_MPS2:
             self._with_gravity *= 0.0 if turned else _KEPT_OF_GRAVITY
             self._with_gravity += (ahead, back, without, float(rows.sums[0, -1]))
-            self._along_gravity = _gravity_of(*self._with_gravity.tolist())
+            self._along_gravity = AlongGravity.of_squares(*self._with_gravity.tolist())
         if turned or self._is_absent is not absent:
             self._last = _START._replace(against=against is not turned, floor=self._last.floor)
             self._is_calibrated = self._has_along = False
             self._hub, self._axes, self._axes_with = np.zeros(HUB_SIZE), np.zeros((0, 0)), np.zeros(3)
             self._latest = np.zeros(MOUNTING_SIZE)
-            self._refuting, self._refuting_count = np.zeros(_SUMS), 0
+            self._refuting, self._refuting_count = np.zeros(SUMS), 0
             self._groups.clear()
             self._relations = AxisRelations()
             self._by_yaw_m, self._yaw = 0.0, _UNKNOWN_YAW
@@ -515,14 +413,14 @@ class SelfCalibrationEstimator(BlockEstimator):
             return (conditions.claims.offset_m or 0.0) / conditions.radius_m
         return min(max(offset.value / conditions.radius_m, -0.05), 0.15)
 
-    def _take(self, block: RevolutionBlock, taken: Sequence[int]) -> list[_Step]:
+    def _take(self, block: RevolutionBlock, taken: Sequence[int]) -> list[CalibrationStep]:
         """Add revolutions without faults on one shape of the belt; return the state after each."""
         if not taken:
             return []
         belt = self._belt
         assert belt is not None
         first, first_conditions = block.revolutions[taken[0]], block.conditions[taken[0]]
-        rows = np.zeros((len(taken), _SUMS))
+        rows = np.zeros((len(taken), SUMS))
         # Without a copy where all are taken, as nearly always.
         selection = slice(None) if len(taken) == len(block) else np.array(taken)
         spectra = block.arrays.in_plane_mps2[selection]
@@ -535,7 +433,7 @@ class SelfCalibrationEstimator(BlockEstimator):
         self._has_along |= bool(along.any())
         revolutions = [block.revolutions[index] for index in taken]
         mounting = _mounting_evidence(revolutions, spectra, belt, along, (omega, omega_dot), first_conditions.radius_m)
-        hub, rows[:, _MOUNTING] = mounting.hub, mounting.sums
+        hub, rows[:, MOUNTING] = mounting.hub, mounting.sums
         warm, expected = [self._last.warm] * len(taken), [math.nan] * len(taken)
         is_calibrated = False
         if not first.ac_coupled:
@@ -543,7 +441,7 @@ class SelfCalibrationEstimator(BlockEstimator):
             is_calibrated = (
                 first_conditions.claims.offset_m is not None
                 or not self._has_along
-                or self._last.revolutions + 1 > _LEAST_REVOLUTIONS
+                or self._last.revolutions + 1 > LEAST_REVOLUTIONS
             )
             warm = [self._warm(block.conditions[index]) for index in taken]
             steady = self._gain_rows(block, taken, belt, np.array(warm), rows, is_calibrated=is_calibrated)
@@ -553,19 +451,19 @@ class SelfCalibrationEstimator(BlockEstimator):
         before = self._last.sums
         if is_calibrated and not self._is_calibrated:
             before = before.copy()
-            before[_MEAN] = before[_GRAVITY] = 0.0
-            self._refuting, self._refuting_count = np.zeros(_SUMS), 0
+            before[MEAN] = before[GRAVITY] = 0.0
+            self._refuting, self._refuting_count = np.zeros(SUMS), 0
         self._is_calibrated |= is_calibrated
         powers, decay = _decay(len(taken), _KEEP)
         sums = powers[:, np.newaxis] * before + decay @ rows
         self._refuting = self._refuting + rows.sum(axis=0)
-        self._refuting_count += int(np.count_nonzero(rows[:, _MEAN.start]))
+        self._refuting_count += int(np.count_nonzero(rows[:, MEAN.start]))
         powers, decay = _decay(len(taken), _KEEP_OF_HUB)
         hub = powers[:, np.newaxis] * self._hub + decay @ hub
         self._hub = hub[-1]
         self._add_axes(block, [index for index in taken if is_evidence(block.revolutions[index])])
         powers, decay = _decay(len(taken), _KEEP_OF_LATEST)
-        latest = powers[:, np.newaxis] * self._latest + decay @ rows[:, _MOUNTING]
+        latest = powers[:, np.newaxis] * self._latest + decay @ rows[:, MOUNTING]
         self._latest = latest[-1]
         return self._record(block, taken, belt, sums, hub, latest, warm, expected)
 
@@ -644,7 +542,7 @@ class SelfCalibrationEstimator(BlockEstimator):
         if is_calibrated:
             total = products[:, 0] + products[:, 1]
             rows[:, _NORMAL] = total.reshape(-1, 25)[:, _OF_NORMAL]
-            rows[:, _STEADY] = products[:, 0, 0, :4]
+            rows[:, STEADY] = products[:, 0, 0, :4]
         return expected
 
     def _record(
@@ -657,11 +555,11 @@ class SelfCalibrationEstimator(BlockEstimator):
         latest: FloatArray,
         warm: Sequence[float],
         expected: Sequence[float],
-    ) -> list[_Step]:
+    ) -> list[CalibrationStep]:
         solutions = stds = None
         hub_mps2 = [0.0] * len(taken)
         if self._has_along:
-            mountings, mounting_stds = MountingRows(sums[:, _MOUNTING], hub).solve()
+            mountings, mounting_stds = MountingRows(sums[:, MOUNTING], hub).solve()
             of_latest, latest_stds = MountingRows(latest, hub).solve()
             beyond = np.abs(of_latest - mountings) - _BEYOND_LATEST * latest_stds
             solutions, stds = mountings.tolist(), np.hypot(mounting_stds, np.fmax(beyond, 0.0)).tolist()
@@ -684,11 +582,11 @@ class SelfCalibrationEstimator(BlockEstimator):
                 pitch, offset = _mounting(solutions[row], stds[row], axes_std)
                 if against and pitch is not None:
                     # Of the sensor, not of its turned axis.
-                    pitch = _Measurement(-pitch.value, pitch.std)
+                    pitch = Measurement(-pitch.value, pitch.std)
             tilt = Tilt.of(self._roll_by_mean, math.nan if pitch is None else pitch.value, self._yaw)
             if offset is not None and pitch is not None:
                 by_yaw_m = tilt.offset_error_m(offset.value, self._by_yaw_m)
-                offset = _Measurement(offset.value, math.hypot(offset.std, by_yaw_m))
+                offset = Measurement(offset.value, math.hypot(offset.std, by_yaw_m))
             measured = Measured(
                 revolutions=count,
                 ac_coupled=revolution.ac_coupled,
@@ -706,7 +604,9 @@ class SelfCalibrationEstimator(BlockEstimator):
                 tilt=tilt,
             )
             steps.append(
-                _Step(None, count, sums[row], pitch, offset, warm[row], floor, measured, against, self._has_along)
+                CalibrationStep(
+                    None, count, sums[row], pitch, offset, warm[row], floor, measured, against, self._has_along
+                )
             )
         self._last = steps[-1]
         return steps
@@ -750,19 +650,6 @@ def _measures(spectra: ComplexArray) -> BoolArray:
     return moving
 
 
-def _gravity_of(ahead: float, back: float, without: float, count: float) -> AlongGravity | None:
-    """Return the gravity in an axis from the squares that are left with gravity ahead, with gravity back and without.
-
-    They are a parabola in the share of gravity.
-    """
-    bend = 0.5 * (ahead + back) - without
-    if not bend > 0.0:
-        return None
-    share = (back - ahead) / (4.0 * bend)
-    residual = max(without - bend * share**2, 0.0)
-    return AlongGravity(share, math.sqrt(residual / max(count, 1.0) / bend))
-
-
 @lru_cache(maxsize=64)
 def _decay(count: int, keep: float) -> tuple[FloatArray, FloatArray]:
     """Return the shares of the sums before, (k,), and of each new row, (k, k), in the sums after k rows."""
@@ -784,128 +671,14 @@ def _along_gain_std(gravity: AlongGravity | None, stated_std: float) -> float:
 
 def _mounting(
     solution: Sequence[float], stds: Sequence[float], axes_std: float
-) -> tuple[_Measurement | None, _Measurement | None]:
+) -> tuple[Measurement | None, Measurement | None]:
     """Return pitch and mounting offset; None where they are not finite."""
     offset, tilt = solution[0], solution[1]
     offset_std = math.hypot(stds[0], axes_std * offset, OFFSET_MODEL_M)
     if not (math.isfinite(offset_std) and math.isfinite(tilt)):
         return None, None
-    pitch = _Measurement(math.atan(tilt), math.hypot(stds[1], axes_std * tilt, PITCH_MODEL_RAD))
-    return pitch, _Measurement(offset, offset_std)
-
-
-def _mounting_estimates(conditions: TireConditions, step: _Step, unsure: float) -> tuple[Estimate, Estimate]:
-    if step.pitch is None or step.offset is None:
-        reason = step.refused or _why_without(step)
-        return Estimate.invalid(NAMES[4], reason), Estimate.invalid(NAMES[5], reason)
-    doubt = step.refused or _unsettled(step)
-    value, std = step.offset
-    offset = _estimate(NAMES[5], _Measurement(value, math.hypot(std, unsure * value)) if unsure else step.offset, doubt)
-    if step.against:
-        offset = offset._replace(reasons=(*offset.reasons, Reason(TrustCode.AXIS_AGAINST_ROLLING, axis=_ALONG_NAME)))
-    stated_m, stated_std_m = conditions.claims.offset_m, conditions.claims.offset_std_m
-    if stated_m is not None and abs(stated_m - step.offset.value) > 3.0 * math.hypot(stated_std_m, step.offset.std):
-        is_worse = offset.status is Status.VALID and step.offset.std > _SEPARATED * stated_std_m
-        status = Status.PROVISIONAL if is_worse else offset.status
-        other = Reason(TrustCode.OTHER_OFFSET_STATED, stated_m=stated_m)
-        offset = offset._replace(status=status, reasons=(*offset.reasons, other))
-    return _estimate(NAMES[4], step.pitch, doubt), offset
-
-
-def _why_without(step: _Step) -> Reason:
-    """Return why there is no estimate from the circumferential axis after a revolution that was used."""
-    gravity = None if step.measured is None else step.measured.along_gravity
-    if gravity is not None and gravity.is_absent:
-        return gravity_absent(gravity)
-    if step.has_along:
-        # The acceleration is not known in the first revolution, so the axis says nothing of the mounting yet.
-        return Reason(TrustCode.NEEDS_REVOLUTIONS, needed=step.revolutions + 1.0, count=float(step.revolutions))
-    return Reason(TrustCode.AXIS_MISSING, axis=_ALONG_NAME)
-
-
-def gravity_absent(gravity: AlongGravity) -> Reason:
-    """Return the statement that the circumferential axis does not turn in gravity."""
-    return Reason(TrustCode.GRAVITY_ABSENT, axis=_ALONG_NAME, share=abs(gravity.share), std=gravity.std)
-
-
-def steady_value_lost(lost: LostSteadyValue) -> Reason:
-    """Return the statement that the sensor is not DC-coupled as stated."""
-    return Reason(TrustCode.COUPLING_CONTRADICTED, share=lost.share, std=lost.std)
-
-
-def zero_contradicted(value_mps2: float, std_mps2: float, stated_std_mps2: float) -> Reason | None:
-    """Return that a measured zero-g offset of the radial axis contradicts its statement; None where it does not."""
-    if abs(value_mps2) <= CONTRADICTION * math.hypot(std_mps2, stated_std_mps2):
-        return None
-    return Reason(TrustCode.ZERO_CONTRADICTED, zero_mps2=value_mps2, std_mps2=std_mps2, stated_std_mps2=stated_std_mps2)
-
-
-def _roll_estimate(
-    revolution: Revolution, conditions: TireConditions, step: _Step, roll: _Measurement | None
-) -> Estimate:
-    if roll is None:
-        lost = Reason(TrustCode.AC_COUPLED) if revolution.ac_coupled else None
-        return Estimate.invalid(
-            NAMES[3], step.refused or lost or Reason(TrustCode.AXIS_MISSING, axis=AXIS_NAMES[_LATERAL])
-        )
-    roll_rad, roll_std_rad = roll
-    mixed = 0.0 if step.measured is None else step.measured.tilt.mixed
-    by_gains = math.hypot(conditions.claims.gain_std, conditions.claims.lateral_gain_std) * roll_rad
-    widened = _Measurement(roll_rad, math.hypot(roll_std_rad, by_gains, mixed))
-    doubt = step.refused or _unsettled(step)
-    if doubt is None and roll_std_rad > _ROLL_SEPARATED_RAD:
-        doubt = Reason(TrustCode.NEEDS_TWO_SPEEDS, quantity="roll tilt")
-    return _estimate(NAMES[3], widened, doubt)
-
-
-def _gain_estimates(
-    revolution: Revolution, conditions: TireConditions, step: _Step
-) -> tuple[Estimate, Estimate, Estimate]:
-    refused = step.refused
-    if revolution.ac_coupled:
-        lost = Reason(TrustCode.AC_COUPLED)
-        gain = step.floor
-        if gain is None or refused is not None:
-            gain = Estimate.invalid(NAMES[0], refused or Reason(RevolutionCode.NO_CONTACT))
-        return gain, Estimate.invalid(NAMES[1], lost), Estimate.invalid(NAMES[2], lost)
-    information = step.sums[_MATRIX].reshape(4, 4)
-    if not information[0, 0] > 0.0:
-        reason = refused or Reason(TrustCode.NO_REVOLUTION_YET)
-        first, second, third = (Estimate.invalid(name, reason) for name in NAMES[:3])
-        return first, second, third
-    stds = np.array(_PRIOR_STDS)
-    covariance = np.linalg.inv(information + np.diag(stds**-2.0))
-    change = covariance @ step.sums[_RIGHT]
-    steady = covariance @ step.sums[_STEADY] * _CLOSURE_STD
-    errors = np.sqrt(np.diag(covariance) + np.square(steady))
-    by_speed = speed_errors(Equations(*step.sums[_MEAN].tolist()))
-    errors[1] = math.hypot(errors[1], by_speed.zero_mps2)
-    present = np.array([1.0, 0.0, step.warm, 0.0])
-    gain_value = 1.0 + float(present @ change)
-    radius = conditions.radius_std_m / conditions.radius_m
-    gain_std = math.sqrt(
-        float(present @ covariance @ present) + float(present @ steady) ** 2 + (gain_value * radius) ** 2
-    )
-    doubt = refused or _unsettled(step)
-    one_speed = Reason(TrustCode.NEEDS_TWO_SPEEDS, quantity="gain")
-    together = errors[1] > _SEPARATED * _PRIOR_STDS[1]
-    if not together:
-        gain_std = math.hypot(gain_std, by_speed.gain)
-    zero, stated_std = _Measurement(float(change[1]), float(errors[1])), conditions.claims.zero_g_std_mps2
-    other_zero = zero_contradicted(*zero, stated_std) if zero.std > _SEPARATED * stated_std else None
-    return (
-        _estimate(NAMES[0], _Measurement(gain_value, gain_std), doubt or (one_speed if together else None)),
-        Estimate.invalid(NAMES[1], one_speed) if together else _estimate(NAMES[1], zero, doubt or other_zero),
-        Estimate.invalid(NAMES[2], Reason(TrustCode.NEEDS_TEMPERATURE_CHANGE))
-        if errors[2] > _SEPARATED * _PRIOR_STDS[2]
-        else _estimate(NAMES[2], _Measurement(float(change[2]), float(errors[2])), doubt),
-    )
-
-
-def _unsettled(step: _Step) -> Reason | None:
-    if step.revolutions >= _LEAST_REVOLUTIONS:
-        return None
-    return Reason(CoreCode.NOT_SETTLED, revolutions=step.revolutions, needed=_LEAST_REVOLUTIONS)
+    pitch = Measurement(math.atan(tilt), math.hypot(stds[1], axes_std * tilt, PITCH_MODEL_RAD))
+    return pitch, Measurement(offset, offset_std)
 
 
 def _refused(revolution: Revolution, conditions: TireConditions) -> Reason | None:
@@ -919,23 +692,3 @@ def _refused(revolution: Revolution, conditions: TireConditions) -> Reason | Non
     if not math.isfinite(revolution.trailing_edge_rad - revolution.leading_edge_rad):
         return Reason(EstimateCode.NO_CONTACT_EDGES)
     return None
-
-
-def _floor_gain(average: AngleAverage, conditions: TireConditions) -> Estimate:
-    """Return the gain of an AC-coupled sensor from the depth of the contact below the mean."""
-    interior = contact_interior(average.radial_mps2, 2.0 * average.radial_mps2.shape[0])
-    if interior is None:
-        return Estimate.invalid(NAMES[0], Reason(RevolutionCode.NO_CONTACT))
-    steady = conditions.radius_m * average.omega_radps**2
-    depth = float(average.radial_mps2.mean() - average.radial_mps2[interior].mean()) / steady
-    gain = depth / (1.0 - _CONTACT_LEVEL[0])
-    std = gain * math.hypot(_CONTACT_LEVEL[1], conditions.radius_std_m / conditions.radius_m)
-    return Estimate(NAMES[0], gain, std, Status.PROVISIONAL, (Reason(TrustCode.FLAT_CONTACT_ASSUMED),))
-
-
-def _estimate(name: str, measurement: _Measurement, doubt: Reason | None) -> Estimate:
-    if not (math.isfinite(measurement.value) and math.isfinite(measurement.std)):
-        return Estimate.invalid(name, doubt or Reason(TrustCode.NOT_FINITE))
-    if doubt is not None:
-        return Estimate(name, measurement.value, measurement.std, Status.PROVISIONAL, (doubt,))
-    return Estimate(name, measurement.value, measurement.std, Status.VALID)

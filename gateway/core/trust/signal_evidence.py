@@ -29,6 +29,7 @@ from gateway.core.estimates.sensor_claims import UNKNOWN_OFFSET_STD_M, SensorCla
 from gateway.core.quantity import LARGEST_ZERO_MPS2, Basis
 from gateway.core.quantity_catalogue import quantity_of
 from gateway.core.reasons import Reason
+from gateway.core.trust.calibration_estimates import gravity_absent, steady_value_lost, zero_contradicted
 from gateway.core.trust.reasons import TrustCode
 from gateway.core.trust.refuted_sums import (
     GRAVITY_ALONE,
@@ -40,15 +41,8 @@ from gateway.core.trust.refuted_sums import (
     steady_ratio,
     zero_offset,
 )
-from gateway.core.trust.self_calibration import (
-    GREATEST_MEAN_SQUARE,
-    OFFSET_MODEL_M,
-    PITCH_MODEL_RAD,
-    Measured,
-    gravity_absent,
-    steady_value_lost,
-    zero_contradicted,
-)
+from gateway.core.trust.self_calibration import GREATEST_MEAN_SQUARE, OFFSET_MODEL_M, PITCH_MODEL_RAD
+from gateway.core.trust.sensor_measurement import Measured
 
 # Relative change of an estimate from which it is invalid.
 _INVALID_FROM: Final = 0.2

@@ -15,7 +15,7 @@ from gateway.core.reasons import Code, CoreCode, Reason, codes_of
 from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.trust.reasons import TrustCode
 from gateway.core.trust.refuted_sums import Equations
-from gateway.core.trust.self_calibration import Measured
+from gateway.core.trust.sensor_measurement import Measured
 from gateway.core.trust.signal_evidence import Contradiction, Subject, assess
 from tests.testkit.simulated_wheel import last, restated, simulated
 
