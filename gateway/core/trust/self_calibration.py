@@ -151,7 +151,7 @@ _TURNED: Final = np.array([[-1.0], [1.0]])
 class SelfCalibrationEstimator(BlockEstimator):
     """Gain, zero-g offset, gain over temperature, roll, pitch and mounting offset, improved by every revolution.
 
-    Estimates: the estimates of NAMES; a perfect sensor has gain 1.
+    Estimates: those of `gateway.core.trust.calibration_estimates.NAMES`; a perfect sensor has gain 1.
 
     A revolution with faults, such as a clipped one, is not used; the estimates so far are returned with the reason.
     The error of the gain includes that of the belt radius. An AC-coupled sensor gives neither offsets nor roll,
@@ -206,7 +206,7 @@ class SelfCalibrationEstimator(BlockEstimator):
         self._steps: list[CalibrationStep] = []
 
     def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
-        """Take revolutions and return the estimates of NAMES after each."""
+        """Take revolutions and return the estimates after each."""
         self.measure(block)
         return self.estimates(block)
 
@@ -252,7 +252,7 @@ class SelfCalibrationEstimator(BlockEstimator):
         self._mean_errors = _MEAN_BY_JERK * np.maximum(jerks - _USUAL_JERK, 0.0) + by_change
 
     def estimates(self, block: RevolutionBlock, unsure: Sequence[float] | None = None) -> list[tuple[Estimate, ...]]:
-        """Return the estimates of NAMES after each revolution of the block that was measured last.
+        """Return the estimates after each revolution of the block that was measured last.
 
         The roll, which is no evidence, is followed here: call it for every block or for none.
 
