@@ -128,10 +128,17 @@ def test_a_worker_that_ends_is_a_reason():
         scheduler_tasks(workers.scheduler_address) as tasks,
     ):
         assert tasks.places() == 1
-        for order, code in (("fine", None), ("end", FleetCode.WORKER_ENDED), ("memory", FleetCode.WORKER_MEMORY_FULL)):
+        # The order that ends the worker is the last: whether another one starts is up to the scheduler's computers.
+        for order, code in (("fine", None), ("end", FleetCode.WORKER_ENDED)):
             tasks.submit(order, work, order)
             result = result_of(tasks)
             assert (result.ended.code if result.ended else None) == code
+
+
+def test_full_memory_of_a_worker_is_a_reason_and_a_fault_an_error():
+    with cluster() as workers, scheduler_tasks(workers.scheduler_address) as tasks:
+        tasks.submit("memory", work, "memory")
+        assert result_of(tasks).ended.code == FleetCode.WORKER_MEMORY_FULL
         tasks.submit("fault", work, "fault")
         with pytest.raises(TreadlinkError, match="the workers cannot estimate: ImportError"):
             tasks.wait(60.0)
