@@ -135,6 +135,7 @@ class SharedTurn:
         """Judge all wheels anew."""
         absolute = {position: dict(self._absolute(position)) for position in self._wheels}
         for position, wheel in self._wheels.items():
+            by_speeds = Gain() if wheel.speeds is None else wheel.speeds.gain
             sides = {
                 peer: int(math.copysign(1.0, gain.value))
                 for peer, gain in self._peers(position)
@@ -156,7 +157,7 @@ class SharedTurn:
                 sides=sides,
                 gain=settled[gain_by] if gain_by is not None else Gain(),
                 gain_by=gain_by,
-                track_m=inverse(wheel.speeds.gain) if wheel.speeds is not None else Gain(),
+                track_m=inverse(by_speeds) if by_speeds.curves >= _CURVES else Gain(),
                 contradictions=tuple(self._contradictions(position, settled)),
             )
             if verdict._replace(at_ns=0.0) != wheel.verdicts[-1]._replace(at_ns=0.0):

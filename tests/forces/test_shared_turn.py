@@ -54,6 +54,14 @@ def test_track_width_refutes_a_gain_that_both_wheels_share() -> None:
     assert finding.gain.value == pytest.approx(0.5, abs=2.5 * finding.gain.std)
 
 
+def test_few_curves_show_the_sign_but_no_track() -> None:
+    wheels = [list(results(position)) for position in ("FL", "FR")]
+    pairs, _ = compared(*(wheel[: len(wheel) // 3] for wheel in wheels))
+    finding = pairs.axis("FL")
+    assert finding.sign == 1
+    assert np.isnan(finding.track_m.value)
+
+
 def test_track_width_verifies_a_gain_as_stated() -> None:
     pairs, last = compared(results("FL"), results("FR"), tracks=TRACKS)
     assert alarms(pairs) == set()
