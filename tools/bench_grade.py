@@ -96,14 +96,16 @@ def course_of(car: Car, rng: np.random.Generator) -> Course:
     grade = level + smooth(rng, time, hills, float(rng.uniform(5.0, 12.0)), BEND_S)
     force = np.gradient(speed, step) + G * np.sin(grade)
     yaw = lateral / speed + smooth(rng, time, LANE_RADPS, LANE_S)
+    camber = rng.normal(0.0, math.radians(2.0)) * lateral / G
+    bank = smooth(rng, time, math.radians(2.0), 8.0, BEND_S)
     return Course(
         step,
         speed,
         np.cumsum(yaw) * step,
-        car.slip_rad(lateral),
-        rng.normal(0.0, math.radians(2.0)) * lateral / G,
+        car.slip_rad(speed * yaw + G * bank),
+        camber,
         grade,
-        smooth(rng, time, math.radians(2.0), 8.0, BEND_S),
+        bank,
         bounce_m(rng, step, len(time), float(rng.uniform(0.0, 1.0))),
         float(rng.uniform(0.0, LARGEST_SLIP)) * force / G,
     )

@@ -32,8 +32,7 @@ NAMES: Final = (
     "pitch_tilt_rad",
     "sensor_offset_m",
 )
-_CIRCUMFERENTIAL, _LATERAL, _RADIAL = range(3)
-_ALONG_NAME: Final = AXIS_NAMES[_CIRCUMFERENTIAL]
+_ALONG_NAME, _LATERAL_NAME = AXIS_NAMES[:2]
 
 # Prior standard errors of G, z, G' and a: 10 %, 1 g and 0.05 % per degree as in a data sheet; belt stretch as order 1
 # of R Omega^2, 2.4e-4 on a belt of 5 MN at 5000 N.
@@ -70,8 +69,8 @@ def mounting_estimates(conditions: TireConditions, step: CalibrationStep, unsure
     if stated_m is not None and abs(stated_m - step.offset.value) > 3.0 * math.hypot(stated_std_m, step.offset.std):
         is_worse = offset.status is Status.VALID and step.offset.std > _SEPARATED * stated_std_m
         status = Status.PROVISIONAL if is_worse else offset.status
-        other = Reason(TrustCode.OTHER_OFFSET_STATED, stated_m=stated_m)
-        offset = offset._replace(status=status, reasons=(*offset.reasons, other))
+        contradiction = Reason(TrustCode.OTHER_OFFSET_STATED, stated_m=stated_m)
+        offset = offset._replace(status=status, reasons=(*offset.reasons, contradiction))
     return _estimate(NAMES[4], step.pitch, doubt), offset
 
 
@@ -109,9 +108,7 @@ def roll_estimate(
     """Return the roll tilt by the measured one, None before the first."""
     if roll is None:
         lost = Reason(TrustCode.AC_COUPLED) if revolution.ac_coupled else None
-        return Estimate.invalid(
-            NAMES[3], step.refused or lost or Reason(TrustCode.AXIS_MISSING, axis=AXIS_NAMES[_LATERAL])
-        )
+        return Estimate.invalid(NAMES[3], step.refused or lost or Reason(TrustCode.AXIS_MISSING, axis=_LATERAL_NAME))
     roll_rad, roll_std_rad = roll
     mixed = 0.0 if step.measured is None else step.measured.tilt.mixed
     by_gains = math.hypot(conditions.claims.gain_std, conditions.claims.lateral_gain_std) * roll_rad

@@ -78,7 +78,6 @@ from gateway.core.trust.sensor_measurement import (
 from gateway.core.types import BoolArray, ComplexArray, FloatArray
 
 _CIRCUMFERENTIAL, _LATERAL, _RADIAL = range(3)
-_ALONG_NAME: Final = AXIS_NAMES[_CIRCUMFERENTIAL]
 
 # Scatter of a revolution's mean without noise: road, speed within the revolution.
 _MEAN_STD_MPS2: Final = 0.5
