@@ -70,8 +70,9 @@ class CurveGain:
         """
         self._late_s, self._by_speeds = late_s, by_speeds
         self._last_s = -math.inf
-        self._before: deque[FloatArray] = deque()
-        self._zero, self._straights = np.zeros(2), 0
+        self._before: deque[tuple[float, ...]] = deque()
+        self._before_s = 0.0
+        self._zeros, self._straights = (0.0, 0.0), 0
         self._sums, self._turns_s, self._quiet_s, self._sides = np.zeros(_SUMS), 0.0, 0.0, [0.0, 0.0]
         self._is_mixed = False
         self._curves: deque[FloatArray] = deque(maxlen=_CURVES)
@@ -84,16 +85,22 @@ class CurveGain:
         ended = False
         if at_s - self._last_s > _GAP_S:
             self._sums, self._turns_s = np.zeros(_SUMS), 0.0
-            self._before.clear()
+            self._forget_straight()
         self._last_s = at_s
         scale = speed_mps if self._by_speeds else 1.0
-        values = period_s * np.array(
-            [read.radps, scale * witness.radps, read.std_radps, witness.std_radps, 1.0, speed_mps**2, scale]
+        values = (
+            period_s * read.radps,
+            period_s * scale * witness.radps,
+            period_s * read.std_radps,
+            period_s * witness.std_radps,
+            period_s,
+            period_s * speed_mps**2,
+            period_s * scale,
         )
         sides = [read.side, witness.side]
         if self._by_speeds:
             has_zero = self._straights >= _LEAST_STRAIGHT
-            sides[1] = Rate(witness.radps - float(self._zero[1]), _RATIO_STD).side if has_zero else 0.0
+            sides[1] = Rate(witness.radps - self._zeros[1], _RATIO_STD).side if has_zero else 0.0
         if any(sides) or self._turns_s:
             if self._turns_s and any(now * before < 0.0 for now, before in zip(sides, self._sides, strict=True)):
                 # What a late witness has of one curve is in the next one.
@@ -103,7 +110,7 @@ class CurveGain:
             elif not self._turns_s:
                 self._begin()
             self._sides = [now or before for now, before in zip(sides, self._sides, strict=True)]
-            self._sums = self._sums + values
+            self._sums = self._sums + np.array(values)
             self._turns_s += period_s if any(sides) else 0.0
             # A late witness turns on.
             turns = sides[0] if self._sides[0] else sides[1]
@@ -117,17 +124,24 @@ class CurveGain:
             self._go_straight(values)
         return ended
 
-    def _go_straight(self, values: FloatArray) -> None:
+    def _go_straight(self, values: tuple[float, ...]) -> None:
         self._before.append(values)
-        while self._before and sum(float(each[4]) for each in self._before) > self._late_s:
-            straight = self._before.popleft()
+        self._before_s += values[4]
+        while self._before and self._before_s > self._late_s:
+            read, witness, _, _, lasts_s, _, scaled_s = self._before.popleft()
+            self._before_s -= lasts_s
             self._straights += 1
             share = 1.0 / min(self._straights, _ZERO_REVOLUTIONS)
-            self._zero += share * (straight[:2] / straight[[4, 6]] - self._zero)
+            zero, other = self._zeros
+            self._zeros = zero + share * (read / lasts_s - zero), other + share * (witness / scaled_s - other)
+
+    def _forget_straight(self) -> None:
+        self._before.clear()
+        self._before_s = 0.0
 
     def _begin(self, *, is_mixed: bool = False) -> None:
-        self._sums, self._sides = sum(self._before, np.zeros(_SUMS)), [0.0, 0.0]
-        self._before.clear()
+        self._sums, self._sides = sum(map(np.array, self._before), np.zeros(_SUMS)), [0.0, 0.0]
+        self._forget_straight()
         self._quiet_s, self._is_mixed = 0.0, is_mixed
 
     def _end(self, *, is_mixed: bool = False) -> bool:
@@ -138,7 +152,7 @@ class CurveGain:
         # Rates by signals have zeros within their errors.
         if turns_s < _LEAST_S or (self._by_speeds and self._straights < _LEAST_STRAIGHT):
             return False
-        sums[:2] -= self._zero * sums[[4, 6]]
+        sums[:2] -= self._zeros * sums[[4, 6]]
         self._curves.append(sums)
         self.gain = self._fitted(np.array(self._curves))
         return True

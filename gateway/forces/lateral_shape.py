@@ -7,7 +7,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Final, NamedTuple
+from typing import Final, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -42,8 +42,8 @@ _AHEAD_RAD: Final = 0.8
 _LEAST_CONTACT_RAD: Final = 0.08
 
 _SIZE: Final = 2 * len(ORDERS)
-# Name of the turns among what estimators of a block share.
-_TURNS: Final = "turns"
+# Names of what estimators of a block share.
+_COEFFICIENTS, _TURNS = "lateral coefficients", "turns"
 FIRST_ORDER: Final = [0, len(ORDERS)]
 """Places of cosine and sine of the first order in a record."""
 # The grid starts at -pi, so odd orders change sign.
@@ -205,12 +205,7 @@ class LateralAverage:
     def update(self, block: RevolutionBlock, taken: Sequence[int]) -> LateralSteps:
         """Add the revolutions `taken` of a block, at least one; none of them may be `why_unusable`."""
         revolutions = [block.revolutions[index] for index in taken]
-        raw_m = _coefficients(block.arrays, taken, revolutions)
-        # Estimators of one block see the same turns.
-        turns: list[Turn] | None = block.shared.get(_TURNS)
-        if turns is None:
-            turns = [self._turned(block, index, raw_m[row]) for row, index in enumerate(taken)]
-            block.shared[_TURNS] = turns
+        raw_m, turns = _shared_coefficients(block, taken), turns_of(block, taken, self._tracker)
         rolls = []
         for index, revolution, turn in zip(taken, revolutions, turns, strict=True):
             if not revolution.ac_coupled:
@@ -238,18 +233,6 @@ class LateralAverage:
                 self._add(values, revolutions, slice(first, end), carried[first], steps)
                 first = end
         return steps
-
-    def _turned(self, block: RevolutionBlock, index: int, raw_m: FloatArray) -> Turn:
-        """Return the turn of a revolution by its raw coefficients."""
-        revolution, conditions = block.revolutions[index], block.conditions[index]
-        edges = contact_edges(block.averages.edges_rad[index], conditions)
-        if isinstance(edges, Reason):
-            return NO_TURN
-        _, lateral, radial = block.arrays.means_mps2[index].tolist()
-        means = None if revolution.ac_coupled else (lateral, radial)
-        return self._tracker.take(
-            raw_m[:_SIZE], raw_m[_SIZE : 2 * _SIZE], edges, revolution.omega_radps, conditions.radius_m, means
-        )
 
     def _add(
         self, values: FloatArray, revolutions: Sequence[Revolution], rows: slice, carried: int, steps: LateralSteps
@@ -298,6 +281,39 @@ def _record(
         covariance = np.eye(_SIZE) * (noise * weight_square)
     means = part.means[row]
     return LateralRecord(lateral_m, means[_SIZE : 2 * _SIZE], means[2 * _SIZE : -1], covariance, order_max)
+
+
+def turns_of(block: RevolutionBlock, taken: Sequence[int], tracker: TurnTracker) -> Sequence[Turn]:
+    """Return the turns of the revolutions `taken` of a block, the same ones to all of its estimators."""
+    turns: list[Turn] | None = block.shared.get(_TURNS)
+    if turns is None:
+        raw_m = _shared_coefficients(block, taken)
+        turns = [_turn_of(block, index, raw_m[row], tracker) for row, index in enumerate(taken)]
+        block.shared[_TURNS] = turns
+    return turns
+
+
+def _turn_of(block: RevolutionBlock, index: int, raw_m: FloatArray, tracker: TurnTracker) -> Turn:
+    """Return the turn of a revolution by its raw coefficients."""
+    revolution, conditions = block.revolutions[index], block.conditions[index]
+    edges = contact_edges(block.averages.edges_rad[index], conditions)
+    if isinstance(edges, Reason):
+        return NO_TURN
+    _, lateral, radial = block.arrays.means_mps2[index].tolist()
+    means = None if revolution.ac_coupled else (lateral, radial)
+    return tracker.take(
+        raw_m[:_SIZE], raw_m[_SIZE : 2 * _SIZE], edges, revolution.omega_radps, conditions.radius_m, means
+    )
+
+
+def _shared_coefficients(block: RevolutionBlock, taken: Sequence[int]) -> FloatArray:
+    """Return the raw coefficients of a block, which all of its estimators share."""
+    raw_m: FloatArray | None = block.shared.get(_COEFFICIENTS)
+    if raw_m is None:
+        raw_m = _coefficients(block.arrays, taken, [block.revolutions[index] for index in taken])
+        raw_m.setflags(write=False)
+        block.shared[_COEFFICIENTS] = raw_m
+    return raw_m
 
 
 def lateral_record(revolution: Revolution, roll_rad: float) -> LateralRecord:
@@ -502,21 +518,16 @@ def _zero(angles: FloatArray, slope: FloatArray, before: int) -> float:
     return float(angles[before] + share * (angles[before + 1] - angles[before]))
 
 
-class LateralEstimator(BlockEstimator):
-    """Estimator of the lateral axis and its running average; no estimates without the axis."""
+_Steps = TypeVar("_Steps")
 
-    def __init__(self, horizon_revolutions: float) -> None:
-        self._average = LateralAverage(horizon_revolutions, RollCalibration())
-        super().__init__()
 
-    def reset(self) -> None:
-        """Forget the average and the roll tilt."""
-        self._average.reset()
+class LateralAxisEstimator(BlockEstimator, Generic[_Steps]):
+    """Estimator of the lateral axis; no estimates without the axis."""
 
     def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
         """Take revolutions and return the estimates after each."""
         lateral, unusable, taken = lateral_rows(block)
-        steps = self._average.update(block, taken) if taken else None
+        steps = self._taken(block, taken) if taken else None
         results: list[tuple[Estimate, ...]] = []
         for index, has in enumerate(lateral):
             conditions = block.conditions[index]
@@ -526,15 +537,34 @@ class LateralEstimator(BlockEstimator):
             elif isinstance(edges, Reason):
                 results.append(tuple(Estimate.invalid(name, edges) for name in self._names(conditions)))
             elif steps is not None:
-                results.append(self._averaged(conditions, edges, steps, taken.index(index)))
+                results.append(self._estimates(conditions, edges, steps, taken.index(index)))
         return results
+
+    @abstractmethod
+    def _taken(self, block: RevolutionBlock, taken: Sequence[int]) -> _Steps:
+        """Take the revolutions `taken` of a block, at least one."""
 
     @abstractmethod
     def _names(self, conditions: TireConditions) -> Sequence[str]:
         """Return the names of the estimates under these conditions."""
 
     @abstractmethod
-    def _averaged(
-        self, conditions: TireConditions, edges_rad: tuple[float, float], steps: LateralSteps, row: int
+    def _estimates(
+        self, conditions: TireConditions, edges_rad: tuple[float, float], steps: _Steps, row: int
     ) -> tuple[Estimate, ...]:
-        """Return the estimates of a revolution: the row of its coefficients and of the average after it."""
+        """Return the estimates of a revolution: the row of what was taken."""
+
+
+class LateralEstimator(LateralAxisEstimator[LateralSteps]):
+    """Estimator of the lateral axis and its running average."""
+
+    def __init__(self, horizon_revolutions: float) -> None:
+        self._average = LateralAverage(horizon_revolutions, RollCalibration())
+        super().__init__()
+
+    def reset(self) -> None:
+        """Forget the average and the roll tilt."""
+        self._average.reset()
+
+    def _taken(self, block: RevolutionBlock, taken: Sequence[int]) -> LateralSteps:
+        return self._average.update(block, taken)

@@ -39,6 +39,7 @@ _REMEMBERED, _CHANGES = 2, 64
 _GAINS, _UNRELATED = (0.2, 5.0), 0.0
 # Estimates of a revolution by the vehicle's signals, and the time by which they may be late.
 _SIGNALS: Final = {Witness.YAW_RATE: ("yaw_rate_radps", 1.0), Witness.COURSE: ("course_rate_radps", 2.0)}
+_COMPARED: Final = {TURN_RATE, *(name for name, _ in _SIGNALS.values())}
 
 
 class _Read(NamedTuple):
@@ -74,10 +75,10 @@ class SharedTurn:
 
     def compare(self, result: RevolutionResult) -> None:
         """Compare a wheel's next revolution, if it has a turn rate."""
-        turn = next((each for each in result.estimates if each.name == TURN_RATE), None)
+        rates = {each.name: each for each in result.estimates if each.name in _COMPARED}
+        turn = rates.get(TURN_RATE)
         if turn is None or turn.status is Status.INVALID or not is_evidence(result.revolution):
             return
-        rates = {each.name: each for each in result.estimates if each.status is not Status.INVALID}
         wheel = self._wheels.setdefault(result.position, _Wheel())
         wheel.gain_std = result.conditions.lateral_gain_std
         period_ns = 1e9 * result.revolution.period_s
@@ -88,14 +89,18 @@ class SharedTurn:
             period_ns,
             result.conditions.radius_m * result.revolution.omega_radps,
             _rate(turn),
-            {witness: _rate(rates[name]) for witness, (name, _) in _SIGNALS.items() if name in rates},
+            {
+                witness: _rate(rates[name])
+                for witness, (name, _) in _SIGNALS.items()
+                if name in rates and rates[name].status is not Status.INVALID
+            },
         )
         bisect.insort(self._waiting, read, key=lambda each: (each.end_ns, each.position))
 
     def verdict(self, position: str, known_ns: float) -> Verdict:
         """Return what is known of a wheel by what has come up to a time, and compare that."""
-        count = bisect.bisect_right(self._waiting, known_ns, key=lambda each: each.end_ns)
-        if count:
+        if self._waiting and self._waiting[0].end_ns <= known_ns:
+            count = bisect.bisect_right(self._waiting, known_ns, key=lambda each: each.end_ns)
             due, self._waiting = self._waiting[:count], self._waiting[count:]
             for read in due:
                 if self._take(read):
@@ -109,8 +114,9 @@ class SharedTurn:
         wheel, at_s, period_s = self._wheels[read.position], 1e-9 * read.middle_ns, 1e-9 * read.period_ns
         ended = False
         for witness, rate in read.signals.items():
-            gain = wheel.signals.setdefault(witness, CurveGain(_SIGNALS[witness][1]))
-            ended |= gain.take(at_s, period_s, read.rate, rate, read.speed_mps)
+            if witness not in wheel.signals:
+                wheel.signals[witness] = CurveGain(_SIGNALS[witness][1])
+            ended |= wheel.signals[witness].take(at_s, period_s, read.rate, rate, read.speed_mps)
         for position, peer in self._wheels.items():
             for latest in peer.latest if position != read.position else ():
                 if abs(latest.middle_ns - read.middle_ns) < 0.5 * min(latest.period_ns, read.period_ns):
@@ -120,8 +126,10 @@ class SharedTurn:
 
     def _take_both(self, first: _Read, second: _Read) -> bool:
         at_s, period_s = 1e-9 * first.middle_ns, 1e-9 * first.period_ns
-        gain = self._pairs.setdefault((first.position, second.position), CurveGain())
-        ended = gain.take(at_s, period_s, first.rate, second.rate, first.speed_mps)
+        pair = first.position, second.position
+        if pair not in self._pairs:
+            self._pairs[pair] = CurveGain()
+        ended = self._pairs[pair].take(at_s, period_s, first.rate, second.rate, first.speed_mps)
         for a, b in ((first, second), (second, first)):
             if right_of(a.position) == b.position:
                 by_speeds = Rate(b.speed_mps / a.speed_mps - 1.0, 0.0)

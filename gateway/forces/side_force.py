@@ -54,7 +54,7 @@ class SideForceEstimator(LateralEstimator):
     def _names(self, conditions: TireConditions) -> Sequence[str]:  # noqa: ARG002 - part of the interface
         return NAMES
 
-    def _averaged(
+    def _estimates(
         self, conditions: TireConditions, edges_rad: tuple[float, float], steps: LateralSteps, row: int
     ) -> tuple[Estimate, ...]:
         half, centre = 0.5 * (edges_rad[1] - edges_rad[0]), 0.5 * (edges_rad[1] + edges_rad[0])

@@ -105,7 +105,7 @@ class SlipAngleEstimator(LateralEstimator):
     def _names(self, conditions: TireConditions) -> Sequence[str]:
         return NAMES if conditions.tire.of(SlipCalibration) is None else (*NAMES, SLIP_NAME, MEAN_NAME)
 
-    def _averaged(
+    def _estimates(
         self, conditions: TireConditions, edges_rad: tuple[float, float], steps: LateralSteps, row: int
     ) -> tuple[Estimate, ...]:
         # The roll tilt is the same in both, so its error cancels in their difference.

@@ -287,7 +287,7 @@ class _Force:
     does not depend on its value, so that it does not look like a factor of side force.
 
     Attributes:
-        change_m: of the latest revolution, beyond noise.
+        change_m: of the latest revolution, beyond what is usual and noise.
         step_m: change of the smoothed prediction.
     """
 
@@ -308,6 +308,7 @@ class _Force:
         noise = self._noise.take(predicted_m * square_radps2) / square_radps2**2
         change = predicted_m - self._value
         variance = self._variance + _STEADY_FORCE_M**2 + turning * _TURNING_FORCE_M**2
+        self.change_m = math.sqrt(max(change**2 - variance - noise, 0.0))
         begins = change**2 > _STEP_OF_NOISE**2 * (variance + noise)
         if begins:
             variance = change**2
@@ -315,7 +316,6 @@ class _Force:
         self.step_m = 0.0 if math.isinf(variance) else share * change
         self._value += share * change
         self._variance = share * noise
-        self.change_m = 0.0 if math.isinf(variance) else math.sqrt(max(change**2 - noise, 0.0))
         # A force that changes within the revolution is not that of its first order; one that goes on to change is wrong
         # the same way each time, which must not be learned as the tire's factor.
         self._within = self._variance + (_BEGINS if begins else 0.25) * max(change**2 - noise, 0.0)
@@ -431,14 +431,14 @@ class TurnTracker:
             noises.append(noise.take(values[-1], by_roll[part], roll) + (1.0 + share) ** 2 * variance)
         # The prediction is of the lateral axis as measured; force times factor is linear about its latest value.
         measured, variances = [values[0] - share * roll * force_by_roll[0]], noises[:1]
+        # A wheel is steered before its side force is the new one, and turns on its path by the rate of slip.
+        slip_radps = _SLIP_RADPM * self._forces[0].change_m * omega_radps / (2.0 * math.pi)
         roll_row = by_roll[0] - (1.0 + share) * force_by_roll[0]
         rows = [[square, by_force[0], roll_row, 0.0, 0.0, 0.0, per_rate]]
         if means_mps2 is not None:
             lateral, radial = means_mps2
             measured.append(lateral)
-            # A wheel that is steered turns on its path.
-            steer_mps2 = speed * _SLIP_RADPM * self._forces[0].change_m * omega_radps / (2.0 * math.pi)
-            variances.append(self._mean_noise.take(lateral, radial, roll) + steer_mps2**2)
+            variances.append(self._mean_noise.take(lateral, radial, roll) + (speed * slip_radps) ** 2)
             rows.append([0.0, 0.0, radial, 1.0, 1.0, speed, speed])
         likelihoods = self._forces[0].evidence(roll * cosine_by_roll_m)
         turn = self._turning.take(np.array(measured), np.array(rows), np.array(variances), likelihoods)
@@ -466,8 +466,8 @@ class TurnTracker:
             remove_std.append(math.hypot(shared_m, steady_m))
         return Turn(
             turn.value,
-            math.sqrt(turn.variance),
-            math.sqrt(min(noises[0] / per_rate**2, turn.variance)),
+            math.hypot(math.sqrt(turn.variance), slip_radps),
+            math.hypot(math.sqrt(min(noises[0] / per_rate**2, turn.variance)), slip_radps),
             camber.value,
             math.sqrt(camber.variance),
             math.sqrt(min(noises[1] / per_rate**2, camber.variance)),

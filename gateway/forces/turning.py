@@ -13,18 +13,18 @@ from gateway.core.estimates.estimator import (
     sign_not_determined,
 )
 from gateway.core.estimates.reasons import EstimateCode
+from gateway.core.estimates.revolution_block import RevolutionBlock, measured_shares
 from gateway.core.reasons import CoreCode, Reason
-from gateway.forces.lateral_shape import LateralEstimator, LateralSteps
+from gateway.forces.lateral_shape import LateralAxisEstimator, turns_of
 from gateway.forces.reasons import ForceCode
+from gateway.forces.turn_tracker import Turn, TurnTracker
 
 NAMES: Final = ("turn_rate_radps", "curve_radius_m", "camber_rate_radps", "lateral_acceleration_mps2")
 # Changes between straights and curves that show which of them are straight.
 _LEAST_CHANGES: Final = 2
-# Memory of the average, of which this estimator uses the roll alone.
-_HORIZON_REVOLUTIONS: Final = 100.0
 
 
-class TurningEstimator(LateralEstimator):
+class TurningEstimator(LateralAxisEstimator[Sequence[tuple[Turn, float]]]):
     """Turn of each revolution (`gateway.forces.turn_tracker`); no estimates without a lateral axis.
 
     Gives the estimates of NAMES. A steady turn from the first revolution on is known no better than the tire's own
@@ -35,19 +35,35 @@ class TurningEstimator(LateralEstimator):
     name = "turning"
 
     def __init__(self) -> None:
-        super().__init__(_HORIZON_REVOLUTIONS)
+        self._tracker = TurnTracker()
+        super().__init__()
+
+    def reset(self) -> None:
+        """Forget all revolutions."""
+        self._tracker.reset()
+        self._count, self._inverse_shares = 0, 0.0
+
+    def _taken(self, block: RevolutionBlock, taken: Sequence[int]) -> Sequence[tuple[Turn, float]]:
+        """Return the turn of each, and the number of whole revolutions whose mean would have the same variance."""
+        shares = measured_shares([block.revolutions[index] for index in taken]) or (1.0,) * len(taken)
+        steps = []
+        for turn, share in zip(turns_of(block, taken, self._tracker), shares, strict=True):
+            self._count += 1
+            self._inverse_shares += 1.0 / share
+            steps.append((turn, self._count**2 / self._inverse_shares))
+        return steps
 
     def _names(self, conditions: TireConditions) -> Sequence[str]:  # noqa: ARG002 - part of the interface
         return NAMES
 
-    def _averaged(
+    def _estimates(
         self,
         conditions: TireConditions,
         edges_rad: tuple[float, float],  # noqa: ARG002 - part of the interface
-        steps: LateralSteps,
+        steps: Sequence[tuple[Turn, float]],
         row: int,
     ) -> tuple[Estimate, ...]:
-        turn, count = steps.turns[row], steps.effective_counts[row]
+        turn, count = steps[row]
         if not math.isfinite(turn.turn_std_radps):
             return tuple(Estimate.invalid(name, Reason(EstimateCode.NO_CONTACT_EDGES)) for name in NAMES)
         doubts: tuple[Reason, ...] = ()

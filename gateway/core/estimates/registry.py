@@ -34,10 +34,10 @@ ESTIMATORS: Final[Mapping[str, str]] = {
     **added(Registry.ESTIMATORS),
 }
 
-DEFAULT_ESTIMATORS: Final[tuple[str, ...]] = ("kinematic", "distance", "weak-form", "wear", "ply-steer")
-# A recording has its own column of the distance; the mean of a growing one says nothing.
+DEFAULT_ESTIMATORS: Final[tuple[str, ...]] = ("kinematic", "distance", "weak-form", "wear", "ply-steer", "turning")
+# A recording has its own column of the distance; the mean of a growing one says nothing, nor does that of turns.
 CAMPAIGN_ESTIMATORS: Final[tuple[str, ...]] = tuple(
-    name for name in ESTIMATORS if name in {*DEFAULT_ESTIMATORS, "self-calibration", "load"} - {"distance"}
+    name for name in ESTIMATORS if name in {*DEFAULT_ESTIMATORS, "self-calibration", "load"} - {"distance", "turning"}
 )
 """What trends of a fleet need beyond the defaults: errors of the sensors and measured loads."""
 
