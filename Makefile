@@ -27,12 +27,9 @@ $(STAMP): requirements.lock pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@touch $@
 
-# The usual ones, and what the car's path needs.
-DEMO_ESTIMATORS = kinematic distance weak-form wear ply-steer turning
-
 demo: $(STAMP)
 	@mkdir -p recordings
-	$(BIN)/treadlink live sim:town --duration 30 $(DEMO_ESTIMATORS:%=--estimator %) --record recordings/
+	$(BIN)/treadlink live sim:town --duration 30 --record recordings/
 
 # A hub on this computer: the reference collector behind a TCP port, a wheel played from a file as its sensor.
 PORT ?= 5000
