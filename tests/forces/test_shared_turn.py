@@ -2,10 +2,12 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import treadlink
 from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.estimates.results import RevolutionResult
 from gateway.core.reasons import Code
@@ -15,6 +17,7 @@ from gateway.core.trust.wheel_pairs import WheelPairs
 from gateway.forces.curve_gain import CurveGain, Rate
 from gateway.forces.reasons import ForceCode
 from gateway.forces.shared_turn import SharedTurn
+from tests.testkit.commands import run
 from tests.testkit.curving_car import TRACK_M, results
 
 TRACKS = dict.fromkeys(("FL", "FR"), (TRACK_M, 0.03))
@@ -52,6 +55,16 @@ def test_track_width_refutes_a_gain_that_both_wheels_share() -> None:
     assert Status.VALID not in {after[wheel][PLY_STEER].status for wheel in ("FL", "FR")}
     finding = pairs.axis("FL")
     assert finding.gain.value == pytest.approx(0.5, abs=2.5 * finding.gain.std)
+
+
+def test_default_estimators_verify_the_signs_of_a_car_that_turns(tmp_path: Path) -> None:
+    run("simulate", "town", "--out", tmp_path / "town.mcap", "--duration", 30)
+    with treadlink.open(tmp_path / "town.mcap") as recording:
+        for position in recording:
+            estimates = recording[position].estimates()
+            reasons = estimates["reasons"][estimates["name"] == PLY_STEER]
+            assert "the sign is not verified" in reasons[9]
+            assert "the sign is not verified" not in reasons[-1]
 
 
 def test_few_curves_show_the_sign_but_no_track() -> None:
