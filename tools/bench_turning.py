@@ -1,4 +1,4 @@
-"""Turn rate, ply steer, conicity, belt shift, roll and signs of lateral axes on random drives with curves.
+"""Turn and camber rate, ply steer, conicity, belt shift, roll and signs of lateral axes on random drives with curves.
 
     python tools/bench_turning.py [--drives COUNT] [--seed SEED] [--first NUMBER] [--bank DEG]
 
@@ -7,9 +7,9 @@ course, and what its sensor reads is the position of that point in space, differ
 random tire, sensor, speed, grade and bank, then straights and curves of up to 0.5 g that begin and end within a
 second. A fifth begin in a curve. On straights the car keeps its lane; the tire slips by what its side force needs, on
 a bank too, and cambers in curves. Ply steer, conicity and shift are compared with those of the same tire under the same
-slip on a straight, level road, the roll with the sensor's own, the turn rate with its mean over each revolution, also
-where curves begin and end: false is valid and more than 3.5 errors off. Two wheels of an axle drive a curve of 0.1 g
-for 3 s, the lateral axis of each to the left or to the right.
+slip on a straight, level road, the roll with the sensor's own, turn and camber rate with their means over each
+revolution, also where curves begin and end: false is valid and more than 3.5 errors off. Two wheels of an axle drive a
+curve of 0.1 g for 3 s, the lateral axis of each to the left or to the right.
 """
 
 import argparse
@@ -224,6 +224,7 @@ def drive(car: Car, bank_std_rad: float, rng: np.random.Generator, tallies: dict
     sensor = random_sensor(rng)
     course = course_of(car, parts, float(rng.uniform(*SPEEDS_KMH)) / 3.6, bank_std_rad, rng)
     felt, _, yaw = car.tire.felt(course, 0.0)
+    cambering = np.gradient(course.camber_rad + course.bank_rad, course.step_s)[MARGIN::OVERSAMPLED]
     still = car.tire.felt(course.straight(), 0.0, paced_by=course)[0]
     names = ["kinematic", "self-calibration", "ply-steer", "turning", "side-force"]
     results = results_of(car, sensor, felt, names)
@@ -237,6 +238,7 @@ def drive(car: Car, bank_std_rad: float, rng: np.random.Generator, tallies: dict
         if not len(rates):
             continue
         tallies["turn_rate_radps"].add(of(result, "turn_rate_radps"), float(rates.mean()))
+        tallies["camber_rate_radps"].add(of(result, "camber_rate_radps"), float(within(result, cambering).mean()))
         radius = of(result, "curve_radius_m")
         radii += radius is not None and radius.status is Status.VALID and float(np.abs(rates).max()) < LANE_RADPS
         other = straight.get(round(result.revolution.start_s / result.revolution.period_s * 2.0))
@@ -278,7 +280,7 @@ def main() -> None:
     parser.add_argument("--bank", type=float, default=2.0, help="standard deviation of the road's bank, deg")
     arguments = parser.parse_args()
     bank_std_rad = math.radians(arguments.bank)
-    tallies = {name: Tally() for name in ("turn_rate_radps", *COMPARED)}
+    tallies = {name: Tally() for name in ("turn_rate_radps", "camber_rate_radps", *COMPARED)}
     signs, radii = {1: 0, 0: 0, -1: 0}, 0
     car = None
     for number in range(arguments.first, arguments.first + arguments.drives):

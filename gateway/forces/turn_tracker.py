@@ -36,6 +36,8 @@ _STEER_RADPS, _STEER_REVOLUTIONS = 0.12, 3.0
 _SINE_OF_CHANGE: Final = 0.44
 # Slip over the first order by its force: 4 to 50 rad/m on 30 random tires.
 _SLIP_RADPM: Final = 15.0
+# Camber rate over the rate of slip where side force changes: a car rolls by 3 to 6 deg/g, its tires slip by 6 to 8.
+_CAMBER_OF_SLIP: Final = 0.3
 # Revolutions over which the bank of the road lasts.
 _BANK_REVOLUTIONS: Final = 60.0
 # Errors within which a side force is usual on straights.
@@ -469,8 +471,8 @@ class TurnTracker:
             math.hypot(math.sqrt(turn.variance), slip_radps),
             math.hypot(math.sqrt(min(noises[0] / per_rate**2, turn.variance)), slip_radps),
             camber.value,
-            math.sqrt(camber.variance),
-            math.sqrt(min(noises[1] / per_rate**2, camber.variance)),
+            math.hypot(math.sqrt(camber.variance), _CAMBER_OF_SLIP * slip_radps),
+            math.hypot(math.sqrt(min(noises[1] / per_rate**2, camber.variance)), _CAMBER_OF_SLIP * slip_radps),
             speed,
             (
                 turn.shown * turn.turning * speed,

@@ -132,17 +132,21 @@ def test_rates_are_within_their_errors_where_a_curve_begins_and_ends() -> None:
     time = step * np.arange(round(26.0 / step) + 2 * MARGIN)
     none, eased = 0.0 * time, lambda at_s: 0.5 - 0.5 * np.cos(math.pi * np.clip((time - at_s) / 0.7, 0.0, 1.0))
     share = eased(4.0) - eased(8.0) - eased(13.0) + eased(17.0) + eased(21.0)
+    camber = math.radians(1.0) * share
     heading = np.cumsum(0.17 * share) * step
-    course = Course(step, SPEED_MPS + none, heading, math.radians(1.6) * share, none, none, none)
+    course = Course(step, SPEED_MPS + none, heading, math.radians(1.6) * share, camber, none, none)
     felt, _, yaw = DrivenTire(STEADY, SIDES, np.radians([-2.0, -1.0, 0.0, 1.0, 2.0]), 4e-3).felt(course, 0.0)
+    truths = {"turn_rate_radps": yaw, "camber_rate_radps": np.gradient(camber, step)[MARGIN::OVERSAMPLED]}
     pulls = []
     for result in through_pipeline(disturbed(felt, SENSOR), SENSOR, ["turning"], load_n=4000.0):
-        rate = next(estimate for estimate in result.estimates if estimate.name == "turn_rate_radps")
         begin = round(result.revolution.start_s * SENSOR.rate_hz)
-        truth = yaw[begin : begin + round(result.revolution.period_s * SENSOR.rate_hz)]
-        if rate.status is Status.VALID and len(truth):
-            pulls.append((rate.value - truth.mean()) / rate.std)
-    assert len(pulls) > 100
+        during = slice(begin, begin + round(result.revolution.period_s * SENSOR.rate_hz))
+        pulls += [
+            (estimate.value - truths[estimate.name][during].mean()) / estimate.std
+            for estimate in result.estimates
+            if estimate.status is Status.VALID and estimate.name in truths and len(yaw[during])
+        ]
+    assert len(pulls) > 300
     assert np.max(np.abs(pulls)) < 3.5
 
 
