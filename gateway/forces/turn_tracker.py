@@ -23,9 +23,12 @@ from gateway.forces.free_belt import FIRST_ORDER_SHARE, FIRST_ORDER_SHARE_STD, F
 from gateway.forces.lateral_deformation import ORDERS
 from gateway.forces.switching_step import SwitchingModel, stepped
 
-# Yaw and camber rate of straight driving, rad/s, and the revolutions over which they last: a lane that is kept.
-_STRAIGHT_RADPS: Final = 0.006
-_STRAIGHT_REVOLUTIONS: Final = 15.0
+# Yaw and camber rate of a wheel on straights, rad/s, and the revolutions over which they last: a lane is kept by
+# steering, which turns a wheel faster than its path.
+_STRAIGHT_RADPS: Final = 0.01
+_STRAIGHT_REVOLUTIONS: Final = 5.0
+# Revolutions over which the side force of straight driving lasts.
+_FORCE_REVOLUTIONS: Final = 15.0
 # Those of a wheel that turns.
 _TURN_RADPS: Final = 0.3
 _CAMBER_RADPS: Final = 0.1
@@ -338,7 +341,7 @@ class _Force:
 
     def learn(self, straight: float) -> None:
         """Take the latest force for one of straights, by their probability."""
-        lasting = _STRAIGHT_REVOLUTIONS * (self._within + _STRAIGHT_FORCE_M**2)
+        lasting = _FORCE_REVOLUTIONS * (self._within + _STRAIGHT_FORCE_M**2)
         share = straight * self._usual_variance / (self._usual_variance + lasting)
         self._usual_m += share * (self._latest_m - self._usual_m)
         self._usual_variance = (1.0 - share) * self._usual_variance + (_DRIFT * _USUAL_FORCE_M) ** 2
