@@ -10,6 +10,7 @@ the first revolution on is known no better than the constants are before.
 """
 
 import math
+from collections import deque
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
@@ -55,6 +56,9 @@ _FIRST_TURN, _TURN_BEGINS, _TURN_LASTS = 0.2, 0.01, 0.95
 _CERTAIN: Final = 0.95
 # Revolutions for which a straight or a turn lasts at least: where a curve ends, some may look like either.
 _SHOWN_REVOLUTIONS: Final = 10
+# Latest turns whose side force is compared with that of straights, and its least share of that: a recording that begins
+# in a curve may take that for straight, and the straights after it for turns.
+_COMPARED_TURNS, _LEAST_SHARE = 4, 0.7
 # Probability that a recording begins in a steady curve, and the revolutions that one lasts at least.
 _STEADY, _STEADY_REVOLUTIONS = 0.05, 27.0
 # Revolutions over which the first is one of several.
@@ -97,7 +101,7 @@ class Turn(NamedTuple):
         path_mps2: lateral acceleration, as far as the revolution turns; with its error.
         remove_m: (2,) cosine and sine over Omega^2 to subtract from the lateral axis; 0 on straights.
         remove_std_m: (2,) error of these that every revolution has in common.
-        changes: from straights to a turn or back, so far.
+        changes: from straights to a turn or back, so far; 0 where a turn had less side force than the straights.
     """
 
     turn_radps: float = 0.0
@@ -294,13 +298,15 @@ class _Force:
     Attributes:
         change_m: of the latest revolution, beyond what is usual and noise.
         step_m: change of the smoothed prediction.
+        latest_m: without what the roll of the sensor makes of it.
+        usual_m: the same on straights.
     """
 
     def __init__(self) -> None:
         self._noise, self.change_m, self.step_m = _Noise(), 0.0, 0.0
         self._value, self._variance, self._within = 0.0, math.inf, 0.0
         # On straights.
-        self._latest_m, self._usual_m, self._usual_variance = 0.0, 0.0, _USUAL_FORCE_M**2
+        self.latest_m, self.usual_m, self._usual_variance = 0.0, 0.0, _USUAL_FORCE_M**2
 
     def take(self, predicted_m: float, square_radps2: float, turning: float) -> tuple[float, float]:
         """Add a prediction; return the smoothed one and its variance, m/s^2 both.
@@ -332,9 +338,9 @@ class _Force:
         Args:
             by_roll_m: what the roll of the sensor makes of the prediction.
         """
-        self._latest_m = self._value - by_roll_m
+        self.latest_m = self._value - by_roll_m
         straight = self._usual_variance + self._variance + _STRAIGHT_FORCE_M**2
-        square = (self._latest_m - self._usual_m) ** 2 / straight
+        square = (self.latest_m - self.usual_m) ** 2 / straight
         # Wind and bank make a usual force of straights last.
         unusual = max(0.5 * (square - _USUAL_FORCES**2), 0.0)
         return math.exp(-min(unusual, _LARGEST_CHANGE)), math.sqrt(straight / (straight + _CURVE_FORCE_M**2))
@@ -343,7 +349,7 @@ class _Force:
         """Take the latest force for one of straights, by their probability."""
         lasting = _FORCE_REVOLUTIONS * (self._within + _STRAIGHT_FORCE_M**2)
         share = straight * self._usual_variance / (self._usual_variance + lasting)
-        self._usual_m += share * (self._latest_m - self._usual_m)
+        self.usual_m += share * (self.latest_m - self.usual_m)
         self._usual_variance = (1.0 - share) * self._usual_variance + (_DRIFT * _USUAL_FORCE_M) ** 2
 
 
@@ -394,6 +400,7 @@ class TurnTracker:
         self._lasts = 0
         self._turned: bool | None = None
         self._changes = 0
+        self._turn_forces_m: deque[float] = deque(maxlen=_COMPARED_TURNS)
 
     def take(
         self,
@@ -469,6 +476,7 @@ class TurnTracker:
             )
             remove.append(shown)
             remove_std.append(math.hypot(shared_m, steady_m))
+        least_m = _LEAST_SHARE * abs(self._forces[0].usual_m)
         return Turn(
             turn.value,
             math.hypot(math.sqrt(turn.variance), slip_radps),
@@ -483,7 +491,7 @@ class TurnTracker:
             ),
             (remove[0], remove[1]),
             (remove_std[0], remove_std[1]),
-            self._changes,
+            self._changes if min(self._turn_forces_m, default=math.inf) >= least_m else 0,
         )
 
     def _count_changes(self, turning: float) -> None:
@@ -496,6 +504,8 @@ class TurnTracker:
         if self._lasts == _SHOWN_REVOLUTIONS:
             self._changes += self._turned is (not turned)
             self._turned = turned
+            if turned:
+                self._turn_forces_m.append(abs(self._forces[0].latest_m))
 
 
 def _removal(rate: _Rate, noise_radps: float, per_m: float) -> tuple[float, float]:

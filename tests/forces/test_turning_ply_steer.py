@@ -127,27 +127,41 @@ def test_rates_of_a_slalom_have_no_part_of_the_slip_that_changes() -> None:
     assert np.sqrt(np.mean(np.square(cambers))) < 0.01
 
 
-def test_rates_are_within_their_errors_where_a_curve_begins_and_ends() -> None:
+def pulls(
+    seconds: float, changes_s: dict[float, float], turn_radps: float, slip_deg: float, camber_deg: float = 0.0
+) -> dict[str, list[float]]:
+    """Return errors over standard errors of valid turn and camber rates, where a share of a turn changes at times."""
     step = 1.0 / (SENSOR.rate_hz * OVERSAMPLED)
-    time = step * np.arange(round(26.0 / step) + 2 * MARGIN)
-    none, eased = 0.0 * time, lambda at_s: 0.5 - 0.5 * np.cos(math.pi * np.clip((time - at_s) / 0.7, 0.0, 1.0))
-    share = eased(4.0) - eased(8.0) - eased(13.0) + eased(17.0) + eased(21.0)
-    camber = math.radians(1.0) * share
-    heading = np.cumsum(0.17 * share) * step
-    course = Course(step, SPEED_MPS + none, heading, math.radians(1.6) * share, camber, none, none)
+    time = step * np.arange(round(seconds / step) + 2 * MARGIN)
+    share, none = 0.0 * time, 0.0 * time
+    for at_s, change in changes_s.items():
+        share += change * (0.5 - 0.5 * np.cos(math.pi * np.clip((time - at_s) / 0.7, 0.0, 1.0)))
+    heading, camber = np.cumsum(turn_radps * share) * step, math.radians(camber_deg) * share
+    course = Course(step, SPEED_MPS + none, heading, math.radians(slip_deg) * share, camber, none, none)
     felt, _, yaw = DrivenTire(STEADY, SIDES, np.radians([-2.0, -1.0, 0.0, 1.0, 2.0]), 4e-3).felt(course, 0.0)
     truths = {"turn_rate_radps": yaw, "camber_rate_radps": np.gradient(camber, step)[MARGIN::OVERSAMPLED]}
-    pulls = []
+    errors: dict[str, list[float]] = {name: [] for name in truths}
     for result in through_pipeline(disturbed(felt, SENSOR), SENSOR, ["turning"], load_n=4000.0):
         begin = round(result.revolution.start_s * SENSOR.rate_hz)
         during = slice(begin, begin + round(result.revolution.period_s * SENSOR.rate_hz))
-        pulls += [
-            (estimate.value - truths[estimate.name][during].mean()) / estimate.std
-            for estimate in result.estimates
-            if estimate.status is Status.VALID and estimate.name in truths and len(yaw[during])
-        ]
-    assert len(pulls) > 300
-    assert np.max(np.abs(pulls)) < 3.5
+        for estimate in result.estimates:
+            if estimate.status is Status.VALID and estimate.name in truths and len(yaw[during]):
+                truth = truths[estimate.name][during].mean()
+                errors[estimate.name].append((estimate.value - truth) / estimate.std)
+    return errors
+
+
+def test_rates_are_within_their_errors_where_a_curve_begins_and_ends() -> None:
+    errors = pulls(26.0, {4.0: 1.0, 8.0: -1.0, 13.0: -1.0, 17.0: 1.0, 21.0: 1.0}, 0.17, 1.6, 1.0)
+    assert min(len(each) for each in errors.values()) > 100
+    assert max(np.max(np.abs(each)) for each in errors.values()) < 3.5
+
+
+@pytest.mark.parametrize(("turn_radps", "slip_deg", "least"), [(0.09, 0.8, 200), (0.04, 0.3, 0)])
+def test_a_curve_that_a_recording_begins_in_is_no_straight(turn_radps: float, slip_deg: float, least: int) -> None:
+    errors = pulls(40.0, {-1.0: -1.0, 6.0: 1.0, 13.0: 1.0, 17.0: -1.0, 23.0: -1.0, 29.0: 1.0}, turn_radps, slip_deg)
+    assert len(errors["turn_rate_radps"]) >= least
+    assert np.max(np.abs(errors["turn_rate_radps"]), initial=0.0) < 3.5
 
 
 def test_straight_driving_has_no_radius() -> None:
