@@ -132,8 +132,9 @@ class CurveGain:
             self._before_s -= lasts_s
             self._straights += 1
             share = 1.0 / min(self._straights, _ZERO_REVOLUTIONS)
-            zero, other = self._zeros
-            self._zeros = zero + share * (read / lasts_s - zero), other + share * (witness / scaled_s - other)
+            of_read, of_witness = self._zeros
+            of_read += share * (read / lasts_s - of_read)
+            self._zeros = of_read, of_witness + share * (witness / scaled_s - of_witness)
 
     def _forget_straight(self) -> None:
         self._before.clear()

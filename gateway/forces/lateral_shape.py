@@ -535,7 +535,7 @@ class LateralAxisEstimator(BlockEstimator, Generic[_Steps]):
             if not has:
                 results.append(())
             elif isinstance(edges, Reason):
-                results.append(tuple(Estimate.invalid(name, edges) for name in self._names(conditions)))
+                results.append(self._unused(conditions, edges))
             elif steps is not None:
                 results.append(self._estimates(conditions, edges, steps, taken.index(index)))
         return results
@@ -547,6 +547,10 @@ class LateralAxisEstimator(BlockEstimator, Generic[_Steps]):
     @abstractmethod
     def _names(self, conditions: TireConditions) -> Sequence[str]:
         """Return the names of the estimates under these conditions."""
+
+    def _unused(self, conditions: TireConditions, why: Reason) -> tuple[Estimate, ...]:
+        """Return the estimates of a revolution that is not taken."""
+        return tuple(Estimate.invalid(name, why) for name in self._names(conditions))
 
     @abstractmethod
     def _estimates(

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
+from gateway.core.contacts.contact_timing import MOST_UNSEEN
 from gateway.core.estimates.estimator import (
     DETERMINED,
     SETTLED_REVOLUTIONS,
@@ -17,11 +18,13 @@ from gateway.core.estimates.revolution_block import RevolutionBlock, measured_sh
 from gateway.core.reasons import CoreCode, Reason
 from gateway.forces.lateral_shape import LateralAxisEstimator, turns_of
 from gateway.forces.reasons import ForceCode
-from gateway.forces.turn_tracker import Turn, TurnTracker
+from gateway.forces.turn_tracker import NO_TURN, Turn, TurnTracker
 
 NAMES: Final = ("turn_rate_radps", "curve_radius_m", "camber_rate_radps", "lateral_acceleration_mps2")
 # Changes between straights and curves that show which of them are straight.
 _LEAST_CHANGES: Final = 2
+# Change of turn and camber rate from one revolution to the next where they are not measured: a curve begins within ten.
+_CHANGE_RADPS: Final = 0.02
 
 
 class TurningEstimator(LateralAxisEstimator[Sequence[tuple[Turn, float]]]):
@@ -29,7 +32,8 @@ class TurningEstimator(LateralAxisEstimator[Sequence[tuple[Turn, float]]]):
 
     Gives the estimates of NAMES. A steady turn from the first revolution on is known no better than the tire's own
     first order is predicted by the orders above: turn rate, radius and acceleration are provisional until straights and
-    curves have followed each other. The radius is invalid on straights, where its sign is not determined.
+    curves have followed each other. The radius is invalid on straights, where its sign is not determined. A revolution
+    that is not used has the turn of the one before, provisional, with the error of what may have changed since.
     """
 
     name = "turning"
@@ -42,6 +46,8 @@ class TurningEstimator(LateralAxisEstimator[Sequence[tuple[Turn, float]]]):
         """Forget all revolutions."""
         self._tracker.reset()
         self._count, self._inverse_shares = 0, 0.0
+        # The latest revolution, and how many after it were not used.
+        self._latest, self._unseen = (NO_TURN, 0.0), 0
 
     def _taken(self, block: RevolutionBlock, taken: Sequence[int]) -> Sequence[tuple[Turn, float]]:
         """Return the turn of each, and the number of whole revolutions whose mean would have the same variance."""
@@ -63,17 +69,36 @@ class TurningEstimator(LateralAxisEstimator[Sequence[tuple[Turn, float]]]):
         steps: Sequence[tuple[Turn, float]],
         row: int,
     ) -> tuple[Estimate, ...]:
-        turn, count = steps[row]
+        self._latest, self._unseen = steps[row], 0
+        return self._of(conditions, *steps[row])
+
+    def _unused(self, conditions: TireConditions, why: Reason) -> tuple[Estimate, ...]:
+        self._unseen += 1
+        turn, count = self._latest
+        is_held = why.code is EstimateCode.REVOLUTION_NOT_USED and math.isfinite(turn.turn_std_radps)
+        if not is_held or self._unseen > MOST_UNSEEN:
+            return super()._unused(conditions, why)
+        changed = _CHANGE_RADPS * self._unseen
+        held = turn._replace(
+            turn_std_radps=math.hypot(turn.turn_std_radps, changed),
+            turn_scatter_radps=math.hypot(turn.turn_scatter_radps, changed),
+            camber_std_radps=math.hypot(turn.camber_std_radps, changed),
+            camber_scatter_radps=math.hypot(turn.camber_scatter_radps, changed),
+        )
+        return self._of(conditions, held, count, why)
+
+    def _of(self, conditions: TireConditions, turn: Turn, count: float, *unused: Reason) -> tuple[Estimate, ...]:
+        """Return the estimates of a turn after a number of revolutions, and why it is not of this revolution."""
         if not math.isfinite(turn.turn_std_radps):
             return tuple(Estimate.invalid(name, Reason(EstimateCode.NO_CONTACT_EDGES)) for name in NAMES)
-        doubts: tuple[Reason, ...] = ()
+        doubts = unused
         if count < SETTLED_REVOLUTIONS * (1.0 - 1e-9):
-            doubts = (Reason(CoreCode.NOT_SETTLED, revolutions=count, needed=SETTLED_REVOLUTIONS),)
+            doubts = (Reason(CoreCode.NOT_SETTLED, revolutions=count, needed=SETTLED_REVOLUTIONS), *unused)
         status = Status.PROVISIONAL if doubts else Status.VALID
         turned, turn_doubts = status, doubts
-        if not doubts and turn.changes < _LEAST_CHANGES:
+        if doubts == unused and turn.changes < _LEAST_CHANGES:
             turned = Status.PROVISIONAL
-            turn_doubts = (Reason(ForceCode.STRAIGHT_NOT_SHOWN, changes=turn.changes, needed=_LEAST_CHANGES),)
+            turn_doubts = (Reason(ForceCode.STRAIGHT_NOT_SHOWN, changes=turn.changes, needed=_LEAST_CHANGES), *unused)
         rate, scatter = turn.turn_radps, turn.turn_scatter_radps
         std = math.hypot(turn.turn_std_radps, conditions.lateral_gain_std * rate)
         camber_std = math.hypot(turn.camber_std_radps, conditions.lateral_gain_std * turn.camber_radps)

@@ -14,7 +14,7 @@ from gateway.core.estimates.estimator import Estimate, Revolution, Status, not_u
 from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.revolution_block import RevolutionArrays
 from gateway.core.estimates.wheel_setup import SensorClaims, WheelSetup
-from gateway.core.quantity_catalogue import quantities_of, quantity_of
+from gateway.core.quantity_catalogue import quantity_of
 from gateway.core.reasons import CoreCode, Reason
 from gateway.core.revolutions.angle_resampling import angle_grid, elapsed_angles, fit_phase
 from gateway.core.trust.lost_revolutions import LossStreak, SteadyStatus
@@ -31,8 +31,6 @@ STEADY = "[sensor]\nrange_g = 1000\n[motion]\nspeed_kmh = 90"
 SETUP = WheelSetup("FL", 0, 0, 0.32, radius_std_m=0.0032, load_n=5000.0, pressure_pa=210e3)
 CLEAN = make_revolution(exact_wave(solution()))
 LOST = (Reason(EstimateCode.SAMPLES_LOST),)
-# The drift of wear becomes valid once, with its fourth value; a revolution that lost samples has no turn of its own.
-NOT_HELD = {"wear_drift_mm", *(quantity.name for quantity in quantities_of("turning"))}
 
 
 def revolution(*faults: Reason) -> Revolution:
@@ -110,7 +108,8 @@ def changed_revolutions(estimates: treadlink.Estimates, wheel: str, first: int) 
     """Return revolutions of a wheel in which the status of any estimate changes, and how many there are."""
     of_wheel = (estimates.wheel == wheel) & (estimates.revolution >= first)
     changed: set[int] = set()
-    for name in set(estimates.name) - NOT_HELD:
+    # The drift of wear becomes valid once, with its fourth value.
+    for name in set(estimates.name) - {"wear_drift_mm"}:
         rows = of_wheel & (estimates.name == name)
         status = estimates.status[rows]
         changed |= set(estimates.revolution[rows][1:][status[1:] != status[:-1]].tolist())
@@ -216,7 +215,7 @@ def test_status_is_steady_and_numbers_are_right_through_loss(faults: list[str]) 
     recording = treadlink.simulate("lab", duration_s=20, faults=faults)
     estimates, clean = recording.estimates(), treadlink.simulate("lab", duration_s=20).estimates()
     late = estimates.revolution >= 60
-    for name in sorted(set(estimates.name) - NOT_HELD):
+    for name in sorted(set(estimates.name) - {"wear_drift_mm"}):
         rows = late & (estimates.name == name)
         status = estimates.status[rows]
         same = clean.name == name
