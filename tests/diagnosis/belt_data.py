@@ -55,17 +55,17 @@ SETUP = WheelSetup("FL", 0, 0, RADIUS_M, load_n=LOAD_N, pressure_pa=PRESSURE_PA)
 
 
 @lru_cache(maxsize=8)
-def _solved(offset_m: float) -> tuple[RingSolution, LoadedBelt]:
+def _solved(offset_m: float, nodes: int) -> tuple[RingSolution, LoadedBelt]:
     """Return a ring and its belt, which is one object because effects remember their answers by belt."""
-    ring = solve_rolling_ring(TIRE, LOAD_N, PRESSURE_PA, OMEGA, nodes=720, sensor_offset_m=offset_m)
+    ring = solve_rolling_ring(TIRE, LOAD_N, PRESSURE_PA, OMEGA, nodes=nodes, sensor_offset_m=offset_m)
     return ring, loaded_belt(ring)
 
 
 def block_of(
-    conditions: GroupConditions = CONDITIONS, *, offset_m: float = 0.0, as_paper: bool = False
+    conditions: GroupConditions = CONDITIONS, *, offset_m: float = 0.0, as_paper: bool = False, nodes: int = 720
 ) -> ModelledBlock:
     """Return a block of the exact ring; with `as_paper`, without mean, gravity and spin."""
-    ring, belt = _solved(offset_m)
+    ring, belt = _solved(offset_m, nodes)
     shape = SensorWaveform(*(on_grid(values, FIELD_SIZE) for values in ring.sensor))
     square = conditions.omega_radps**2
     signal = np.zeros((3, FIELD_SIZE))
