@@ -3,15 +3,14 @@
 from collections.abc import Sequence
 from functools import lru_cache
 
-from firmware_protocol.decoder import FrameDecoder
 from gateway.core.config.validation import parse_document
 from gateway.core.estimates.wheel_setup import WheelSetup
-from gateway.core.wheels.wheels import Pipeline
 from gateway.diagnosis.data.campaign_data import Group
 from gateway.diagnosis.data.group_statistics import Declared, make_groups
 from gateway.diagnosis.data.revolution_orders import RevolutionStore
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulation import simulate
+from tests.testkit.simulated_wheel import results_of
 
 SETUP = WheelSetup("FL", 0, 0, 0.32)
 
@@ -28,11 +27,8 @@ def simulated_groups(
             "[[wheel]]\nposition = 'FL'\nwheel = 0\n"
         )
         simulation = simulate(parse_document(Scenario, text, "test"), duration_s=duration_s)
-        pipeline, decoder, store = Pipeline((SETUP,), SETUP, ("kinematic",)), FrameDecoder(), RevolutionStore()
-        results = []
-        for chunk in simulation.chunks("link", 10**18):
-            results += pipeline.frames("link", decoder.feed(chunk.data), chunk.host_ns)
-        for result in (*results, *pipeline.finish()):
+        store = RevolutionStore()
+        for result in results_of(simulation.chunks("link", 10**18), SETUP, ("kinematic",)):
             store.take(result.revolution, result.conditions, result.host_ns)
         groups += make_groups(store.table(), Declared(f"{speed:g} km/h", number, 0.32), 5, store.reject)
     return tuple(groups)

@@ -6,11 +6,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Coupling
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.estimates.wheel_setup import WheelSetup
-from gateway.core.wheels.wheels import Pipeline
 from gateway.forces.ply_steer import separate_plysteer_conicity
 from gateway.ring.tread_pattern import TreadPitch
 from gateway.simulator.scenario import load_scenario, parse_scenario
@@ -19,6 +17,7 @@ from gateway.simulator.simulation import simulate
 from gateway.simulator.tire_table import LATERAL, Range, TireTable, look_up
 from gateway.simulator.truth import WheelTruth, slopes_of
 from gateway.simulator.wheel_plan import wheel_plans
+from tests.testkit.simulated_wheel import results_of
 
 QUIET = "[sensor]\nnoise_mg_rthz = 0.0\nrange_g = 1000.0\n"
 OMEGA = 65.0 / 3.6 / 0.32
@@ -138,9 +137,7 @@ def test_ply_steer_estimates_match_the_truth() -> None:
     text = "[scenario]\nseed = 3\n[sensor]\nroll_deg = 1.0\n[[wheel]]\nposition = 'FL'\nwheel = 0\n"
     simulation = simulate(parse_scenario(text, "test"), duration_s=8.0)
     setup = WheelSetup("FL", 0, 0, 0.32, load_n=5000.0, pressure_pa=210e3)
-    pipeline, decoder, results = Pipeline((setup,), setup, ("ply-steer",)), FrameDecoder(), []
-    for chunk in simulation.chunks("link", 10**18):
-        results += pipeline.frames("link", decoder.feed(chunk.data), chunk.host_ns)
+    results = results_of(simulation.chunks("link", 10**18), setup, ("ply-steer",))
     estimates = {estimate.name: estimate for estimate in results[-1].estimates}
     truth = simulation.truth["FL"].ply_steer(8.0)
     for name, value in zip(("peak", "first_half", "adhesion_line"), truth, strict=True):

@@ -1,11 +1,13 @@
 """One simulated wheel run through the whole pipeline, from bytes to results."""
 
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from itertools import groupby
 
 import numpy as np
 
 from firmware_protocol.decoder import FrameDecoder
+from firmware_protocol.frame_blocks import FrameList
 from firmware_protocol.messages import Hello, SampleBlock
 from gateway.core.config.validation import parse_document
 from gateway.core.estimates.results import RevolutionResult, WheelSnapshot
@@ -33,11 +35,16 @@ def simulated(
 ) -> tuple[tuple[RevolutionResult, ...], WheelTruth]:
     """Return the results and the truth of a scenario's `tables` with one wheel; `wheel` holds its further keys."""
     chunks, truth = _drive(tables, duration_s, wheel, seed)
+    return tuple(results_of(chunks, setup, estimators)), truth
+
+
+def results_of(chunks: Iterable[Chunk], setup: WheelSetup, estimators: Sequence[str]) -> list[RevolutionResult]:
+    """Return the results of the bytes of a wheel, whose frames are taken together as those of a file."""
     pipeline, decoder = Pipeline((setup,), setup, estimators), FrameDecoder()
-    results: list[RevolutionResult] = []
-    for chunk in chunks:
-        results += pipeline.frames("link", decoder.feed(chunk.data), chunk.host_ns)
-    return tuple(results + pipeline.finish()), truth
+    frames = [(chunk.host_ns, frame) for chunk in chunks for frame in decoder.feed(chunk.data)]
+    hosts_ns = np.array([host_ns for host_ns, _ in frames])
+    results = pipeline.take("link", FrameList([frame for _, frame in frames]), hosts_ns)
+    return results + pipeline.finish()
 
 
 def last(results: tuple[RevolutionResult, ...]) -> dict[str, object]:
