@@ -192,11 +192,11 @@ class _Whole:
                 covariance[of[first], of[second]] = block
         inverse, log_determinant = _inverse(covariance)
         self.log_determinant = log_determinant - sum(scatter.log_determinant for scatter in scatters)
-        self._inverse = np.zeros((len(numbers), len(numbers), REAL, REAL))
-        for first in numbers:
-            for second in numbers:
-                block = inverse[of[first], of[second]]
-                self._inverse[first, second][np.ix_(scatters[first].chosen, scatters[second].chosen)] = block
+        if len(inverse) < len(numbers) * REAL:
+            chosen = np.concatenate([number * REAL + scatter.chosen for number, scatter in enumerate(scatters)])
+            inverse, compared = np.zeros((len(numbers) * REAL, len(numbers) * REAL)), inverse
+            inverse[np.ix_(chosen, chosen)] = compared
+        self._inverse = inverse.reshape(len(numbers), REAL, len(numbers), REAL).transpose(0, 2, 1, 3)
 
     def weighted(self, rows: Rows) -> list[FloatArray]:
         size = next(len(row) for row in rows if row is not None)
@@ -213,9 +213,9 @@ class _Whole:
         return _products(self.weighted(rows), rows, batches)
 
     def inside(self, part: int) -> FloatArray:
-        scales = self._axis_groups.scales[part]
-        result: FloatArray = np.einsum("g,h,ghij->ij", scales, scales, self._inverse)
-        return result
+        scales = self._axis_groups.scales[part].tolist()
+        rows = zip(scales, self._inverse, strict=True)
+        return np.asarray(sum(one * two * block for one, row in rows for two, block in zip(scales, row, strict=True)))
 
 
 class _Shared:
@@ -291,8 +291,7 @@ class _Shared:
         """Return rows G s L times the inverse of the Cholesky factor of I + L' H L, (k, parts REAL)."""
         seen = self._axis_groups.seen(unshared_rows)
         turned = np.concatenate([part @ lower for part, lower in zip(seen, self._lower, strict=True)], axis=1)
-        result: FloatArray = turned @ self._factor.T
-        return result
+        return np.asarray(turned @ self._factor.T)
 
     def inside(self, part: int) -> FloatArray:
         through = self._through[:, _of(part)]
@@ -337,8 +336,14 @@ def inverse_factor(matrix: FloatArray) -> tuple[FloatArray, float]:
 def _inverse(matrix: FloatArray) -> tuple[FloatArray, float]:
     """Return the inverse of a matrix and the logarithm of its determinant; arguments as for `inverse_factor`."""
     if len(matrix) > _LARGE:
-        factor, log_determinant = inverse_factor(matrix)
-        return factor.T @ factor, log_determinant
+        # By the Schur complement of the first half.
+        half = len(matrix) // 2
+        below = matrix[half:, :half]
+        first, of_first = _inverse(matrix[:half, :half])
+        along = below @ first
+        second, of_second = _inverse(matrix[half:, half:] - along @ below.T)
+        across = second @ along
+        return np.block([[first + along.T @ across, -across.T], [-across, second]]), of_first + of_second
     if not len(matrix):
         return matrix, 0.0
     lower = _cholesky(matrix)
@@ -362,14 +367,11 @@ def _cholesky(matrix: FloatArray) -> FloatArray:
     lower, info = lapack.dpotrf(matrix, lower=1)
     if info:
         raise np.linalg.LinAlgError("a covariance is not positive definite")
-    result: FloatArray = lower
-    return result
+    return np.asarray(lower)
 
 
 def _chosen(matrix: FloatArray, rows: IntArray, columns: IntArray) -> FloatArray:
-    if len(rows) == len(columns) == REAL:
-        return matrix
-    return matrix[np.ix_(rows, columns)]
+    return matrix if len(rows) == len(columns) == REAL else matrix[np.ix_(rows, columns)]
 
 
 def _of(part: int) -> slice:
