@@ -144,10 +144,8 @@ class Applied:
     @cached_property
     def inverses(self) -> tuple[Inverse, ...]:
         """Of the covariance of each axis of a state, up to ten megabytes each."""
-        return tuple(
-            inverse_of(axis_groups, self.amplitudes[number])
-            for number, (*_, axis_groups) in self.discrepancy.enumerate()
-        )
+        groups = (axis_groups for _, (*_, axis_groups) in self.discrepancy.enumerate())
+        return tuple(inverse_of(*of_axis) for of_axis in zip(groups, self.amplitudes, strict=True))
 
     def release(self) -> None:
         """Release the memory of the inverses; they are worked out again where they are needed."""
@@ -225,7 +223,15 @@ class Applied:
                 trace = kernels @ information.ravel()
                 better = np.clip(data / np.where(trace > 0.0, trace, 1.0), 1e-6, 1e6)
                 amplitudes[number, part] *= np.where(trace > 0.0, better, 1.0)
-        return self.discrepancy.applied(np.maximum(amplitudes, least))
+        improved = Applied(self.discrepancy, np.maximum(amplitudes, least))
+        # Many are at the least one, and stay there.
+        improved.__dict__["inverses"] = tuple(
+            inverse if np.array_equal(now, was) else inverse_of(axis_groups, now)
+            for (_, (*_, axis_groups)), inverse, now, was in zip(
+                self.discrepancy.enumerate(), self.inverses, improved.amplitudes, self.amplitudes, strict=True
+            )
+        )
+        return improved
 
     def answers(
         self, weighted: Sequence[FloatArray], precision: FloatArray
