@@ -1,6 +1,7 @@
 """Alarms of what a signal says against a statement end when later revolutions do not bear them out, and only then."""
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import pytest
@@ -58,9 +59,14 @@ def fastest_later(time_s: Samples) -> Samples:
     return np.asarray(steady_later(time_s) + 8.0 * rise)
 
 
+@cache
+def sound(speed: Speed) -> Samples:
+    return rolled(speed(TIME_S), RATE_HZ)
+
+
 def spoilt(speed: Speed, spoil: Callable[[Samples], Samples], spoilt_s: float) -> Samples:
     """Return samples that are spoilt from FIRST_S on, for a time."""
-    samples = rolled(speed(TIME_S), RATE_HZ)
+    samples = sound(speed).copy()
     part = slice(round(FIRST_S * RATE_HZ), round((FIRST_S + spoilt_s) * RATE_HZ))
     samples[part] = spoil(samples[part])
     return samples
@@ -77,7 +83,8 @@ def flags(samples: Samples, lost: Callable[[int], bool] = lambda block: False) -
         for block in range(first, first + second):
             if not lost(block):
                 tick_us = round(block * BLOCK * 1e6 / RATE_HZ)
-                wheel.samples(block * BLOCK, [tick_us], 0b111, counts[block * BLOCK : (block + 1) * BLOCK], host)
+                wheel.add(block * BLOCK, [tick_us], 0b111, counts[block * BLOCK : (block + 1) * BLOCK], host)
+        wheel.complete()
         seen.append({flag.name for flag in wheel.snapshot().flags})
     return seen
 
@@ -110,7 +117,7 @@ def test_alarm_that_is_right_stands(name: str, speed: Speed) -> None:
 
 
 def test_depth_that_was_wrong_at_first_is_no_alarm_for_long() -> None:
-    samples, until = rolled(city(TIME_S), RATE_HZ), round(SPOILT_S * RATE_HZ)
+    samples, until = sound(city).copy(), round(SPOILT_S * RATE_HZ)
     samples[:until] = rolled(city(TIME_S[:until]), RATE_HZ, depth_m=0.009)
     seen = flags(samples)
     assert any("sensor offset" in names for names in seen[: round(SPOILT_S)])
@@ -127,4 +134,4 @@ def test_depth_that_only_revolutions_with_gaps_show_is_no_alarm() -> None:
 
 
 def test_nothing_is_said_of_a_sound_sensor() -> None:
-    assert not any(flags(rolled(city(TIME_S), RATE_HZ)))
+    assert not any(flags(sound(city)))
