@@ -163,12 +163,11 @@ def through_pipeline(
     )
     counts = np.round(values_mps2[:, [axis for axis in Axis if axes >> axis & 1]] / SCALE_MPS2).astype(np.int16)
     host = HostClock()
-    results: list[RevolutionResult] = []
     block = 36
     for first in range(0, len(counts) - block + 1, 20 * block):
         piece = counts[first : first + 20 * block]
         piece = piece[: len(piece) // block * block]
         ticks = [round((first + i * block) / sensor.rate_hz * 1e6) for i in range(len(piece) // block)]
         host.stamp_all(np.array(ticks), np.full(len(ticks), 1_000_000_000 + 1000 * ticks[-1]))
-        results += wheel.samples(first, ticks, axes, piece, host)
-    return results + wheel.finish(host)
+        wheel.add(first, ticks, axes, piece, host)
+    return wheel.finish(host)
