@@ -13,8 +13,8 @@ import pytest
 from websockets.sync.client import connect
 
 from gateway.core.clock import SystemClock
-from gateway.publishing import admission, origin_gate
-from gateway.publishing.admission import MOST_CONNECTIONS, MOST_OF_A_PEER, Admission
+from gateway.publishing import origin_gate, page_listener, prometheus
+from gateway.publishing.admission import HEAD_S, MOST_CONNECTIONS, MOST_OF_A_PEER, Admission
 from gateway.publishing.foxglove_server import FoxgloveSink
 from gateway.publishing.page_server import PageSink
 from gateway.publishing.prometheus import PrometheusEndpoint
@@ -52,8 +52,17 @@ LISTENERS: dict[str, Callable[[], Sink]] = {
 }
 
 
+@pytest.fixture
+def head_s() -> float:
+    return TIMEOUT_S
+
+
 @pytest.fixture(params=list(LISTENERS))
-def listener(request) -> Iterator[Sink]:
+def listener(request, head_s: float, monkeypatch) -> Iterator[Sink]:
+    assert prometheus._Handler.timeout == HEAD_S
+    monkeypatch.setattr(prometheus._Handler, "timeout", head_s)
+    for module in (origin_gate, page_listener):
+        monkeypatch.setattr(module, "HEAD_S", head_s)
     sink = LISTENERS[request.param]()
     sink.open(STOP)
     yield sink
@@ -82,15 +91,36 @@ def is_ended(connection: socket.socket) -> bool:
     return True
 
 
-def test_idle_connections_of_one_peer_are_bounded(listener) -> None:
+@pytest.fixture
+def admitted(monkeypatch) -> list[bool]:
+    """Whether each connection was admitted that a listener was asked for, in their order."""
+    really_admit, admitted = Admission.admit, []
+
+    def admit(self, peer: str) -> bool:
+        admitted.append(really_admit(self, peer))
+        return admitted[-1]
+
+    monkeypatch.setattr(Admission, "admit", admit)
+    return admitted
+
+
+def hold(stack: ExitStack, listener: Sink, admitted: list[bool], count: int) -> list[socket.socket]:
+    """Open connections, each when the one before is judged: more than a listener's backlog at once wait for seconds."""
+    held = []
+    for number in range(1, count + 1):
+        held.append(stack.enter_context(socket.create_connection(("127.0.0.1", listener.port))))
+        until(lambda number=number: len(admitted) >= number)
+    return held
+
+
+def test_idle_connections_of_one_peer_are_bounded(listener, admitted) -> None:
     with ExitStack() as stack:
-        held = [
-            stack.enter_context(socket.create_connection(("127.0.0.1", listener.port)))
-            for _ in range(MOST_OF_A_PEER + 20)
-        ]
+        held = hold(stack, listener, admitted, MOST_OF_A_PEER + 20)
         assert all(map(is_ended, held[MOST_OF_A_PEER:]))
+        assert admitted == [True] * MOST_OF_A_PEER + [False] * 20
 
 
+@pytest.mark.parametrize("head_s", [0.3])
 @pytest.mark.parametrize("part", [b"", b"GET / HT", b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n"])
 def test_a_request_that_does_not_come_ends_its_connection(listener, part: bytes, caplog, capsys) -> None:
     with caplog.at_level(logging.INFO), socket.create_connection(("127.0.0.1", listener.port)) as connection:
@@ -98,7 +128,7 @@ def test_a_request_that_does_not_come_ends_its_connection(listener, part: bytes,
         clock = SystemClock()
         begin_ns = clock.now_ns()
         assert is_ended(connection)
-        assert clock.now_ns() - begin_ns < 3e9 * admission.HEAD_S
+        assert clock.now_ns() - begin_ns < 1e9 * HEAD_S
     assert "Traceback" not in caplog.text + "".join(capsys.readouterr())
 
 
@@ -110,10 +140,9 @@ def is_open(page: PageSink) -> bool:
         return False
 
 
-def test_the_page_is_there_again_when_strangers_are_gone(page) -> None:
+def test_the_page_is_there_again_when_strangers_are_gone(page, admitted) -> None:
     with ExitStack() as stack:
-        for _ in range(MOST_OF_A_PEER):
-            stack.enter_context(socket.create_connection(("127.0.0.1", page.port)))
+        hold(stack, page, admitted, MOST_OF_A_PEER)
     until(lambda: is_open(page))
 
 
