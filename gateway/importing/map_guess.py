@@ -81,12 +81,15 @@ _SET: Final = re.compile(
 )
 
 
-def guess_map(path: Path, progress: Callable[[float], None] = lambda _: None) -> str:
+def guess_map(
+    path: Path, progress: Callable[[float], None] = lambda _: None, processes: ReaderProcesses | None = None
+) -> str:
     """Return a first import map in TOML; keys that cannot be known are comments.
 
     Args:
         path: measurement.
         progress: called with the share done, 0 to 1.
+        processes: supply of processes for formats that need one; None for a new process.
 
     Raises:
         ImportDataError: the file cannot be read, or none of its columns can be an acceleration.
@@ -106,7 +109,7 @@ def guess_map(path: Path, progress: Callable[[float], None] = lambda _: None) ->
     )
     identities = text.identities
     rows_of = None if identities is None else (identities[0], identities[1][0])
-    with contextlib.closing(open_columns(path, probe, ReaderProcesses(), rows_of)) as reader:
+    with contextlib.closing(open_columns(path, probe, processes, rows_of)) as reader:
         facts = reader.facts
         seen, skipped, remedies = _columns(reader, path, facts, text, progress)
         if identities is not None:
