@@ -117,7 +117,15 @@ def least_sensors(
         for speed_mps in speeds_mps:
             on_share(done / (len(RATES_HZ) * _TRIALS * len(speeds_mps)))
             done += 1
-            setup, drives = driven(scenario, sensor, speed_mps, wheels=wheels, seed=seed, statements=_made(better))
+            setup, drives = driven(
+                scenario,
+                sensor,
+                speed_mps,
+                wheels=wheels,
+                seed=seed,
+                revolutions=revolutions,
+                statements=_made(better),
+            )
             turn_min = 2.0 * math.pi * setup.radius_m / speed_mps / 60.0
             errors += [_printed(drives, want, speed_mps, revolutions, turn_min) for want in wants]
             if any(error.share > 1.0 for error in errors):
@@ -147,7 +155,9 @@ def better_statements(
     while True:
         missed: list[Budget | None] = []
         for speed_mps in speeds_mps:
-            setup, (drive,) = driven(scenario, sensor, speed_mps, wheels=1, statements=_made(better))
+            setup, (drive,) = driven(
+                scenario, sensor, speed_mps, wheels=1, revolutions=revolutions, statements=_made(better)
+            )
             by_name = {budget.estimate.name: budget for budget in budgets(setup, drive[:revolutions])}
             beyond = [want for want in wants if not _std_in(by_name, want.quantity) <= want.error]
             missed += [by_name.get(want.quantity) for want in beyond]

@@ -205,13 +205,14 @@ def driven(
     *,
     wheels: int,
     seed: int = 0,
+    revolutions: int = AFTER[-1],
     statements: Callable[[WheelSetup], WheelSetup] = lambda setup: setup,
 ) -> tuple[WheelSetup, list[list[RevolutionResult]]]:
-    """Return the setup and the revolutions of drives as `plan_sensor` makes them, with other `statements`."""
+    """Return the setup and the first revolutions of drives as `plan_sensor` makes them, with other `statements`."""
     planned = _with_sensor(scenario, sensor, speed_mps, sampling_rate_hz(sensor))
     (plan,) = wheel_plans(planned)
     setup = statements(_setup(planned, sensor))
-    return setup, _drives(plan, setup, speed_mps / plan.radius_m, wheels, seed)
+    return setup, _drives(plan, setup, speed_mps / plan.radius_m, wheels, seed, revolutions)
 
 
 def _steady(scenario: Scenario, speed_mps: float) -> Scenario:
@@ -288,10 +289,10 @@ def _setup(scenario: Scenario, sensor: Accelerometer) -> WheelSetup:
 
 
 def _drives(
-    plan: WheelPlan, setup: WheelSetup, omega_radps: float, wheels: int, seed: int
+    plan: WheelPlan, setup: WheelSetup, omega_radps: float, wheels: int, seed: int, revolutions: int = AFTER[-1]
 ) -> list[list[RevolutionResult]]:
     """Return the revolutions of independent drives, which differ in noise and in the sensor's angle at the start."""
-    seconds = (AFTER[-1] + _SPARE_REVOLUTIONS) * 2.0 * math.pi / omega_radps
+    seconds = (revolutions + _SPARE_REVOLUTIONS) * 2.0 * math.pi / omega_radps
     generators = np.random.default_rng(seed).spawn(wheels)
     return [_drive(WheelSimulator(plan, rng), setup, seconds) for rng in generators]
 

@@ -93,7 +93,7 @@ def test_sensor_that_is_given_reaches_the_error_and_a_noisier_one_does_not(monke
 
 def printed(scenario, range_g: float, noise_mg_rthz: float, speed_mps: float) -> float:
     sensor = Accelerometer(name="mine", range_g=range_g, rate_hz=4000.0, noise_mg_rthz=noise_mg_rthz)
-    _, drives = driven(scenario, sensor, speed_mps, wheels=3)
+    _, drives = driven(scenario, sensor, speed_mps, wheels=3, revolutions=20)
     return median(e.std for drive in drives for e in drive[19].estimates if e.name == "Bs/Cw")
 
 
