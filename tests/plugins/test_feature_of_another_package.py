@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.testkit.commands import run
+
 ROOT = Path(__file__).parents[2]
 MODULE = """
 import click
@@ -89,7 +91,7 @@ def test_a_command_of_another_package_is_listed_and_runs(site: Path) -> None:
 
 
 def test_an_output_of_another_package_has_its_option_and_lines(site: Path) -> None:
-    assert treadlink(site, "record", "sim:demo", "--duration", "4", "--out", "drive.mcap").returncode == 0
+    run("simulate", "demo", "--duration", 1, "--out", site / "drive.mcap")
     done = treadlink(site, "estimate", "drive.mcap", "--weights", "weights.txt")
     assert done.returncode == 0, done.stderr
     (line,) = (line for line in (done.stdout + done.stderr).splitlines() if "weighed" in line)

@@ -6,7 +6,7 @@ from gateway.core.estimates.results import Alarm, AlarmChange, RevolutionResult,
 from gateway.core.links.reconnect import Backoff
 from gateway.core.reasons import Reason
 from gateway.core.session.reasons import SessionCode
-from gateway.publishing import sink_worker
+from gateway.publishing import page_listener, sink_worker
 from gateway.publishing.sink import Item, PublishedAlarm, PublishedRevolution, PublishedState
 from tests.publishing.receivers import PostServer, serving
 from tests.testkit.made_results import made  # noqa: F401 - a fixture
@@ -34,6 +34,7 @@ def items(drive) -> Sequence[Item]:
 
 @pytest.fixture(autouse=True)
 def _fast_retries(monkeypatch) -> None:
+    monkeypatch.setattr(page_listener, "_ENDED_S", 0.05)  # browsers keep connections on which they ask for nothing
     monkeypatch.setattr(sink_worker, "BACKOFF", Backoff(first_ns=10_000_000, cap_ns=10_000_000))
 
 
