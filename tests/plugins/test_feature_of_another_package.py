@@ -9,7 +9,6 @@ import pytest
 
 from tests.testkit.commands import run
 
-ROOT = Path(__file__).parents[2]
 MODULE = """
 import click
 
@@ -74,7 +73,7 @@ def site(tmp_path: Path) -> Path:
 
 
 def treadlink(site: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(site), str(ROOT)))}
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(site), str(Path(__file__).parents[2])))}
     command = [sys.executable, "-m", "gateway.core.cli", *words]
     return subprocess.run(command, capture_output=True, text=True, cwd=site, check=False, env=environment)
 

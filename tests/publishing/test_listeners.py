@@ -6,7 +6,8 @@ import socket
 import struct
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, closing, contextmanager, suppress
+from unittest.mock import patch
 from urllib.request import urlopen
 
 import pytest
@@ -52,83 +53,61 @@ LISTENERS: dict[str, Callable[[], Sink]] = {
 }
 
 
-@pytest.fixture
-def head_s() -> float:
-    return TIMEOUT_S
-
-
-@pytest.fixture(params=list(LISTENERS))
-def listener(request, head_s: float, monkeypatch) -> Iterator[Sink]:
+@contextmanager
+def opened(name: str, head_s: float = 3.0 * TIMEOUT_S) -> Iterator[Sink]:
     assert prometheus._Handler.timeout == HEAD_S
-    monkeypatch.setattr(prometheus._Handler, "timeout", head_s)
-    for module in (origin_gate, page_listener):
-        monkeypatch.setattr(module, "HEAD_S", head_s)
-    sink = LISTENERS[request.param]()
-    sink.open(STOP)
-    yield sink
-    sink.close()
+    with pytest.MonkeyPatch.context() as patched, closing(LISTENERS[name]()) as sink:
+        patched.setattr(prometheus._Handler, "timeout", head_s)
+        patched.setattr(origin_gate, "HEAD_S", head_s)
+        patched.setattr(page_listener, "HEAD_S", head_s)
+        sink.open(STOP)
+        yield sink
 
 
 @pytest.fixture
-def page() -> Iterator[PageSink]:
+def page() -> Iterator[Sink]:
     SESSION.asked.clear()
-    sink = PageSink("127.0.0.1", 0, lambda: SESSION)
-    sink.open(STOP)
-    yield sink
-    sink.close()
+    with opened("page") as sink:
+        yield sink
 
 
-def is_ended(connection: socket.socket) -> bool:
-    """Return whether the other side has ended a connection."""
+def wait_for_end(connection: socket.socket) -> None:
+    """Read until the other side has ended a connection."""
     connection.settimeout(TIMEOUT_S)
-    try:
+    with suppress(ConnectionError):
         while connection.recv(1 << 16):
             pass
-    except ConnectionError:
-        return True
-    except TimeoutError:
-        return False
-    return True
 
 
-@pytest.fixture
-def admitted(monkeypatch) -> list[bool]:
-    """Whether each connection was admitted that a listener was asked for, in their order."""
-    really_admit, admitted = Admission.admit, []
-
-    def admit(self, peer: str) -> bool:
-        admitted.append(really_admit(self, peer))
-        return admitted[-1]
-
-    monkeypatch.setattr(Admission, "admit", admit)
-    return admitted
-
-
-def hold(stack: ExitStack, listener: Sink, admitted: list[bool], count: int) -> list[socket.socket]:
-    """Open connections, each when the one before is judged: more than a listener's backlog at once wait for seconds."""
-    held = []
-    for number in range(1, count + 1):
+def hold(stack: ExitStack, listener: Sink, count: int) -> list[socket.socket]:
+    """Open connections, each when the one before is judged: those beyond the backlog would wait for seconds."""
+    judged = stack.enter_context(patch.object(Admission, "admit", autospec=True, side_effect=Admission.admit))
+    held: list[socket.socket] = []
+    while len(held) < count:
         held.append(stack.enter_context(socket.create_connection(("127.0.0.1", listener.port))))
-        until(lambda number=number: len(admitted) >= number)
+        until(lambda: judged.call_count == len(held))
     return held
 
 
-def test_idle_connections_of_one_peer_are_bounded(listener, admitted) -> None:
-    with ExitStack() as stack:
-        held = hold(stack, listener, admitted, MOST_OF_A_PEER + 20)
-        assert all(map(is_ended, held[MOST_OF_A_PEER:]))
-        assert admitted == [True] * MOST_OF_A_PEER + [False] * 20
+@pytest.mark.parametrize("name", LISTENERS)
+def test_idle_connections_of_one_peer_are_bounded(name: str) -> None:
+    with opened(name) as listener, ExitStack() as stack:
+        for connection in hold(stack, listener, MOST_OF_A_PEER + 20)[MOST_OF_A_PEER:]:
+            wait_for_end(connection)
 
 
-@pytest.mark.parametrize("head_s", [0.3])
+@pytest.mark.parametrize("name", LISTENERS)
 @pytest.mark.parametrize("part", [b"", b"GET / HT", b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n"])
-def test_a_request_that_does_not_come_ends_its_connection(listener, part: bytes, caplog, capsys) -> None:
-    with caplog.at_level(logging.INFO), socket.create_connection(("127.0.0.1", listener.port)) as connection:
+def test_a_request_that_does_not_come_ends_its_connection(name: str, part: bytes, caplog, capsys) -> None:
+    begin_ns = SystemClock().now_ns()
+    with (
+        caplog.at_level(logging.INFO),
+        opened(name, head_s=0.3) as listener,
+        socket.create_connection(("127.0.0.1", listener.port)) as connection,
+    ):
         connection.sendall(part)
-        clock = SystemClock()
-        begin_ns = clock.now_ns()
-        assert is_ended(connection)
-        assert clock.now_ns() - begin_ns < 1e9 * HEAD_S
+        wait_for_end(connection)
+        assert SystemClock().now_ns() - begin_ns < 1e9 * HEAD_S
     assert "Traceback" not in caplog.text + "".join(capsys.readouterr())
 
 
@@ -140,9 +119,9 @@ def is_open(page: PageSink) -> bool:
         return False
 
 
-def test_the_page_is_there_again_when_strangers_are_gone(page, admitted) -> None:
+def test_the_page_is_there_again_when_strangers_are_gone(page) -> None:
     with ExitStack() as stack:
-        hold(stack, page, admitted, MOST_OF_A_PEER)
+        hold(stack, page, MOST_OF_A_PEER)
     until(lambda: is_open(page))
 
 
@@ -201,14 +180,12 @@ def test_the_gate_accepts_again_after_an_error(monkeypatch) -> None:
         return really_accept(self)
 
     monkeypatch.setattr(socket.socket, "accept", accept)
-    sink = FoxgloveSink("127.0.0.1", 0)
-    sink.open(STOP)
-    try:
-        with connect(f"ws://127.0.0.1:{sink.port}", subprotocols=["foxglove.sdk.v1"], open_timeout=TIMEOUT_S) as viewer:
-            assert viewer.recv(TIMEOUT_S)
-        assert not errors
-    finally:
-        sink.close()
+    with (
+        opened("foxglove") as sink,
+        connect(f"ws://127.0.0.1:{sink.port}", subprotocols=["foxglove.sdk.v1"], open_timeout=TIMEOUT_S) as viewer,
+    ):
+        assert viewer.recv(TIMEOUT_S)
+    assert not errors
 
 
 def fill(connection: socket.socket) -> None:

@@ -267,13 +267,7 @@ def test_mark_and_recording_reach_the_session_and_failures_the_page(served, item
         served.session.is_recording = False
         connection.send(json.dumps({"mark": "kerb"}))
         assert next_of(connection, "said")["text"] == "mark: kerb: not kept: nothing is recorded"
-    assert served.session.asked[:5] == [
-        "mark pothole [2J",
-        "start {'test': 'a b'}",
-        "stop",
-        "acknowledge",
-        "mark mark",
-    ]
+    assert served.session.asked[:5] == ["mark pothole [2J", "start {'test': 'a b'}", "stop", "acknowledge", "mark mark"]
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1"])
@@ -316,12 +310,8 @@ def test_wider_page_needs_its_token() -> None:
         assert len(token) > 20
         assert "0.0.0.0" not in served.sink.address
         local = f"http://127.0.0.1:{served.sink.port}/"
-        assert [get(f"{local}{query}")[0] for query in ("", "?token=", "?token=x", f"?token={token}")] == [
-            403,
-            403,
-            403,
-            200,
-        ]
+        queries = ("", "?token=", "?token=x", f"?token={token}")
+        assert [get(f"{local}{query}")[0] for query in queries] == [403, 403, 403, 200]
         for path, origin in (("/", served.origin), (f"/?token={token}", "http://evil.example")):
             with pytest.raises(InvalidStatus, match="403"), guest(served, path, origin):
                 pass
