@@ -205,8 +205,7 @@ class CsvColumns:
     def _cells(self, line: str) -> list[str]:
         if self._layout.delimiter == "space":
             return line.split()
-        # A reader for each line costs several times as much; its limit of a field's length stays in force.
-        if '"' not in line and len(line) < csv.field_size_limit():
+        if '"' not in line and len(line) < csv.field_size_limit():  # a reader for each line costs several times as much
             return line.rstrip("\n").split(self._delimiter)
         return next(csv.reader([line], delimiter=self._delimiter))
 
@@ -239,16 +238,14 @@ class CsvColumns:
             return np.loadtxt(lines, delimiter=delimiter, usecols=use, ndmin=2, comments=None, quotechar='"')
         except ValueError:
             # The fast parser knows no empty cells.
-            values, bad = self._by_cell(lines, numbers, use, to_first_bad=self._layout.unreadable == "error")
+            values, bad = self._by_cell(lines, numbers, use)
         if bad and self._layout.unreadable == "error":
             raise self._refusal(bad[0], use, names)
         self.unreadable += len(bad)
         return values
 
-    def _by_cell(
-        self, lines: list[str], numbers: list[int], use: list[int], *, to_first_bad: bool = False
-    ) -> tuple[FloatArray, list[_BadCell]]:
-        """Return the values, NaN for cells that are empty or no numbers, and the latter, or nothing after the first."""
+    def _by_cell(self, lines: list[str], numbers: list[int], use: list[int]) -> tuple[FloatArray, list[_BadCell]]:
+        """Return the values, NaN for cells that are empty or no numbers, and the latter."""
         values, bad = np.full((len(lines), len(use)), math.nan), []
         for row, (line, number) in enumerate(zip(lines, numbers, strict=True)):
             cells = self._cells(line)
@@ -261,8 +258,6 @@ class CsvColumns:
                     values[row, k] = float(self._with_point(cell or "?").replace("_", "?"))
                 except ValueError:
                     bad.append(_BadCell(number, k, len(cells), cell))
-                    if to_first_bad:
-                        return values, bad
         return values, bad
 
     def _with_point(self, text: str) -> str:

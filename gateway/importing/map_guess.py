@@ -95,7 +95,8 @@ def guess_map(
         ImportDataError: the file cannot be read, or none of its columns can be an acceleration.
     """
     path = parts_of(path)[0]
-    text = _text_layout(path)
+    is_text = path.is_file() and recognised_format(path) is FileFormat.CSV
+    text = recognise_layout(path) if is_text else TextLayout()
     # The columns are known only after the file is open; a map needs one. The zone of dates does not change their steps.
     sampling = Sampling(rate_hz=1e4)
     if text.dates:
@@ -135,11 +136,6 @@ def guess_map(
             next(filter(None, remedies), f"It takes at least {_FEWEST_ROWS} rows of numbers that vary."),
         )
     return map_text(path, text.layout, guess, facts)
-
-
-def _text_layout(path: Path) -> TextLayout:
-    is_text = path.is_file() and recognised_format(path) is FileFormat.CSV
-    return recognise_layout(path) if is_text else TextLayout()
 
 
 def _columns(

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
+from functools import partial, reduce
 from itertools import dropwhile
 from statistics import median
 from typing import Final
@@ -108,6 +108,7 @@ def least_sensors(
     """
     done = 0
     peak_g = _peak_g(scenario, speeds_mps)
+    drive = partial(driven, scenario, wheels=wheels, seed=seed, revolutions=revolutions, statements=_made(better))
 
     def tried(rate_hz: float, noise_mg_rthz: float) -> tuple[float, WorstError]:
         range_g = peak_g + _HEADROOM * 1e-3 * noise_mg_rthz * math.sqrt(0.5 * rate_hz)
@@ -117,15 +118,7 @@ def least_sensors(
         for speed_mps in speeds_mps:
             on_share(done / (len(RATES_HZ) * _TRIALS * len(speeds_mps)))
             done += 1
-            setup, drives = driven(
-                scenario,
-                sensor,
-                speed_mps,
-                wheels=wheels,
-                seed=seed,
-                revolutions=revolutions,
-                statements=_made(better),
-            )
+            setup, drives = drive(sensor, speed_mps)
             turn_min = 2.0 * math.pi * setup.radius_m / speed_mps / 60.0
             errors += [_printed(drives, want, speed_mps, revolutions, turn_min) for want in wants]
             if any(error.share > 1.0 for error in errors):
@@ -149,15 +142,14 @@ def better_statements(
     """Return the statements to make better so that a quiet sensor reaches the errors, and what each brings."""
     better: list[Source] = []
     advice: list[str] = []
+    short = partial(driven, wheels=1, revolutions=revolutions)
     sensor = Accelerometer(
         name="quiet", range_g=2.0 * _peak_g(scenario, speeds_mps), rate_hz=_QUIET_HZ, noise_mg_rthz=NOISES_MG_RTHZ[0]
     )
     while True:
         missed: list[Budget | None] = []
         for speed_mps in speeds_mps:
-            setup, (drive,) = driven(
-                scenario, sensor, speed_mps, wheels=1, revolutions=revolutions, statements=_made(better)
-            )
+            setup, (drive,) = short(scenario, sensor, speed_mps, statements=_made(better))
             by_name = {budget.estimate.name: budget for budget in budgets(setup, drive[:revolutions])}
             beyond = [want for want in wants if not _std_in(by_name, want.quantity) <= want.error]
             missed += [by_name.get(want.quantity) for want in beyond]

@@ -126,14 +126,17 @@ def _projected_step(normal: FloatArray, gradient: FloatArray, parameters: FloatA
     step = np.zeros_like(parameters)
     # A free parameter that the step carries below zero ends on its bound; the others are then solved without it.
     for _ in range(len(parameters)):
-        if free.all():
-            solved = _damped_step(normal, gradient, damping)
-        elif free.any():
-            rows, held = np.flatnonzero(free), np.flatnonzero(~free)
-            right = gradient[rows] - normal[rows[:, np.newaxis], held] @ step[held]
-            solved = _damped_step(normal[rows[:, np.newaxis], rows], right, damping)
-        else:
+        if not free.any():
             break
+        rows = normal.compress(free, 0)
+        damped = rows.compress(free, 1)
+        diagonal = np.diagonal(damped).copy()
+        damped.flat[:: len(damped) + 1] += damping * diagonal + 1e-300
+        right = gradient[free] - rows.compress(~free, 1) @ step[~free]
+        try:
+            solved = np.linalg.solve(damped, right)
+        except np.linalg.LinAlgError:
+            solved = right / np.maximum(diagonal, 1e-300)
         step[free] = solved
         leaving = free & (parameters + step < 0.0)
         if not leaving.any():
@@ -141,14 +144,3 @@ def _projected_step(normal: FloatArray, gradient: FloatArray, parameters: FloatA
         step[leaving] = -parameters[leaving]
         free = free & ~leaving
     return step
-
-
-def _damped_step(normal: FloatArray, right: FloatArray, damping: float) -> FloatArray:
-    """Return the step whose product with a matrix of raised diagonal is `right`."""
-    diagonal = normal.diagonal()
-    damped = normal.copy()
-    np.einsum("ii->i", damped)[:] += damping * diagonal + 1e-300
-    try:
-        return np.linalg.solve(damped, right)
-    except np.linalg.LinAlgError:
-        return right / np.maximum(diagonal, 1e-300)

@@ -188,8 +188,7 @@ class TcpEnd:
             except BlockingIOError:
                 return
             self._connection.setblocking(False)
-            # Else small frames wait for the acknowledgement of those before, 40 ms of real time each.
-            self._connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)  # small frames would wait 40 ms each
 
     def _flush(self) -> int:
         if self._connection is None or not self._unsent:

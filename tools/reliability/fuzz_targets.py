@@ -298,8 +298,7 @@ def import_logger_file(data: bytes) -> bool:
     with _file(data, "t.dat") as path:
         out = _folder() / "imported.mcap"
         try:
-            guessed = guess_map(path, processes=_PROCESSES)
-            import_file(path, parse_map(guessed, "guessed.map.toml"), out, processes=_PROCESSES)
+            import_file(path, parse_map(guess_map(path, processes=_PROCESSES), "t.map.toml"), out, processes=_PROCESSES)
         except TreadlinkError as error:
             _explained(error)
             return False

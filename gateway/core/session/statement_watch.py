@@ -390,9 +390,7 @@ class StatementWatch:
 
 def _steps(before: int, numbers: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the steps between numbers of 32 bits that wrap, the first from `before`, (k,)."""
-    steps = numbers.copy()
-    steps[0] -= before
-    steps[1:] -= numbers[:-1]
+    steps: NDArray[np.int64] = numbers - np.append(before, numbers[:-1])
     return (steps + 2**31) % 2**32 - 2**31
 
 
