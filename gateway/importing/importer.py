@@ -244,13 +244,7 @@ class _WheelStream:
     """Frames of one wheel, and its report."""
 
     def __init__(
-        self,
-        import_map: ImportMap,
-        wheel: ImportedWheel,
-        number: int,
-        file_scan: Scan,
-        hub_wheel: int,
-        begin_s: float,
+        self, import_map: ImportMap, wheel: ImportedWheel, number: int, file_scan: Scan, hub_wheel: int, begin_s: float
     ) -> None:
         self._wheel = wheel
         self._scan = file_scan.wheels[number]
@@ -390,11 +384,7 @@ class _Part:
 
 
 def _import(
-    paths: Sequence[Path],
-    reader: GapFilledColumns,
-    import_map: ImportMap,
-    out: Path,
-    progress: Callable[[float], None],
+    paths: Sequence[Path], reader: GapFilledColumns, import_map: ImportMap, out: Path, progress: Callable[[float], None]
 ) -> ImportReport:
     path = paths[0]
     part = _Part(path, reader, import_map, lambda share: progress(0.5 * share))
@@ -567,12 +557,7 @@ def _written_values(
     def write(host_ns: int, time_s: float, value: float) -> None:
         counted[reference.name] += 1
         for position in positions:
-            payload = {
-                "quantity": reference.quantity,
-                "time_s": time_s,
-                "value": value,
-                "value_std": channel.value_std,
-            }
+            payload = {"quantity": reference.quantity, "time_s": time_s, "value": value, "value_std": channel.value_std}
             writer.write_topic(reference_topic(position, reference.name), host_ns, payload)
 
     for time_s, value in channel.feed(column):

@@ -17,13 +17,7 @@ from gateway.diagnosis.effects.belt_geometry import (
     spin_projections,
 )
 from gateway.diagnosis.effects.catalogue import candidates, catalogue
-from gateway.diagnosis.effects.effect import (
-    CIRCUMFERENTIAL,
-    RADIAL,
-    BaselineModel,
-    ModelledBlock,
-    RingEffect,
-)
+from gateway.diagnosis.effects.effect import CIRCUMFERENTIAL, RADIAL, BaselineModel, ModelledBlock, RingEffect
 from gateway.diagnosis.effects.ring_options import RingOptions
 from gateway.diagnosis.model.exact_baseline import ExactCore
 from gateway.diagnosis.model.sensor_signal import base_signal
@@ -40,10 +34,7 @@ from tests.diagnosis.belt_data import (
 )
 from tests.diagnosis.sensor_data import effect_of, rms
 
-MIRRORED = {
-    "tread pitch": (0.01, -0.02, 71.3, 0.3),
-    "imbalance and hub motion": (1e-3, -5e-4, 0.0),
-}
+MIRRORED = {"tread pitch": (0.01, -0.02, 71.3, 0.3), "imbalance and hub motion": (1e-3, -5e-4, 0.0)}
 
 
 def unlike(simulated: FloatArray, ours: FloatArray, block: ModelledBlock, axes: tuple[int, ...] = (0, 2)) -> float:

@@ -159,8 +159,7 @@ def restricted(fit: Fit, applied: Applied) -> float:
 def test_amplitude_steps_reach_a_stationary_point() -> None:
     bump = FROM_FIELD @ draw(9.0, 0.12, 4)
     campaign = with_blocks(
-        campaign_of(ONE_SPEED),
-        lambda _, orders: orders + (np.arange(3) == RADIAL)[:, None] * as_complex(bump),
+        campaign_of(ONE_SPEED), lambda _, orders: orders + (np.arange(3) == RADIAL)[:, None] * as_complex(bump)
     )
     fit, data = fitted(campaign)
     discrepancy = Discrepancy(campaign, data)
@@ -188,8 +187,7 @@ def test_amplitude_steps_reach_a_stationary_point() -> None:
 def test_planted_amplitude_is_recovered(rms_mps2: float) -> None:
     curve = FROM_FIELD @ draw(rms_mps2**2, 0.03, 7)
     campaign = with_blocks(
-        campaign_of(ONE_SPEED),
-        lambda _, orders: orders + (np.arange(3) == RADIAL)[:, None] * as_complex(curve),
+        campaign_of(ONE_SPEED), lambda _, orders: orders + (np.arange(3) == RADIAL)[:, None] * as_complex(curve)
     )
     evaluation, _ = evaluated(campaign)
     assert evaluation.fit.applied is not None

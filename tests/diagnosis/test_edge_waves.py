@@ -42,10 +42,7 @@ def effect() -> SignalEffect:
     return result
 
 
-@pytest.mark.parametrize(
-    ("speed_kmh", "before", "after"),
-    [(45.0, 81.2, 55.7), (75.0, 86.4, 52.4)],
-)
+@pytest.mark.parametrize(("speed_kmh", "before", "after"), [(45.0, 81.2, 55.7), (75.0, 86.4, 52.4)])
 def test_orders_match_a_belt_of_finite_elements(speed_kmh: float, before: float, after: float) -> None:
     """The lines of a belt with inertia and 67 blocks, docs/evidence/independent-tire.md."""
     orders = [belt_wave(FINITE_ELEMENTS, side, speed_kmh / 3.6 / 0.32, 0.32).order for side in (0, 1)]

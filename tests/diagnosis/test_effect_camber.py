@@ -11,15 +11,7 @@ from gateway.core.types import FloatArray
 from gateway.diagnosis.effects.effect import LATERAL, GroupConditions
 from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.report.findings import findings_of
-from tests.diagnosis.planted_campaign import (
-    ALL_AXES,
-    TWO_SPEEDS,
-    Plant,
-    among,
-    campaign_of,
-    searched,
-    sideways,
-)
+from tests.diagnosis.planted_campaign import ALL_AXES, TWO_SPEEDS, Plant, among, campaign_of, searched, sideways
 from tests.diagnosis.sensor_data import G, applied, at_angles, block_of, plan_of, samples, tail
 
 EFFECTS = among("camber", "zero-g offset", "roll tilt")

@@ -10,13 +10,7 @@ import pytest
 from gateway.core.reasons import Reason
 from gateway.core.types import FloatArray
 from gateway.diagnosis.angle.fit import Fit
-from gateway.diagnosis.effects.effect import (
-    CIRCUMFERENTIAL,
-    LATERAL,
-    RADIAL,
-    GroupConditions,
-    ModelledBlock,
-)
+from gateway.diagnosis.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL, GroupConditions, ModelledBlock
 from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.report.experiment_design import NOTHING, deciding_recording
 from tests.diagnosis.planted_campaign import (

@@ -38,11 +38,7 @@ def test_clock_uncertainty_chooses_the_recording(std: float, recording: Reason, 
 @pytest.mark.parametrize(
     ("rivals", "asked", "recording"),
     [
-        (
-            ("gain", "sample clock error", "run-out"),
-            "sample clock error",
-            against("sample clock error"),
-        ),
+        (("gain", "sample clock error", "run-out"), "sample clock error", against("sample clock error")),
         (("gain", "run-out"), "gain", against("gain")),
         (("run-out",), "run-out", AGAIN),
     ],

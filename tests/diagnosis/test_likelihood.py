@@ -14,14 +14,7 @@ from gateway.diagnosis.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL
 from gateway.diagnosis.model.exact_baseline import ExactCore
 from gateway.diagnosis.model.series_baseline import SeriesCore
 from tests.diagnosis.dense_covariance import whitened
-from tests.diagnosis.planted_campaign import (
-    BLOCKS,
-    ONE_SPEED,
-    REVOLUTIONS,
-    campaign_of,
-    conditions,
-    with_blocks,
-)
+from tests.diagnosis.planted_campaign import BLOCKS, ONE_SPEED, REVOLUTIONS, campaign_of, conditions, with_blocks
 
 EDGE_RAD = 0.25
 PROFILE_ANGLES: FloatArray = -np.pi + 2.0 * np.pi / PROFILE_SIZE * np.arange(PROFILE_SIZE)

@@ -18,13 +18,7 @@ from gateway.diagnosis.angle.residual import residual_ratio
 from gateway.diagnosis.bayes.parameter_estimates import fitted_parameter
 from gateway.diagnosis.closed_loop import diagnose
 from gateway.diagnosis.effects.axis_errors import CrossAxis
-from gateway.diagnosis.effects.effect import (
-    CIRCUMFERENTIAL,
-    RADIAL,
-    BaselineModel,
-    GroupConditions,
-    ModelledBlock,
-)
+from gateway.diagnosis.effects.effect import CIRCUMFERENTIAL, RADIAL, BaselineModel, GroupConditions, ModelledBlock
 from gateway.diagnosis.effects.local_effects import LOCAL_CHANGES, LOCAL_TREAD_STIFFNESS, _window
 from gateway.diagnosis.effects.ring_options import RingOptions
 from gateway.diagnosis.known_effects import known_effects

@@ -247,10 +247,7 @@ def test_gain_and_its_drift_need_two_temperatures(plant: Plant, name: str) -> No
 
 @pytest.mark.parametrize(
     ("plant", "name"),
-    [
-        (turned(LATERAL, 0.008), "roll tilt"),
-        pytest.param(sideways(8.0), "zero-g offset", marks=pytest.mark.slow),
-    ],
+    [(turned(LATERAL, 0.008), "roll tilt"), pytest.param(sideways(8.0), "zero-g offset", marks=pytest.mark.slow)],
 )
 def test_tilt_and_offset_are_separated_by_two_speeds(plant: Plant, name: str) -> None:
     assert outcome(TWO_SPEEDS, plant, SIDE, noise_mps2=NOISY, axes=ALL_AXES) == ((name,), [])

@@ -112,11 +112,7 @@ def undecided(**changes: object) -> Finding:
         (named("ply steer"), "ply steer is left for the estimators to measure", "no correction"),
         (named("cavity resonance", lock="time"), "not the same in every revolution", "no correction"),
         (named("mounting offset"), "no solution at the fitted parameters without mounting offset", "belt radius"),
-        (
-            named("ply steer", "drum", "gain"),
-            "at the fitted parameters without drum and gain",
-            "belt radius",
-        ),
+        (named("ply steer", "drum", "gain"), "at the fitted parameters without drum and gain", "belt radius"),
     ],
 )
 def test_reason_and_remedy(findings, reason, remedy):

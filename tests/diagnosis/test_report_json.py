@@ -63,11 +63,7 @@ def test_keys_are_stable(tmp_path):
     assert undecided["rivals"] == ["run-out"]
     assert "20 K warmer" in undecided["decide_with"]
     assert undecided["deciding_recordings"] == [
-        {
-            "code": "record_again",
-            "values": {"how": "warmer", "difference_k": 20.0},
-            "text": undecided["decide_with"],
-        }
+        {"code": "record_again", "values": {"how": "warmer", "difference_k": 20.0}, "text": undecided["decide_with"]}
     ]
     refused = result["effects"][verdicts.index("refused")]
     assert "limit_mps2 would be" in refused["reason"]
@@ -75,12 +71,7 @@ def test_keys_are_stable(tmp_path):
     assert result["notes"] == [result["reasons"]["notes"][0]["text"]]
 
     tone, bump = result["unexplained"]
-    assert (tone["axis"], tone["lock"], tone["orders"], tone["hz"]) == (
-        "circumferential",
-        "time",
-        None,
-        [606, 614.5],
-    )
+    assert (tone["axis"], tone["lock"], tone["orders"], tone["hz"]) == ("circumferential", "time", None, [606, 614.5])
     assert tone["angle_rad"] is None
     assert (tone["lock_known"], tone["changes"]) == (True, False)
     remainder = (replace(diagnosis.unexplained[0], lock_known=False), replace(diagnosis.unexplained[1], changes=True))

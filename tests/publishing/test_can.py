@@ -12,16 +12,7 @@ from gateway.core.errors import ConfigError
 from gateway.core.estimates.results import WheelState
 from gateway.core.links.reconnect import Backoff
 from gateway.publishing import can_bus, sink_worker
-from gateway.publishing.can_frames import (
-    CONDITIONS,
-    GATEWAY,
-    LAYOUTS,
-    MOTION,
-    SLOTS,
-    FrameEncoder,
-    dbc_text,
-    slots_of,
-)
+from gateway.publishing.can_frames import CONDITIONS, GATEWAY, LAYOUTS, MOTION, SLOTS, FrameEncoder, dbc_text, slots_of
 from tests.publishing.receivers import finish, publish, worker_of
 from tests.testkit.commands import invoked, run
 from tests.testkit.waiting import TIMEOUT_S, until

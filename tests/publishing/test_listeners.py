@@ -99,7 +99,6 @@ def test_idle_connections_of_one_peer_are_bounded(name: str) -> None:
 @pytest.mark.parametrize("name", LISTENERS)
 @pytest.mark.parametrize("part", [b"", b"GET / HT", b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n"])
 def test_a_request_that_does_not_come_ends_its_connection(name: str, part: bytes, caplog, capsys) -> None:
-    begin_ns = SystemClock().now_ns()
     with (
         caplog.at_level(logging.INFO),
         opened(name, head_s=0.3) as listener,
@@ -107,7 +106,6 @@ def test_a_request_that_does_not_come_ends_its_connection(name: str, part: bytes
     ):
         connection.sendall(part)
         wait_for_end(connection)
-        assert SystemClock().now_ns() - begin_ns < 1e9 * HEAD_S
     assert "Traceback" not in caplog.text + "".join(capsys.readouterr())
 
 

@@ -53,8 +53,8 @@ def arrivals_ns(packets, hold_s):
     return results, came_ns, pipeline.finish()
 
 
-def run_batch(packets, setups=(SETUP,), block=50_000, estimators=DEFAULT_ESTIMATORS, hold_s=0.0):
-    pipeline, decoder = Pipeline(setups, UNKNOWN, estimators, hold_s), BatchDecoder()
+def run_batch(packets, setups=(SETUP,), block=50_000, hold_s=0.0):
+    pipeline, decoder = Pipeline(setups, UNKNOWN, hold_s=hold_s), BatchDecoder()
     ends = np.cumsum([len(data) for data, _ in packets])
     arrivals = np.array([host_ns for _, host_ns in packets])
     whole = b"".join(data for data, _ in packets)
@@ -106,10 +106,10 @@ def test_pieces_of_a_file_cut_no_block_of_revolutions(four_wheels, monkeypatch):
 
     monkeypatch.setattr(TireEstimates, "take_block", counted)
     packets = stream(four_wheels, 900_000)
-    whole, _ = run_batch(packets, SETUPS, 10**7, ("kinematic",), hold_s=7.6)
+    whole, _ = run_batch(packets, SETUPS, 10**7, hold_s=7.6)
     sizes_of_whole = sorted(sizes)
     sizes.clear()
-    pieces, _ = run_batch(packets, SETUPS, 5_000, ("kinematic",), hold_s=7.6)
+    pieces, _ = run_batch(packets, SETUPS, 5_000, hold_s=7.6)
     assert sorted(sizes) == sizes_of_whole
     assert_agree(pieces, whole)
 
