@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 
 from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source
-
-TIMEOUT_S = 10.0
+from tests.testkit.waiting import TIMEOUT_S
 
 
 class PtyPort:
@@ -118,7 +117,7 @@ class Reader:
 
     def event(self, kind: LinkEventKind) -> LinkEvent:
         item = self.next()
-        assert isinstance(item, LinkEvent), item
+        assert isinstance(item, LinkEvent), item or self.error
         assert item.kind is kind, item
         return item
 
@@ -126,7 +125,7 @@ class Reader:
         chunks: list[Chunk] = []
         while sum(len(chunk.data) for chunk in chunks) < count:
             item = self.next()
-            assert isinstance(item, Chunk), item
+            assert isinstance(item, Chunk), item or self.error
             chunks.append(item)
         return chunks
 

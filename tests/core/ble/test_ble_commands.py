@@ -70,7 +70,7 @@ def test_scan_without_adapter_continues(bus: PrivateBus) -> None:
 def test_doctor_checks_bluetooth(bluez: BluezStandIn, hub: Peripheral) -> None:
     (result,) = check_bluetooth()
     assert result.level is Level.OK
-    (seen,) = check_source("ble://Treadlink-FL?scan=0.2", ManualClock())
+    (seen,) = check_source("ble://Treadlink-FL?scan=20", ManualClock())
     assert seen.level is Level.OK
     assert f"Treadlink-FL at {ADDRESSES[0]} (-57 dBm)" in seen.text
     (missing,) = check_source("ble://Treadlink-RR?scan=0.2", ManualClock())
@@ -85,7 +85,7 @@ def test_doctor_checks_bluetooth(bluez: BluezStandIn, hub: Peripheral) -> None:
 def test_commands_of_a_user_reach_a_simulated_hub(bluez: BluezStandIn, tmp_path: Path) -> None:
     vehicle = tmp_path / "two.toml"
     vehicle.write_text(vehicle_toml(parse_scenario(SCENARIO, "test")))
-    uri = "ble://Treadlink-FL?scan=0.5"
+    uri = "ble://Treadlink-FL?scan=20"
     with broadcasting(bluez):
         assert "ble://Treadlink-FL" in run("scan", "--timeout", "0.5")
         assert "hub 0 executed the command" in run("command", "time", uri)

@@ -76,7 +76,7 @@ def test_bluetooth_switched_off_and_on_again(bluez: BluezStandIn, hub: Periphera
     settle("Bluetooth is switched off")
     bluez.run(bluez.service.power(True))
     settle(None)
-    reader = read(open_source("ble://Treadlink-FL?scan=0.2", ManualClock()))
+    reader = read(open_source("ble://Treadlink-FL?scan=20", ManualClock()))
     reader.event(LinkEventKind.CONNECTED)
     bluez.run(bluez.service.power(False))
     reader.event(LinkEventKind.LOST)
@@ -88,7 +88,7 @@ def test_bluetooth_switched_off_and_on_again(bluez: BluezStandIn, hub: Periphera
 @pytest.mark.parametrize("notify", ["", "&notify=socket"])
 def test_a_hub_that_demands_pairing_is_named_with_the_remedy(hub: Peripheral, read: Read, notify: str) -> None:
     hub.demands_pairing = True
-    reader = read(open_source(f"ble://Treadlink-FL?scan=0.2{notify}", ManualClock()))
+    reader = read(open_source(f"ble://Treadlink-FL?scan=20{notify}", ManualClock()))
     assert reader.next() is None
     assert reader.error is not None
     assert "demands pairing" in str(reader.error)
@@ -97,7 +97,7 @@ def test_a_hub_that_demands_pairing_is_named_with_the_remedy(hub: Peripheral, re
 
 def test_a_hub_that_is_paired_on_request_is_read(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
     hub.demands_pairing = hub.agent_pairs = True
-    reader = read(open_source("ble://Treadlink-FL?scan=0.2", ManualClock()))
+    reader = read(open_source("ble://Treadlink-FL?scan=20", ManualClock()))
     reader.event(LinkEventKind.CONNECTED)
     assert hub.paired
     bluez.run(bluez.service.notify(hub, [b"data"]))
@@ -106,7 +106,7 @@ def test_a_hub_that_is_paired_on_request_is_read(bluez: BluezStandIn, hub: Perip
 
 def test_a_hub_that_has_forgotten_its_pairing_is_named(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
     hub.demands_pairing = hub.paired = True
-    reader = read(open_source("ble://Treadlink-FL?scan=0.2", ManualClock()))
+    reader = read(open_source("ble://Treadlink-FL?scan=20", ManualClock()))
     reader.event(LinkEventKind.CONNECTED)
     hub.has_key = False  # as after a reset of the hub
     bluez.run(bluez.service.lose(hub, advertising=True))
@@ -121,7 +121,7 @@ def test_a_hub_that_has_forgotten_its_pairing_is_named(bluez: BluezStandIn, hub:
 def test_an_mtu_that_changes_is_stated_with_the_new_connection(
     bluez: BluezStandIn, hub: Peripheral, read: Read
 ) -> None:
-    reader = read(open_source("ble://Treadlink-FL?scan=0.2", ManualClock()))
+    reader = read(open_source("ble://Treadlink-FL?scan=20", ManualClock()))
     assert Reason(LinkCode.MTU, mtu=247) in reader.event(LinkEventKind.CONNECTED).details
     hub.mtu = 185
     bluez.run(bluez.service.lose(hub, advertising=True))
@@ -134,7 +134,7 @@ def test_bluetooth_crashes_and_returns(bus: PrivateBus, read: Read) -> None:
     with BluezStandIn(bus.address, advertising_interval_s=0.02) as before:
         settle(None)
         before.add(Peripheral(ADDRESSES[0], "Treadlink-FL"))
-        reader = read(open_source("ble://Treadlink-FL?scan=0.2&silence=5", clock))
+        reader = read(open_source("ble://Treadlink-FL?scan=20&silence=5", clock))
         reader.event(LinkEventKind.CONNECTED)
         before.close(crash=True)
     clock.advance_ns(5_000_000_000)
@@ -155,7 +155,7 @@ def test_d_bus_ends_and_returns(bus: PrivateBus) -> None:
         "from gateway.core.clock import SystemClock\n"
         "from gateway.core.links.source import open_source\n"
         "stop = threading.Event()\n"
-        "for item in open_source('ble://Treadlink-FL?scan=0.2', SystemClock()).items(stop):\n"
+        "for item in open_source('ble://C0:FF:EE:00:00:01?scan=20', SystemClock()).items(stop):\n"
         "    print(item.kind.value, item.text, flush=True)\n"
         "    if item.kind.value == 'retrying':\n"
         "        os.environ['DBUS_SYSTEM_BUS_ADDRESS'] = sys.stdin.readline().strip()\n"

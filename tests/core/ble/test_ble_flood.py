@@ -89,7 +89,7 @@ def test_session_records_a_flood_whole_and_says_what_was_dropped(
     monkeypatch.setattr(ble_link, "_PENDING_BYTES", 20_000)
     count, path = 4000, tmp_path / "r.mcap"
     opened = open_session(
-        ["ble://Treadlink-FL?scan=0.2"], lambda _: None, SessionSettings(record=path), clock=SystemClock()
+        ["ble://Treadlink-FL?scan=20"], lambda _: None, SessionSettings(record=path), clock=SystemClock()
     )
     try:
         until(lambda: hub.notifying)
@@ -150,9 +150,9 @@ def test_hub_is_found_among_thousands_of_advertisements(
     around = scan_devices(1.0).sightings
     assert len(around) == 50
     assert all(sighting.is_hub for sighting in around)
-    absent = read(open_source("ble://Treadlink-FL?scan=0.5", ManualClock()))
+    absent = read(open_source("ble://Treadlink-FL?scan=1", ManualClock()))
     assert absent.next() is None
     assert isinstance(absent.error, SourceError)
     assert "and 42 more" in absent.error.remedy
     bluez.add(Peripheral("C0:FF:EE:00:00:01", "Treadlink-FL"))
-    read(open_source("ble://Treadlink-FL?scan=5", ManualClock())).event(LinkEventKind.CONNECTED)
+    read(open_source("ble://Treadlink-FL?scan=20", ManualClock())).event(LinkEventKind.CONNECTED)

@@ -2,6 +2,7 @@
 
 import queue
 import threading
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -28,6 +29,7 @@ from firmware_protocol.messages import (
 from gateway.core.clock import ManualClock, SystemClock
 from gateway.core.config.vehicle import parse_vehicle
 from gateway.core.errors import SourceError
+from gateway.core.estimates.results import RevolutionResult
 from gateway.core.links.ble_source import BleSource
 from gateway.core.links.reasons import LinkCode
 from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind, Source, TwoWaySource, open_source
@@ -46,6 +48,7 @@ from tests.testkit.bluetooth.bluez_thread import BluezStandIn
 from tests.testkit.bluetooth.hubs import BleHub, ble_hubs, broadcast
 from tests.testkit.bluetooth.peripheral import Peripheral
 from tests.testkit.hub_ends import TIMEOUT_S, Reader
+from tests.testkit.waiting import until
 
 Read = Callable[[Source], Reader]
 NOW_NS = 1_700_000_000_000_000_000
@@ -74,22 +77,22 @@ def broadcasting(bluez: BluezStandIn) -> Iterator[dict[int, BleHub]]:
 def test_one_hub_per_wheel_gives_estimates(bluez: BluezStandIn) -> None:
     with broadcasting(bluez) as hubs:
         clock = SystemClock()
-        uris = ["ble://Treadlink-FL?scan=0.3", "ble://Treadlink-FR?scan=0.3&rate=4800"]
+        uris = ["ble://Treadlink-FL?scan=20", "ble://Treadlink-FR?scan=20&rate=4800"]
         sources = [with_commands(open_source(uri, clock), clock) for uri in uris]
         vehicle = parse_vehicle(vehicle_toml(parse_scenario(SCENARIO, "test")), "test")
         live = LiveSession(sources, vehicle, clock, patient=[False, False], summary=ResultSummary())
         live.start()
-        seen: dict[str, int] = {}
-        waiting = threading.Event()
-        for _ in range(200):
-            for result in live.results():
-                seen[result.position] = seen.get(result.position, 0) + 1
-                assert result.revolution.omega_radps == pytest.approx(90 / 3.6 / 0.32, rel=0.05)
-            if len(seen) == 2 and min(seen.values()) >= 3:
-                break
-            waiting.wait(0.05)
+        results: list[RevolutionResult] = []
+
+        def have_rolled() -> bool:
+            results.extend(live.results())
+            counts = Counter(result.position for result in results)
+            return min(counts["FL"], counts["FR"]) >= 3
+
+        until(have_rolled)
         snapshot = live.close()
-        assert {position: count >= 3 for position, count in seen.items()} == {"FL": True, "FR": True}
+        assert {result.position for result in results} == {"FL", "FR"}
+        assert all(result.revolution.omega_radps == pytest.approx(90 / 3.6 / 0.32, rel=0.05) for result in results)
         for link, battery in zip(snapshot.links, (61, 62), strict=True):
             assert link.frames_lost == link.crc_errors == link.noise_bytes == 0
             assert link.battery_percent == battery
@@ -104,7 +107,7 @@ def test_commands_are_executed_with_a_reply(bluez: BluezStandIn) -> None:
     with broadcasting(bluez):
 
         def send(command: SetStream | SetRate | SetTime) -> int:
-            source = open_source("ble://Treadlink-FR?scan=0.2", SystemClock())
+            source = open_source("ble://Treadlink-FR?scan=20", SystemClock())
             assert isinstance(source, TwoWaySource)
             return execute(source, command, SystemClock(), timeout_s=TIMEOUT_S).hub
 
@@ -113,7 +116,7 @@ def test_commands_are_executed_with_a_reply(bluez: BluezStandIn) -> None:
         with pytest.raises(SourceError, match="hub 1 did not execute SET_RATE: it refused the value"):
             send(SetRate(9600.0))
         types = set()
-        source = open_source("ble://Treadlink-FR?scan=0.2", SystemClock())
+        source = open_source("ble://Treadlink-FR?scan=20", SystemClock())
         stop, decoder = threading.Event(), FrameDecoder()
         for item in source.items(stop):
             for frame in decoder.feed(item.data) if isinstance(item, Chunk) else ():
@@ -149,7 +152,7 @@ class RecordingHub:
 def test_settings_are_sent_at_every_connection(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
     clock = ManualClock(NOW_NS)
     recording = RecordingHub(hub)
-    source = with_commands(open_source("ble://Treadlink-FL?scan=0.2&rate=9600", clock), clock)
+    source = with_commands(open_source("ble://Treadlink-FL?scan=20&rate=9600", clock), clock)
     reader = read(source)
     reader.event(LinkEventKind.CONNECTED)
     assert [recording.next() for _ in range(3)] == [
@@ -169,7 +172,7 @@ def test_settings_are_sent_at_every_connection(bluez: BluezStandIn, hub: Periphe
 
 def test_missing_reply_is_an_error(bluez: BluezStandIn, hub: Peripheral) -> None:
     RecordingHub(hub)
-    source = open_source("ble://Treadlink-FL?scan=0.2", SystemClock())
+    source = open_source("ble://Treadlink-FL?scan=20", SystemClock())
     assert isinstance(source, BleSource)
     with pytest.raises(SourceError, match="did not reply"):
         execute(source, SetStream(True), SystemClock(), timeout_s=0.2)
@@ -178,7 +181,7 @@ def test_missing_reply_is_an_error(bluez: BluezStandIn, hub: Peripheral) -> None
 
 def test_hub_lost_before_its_reply(bluez: BluezStandIn, hub: Peripheral) -> None:
     hub.on_write = lambda _: bluez.service._spawn(bluez.service.lose(hub))
-    source = open_source("ble://Treadlink-FL?scan=0.2", SystemClock())
+    source = open_source("ble://Treadlink-FL?scan=20", SystemClock())
     assert isinstance(source, BleSource)
     with pytest.raises(SourceError, match="lost unexpectedly"):
         execute(source, SetStream(True), SystemClock(), timeout_s=TIMEOUT_S)

@@ -25,7 +25,7 @@ from tests.testkit.bluetooth.peripheral import DEVICE, UART_FROM_HUB, UART_TO_HU
 from tests.testkit.hub_ends import TIMEOUT_S, Reader
 
 Read = Callable[[Source], Reader]
-SCAN = "scan=0.5"
+SCAN = "scan=20"
 
 
 def opened(target: str, options: str = SCAN, clock: ManualClock | None = None) -> BleSource:
@@ -125,7 +125,7 @@ def test_link_lost_inside_a_frame_loses_that_frame(bluez: BluezStandIn, hub: Per
 
 @pytest.mark.parametrize("forgotten", [False, True], ids=["known to BlueZ", "forgotten by BlueZ"])
 def test_lost_hub_is_reconnected(bluez: BluezStandIn, hub: Peripheral, read: Read, forgotten: bool) -> None:
-    reader = read(opened("Treadlink-FL", "scan=0.2"))
+    reader = read(opened("Treadlink-FL", "scan=2"))
     reader.event(LinkEventKind.CONNECTED)
     bluez.run(bluez.service.lose(hub))
     if forgotten:
@@ -142,7 +142,7 @@ def test_lost_hub_is_reconnected(bluez: BluezStandIn, hub: Peripheral, read: Rea
 
 def test_two_hubs_of_one_name_need_an_address(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
     bluez.add(Peripheral(ADDRESSES[1], "treadlink-FL", rssi_dbm=-80))
-    reader = read(opened("Treadlink-FL"))
+    reader = read(opened("Treadlink-FL", "scan=100"))
     assert reader.next() is None
     error = reader.error
     assert isinstance(error, SourceError)
@@ -155,7 +155,7 @@ def test_two_hubs_of_one_name_need_an_address(bluez: BluezStandIn, hub: Peripher
 
 
 def test_second_hub_of_the_name_is_not_connected(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
-    reader = read(opened("Treadlink-FL", "scan=0.2"))
+    reader = read(opened("Treadlink-FL", "scan=2"))
     reader.event(LinkEventKind.CONNECTED)
     other = bluez.add(Peripheral(ADDRESSES[1], "Treadlink-FL"))
     bluez.run(bluez.service.lose(hub))
@@ -170,7 +170,7 @@ def test_second_hub_of_the_name_is_not_connected(bluez: BluezStandIn, hub: Perip
 def test_hub_that_is_renamed_stays_the_same_and_its_name_is_no_ticket(
     bluez: BluezStandIn, hub: Peripheral, read: Read
 ) -> None:
-    reader = read(opened("Treadlink-FL", "scan=0.2"))
+    reader = read(opened("Treadlink-FL"))
     reader.event(LinkEventKind.CONNECTED)
     bluez.run(bluez.service.lose(hub))
     bluez.run(bluez.service.forget(hub))
@@ -187,7 +187,7 @@ def test_hub_that_is_renamed_stays_the_same_and_its_name_is_no_ticket(
 
 def test_hubs_that_take_each_others_name_are_not_mixed_up(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
     other = bluez.add(Peripheral(ADDRESSES[1], "Treadlink-FR"))
-    hubs, readers = (hub, other), [read(opened(name, "scan=0.2")) for name in ("Treadlink-FL", "Treadlink-FR")]
+    hubs, readers = (hub, other), [read(opened(name)) for name in ("Treadlink-FL", "Treadlink-FR")]
     for reader in readers:
         reader.event(LinkEventKind.CONNECTED)
     hub.name, other.name = other.name, hub.name
@@ -231,14 +231,14 @@ def test_several_hubs_at_once(bluez: BluezStandIn, read: Read) -> None:
 
 def test_single_failure_is_retried(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
     hub.failures = [("org.bluez.Error.InProgress", "busy"), ("org.bluez.Error.Failed", "Input/output error")]
-    reader = read(opened("Treadlink-FL", "scan=0.2"))
+    reader = read(opened("Treadlink-FL"))
     reader.event(LinkEventKind.CONNECTED)
     assert hub.failures == []
 
 
 def test_lasting_failure_is_raised(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
     hub.failures = [("org.bluez.Error.Failed", "Input/output error")] * 3
-    reader = read(opened("Treadlink-FL", "scan=0.2"))
+    reader = read(opened("Treadlink-FL"))
     assert reader.next() is None
     assert isinstance(reader.error, SourceError)
     assert "cannot connect to Treadlink-FL" in str(reader.error)
@@ -246,7 +246,7 @@ def test_lasting_failure_is_raised(bluez: BluezStandIn, hub: Peripheral, read: R
 
 
 def test_unknown_hub_lists_those_in_range(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
-    reader = read(opened("Treadlink-RR", "scan=0.2"))
+    reader = read(opened("Treadlink-RR", "scan=2"))
     assert reader.next() is None
     assert isinstance(reader.error, SourceError)
     assert str(reader.error) == "no hub named Treadlink-RR answers"
@@ -265,17 +265,17 @@ def test_characteristics_need_uuid_and_property(bluez: BluezStandIn, read: Read)
     mute = ((UART_TO_HUB, ("write",)), (UART_FROM_HUB, ("read",)))
     bluez.add(Peripheral(ADDRESSES[1], "Mute", characteristics=mute))
     deaf = bluez.add(Peripheral(ADDRESSES[2], "Deaf", characteristics=((UART_FROM_HUB, ("notify",)),)))
-    source = opened("Swapped", "scan=0.2")
+    source = opened("Swapped")
     reader = read(source)
     reader.event(LinkEventKind.CONNECTED)
     send(bluez, swapped, [b"x"])
     assert data(reader, 1) == b"x"
     source.send(b"y")
     assert written.wait(TIMEOUT_S)
-    mute_reader = read(opened("Mute", "scan=0.2"))
+    mute_reader = read(opened("Mute"))
     assert mute_reader.next() is None
     assert "is not a treadlink hub" in str(mute_reader.error)
-    listening = opened("Deaf", "scan=0.2")
+    listening = opened("Deaf")
     read(listening).event(LinkEventKind.CONNECTED)
     assert deaf.connected
     with pytest.raises(SourceError, match="takes no commands"):
@@ -294,7 +294,7 @@ def test_small_mtu_is_reported(
     bluez: BluezStandIn, hub: Peripheral, read: Read, mtu: int | None, reason: Reason
 ) -> None:
     hub.mtu = mtu
-    assert reason in read(opened("Treadlink-FL", "scan=0.2")).event(LinkEventKind.CONNECTED).details
+    assert reason in read(opened("Treadlink-FL")).event(LinkEventKind.CONNECTED).details
 
 
 def test_hub_still_connected_is_found(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
@@ -324,7 +324,7 @@ def test_lost_links_leave_no_descriptor_open(bluez: BluezStandIn, hub: Periphera
     descriptors = Path("/proc/self/fd")
     if not descriptors.exists():
         pytest.skip("counts descriptors in /proc")
-    reader = read(opened("Treadlink-FL", "scan=0.2"))
+    reader = read(opened("Treadlink-FL"))
     reader.event(LinkEventKind.CONNECTED)
 
     def cycle() -> int:
