@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 from gateway.core.clock import ManualClock, SystemClock
 
-TIMEOUT_S = 20.0
+TIMEOUT_S = 60.0
 _tick = threading.Event()
 
 
