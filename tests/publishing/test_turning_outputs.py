@@ -105,7 +105,8 @@ def test_broker_has_the_turn_of_a_simulated_curve(curve, tmp_path: Path) -> None
     listener = Listener(broker.port)
     try:
         publish(f"mqtt://127.0.0.1:{broker.port}/car", items_of(curve))
-        until(lambda: len(listener.of("car/wheel/FL/revolution")) == len(curve[0]))
+        until(lambda: listener.of("car/status")[-1:] == ["offline"])
+        assert len(listener.of("car/wheel/FL/revolution")) == len(curve[0])
         check(listener.of("car/wheel/FL/revolution")[-1])
         states = [state for state in listener.of("car/wheel/FL/state") if state.get("turn_rate_radps") is not None]
         assert states[0]["turn_rate_radps"] == pytest.approx(TURN_RADPS, abs=0.05)
