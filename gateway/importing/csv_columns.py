@@ -205,9 +205,8 @@ class CsvColumns:
     def _cells(self, line: str) -> list[str]:
         if self._layout.delimiter == "space":
             return line.split()
-        if (
-            '"' not in line and 1 < len(line) < csv.field_size_limit()
-        ):  # a reader for each line costs several times as much
+        # A reader for each line costs several times as much.
+        if '"' not in line and 1 < len(line) < csv.field_size_limit():
             return line.rstrip("\n").split(self._delimiter)
         return next(csv.reader([line], delimiter=self._delimiter))
 

@@ -55,7 +55,7 @@ LISTENERS: dict[str, Callable[[], Sink]] = {
 
 @contextmanager
 def opened(name: str, head_s: float = 3.0 * TIMEOUT_S) -> Iterator[Sink]:
-    assert prometheus._Handler.timeout == HEAD_S
+    assert prometheus._Handler.timeout == origin_gate.HEAD_S == page_listener.HEAD_S == HEAD_S
     with pytest.MonkeyPatch.context() as patched, closing(LISTENERS[name]()) as sink:
         patched.setattr(prometheus._Handler, "timeout", head_s)
         patched.setattr(origin_gate, "HEAD_S", head_s)

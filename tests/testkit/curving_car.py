@@ -77,16 +77,11 @@ def drive() -> Drive:
     return Drive(STEP_S * np.arange(len(heading)), np.gradient(heading, STEP_S), heading)
 
 
+@cache
 def results(
     position: str, gain: float = 1.0, *, straight: bool = False, offset_mps2: float = 0.2
 ) -> tuple[RevolutionResult, ...]:
     """Return the revolutions of a wheel whose lateral axis has a gain; a front wheel is steered."""
-    # One entry in the cache, however the arguments are given.
-    return _results(position, gain, straight, offset_mps2)
-
-
-@cache
-def _results(position: str, gain: float, straight: bool, offset_mps2: float) -> tuple[RevolutionResult, ...]:
     sensor = Sensor(
         rate_hz=RATE_HZ,
         noise_mg=3.0,
@@ -95,13 +90,13 @@ def _results(position: str, gain: float, straight: bool, offset_mps2: float) -> 
         road_mps2=0.5,
         seed=sum(map(ord, position)),
     )
-    values = disturbed(_felt(position, straight), sensor)
+    values = disturbed(_felt(position, straight=straight), sensor)
     values[:, 1] *= gain
     return tuple(through_pipeline(values, sensor, NAMES, load_n=LOAD_N, position=position))
 
 
 @cache
-def _felt(position: str, straight: bool) -> FloatArray:
+def _felt(position: str, *, straight: bool) -> FloatArray:
     course = _course(straight=straight)
     if position.startswith("F"):
         rate = np.gradient(course.heading_rad + course.slip_rad, STEP_S)

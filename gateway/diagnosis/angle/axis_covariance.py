@@ -214,8 +214,8 @@ class _Whole:
 
     def inside(self, part: int) -> FloatArray:
         scales = self._axis_groups.scales[part].tolist()
-        rows = zip(scales, self._inverse, strict=True)
-        return np.asarray(sum(one * two * block for one, row in rows for two, block in zip(scales, row, strict=True)))
+        groups = range(len(scales))
+        return np.asarray(sum(scales[g] * scales[h] * self._inverse[g, h] for g in groups for h in groups))
 
 
 class _Shared:

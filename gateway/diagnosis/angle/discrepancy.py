@@ -224,7 +224,7 @@ class Applied:
                 better = np.clip(data / np.where(trace > 0.0, trace, 1.0), 1e-6, 1e6)
                 amplitudes[number, part] *= np.where(trace > 0.0, better, 1.0)
         improved = Applied(self.discrepancy, np.maximum(amplitudes, least))
-        # Many are at the least one, and stay there.
+        # An axis whose amplitudes are at their lower limit mostly stays there, and keeps its inverse.
         improved.__dict__["inverses"] = tuple(
             inverse if np.array_equal(now, was) else inverse_of(axis_groups, now)
             for (_, (*_, axis_groups)), inverse, now, was in zip(
