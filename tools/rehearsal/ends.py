@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Protocol
 
-from gateway.core.clock import ComputerTime, ManualClock
+from gateway.core.clock import Clock, ComputerTime, ManualClock
 from gateway.core.links.bus_frames import unpack
 from gateway.core.links.source import BusFrames, LinkEvent, LinkEventKind, LinkItem, Source
 from gateway.simulator import pty_link
@@ -51,18 +51,18 @@ class GatedSource:
         gate: open when set.
         read: bytes read, of a bus frames.
         is_connected: by the source's events.
-        events: of the link.
+        connected_ns: times from which it was.
     """
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: Source, clock: Clock) -> None:
         """Wrap a source with an open gate."""
         self.gate = threading.Event()
         self.gate.set()
         self.read = 0
         self.is_connected = False
-        self.events: list[LinkEvent] = []
+        self.connected_ns: list[int] = []
         self.link, self.vehicle_toml = source.link, source.vehicle_toml
-        self._source = source
+        self._source, self._clock = source, clock
 
     def items(self, stop: threading.Event) -> Iterator[LinkItem]:
         """Yield the source's items while the gate is open."""
@@ -71,8 +71,9 @@ class GatedSource:
                 pass
             yield item
             if isinstance(item, LinkEvent):
-                self.events.append(item)
                 self.is_connected = item.kind in (LinkEventKind.CONNECTED, LinkEventKind.RESTORED)
+                if self.is_connected:
+                    self.connected_ns.append(self._clock.now_ns())
             else:
                 self.read += sum(1 for _ in unpack(item.data, 0)) if isinstance(item, BusFrames) else len(item.data)
 
