@@ -25,6 +25,8 @@ from gateway.diagnosis.angle.likelihood import REAL, Whitened
 from gateway.diagnosis.data.campaign_data import Campaign
 
 _AXES: Final = 3
+# Ratio of two steps of an amplitude beyond which their limit is not known.
+_MOST_RATIO: Final = 0.8
 
 
 class Discrepancy:
@@ -214,7 +216,6 @@ class Applied:
             precision: (p, p) inverse of the parameters' posterior covariance.
         """
         amplitudes = self.amplitudes.copy()
-        least = (criteria.LEAST_SHARE * self.discrepancy.reference_mps2) ** 2
         answers = self.answers(weighted, precision)
         for (number, (_, _, axis_groups)), parts in zip(self.discrepancy.enumerate(), answers, strict=True):
             kernels = axis_groups.kernels.reshape(len(axis_groups.kernels), -1)
@@ -223,15 +224,31 @@ class Applied:
                 trace = kernels @ information.ravel()
                 better = np.clip(data / np.where(trace > 0.0, trace, 1.0), 1e-6, 1e6)
                 amplitudes[number, part] *= np.where(trace > 0.0, better, 1.0)
-        improved = Applied(self.discrepancy, np.maximum(amplitudes, least))
-        # An axis whose amplitudes are at their lower limit mostly stays there, and keeps its inverse.
-        improved.__dict__["inverses"] = tuple(
+        return self._with(amplitudes)
+
+    def limit(self, first: FloatArray, second: FloatArray) -> Applied:
+        """Return the discrepancy at the limit of steps from earlier amplitudes to these (Aitken's delta-squared).
+
+        The logarithm of an amplitude steps by less each time, in a ratio that counts as at most _MOST_RATIO.
+        """
+        before, last = np.log(second / first), np.log(self.amplitudes / second)
+        ratio = np.clip(np.divide(last, before, out=np.zeros_like(last), where=before != 0.0), 0.0, _MOST_RATIO)
+        return self._with(self.amplitudes * np.exp(last * ratio / (1.0 - ratio)))
+
+    def _with(self, amplitudes: FloatArray) -> Applied:
+        """Return the discrepancy with other amplitudes.
+
+        An axis whose amplitudes are at their lower limit mostly stays there, and keeps its inverse.
+        """
+        least = (criteria.LEAST_SHARE * self.discrepancy.reference_mps2) ** 2
+        other = Applied(self.discrepancy, np.maximum(amplitudes, least))
+        other.__dict__["inverses"] = tuple(
             inverse if np.array_equal(now, was) else inverse_of(axis_groups, now)
             for (_, (*_, axis_groups)), inverse, now, was in zip(
-                self.discrepancy.enumerate(), self.inverses, improved.amplitudes, self.amplitudes, strict=True
+                self.discrepancy.enumerate(), self.inverses, other.amplitudes, self.amplitudes, strict=True
             )
         )
-        return improved
+        return other
 
     def answers(
         self, weighted: Sequence[FloatArray], precision: FloatArray

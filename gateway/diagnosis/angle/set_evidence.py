@@ -24,6 +24,7 @@ from gateway.diagnosis.model.closure_model import AngleEffect, ClosureModel
 _NO_DATA: Final = 1e-9
 # Most steps of the amplitudes, and the change of log evidence at which they end.
 _STEPS: Final = 15
+_STEPS_TO_LIMIT: Final = 2
 _SETTLED: Final = 0.03
 # Most rounds until all rest, the change of a parameter over its error at which it does, that of log evidence at which
 # the amplitudes do, and the rounds of no higher evidence after which no rest is to come.
@@ -243,14 +244,22 @@ def impossible(fit: Fit) -> tuple[tuple[str, Reason], ...]:
 def _settled(fit: Fit, applied: Applied, steps: int, done: float = _SETTLED) -> tuple[Fit, Applied]:
     """Return the fit under the amplitudes of the highest evidence, each time at the optimum of the linear model."""
     fit = fit.under(applied)
-    was = -math.inf
-    for _ in range(steps):
+    was, stepped = -math.inf, applied
+    path: list[FloatArray] = []
+    for number in range(1, steps + 1):
         there = fit.moved(_limited(fit))
         now = log_evidence(there)
-        if abs(now - was) < done:
+        if now < was and applied is not stepped:  # the limit was too far
+            applied = stepped
+        elif abs(now - was) < done:
             break
-        was = now
-        applied = applied.improved(there.weighted, there.precision)
+        else:
+            was = now
+            path.append(applied.amplitudes)
+            applied = stepped = applied.improved(there.weighted, there.precision)
+            if len(path) == _STEPS_TO_LIMIT and number < steps:
+                applied = stepped.limit(*path)
+                path.clear()
         fit = fit.under(applied)
     return fit, applied
 
