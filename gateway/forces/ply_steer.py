@@ -10,10 +10,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.estimates.disagreement import disagreement_std
@@ -105,41 +104,6 @@ _SPEED_CHANGE: Final = 0.5
 _STATE_SHARES: Final[FloatArray] = np.array([0.0, _NEGLIGIBLE_RADIUS, SHARE_OF_STD, _SPEED_CHANGE])
 _NOT_SEPARATED: Final = Reason(ForceCode.CONICITY_NOT_SEPARATED)
 _FROM_MEANS: Final = (Reason(ForceCode.FROM_AXIS_MEANS),)
-
-
-class Separated(NamedTuple):
-    """Ply steer and conicity, separated by rolling both ways.
-
-    Attributes:
-        plysteer: part that changes sign with the direction of rotation, as when rolling forward.
-        conicity: part that does not.
-        std: one standard error of either.
-    """
-
-    plysteer: FloatArray
-    conicity: FloatArray
-    std: FloatArray
-
-
-def separate_plysteer_conicity(
-    forward: ArrayLike, reverse: ArrayLike, forward_std: ArrayLike = 0.0, reverse_std: ArrayLike = 0.0
-) -> Separated:
-    """Separate ply steer and conicity by the same quantity rolling forward and in reverse.
-
-    Quantities are first-half slopes, side forces or whole deformations over the angle in the direction of travel. Peak
-    and adhesion line do not work, because they lie at another place on every shape. The lateral axis must be fixed to
-    the tire: the car is driven backwards. If the tire is turned on the rim instead, the roles are swapped: conicity is
-    what changes sign on the vehicle's axis.
-
-    Args:
-        forward: rolling forward, any shape.
-        reverse: rolling in reverse, same shape.
-        forward_std: standard error of `forward`.
-        reverse_std: standard error of `reverse`.
-    """
-    ahead, back = np.asarray(forward, dtype=np.float64), np.asarray(reverse, dtype=np.float64)
-    std = 0.5 * np.hypot(np.asarray(forward_std, dtype=np.float64), np.asarray(reverse_std, dtype=np.float64))
-    return Separated(0.5 * (ahead - back), 0.5 * (ahead + back), std)
 
 
 class PlySteerEstimator(BlockEstimator):

@@ -9,7 +9,6 @@ import pytest
 from firmware_protocol.messages import Coupling
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.estimates.wheel_setup import WheelSetup
-from gateway.forces.ply_steer import separate_plysteer_conicity
 from gateway.ring.tread_pattern import TreadPitch
 from gateway.simulator.scenario import load_scenario, parse_scenario
 from gateway.simulator.simulated_wheel import WheelSimulator
@@ -76,7 +75,8 @@ def test_ply_steer_follows_rotation_and_conicity_follows_side() -> None:
     reverse = '[motion]\ndirection = "reverse"'
     ahead, back = truth_of(tire).ply_steer(0.0), truth_of(tire, reverse).ply_steer(0.0)
     plain, turned = truth_of().ply_steer(0.0), truth_of(right).ply_steer(0.0)
-    ply_steer, conicity, _ = separate_plysteer_conicity(ahead.first_half_rad, back.first_half_rad)
+    ply_steer = 0.5 * (ahead.first_half_rad - back.first_half_rad)
+    conicity = 0.5 * (ahead.first_half_rad + back.first_half_rad)
     assert ply_steer == pytest.approx(plain.first_half_rad, rel=1e-6)
     assert abs(conicity) > math.radians(0.01)
     assert turned.first_half_rad == pytest.approx(ply_steer - conicity, rel=1e-6)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final, Self
 
 from gateway.core.errors import SourceError
-from gateway.simulator.child_process import HELPER
+from tests.testkit.child_process import HELPER
 
 PROGRAM: Final = "dbus-daemon"
 _STOP_TIMEOUT_S: Final = 5.0

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from gateway.core.errors import LinkLostError, SourceError
-from gateway.simulator.child_process import HELPER
+from tests.testkit.child_process import HELPER
 from tests.testkit.emulated_firmware.bench_records import MOST_WHEELS, HubData, WheelData, provisioning
 
 _READY: Final = b"R"
