@@ -49,12 +49,11 @@ def test_empty_compressed_block_is_changed_elsewhere() -> None:
     assert mdf_content(np.random.default_rng(1), block) != block
 
 
-@pytest.mark.parametrize("name", list(TARGETS))
+# Another process reads the others, with a memory limit of its own.
+@pytest.mark.parametrize("name", [name for name in TARGETS if name not in CASES])
 def test_memory_is_bounded(name: str) -> None:
     target = TARGETS[name]
     seed = target.seeds()[0]
-    if name in CASES:
-        pytest.skip("another process reads it, with a memory limit of its own")
     inputs = [
         b"",
         seed,
