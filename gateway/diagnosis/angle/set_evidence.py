@@ -22,7 +22,7 @@ from gateway.diagnosis.model.closure_model import AngleEffect, ClosureModel
 
 # Precision of the data over that of the prior below which they say nothing about a parameter.
 _NO_DATA: Final = 1e-9
-# Most steps of the amplitudes, and the change of log evidence at which they end.
+# Most steps of the amplitudes, those that show their limit, and the change of log evidence at which they end.
 _STEPS: Final = 15
 _STEPS_TO_LIMIT: Final = 2
 _SETTLED: Final = 0.03
