@@ -39,7 +39,7 @@ class Ceiling(NamedTuple):
 CEILINGS: Final[dict[str, Ceiling]] = {
     "lines of the core": Ceiling(32_000, 40_085),
     "lines of gateway": Ceiling(95_000, 132_290),
-    "lines of tests": Ceiling(58_000, 77_535),
+    "lines of tests": Ceiling(58_000, 77_545),
     "lines of tools": Ceiling(17_000, 24_910),
     "words of docs": Ceiling(60_000, 60_000),
     "options": Ceiling(120, 91),

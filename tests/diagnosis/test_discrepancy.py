@@ -183,6 +183,15 @@ def test_amplitude_steps_reach_a_stationary_point() -> None:
     assert np.abs(slopes).max() < 0.05
 
 
+def test_limit_of_steps_that_shrink_by_a_ratio() -> None:
+    _, _, discrepancy = two_speeds()
+    target, ratio = some_amplitudes(discrepancy), 0.5
+    first, second, third = (target * np.exp(2.0 * ratio**step) for step in range(3))
+    assert discrepancy.applied(third).limit(first, second).amplitudes == pytest.approx(target, rel=1e-9)
+    # Steps that do not shrink have no limit: four more are taken.
+    assert discrepancy.applied(4.0 * target).limit(target, 2.0 * target).amplitudes == pytest.approx(64.0 * target)
+
+
 @pytest.mark.parametrize("rms_mps2", [1.0, 10.0])
 def test_planted_amplitude_is_recovered(rms_mps2: float) -> None:
     curve = FROM_FIELD @ draw(rms_mps2**2, 0.03, 7)

@@ -26,7 +26,7 @@ from gateway.diagnosis.data.campaign_data import Campaign
 
 _AXES: Final = 3
 # Ratio of two steps of an amplitude beyond which their limit is not known.
-_MOST_RATIO: Final = 0.8
+_LARGEST_RATIO: Final = 0.8
 
 
 class Discrepancy:
@@ -227,28 +227,28 @@ class Applied:
         return self._with(amplitudes)
 
     def limit(self, first: FloatArray, second: FloatArray) -> Applied:
-        """Return the discrepancy at the limit of steps from earlier amplitudes to these (Aitken's delta-squared).
+        """Return the discrepancy at the limit of steps from two earlier amplitudes to these (Aitken's delta-squared).
 
-        The logarithm of an amplitude steps by less each time, in a ratio that counts as at most _MOST_RATIO.
+        The logarithm of an amplitude steps by less each time, in a ratio that counts as at most _LARGEST_RATIO.
         """
         before, last = np.log(second / first), np.log(self.amplitudes / second)
-        ratio = np.clip(np.divide(last, before, out=np.zeros_like(last), where=before != 0.0), 0.0, _MOST_RATIO)
-        return self._with(self.amplitudes * np.exp(last * ratio / (1.0 - ratio)))
+        ratio = np.clip(np.divide(last, before, out=np.zeros_like(last), where=before != 0.0), 0.0, _LARGEST_RATIO)
+        return self._with(self.amplitudes * np.clip(np.exp(last * ratio / (1.0 - ratio)), 1e-6, 1e6))
 
     def _with(self, amplitudes: FloatArray) -> Applied:
-        """Return the discrepancy with other amplitudes.
+        """Return the discrepancy with these amplitudes; axes on which none differs keep their inverse.
 
-        An axis whose amplitudes are at their lower limit mostly stays there, and keeps its inverse.
+        Those at their lower limit mostly stay there.
         """
-        least = (criteria.LEAST_SHARE * self.discrepancy.reference_mps2) ** 2
-        other = Applied(self.discrepancy, np.maximum(amplitudes, least))
-        other.__dict__["inverses"] = tuple(
+        floor = (criteria.LEAST_SHARE * self.discrepancy.reference_mps2) ** 2
+        applied = Applied(self.discrepancy, np.maximum(amplitudes, floor))
+        applied.__dict__["inverses"] = tuple(
             inverse if np.array_equal(now, was) else inverse_of(axis_groups, now)
             for (_, (*_, axis_groups)), inverse, now, was in zip(
-                self.discrepancy.enumerate(), self.inverses, other.amplitudes, self.amplitudes, strict=True
+                self.discrepancy.enumerate(), self.inverses, applied.amplitudes, self.amplitudes, strict=True
             )
         )
-        return other
+        return applied
 
     def answers(
         self, weighted: Sequence[FloatArray], precision: FloatArray
