@@ -19,8 +19,8 @@ from pathlib import Path
 from gateway.core.clock import SystemClock
 from gateway.core.config.vehicle import parse_vehicle
 from gateway.core.links.source import open_source
+from gateway.core.session.core import SessionCore
 from gateway.core.session.live import LiveSession
-from gateway.core.text.session_summary import ResultSummary
 from gateway.publishing.publisher import Publisher
 from gateway.publishing.sink import SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
@@ -80,10 +80,9 @@ class Bench:
         self.publisher = Publisher([SinkWorker(name, sink, clock, max_items=buffer)], clock)
         self.live = LiveSession(
             [source],
-            parse_vehicle(source.vehicle_toml or "", "lab"),
+            SessionCore(parse_vehicle(source.vehicle_toml or "", "lab")),
             clock,
             patient=[True],
-            summary=ResultSummary(),
             publication=self.publisher,
         )
         self.revolutions = 0

@@ -141,7 +141,7 @@ class LiveRevolutions:
         """Return what the command prints at the end, of the revolutions so far."""
         snapshot = self.snapshot
         return "\n".join(
-            summary_lines(self._opened.summary.wheels(snapshot.wheels), snapshot.links, snapshot.alarm_records)
+            summary_lines(self._opened.live.summary.wheels(snapshot.wheels), snapshot.links, snapshot.alarm_records)
         )
 
     def close(self) -> None:

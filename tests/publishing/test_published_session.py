@@ -12,9 +12,10 @@ from gateway.core.estimates.results import SinkSnapshot, SinkState
 from gateway.core.links.source import open_source
 from gateway.core.reasons import Code, CoreCode, Reason
 from gateway.core.session.alarms import sink_alarms
+from gateway.core.session.core import SessionCore
 from gateway.core.session.live import LiveSession
 from gateway.core.session.reasons import SessionCode
-from gateway.core.text.session_summary import ResultSummary, summary_lines
+from gateway.core.text.session_summary import summary_lines
 from gateway.publishing.publisher import Publisher
 from gateway.publishing.reasons import PublishingCode
 from gateway.publishing.sink import PublishedAlarm, PublishedRevolution
@@ -33,7 +34,7 @@ def test_stalled_receiver_does_not_hold_the_session() -> None:
     # Long enough that alarms are reviewed after the first drop, however fast the machine is.
     source = open_source("sim:lab?speed=max&duration=40", clock)
     vehicle = parse_vehicle(source.vehicle_toml, "lab")
-    live = LiveSession([source], vehicle, clock, patient=[True], summary=ResultSummary(), publication=publisher)
+    live = LiveSession([source], SessionCore(vehicle), clock, patient=[True], publication=publisher)
     live.start()
     assert live.wait(TIMEOUT_S)
     snapshot = live.close()

@@ -7,9 +7,9 @@ from pathlib import Path
 from gateway.core.clock import SystemClock
 from gateway.core.config.vehicle import VehicleConfig
 from gateway.core.links.source import LinkItem
-from gateway.core.session.live import LiveSession
+from gateway.core.session.core import SessionCore
+from gateway.core.session.live import LiveSession, Recordings
 from gateway.core.session.recording_stage import Recorder
-from gateway.core.text.session_summary import ResultSummary
 
 TIMEOUT_S = 90.0
 
@@ -75,7 +75,9 @@ def prepare(
     source: Items, vehicle: VehicleConfig, recorder: Recorder | None = None, *, patient: bool = True
 ) -> LiveSession:
     """Return a session that has not started."""
-    return LiveSession([source], vehicle, SystemClock(), patient=[patient], summary=ResultSummary(), recorder=recorder)
+    return LiveSession(
+        [source], SessionCore(vehicle), SystemClock(), patient=[patient], recordings=Recordings(recorder)
+    )
 
 
 def start(

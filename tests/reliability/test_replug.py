@@ -9,9 +9,9 @@ from gateway.core.config.vehicle import parse_vehicle
 from gateway.core.links.reasons import LinkCode
 from gateway.core.links.source import open_source
 from gateway.core.reasons import Code, Notice
+from gateway.core.session.core import SessionCore
 from gateway.core.session.live import LiveSession
 from gateway.core.session.reasons import SessionCode
-from gateway.core.text.session_summary import ResultSummary
 from gateway.core.text.wording import notice_text
 from tests.reliability.streams import chunks_of, simulated
 from tests.testkit.hub_ends import PtyPort
@@ -47,7 +47,7 @@ def test_unplugged_hub_is_reconnected(port: PtyPort) -> None:
     half = len(chunks) // 2
     source = open_source(f"serial://{port.path}", SystemClock())
     vehicle = parse_vehicle(toml, "lab")
-    live = LiveSession([source], vehicle, SystemClock(), patient=[False], summary=ResultSummary())
+    live = LiveSession([source], SessionCore(vehicle), SystemClock(), patient=[False])
     live.start()
     seen: list[Notice] = []
     until(live, seen, LinkCode.LINK_CONNECTED)
@@ -77,7 +77,7 @@ def test_restarted_hub_is_decoded_again(port: PtyPort) -> None:
     items, toml = simulated("sim:lab?speed=max&duration=10&seed=4&fault=reboot:at=5,gap=1")
     source = open_source(f"serial://{port.path}", SystemClock())
     vehicle = parse_vehicle(toml, "lab")
-    live = LiveSession([source], vehicle, SystemClock(), patient=[False], summary=ResultSummary())
+    live = LiveSession([source], SessionCore(vehicle), SystemClock(), patient=[False])
     live.start()
     seen: list[Notice] = []
     until(live, seen, LinkCode.LINK_CONNECTED)

@@ -16,11 +16,11 @@ from gateway.core.recording.writer import RecordingWriter
 from gateway.core.session import live as live_module
 from gateway.core.session import recording_stage
 from gateway.core.session.bounded_buffer import Buffer
+from gateway.core.session.core import SessionCore
 from gateway.core.session.live import LiveSession
 from gateway.core.session.reasons import SessionCode
 from gateway.core.session.recording_stage import Stage
 from gateway.core.session.session_opening import OpenedSession
-from gateway.core.text.session_summary import ResultSummary
 from tests.reliability.sessions import TIMEOUT_S, Items, SlowWriter, prepare, start
 from tests.reliability.streams import link_bytes
 
@@ -109,7 +109,7 @@ def test_slow_estimates_do_not_affect_the_recording(lab, tmp_path, monkeypatch) 
 def test_session_that_falls_behind_says_so_before_it_drops(lab, took: float, patient: bool, is_told: bool) -> None:
     items, vehicle = lab
     clock = ManualClock(items[0].host_ns)
-    live = LiveSession([Items(items)], vehicle, clock, patient=[patient], summary=ResultSummary())
+    live = LiveSession([Items(items)], SessionCore(vehicle), clock, patient=[patient])
     take, taken_ns, told_s = live.core.take, [items[0].host_ns], []
     live.core.late = told_s.append
 

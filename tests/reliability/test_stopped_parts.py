@@ -14,9 +14,9 @@ from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.writer import RecordingWriter
 from gateway.core.session import live as live_module
 from gateway.core.session.alarms import AlarmName
-from gateway.core.session.live import LiveSession
+from gateway.core.session.core import SessionCore
+from gateway.core.session.live import LiveSession, Recordings
 from gateway.core.session.reasons import SessionCode
-from gateway.core.text.session_summary import ResultSummary
 from tests.reliability.sessions import TIMEOUT_S, Items, SlowWriter, prepare
 from tests.reliability.streams import link_bytes
 from tests.testkit.commands import invoked
@@ -122,11 +122,7 @@ def test_source_that_raises_ends_alone(lab) -> None:
             yield from super().items(stop)
 
     live = LiveSession(
-        [After(items), Raising([], link="other:1")],
-        vehicle,
-        SystemClock(),
-        patient=[True, True],
-        summary=ResultSummary(),
+        [After(items), Raising([], link="other:1")], SessionCore(vehicle), SystemClock(), patient=[True, True]
     )
     live.start()
     assert live.wait(TIMEOUT_S)
@@ -215,12 +211,10 @@ def test_estimator_that_never_returns_is_named_and_the_recording_finished(lab, t
     source = Items(items, before_end=lambda: (handed_over.set(), live._stop.wait(TIMEOUT_S)))
     live = LiveSession(
         [source],
-        vehicle,
+        SessionCore(vehicle, estimators=["road"]),
         SystemClock(),
         patient=[True],
-        summary=ResultSummary(),
-        recorder=writer,
-        estimators=["road"],
+        recordings=Recordings(writer),
     )
     live.start()
     until(lambda: any(alarm.position == "estimator road" for alarm in live.snapshot().alarms))
@@ -238,9 +232,7 @@ def test_estimator_that_never_returns_is_named_and_the_recording_finished(lab, t
 
 def test_estimator_that_returns_late_is_no_failure(lab, hanging) -> None:
     items, vehicle = lab
-    live = LiveSession(
-        [Items(items)], vehicle, SystemClock(), patient=[True], summary=ResultSummary(), estimators=["road"]
-    )
+    live = LiveSession([Items(items)], SessionCore(vehicle, estimators=["road"]), SystemClock(), patient=[True])
     live.start()
     codes = []
     until(lambda: codes.extend(notice.reason.code for notice in live.notices()) or SessionCode.CORE_STUCK in codes)

@@ -22,10 +22,10 @@ from gateway.core.links.source import Chunk, Sentences, is_live, open_source
 from gateway.core.reasons import Notice, Reason
 from gateway.core.recording.run_description import RunDescription
 from gateway.core.recording.writer import RecordingWriter
-from gateway.core.session.live import LiveSession
+from gateway.core.session.core import SessionCore
+from gateway.core.session.live import LiveSession, Recordings
 from gateway.core.session.reasons import SessionCode
 from gateway.core.session.recording_stage import Recorder
-from gateway.core.text.session_summary import ResultSummary
 from gateway.publishing.publisher import Publisher, open_publisher
 from gateway.publishing.sink import SinkSetting
 from gateway.simulator.link_faults import apply_faults, frame_pieces, parse_fault
@@ -216,14 +216,11 @@ class Day:
             self._heard = _Heard(open_publisher(publish, SinkSetting(POSITIONS), self._clock), self._played)
             self._live = LiveSession(
                 self._sources,
-                day_vehicle(),
+                SessionCore(day_vehicle(), estimators=ESTIMATORS),
                 self._clock,
                 patient=[not is_live(uri) for uri in uris],
-                summary=ResultSummary(),
-                recorder=self._recorder(),
-                estimators=ESTIMATORS,
+                recordings=Recordings(self._recorder(), self._recorder),
                 publication=self._heard,
-                open_recorder=self._recorder,
             )
             stack.callback(self._live.request_stop)
             self._live.start()

@@ -274,7 +274,7 @@ def end_session(session: RunningSession, write: Callable[[str], None]) -> tuple[
     if session.publisher is not None and session.publisher.is_output_closed:
         return no_frames, no_revolutions  # its reader wants nothing more
     write("")
-    wheels = session.opened.summary.wheels(snapshot.wheels)
+    wheels = session.opened.live.summary.wheels(snapshot.wheels)
     with shown_in(snapshot.units):
         lines = summary_lines(wheels, snapshot.links, snapshot.alarm_records, sinks, columns=columns_of_terminal())
     for line in lines:

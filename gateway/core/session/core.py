@@ -101,6 +101,7 @@ class SessionCore:
     Attributes:
         recording: of the session, where there is one.
         newest_ns: time of the newest item, ns since the epoch, 0 before the first.
+        latency: of results.
     """
 
     def __init__(
@@ -108,7 +109,6 @@ class SessionCore:
         vehicle: VehicleConfig | None,
         *,
         recorder: Recorder | None = None,
-        records_items: bool = True,
         estimators: Sequence[str] = DEFAULT_ESTIMATORS,
         guard: FrameGuard | None = None,
         effects: Sequence[CorrectionTable] = (),
@@ -120,7 +120,6 @@ class SessionCore:
         Args:
             vehicle: configuration; None when there is none: the belt radius is then assumed, with a notice.
             recorder: an open recording, closed by `finish`.
-            records_items: False when the link items are recorded before they reach the core.
             estimators: names from the registry.
             guard: verifies every frame first; None when signatures are not checked.
             effects: known effects to subtract, one table per wheel.
@@ -129,15 +128,15 @@ class SessionCore:
         """
         self._watch = GuardWatch(guard)
         self.recording = SessionRecording(recorder, self.notify)
-        self._records_items = records_items
+        self._records_items = True
         self._notices: deque[Notice] = deque(maxlen=SHOWN_NOTICES)
         self._new_notices: deque[Notice] = deque(maxlen=_WAITING_NOTICES)
         self._alarm_changes: deque[AlarmChange] = deque(maxlen=_WAITING_NOTICES)
         self._links: dict[str, _Link] = {}
         self.newest_ns = self._ticked_ns = 0
-        self._latency = self._present_latency = Latency(latency_s)
+        self.latency = self._present_latency = Latency(latency_s)
         self._signals = signals or open_vehicle_signals(vehicle)
-        self._pipeline = ResultPath(vehicle, effects, estimators, self._latency.hold_s, self._signals)
+        self._pipeline = ResultPath(vehicle, effects, estimators, self.latency.hold_s, self._signals)
         self._statements = self._pipeline.statements
         self._vehicle = vehicle
         self._units = shown_units_of(vehicle)
@@ -158,6 +157,11 @@ class SessionCore:
             self.notify(notice)
         configured = len(self._accounted_wheels)
         _logger.info("session with %d configured wheels, estimators %s", configured, ", ".join(estimators))
+
+    def records_to(self, recorder: Recorder | None) -> None:
+        """Record results, messages and notices, but not the items of links, which are recorded before they come."""
+        self.recording = SessionRecording(recorder, self.notify)
+        self._records_items = False
 
     def notify(self, notice: Notice) -> None:
         """Add a notice."""
@@ -205,7 +209,7 @@ class SessionCore:
 
     def late(self, late_s: float) -> None:
         """Note by how much this computer is late: while it is, results wait longer, which takes less work."""
-        latency = self._latency.while_late(late_s)
+        latency = self.latency.while_late(late_s)
         if latency != self._present_latency:
             self._present_latency = latency
             self._pipeline.hold(latency.hold_s)
@@ -302,7 +306,7 @@ class SessionCore:
         link.arrivals_ns += [host_ns] * len(frames)
         if not frames or (0 <= host_ns - link.arrivals_ns[0] < self._gathered_ns and len(link.waiting) < _MOST_WAITING):
             is_needed = any(frame.type != MessageType.SAMPLES for frame in frames)
-            if not is_needed and (self._latency.gather_s or not self._pipeline.can_decide(name, frames)):
+            if not is_needed and (self.latency.gather_s or not self._pipeline.can_decide(name, frames)):
                 return []
         return self._take_frames(name, link)
 

@@ -6,15 +6,11 @@ from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import Final, TypeVar
+from typing import Final, NamedTuple, TypeVar
 
 from gateway.core.clock import Clock
-from gateway.core.config.vehicle import VehicleConfig
-from gateway.core.constants import LATENCY_S
 from gateway.core.errors import RecordingError, TreadlinkError
-from gateway.core.estimates.registry import DEFAULT_ESTIMATORS
 from gateway.core.estimates.results import Alarm, RevolutionResult, SessionSnapshot
-from gateway.core.estimates.wheel_setup import CorrectionTable
 from gateway.core.links.playback import Playback, PlayedSource
 from gateway.core.links.reasons import LinkCode
 from gateway.core.links.source import BusFrames, LinkEvent, LinkEventKind, LinkItem, Sentences, Source, is_time
@@ -25,14 +21,11 @@ from gateway.core.session.bounded_buffer import Buffer
 from gateway.core.session.computer_watch import ComputerWatch
 from gateway.core.session.core import SHOWN_NOTICES, SessionCore
 from gateway.core.session.core_watch import LOOK_S, CoreWatch
-from gateway.core.session.disk_watch import DiskWatch
-from gateway.core.session.frame_guard import FrameGuard
-from gateway.core.session.latency import Latency
 from gateway.core.session.lateness import LatenessWatch
 from gateway.core.session.publication import Publication
 from gateway.core.session.reasons import SessionCode
 from gateway.core.session.recording_stage import Recorder, RecordingStage, Stage, disk_watch_of
-from gateway.core.session.session_parts import LinkServer, VehicleSignals
+from gateway.core.session.session_parts import LinkServer
 from gateway.core.session.supervisor import Supervisor
 from gateway.core.shown_units import ShownUnits
 from gateway.core.text.session_summary import ResultSummary
@@ -53,6 +46,23 @@ _JOIN_S: Final = 5.0
 _GIVEN_UP_S: Final = 20.0
 
 
+class Recordings(NamedTuple):
+    """Recordings of a session.
+
+    Attributes:
+        recorder: an open recording, closed at the end; None without one.
+        begin: opens a new recording for `start_recording`; None when none may be begun.
+        run: description of the run, until a form states another.
+    """
+
+    recorder: Recorder | None = None
+    begin: Callable[[RunDescription], Recorder] | None = None
+    run: RunDescription = NO_DESCRIPTION
+
+
+_NO_RECORDINGS: Final = Recordings()
+
+
 class LiveSession:
     """Runs sources through a `SessionCore` in the background.
 
@@ -63,26 +73,18 @@ class LiveSession:
 
     Attributes:
         core: the synchronous session; only the session's own thread calls it after `start`.
+        summary: of every result, also of those that no view fetched.
     """
 
     def __init__(
         self,
         sources: Sequence[Source],
-        vehicle: VehicleConfig | None,
+        core: SessionCore,
         clock: Clock,
         *,
         patient: Sequence[bool],
-        summary: ResultSummary,
-        recorder: Recorder | None = None,
-        disk: DiskWatch | None = None,
-        estimators: Sequence[str] = DEFAULT_ESTIMATORS,
-        guard: FrameGuard | None = None,
-        effects: Sequence[CorrectionTable] = (),
+        recordings: Recordings = _NO_RECORDINGS,
         publication: Publication | None = None,
-        signals: VehicleSignals | None = None,
-        open_recorder: Callable[[RunDescription], Recorder] | None = None,
-        run: RunDescription = NO_DESCRIPTION,
-        latency_s: float = LATENCY_S,
         control: LinkServer | None = None,
         supervisor: Supervisor | None = None,
     ) -> None:
@@ -90,20 +92,11 @@ class LiveSession:
 
         Args:
             sources: opened sources.
-            vehicle: configuration, None without one.
+            core: new, without a recorder.
             clock: for the elapsed time of snapshots and for flushing.
             patient: per source, True when it can wait for a full queue.
-            summary: counts every result, also those that no view fetched.
-            recorder: an open recording; it is closed at the end.
-            disk: watches the disk of the recording.
-            estimators: names from the registry.
-            guard: verifies every frame; None when signatures are not checked.
-            effects: known effects to subtract, one table per wheel.
+            recordings: the open one and further ones.
             publication: live outputs; the caller closes them after the session.
-            signals: decodes the vehicle's bus and receivers; None for receivers only.
-            open_recorder: opens a new recording for `start_recording`; None when none may be begun.
-            run: description of the run, until a form states another.
-            latency_s: longest time that a result may wait.
             control: serves the links to other commands; the session closes it.
             supervisor: sees threads that were started before; the session closes it. None for one of its own.
         """
@@ -113,8 +106,8 @@ class LiveSession:
         self._patient = list(patient)
         # Chunks of a device come a hundred times a second. Taken together a few times less often, they find the code
         # and data of the last ones still in the processor's cache.
-        self._round_s = Latency(latency_s).round_s
-        self._summary = summary
+        self._round_s = core.latency.round_s
+        self.summary = ResultSummary()
         self._clock = clock
         self._stop = threading.Event()
         self._done = threading.Event()
@@ -138,23 +131,14 @@ class LiveSession:
         self._source_of: dict[str, int] = {source.link: number for number, source in enumerate(self._sources)}
         self._taken_ns: dict[int, int] = {}
         self._lateness = LatenessWatch()
-        self._recording = RecordingStage(recorder, clock, disk) if recorder is not None else None
-        self._open_recorder = open_recorder
-        self._run_description = run
+        recorder, self._open_recorder, self._run_description = recordings
+        self._recording = None if recorder is None else RecordingStage(recorder, clock, disk_watch_of(recorder))
         # Held while a recording is begun or ended; the core takes the change over in its next round.
         self._recording_lock = threading.Lock()
         self._core_recording = self._recording
-        self._may_record = open_recorder is not None
-        self.core = SessionCore(
-            vehicle,
-            recorder=self._recording,
-            records_items=False,
-            estimators=estimators,
-            guard=guard,
-            effects=effects,
-            signals=signals,
-            latency_s=latency_s,
-        )
+        self._may_record = self._open_recorder is not None
+        self.core = core
+        core.records_to(self._recording)
         for source in self._sources:
             self.core.add_link(source.link)
         self._notices.extend(self.core.take_notices())
@@ -563,7 +547,7 @@ class LiveSession:
 
     def _take_results(self, results: Sequence[RevolutionResult]) -> None:
         for result in results:
-            self._summary.add(result)
+            self.summary.add(result)
             if len(self._results) == _RESULT_ITEMS:
                 self._results_lost += 1
             self._results.append(result)

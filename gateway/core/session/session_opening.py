@@ -19,14 +19,13 @@ from gateway.core.reasons import Reason
 from gateway.core.recording.run_description import NO_DESCRIPTION, RunDescription, TireIdentity
 from gateway.core.recording.split_writer import Split, SplitWriter
 from gateway.core.recording.writer import RecordingWriter
+from gateway.core.session.core import SessionCore
 from gateway.core.session.corrections import open_effects
 from gateway.core.session.latency import Latency
-from gateway.core.session.live import LiveSession
+from gateway.core.session.live import LiveSession, Recordings
 from gateway.core.session.publication import Publication
-from gateway.core.session.recording_stage import disk_watch_of
 from gateway.core.session.session_parts import VehicleSignals, commanded_links, open_guard, open_vehicle_signals
 from gateway.core.session.supervisor import Supervisor
-from gateway.core.text.session_summary import ResultSummary
 
 
 def stated_run(vehicle: VehicleConfig | None, statement: RunDescription) -> RunDescription:
@@ -90,11 +89,10 @@ def _identity(tire: Tire) -> TireIdentity:
 
 @dataclass(frozen=True, slots=True)
 class OpenedSession:
-    """A started session with its summary.
+    """A started session.
 
     Attributes:
         live: the session.
-        summary: of all its results.
         recorder: the recording, None without one.
         host_limit_s: session time at which to stop a session with a hub, which may be silent; None without a limit. A
             recording and a simulation end by their own time.
@@ -102,7 +100,6 @@ class OpenedSession:
     """
 
     live: LiveSession
-    summary: ResultSummary
     recorder: RecordingWriter | SplitWriter | None
     host_limit_s: float | None
     sources: tuple[Source, ...]
@@ -190,23 +187,21 @@ def open_session(
             check_tires(vehicle, described)
             return open_recorder(_folder_of(record), None, run=described)
 
-        summary = ResultSummary()
-        live = LiveSession(
-            sources if duration_s is None else [limited(source, duration_s) for source in sources],
+        core = SessionCore(
             vehicle,
-            clock,
-            patient=[not is_live(uri) for uri in uris],
-            summary=summary,
-            recorder=recorder,
-            disk=None if recorder is None else disk_watch_of(recorder),
             estimators=settings.estimators or DEFAULT_ESTIMATORS,
             guard=guard,
             effects=effects,
-            publication=publish([wheel.position for wheel in vehicle.wheel] if vehicle is not None else []),
             signals=signals,
-            open_recorder=None if all(is_replay) else begun,
-            run=stated,
             latency_s=settings.latency_s,
+        )
+        live = LiveSession(
+            sources if duration_s is None else [limited(source, duration_s) for source in sources],
+            core,
+            clock,
+            patient=[not is_live(uri) for uri in uris],
+            recordings=Recordings(recorder, None if all(is_replay) else begun, stated),
+            publication=publish([wheel.position for wheel in vehicle.wheel] if vehicle is not None else []),
             control=links.serve(),
             supervisor=supervisor,
         )
@@ -220,7 +215,7 @@ def open_session(
         if recorder is not None:
             _remove_empty(recorder)
         raise
-    return OpenedSession(live, summary, recorder, duration_s if any(map(is_live, uris)) else None, opened)
+    return OpenedSession(live, recorder, duration_s if any(map(is_live, uris)) else None, opened)
 
 
 def _opened_source(uri: str, clock: Clock, latency_s: float) -> Source:

@@ -37,7 +37,6 @@ from gateway.core.session.core import SessionCore
 from gateway.core.session.hub_log import refusal
 from gateway.core.session.live import LiveSession
 from gateway.core.session.reasons import SessionCode
-from gateway.core.text.session_summary import ResultSummary
 from gateway.core.text.wording import text
 from gateway.security.command_signing import command_frame
 from gateway.security.hub_commands import execute, with_commands
@@ -80,7 +79,7 @@ def test_one_hub_per_wheel_gives_estimates(bluez: BluezStandIn) -> None:
         uris = ["ble://Treadlink-FL?scan=20", "ble://Treadlink-FR?scan=20&rate=4800"]
         sources = [with_commands(open_source(uri, clock), clock) for uri in uris]
         vehicle = parse_vehicle(vehicle_toml(parse_scenario(SCENARIO, "test")), "test")
-        live = LiveSession(sources, vehicle, clock, patient=[False, False], summary=ResultSummary())
+        live = LiveSession(sources, SessionCore(vehicle), clock, patient=[False, False])
         live.start()
         results: list[RevolutionResult] = []
 

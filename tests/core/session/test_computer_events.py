@@ -18,9 +18,8 @@ from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.writer import RecordingWriter
 from gateway.core.session.computer_watch import ComputerWatch
 from gateway.core.session.core import SessionCore
-from gateway.core.session.live import LiveSession
+from gateway.core.session.live import LiveSession, Recordings
 from gateway.core.session.recording_pass import OpenedRecording, RecordingPass
-from gateway.core.text.session_summary import ResultSummary
 from gateway.core.text.wording import notice_text
 from gateway.fleet.history_reading import read_histories
 from tests.testkit.commands import invoked
@@ -77,7 +76,7 @@ def recorded(clock, tmp_path):
     """A running session of a device, and the path of its recording."""
     path = tmp_path / "r.mcap"
     writer = RecordingWriter(path, start_ns=clock.now_ns(), sources=[LINK])
-    live = LiveSession([Device(clock)], None, clock, patient=[False], summary=ResultSummary(), recorder=writer)
+    live = LiveSession([Device(clock)], SessionCore(None), clock, patient=[False], recordings=Recordings(writer))
     live.start()
     until(lambda: live.snapshot().links[0].connected)
     yield live, path
@@ -214,7 +213,7 @@ def test_pause_of_this_computer_is_named_and_no_silence() -> None:
     items, vehicle = frames_until(3.0)
     held_clock = HeldClock(items[-1].host_ns)
     source = Sending(items)
-    live = LiveSession([source], vehicle, held_clock, patient=[False], summary=ResultSummary())
+    live = LiveSession([source], SessionCore(vehicle), held_clock, patient=[False])
     live.start()
     until(lambda: source.waits.is_set() and not live._items)
     held_clock.pause_computer(20 * S)

@@ -16,10 +16,9 @@ from gateway.core.recording.run_description import RunDescription, TireIdentity
 from gateway.core.recording.writer import RecordingWriter
 from gateway.core.session.alarms import AlarmName
 from gateway.core.session.core import SessionCore
-from gateway.core.session.live import LiveSession
+from gateway.core.session.live import LiveSession, Recordings
 from gateway.core.session.reasons import SessionCode
 from gateway.core.session.recording_stage import Stage
-from gateway.core.text.session_summary import ResultSummary
 from gateway.core.text.wording import notice_text
 from tests.testkit.waiting import TIMEOUT_S, HeldClock, until
 
@@ -47,7 +46,7 @@ class ListSource:
 
 def session(sources, vehicle=None, patient=True, change_take=None):
     """Start a session; `change_take` may replace the core's `take` by another function made from it."""
-    live = LiveSession(sources, vehicle, SystemClock(), patient=[patient] * len(sources), summary=ResultSummary())
+    live = LiveSession(sources, SessionCore(vehicle), SystemClock(), patient=[patient] * len(sources))
     if change_take is not None:
         live.core.take = change_take(live.core.take)
     live.start()
@@ -57,15 +56,14 @@ def session(sources, vehicle=None, patient=True, change_take=None):
 def test_every_result_reaches_view_and_summary(demo, by_wheel):
     items, vehicle = demo
     source = ListSource(items)
-    summary = ResultSummary()
-    live = LiveSession([source], vehicle, ManualClock(), patient=[True], summary=summary)
+    live = LiveSession([source], SessionCore(vehicle), ManualClock(), patient=[True])
     live.start()
     assert live.wait(TIMEOUT_S)
     snapshot = live.close()
     reference = SessionCore(vehicle)
     expected = [result for item in items for result in reference.take(item)] + reference.finish()
     assert by_wheel(live.results()) == by_wheel(expected)
-    assert sum(wheel.revolutions for wheel in summary.wheels()) == len(expected)
+    assert sum(wheel.revolutions for wheel in live.summary.wheels()) == len(expected)
     assert snapshot.ended
     assert source.closed
 
@@ -181,7 +179,7 @@ class Held(ListSource):
 def test_silence_grows_although_no_byte_arrives(demo):
     items, vehicle = demo
     clock, source = HeldClock(items[0].host_ns), Held(items[:-1])
-    live = LiveSession([source], vehicle, clock, patient=[False], summary=ResultSummary())
+    live = LiveSession([source], SessionCore(vehicle), clock, patient=[False])
     live.start()
     until(lambda: source.waits.is_set() and not live._items)
     clock.advance_ns(25_000_000_000)
@@ -199,7 +197,7 @@ def test_silence_grows_although_no_byte_arrives(demo):
 def test_source_that_waits_for_the_core_is_not_silent(demo):
     items, vehicle = demo
     clock, source = HeldClock(items[0].host_ns + 3600 * 10**9), Held(items[:-1])
-    live = LiveSession([source], vehicle, clock, patient=[True], summary=ResultSummary())
+    live = LiveSession([source], SessionCore(vehicle), clock, patient=[True])
     live.start()
     until(lambda: source.waits.is_set() and not live._items)
     until(lambda: clock.advance_ns(10_000_000_000) or live.snapshot().elapsed_s > 100.0)
@@ -211,7 +209,7 @@ def test_source_that_waits_for_the_core_is_not_silent(demo):
 
 def test_items_that_wait_are_not_missing(demo):
     items, vehicle = demo
-    live = LiveSession([ListSource(items)], vehicle, SystemClock(), patient=[False], summary=ResultSummary())
+    live = LiveSession([ListSource(items)], SessionCore(vehicle), SystemClock(), patient=[False])
     live._note_time(items[1])
     live._items.put(items[2], 1, timeout_s=0.0)
     assert live._link_times_ns(items[1].host_ns + 10**12) == {"sim:demo": items[1].host_ns}
@@ -237,7 +235,7 @@ def test_paused_replay_stands_still(demo):
 
     clock = HeldClock(0)
     source = Replay(clock)
-    live = LiveSession([source], vehicle, clock, patient=[True], summary=ResultSummary())
+    live = LiveSession([source], SessionCore(vehicle), clock, patient=[True])
     live.start()
     clock.advance_ns(500_000_000)
     until(lambda: source.given and live.snapshot().elapsed_s == 0.5)
@@ -283,8 +281,7 @@ def test_mark_after_the_end_of_a_recorded_session_is_not_kept(demo, tmp_path):
     items, vehicle = demo
     writer = RecordingWriter(tmp_path / "r.mcap", start_ns=1)
     source = Held(items[:10])
-    summary = ResultSummary()
-    live = LiveSession([source], vehicle, SystemClock(), patient=[True], summary=summary, recorder=writer)
+    live = LiveSession([source], SessionCore(vehicle), SystemClock(), patient=[True], recordings=Recordings(writer))
     live.start()
     assert live.mark("bump")
     source.gate.set()
@@ -311,12 +308,12 @@ def started_in(folder, items, may_record=True):
 
     live = LiveSession(
         [Waiting(items)],
-        None,
+        SessionCore(None),
         SystemClock(),
         patient=[True],
-        summary=ResultSummary(),
-        open_recorder=opened if may_record else None,
-        run=RunDescription("wet braking", "Ada", tags=("wet",)),
+        recordings=Recordings(
+            begin=opened if may_record else None, run=RunDescription("wet braking", "Ada", tags=("wet",))
+        ),
     )
     live.start()
     return live, release

@@ -21,11 +21,10 @@ from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.writer import RecordingWriter
 from gateway.core.session.alarms import AlarmName
 from gateway.core.session.core import SessionCore
-from gateway.core.session.live import LiveSession
+from gateway.core.session.live import LiveSession, Recordings
 from gateway.core.session.reasons import SessionCode
 from gateway.core.session.recording_pass import OpenedRecording, RecordingPass
 from gateway.core.session.silence import Limit, SilenceWatch, _Stream
-from gateway.core.text.session_summary import ResultSummary
 from gateway.core.text.wording import text
 from gateway.core.wheels.reasons import WheelCode
 from tests.testkit.waiting import TIMEOUT_S
@@ -488,8 +487,9 @@ def test_simulated_silence_ends_with_its_session_and_leaves_nothing_in_the_recor
     source = open_source("sim:lab?speed=max&fault=silence:part=0,at=1", clock)
     vehicle = parse_vehicle(source.vehicle_toml, "lab")
     writer = RecordingWriter(tmp_path / "r.mcap", start_ns=clock.now_ns())
-    summary = ResultSummary()
-    live = LiveSession([limited(source, 20.0)], vehicle, clock, patient=[True], summary=summary, recorder=writer)
+    live = LiveSession(
+        [limited(source, 20.0)], SessionCore(vehicle), clock, patient=[True], recordings=Recordings(writer)
+    )
     live.start()
     assert live.wait(TIMEOUT_S), "its own time ends an endless simulation"
     (record,) = live.close().alarm_records
